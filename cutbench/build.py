@@ -1,0 +1,102 @@
+"""From a case to a discrete problem, the same way in 2D and 3D."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutbench.case import Case
+from cutbench.forms.blade import BladeForm, ContactNumerics
+from cutbench.forms.bulk import BulkForm
+from cutbench.forms.cut import CutForm
+from cutbench.forms.damping import DampingForm
+from cutbench.forms.space import Space
+from cutbench.solve.geometry import Geometry, paired
+from cutbench.solve.march import March, StepRules
+from cutbench.solve.newton import NewtonSettings
+from cutbench.solve.problem import Problem
+
+#: Polynomial order of the displacements.
+ORDER = {"P1": 1, "P2": 2, "P2P1": 2}
+
+
+@dataclass(frozen=True)
+class Built:
+    """A problem ready to march, and what is needed to read its results."""
+
+    case: Case
+    geometry: Geometry
+    space: Space
+    problem: Problem
+    march: March
+
+    def form(self, name: str):
+        return next(form for form in self.problem.forms if form.name == name)
+
+    @property
+    def blades(self) -> list[BladeForm]:
+        return [form for form in self.problem.forms if isinstance(form, BladeForm)]
+
+
+def geometry_of(case: Case) -> Geometry:
+    """Mesh and names for the case's dimension."""
+    if case.dim == 2:
+        from cutbench.models2d.plane_strain import geometry
+    else:
+        from cutbench.models3d.block import geometry
+    return geometry(case.values, case.numerics)
+
+
+def build(case: Case, geometry: Geometry | None = None) -> Built:
+    """Forms, pattern, solver and march of a case. Raises BadInput for a mesh that cannot be used."""
+    p, n, model = case.p, case.numerics, case.model
+    geometry = geometry or geometry_of(case)
+    order = ORDER[n.element]
+    space = Space.build(geometry.mesh, order)
+    dim = space.dim
+    degree = 1 if order == 1 else n.bulk_degree
+    volume = space.volume(degree)
+    bulk = model.laws("bulk")
+    mixed = n.element == "P2P1"
+    forms = [BulkForm([law for law in bulk if not (mixed and law.role == "volumetric")], volume, p.height)]
+    ndof = space.ndof
+    if mixed:
+        from cutbench.forms.mixed import MixedVolumetric
+
+        law = next(law for law in bulk if law.role == "volumetric")
+        forms.append(MixedVolumetric(law, volume, space.volume(degree, order=1), space.ndof))
+        ndof += geometry.mesh.p.shape[1]
+    faces = {name: space.faces(name, n.facet_degree) for name in geometry.blade_faces}
+    if cut := model.laws("cut"):
+        minus = paired(faces["cut"], faces["cut_minus"], space.X) if geometry.split else None
+        forms.append(CutForm(cut, faces["cut"], p.height, minus))
+    if blade := model.laws("blade"):
+        # The paper's gap is dimensionless; its penalty then is a stress times a length.
+        stiffness = n.penalty * p.G
+        numerics = ContactNumerics(stiffness, n.stick * p.G, n.normal, n.gap)
+        forms += [
+            BladeForm(blade, face, numerics, keep_touched=name != "top", height=p.height)
+            for name, face in faces.items()
+        ]
+        coupled = any(law.role == "friction" for law in blade)
+        for form in forms:
+            if isinstance(form, BladeForm):
+                form.symmetric = n.normal == "tool" and not coupled
+    if n.damping_mm > 0:
+        forms.append(DampingForm(volume, p.G * n.damping_mm / p.speed))
+    clamped = space.nodes_on(geometry.clamped)
+    fixed = [clamped * dim + i for i in range(dim)]
+    fixed += [space.nodes_on(name) * dim + i for name, i in geometry.held]
+    if not cut and not geometry.split:
+        fixed.append(space.nodes_on("cut") * dim)  # nothing to open: the plane stays a symmetry plane
+    problem = Problem(forms, ndof, np.unique(np.concatenate(fixed)), p, solver=n.solver)
+    rules = StepRules(
+        largest=n.step_mm, smallest=n.step_min_mm, first=min(0.02, n.step_mm), damage=n.damage_step,
+        augmentations=n.augmentations, staggered=n.scheme == "staggered", paper=n.stepping == "paper",
+    )
+    march = March(
+        problem, np.array([0.0, p.height + p.tip, 0.0]), p.depth, p.speed, clamped * dim + 1, rules,
+        NewtonSettings(tolerance=n.tolerance),
+    )
+    return Built(case, geometry, space, problem, march)

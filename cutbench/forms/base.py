@@ -1,0 +1,81 @@
+"""What a form is: local residuals, tangents, new states and energies of one slot on one set of points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+
+@dataclass
+class Step:
+    """One time step, as forms see it.
+
+    ``u_old`` (ndof,) converged displacements at its start; ``centre``/``centre_old`` (3,) the
+    ellipse's centre in mm; ``dt`` in s.
+    """
+
+    dt: float
+    u_old: np.ndarray
+    centre: np.ndarray
+    centre_old: np.ndarray
+
+
+@dataclass
+class Local:
+    """What a form returns: local vectors (nd, n), matrices (nd, nd, n) or None, and the new state."""
+
+    vector: np.ndarray
+    matrix: np.ndarray | None
+    state: dict[str, Any] = field(default_factory=dict)
+
+
+class Form:
+    """Base of the forms. ``dofs`` (nd, n) numbers, component-major: local index = i·nn + a."""
+
+    name: str
+    dofs: np.ndarray
+    #: False where the local matrix is not symmetric for the laws in use.
+    symmetric: bool = True
+
+    def start(self, p) -> dict[str, Any]:
+        """The virgin state."""
+        return {}
+
+    def evaluate(self, u: np.ndarray, p, state: dict, step: Step, tangent: bool = True) -> Local:
+        """Residual contribution at displacements u; nothing is stored."""
+        raise NotImplementedError
+
+    def work(self, u, p, old: dict, new: dict, step: Step) -> dict[str, float]:
+        """Work taken up by each mechanism over the step, in mJ per mm of length (2D) or mJ (3D)."""
+        return {}
+
+
+def component_major(nodes: np.ndarray, dim: int) -> np.ndarray:
+    """Numbers of the degrees of freedom (dim·nn, n) for nodes (nn, n); global number = node·dim + i."""
+    return (nodes[None] * dim + np.arange(dim)[:, None, None]).reshape(dim * nodes.shape[0], -1)
+
+
+def nodal(u: np.ndarray, nodes: np.ndarray, dim: int) -> np.ndarray:
+    """Values (dim, nn, n) at the nodes of each element or face."""
+    return np.ascontiguousarray(u[: u.size - u.size % dim].reshape(-1, dim).T[:, nodes])
+
+
+def blend(N: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Σ_a N_a values_a: (q, nn, f) and (dim, nn, f) to (dim, q, f)."""
+    out = N[None, :, 0] * values[:, None, 0]
+    for a in range(1, N.shape[1]):
+        out += N[None, :, a] * values[:, None, a]
+    return out
+
+
+def add_states(*parts: dict) -> dict:
+    """One dict out of several; a clash of names is a mistake in a law."""
+    out: dict = {}
+    for part in parts:
+        clash = out.keys() & part.keys()
+        if clash:
+            raise ValueError(f"two laws keep a state called {sorted(clash)}")
+        out.update(part)
+    return out

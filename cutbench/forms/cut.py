@@ -1,0 +1,114 @@
+"""Cohesive form: ∫ T(⟦u⟧)·δ⟦u⟧ dA on the cut plane (paper, eq. weak_form_cohesive).
+
+On a symmetry plane only one side is meshed: ⟦u⟧ = 2 u_n and half of the work belongs to it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cutbench.forms.base import Form, Local, add_states, blend, component_major, nodal
+from cutbench.forms.space import Faces
+from cutbench.mechanisms.base import STEP, Points
+
+
+class CutForm(Form):
+    """The cut laws' traction on one side (symmetric) or between two matching sides."""
+
+    name = "cohesion"
+    #: True while the staggered scheme keeps the damage where it is.
+    held = False
+
+    def __init__(self, laws, plus: Faces, height: float, minus: Faces | None = None):
+        """``plus`` is the side at x > 0; ``minus`` its partner, face by face and node by node."""
+        self.laws = tuple(laws)
+        dim = plus.X.shape[0]
+        self.dim, self.faces = dim, plus
+        self.share = 1.0 if minus is not None else 0.5
+        opening = -plus.normal  # from the minus side to the plus side
+        axes = [opening]
+        if minus is not None:
+            # The tangents complete a right-handed local frame.
+            if dim == 2:
+                axes.append(np.stack([-opening[1], opening[0]]))
+            else:
+                up = np.zeros_like(opening)
+                up[1] = 1.0
+                axes += [up, np.cross(opening.T, up.T).T]
+        self._frame = np.stack(axes)  # (nc, dim, nf)
+        sides = [(plus, 1.0)] if minus is None else [(plus, 1.0), (minus, -1.0)]
+        self._nodes = np.concatenate([side.nodes for side, _ in sides])
+        # On a symmetry plane the other side moves oppositely: ⟦u⟧ = 2 u_n, half the work is ours.
+        self._N = np.concatenate([sign * side.N for side, sign in sides], axis=1) / self.share
+        self.dofs = component_major(self._nodes, dim)
+        nq, nf = plus.w.shape
+        X = np.zeros((3, nq * nf))
+        X[:dim] = plus.X.reshape(dim, -1)
+        self._X, self._depth = X, height - X[1]
+
+    def start(self, p):
+        n = self.faces.w.size
+        state = add_states(*(law.start(n, p) for law in self.laws))
+        return {**state, "damage": np.zeros(n), "tractions": np.zeros((len(self.laws), 3, n))}
+
+    def jump(self, u: np.ndarray) -> np.ndarray:
+        """⟦u⟧ (3, nq·nf) in the local frame: opening, then sliding."""
+        values = blend(self._N, nodal(u, self._nodes, self.dim))  # (dim, nq, nf)
+        nc = self._frame.shape[0]
+        out = np.zeros((3, self.faces.w.size), dtype=values.dtype)
+        for c in range(nc):
+            out[c] = np.einsum("df,dqf->qf", self._frame[c], values).ravel()
+        return out
+
+    def points(self, step: object) -> Points:
+        return Points(
+            X=self._X, depth=self._depth, dt=step.dt, jump_old=self.jump(step.u_old), shared={}, held=self.held
+        )
+
+    def _tractions(self, jump, p, state, at):
+        at.shared.clear()
+        parts, T = [], []
+        for law in self.laws:
+            traction, new = law.traction(jump, p, state, at)
+            T.append(traction)
+            parts.append(new)
+        return np.stack(T) if T else np.zeros((0, *jump.shape)), parts
+
+    def evaluate(self, u, p, state, step, tangent=True):
+        jump, at = self.jump(u), self.points(step)
+        T, parts = self._tractions(jump, p, state, at)
+        new = add_states(*parts)
+        new["damage"] = at.shared.get("damage", state["damage"])
+        new["tractions"] = T
+        total = T.sum(axis=0)
+        nq, nf = self.faces.w.shape
+        nc = self._frame.shape[0]
+        w = self.faces.w * self.share
+        t = np.einsum("cdf,cqf->dqf", self._frame, total[:nc].reshape(nc, nq, nf) * w)
+        vector = np.einsum("qaf,dqf->daf", self._N, t)
+        matrix = None
+        if tangent:
+            D = np.empty((nc, nc, nq, nf))
+            for c in range(nc):
+                probe = jump.astype(complex)
+                probe[c] += 1j * STEP
+                D[:, c] = self._tractions(probe, p, state, at)[0].sum(axis=0)[:nc].imag.reshape(nc, nq, nf) / STEP
+            D = np.einsum("cdf,ceqf,ekf->dkqf", self._frame, D * w, self._frame)
+            matrix = np.einsum("qaf,dkqf,qbf->dakbf", self._N, D, self._N, optimize=True)
+            nd = self.dofs.shape[0]
+            matrix = matrix.reshape(nd, nd, nf)
+        return Local(vector.reshape(self.dofs.shape[0], -1), matrix, new)
+
+    def work(self, u, p, old, new, step):
+        jump, at = self.jump(u), self.points(step)
+        w = self.faces.w.ravel() * self.share
+        out = {}
+        for i, law in enumerate(self.laws):
+            after = law.work(jump, p, new, at)
+            if after is None:
+                mean = (old["tractions"][i] + new["tractions"][i]) / 2
+                density = (mean * (jump - at.jump_old)).sum(axis=0)
+            else:
+                density = after - law.work(at.jump_old, p, old, at)
+            out[law.name] = float(w @ density)
+        return out

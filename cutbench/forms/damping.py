@@ -1,0 +1,47 @@
+"""A little bulk viscosity, ∫ η ∇₀u̇ : ∇₀δu dV, that carries the solution through snaps.
+
+Where cutting is abrupt, equilibrium jumps at constant blade position. The term is negligible while
+things move with the blade and dominates when they do not; what it dissipates is the energy that the
+snap sets free, and stands in the ledger under its own name.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cutbench.forms.base import Form, Local, component_major, nodal
+from cutbench.forms.space import Volume
+
+
+class DampingForm(Form):
+    """Linear and constant: its matrix is computed once. ``viscosity`` η in MPa s."""
+
+    name = "damping"
+
+    def __init__(self, volume: Volume, viscosity: float):
+        self.dim = volume.X.shape[0]
+        self.viscosity, self._nodes = viscosity, volume.nodes
+        #: Raised by the march where Newton's method cannot follow a snap, 1 otherwise.
+        self.boost = 1.0
+        self.dofs = component_major(volume.nodes, self.dim)
+        grad = np.einsum("qma,mje->qjae", volume.dphi, volume.jinv)
+        laplace = np.einsum("qjae,qjbe,qe->abe", grad, grad, volume.w, optimize=True)
+        nn, _, ne = laplace.shape
+        self._laplace = laplace
+        matrix = np.zeros((self.dim, nn, self.dim, nn, ne))
+        for i in range(self.dim):
+            matrix[i, :, i] = laplace
+        #: ∫ ∇₀δu : ∇₀u dV, per unit of viscosity over time.
+        self.unit_matrix = matrix.reshape(self.dim * nn, self.dim * nn, ne)
+
+    def _force(self, u, step):
+        du = nodal(u - step.u_old, self._nodes, self.dim)
+        return du, np.einsum("abe,ibe->iae", self._laplace, du) * (self.viscosity * self.boost / step.dt)
+
+    def evaluate(self, u, p, state, step, tangent=True):
+        _, force = self._force(u, step)
+        return Local(force.reshape(self.dofs.shape), self.unit_matrix * (self.viscosity * self.boost / step.dt) if tangent else None)
+
+    def work(self, u, p, old, new, step):
+        du, force = self._force(u, step)
+        return {"snap": float((du * force).sum())}

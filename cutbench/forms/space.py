@@ -1,0 +1,148 @@
+"""Discrete space of a straight-sided simplex mesh: degrees of freedom, quadrature, faces.
+
+Free of dimension. Arrays run over quadrature points q, then elements e (last, contiguous), so that
+laws work on long vectors and element matrices come from a few large matrix products:
+with the reference gradients constant, K_ij = D (A pushed to the reference element).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import skfem
+from skfem.quadrature import get_quadrature
+
+KINDS = {
+    (2, 1): skfem.ElementTriP1,
+    (2, 2): skfem.ElementTriP2,
+    (3, 1): skfem.ElementTetP1,
+    (3, 2): skfem.ElementTetP2,
+}
+
+
+@dataclass(frozen=True)
+class Volume:
+    """Quadrature on elements. nq points, ne elements, nn nodes an element."""
+
+    nodes: np.ndarray  # (nn, ne)
+    phi: np.ndarray  # (nq, nn) shape functions
+    dphi: np.ndarray  # (nq, dim, nn) reference gradients
+    jinv: np.ndarray  # (dim, dim, ne): dξ_M/dX_J
+    w: np.ndarray  # (nq, ne) weights in mm^dim
+    X: np.ndarray  # (dim, nq, ne) reference positions
+
+
+@dataclass(frozen=True)
+class Faces:
+    """Quadrature on a named set of faces. nn nodes a face, nf faces."""
+
+    name: str
+    nodes: np.ndarray  # (nn, nf)
+    N: np.ndarray  # (nq, nn, nf) shape functions
+    dN: np.ndarray  # (dim-1, nq, nn, nf) derivatives along the face's two (3D) tangents
+    w: np.ndarray  # (nq, nf)
+    X: np.ndarray  # (dim, nq, nf)
+    normal: np.ndarray  # (dim, nf) outward, reference
+    tangents: np.ndarray  # (dim-1, dim, nf) unit tangents, reference
+    size: np.ndarray  # (nf,) diameter in mm
+
+
+@dataclass(frozen=True)
+class Space:
+    """Displacement space: node numbering of a Lagrange element of order 1 or 2."""
+
+    mesh: skfem.Mesh
+    order: int
+    X: np.ndarray  # (dim, nnode) positions
+    element_nodes: np.ndarray  # (nn, ne)
+    _dofs: object = field(repr=False)
+
+    @property
+    def dim(self) -> int:
+        return self.mesh.dim()
+
+    @property
+    def ndof(self) -> int:
+        return self.X.shape[1] * self.dim
+
+    @classmethod
+    def build(cls, mesh: skfem.Mesh, order: int) -> Space:
+        basis = skfem.Basis(mesh, KINDS[mesh.dim(), order](), intorder=1)
+        return cls(mesh, order, basis.doflocs, basis.element_dofs, basis.dofs)
+
+    def volume(self, degree: int, order: int | None = None) -> Volume:
+        """Quadrature exact to ``degree``; ``order`` evaluates another Lagrange order (the pressure's)."""
+        mesh, dim = self.mesh, self.dim
+        element = KINDS[dim, order or self.order]()
+        nodes = self.element_nodes if order in (None, self.order) else mesh.t
+        xi, w = get_quadrature(element.refdom, degree)
+        pairs = [element.lbasis(xi, i) for i in range(nodes.shape[0])]
+        phi = np.stack([value for value, _ in pairs], axis=1)
+        dphi = np.stack([grad for _, grad in pairs], axis=-1).transpose(1, 0, 2)  # (dim, nq, nn) -> (nq, dim, nn)
+        corners = mesh.p[:, mesh.t]  # (dim, dim+1, ne)
+        jac = corners[:, 1:] - corners[:, :1]  # dX_J/dξ_M
+        by_element = np.moveaxis(jac, 2, 0)
+        size = np.abs(np.linalg.det(by_element))
+        jinv = np.ascontiguousarray(np.moveaxis(np.linalg.inv(by_element), 0, 2))
+        X = corners[:, 0][:, None] + np.einsum("jme,mq->jqe", jac, xi)
+        return Volume(nodes, phi, np.ascontiguousarray(dphi), jinv, np.outer(w, size), X)
+
+    def faces(self, name: str, degree: int) -> Faces:
+        """Quadrature on the boundary called ``name`` in the mesh."""
+        facets = self.mesh.boundaries[name]
+        # The mesh's own orientation flags, where it has them, are not needed on the boundary.
+        basis = skfem.FacetBasis(
+            self.mesh, KINDS[self.dim, self.order](), facets=np.asarray(facets),
+            quadrature=face_quadrature(self.dim, degree),
+        )
+        value = np.stack([np.asarray(b[0].value) for b in basis.basis])  # (nn_e, nf, nq)
+        grad = np.stack([np.asarray(b[0].grad) for b in basis.basis])  # (nn_e, dim, nf, nq)
+        # Of an element's nodes only those on the face have shape functions that do not vanish there.
+        on_face = np.abs(value).max(axis=2) > 1e-12  # (nn_e, nf)
+        count = int(on_face.sum(axis=0)[0])
+        local = np.argsort(~on_face, axis=0, kind="stable")[:count]  # (nn, nf)
+        column = np.arange(local.shape[1])
+        nodes = basis.element_dofs[local, column]
+        N = value[local, column].transpose(2, 0, 1)  # (nn, nf, nq) -> (nq, nn, nf)
+        slope = grad[local, :, column]  # (nn, nf, dim, nq)
+        corners = self.mesh.p[:, self.mesh.facets[:, np.asarray(facets)]]  # (dim, dim, nf)
+        edges = corners[:, 1:] - corners[:, :1]  # (dim, dim-1, nf)
+        t1 = edges[:, 0] / np.linalg.norm(edges[:, 0], axis=0)
+        tangents = [t1]
+        normal = np.ascontiguousarray(np.asarray(basis.normals)[:, :, 0])
+        if self.dim == 3:
+            tangents.append(np.cross(normal.T, t1.T).T)
+        dN = np.stack([np.einsum("afdq,df->qaf", slope, t) for t in tangents])
+        diameter = np.linalg.norm(edges, axis=0).max(axis=0)
+        if self.dim == 3:
+            diameter = np.maximum(diameter, np.linalg.norm(corners[:, 2] - corners[:, 1], axis=0))
+        return Faces(
+            name,
+            np.ascontiguousarray(nodes),
+            np.ascontiguousarray(N),
+            np.ascontiguousarray(dN),
+            np.ascontiguousarray(np.asarray(basis.dx).T),
+            np.ascontiguousarray(np.asarray(basis.global_coordinates()).transpose(0, 2, 1)),
+            normal,
+            np.stack(tangents),
+            diameter,
+        )
+
+    def nodes_on(self, name: str) -> np.ndarray:
+        """Node numbers on the boundary called ``name``."""
+        return np.unique(self.faces(name, 2).nodes)
+
+
+def face_quadrature(dim: int, degree: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points and weights on the reference face, exact to ``degree``.
+
+    On lines Gauss–Lobatto: its end points are nodes, so that contact cannot be missed at a corner.
+    """
+    if dim == 3:
+        return get_quadrature(skfem.refdom.RefTri, degree)
+    n = max(2, (degree + 4) // 2)
+    inner = np.polynomial.legendre.Legendre.basis(n - 1).deriv().roots()
+    x = np.concatenate([[-1.0], np.sort(inner.real), [1.0]])
+    w = 2 / (n * (n - 1) * np.polynomial.legendre.Legendre.basis(n - 1)(x) ** 2)
+    return (x[None] + 1) / 2, w / 2

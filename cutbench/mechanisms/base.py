@@ -1,0 +1,133 @@
+"""What a mechanism is: one effect, in numpy, without a mesh.
+
+A law sees arrays whose last axis runs over points and returns new arrays; it stores nothing. Laws
+stay clear of ``abs`` and ``norm`` so that a complex step differentiates them exactly: tangents
+(derivative by kinematics) and sensitivities (derivative by parameters) come from the law itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import SimpleNamespace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from cutbench.quantities import Parameter
+
+#: Length of the complex step: far below rounding of the real part, so no cancellation.
+STEP = 1e-30
+
+State = dict[str, np.ndarray]
+Params = Any  # attribute access by parameter name: p.G, p.nu
+
+
+class Points(SimpleNamespace):
+    """What a law may know about the points it is evaluated at, besides its kinematics.
+
+    ``X`` (3, N) reference position in mm with X[1] the height; ``depth`` (N,) distance below the
+    top face in the reference state; ``dt`` seconds; ``speed`` blade speed mm/s; slots add theirs
+    (``jump_old``, ``slip_rate``, …). ``shared`` carries what laws of one slot tell each other, in
+    the order of ``Mechanism.rank``. ``held``: internal variables keep their old values.
+    """
+
+    held = False
+
+
+class Mechanism:
+    """Base of all slots. Subclasses are stateless; one instance of each lives in the registry."""
+
+    name: ClassVar[str]
+    slot: ClassVar[str]
+    title: ClassVar[str]
+    parameters: ClassVar[tuple[Parameter, ...]] = ()
+    #: Names of parameters of other mechanisms that the law reads (G_c, for a term scaled by it).
+    reads: ClassVar[tuple[str, ...]] = ()
+    #: Laws of one slot run in ascending rank; what a law shares is there for higher ranks.
+    rank: ClassVar[int] = 0
+    #: At most one mechanism of a role is in a model (the cohesive law, the viscous form, …).
+    role: ClassVar[str | None] = None
+
+    def groups(self, p: Params) -> Mapping[str, float]:
+        """The law's dimensionless groups, by their text: ``{"(G_c/delta_c)/G": 10.1}``."""
+        return {}
+
+    def start(self, n: int, p: Params) -> State:
+        """State of ``n`` virgin points."""
+        return {}
+
+    @property
+    def off(self) -> dict[str, float]:
+        """Parameter values (edge units) that remove the effect; empty if none does."""
+        return {q.name: q.off for q in self.parameters if q.off is not None}
+
+
+class Bulk(Mechanism):
+    """First Piola stress from the deformation gradient."""
+
+    slot = "bulk"
+    #: True where ``stress`` is the derivative of ``energy`` and there is no state.
+    conservative: ClassVar[bool] = True
+
+    def stress(self, F: np.ndarray, p: Params, state: State, at: Points) -> tuple[np.ndarray, State]:
+        """P (3, 3, N) in MPa and the new state, for F (3, 3, N)."""
+        raise NotImplementedError(self.name)
+
+    def energy(self, F: np.ndarray, p: Params, state: State, at: Points) -> np.ndarray:
+        """Stored energy per reference volume (N,), mJ/mm³, at F with the *new* state."""
+        raise NotImplementedError(self.name)
+
+    def tangent(self, F: np.ndarray, p: Params, state: State, at: Points, dim: int) -> np.ndarray:
+        """dP/dF (dim, dim, dim, dim, N), in-plane components; by complex step unless a law knows better."""
+        A = np.empty((dim, dim, dim, dim, F.shape[-1]))
+        for k in range(dim):
+            for L in range(dim):
+                G = F.astype(complex)
+                G[k, L] += 1j * STEP
+                A[:, :, k, L] = self.stress(G, p, state, at)[0][:dim, :dim].imag / STEP
+        return A
+
+
+class Cut(Mechanism):
+    """Cohesive traction on the cut plane from the displacement jump."""
+
+    slot = "cut"
+
+    def traction(self, jump: np.ndarray, p: Params, state: State, at: Points) -> tuple[np.ndarray, State]:
+        """T (3, N) in MPa — normal, two tangential components — and the new state.
+
+        ``jump`` (3, N) in mm in the same components; ``at.jump_old`` at the start of the step.
+        """
+        raise NotImplementedError(self.name)
+
+    def work(self, jump: np.ndarray, p: Params, state: State, at: Points) -> np.ndarray | None:
+        """Work taken up so far per reference area (N,), where it is a function of jump and state.
+
+        ``None`` (the default): the ledger integrates T·d[[u]] over the steps instead.
+        """
+        return None
+
+
+class Blade(Mechanism):
+    """Shear strength of the blade–material interface; strengths of all laws add (eq. slip criterion)."""
+
+    slot = "blade"
+
+    def strength(self, t_N: np.ndarray, p: Params, state: State, at: Points) -> np.ndarray:
+        """Largest tangential traction (N,) in MPa that this law lends, at contact pressure t_N ≥ 0.
+
+        ``at.touched`` (N,) is 1 where the point counts as in contact for adhesion (Θ of the paper,
+        kept on the cut faces once they touched), ``at.slid`` the sliding distance in mm so far,
+        ``at.slip_rate`` the sliding speed in mm/s.
+        """
+        raise NotImplementedError(self.name)
+
+
+class Rig(Mechanism):
+    """What the testing machine does between the material and the recorded curve."""
+
+    slot = "rig"
+
+    def record(self, displacement: np.ndarray, force: np.ndarray, time: np.ndarray, p: Params):
+        """Recorded (displacement, force) for the true ones; all (n,), mm, N, s."""
+        raise NotImplementedError(self.name)

@@ -1,0 +1,80 @@
+"""The blade's section: an elliptic tip (semi-axes a, b) under a band of half-thickness a.
+
+Gap, normal and second derivative of the gap at points given relative to the ellipse's centre, with
+y pointing up: the tip is at (0, −b), the band is above y = 0. Two gaps: the exact signed distance
+in mm, and the paper's dimensionless (x−c)ᵀA(x−c) − 1 (its eq. gap_function with the sign turned),
+which is not a distance. Both are positive outside.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def _foot(x: np.ndarray, y: np.ndarray, a: float, b: float) -> np.ndarray:
+    """Parameter t of the closest point (a²x/(t+a²), b²y/(t+b²)) on the ellipse, for x ≥ 0.
+
+    Newton from the left on a convex falling function: it climbs to the root and cannot overshoot.
+    """
+    ax, by = a * x, b * y
+    t = np.maximum(ax - a * a, -by - b * b)
+    # Left of the root the function is >= 0; the margin keeps the first denominator from vanishing.
+    t = np.maximum(t, -min(a, b) ** 2 * (1 - 1e-9))
+    for _ in range(60):
+        u, v = ax / (t + a * a), by / (t + b * b)
+        f = u * u + v * v - 1
+        df = -2 * (u * u / (t + a * a) + v * v / (t + b * b))
+        step = -f / df
+        t = t + step
+        if np.all(np.abs(step) < 1e-15 * (np.abs(t) + a * b)):
+            break
+    return t
+
+
+def distance(x: np.ndarray, y: np.ndarray, a, b) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Signed distance g (N,), its gradient (2, N) and its second derivative (2, 2, N).
+
+    Accepts complex x, y, a, b for a complex step: the real root is found first and then one Newton
+    step in complex numbers carries the derivative exactly.
+    """
+    kind = np.result_type(x, y, type(a), type(b), float)
+    g = np.array(x - a, dtype=kind)
+    n = np.zeros((2, g.size), dtype=kind)
+    n[0] = 1.0
+    H = np.zeros((2, 2, g.size), dtype=kind)
+    tip = np.real(y) < 0
+    if not tip.any():
+        return g, n, H
+    xt, yt = x[tip], y[tip]
+    side = np.where(np.real(xt) < 0, -1.0, 1.0)
+    xt = xt * side
+    t = _foot(np.real(xt), np.real(yt), float(np.real(a)), float(np.real(b)))
+    if np.issubdtype(kind, np.complexfloating):
+        u, v = a * xt / (t + a * a), b * yt / (t + b * b)
+        t = t + (u * u + v * v - 1) / (2 * (u * u / (t + a * a) + v * v / (t + b * b)))
+    fx, fy = a * a * xt / (t + a * a), b * b * yt / (t + b * b)
+    nx, ny = fx / (a * a), fy / (b * b)
+    size = np.sqrt(nx * nx + ny * ny)
+    curvature = 1 / (a * a * b * b * size**3)
+    nx, ny = nx / size, ny / size
+    gt = (xt - fx) * nx + (yt - fy) * ny
+    bend = curvature / (1 + curvature * gt)
+    g[tip], n[0, tip], n[1, tip] = gt, side * nx, ny
+    H[0, 0, tip], H[1, 1, tip] = bend * ny * ny, bend * nx * nx
+    H[0, 1, tip] = H[1, 0, tip] = -bend * side * nx * ny
+    return g, n, H
+
+
+def ellipse(x: np.ndarray, y: np.ndarray, a, b) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The paper's dimensionless gap, its gradient (1/mm) and its second derivative (1/mm²)."""
+    kind = np.result_type(x, y, type(a), type(b), float)
+    n = np.zeros((2, x.size), dtype=kind)
+    H = np.zeros((2, 2, x.size), dtype=kind)
+    below = np.where(np.real(y) < 0, y, 0)
+    g = (x / a) ** 2 + (below / b) ** 2 - 1
+    n[0], n[1] = 2 * x / a**2, 2 * below / b**2
+    H[0, 0], H[1, 1] = 2 / a**2, np.where(np.real(y) < 0, 2 / b**2, 0)
+    return g, n, H
+
+
+GAPS = {"distance": distance, "ellipse": ellipse}

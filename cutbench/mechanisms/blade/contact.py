@@ -1,0 +1,48 @@
+"""Unilateral contact with the rigid blade (paper, eq. KKT and normal_traction_augmented).
+
+t_N = ⟨λ − ε g⟩ with the gap g > 0 outside. The blade's section is an elliptic tip (semi-axes a, b)
+under a band of thickness 2a. The paper never gives b.
+"""
+
+import numpy as np
+
+from cutbench.mechanisms.base import Blade
+from cutbench.quantities import Parameter
+
+
+#: Half-width of the rounded bracket, in units of the blade's half-thickness.
+SKIN = 0.01
+
+
+class Contact(Blade):
+    """The blade keeps the material out; it lends no shear strength of its own."""
+
+    name = "contact"
+    title = "contact"
+    role = "contact"
+    rank = -10
+    parameters = (
+        Parameter("thickness", "mm", "2a", "blade thickness", low=0, open_low=True, default=0.7, typical=0.7),
+        Parameter("tip", "mm", "b", "length of the elliptic tip", low=0, open_low=True, default=1.05, typical=1.05),
+    )
+
+    def groups(self, p):
+        return {"b/a": 2 * p.tip / p.thickness}
+
+    def pressure(self, gap, multiplier, stiffness, p):
+        """Contact pressure t_N (N,) in MPa and its derivative by the gap.
+
+        The Macaulay bracket is rounded over ``SKIN`` of the blade's half-thickness: a kink there
+        makes Newton's method cycle between contact states. With a multiplier the bracket stays sharp.
+        """
+        depth = multiplier / stiffness - gap
+        skin = SKIN * p.thickness / 2
+        inside = np.real(depth) >= np.real(skin)
+        near = ~inside & (np.real(depth) > -np.real(skin))
+        bent = (depth + skin) ** 2 / (4 * skin)
+        t_N = stiffness * np.where(inside, depth, np.where(near, bent, 0))
+        slope = -stiffness * np.where(inside, 1.0, np.where(near, (depth + skin) / (2 * skin), 0))
+        return t_N, slope
+
+    def strength(self, t_N, p, state, at):
+        return 0 * t_N

@@ -1,0 +1,21 @@
+"""Coulomb friction on the blade (paper, eq. flow_potential): strength μ t_N."""
+
+from cutbench.mechanisms.base import Blade
+from cutbench.quantities import Parameter
+
+
+class Coulomb(Blade):
+    """Shear strength proportional to the contact pressure."""
+
+    name = "coulomb"
+    title = "Coulomb friction"
+    role = "friction"
+    parameters = (
+        Parameter("mu", "1", "μ", "friction coefficient", low=0, off=0.0, default=0.0, typical=0.2),
+    )
+
+    def groups(self, p):
+        return {"mu": p.mu}
+
+    def strength(self, t_N, p, state, at):
+        return p.mu * t_N

@@ -1,0 +1,21 @@
+"""Neo-Hooke, isochoric part (paper, eq. for Ψ_iso): Ψ = G/2 (Ī₁ − 3)."""
+
+from cutbench.mechanisms.bulk._isotropic import Isochoric
+from cutbench.quantities import Parameter
+
+
+class NeoHookean(Isochoric):
+    """Entropic elasticity of a Gaussian network; G is the shear modulus at all strains."""
+
+    name = "neo_hookean"
+    title = "neo-Hooke"
+    role = "isochoric"
+    parameters = (
+        Parameter("G", "kPa", "G", "shear modulus", low=0, open_low=True, typical=25.0),
+    )
+
+    def dW_dI1(self, I1, p, at):
+        return p.G / 2 + 0 * I1
+
+    def W(self, I1, p, at):
+        return p.G / 2 * (I1 - 3)

@@ -1,0 +1,71 @@
+"""Smith–Ferrante cohesive law with irreversible damage (paper, eq. traction_separation).
+
+T = G_c/δ_c² (1 − d) [⟦u⟧_n + β² ⟦u⟧_t],  d = max(1 − exp(−δ/δ_c)),  δ² = ⟨⟦u⟧_n⟩² + β² ⟦u⟧_t².
+
+β² stands in both places (Ortiz & Pandolfi 1999, 10.1002/(SICI)1097-0207(19990330)44:9<1267), where
+the paper has γ_t in one and γ_t² in the other; only then is T a gradient. Closing is resisted with
+the undamaged stiffness: the two faces touch, whatever broke before.
+"""
+
+import numpy as np
+
+from cutbench.mechanisms.base import Cut
+from cutbench.quantities import Parameter
+
+
+#: Interpenetration, in units of δ_c, at which closing meets twice the undamaged stiffness.
+CLOSING = 0.05
+
+
+class SmithFerrante(Cut):
+    """Exponential traction–separation law, peak σ_c = G_c/(e δ_c) at δ_c."""
+
+    name = "smith_ferrante"
+    title = "cohesive"
+    role = "cohesive"
+    rank = -10  # shares damage and traction with the laws that scale them
+    parameters = (
+        Parameter("G_c", "J/m^2", "G_c", "work of separation", low=0, open_low=True, typical=10.0),
+        Parameter("delta_c", "mm", "δ_c", "opening at peak traction", low=0, open_low=True, typical=0.07),
+        Parameter("beta", "1", "β", "weight of sliding against opening", low=0, default=1.0, typical=1.0),
+    )
+    reads = ("G", "thickness")
+
+    def groups(self, p):
+        return {
+            "(G_c/delta_c)/G": p.G_c / p.delta_c / p.G,
+            "G_c/(G a)": p.G_c / (p.G * p.thickness / 2),
+            "delta_c/a": p.delta_c / (p.thickness / 2),
+        }
+
+    def start(self, n, p):
+        return {"delta_max": np.zeros(n)}
+
+    def _opening(self, jump, p):
+        """Squared effective opening; the normal part counts only when the faces part."""
+        n2 = np.where(jump[0].real > 0, jump[0], 0) ** 2
+        return n2 + p.beta**2 * (jump[1] ** 2 + jump[2] ** 2)
+
+    def traction(self, jump, p, state, at):
+        square = self._opening(jump, p)
+        # sqrt has no derivative at 0, where nothing grows anyway.
+        grows = (square.real > state["delta_max"].real ** 2) & (not at.held)
+        delta_max = np.where(grows, np.sqrt(np.where(grows, square, 1.0)), state["delta_max"])
+        keep = np.exp(-delta_max / p.delta_c)
+        K = p.G_c / p.delta_c**2
+        T = K * keep * np.stack([jump[0], p.beta**2 * jump[1], p.beta**2 * jump[2]])
+        # Closing: undamaged, and stiffening smoothly, so that the faces touch instead of sinking in.
+        T[0] = np.where(jump[0].real > 0, T[0], K * jump[0] * (1 - jump[0] / (CLOSING * p.delta_c)))
+        at.shared.update(damage=1 - keep, stiffness=K, cohesive=T)
+        return T, {"delta_max": delta_max}
+
+    def work(self, jump, p, state, at):
+        """Stored and dissipated together: a function of the opening and its maximum."""
+        s = state["delta_max"] / p.delta_c
+        keep = np.exp(-s)
+        K = p.G_c / p.delta_c**2
+        unloaded = K / 2 * keep * (state["delta_max"] ** 2 - self._opening(jump, p))
+        shut = np.where(jump[0].real < 0, jump[0], 0)
+        closing = K * shut**2 * (1 / 2 - shut / (3 * CLOSING * p.delta_c))
+        # expm1 and the small-s form keep the first steps free of cancellation.
+        return p.G_c * (-np.expm1(-s) - s * keep) - unloaded + closing

@@ -1,0 +1,17 @@
+"""Viscous regularisation that decays with damage: T = G_c/δ_c² (1 − d) η_reg d⟦u⟧/dt.
+
+The general form that the paper's footnote names and does not use. What is cut no longer resists,
+so the dissipation is confined to the process zone and converges under refinement.
+"""
+
+from cutbench.mechanisms.cut.viscous import Viscous
+
+
+class ViscousDegraded(Viscous):
+    """Rate term that fades as the interface breaks."""
+
+    name = "viscous_degraded"
+    title = "viscous (degraded)"
+
+    def viscosity(self, p, at):
+        return super().viscosity(p, at) * (1 - at.shared.get("damage", 0.0))

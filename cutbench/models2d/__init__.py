@@ -1,0 +1,1 @@
+"""Plane-strain section: geometry, mesh, named faces, symmetry; no form."""

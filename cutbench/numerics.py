@@ -1,0 +1,127 @@
+"""The numerical choices of a run: how, not what, is computed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+
+from cutbench.errors import BadInput
+from cutbench.quantities import parse_quantity
+from cutbench.reading import one_of
+
+CHOICES: dict[str, tuple[str, ...]] = {
+    "element": ("P1", "P2", "P2P1"),
+    "normal": ("tool", "material"),
+    "gap": ("distance", "ellipse"),
+    "scheme": ("monolithic", "staggered"),
+    "symmetry": ("half", "full"),
+    "stepping": ("adaptive", "paper"),
+    "solver": ("auto", "superlu", "pardiso"),
+}
+#: Smallest and largest value of each number (None: no bound); ``h`` and steps are in mm.
+_RANGES: dict[str, tuple[float | None, float | None]] = {
+    "h_mm": (1e-3, 10.0),
+    "penalty": (1e-3, 1e6),
+    "stick": (1e-3, 1e6),
+    "augmentations": (0, 50),
+    "damping_mm": (0.0, 1.0),
+    "facet_degree": (1, 20),
+    "bulk_degree": (1, 10),
+    "step_mm": (1e-6, 5.0),
+    "step_min_mm": (1e-9, 1.0),
+    "damage_step": (1e-3, 1.0),
+    "tolerance": (1e-14, 1e-2),
+}
+#: A length may be written with its unit under the short name (h = "0.4 mm") or bare under the long (h_mm).
+ALIASES = {"h": "h_mm", "step": "step_mm", "step_min": "step_min_mm"}
+
+
+@dataclass(frozen=True)
+class Numerics:
+    """Every choice that is numerical; part of a case's identity."""
+
+    h_mm: float = 0.4  # element size at the cut plane
+    element: str = "P2"  # P1 | P2 | P2P1 (mixed)
+    normal: str = "material"  # tool | material
+    gap: str = "distance"  # distance | ellipse (the paper's dimensionless one)
+    penalty: float = 50.0  # contact stiffness in units of G/h
+    stick: float = 20.0  # stiffness of sticking, in the same unit
+    augmentations: int = 0  # Uzawa updates a step at the most
+    facet_degree: int = 6  # quadrature degree on faces
+    bulk_degree: int = 2
+    scheme: str = "monolithic"  # monolithic | staggered (damage lags, repeated until it stands still)
+    stepping: str = "adaptive"  # adaptive | paper (a tenth when damage jumps, else five times)
+    step_mm: float = 0.1  # largest step
+    step_min_mm: float = 1e-4
+    damage_step: float = 0.5  # the step shrinks if damage grows by more in one
+    damping_mm: float = 1e-4  # bulk viscosity over G, times the speed: carries the run through snaps
+    tolerance: float = 1e-8
+    symmetry: str = "half"  # half | full
+    solver: str = "auto"  # auto | superlu | pardiso
+    mesh: str | None = None  # a mesh file of the user's
+
+    def set(self, values: Mapping[str, object]) -> Numerics:
+        """With ``values`` as a person wrote them. BadInput names the key and what would be right."""
+        new: dict[str, object] = {}
+        for key, raw in values.items():
+            name = ALIASES.get(key, key)
+            if name not in _KINDS:
+                raise BadInput(key=key, value=raw, expected=one_of(key, KEYS))
+            if name in new:
+                raise BadInput(key=key, value=raw, expected=f"one of '{key}' and '{name}', they are the same")
+            new[name] = _read(name, key, raw)
+        made = replace(self, **new)
+        if made.step_min_mm > made.step_mm:
+            key = next((k for k in values if ALIASES.get(k, k) in ("step_mm", "step_min_mm")), "step_min_mm")
+            value = made.step_mm if ALIASES.get(key, key) == "step_mm" else made.step_min_mm
+            raise BadInput(
+                key=key,
+                value=f"{value:g} mm",
+                expected=f"the smallest step ({made.step_min_mm:g} mm) to be at most"
+                f" the largest ({made.step_mm:g} mm)",
+            )
+        return made
+
+
+_KINDS = {f.name: str(f.type) for f in fields(Numerics)}
+#: All names that may be set, long and short.
+KEYS = (*ALIASES, *_KINDS)
+
+
+def _read(name: str, key: str, raw: object) -> object:
+    if name == "mesh":
+        if raw is None:
+            return None
+        if not isinstance(raw, str) or not raw:
+            raise BadInput(key=key, value=raw, expected="the path of a mesh file")
+        return raw
+    if name in CHOICES:
+        if not isinstance(raw, str) or raw not in CHOICES[name]:
+            raise BadInput(key=key, value=raw, expected=one_of(str(raw), CHOICES[name]))
+        return raw
+    low, high = _RANGES[name]
+    unit = " mm" if name.endswith("_mm") else ""
+    wanted = f"{low:g}{unit} <= {key} <= {high:g}{unit}"
+    value = _number(name, key, raw, wanted)
+    if not math.isfinite(value) or not low <= value <= high:
+        raise BadInput(key=key, value=raw, expected=wanted)
+    if _KINDS[name] == "int":
+        if value != int(value):
+            raise BadInput(key=key, value=raw, expected=f"a whole number, {wanted}")
+        return int(value)
+    return float(value)
+
+
+def _number(name: str, key: str, raw: object, wanted: str) -> float:
+    if not name.endswith("_mm"):
+        return parse_quantity(raw, "1", key=key)
+    if key == name:  # the unit is in the name, so the number may stand bare
+        if isinstance(raw, (int, float)) and not isinstance(raw, bool):
+            return float(raw)
+        if isinstance(raw, str):
+            try:
+                return float(raw)
+            except ValueError:
+                pass
+    return parse_quantity(raw, "mm", key=key)

@@ -1,0 +1,144 @@
+"""The one style of all figures: column widths of journals, colours safe for the colour-blind.
+
+Meaning never hangs on colour alone: series differ by line style too, areas by hatch.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import matplotlib
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+#: Widths of one and two journal columns, mm.
+SINGLE_MM, DOUBLE_MM = 85.0, 180.0
+
+#: Okabe & Ito's colours (https://jfly.uni-koeln.de/color/), black first.
+COLOURS = {
+    "black": "#000000",
+    "blue": "#0072B2",
+    "vermilion": "#D55E00",
+    "green": "#009E73",
+    "orange": "#E69F00",
+    "sky": "#56B4E9",
+    "purple": "#CC79A7",
+    "yellow": "#F0E442",
+}
+GREY = "#7A7A7A"
+
+#: Line styles in the order of the colours, so that series differ in grey print too.
+LINES = (
+    "-",
+    (0, (5, 1.5)),
+    (0, (1, 1.2)),
+    (0, (6, 1.5, 1, 1.5)),
+    (0, (3, 1, 1, 1, 1, 1)),
+    (0, (8, 2)),
+    (0, (2, 2)),
+    "-",
+)
+
+#: Hatches of stacked areas, in the same order.
+HATCHES = ("", "////", "....", "\\\\\\\\", "xxxx", "----", "oo", "++")
+
+#: Sequential map for stress: perceptually uniform, monotone in grey.
+FIELD_MAP = "cividis"
+
+RC = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["Arial", "Helvetica", "Liberation Sans", "DejaVu Sans"],
+    "mathtext.fontset": "dejavusans",
+    "font.size": 8.5,
+    "axes.titlesize": 9,
+    "axes.labelsize": 8.5,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "legend.fontsize": 7.5,
+    "legend.frameon": False,
+    "legend.handlelength": 2.4,
+    "axes.linewidth": 0.6,
+    "axes.prop_cycle": matplotlib.cycler(color=list(COLOURS.values()), linestyle=list(LINES)),
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "lines.linewidth": 1.2,
+    "lines.markersize": 4,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.major.size": 2.5,
+    "ytick.major.size": 2.5,
+    "hatch.linewidth": 0.4,
+    "figure.dpi": 150,
+    "savefig.dpi": 300,
+    "svg.fonttype": "none",
+    "pdf.fonttype": 42,
+    # Without a fixed salt two writings of the same figure differ.
+    "svg.hashsalt": "cutbench",
+}
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """Draw inside this: the style holds there and leaves a caller's own settings alone."""
+    with matplotlib.rc_context(RC):
+        yield
+
+
+def new_figure(width_mm: float = SINGLE_MM, height_mm: float = 60.0) -> Figure:
+    """An empty figure with constrained layout, outside pyplot: nothing to close, no display needed."""
+    figure = Figure(figsize=(width_mm / 25.4, height_mm / 25.4), layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.get_layout_engine().set(w_pad=0.03, h_pad=0.03, wspace=0.03, hspace=0.04)
+    return figure
+
+
+@contextmanager
+def replacing(target: Path) -> Iterator[Path]:
+    """A temporary path beside ``target`` that takes its place when the block ends well.
+
+    A reader, or a kill half way, never meets half a file. The suffix is kept: writers go by it.
+    """
+    draft = target.with_name(f".{target.stem}-{os.getpid()}-{threading.get_ident()}{target.suffix}")
+    try:
+        yield draft
+        os.replace(draft, target)
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def save(figure: Figure, path: str | Path, *, also: Sequence[str] = ()) -> list[Path]:
+    """Write ``figure`` to ``path`` (format by its suffix; png at 300 dpi) and beside it as ``also`` says.
+
+    ``save(fig, "phase.png", also=("svg", "pdf"))``. Each file appears whole or not at all. Returns the paths.
+    """
+    path = Path(path)
+    first = path.suffix.lstrip(".") or "png"
+    written = []
+    for kind in dict.fromkeys((first, *(a.lstrip(".") for a in also))):
+        # The date would make two pictures of the same run differ.
+        metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
+        target = path.with_suffix(f".{kind}")
+        with replacing(target) as draft, style():
+            figure.savefig(draft, format=kind, metadata=metadata)
+        written.append(target)
+    return written
+
+
+_GREEK = {"alpha", "beta", "gamma", "delta", "eta", "kappa", "lambda", "mu", "nu", "rho", "sigma", "tau"}
+
+
+def math_text(text: str) -> str:
+    """A group such as ``tau_W/(G_c/delta_c)`` as matplotlib sets it, in italics and Greek."""
+
+    def word(match: re.Match[str]) -> str:
+        head, _, tail = match[0].partition("_")
+        head = f"\\{head}" if head in _GREEK else head
+        return f"{head}_{{\\mathrm{{{tail}}}}}" if tail else head
+
+    return "$" + re.sub(r"[A-Za-z]\w*", word, text).replace(" ", r"\,").replace("*", r"\,") + "$"

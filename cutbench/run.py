@@ -1,0 +1,149 @@
+"""One run: march a case to its depth, keep the curve, the ledger, the fields and how it ended."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from cutbench.build import Built, build
+from cutbench.case import Case
+from cutbench.curve import measures
+from cutbench.fields import snapshot
+from cutbench.result import SNAP, Outcome, Result
+from cutbench.solve.march import Accepted
+
+#: What to try when a run stalls, by a word of the reason.
+_ADVICE = {
+    "inverted": "Elements under the tip turn inside out: try a smaller h, a blunter tip, or element = 'P1'.",
+    "invert": "Elements under the tip turn inside out: try a smaller h, a blunter tip, or element = 'P1'.",
+    "damage": "The cut jumps: try a larger damage_step, a smaller step_min, or more viscosity (eta_reg).",
+    "singular": "The equations lost their solution: try a smaller h, or damping_mm = 1e-3.",
+    "residual": "Newton's method does not converge: try a smaller h, a smaller penalty, or damping_mm = 1e-3.",
+}
+
+
+def run_case(
+    case: Case,
+    *,
+    on_step: Callable[[float, dict], None] | None = None,
+    snapshots_mm: Sequence[float] = (),
+) -> Result:
+    """March ``case`` to its depth.
+
+    ``on_step(displacement_mm, row)`` is called after each step; fields are kept at the first step at
+    or past each of ``snapshots_mm``. A KeyboardInterrupt ends the run with what it has. Raises
+    BadInput if the case's mesh cannot be used.
+    """
+    began = time.perf_counter()
+    built = build(case)
+    ledger = Ledger(built)
+    wanted = sorted(snapshots_mm)
+    pictures = []
+    interrupted = False
+    steps = iter(built.march)
+    last: Accepted | None = None
+    try:
+        for last in steps:
+            row = ledger.add(last)
+            if wanted and last.travel >= wanted[0] - 1e-9:
+                pictures.append(snapshot(built, last))
+                wanted = [d for d in wanted if d > last.travel + 1e-9]
+            if on_step is not None:
+                on_step(last.travel, row)
+    except KeyboardInterrupt:
+        interrupted = True
+    curve = ledger.columns()
+    outcome = _outcome(built, last, interrupted)
+    if last is not None and wanted and not outcome.done:
+        pictures.append(snapshot(built, last))
+    timer = built.problem.timer
+    timings = {**timer.seconds, "total": time.perf_counter() - began}
+    counts = {
+        "steps": len(curve["displacement_mm"]), "iterations": ledger.iterations,
+        "rejected_steps": len(built.march.failures), "degrees_of_freedom": int(built.problem.free.size),
+        **{f"{name}_calls": count for name, count in timer.counts.items()},
+    }
+    found = {}
+    if len(curve["displacement_mm"]) > 2:
+        found = measures(curve, window_mm=case.values.get("thickness", 0.7))
+        found["closure"] = float(curve["closure"][-1])
+        found["reaction_error"] = float(
+            abs(curve["reaction_N"][-1] - curve["force_N"][-1]) / max(abs(curve["force_N"][-1]), 1e-12)
+        )
+    return Result(case, curve, outcome, timings, counts, pictures, found)
+
+
+class Ledger:
+    """Curve and energy balance, a row a step: the blade's work against what each mechanism took up."""
+
+    def __init__(self, built: Built):
+        self._built, self._rows, self.iterations = built, [], 0
+        self._work: dict[str, float] = {}
+        self._blade = 0.0
+        # A curve starts at the origin: nothing touched, nothing spent.
+        names = [law.name for slot in ("bulk", "cut", "blade") for law in built.case.model.laws(slot)]
+        names += [SNAP] if any(form.name == "damping" for form in built.problem.forms) else []
+        self._names = names
+        row = {"displacement_mm": 0.0, "force_N": 0.0, "time_s": 0.0, "cut_length_mm": 0.0}
+        row |= {f"force_{name}_N": 0.0 for name in names} | {f"work_{name}_mJ": 0.0 for name in names}
+        self._rows.append(row | {"reaction_N": 0.0, "closure": 0.0})
+
+    def add(self, step: Accepted) -> dict[str, float]:
+        built, last = self._built, self._rows[-1]
+        scale = built.geometry.multiplicity
+        force = step.force * scale
+        travelled = step.travel - last["displacement_mm"]
+        self._blade += (last["force_N"] + force) / 2 * travelled
+        self.iterations += step.iterations
+        row = {
+            "displacement_mm": step.travel, "force_N": force,
+            "time_s": step.travel / built.march.speed, "cut_length_mm": self._cut_length(step),
+        }
+        for name in self._names:
+            done = step.work.get(name, 0.0) * scale
+            self._work[name] = self._work.get(name, 0.0) + done
+            row[f"force_{name}_N"] = done / travelled
+        row |= {f"work_{name}_mJ": self._work[name] for name in self._names}
+        row["reaction_N"] = step.reaction * scale
+        defect = self._blade - sum(self._work.values())
+        row["closure"] = defect / self._blade if self._blade else 0.0
+        self._rows.append(row)
+        return row
+
+    def _cut_length(self, step: Accepted) -> float:
+        """Length of cut plane (3D: mean over the blade) that has lost its cohesion.
+
+        Counted from half damage on, in proportion: (2d − 1)₊, so that it grows smoothly.
+        """
+        if "cohesion" not in step.states:
+            return 0.0
+        form = self._built.form("cohesion")
+        cut = float(form.faces.w.ravel() @ np.clip(2 * step.states["cohesion"]["damage"] - 1, 0, 1))
+        if form.dim == 3:
+            X = form.faces.X[2]
+            cut /= np.ptp(self._built.space.X[2]) if X.size else 1.0
+        return cut
+
+    def columns(self) -> dict[str, np.ndarray]:
+        return {key: np.array([row[key] for row in self._rows]) for key in self._rows[0]}
+
+
+def _outcome(built: Built, last: Accepted | None, interrupted: bool) -> Outcome:
+    reached = 0.0 if last is None else last.travel
+    depth = built.march.depth
+    if interrupted:
+        return Outcome(
+            "interrupted", f"stopped by the user at {reached:.3f} mm of {depth:g} mm",
+            "The curve up to there is kept.", reached,
+        )
+    if built.march.stopped is None:
+        return Outcome("done", f"reached {depth:g} mm", "", reached)
+    reason = built.march.stopped
+    advice = next((text for word, text in _ADVICE.items() if word in reason), _ADVICE["residual"])
+    return Outcome(
+        "stalled",
+        f"no step below {built.march.rules.smallest:g} mm converges at {reached:.3f} mm of {depth:g} mm ({reason})",
+        advice, reached,
+    )

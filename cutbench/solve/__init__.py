@@ -1,0 +1,1 @@
+"""Newton, steps, linear solvers and the energy ledger."""

@@ -1,0 +1,69 @@
+"""What a model hands to the solver: a mesh with named faces and what they mean. Free of dimension."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import skfem
+
+from cutbench.forms.space import Faces
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """A block on its mesh.
+
+    ``multiplicity`` turns the meshed part's force into the block's in N (2D: mm of length, times the
+    number of mirror images; 3D: mirror images). ``held`` lists faces with the displacement component
+    that symmetry keeps at zero. ``split``: both sides of the cut plane are meshed, as faces "cut"
+    (x > 0) and "cut_minus".
+    """
+
+    mesh: skfem.Mesh
+    height: float
+    multiplicity: float
+    held: tuple[tuple[str, int], ...] = ()
+    clamped: str = "bottom"
+    split: bool = False
+
+    @property
+    def blade_faces(self) -> tuple[str, ...]:
+        """Faces that the blade can touch; Θ is kept on those of the cut plane."""
+        return ("top", "cut", "cut_minus") if self.split else ("top", "cut")
+
+
+def paired(plus: Faces, minus: Faces, X: np.ndarray) -> Faces:
+    """``minus`` reordered so that faces, quadrature points and nodes lie opposite those of ``plus``.
+
+    ``X`` (dim, nnode) node positions. Raises ValueError where the two sides do not match.
+    """
+    def key(points):  # (dim, n) without the coordinate across the plane, which is x
+        return np.lexsort(np.round(points[1:], 9))
+
+    order_plus = key(plus.X.mean(axis=1))
+    order_minus = key(minus.X.mean(axis=1))
+    face = np.empty_like(order_plus)
+    face[order_plus] = order_minus
+    N = np.empty_like(plus.N)
+    nodes = np.empty_like(plus.nodes)
+    w = np.empty_like(plus.w)
+    points = np.empty_like(plus.X)
+    for f, g in enumerate(face):
+        a = _match(plus.X[:, :, f], minus.X[:, :, g])
+        b = _match(X[:, plus.nodes[:, f]], X[:, minus.nodes[:, g]])
+        nodes[:, f] = minus.nodes[b, g]
+        N[:, :, f] = minus.N[a][:, b, g]
+        w[:, f], points[:, :, f] = minus.w[a, g], minus.X[:, a, g]
+    return Faces(
+        minus.name, nodes, N, minus.dN[..., face], w, points, minus.normal[:, face],
+        minus.tangents[..., face], minus.size[face],
+    )
+
+
+def _match(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    distance = np.abs(a[1:, :, None] - b[1:, None, :]).sum(axis=0)
+    nearest = distance.argmin(axis=1)
+    if distance.min(axis=1).max() > 1e-6 or np.unique(nearest).size != nearest.size:
+        raise ValueError("the two sides of the cut plane do not have matching nodes")
+    return nearest

@@ -1,0 +1,175 @@
+"""Steps of blade travel: prediction, Newton, step control, contact updates, energy ledger."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cutbench.forms.base import Step
+from cutbench.solve.newton import NewtonSettings, NoConvergence, newton
+from cutbench.solve.problem import Problem
+
+#: Staggered scheme: repetitions at the most, and the change of damage at which it stands still.
+STAGGERED_LOOPS = 200
+STAGGERED_TOLERANCE = 1e-4
+
+
+@dataclass(frozen=True)
+class StepRules:
+    """Blade travel per step in mm: largest, smallest, first; targets that change it."""
+
+    largest: float = 0.1
+    smallest: float = 1e-4
+    first: float = 0.02
+    damage: float = 0.2
+    iterations: int = 6
+    grow: float = 1.5
+    shrink: float = 0.5
+    augmentations: int = 0
+    #: Below this step the damping is raised where Newton's method fails, mm.
+    gentle: float = 5e-3
+    #: Damage is held during Newton's method and updated until it stands still (the paper's scheme).
+    staggered: bool = False
+    #: A tenth of the step when damage grew by more than ``damage``, else five times (the paper's rule).
+    paper: bool = False
+
+
+@dataclass
+class Accepted:
+    """A converged step."""
+
+    travel: float
+    dt: float
+    u: np.ndarray
+    states: dict[str, dict]
+    force: float
+    reaction: float
+    work: dict[str, float]
+    iterations: int
+    vectors: dict[str, np.ndarray]
+
+
+@dataclass
+class March:
+    """Drive the blade to ``depth``; iterate to get each accepted step.
+
+    ``centre0`` (3,): the ellipse's centre at zero travel; the blade moves along −y.
+    """
+
+    problem: Problem
+    centre0: np.ndarray
+    depth: float
+    speed: float
+    bottom: np.ndarray  # degrees of freedom whose reaction balances the blade's force
+    rules: StepRules = field(default_factory=StepRules)
+    newton: NewtonSettings = field(default_factory=NewtonSettings)
+    failures: list[str] = field(default_factory=list)
+    stopped: str | None = None
+
+    def _centre(self, travel: float) -> np.ndarray:
+        return self.centre0 - np.array([0.0, travel, 0.0])
+
+    def __iter__(self) -> Iterator[Accepted]:
+        problem, rules = self.problem, self.rules
+        blades = [f for f in problem.forms if f.name.startswith("blade")]
+        u, states = np.zeros(problem.ndof), problem.start()
+        travel, size = 0.0, rules.first
+        u_before, size_before = None, None
+        easy = 0
+        damping = next((f for f in problem.forms if f.name == "damping"), None)
+        while travel < self.depth - 1e-9:
+            size = min(size, self.depth - travel)
+            step = Step(size / self.speed, u, self._centre(travel + size), self._centre(travel))
+            begun = dict(states)
+            for form in blades:
+                begun[form.name] = form.touch(states[form.name])
+            guesses = [u]
+            if u_before is not None:
+                guesses.insert(0, u + (u - u_before) * (size / size_before))
+            try:
+                new_u, result, iterations = self._first_that_converges(guesses, begun, step)
+                growth = self._damage_growth(states, result.states)
+                if not rules.paper and growth > 2 * rules.damage and size > 4 * rules.smallest:
+                    raise NoConvergence(f"damage grew by {growth:.2f}")
+            except NoConvergence as error:
+                self.failures.append(f"{travel:.4f} mm, step {size:.2g} mm: {error.reason}")
+                easy = 0
+                size *= rules.shrink
+                if damping is not None and size < rules.gentle:
+                    damping.boost = min(damping.boost * 4, 1e6)
+                if size < rules.smallest:
+                    self.stopped = error.reason
+                    return
+                continue
+            work = {}
+            for form in problem.forms:
+                work.update({
+                    k: work.get(k, 0.0) + v
+                    for k, v in form.work(new_u, problem.p, begun[form.name], result.states[form.name], step).items()
+                })
+            states = result.states
+            u_before, size_before = u, size
+            u, travel = new_u, travel + size
+            force = sum(form.force(states[form.name])[1] for form in blades)
+            reaction = result.vectors["bulk"][self.bottom].sum()
+            yield Accepted(travel, step.dt, u, states, force, reaction, work, iterations, result.vectors)
+            easy = easy + 1
+            if damping is not None:
+                damping.boost = max(1.0, damping.boost / 2)
+            if rules.paper:
+                size = max(size / 10, rules.smallest) if growth > rules.damage else min(5 * size, rules.largest)
+            elif iterations > rules.iterations + 3 or growth > rules.damage:
+                size *= 0.7
+            elif iterations <= rules.iterations and growth < 0.7 * rules.damage and easy > 1:
+                size = min(size * rules.grow, rules.largest)
+
+    def _first_that_converges(self, guesses, states, step):
+        for i, guess in enumerate(guesses):
+            try:
+                return self._solve(guess, states, step)
+            except NoConvergence as error:
+                # The last state is a better start only where the prediction itself was unusable.
+                if i == len(guesses) - 1 or "predicted" not in error.reason:
+                    raise
+
+    def _solve(self, u, states, step):
+        """Newton's method, inside the loops that hold damage or multipliers (none by default)."""
+        u, result, iterations = self._hold_damage(u, states, step)
+        for _ in range(self.rules.augmentations):
+            blades = [f for f in self.problem.forms if f.name.startswith("blade")]
+            states = {**states}
+            for form in blades:
+                held = form.augment(result.states[form.name])["multiplier"]
+                states[form.name] = {**states[form.name], "multiplier": held}
+            u, result, more = self._hold_damage(u, states, step)
+            iterations += more
+        return u, result, iterations
+
+    def _hold_damage(self, u, states, step):
+        if not self.rules.staggered or "cohesion" not in states:
+            return newton(self.problem, u, states, step, self.newton)
+        cut = next(f for f in self.problem.forms if f.name == "cohesion")
+        held, total = states["cohesion"], 0
+        for _ in range(STAGGERED_LOOPS):
+            cut.held = True
+            try:
+                u, _, iterations = newton(self.problem, u, {**states, "cohesion": held}, step, self.newton)
+            finally:
+                cut.held = False
+            total += iterations
+            # The state that this opening leads to, from the damage at the start of the step.
+            result = self.problem.evaluate(u, states, step, tangent=False)
+            grown = result.states["cohesion"]
+            change = np.abs(grown["damage"] - held["damage"]).max(initial=0.0)
+            held = grown
+            if change < STAGGERED_TOLERANCE:
+                return u, result, total
+        raise NoConvergence(f"damage still changes by {change:.1e} after {STAGGERED_LOOPS} staggered loops")
+
+    @staticmethod
+    def _damage_growth(old, new) -> float:
+        if "cohesion" not in old:
+            return 0.0
+        return float((new["cohesion"]["damage"] - old["cohesion"]["damage"]).max(initial=0.0))

@@ -1,0 +1,155 @@
+"""Newton's method with a consistent tangent, a guard against inverted elements and a line search."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutbench.forms.base import Step
+from cutbench.solve.linear import SingularMatrix
+from cutbench.solve.problem import Evaluation, Problem
+
+
+class NoConvergence(ArithmeticError):
+    """Newton's method gave up; ``reason`` says how."""
+
+    def __init__(self, reason: str):
+        super().__init__(reason)
+        self.reason = reason
+
+
+@dataclass(frozen=True)
+class NewtonSettings:
+    """``tolerance`` relative to the forces in balance; ``reach`` the largest change of a displacement
+    in one iteration, mm."""
+
+    tolerance: float = 1e-8
+    iterations: int = 15
+    reach: float = 0.3
+    trust: float = 0.1
+    largest_shift: float = 300.0
+    cuts: int = 6
+    slack: float = 0.8
+    patience: int = 4
+    smallest_ratio: float = 0.2
+
+
+def newton(problem: Problem, u: np.ndarray, states: dict, step: Step, settings: NewtonSettings):
+    """Solve R(u) = 0 from the guess ``u``. Returns (u, Evaluation, iterations); raises NoConvergence."""
+    free = problem.free
+
+    def norm(e: Evaluation) -> float:
+        value = float(np.linalg.norm(e.residual[free]))
+        return value if np.isfinite(value) else np.inf
+
+    if problem.bulk.smallest_volume_ratio(u) < settings.smallest_ratio:
+        raise NoConvergence("the predicted state has inverted elements")
+    current = problem.evaluate(u, states, step)
+    size = norm(current)
+    shift, history = 0.0, []
+    for iteration in range(settings.iterations + 1):
+        if size <= settings.tolerance * current.scale:
+            return u, current, iteration
+        if iteration == settings.iterations:
+            break
+        du, shift = _direction(problem, current, settings, shift)
+        largest = np.abs(du).max()
+        alpha = min(1.0, settings.reach / largest) if largest > 0 else 1.0
+        while problem.bulk.smallest_volume_ratio(u + alpha * du) <= settings.smallest_ratio:
+            alpha /= 2
+            if alpha < 1e-3:
+                raise NoConvergence("elements invert along the Newton direction")
+        before, base = size, (u, current)
+        u, current = _search(problem, u, du, alpha, current, states, step, settings)
+        size = norm(current)
+        if iteration >= settings.patience and size > 0.9 * before:
+            # The active sets cycle: now the residual itself has to fall.
+            size, u, current = min(
+                ((norm(e), base[0] + a * du, e) for a, e in _shorter(problem, base[0], du, alpha, states, step)),
+                key=lambda item: item[0],
+            )
+        if not np.isfinite(size):
+            raise NoConvergence("the residual is not finite")
+        history.append(size / current.scale)
+        if iteration >= 2 * settings.patience and min(history[-settings.patience :]) > 0.5 * min(
+            history[: -settings.patience]
+        ):
+            raise NoConvergence(f"residual stays at {history[-1]:.1e} of the forces after {iteration} iterations")
+    raise NoConvergence(f"{settings.iterations} iterations, residual {size / current.scale:.1e} of the forces")
+
+
+def _direction(problem, current, settings, shift):
+    """Newton direction and the regularisation it needed, in units of the shear modulus.
+
+    Where softening makes the tangent indefinite or nearly singular, the direction leads uphill or far
+    away. A multiple of the Laplacian added to the tangent shortens and turns it (Levenberg, Marquardt).
+    """
+    free = problem.free
+    shift = 0.0 if shift < 0.05 else shift / 8
+    for _ in range(6):
+        data = current.data if shift == 0 else current.data + shift * problem.p.G * problem.metric
+        try:
+            problem.factorize(data)
+            du = problem.back_substitute(current.residual)
+            largest = np.abs(du).max()
+            downhill = du[free] @ current.residual[free] < 0
+            if np.isfinite(largest) and downhill and largest <= settings.trust:
+                return du, shift
+        except SingularMatrix as error:
+            largest, downhill, fault = np.inf, False, error
+            du = None
+        if problem.metric is None or shift > settings.largest_shift:
+            break
+        shift = max(0.1, 8 * shift)
+    if du is None:
+        raise NoConvergence(f"singular tangent: {fault}")
+    if not np.isfinite(largest):
+        raise NoConvergence("the linear solution is not finite")
+    return du, shift
+
+
+def _shorter(problem, u, du, alpha, states, step):
+    for part in (0.5, 0.25, 0.1):
+        yield part * alpha, problem.evaluate(u + part * alpha * du, states, step)
+
+
+def _search(problem, u, du, alpha, current, states, step, settings):
+    """Along ``du``, find where the work of the residual on it has fallen well below its start.
+
+    This is the energy line search of Matthies and Strang (1979): where contact and damage switch, a
+    full step can jump between two branches for ever; the residual's norm need not tell.
+    """
+    free = problem.free
+    direction = du[free]
+    start = float(direction @ current.residual[free])
+    e = problem.evaluate(u + alpha * du, states, step)
+    if start >= 0:  # not a descent direction: an indefinite tangent, the full step is as good as any
+        return u + alpha * du, e
+    low, s_low, high, s_high = 0.0, start, alpha, float(direction @ e.residual[free])
+    best = (abs(s_high), alpha, e)
+    largest = np.abs(du).max()
+    # Sliding down a long slope (a snap under way): go on while the forces still push.
+    while s_high < -settings.slack * abs(start) and 2 * high * largest <= settings.reach:
+        if problem.bulk.smallest_volume_ratio(u + 2 * high * du) <= settings.smallest_ratio:
+            break
+        low, s_low = high, s_high
+        high *= 2
+        e = problem.evaluate(u + high * du, states, step)
+        s_high = float(direction @ e.residual[free])
+        if s_high <= 0 or s_high < best[0]:
+            best = (abs(s_high), high, e)
+    for _ in range(settings.cuts):
+        if best[0] <= settings.slack * abs(start) or s_high <= 0:
+            break
+        trial = high - s_high * (high - low) / (s_high - s_low)
+        trial = min(max(trial, low + 0.1 * (high - low)), high - 0.1 * (high - low))
+        e = problem.evaluate(u + trial * du, states, step)
+        s = float(direction @ e.residual[free])
+        if abs(s) < best[0]:
+            best = (abs(s), trial, e)
+        if s > 0:
+            high, s_high = trial, s
+        else:
+            low, s_low = trial, s
+    return u + best[1] * du, best[2]

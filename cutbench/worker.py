@@ -1,0 +1,69 @@
+"""One process of a sweep: compute a run, keep it, end with the sweep. Each loads this: keep it light."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+import numpy as np
+
+from cutbench.case import Case
+from cutbench.errors import CutbenchError
+from cutbench.result import Outcome, Result
+from cutbench.store import Store
+
+Run = Callable[[Case], Result]
+
+#: One thread a process: two cores are busier with two runs than with one run on two threads.
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS",
+            "NUMEXPR_NUM_THREADS")  # fmt: skip
+
+
+def work(run: Run | None, case: Case, root: Path, replace: bool) -> None:
+    """In a worker: compute one run and keep it, whatever becomes of it."""
+    if run is None:
+        from cutbench.run import run_case as run
+    try:
+        result = run(case)
+    except CutbenchError as error:
+        result = failure(case, str(error))
+    except Exception as error:  # one run's defect must not end the others; the map shows it
+        result = failure(case, f"{type(error).__name__}: {error}")
+    Store(root).put(result, replace=replace)
+
+
+def failure(case: Case, message: str) -> Result:
+    """The result of a run that has none."""
+    curve = {name: np.zeros(0) for name in ("displacement_mm", "force_N", "time_s", "cut_length_mm")}
+    return Result(case, curve, Outcome("failed", message))
+
+
+def begin_worker(lifeline: Connection) -> None:
+    """Leave Ctrl-C to the parent, and end with it: a killed sweep leaves no process behind."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def watch() -> None:
+        lifeline.poll(None)  # nothing is ever sent: this returns when the parent closes its end or dies
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+@contextmanager
+def one_thread_each() -> Iterator[None]:
+    """Children start with these variables set, before they import numpy."""
+    before = {name: os.environ.get(name) for name in _THREADS}
+    os.environ.update(dict.fromkeys(_THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value

@@ -1,0 +1,235 @@
+"""A case: identity, units, groups, round trips."""
+
+from __future__ import annotations
+
+import json
+import pickle
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import cutbench
+from cutbench.case import Case, Numerics, load_case
+from cutbench.errors import BadInput
+from cutbench.mechanisms import registry
+from cutbench.model import DEFAULT, GROUPS, PAPER, Model
+
+positive = st.floats(1e-3, 1e3)
+
+
+@pytest.fixture(scope="module")
+def gelatin() -> Case:
+    return load_case("gelatin")
+
+
+def test_values_are_internal(gelatin):
+    assert gelatin.p.G == 7.5e-3
+    assert gelatin.p.G_c == 5.3e-3
+    assert gelatin.p.tau_W == 0.8e-3
+    assert gelatin.p.depth == gelatin.p.height == 21.0
+    assert set(gelatin.values) == set(gelatin.model.parameters())
+
+
+@pytest.mark.parametrize(
+    ("key", "one", "other"),
+    [
+        ("G", "0.12 MPa", "120 kPa"),
+        ("G_c", "15 J/m^2", "0.015 N/mm"),
+        ("delta_c", "70 um", "0.07 mm"),
+        ("speed", "1.26 mm/min", "0.021 mm/s"),
+        ("width", "3 cm", "30 mm"),
+        ("h", "300 um", "0.3 mm"),
+    ],
+)
+def test_the_unit_of_writing_does_not_change_the_id(gelatin, key, one, other):
+    assert gelatin.set(**{key: one}).id == gelatin.set(**{key: other}).id
+
+
+@given(G=positive, speed=positive, h=st.floats(0.15, 0.4))
+def test_round_trip(G, speed, h):
+    case = load_case("gelatin", {"G": f"{G!r} kPa", "speed": f"{speed!r} um/min", "h_mm": h})
+    back = Case.from_dict(json.loads(json.dumps(case.to_dict())))
+    assert back == case
+    assert back.id == case.id
+    assert pickle.loads(pickle.dumps(case)) == case
+
+
+def test_id_sees_what_matters_and_nothing_else(gelatin):
+    values = dict(reversed(gelatin.values.items()))
+    mechanisms = tuple(reversed(gelatin.mechanisms))
+    same = Case("another name", 2, mechanisms, values, Numerics())
+    assert same.id == gelatin.id
+    others = [
+        gelatin.set(G="7.500001 kPa"),
+        gelatin.set(h="0.3 mm"),
+        gelatin.set(element="P1"),
+        gelatin.set(without="coulomb"),
+        gelatin.set(with_="viscous"),
+        load_case("gelatin", dim=3),
+    ]
+    assert len({gelatin.id, *(case.id for case in others)}) == 1 + len(others)
+
+
+def test_id_is_the_same_in_another_process(gelatin):
+    code = "from cutbench import load_case; print(load_case('gelatin').id)"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.strip() == gelatin.id
+
+
+def test_id_follows_the_content_of_a_mesh(gelatin, tmp_path):
+    mesh = tmp_path / "a.msh"
+    mesh.write_text("one", encoding="utf-8")
+    first = gelatin.set(mesh=str(mesh)).id
+    copy = tmp_path / "b.msh"
+    copy.write_text("one", encoding="utf-8")
+    assert gelatin.set(mesh=str(copy)).id == first
+    copy.write_text("two", encoding="utf-8")
+    assert gelatin.set(mesh=str(copy)).id != first
+
+
+@given(value=st.floats(0.05, 20), name=st.sampled_from(sorted(GROUPS)))
+def test_a_group_takes_the_value_it_is_set_to(value, name):
+    case = load_case("elastomer", {name: value, "h": "0.002 mm"})
+    assert GROUPS[name].value(case.p) == pytest.approx(value, rel=1e-12)
+    assert case.groups()[GROUPS[name].text] == pytest.approx(value, rel=1e-12)
+    untouched = set(case.values) - {GROUPS[name].parameter}
+    before = load_case("elastomer")
+    assert all(case.values[key] == before.values[key] for key in untouched)
+
+
+def test_all_groups_at_once_whatever_their_order():
+    wanted = {
+        "adhesion": 0.2,
+        "viscosity": 1.5,
+        "cohesion": 9.0,
+        "sharpness": 4.0,
+        "friction": 0.3,
+        "opening": 0.1,
+    }
+    one = load_case("meat", wanted)
+    other = load_case("meat", dict(reversed(wanted.items())))
+    assert one.id == other.id
+    for name, value in wanted.items():
+        assert GROUPS[name].value(one.p) == pytest.approx(value, rel=1e-12)
+
+
+def test_groups_are_solved_after_the_parameters(gelatin):
+    case = gelatin.set(cohesion=9.0, G="20 kPa")
+    assert case.p.G_c == pytest.approx(9.0 * 20e-3 * 0.07)
+    kept = gelatin.set(cohesion=9.0).set(G="20 kPa")
+    assert kept.p.G_c == pytest.approx(9.0 * 7.5e-3 * 0.07), "a group set earlier is not remembered"
+
+
+def test_pseudo_time_is_a_conversion(gelatin):
+    assert gelatin.set(eta_v="0.05 mm").p.eta_reg == pytest.approx(0.05 / 0.021)
+    assert gelatin.set(eta_v="0.05 mm", speed="1 mm/s").p.eta_reg == pytest.approx(0.05)
+
+
+def test_depth_follows_the_height_until_it_is_chosen(gelatin):
+    assert gelatin.set(height="30 mm").p.depth == 30
+    assert gelatin.set(depth="14 mm").set(height="30 mm").p.depth == 14
+
+
+def test_a_case_does_not_change(gelatin):
+    with pytest.raises(TypeError):
+        gelatin.values["G"] = 1.0
+    before = gelatin.id
+    gelatin.set(G="9 kPa")
+    assert gelatin.id == before
+
+
+def test_overrides_as_texts_or_mapping():
+    assert load_case("meat", ["eta_reg=0.5 s", "h=0.3 mm"]) == load_case(
+        "meat", {"eta_reg": "0.5 s", "h_mm": 0.3}
+    )
+
+
+def test_an_override_may_give_what_a_file_leaves_out(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text('[parameters]\nG = "9 kPa"\ndelta_c = "0.07 mm"\n', encoding="utf-8")
+    with pytest.raises(BadInput, match=r"G_c = '\(missing\)'"):
+        load_case(file)
+    assert load_case(file, {"G_c": "5 J/m^2"}).p.G_c == 5e-3
+    assert load_case(file, {"cohesion": 10.0}).groups()["(G_c/delta_c)/G"] == pytest.approx(10)
+
+
+def test_a_group_needs_what_it_is_solved_from(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text("[parameters]\ncohesion = 9.0\n", encoding="utf-8")
+    with pytest.raises(BadInput, match="line 2: cohesion"):
+        load_case(file)
+
+
+def test_a_file_on_a_base(tmp_path, gelatin):
+    file = tmp_path / "soft.toml"
+    file.write_text(
+        'base = "gelatin"\nmechanisms = ["neo_hookean", "volumetric", "smith_ferrante", "contact"]\n'
+        '[parameters]\nG = "5 kPa"\n[numerics]\nelement = "P1"\n',
+        encoding="utf-8",
+    )
+    case = load_case(file)
+    assert (case.name, case.p.G, case.p.G_c) == ("soft", 5e-3, gelatin.p.G_c)
+    assert case.numerics.element == "P1"
+    assert "mu" not in case.values
+
+
+def test_a_mesh_is_found_beside_its_file(tmp_path):
+    (tmp_path / "block.msh").write_text("mesh", encoding="utf-8")
+    file = tmp_path / "case.toml"
+    file.write_text('base = "gelatin"\n[numerics]\nmesh = "block.msh"\n', encoding="utf-8")
+    assert load_case(file).numerics.mesh == str(tmp_path / "block.msh")
+
+
+def test_models_do_not_depend_on_the_order_of_names():
+    assert Model(tuple(reversed(DEFAULT))) == Model(DEFAULT)
+    assert set(Model(PAPER).with_("viscous_degraded").mechanisms) == set(DEFAULT)
+
+
+def test_with_replaces_what_has_the_role():
+    model = Model(DEFAULT).with_("viscous")
+    assert "viscous" in model.mechanisms
+    assert "viscous_degraded" not in model.mechanisms
+    assert model.with_("viscous") == model
+
+
+@pytest.mark.parametrize("name", [n for n in DEFAULT if n != "neo_hookean"])
+def test_each_mechanism_can_be_taken_out_alone(name, gelatin):
+    case = gelatin.set(without=name)
+    assert name not in case.mechanisms
+    reads = {key for m in case.model.all for key in m.reads}
+    assert reads <= set(case.values)
+    assert case.groups(), "groups of the others can still be computed"
+
+
+def test_laws_come_in_the_order_of_rank():
+    for slot in ("bulk", "cut", "blade"):
+        ranks = [m.rank for m in Model(DEFAULT).laws(slot)]
+        assert ranks == sorted(ranks)
+        assert ranks, slot
+
+
+@pytest.mark.parametrize("name", list(registry()))
+def test_every_mechanism_can_be_put_into_the_default_model(name):
+    model = Model(DEFAULT).with_(name)
+    p = SimpleNamespace(**{k: q.typical * q.factor for k, q in model.parameters().items()})
+    assert name in model.mechanisms
+    assert all(isinstance(value, float) for value in model.groups(p).values())
+
+
+def test_api():
+    assert set(cutbench.known_materials()) == {"elastomer", "gelatin", "meat"}
+    assert set(DEFAULT) <= set(cutbench.known_mechanisms())
+    assert cutbench.load_case is load_case
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = cutbench.nothing
+
+
+def test_importing_is_light():
+    heavy = ("numpy", "scipy", "matplotlib", "pint", "skfem")
+    code = f"import sys, cutbench, cutbench.cli; print([m for m in {heavy} if m in sys.modules])"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.strip() == "[]"

@@ -1,0 +1,119 @@
+"""What the command line does with a run: files, exit status, messages. The run itself is made up."""
+
+from __future__ import annotations
+
+import json
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from cutbench.cli import app
+from cutbench.errors import ComputationFailed
+from cutbench.result import Outcome, Result
+
+
+def invoke(*args: object):
+    return CliRunner().invoke(app, [str(a) for a in args])
+
+
+@pytest.fixture
+def solver(monkeypatch):
+    """A stand-in for the solver that notes what it was asked and ends as it is told."""
+    asked = SimpleNamespace(case=None, snapshots=None, kind="done", raises=None)
+
+    def run_case(case, *, on_step=None, snapshots_mm=()):
+        asked.case, asked.snapshots = case, list(snapshots_mm)
+        if asked.raises is not None:
+            raise asked.raises
+        travel = np.linspace(0.0, case.p.depth, 22)
+        force = 0.1 * travel
+        zero = np.zeros_like(travel)
+        for at, value in zip(travel, force, strict=True):
+            on_step(float(at), {"force_N": float(value)})
+        curve = {
+            "displacement_mm": travel,
+            "force_N": force,
+            "time_s": travel / case.p.speed,
+            "cut_length_mm": np.maximum(travel - 3, 0),
+            "force_neo_hookean_N": force,
+            "work_neo_hookean_mJ": 0.05 * travel**2,
+            "reaction_N": force,
+            "closure": zero,
+        }
+        return Result(
+            case, curve, Outcome(asked.kind, "made up", "", case.p.depth), {"total": 0.1}, {"steps": 21}
+        )
+
+    monkeypatch.setitem(sys.modules, "cutbench.run", SimpleNamespace(run_case=run_case))
+    return asked
+
+
+def test_options_reach_the_case(solver, tmp_path):
+    done = invoke(
+        "run2d", "gelatin", "--set", "eta_reg=0.5 s", "--set", "cohesion=9", "--h", "0.3", "--depth", "8 mm",
+        "--element", "P1", "--normal", "material", "--without", "coulomb", "--with", "viscous",
+        "--out", tmp_path,
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    case = solver.case
+    assert (case.p.eta_reg, case.p.depth, case.numerics.h_mm) == (0.5, 8.0, 0.3)
+    assert (case.numerics.element, case.numerics.normal) == ("P1", "material")
+    assert case.groups()["(G_c/delta_c)/G"] == pytest.approx(9)
+    assert "viscous" in case.mechanisms
+    assert not {"coulomb", "viscous_degraded"} & set(case.mechanisms)
+    assert solver.snapshots == [2.0, 4.0, 6.0, 8.0]
+
+
+def test_a_run_is_written_and_can_be_drawn_again(solver, tmp_path):
+    out = tmp_path / "out"
+    assert invoke("run2d", "meat", "--out", out).exit_code == 0
+    assert json.loads((out / "run.json").read_text(encoding="utf-8"))["outcome"]["kind"] == "done"
+    assert (out / "curve.csv").read_text(encoding="utf-8").startswith("displacement_mm,force_N,time_s")
+    (out / "curve.png").unlink()
+    again = invoke("plot", out)
+    assert again.exit_code == 0, again.output
+    assert (out / "curve.png").is_file()
+
+
+def test_default_folder_names_the_case(solver, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert invoke("run2d", "gelatin").exit_code == 0
+    assert (tmp_path / "runs" / f"gelatin-{solver.case.id}" / "run.json").is_file()
+
+
+@pytest.mark.parametrize(("kind", "code"), [("done", 0), ("stalled", 1), ("failed", 1), ("interrupted", 130)])
+def test_exit_status_says_how_it_ended_and_what_was_reached_is_kept(kind, code, solver, tmp_path):
+    solver.kind = kind
+    done = invoke("run2d", "gelatin", "--out", tmp_path)
+    assert done.exit_code == code
+    assert f"{kind}: made up" in done.output
+    assert (tmp_path / "curve.csv").is_file()
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "said"),
+    [
+        (ComputationFailed("the mesh inverted"), 1, "the mesh inverted"),
+        (KeyboardInterrupt(), 130, "interrupted"),
+    ],
+)
+def test_errors_become_one_message_and_a_status(error, code, said, solver, tmp_path):
+    solver.raises = error
+    done = invoke("run2d", "gelatin", "--out", tmp_path)
+    assert done.exit_code == code
+    assert said in done.output
+    assert "Traceback" not in done.output
+
+
+@pytest.mark.parametrize("tip", ["12 mm", "7.7 mm", "30 mm"])
+def test_advice_about_the_tip_holds_when_it_is_followed(tip, solver, tmp_path):
+    import re
+
+    refused = invoke("run2d", "gelatin", "--set", f"tip={tip}", "--out", tmp_path)
+    assert refused.exit_code == 2
+    h, longest = re.search(r"h = '(.+?) mm' would do, or a tip of at most (\S+) mm", refused.output).groups()
+    assert invoke("run2d", "gelatin", "--set", f"tip={tip}", "--h", h, "--out", tmp_path).exit_code == 0
+    assert invoke("run2d", "gelatin", "--set", f"tip={longest} mm", "--out", tmp_path).exit_code == 0

@@ -1,0 +1,155 @@
+"""Phase diagrams: what is drawn, for whole and partial maps, with one axis or four."""
+
+from __future__ import annotations
+
+import json
+
+import analytic_runs
+import numpy as np
+import pytest
+from matplotlib.contour import QuadContourSet
+
+from cutbench.maps import Row, build_map, row_of
+from cutbench.phase import DROPS, draw_phase, nearest_level, save_phase
+from cutbench.study import load_study
+
+AXES = {
+    "cohesion": "from = 1.0\nto = 30.0\npoints = 5\nscale = 'log'",
+    "viscosity": "from = 0.01\nto = 5.0\npoints = 4\nscale = 'log'",
+    "adhesion": "values = [0.0, 0.0106, 0.187]",
+    "G": "values = ['5 kPa', '10 kPa']",
+}
+
+
+@pytest.fixture
+def study(tmp_path):
+    def study(*axes, extra='[plot]\nmark = ["gelatin", "elastomer", "meat"]\n'):
+        text = 'base = "gelatin"\n' + "".join(f'[[axis]]\nname = "{name}"\n{AXES[name]}\n' for name in axes)
+        path = tmp_path / "study.toml"
+        path.write_text(text + extra)
+        return load_study(path)
+
+    return study
+
+
+def rows_of(study, n=None):
+    return {case.id: row_of(analytic_runs.computed(case), study) for case in study.cases()[:n]}
+
+
+def panels(figure):
+    return [ax for ax in figure.axes if ax.get_label() != "<colorbar>"]
+
+
+def texts(ax):
+    return [t.get_text() for t in ax.texts]
+
+
+def contours(ax):
+    return [c for c in ax.collections if isinstance(c, QuadContourSet)]
+
+
+def legend(figure):
+    return [t.get_text() for t in figure.legends[0].get_texts()]
+
+
+def test_a_panel_a_level_with_boundary_and_each_material_on_its_own(study):
+    s = study("cohesion", "viscosity", "adhesion")
+    figure = draw_phase(build_map(s, rows_of(s)))
+    axes = panels(figure)
+    assert [texts(ax) for ax in axes] == [["meat"], ["gelatin"], ["elastomer"]]
+    assert ["0.187" in ax.get_title() for ax in axes] == [False, False, True]
+    assert all(len(contours(ax)) == 1 for ax in axes)
+    assert legend(figure) == ["abrupt", "smooth", "boundary: drop of 10 %", "material"]
+    assert figure.get_figwidth() * 25.4 == pytest.approx(180)
+    assert "viscosity" in axes[0].get_ylabel() and "cohesion" in axes[2].get_xlabel()
+
+
+def test_the_boundary_parts_the_regimes(study):
+    s = study("cohesion", "viscosity", "adhesion")
+    data = build_map(s, rows_of(s))
+    margin = data["drop_rel"] / 0.1
+    for k, ax in enumerate(panels(draw_phase(data))):
+        line = np.concatenate([p.vertices for p in contours(ax)[0].get_paths()])
+        x, y = np.log(data["cohesion"].values), np.log(data["viscosity"].values)
+        inside = (np.log(line[:, 0]) >= x[0]) & (np.log(line[:, 0]) <= x[-1])
+        inside &= (np.log(line[:, 1]) >= y[0]) & (np.log(line[:, 1]) <= y[-1])
+        z = margin.isel(adhesion=k).transpose("viscosity", "cohesion").values
+        for px, py in np.log(line[inside]):
+            i, j = np.clip(np.searchsorted(x, px), 1, 4), np.clip(np.searchsorted(y, py), 1, 3)
+            corners = z[j - 1 : j + 1, i - 1 : i + 1]
+            assert corners.min() <= 1 + 1e-9 and corners.max() >= 1 - 1e-9
+
+
+def test_markers_count_the_regimes(study):
+    s = study("cohesion", "viscosity", "adhesion")
+    data = build_map(s, rows_of(s))
+    counts = {"black": 0, "white": 0}
+    for ax in panels(draw_phase(data)):
+        for line in ax.lines:
+            if line.get_marker() == "o":
+                counts[line.get_markerfacecolor()] += len(line.get_xdata())
+    assert counts == {"black": int((data["label"] == 2).sum()), "white": int((data["label"] == 1).sum())}
+
+
+def test_a_partial_map_shows_what_failed_and_what_is_to_come(study, tmp_path):
+    s = study("cohesion", "viscosity", "adhesion")
+    rows = rows_of(s, 20)
+    rows[s.cases()[5].id] = Row("stalled", "no", 3.0)
+    figure = draw_phase(build_map(s, rows))
+    assert {"not computed", "to come", "interpolated"} <= set(legend(figure))
+    crosses = [line for ax in panels(figure) for line in ax.lines if line.get_marker() == "x"]
+    assert sum(len(line.get_xdata()) for line in crosses) == 1
+    assert save_phase(build_map(s, rows), tmp_path) == [tmp_path / "phase.png", tmp_path / "phase.svg"]
+    assert (tmp_path / "phase.png").read_bytes()[:4] == b"\x89PNG"
+    assert (tmp_path / "phase.svg").read_text().lstrip().startswith("<?xml")
+
+
+def test_an_empty_map_can_be_drawn(study):
+    s = study("cohesion", "viscosity", "adhesion")
+    figure = draw_phase(build_map(s, {}))
+    assert not any(contours(ax) for ax in panels(figure)) and "to come" in legend(figure)
+
+
+@pytest.mark.parametrize(("axes", "n"), [(("cohesion",), 1), (("cohesion", "viscosity"), 1)])
+def test_fewer_axes_give_one_panel(study, axes, n):
+    s = study(*axes)
+    figure = draw_phase(build_map(s, rows_of(s)))
+    assert len(panels(figure)) == n
+    figure.canvas.draw()
+
+
+def test_more_axes_are_cut_at_a_stated_value(study):
+    s = study("cohesion", "viscosity", "adhesion", "G")
+    figure = draw_phase(build_map(s, rows_of(s)))
+    assert len(panels(figure)) == 3 and "= 10 kPa" in figure.get_supxlabel()
+
+
+def test_a_material_off_a_level_says_its_value_and_one_off_the_axes_is_named(study):
+    s = study("cohesion", "viscosity", "adhesion")
+    data = build_map(s, rows_of(s))
+    data.attrs["marks"] = json.dumps(
+        [
+            {"name": "rubber", "cohesion": 3.0, "viscosity": 1.0, "adhesion": 0.15},
+            {"name": "steel", "cohesion": 3000.0, "viscosity": 1.0, "adhesion": 0.0},
+        ]
+    )
+    figure = draw_phase(data)
+    assert [texts(ax) for ax in panels(figure)] == [[], [], ["rubber (0.15)"]]
+    assert "outside the map: steel" in figure.get_supxlabel()
+
+
+def test_materials_that_fall_together_share_a_mark(study):
+    s = study("viscosity")
+    assert texts(panels(draw_phase(build_map(s, rows_of(s))))[0]) == ["gelatin, elastomer", "meat"]
+
+
+@pytest.mark.parametrize(
+    ("value", "level"), [(0.0, 0), (0.001, 0), (0.0106, 1), (0.03, 1), (0.1, 2), (0.187, 2), (5.0, 2)]
+)
+def test_nearest_level_counts_in_ratios(value, level):
+    assert nearest_level(value, [0.0, 0.0106, 0.187]) == level
+
+
+def test_the_colours_darken_steadily_in_grey():
+    grey = DROPS(np.linspace(0, 1, 64))[:, :3] @ [0.2126, 0.7152, 0.0722]
+    assert (np.diff(grey) < 0).all() and grey[0] - grey[-1] > 0.4

@@ -1,0 +1,226 @@
+"""Sweeps: nothing finished is lost or done twice, whatever happens to the processes."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+
+import analytic_runs
+import numpy as np
+import pytest
+from rich.console import Console
+
+from cutbench.errors import BadInput
+from cutbench.maps import LABELS, load_map
+from cutbench.store import Store
+from cutbench.study import load_study
+from cutbench.sweep import run_study, show_progress
+
+STUDY = """base = "gelatin"
+[[axis]]
+name = "cohesion"
+from = 1.0
+to = 30.0
+points = 4
+scale = "log"
+[[axis]]
+name = "viscosity"
+values = [0.01, 0.2, 5.0]
+scale = "log"
+[[axis]]
+name = "adhesion"
+values = [0.0, 0.187]
+[plot]
+mark = ["gelatin", "meat"]
+"""
+
+
+@pytest.fixture
+def study(tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text(STUDY)
+    return load_study(path)
+
+
+@pytest.fixture
+def log(tmp_path, monkeypatch):
+    """The file in which stand-in runs leave their ids; counted by ``computed``."""
+    path = tmp_path / "log"
+    path.touch()
+    monkeypatch.setenv("FAKE_RUN_LOG", str(path))
+    return path
+
+
+def computed(log) -> Counter:
+    return Counter(log.read_text().split())
+
+
+def test_the_map_holds_what_the_curves_say(study, log, tmp_path):
+    told = []
+    sweep = run_study(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run, progress=told.append)
+    assert sweep.complete and not sweep.interrupted
+    assert computed(log) == Counter(case.id for case in study.cases())
+    assert {p.name for p in sweep.out.iterdir()} == {"map.csv", "map.nc", "phase.png", "phase.svg", "runs"}
+    data = load_map(sweep.out / "map.nc")
+    assert data["label"].dims == ("cohesion", "viscosity", "adhesion")
+    for index, case in study.points():
+        drop = analytic_runs.drop_of(case)
+        assert data["drop_rel"].values[index] == pytest.approx(drop, rel=1e-9)
+        assert LABELS[data["label"].values[index]] == ("abrupt" if drop >= 0.1 else "smooth")
+        assert data["run_id"].values[index] == case.id
+    assert set(np.unique(data["label"])) == {LABELS.index("abrupt"), LABELS.index("smooth")}
+    assert data["peak_N"].attrs["units"] == "N" and data["cohesion"].attrs["long_name"] == "cohesion"
+    assert data.attrs["study"] == STUDY
+    assert told[0].finished == 0 and told[-1].finished == told[-1].total == 24
+    assert told[0].seconds_left is None and told[-1].seconds_left == 0
+    with open(sweep.out / "map.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 24 and {row["label"] for row in rows} == {"abrupt", "smooth"}
+    assert float(rows[0]["cohesion"]) == 1.0 and rows[0]["run_id"] == study.grid[0].id
+
+
+def test_a_second_sweep_computes_nothing_and_draws_the_same(study, log, tmp_path):
+    first = run_study(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run)
+    content = (first.out / "map.csv").read_bytes()
+    second = run_study(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run)
+    assert max(computed(log).values()) == 1
+    assert second.status.reused == 24 and (second.out / "map.csv").read_bytes() == content
+
+
+def test_failed_runs_are_kept_out_of_the_labels_and_done_again_only_when_asked(study, log, tmp_path):
+    first = run_study(study, tmp_path / "out", workers=0, run=analytic_runs.unlucky_run)
+    unlucky = {case.id for case in study.grid if int(case.id, 16) % 3 == 0}
+    assert 0 < len(unlucky) < 24 and first.status.failed == len(unlucky)
+    for index, case in study.points():
+        bad = case.id in unlucky
+        assert (LABELS[first.map["label"].values[index]] == "not_computed") == bad
+        assert np.isnan(first.map["drop_rel"].values[index]) == bad
+        assert ("singular" in first.map["message"].values[index]) == bad
+    run_study(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run)
+    assert max(computed(log).values()) == 1
+    third = run_study(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run, retry_failed=True)
+    assert {id for id, n in computed(log).items() if n == 2} == unlucky
+    assert third.status.failed == 0 and (third.map["label"].values > 0).all()
+
+
+def test_ctrl_c_keeps_what_is_done(study, log, tmp_path):
+    stopped = run_study(study, tmp_path / "out", workers=0, run=analytic_runs.stopped_run)
+    assert stopped.interrupted and not stopped.complete and stopped.status.finished == 2
+    assert int((stopped.map["outcome"].values > 0).sum()) == 2
+    assert (stopped.out / "phase.png").exists()
+    again = run_study(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run)
+    assert again.complete and max(computed(log).values()) == 1
+
+
+def test_workers_that_die_do_not_end_the_sweep(study, log, tmp_path):
+    """Two runs kill their process each time, two others once; the rest pays nothing for it."""
+    sweep = run_study(study, tmp_path / "out", workers=2, run=analytic_runs.deadly_run)
+    assert sweep.complete and not sweep.interrupted
+    lost = sweep.map["message"].str.contains("process died 3 times")
+    expected = (sweep.map["cohesion"] > 25) & (sweep.map["viscosity"] < 0.1)
+    assert bool((lost == expected).all())
+    assert sweep.status.failed == int(lost.sum()) == 2
+    assert bool((np.isfinite(sweep.map["drop_rel"]) == ~expected).all())
+    assert sum(n for id, n in computed(log).items()) <= 22 + 2 * 3 + 2 + 3 * 4
+
+
+SCRIPT = """
+import sys
+from analytic_runs import fake_run
+from cutbench.sweep import run_study
+if __name__ == "__main__":
+    sweep = run_study(sys.argv[1], sys.argv[2], workers=2, run=fake_run, first_picture_s=0.5)
+    print("interrupted" if sweep.interrupted else "complete", sweep.status.finished, flush=True)
+"""
+
+
+@pytest.fixture
+def start(tmp_path, log, study):
+    """Start a sweep of two workers in a process of its own."""
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT)
+    here = Path(__file__).parent
+
+    def start(out, seconds):
+        env = os.environ | {
+            "PYTHONPATH": os.pathsep.join([str(here), str(here.parent)]),
+            "FAKE_RUN_S": str(seconds),
+        }
+        return subprocess.Popen(
+            [sys.executable, str(script), str(study.path), str(out)],
+            env=env, stdout=subprocess.PIPE, text=True, start_new_session=True,
+        )  # fmt: skip
+
+    return start
+
+
+def wait_for(condition, seconds=30):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.05)
+
+
+def test_killed_half_way_it_loses_no_finished_run_and_ends_with_the_same_map(start, study, log, tmp_path):
+    whole = run_study(study, tmp_path / "whole", workers=0, run=analytic_runs.fake_run)
+    log.write_text("")
+    out = tmp_path / "out"
+    process = start(out, 0.2)
+    wait_for(lambda: len(log.read_text().split()) >= 12 and (out / "phase.png").exists())
+    process.kill()  # the sweep alone: its workers must notice by themselves
+    process.wait()
+    time.sleep(1.0)
+    begun = computed(log)
+    time.sleep(0.6)
+    assert computed(log) == begun, "a worker outlived its sweep"
+    kept = {result.case.id for result in Store(out / "runs")}
+    assert 8 <= len(kept) < 24
+    second = start(out, 0)
+    assert second.communicate(timeout=60)[0].split() == ["complete", "24"]
+    after = computed(log) - begun
+    assert not set(after) & kept, "a finished run was computed again"
+    assert set(after) | kept == {case.id for case in study.cases()}
+    assert (out / "map.csv").read_bytes() == (whole.out / "map.csv").read_bytes()
+    a, b = load_map(out / "map.nc"), load_map(whole.out / "map.nc")
+    assert a.equals(b)
+
+
+def test_ctrl_c_on_a_pool_ends_cleanly_with_a_map(start, log, tmp_path):
+    out = tmp_path / "out"
+    process = start(out, 0.2)
+    wait_for(lambda: len(list(out.glob("runs/??/*"))) >= 4)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the parent and its workers
+    said = process.communicate(timeout=20)[0].split()
+    assert process.returncode == 0 and said[0] == "interrupted" and 4 <= int(said[1]) < 24
+    data = load_map(out / "map.nc")
+    assert int((data["outcome"].values > 0).sum()) == int(said[1])
+
+
+def test_workers_compute_with_one_thread_and_the_caller_keeps_its_own(study, log, tmp_path, monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "7")
+    run_study(study, tmp_path / "out", workers=1, run=analytic_runs.threads_run)
+    assert {line.split("=")[1] for line in log.read_text().split()} == {"1"}
+    assert os.environ["OMP_NUM_THREADS"] == "7"
+
+
+def test_the_bar_shows_runs_failures_and_time_left(study, log, tmp_path):
+    console = Console(record=True, force_terminal=True, width=120, file=io.StringIO())
+    with show_progress(console) as tell:
+        run_study(study, tmp_path / "out", workers=0, run=analytic_runs.unlucky_run, progress=tell)
+    text = console.export_text()
+    assert "24/24" in text and "failed" in text and "left" in text
+
+
+def test_a_folder_that_cannot_be_written_and_a_bad_number_of_workers_are_bad_input(study, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(BadInput, match="folder that can be written"):
+        run_study(study, tmp_path / "file" / "out", workers=0, run=analytic_runs.fake_run)
+    with pytest.raises(BadInput, match="workers"):
+        run_study(study, tmp_path / "out", workers=-1, run=analytic_runs.fake_run)
