@@ -11,6 +11,7 @@ from cutbench.forms.blade import BladeForm, ContactNumerics
 from cutbench.forms.bulk import BulkForm
 from cutbench.forms.cut import CutForm
 from cutbench.forms.damping import DampingForm
+from cutbench.forms.mixed import MixedVolumetric
 from cutbench.forms.space import Space
 from cutbench.solve.geometry import Geometry, paired
 from cutbench.solve.march import March, StepRules
@@ -58,15 +59,13 @@ def build(case: Case, geometry: Geometry | None = None) -> Built:
     degree = 1 if order == 1 else n.bulk_degree
     volume = space.volume(degree)
     bulk = model.laws("bulk")
-    mixed = n.element == "P2P1"
-    forms = [BulkForm([law for law in bulk if not (mixed and law.role == "volumetric")], volume, p.height)]
-    ndof = space.ndof
-    if mixed:
-        from cutbench.forms.mixed import MixedVolumetric
-
-        law = next(law for law in bulk if law.role == "volumetric")
-        forms.append(MixedVolumetric(law, volume, space.volume(degree, order=1), space.ndof))
-        ndof += geometry.mesh.p.shape[1]
+    forms = []
+    if n.element == "P2P1":
+        pressure = next(law for law in bulk if law.role == "volumetric")
+        forms.append(MixedVolumetric(pressure, space, degree, p.height))
+        bulk = tuple(law for law in bulk if law is not pressure)
+    forms.insert(0, BulkForm(bulk, volume, p.height))
+    ndof = getattr(forms[-1], "ndof", space.ndof)
     faces = {name: space.faces(name, n.facet_degree) for name in geometry.blade_faces}
     if cut := model.laws("cut"):
         minus = paired(faces["cut"], faces["cut_minus"], space.X) if geometry.split else None
@@ -79,10 +78,6 @@ def build(case: Case, geometry: Geometry | None = None) -> Built:
             BladeForm(blade, face, numerics, keep_touched=name != "top", height=p.height)
             for name, face in faces.items()
         ]
-        coupled = any(law.role == "friction" for law in blade)
-        for form in forms:
-            if isinstance(form, BladeForm):
-                form.symmetric = n.normal == "tool" and not coupled
     if n.damping_mm > 0:
         forms.append(DampingForm(volume, p.G * n.damping_mm / p.speed))
     clamped = space.nodes_on(geometry.clamped)

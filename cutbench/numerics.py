@@ -15,7 +15,7 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "normal": ("tool", "material"),
     "gap": ("distance", "ellipse"),
     "scheme": ("monolithic", "staggered"),
-    "symmetry": ("half", "full"),
+    "symmetry": ("auto", "quarter", "half", "full"),
     "stepping": ("adaptive", "paper"),
     "solver": ("auto", "superlu", "pardiso"),
 }
@@ -57,7 +57,7 @@ class Numerics:
     damage_step: float = 0.5  # the step shrinks if damage grows by more in one
     damping_mm: float = 1e-4  # bulk viscosity over G, times the speed: carries the run through snaps
     tolerance: float = 1e-8
-    symmetry: str = "half"  # half | full
+    symmetry: str = "auto"  # auto (the smallest part) | quarter (3D) | half | full
     solver: str = "auto"  # auto | superlu | pardiso
     mesh: str | None = None  # a mesh file of the user's
 

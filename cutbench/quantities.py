@@ -7,6 +7,7 @@ units, and nothing a person writes or reads lacks them.
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from functools import cache
 
@@ -15,6 +16,9 @@ import pint
 from cutbench.errors import BadInput
 
 ureg = pint.UnitRegistry()
+
+#: One number, then a unit or nothing. Pint alone would read "7,5 kPa" as 75 kPa and "7 5 kPa" as 35 kPa.
+_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf))\s*(.*?)\s*")
 
 #: The consistent unit of each base dimension; every derived unit follows from these.
 _BASE = {"[length]": "mm", "[time]": "s", "[mass]": "tonne"}
@@ -109,8 +113,10 @@ def parse_quantity(raw: object, unit: str, *, file: str | None = None, key: str 
             file=file, key=key, value=raw, expected=f"a unit beside the number, such as '{raw:g} {unit}'"
         )
     try:
-        quantity = ureg.Quantity(str(raw).replace("²", "^2").replace("³", "^3"))
-        magnitude = float(quantity.magnitude)
+        number, written = _QUANTITY.fullmatch(str(raw).replace("²", "^2").replace("³", "^3")).groups()
+        # A unit holds no number of its own: parse_units refuses "5 kPa".
+        quantity = ureg.Quantity(float(number), ureg.parse_units(f"1{written}" if written[:1] == "/" else written))
+        magnitude = quantity.magnitude
     except Exception as error:  # pint raises many kinds for malformed text
         raise BadInput(file=file, key=key, value=raw, expected=wanted) from error
     if unit != "1" and quantity.dimensionless and quantity.units == ureg.dimensionless:

@@ -94,7 +94,8 @@ def check_tangent(space, form, u, state, step, p=P, rtol: float = 1e-10) -> None
 
 
 def bulk_form(space: Space, degree: int | None = None, names=DEFAULT) -> BulkForm:
-    return BulkForm(Model(names).laws("bulk"), space.volume(2 * space.order - 1 if degree is None else degree), HEIGHT)
+    degree = 2 * space.order - 1 if degree is None else degree
+    return BulkForm(Model(names).laws("bulk"), space.volume(degree), HEIGHT)
 
 
 # -- bulk ----------------------------------------------------------------------------------------
@@ -187,10 +188,8 @@ def test_plane_strain_is_a_layer_held_between_two_planes(order):
         pattern = assembled(space, form)
         per = LENGTH if dim == 3 else 1.0
         energies = form.energies(u, P, {})
-        out.append(
-            np.array([*energies.values(), v @ total(pattern, form, local), v @ (matrix(pattern, form, local) @ v)])
-            / per
-        )
+        K = matrix(pattern, form, local)
+        out.append(np.array([*energies.values(), v @ total(pattern, form, local), v @ (K @ v)]) / per)
     assert np.abs(out[0]).min() > 0
     np.testing.assert_allclose(out[1], out[0], rtol=1e-6)
 
@@ -292,9 +291,8 @@ def test_a_cut_law_that_is_off_is_absent_to_the_bit(dim, order):
 # -- blade ---------------------------------------------------------------------------------------
 def blade(space: Space, *, face="cut", names=DEFAULT, normal="tool", gap="distance", degree=6) -> BladeForm:
     numerics = ContactNumerics(stiffness=5 * P.G, tangential=5 * P.G, normal=normal, gap=gap)
-    return BladeForm(
-        Model(names).laws("blade"), space.faces(face, degree), numerics, keep_touched=face == "cut", height=HEIGHT
-    )
+    laws, faces = Model(names).laws("blade"), space.faces(face, degree)
+    return BladeForm(laws, faces, numerics, keep_touched=face == "cut", height=HEIGHT)
 
 
 def blade_case(space, form):
@@ -334,7 +332,7 @@ def test_some_points_stick_and_some_slip(dim, order):
     form = blade(space)
     u, state, step = blade_case(space, form)
     new = form.evaluate(u, P, state, step).state
-    strength = P.mu * new["pressure"] + P.tau_W * state["touched"]
+    strength = P.mu * state["pressure"] + P.tau_W * state["touched"]  # of the last step: see the form
     shear = np.sqrt((new["shear"] ** 2).sum(axis=0))
     assert np.all(shear <= strength * (1 + 1e-9) + 1e-15), "the slip criterion holds everywhere"
     carries = strength > 0
@@ -513,7 +511,8 @@ def test_quadrature_measures_the_piece(dim, order):
     v = space.volume(3)
     assert v.w.sum() == pytest.approx(SIZE * HEIGHT * deep, rel=1e-13)
     assert (v.w * v.X[0] ** 2 * v.X[1]).sum() == pytest.approx(HEIGHT**2 / 2 * SIZE**3 / 3 * deep, rel=1e-12)
-    for name, area, outward in (("cut", HEIGHT * deep, -np.eye(dim)[0]), ("top", SIZE * deep, np.eye(dim)[1])):
+    across, up = np.eye(dim)[:2]
+    for name, area, outward in (("cut", HEIGHT * deep, -across), ("top", SIZE * deep, up)):
         f = space.faces(name, 4)
         assert f.w.sum() == pytest.approx(area, rel=1e-13)
         np.testing.assert_allclose(f.normal, np.broadcast_to(outward[:, None], f.normal.shape), atol=1e-13)

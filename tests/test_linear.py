@@ -1,4 +1,4 @@
-"""Sparse solvers: every back end, symmetric or not, definite or not; a singular matrix is never passed over."""
+"""Sparse solvers: every back end, symmetric or not, definite or not; a singular matrix is reported."""
 
 from __future__ import annotations
 

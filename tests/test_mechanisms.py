@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import sys
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -344,7 +345,7 @@ def path(history: np.ndarray, substeps: int = 40) -> list[np.ndarray]:
 def test_a_cycle_of_the_jump_never_gives_energy(law, history):
     states, T_old, work, passed = None, None, 0.0, 0.0
     steps = path(history)
-    for old, jump in zip(steps, steps[1:], strict=False):
+    for old, jump in pairwise(steps):
         T, states, _ = cut(law, jump, old, states, dt=DT)
         T_old = T if T_old is None else T_old
         piece = float(((T + T_old) / 2 * (jump - old)).sum())
@@ -359,14 +360,14 @@ def test_damage_and_dissipation_only_grow(law, history):
     p, zero = numbers(law), np.zeros((3, 1))
     states, damage, lost = None, 0.0, 0.0
     steps = path(history, 5)
-    for old, jump in zip(steps, steps[1:], strict=False):
+    for old, jump in pairwise(steps):
         _, states, at = cut(law, jump, old, states)
         now = float(at.shared["damage"][0])
         assert damage <= now <= 1
         damage = now
         spent = law.work(zero, p, states[law.name], at)
         if spent is not None:  # what is left at zero jump is dissipated
-            assert spent[0] >= lost * (1 - 1e-12)
+            assert spent[0] >= lost - 1e-14 * p.G_c
             lost = spent[0]
 
 
@@ -451,9 +452,8 @@ def test_contact_pressure_keeps_out_and_never_pulls(law, multiplier):
     assert t_N[-1] == 0 and t_N[0] == pytest.approx(multiplier - stiffness * gap[0])
     bracket = np.maximum(multiplier - stiffness * gap, 0)
     assert np.abs(t_N - bracket).max() <= 0.01 * stiffness * p.thickness / 2
-    central = (
-        law.pressure(gap + h, multiplier, stiffness, p)[0] - law.pressure(gap - h, multiplier, stiffness, p)[0]
-    ) / (2 * h)
+    up, down = (law.pressure(gap + s * h, multiplier, stiffness, p)[0] for s in (1, -1))
+    central = (up - down) / (2 * h)
     close(slope, central, 1e-5)
     close(law.pressure(gap + 1j * STEP, multiplier, stiffness, p)[0].imag / STEP, slope, 1e-13)
 

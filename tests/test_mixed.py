@@ -184,7 +184,8 @@ def cook(n: int, element: str, G: float, kappa: float, *, solver="auto", degree=
     stored = {"neo_hookean": 0.0, "volumetric": 0.0}
     for part in np.arange(1, loads + 1) / loads:
         step = step_from(u.copy())
-        for iterations in range(20):
+        for iteration in range(20):
+            most = max(most, iteration)
             data, R = np.zeros(pattern.indices.size), -part * load
             for form in forms:
                 local = form.evaluate(u, p, {}, step)
@@ -196,7 +197,6 @@ def cook(n: int, element: str, G: float, kappa: float, *, solver="auto", degree=
             u[pattern.free] += direct.solve(-R[pattern.free])
         else:
             raise AssertionError(f"no equilibrium at {part:g} of the load")
-        most = max(most, iterations)
         work += (before + part) / 2 * load @ (u - step.u_old)
         before = part
         for form in forms:

@@ -47,9 +47,10 @@ def test_what_a_person_writes_is_read(text, unit, value):
 @pytest.mark.parametrize(
     "raw, unit",
     [
-        (7.5, "kPa"), ("7.5", "kPa"), (0, "mm"), ("7.5 mm", "kPa"), ("7.5 bananas", "kPa"), ("kPa 7 5", "kPa"),
+        (7.5, "kPa"), ("7.5", "kPa"), (0, "mm"), ("7.5 mm", "kPa"), ("7.5 bananas", "kPa"),
         ("", "kPa"), ("soft", "kPa"), (None, "kPa"), (True, "1"), ([7.5], "kPa"), ({"value": 1}, "kPa"),
         ("7,5 kPa", "kPa"), ("7 5 kPa", "kPa"), ("7..5 kPa", "kPa"), ("7.5 kPa 3", "kPa"), ("7.5 kpa", "kPa"),
+        ("kPa 7.5", "kPa"),
         ((1, "kPa"), "kPa"), ("0.49 mm", "1"), ("1 J/m^3", "J/m^2"), ("1 N*s", "N/m"),
     ],
 )  # fmt: skip
@@ -75,7 +76,7 @@ def test_bounds_are_closed_or_open_as_declared(raw, good):
     if good:
         assert NU.parse(raw) == raw
     else:
-        with pytest.raises(BadInput, match="0 <= nu < 0.5"):
+        with pytest.raises(BadInput, match=r"0 <= nu < 0\.5"):
             NU.parse(raw)
 
 

@@ -15,11 +15,15 @@ import scipy.sparse as sp
 
 @dataclass(frozen=True)
 class Block:
-    """Scatter of one kind of local contribution: ``dofs`` (nd, n) global numbers."""
+    """Scatter of one kind of local contribution: ``dofs`` (nd, n) global numbers.
+
+    ``places`` are the CSR values that the local matrices reach: few for a block of faces.
+    """
 
     dofs: np.ndarray
     vector: sp.csr_matrix  # (ndof, nd·n)
-    matrix: sp.csr_matrix  # (nnz, entries)
+    places: np.ndarray  # (reached,)
+    matrix: sp.csr_matrix  # (reached, entries)
 
 
 class Pattern:
@@ -56,15 +60,14 @@ class Pattern:
         self.blocks = {}
         for name, dofs in dof_tables.items():
             key, where = entries.pop(name)
-            place = np.searchsorted(keys, key)
-            ones = np.ones(place.size)
+            places, row = np.unique(np.searchsorted(keys, key), return_inverse=True)
             matrix = sp.csr_matrix(
-                (ones, (place, where)), shape=(keys.size, dofs.shape[0] ** 2 * dofs.shape[1])
+                (np.ones(row.size), (row, where)), shape=(places.size, dofs.shape[0] ** 2 * dofs.shape[1])
             )
             vector = sp.csr_matrix(
                 (np.ones(dofs.size), (dofs.ravel(), np.arange(dofs.size))), shape=(ndof, dofs.size)
             )
-            self.blocks[name] = Block(dofs, vector, matrix)
+            self.blocks[name] = Block(dofs, vector, places, matrix)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -76,7 +79,12 @@ class Pattern:
 
     def add(self, data: np.ndarray, name: str, local: np.ndarray) -> None:
         """Add local matrices (nd, nd, n) to the CSR values ``data``."""
-        data += self.blocks[name].matrix @ local.ravel()
+        block = self.blocks[name]
+        values = block.matrix @ local.ravel()
+        if block.places.size == data.size:
+            data += values
+        else:
+            data[block.places] += values
 
     def csr(self, data: np.ndarray) -> sp.csr_matrix:
         return sp.csr_matrix((data, self.indices, self.indptr), shape=self.shape)

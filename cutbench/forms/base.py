@@ -59,7 +59,7 @@ def component_major(nodes: np.ndarray, dim: int) -> np.ndarray:
 
 def nodal(u: np.ndarray, nodes: np.ndarray, dim: int) -> np.ndarray:
     """Values (dim, nn, n) at the nodes of each element or face."""
-    return np.ascontiguousarray(u[: u.size - u.size % dim].reshape(-1, dim).T[:, nodes])
+    return np.take(u, nodes * dim + np.arange(dim)[:, None, None])
 
 
 def blend(N: np.ndarray, values: np.ndarray) -> np.ndarray:

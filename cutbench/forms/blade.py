@@ -1,19 +1,23 @@
 """Blade form: contact, friction and adhesion on one set of faces (paper, eqs. normal_traction_augmented
 to the return mapping). Tractions act per reference area, as in the paper.
 
+What a law's strength depends on — pressure and Θ — is that of the last converged step. The paper does so
+with Θ; with the pressure too, friction no longer feeds back on contact within a step, and runs with
+Coulomb friction get through onsets at which they stall otherwise. Refining the step removes the lag.
+
 The traction may act along the tool's normal (that of the obstacle: frictionless contact then has a
 potential) or along the material's, n = F⁻ᵀN/|F⁻ᵀN| (the paper's: on the cut faces it is a wedge).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cutbench.forms.base import Form, Local, blend, component_major, nodal
 from cutbench.forms.space import Faces
-from cutbench.mechanisms.base import STEP, Points
+from cutbench.mechanisms.base import Points
 from cutbench.mechanisms.blade._tool import GAPS
 
 
@@ -41,10 +45,21 @@ class BladeForm(Form):
         self.name = f"blade_{faces.name}"
         self.dofs = component_major(faces.nodes, self.dim)
         self._gap = GAPS[numerics.gap]
+        self._unit_gradient = numerics.gap == "distance"
         self._material = numerics.normal == "material"
         self._stiffness = numerics.stiffness / faces.size
         self._tangential = numerics.tangential / faces.size
         self._height = height
+        # Only the tool's normal without shear has a potential: friction is unsymmetric where the blade
+        # is curved, and the material's normal turns with the face.
+        self.symmetric = not self._material and not self.frictions
+        # A face belongs to one flank for good: material pressed across the mid-plane is pushed back to
+        # its own side, not out on the other.
+        middle = faces.X[0].mean(axis=0)
+        on_plane = np.abs(middle) < 1e-9 * height
+        self._flank = np.sign(np.where(on_plane, -faces.normal[0], middle))
+        self._inner, self._upper = faces.X[0].min(axis=0), faces.X[1].max(axis=0)
+        self._patch: _Patch | None = None
         if self._material:
             reference = np.broadcast_to(
                 faces.tangents[:, :, None], (self.dim - 1, self.dim, 1, faces.size.size)
@@ -76,52 +91,55 @@ class BladeForm(Form):
     # -- kinematics -----------------------------------------------------------------------------
     def _near(self, u, p, state, step) -> np.ndarray:
         """Faces that can touch the blade or carry shear."""
-        f, dim = self.faces, self.dim
-        U = nodal(u, f.nodes, dim).real
-        x = f.X[0].min(axis=0) + U[0].min(axis=0)
-        y = f.X[1].max(axis=0) + U[1].max(axis=0)
+        U = nodal(u, self.faces.nodes, self.dim).real
+        x, y = self._inner + U[0].min(axis=0), self._upper + U[1].max(axis=0)
         tip = np.real(step.centre[1] - p.tip)
         half = np.real(p.thickness) / 2
         near = (np.abs(x) < half + self.reach) & (y > tip - self.reach)
         return np.flatnonzero(near | (state["touched"].max(axis=0) > 0))
 
+    def _patch_of(self, near: np.ndarray) -> _Patch:
+        """The faces ``near`` alone; from one evaluation to the next they are mostly the same."""
+        if self._patch is None or not np.array_equal(self._patch.near, near):
+            self._patch = _Patch.of(self.faces, near)
+        return self._patch
+
     # -- evaluation -----------------------------------------------------------------------------
     def evaluate(self, u, p, state, step, tangent=True):
-        f, dim = self.faces, self.dim
+        dim = self.dim
         nd, nf = self.dofs.shape
         near = self._near(u, p, state, step)
         kind = np.result_type(u, step.centre, p.thickness, p.tip, *state.values())
-        vector = np.zeros((nd, nf), dtype=np.result_type(kind, *[getattr(p, q.name) for law in self.frictions
-                                                               for q in law.parameters]))
+        kind = np.result_type(kind, *[getattr(p, q.name) for law in self.frictions for q in law.parameters])
+        vector = np.zeros((nd, nf), dtype=kind)
         matrix = np.zeros((nd, nd, nf)) if tangent else None
-        new = {**state, "pressure": np.zeros_like(state["pressure"]), "active": np.zeros_like(state["active"]),
-               "normal_traction": np.zeros_like(state["normal_traction"]),
-               "shear": np.zeros_like(state["shear"]), "shares": np.zeros_like(state["shares"])}
+        new = {**state}
+        for key in ("pressure", "active", "normal_traction", "shear", "shares"):
+            new[key] = np.zeros_like(state[key])
         if near.size == 0:
             return Local(vector, matrix, new)
         if np.iscomplexobj(vector):
             new = {k: v.astype(complex) for k, v in new.items()}
-        N, w, nodes = f.N[:, :, near], f.w[:, near], f.nodes[:, near]
-        U, U_old = nodal(u, nodes, dim), nodal(step.u_old, nodes, dim)
-        shift = blend(N, U)
-        x = f.X[:, :, near] + shift
-        nq, count = w.shape
-        g, n, H = self._gap_at(x, p, step)
+        patch = self._patch_of(near)
+        f = patch.faces
+        U = nodal(u, f.nodes, dim)
+        shift = blend(f.N, U)
+        nq, count = f.w.shape
+        g, gradient, H = self._gap_at(f.X + shift, near, p, step)
+        direction, dn = (gradient, H) if self._unit_gradient else self._unit(gradient, H)
         stiffness = np.broadcast_to(self._stiffness[near], (nq, count))
         t_N, dp = self.contact.pressure(g, state["multiplier"][:, near], stiffness, p)
-        gradient, direction, dn = n, *self._unit(n, H)
-        turn = None
+        push, turn = direction, ()
         if self._material:
-            slopes = [f.tangents[s][:, None, near] + blend(f.dN[s][:, :, near], U) for s in range(dim - 1)]
-            push, turn = self._material_direction(slopes, self._sign[:, near])
-        else:
-            push = direction
+            slopes = [f.tangents[s][:, None] + blend(f.dN[s], U) for s in range(dim - 1)]
+            push, turn = self._material_direction(slopes, self._sign[:, near], tangent)
         normal_traction = t_N * push
         total = normal_traction
         shear = None
         if self.frictions:
-            slip = shift - blend(N, U_old) - (step.centre - step.centre_old)[:dim, None, None]
-            shear = self._shear(near, t_N, direction, slip, dn, dp, gradient, p, state, step, tangent)
+            moved = nodal(u - step.u_old, f.nodes, dim)
+            slip = blend(f.N, moved) - (step.centre - step.centre_old)[:dim, None, None]
+            shear = self._shear(near, t_N, direction, slip, dn, p, state, step, tangent)
             total = total + shear["traction"]
             new["shear"][:, :, near] = shear["traction"]
             new["shares"][:, :, near] = shear["shares"]
@@ -130,27 +148,31 @@ class BladeForm(Form):
         new["pressure"][:, near] = t_N
         new["active"][:, near] = np.real(t_N) > 0
         new["normal_traction"][:, :, near] = normal_traction
-        tw = total * w
-        vector[:, near] = -np.einsum("qaf,dqf->daf", N, tw, optimize=False).reshape(nd, count)
+        vector[:, near] = -np.einsum("qaf,dqf->daf", f.N, total * f.w).reshape(nd, count)
         if tangent:
             D = dp * push[:, None] * gradient[None]
             if not self._material:
-                D = D + t_N * dn
+                D += t_N * dn
             if shear is not None:
-                D = D + shear["D"]
-            K = -_sandwich(N, D * w, N)
-            if turn is not None:
-                for s in range(dim - 1):
-                    K -= _sandwich(N, turn[s] * (t_N * w), f.dN[s][:, :, near])
-            matrix[:, :, near] = K.reshape(nd, nd, count)
+                D += shear["D"]
+            K = _sandwich(D * f.w, patch.NN)
+            for dt, NdN in zip(turn, patch.NdN, strict=False):
+                K += _sandwich(dt * (t_N * f.w), NdN)
+            matrix[:, :, near] = -K.reshape(nd, nd, count)
         return Local(vector, matrix, new)
 
-    def _gap_at(self, x, p, step):
+    def _gap_at(self, x, near, p, step):
         """Gap (nq, nf), gradient (dim, nq, nf) and second derivative (dim, dim, nq, nf)."""
         dim, shape = self.dim, x.shape[1:]
-        rx = (x[0] - step.centre[0]).ravel()
+        flank = np.broadcast_to(self._flank[near], shape).ravel()
+        rx = (x[0] - step.centre[0]).ravel() * flank
         ry = (x[1] - step.centre[1]).ravel()
-        g, n, H = self._gap(rx, ry, p.thickness / 2, p.tip)
+        over = np.where(np.real(rx) < 0, rx, 0)  # beyond the mid-plane the gap goes on linearly
+        g, n, H = self._gap(rx - over, ry, p.thickness / 2, p.tip)
+        g = g + over * n[0]
+        n[1] = n[1] + over * H[0, 1]
+        n[0], H[0, 1], H[1, 0] = flank * n[0], flank * H[0, 1], flank * H[1, 0]
+        H[0, 0] = np.where(np.real(over) < 0, 0, H[0, 0])
         gradient = np.zeros((dim, *shape), dtype=n.dtype)
         second = np.zeros((dim, dim, *shape), dtype=n.dtype)
         gradient[:2] = n.reshape(2, *shape)
@@ -165,27 +187,21 @@ class BladeForm(Form):
         He = np.einsum("ikqf,kqf->iqf", H, e)
         return e, (H - e[:, None] * He[None]) / size
 
-    def _material_direction(self, slopes, sign):
+    def _material_direction(self, slopes, sign, tangent):
         """Inward material normal and its derivative by each tangent (dim, dim, nq, nf)."""
-        c = _cross(np.stack(slopes)) * sign
+        c = _cross(slopes) * sign
         size = np.sqrt((c * c).sum(axis=0))
         n = c / size
-        dim = self.dim
-        eye = np.eye(dim)[:, :, None, None]
-        project = (eye - n[:, None] * n[None]) / size * sign
+        if not tangent:
+            return -n, ()
+        scale = sign / size
         turn = []
-        for s in range(dim - 1):
-            dc = np.zeros((dim, dim, *size.shape), dtype=c.dtype)
-            for k in range(dim):
-                probe = [np.zeros_like(t) for t in slopes]
-                for r, t in enumerate(slopes):
-                    probe[r] = t if r != s else np.zeros_like(t)
-                probe[s][k] = 1.0
-                dc[:, k] = _cross(np.stack(probe))
-            turn.append(-np.einsum("ijqf,jkqf->ikqf", project, dc))
+        for dc in _cross_slopes(slopes):
+            along = (n[:, None] * dc).sum(axis=0)
+            turn.append(scale * (n[:, None] * along[None] - dc))
         return -n, turn
 
-    def _shear(self, near, t_N, n, slip, dn, dp, gradient, p, state, step, tangent):
+    def _shear(self, near, t_N, n, slip, dn, p, state, step, tangent):
         """Return mapping of the tangential traction; strengths of all laws add up."""
         dim = self.dim
         stick = self._tangential[near]
@@ -201,7 +217,8 @@ class BladeForm(Form):
             X=self.faces.X[:, :, near], touched=state["touched"][:, near], slid=state["slid"][:, near],
             slip_rate=distance / step.dt, speed=p.speed, dt=step.dt,
         )
-        parts = np.stack([law.strength(t_N, p, state, at) + 0 * t_N for law in self.frictions])
+        known = state["pressure"][:, near]
+        parts = np.stack([law.strength(known, p, state, at) + 0 * t_N for law in self.frictions])
         strength = parts.sum(axis=0)
         slips = m.real > strength.real
         ratio = np.where(slips, strength / m, 1.0)
@@ -211,19 +228,16 @@ class BladeForm(Form):
         out = {"traction": traction, "shares": parts / total, "advance": distance}
         if not tangent:
             return out
-        by_pressure = sum(
-            law.strength(t_N + 1j * STEP, p, state, at).imag / STEP + 0 * t_N for law in self.frictions
-        )
         # The strength's dependence on the slip rate is kept out of the tangent: it is weak and its
         # inclusion makes the sticking branch unsymmetric.
-        eye = np.eye(dim)[:, :, None, None]
-        flat = eye - n[:, None] * n[None]
-        dv = np.einsum("kqf,kjqf->jqf", v, dn)
-        dtrial = -stick * flat - dn * nv - n[:, None] * dv[None]
+        nn = n[:, None] * n[None]
+        dv = (v[:, None] * dn).sum(axis=0)
+        dtrial = stick * nn - dn * nv - n[:, None] * dv[None]
+        for i in range(dim):
+            dtrial[i, i] -= stick
         e = trial / m
-        along = np.einsum("iqf,ijqf->jqf", e, dtrial)
-        D = ratio * (dtrial - np.where(slips, 1.0, 0.0) * e[:, None] * along[None])
-        D = D + np.where(slips, by_pressure * dp, 0.0) * e[:, None] * gradient[None]
+        along = np.where(slips, (e[:, None] * dtrial).sum(axis=0), 0.0)
+        D = ratio * (dtrial - e[:, None] * along[None])
         out["D"] = D
         return out
 
@@ -247,14 +261,47 @@ class BladeForm(Form):
         return out
 
 
-def _cross(tangents: np.ndarray) -> np.ndarray:
-    """A normal to one (2D) or two (3D) tangents (dim−1, dim, q, f), not of unit length."""
-    if tangents.shape[0] == 1:
-        return np.stack([tangents[0, 1], -tangents[0, 0]])
+@dataclass(frozen=True)
+class _Patch:
+    """Some of the faces, with the products of their shape functions that tangents need."""
+
+    near: np.ndarray  # (count,) their numbers
+    faces: Faces
+    NN: np.ndarray  # (nq, nn, nn, count)
+    NdN: list[np.ndarray]  # (nq, nn, nn, count) for each tangent
+
+    @classmethod
+    def of(cls, faces: Faces, near: np.ndarray) -> _Patch:
+        names = ("nodes", "N", "dN", "w", "X", "normal", "tangents", "size")
+        # A selection along the last axis is not contiguous by itself, and every product would pay for it.
+        arrays = {name: np.ascontiguousarray(getattr(faces, name)[..., near]) for name in names}
+        some = replace(faces, **arrays)
+        N = some.N[:, :, None]
+        return cls(near, some, N * some.N[:, None], [N * dN[:, None] for dN in some.dN])
+
+
+def _cross(tangents) -> np.ndarray:
+    """A normal (dim, q, f) to one (2D) or two (3D) tangents, not of unit length."""
+    if len(tangents) == 1:
+        return np.stack([tangents[0][1], -tangents[0][0]])
     a, b = tangents
     return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
-def _sandwich(N: np.ndarray, D: np.ndarray, M: np.ndarray) -> np.ndarray:
-    """Σ_q N_a D_ik M_b: (q, a, f), (i, k, q, f), (q, b, f) to (i, a, k, b, f)."""
-    return np.einsum("qaf,ikqf,qbf->iakbf", N, D, M, optimize=False)
+def _cross_slopes(tangents) -> list[np.ndarray]:
+    """Derivative of ``_cross`` by each tangent, (dim, dim, q, f) or broadcast to it."""
+    if len(tangents) == 1:
+        return [np.array([[0.0, 1.0], [-1.0, 0.0]])[:, :, None, None]]
+    a, b = tangents
+    return [-_skew(b), _skew(a)]
+
+
+def _skew(a: np.ndarray) -> np.ndarray:
+    """The matrix (3, 3, …) of the cross product a × ·."""
+    o = np.zeros_like(a[0])
+    return np.stack([np.stack([o, -a[2], a[1]]), np.stack([a[2], o, -a[0]]), np.stack([-a[1], a[0], o])])
+
+
+def _sandwich(D: np.ndarray, NM: np.ndarray) -> np.ndarray:
+    """Σ_q D_ik (N_a M_b): (i, k, q, f), (q, a, b, f) to (i, a, k, b, f)."""
+    return np.einsum("ikqf,qabf->iakbf", D, NM)

@@ -40,6 +40,7 @@ class CutForm(Form):
         self._nodes = np.concatenate([side.nodes for side, _ in sides])
         # On a symmetry plane the other side moves oppositely: ⟦u⟧ = 2 u_n, half the work is ours.
         self._N = np.concatenate([sign * side.N for side, sign in sides], axis=1) / self.share
+        self._NN = self._N[:, :, None] * self._N[:, None]
         self.dofs = component_major(self._nodes, dim)
         nq, nf = plus.w.shape
         X = np.zeros((3, nq * nf))
@@ -57,13 +58,12 @@ class CutForm(Form):
         nc = self._frame.shape[0]
         out = np.zeros((3, self.faces.w.size), dtype=values.dtype)
         for c in range(nc):
-            out[c] = np.einsum("df,dqf->qf", self._frame[c], values).ravel()
+            out[c] = (self._frame[c][:, None] * values).sum(axis=0).ravel()
         return out
 
     def points(self, step: object) -> Points:
-        return Points(
-            X=self._X, depth=self._depth, dt=step.dt, jump_old=self.jump(step.u_old), shared={}, held=self.held
-        )
+        jump_old = self.jump(step.u_old)
+        return Points(X=self._X, depth=self._depth, dt=step.dt, jump_old=jump_old, shared={}, held=self.held)
 
     def _tractions(self, jump, p, state, at):
         at.shared.clear()
@@ -92,10 +92,12 @@ class CutForm(Form):
             for c in range(nc):
                 probe = jump.astype(complex)
                 probe[c] += 1j * STEP
-                D[:, c] = self._tractions(probe, p, state, at)[0].sum(axis=0)[:nc].imag.reshape(nc, nq, nf) / STEP
-            D = np.einsum("cdf,ceqf,ekf->dkqf", self._frame, D * w, self._frame)
-            matrix = np.einsum("qaf,dkqf,qbf->dakbf", self._N, D, self._N, optimize=True)
+                slope = self._tractions(probe, p, state, at)[0].sum(axis=0)[:nc].imag / STEP
+                D[:, c] = slope.reshape(nc, nq, nf)
             nd = self.dofs.shape[0]
+            D = (D * w).transpose(2, 0, 1, 3).reshape(nq, nc, nc, nf)
+            matrix = np.einsum("qcef,qabf->ceabf", D, self._NN)
+            matrix = np.einsum("cdf,ceabf,ekf->dakbf", self._frame, matrix, self._frame)
             matrix = matrix.reshape(nd, nd, nf)
         return Local(vector.reshape(self.dofs.shape[0], -1), matrix, new)
 

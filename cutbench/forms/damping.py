@@ -25,22 +25,27 @@ class DampingForm(Form):
         self.boost = 1.0
         self.dofs = component_major(volume.nodes, self.dim)
         grad = np.einsum("qma,mje->qjae", volume.dphi, volume.jinv)
-        laplace = np.einsum("qjae,qjbe,qe->abe", grad, grad, volume.w, optimize=True)
+        laplace = np.ascontiguousarray(np.einsum("qjae,qjbe,qe->abe", grad, grad, volume.w, optimize=True))
         nn, _, ne = laplace.shape
         self._laplace = laplace
         matrix = np.zeros((self.dim, nn, self.dim, nn, ne))
         for i in range(self.dim):
             matrix[i, :, i] = laplace
-        #: ∫ ∇₀δu : ∇₀u dV, per unit of viscosity over time.
+        #: ∫ ∇₀δu : ∇₀u dV: local matrices that a problem assembles once.
         self.unit_matrix = matrix.reshape(self.dim * nn, self.dim * nn, ne)
+
+    def factor(self, step) -> float:
+        """What the tangent is in units of ``unit_matrix``."""
+        return self.viscosity * self.boost / step.dt
 
     def _force(self, u, step):
         du = nodal(u - step.u_old, self._nodes, self.dim)
-        return du, np.einsum("abe,ibe->iae", self._laplace, du) * (self.viscosity * self.boost / step.dt)
+        return du, np.einsum("abe,ibe->iae", self._laplace, du) * self.factor(step)
 
     def evaluate(self, u, p, state, step, tangent=True):
         _, force = self._force(u, step)
-        return Local(force.reshape(self.dofs.shape), self.unit_matrix * (self.viscosity * self.boost / step.dt) if tangent else None)
+        matrix = self.factor(step) * self.unit_matrix if tangent else None
+        return Local(force.reshape(self.dofs.shape), matrix)
 
     def work(self, u, p, old, new, step):
         du, force = self._force(u, step)

@@ -19,13 +19,17 @@ NEEDED = ("cut", "top", "bottom")
 def geometry(values, numerics) -> Geometry:
     """The section of a case: ``values`` have width, height, length in mm. Raises BadInput for a bad mesh."""
     length, height = values["length"], values["height"]
+    if numerics.symmetry == "quarter":
+        raise BadInput(
+            key="symmetry", value="quarter", expected="'half', 'full' or 'auto': a quarter is for three dimensions"
+        )
     if numerics.mesh is not None:
         mesh = read_mesh(numerics.mesh, height)
         return Geometry(mesh, height, 2 * length)
     mesh = half_block(values["width"], height, numerics.h_mm, corner=numerics.h_mm / 4)
-    if numerics.symmetry == "half":
-        return Geometry(mesh, height, 2 * length)
-    return Geometry(mirrored(mesh), height, length, split=True)
+    if numerics.symmetry == "full":
+        return Geometry(mirrored(mesh), height, length, split=True)
+    return Geometry(mesh, height, 2 * length)
 
 
 def mirrored(half: skfem.MeshTri) -> skfem.MeshTri:

@@ -24,6 +24,19 @@ def available() -> tuple[str, ...]:
     return ("pardiso", "superlu") if _mkl is not None else ("superlu",)
 
 
+#: Largest residual of a solution, relative to the right-hand side. A singular matrix leaves 1 or more.
+RESIDUAL = 1e-6
+
+
+def _checked(A: sp.csr_matrix, x: np.ndarray, b: np.ndarray, transposed: sp.spmatrix | None = None) -> np.ndarray:
+    """``x`` if it solves A x = b, else SingularMatrix: perturbed pivots return nonsense without an error."""
+    Ax = A @ x if transposed is None else A @ x + transposed @ x
+    error = float(np.linalg.norm(Ax - b))
+    if not error <= RESIDUAL * float(np.linalg.norm(b)):
+        raise SingularMatrix(f"the solution leaves a residual of {error:.1e}")
+    return x
+
+
 def make_solver(name: str, indptr, indices, n: int, symmetric: bool):
     """A solver for one CSR pattern; ``symmetric``: the upper triangle is given."""
     if name == "auto":
@@ -48,9 +61,10 @@ class Pardiso:
         self._iparms = {0: 1, 1: 2, 7: 2, 9: 8 if symmetric else 13, 10: 1, 12: 1, 20: 1, 34: 1}
 
     def refactor(self, data: np.ndarray) -> None:
+        matrix = sp.csr_matrix((data, *self._pattern), shape=(self._n, self._n))
+        self._A, self._mirror = matrix, sp.triu(matrix, 1).T if self._symmetric else None
         try:
             if self._solver is None:
-                matrix = sp.csr_matrix((data, *self._pattern), shape=(self._n, self._n))
                 kind = _mkl.MTYPE_REAL_SYM_INDEF if self._symmetric else _mkl.MTYPE_REAL_NONSYM
                 self._solver = _mkl.PardisoSolver(matrix, kind, iparms=self._iparms)
             else:
@@ -60,7 +74,8 @@ class Pardiso:
             raise SingularMatrix(str(error)) from error
 
     def solve(self, b: np.ndarray) -> np.ndarray:
-        return self._solver.solve(np.ascontiguousarray(b))
+        x = self._solver.solve(np.ascontiguousarray(b))
+        return _checked(self._A, x, b, self._mirror)
 
 
 class SuperLU:
@@ -83,7 +98,12 @@ class SuperLU:
         A = self._full(data)
         self._A = A
         if self._order is None:
-            lu = spla.splu(A, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+            # The ordering needs the pattern alone: a matrix of its kind that can always be factorized.
+            safe = A.copy()
+            safe.data = np.full(A.nnz, -1.0)
+            safe.setdiag(1.0 + np.diff(A.indptr))
+            lu = spla.splu(safe.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
+                           options={"SymmetricMode": True})
             self._order = np.argsort(lu.perm_c)
         P = A[self._order][:, self._order]
         try:
@@ -109,4 +129,4 @@ class SuperLU:
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         x = self._back(b)
-        return x + self._back(b - self._A @ x)
+        return _checked(self._A, x + self._back(b - self._A @ x), b)

@@ -98,7 +98,7 @@ class March:
                 easy = 0
                 size *= rules.shrink
                 if damping is not None and size < rules.gentle:
-                    damping.boost = min(damping.boost * 4, 1e6)
+                    damping.boost = min(max(10.0, damping.boost * 10), 1e7)
                 if size < rules.smallest:
                     self.stopped = error.reason
                     return
@@ -113,11 +113,11 @@ class March:
             u_before, size_before = u, size
             u, travel = new_u, travel + size
             force = sum(form.force(states[form.name])[1] for form in blades)
-            reaction = result.vectors["bulk"][self.bottom].sum()
+            reaction = result.residual[self.bottom].sum()
             yield Accepted(travel, step.dt, u, states, force, reaction, work, iterations, result.vectors)
             easy = easy + 1
             if damping is not None:
-                damping.boost = max(1.0, damping.boost / 2)
+                damping.boost = max(1.0, damping.boost * 0.6)
             if rules.paper:
                 size = max(size / 10, rules.smallest) if growth > rules.damage else min(5 * size, rules.largest)
             elif iterations > rules.iterations + 3 or growth > rules.damage:

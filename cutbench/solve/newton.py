@@ -25,6 +25,8 @@ class NewtonSettings:
     in one iteration, mm."""
 
     tolerance: float = 1e-8
+    #: Accepted where rounding keeps the residual from falling further.
+    stagnant: float = 1e-7
     iterations: int = 15
     reach: float = 0.3
     trust: float = 0.1
@@ -32,18 +34,21 @@ class NewtonSettings:
     cuts: int = 6
     slack: float = 0.8
     patience: int = 4
-    smallest_ratio: float = 0.2
+    smallest_ratio: float = 0.25
 
 
 def newton(problem: Problem, u: np.ndarray, states: dict, step: Step, settings: NewtonSettings):
     """Solve R(u) = 0 from the guess ``u``. Returns (u, Evaluation, iterations); raises NoConvergence."""
     free = problem.free
+    moving = problem.displacements
 
     def norm(e: Evaluation) -> float:
         value = float(np.linalg.norm(e.residual[free]))
         return value if np.isfinite(value) else np.inf
 
-    if problem.bulk.smallest_volume_ratio(u) < settings.smallest_ratio:
+    # Elements may lose volume, but not most of what the last step left them.
+    floor = settings.smallest_ratio * min(1.0, problem.bulk.smallest_volume_ratio(step.u_old))
+    if problem.bulk.smallest_volume_ratio(u) < floor:
         raise NoConvergence("the predicted state has inverted elements")
     current = problem.evaluate(u, states, step)
     size = norm(current)
@@ -54,14 +59,14 @@ def newton(problem: Problem, u: np.ndarray, states: dict, step: Step, settings: 
         if iteration == settings.iterations:
             break
         du, shift = _direction(problem, current, settings, shift)
-        largest = np.abs(du).max()
+        largest = np.abs(du[moving]).max()
         alpha = min(1.0, settings.reach / largest) if largest > 0 else 1.0
-        while problem.bulk.smallest_volume_ratio(u + alpha * du) <= settings.smallest_ratio:
+        while problem.bulk.smallest_volume_ratio(u + alpha * du) <= floor:
             alpha /= 2
             if alpha < 1e-3:
                 raise NoConvergence("elements invert along the Newton direction")
         before, base = size, (u, current)
-        u, current = _search(problem, u, du, alpha, current, states, step, settings)
+        u, current = _search(problem, u, du, alpha, current, states, step, settings, floor)
         size = norm(current)
         if iteration >= settings.patience and size > 0.9 * before:
             # The active sets cycle: now the residual itself has to fall.
@@ -75,6 +80,8 @@ def newton(problem: Problem, u: np.ndarray, states: dict, step: Step, settings: 
         if iteration >= 2 * settings.patience and min(history[-settings.patience :]) > 0.5 * min(
             history[: -settings.patience]
         ):
+            if size <= settings.stagnant * current.scale:
+                return u, current, iteration
             raise NoConvergence(f"residual stays at {history[-1]:.1e} of the forces after {iteration} iterations")
     raise NoConvergence(f"{settings.iterations} iterations, residual {size / current.scale:.1e} of the forces")
 
@@ -85,14 +92,14 @@ def _direction(problem, current, settings, shift):
     Where softening makes the tangent indefinite or nearly singular, the direction leads uphill or far
     away. A multiple of the Laplacian added to the tangent shortens and turns it (Levenberg, Marquardt).
     """
-    free = problem.free
+    free, moving = problem.free, problem.displacements
     shift = 0.0 if shift < 0.05 else shift / 8
     for _ in range(6):
         data = current.data if shift == 0 else current.data + shift * problem.p.G * problem.metric
         try:
             problem.factorize(data)
             du = problem.back_substitute(current.residual)
-            largest = np.abs(du).max()
+            largest = np.abs(du[moving]).max()
             downhill = du[free] @ current.residual[free] < 0
             if np.isfinite(largest) and downhill and largest <= settings.trust:
                 return du, shift
@@ -114,13 +121,13 @@ def _shorter(problem, u, du, alpha, states, step):
         yield part * alpha, problem.evaluate(u + part * alpha * du, states, step)
 
 
-def _search(problem, u, du, alpha, current, states, step, settings):
+def _search(problem, u, du, alpha, current, states, step, settings, floor):
     """Along ``du``, find where the work of the residual on it has fallen well below its start.
 
     This is the energy line search of Matthies and Strang (1979): where contact and damage switch, a
     full step can jump between two branches for ever; the residual's norm need not tell.
     """
-    free = problem.free
+    free, moving = problem.free, problem.displacements
     direction = du[free]
     start = float(direction @ current.residual[free])
     e = problem.evaluate(u + alpha * du, states, step)
@@ -128,10 +135,10 @@ def _search(problem, u, du, alpha, current, states, step, settings):
         return u + alpha * du, e
     low, s_low, high, s_high = 0.0, start, alpha, float(direction @ e.residual[free])
     best = (abs(s_high), alpha, e)
-    largest = np.abs(du).max()
+    largest = np.abs(du[moving]).max()
     # Sliding down a long slope (a snap under way): go on while the forces still push.
     while s_high < -settings.slack * abs(start) and 2 * high * largest <= settings.reach:
-        if problem.bulk.smallest_volume_ratio(u + 2 * high * du) <= settings.smallest_ratio:
+        if problem.bulk.smallest_volume_ratio(u + 2 * high * du) <= floor:
             break
         low, s_low = high, s_high
         high *= 2

@@ -55,24 +55,32 @@ class Problem:
         if damping is not None:
             self.metric = np.zeros(self.pattern.indices.size)
             self.pattern.add(self.metric, "damping", damping.unit_matrix)
+        #: Lengths among the unknowns; pressures of a mixed element stand behind them.
+        self.displacements = slice(0, int(self.bulk.dofs.max()) + 1)
         self.timer.add("setup", start)
 
     def start(self) -> dict[str, dict]:
         return {form.name: form.start(self.p) for form in self.forms}
 
-    def evaluate(self, u: np.ndarray, states: dict[str, dict], step: Step, tangent: bool = True, p=None) -> Evaluation:
+    def evaluate(
+        self, u: np.ndarray, states: dict[str, dict], step: Step, tangent: bool = True, p=None
+    ) -> Evaluation:
         begin = time.perf_counter()
         p = self.p if p is None else p
         data = np.zeros(self.pattern.indices.size) if tangent else None
         residual, scale = 0.0, 0.0
         new, vectors = {}, {}
         for form in self.forms:
-            local = form.evaluate(u, p, states[form.name], step, tangent)
+            # Damping's matrix is a multiple of the metric, which stands assembled already.
+            constant = form.name == "damping"
+            local = form.evaluate(u, p, states[form.name], step, tangent and not constant)
             vector = self.pattern.vector(form.name, local.vector)
-            if tangent and local.matrix is not None:
+            if tangent and constant:
+                data += form.factor(step) * self.metric
+            elif tangent and local.matrix is not None:
                 self.pattern.add(data, form.name, local.matrix)
             residual = residual + vector
-            scale += float(np.linalg.norm(vector[self.free].real))
+            scale += float(np.linalg.norm(np.take(vector, self.free).real))
             new[form.name] = local.state
             vectors[form.name] = vector
         self.timer.add("assembly" if tangent else "residual", begin)

@@ -31,6 +31,17 @@ def _foot(x: np.ndarray, y: np.ndarray, a: float, b: float) -> np.ndarray:
     return t
 
 
+def _off_the_axes(x, y, a: float, b: float):
+    """Deep inside and on an axis of the ellipse two feet are equally near: a nudge chooses one.
+
+    Without it x = 0 finds the foot at the tip, however far, or none at all.
+    """
+    deep = np.maximum(a * np.real(x) - a * a, -b * np.real(y) - b * b) < -min(a, b) ** 2 * (1 - 1e-6)
+    x = x + np.where(deep, np.maximum(1e-6 * a - np.real(x), 0), 0)
+    y = y - np.where(deep, np.maximum(1e-6 * b + np.real(y), 0), 0)
+    return x, y
+
+
 def distance(x: np.ndarray, y: np.ndarray, a, b) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Signed distance g (N,), its gradient (2, N) and its second derivative (2, 2, N).
 
@@ -38,16 +49,17 @@ def distance(x: np.ndarray, y: np.ndarray, a, b) -> tuple[np.ndarray, np.ndarray
     step in complex numbers carries the derivative exactly.
     """
     kind = np.result_type(x, y, type(a), type(b), float)
-    g = np.array(x - a, dtype=kind)
+    side = np.where(np.real(x) < 0, -1.0, 1.0)
+    g = np.array(side * x - a, dtype=kind)
     n = np.zeros((2, g.size), dtype=kind)
-    n[0] = 1.0
+    n[0] = side
     H = np.zeros((2, 2, g.size), dtype=kind)
     tip = np.real(y) < 0
     if not tip.any():
         return g, n, H
     xt, yt = x[tip], y[tip]
-    side = np.where(np.real(xt) < 0, -1.0, 1.0)
-    xt = xt * side
+    side = side[tip]
+    xt, yt = _off_the_axes(xt * side, yt, float(np.real(a)), float(np.real(b)))
     t = _foot(np.real(xt), np.real(yt), float(np.real(a)), float(np.real(b)))
     if np.issubdtype(kind, np.complexfloating):
         u, v = a * xt / (t + a * a), b * yt / (t + b * b)

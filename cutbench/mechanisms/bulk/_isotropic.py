@@ -1,10 +1,19 @@
 """Stress and tangent of Ψ = W(Ī₁) + U(J), shared by every law of that kind.
 
 A law gives one scalar derivative; the tensor algebra is here once. The second derivative of the
-scalar is its complex step, exact to rounding.
+scalar is its complex step, exact to rounding. With C = dJ/dF the cofactor of F, each such law is
+
+    P = s F + c C,
+    dP/dF = ff F⊗F + fc (F⊗C + C⊗F) + cc C⊗C + swap C⊠C + one 1,   (C⊠C)_iJkL = C_iL C_kJ,
+
+so the factors of several laws can be summed before the tensors are built, and the tensors can be
+built from F and C in any frame of the material indices.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -30,11 +39,90 @@ def cofactor(F: np.ndarray) -> np.ndarray:
     return C
 
 
-def _flat(T: np.ndarray, dim: int) -> np.ndarray:
-    return T[:dim, :dim].reshape(dim * dim, -1)
+class Kinematics:
+    """What the laws need of F, computed once for all of them.
+
+    ``F`` (dim, dim, N); in two dimensions it is the in-plane part of plane strain, F_33 = 1.
+    ``C`` (dim, dim, N) its cofactor, ``J`` (N,) its determinant, ``trace`` (N,) tr FᵀF.
+    """
+
+    def __init__(self, F: np.ndarray):
+        self.F = F
+        if F.shape[0] == 2:
+            self.C = np.stack([F[1, 1], -F[1, 0], -F[0, 1], F[0, 0]]).reshape(F.shape)
+        else:
+            self.C = cofactor(F)
+        self.J = sum(F[0, J] * self.C[0, J] for J in range(F.shape[0]))
+
+    @cached_property
+    def trace(self) -> np.ndarray:
+        return np.einsum("ijn,ijn->n", self.F, self.F) + (3 - self.F.shape[0])
+
+    @cached_property
+    def j(self) -> np.ndarray:
+        """J^(−2/3)."""
+        return self.J ** (-2 / 3)
+
+    @cached_property
+    def I1(self) -> np.ndarray:
+        """Ī₁ = J^(−2/3) tr FᵀF."""
+        return self.j * self.trace
+
+    @cached_property
+    def r(self) -> np.ndarray:
+        """tr FᵀF/(3J): dĪ₁/dF = 2 J^(−2/3) (F − r C)."""
+        return self.trace / (3 * self.J)
 
 
-class Isochoric(Bulk):
+def tangent_blocks(
+    factors: Sequence[np.ndarray], F: np.ndarray, C: np.ndarray, metric: np.ndarray
+) -> Iterator[tuple[int, int, np.ndarray]]:
+    """i, k ≥ i and dP_iJ/dF_kL (…, J, L, n); the blocks below the diagonal follow by symmetry.
+
+    ``factors`` ff, fc, cc, swap, one (…, n); ``F``, ``C`` (dim, …, dim, n) with the material index last
+    but one, in any frame; ``metric`` (dim, dim, n) is the unit tensor in that frame.
+    """
+    ff, fc, cc, swap, one = (factor[..., None, :] for factor in factors)
+    by_F, by_C, swapped = ff * F + fc * C, fc * F + cc * C, swap * C
+    for i in range(F.shape[0]):
+        for k in range(i, F.shape[0]):
+            A = F[i][..., :, None, :] * by_F[k][..., None, :, :]
+            if i == k:
+                A += C[i][..., :, None, :] * (by_C[i] + swapped[i])[..., None, :, :]
+                A += one[..., None, :] * metric
+            else:
+                A += C[i][..., :, None, :] * by_C[k][..., None, :, :]
+                A += C[k][..., :, None, :] * swapped[i][..., None, :, :]
+            yield i, k, A
+
+
+class Isotropic(Bulk):
+    """A law given by the factors above."""
+
+    def stress_factors(self, k: Kinematics, p, at) -> tuple:
+        """s and c, each (N,) or a number."""
+        raise NotImplementedError(self.name)
+
+    def tangent_factors(self, k: Kinematics, p, at) -> tuple:
+        """ff, fc, cc, swap and one, each (N,) or a number."""
+        raise NotImplementedError(self.name)
+
+    def stress(self, F, p, state, at):
+        k = Kinematics(F)
+        s, c = self.stress_factors(k, p, at)
+        return s * F + c * k.C, {}
+
+    def tangent(self, F, p, state, at, dim):
+        k = Kinematics(F)
+        factors = np.broadcast_arrays(*self.tangent_factors(k, p, at), k.J)[:-1]
+        A = np.empty((dim, dim, dim, dim, F.shape[-1]))
+        for i, m, block in tangent_blocks(factors, F[:dim, :dim], k.C[:dim, :dim], np.eye(dim)[:, :, None]):
+            A[i, :, m] = block
+            A[m, :, i] = block.transpose(1, 0, 2)
+        return A
+
+
+class Isochoric(Isotropic):
     """Ψ = W(Ī₁), Ī₁ = J^(−2/3) tr FᵀF."""
 
     def dW_dI1(self, I1, p, at):
@@ -45,46 +133,23 @@ class Isochoric(Bulk):
         """Energy (N,), mJ/mm³."""
         raise NotImplementedError(self.name)
 
-    @staticmethod
-    def _invariant(F):
-        J = det(F)
-        j = J ** (-2 / 3)
-        trace = np.einsum("ijn,ijn->n", F, F)
-        return J, j, trace
-
     def energy(self, F, p, state, at):
-        J, j, trace = self._invariant(F)
-        return self.W(j * trace, p, at)
+        return self.W(Kinematics(F).I1, p, at)
 
-    def stress(self, F, p, state, at):
-        J, j, trace = self._invariant(F)
-        w = self.dW_dI1(j * trace, p, at)
-        return (2 * w * j) * (F - (trace / (3 * J)) * cofactor(F)), {}
+    def stress_factors(self, k, p, at):
+        s = 2 * self.dW_dI1(k.I1, p, at) * k.j
+        return s, -s * k.r
 
-    def tangent(self, F, p, state, at, dim):
-        J, j, trace = self._invariant(F)
-        I1 = j * trace
-        w = self.dW_dI1(I1, p, at)
-        w2 = self.dW_dI1(I1 + 1j * STEP, p, at).imag / STEP
-        f = _flat(F, dim)
-        m = _flat(cofactor(F), dim) / J  # F⁻ᵀ
-        d = f - (trace / 3) * m  # dĪ₁/dF = 2 j d
-        c = 2 * w * j
-        n = f.shape[-1]
-        A = (4 * w2 * j * j) * d[:, None] * d[None]
-        fm = f[:, None] * m[None]
-        A -= (2 / 3 * c) * (fm + fm.transpose(1, 0, 2))
-        A += (2 / 9 * c * trace) * m[:, None] * m[None]
-        A = A.reshape(dim, dim, dim, dim, n)
-        M = m.reshape(dim, dim, n)
-        A += (c * trace / 3) * (M[:, None, None, :] * M.transpose(1, 0, 2)[None, :, :, None])
-        for i in range(dim):
-            for J_ in range(dim):
-                A[i, J_, i, J_] += c
-        return A
+    def tangent_factors(self, k, p, at):
+        probe = self.dW_dI1(k.I1 + 1j * STEP, p, at)
+        s = 2 * probe.real * k.j
+        bend = 4 / STEP * probe.imag * k.j**2
+        by_J = s / k.J
+        slope = 2 / 3 * by_J
+        return bend, -k.r * bend - slope, k.r * (k.r * bend + slope), k.r * by_J, s
 
 
-class Volumetric(Bulk):
+class Volumetric(Isotropic):
     """Ψ = U(J). In the mixed formulation the pressure is an unknown of its own."""
 
     def U(self, J, p):
@@ -96,19 +161,11 @@ class Volumetric(Bulk):
     def energy(self, F, p, state, at):
         return self.U(det(F), p)
 
-    def stress(self, F, p, state, at):
-        return self.dU_dJ(det(F), p) * cofactor(F), {}
+    def stress_factors(self, k, p, at):
+        return 0.0, self.dU_dJ(k.J, p)
 
-    def tangent(self, F, p, state, at, dim):
-        J = det(F)
-        u1 = self.dU_dJ(J, p)
-        u2 = self.dU_dJ(J + 1j * STEP, p).imag / STEP
-        C = cofactor(F)
-        m = _flat(C, dim)
-        n = m.shape[-1]
-        # d²J/dF² = (C⊗C − C⊠C)/J, with C the cofactor.
-        A = (u2 + u1 / J) * m[:, None] * m[None]
-        A = A.reshape(dim, dim, dim, dim, n)
-        M = m.reshape(dim, dim, n)
-        A -= (u1 / J) * (M[:, None, None, :] * M.transpose(1, 0, 2)[None, :, :, None])
-        return A
+    def tangent_factors(self, k, p, at):
+        # d²J/dF² = (C⊗C − C⊠C)/J.
+        probe = self.dU_dJ(k.J + 1j * STEP, p)
+        u = probe.real / k.J
+        return 0.0, 0.0, probe.imag / STEP + u, -u, 0.0

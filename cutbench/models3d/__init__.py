@@ -1,0 +1,1 @@
+"""The block in three dimensions: geometry, mesh, named faces, symmetry; no form."""

@@ -1,0 +1,83 @@
+"""Tetrahedral meshes of a block, graded towards the cut plane by scikit-fem alone.
+
+x is the distance from the cut plane (x = 0), y the height, z the place along the blade with z = 0 in
+the middle of the block; the blade comes from above along y.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import skfem
+
+#: Growth of the element size with the distance from the cut plane.
+GRADING = 0.35
+#: Along the blade things change slowly: elements are longer there, by this factor at the most ...
+ALONG = 4.0
+#: ... and never longer than this part of the block's length.
+LONGEST = 1 / 20
+
+
+def length_along(length: float, h: float) -> float:
+    """Element size along the blade that goes with size ``h`` across it, all mm."""
+    return max(h, min(ALONG * h, LONGEST * length))
+
+
+def quarter(
+    width: float, height: float, length: float, h: float, *, h_z: float | None = None, grading: float = GRADING
+) -> skfem.MeshTet:
+    """The part 0 ≤ x ≤ width/2, 0 ≤ z ≤ length/2 of a block, without names, all lengths in mm.
+
+    On the cut plane edges across the blade are the largest H/(n 2^k) not above ``h``; along the blade they
+    are ``h_z`` (``length_along``) at the most. Away from it they grow by ``grading`` times the distance.
+    """
+    h_z = length_along(length, h) if h_z is None else h_z
+    # Lengths along the blade in units of h_z / h: there the wanted mesh is isotropic.
+    stretch = h_z / h
+    sides = np.array([width / 2, height, length / 2 / stretch])
+    levels = max(0, int(np.floor(np.log2(sides.min() / 2 / h))))
+    counts = np.maximum(np.ceil(sides / (h * 2**levels) - 1e-9), 1).astype(int)
+    with _quiet():
+        mesh = skfem.MeshTet.init_tensor(
+            *(np.linspace(0, side, n + 1) for side, n in zip(sides, counts, strict=True))
+        )
+        # Three bisections halve an element.
+        for _ in range(3 * levels):
+            corners = mesh.p[:, mesh.t]
+            size = np.ptp(corners, axis=1).max(axis=0)
+            wanted = h + grading * np.maximum(corners[0].min(axis=0) - h, 0)
+            marked = np.flatnonzero(size > wanted * (1 + 1e-6))
+            if marked.size == 0:
+                break
+            mesh = mesh.refined(marked)
+    return tetrahedra(mesh.p * np.array([[1.0], [1.0], [stretch]]), mesh.t)
+
+
+def tetrahedra(p: np.ndarray, t: np.ndarray) -> skfem.MeshTet:
+    """A mesh of points (3, n) and corners (4, m)."""
+    return skfem.MeshTet(np.ascontiguousarray(p, dtype=float), np.ascontiguousarray(t))
+
+
+def mirrored(mesh: skfem.MeshTet, axis: int, *, joined: bool) -> skfem.MeshTet:
+    """With its mirror image across the plane where coordinate ``axis`` is 0, sharing its nodes or not."""
+    p, n = mesh.p, mesh.p.shape[1]
+    sign = np.ones((3, 1))
+    sign[axis] = -1.0
+    shared = np.abs(p[axis]) < 1e-9 * np.ptp(p[axis]) if joined else np.zeros(n, bool)
+    image = np.where(shared, np.arange(n), n + np.cumsum(~shared) - 1)
+    return tetrahedra(np.hstack([p, (sign * p)[:, ~shared]]), np.hstack([mesh.t, image[mesh.t]]))
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Refinement inside scikit-fem warns about the memory layout of its own arrays; nobody can act on it."""
+    log = logging.getLogger("skfem")
+    before = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        log.setLevel(before)
