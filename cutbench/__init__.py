@@ -55,6 +55,7 @@ __all__ = [
     "load_case",
     "load_study",
     "run2d",
+    "run3d",
     "run_case",
     "run_study",
 ]
@@ -73,10 +74,39 @@ def run2d(
     ``without="adhesion"``. ``snapshots_mm`` are blade travels at which fields are kept. Raises
     BadInput; how the run ended is in the result's ``outcome``.
     """
+    return _cut(source, 2, snapshots_mm, on_step, changes)
+
+
+def run3d(
+    source: str | Path | Case,
+    *,
+    snapshots_mm: Sequence[float] = (),
+    on_step: Callable[[float, dict], None] | None = None,
+    **changes: object,
+) -> Result:
+    """Cut a material (a name or a TOML file) in three dimensions; takes and raises what ``run2d`` does.
+
+    By default a quarter of the block stands for it all (``symmetry="half"`` or ``"full"`` mesh more).
+    """
+    return _cut(source, 3, snapshots_mm, on_step, changes)
+
+
+def _cut(
+    source: str | Path | Case,
+    dim: int,
+    snapshots_mm: Sequence[float],
+    on_step: Callable[[float, dict], None] | None,
+    changes: dict[str, object],
+) -> Result:
+    from dataclasses import replace
+
     from cutbench.case import Case, load_case
     from cutbench.run import run_case
 
-    case = source.set(**changes) if isinstance(source, Case) else load_case(source, changes, dim=2)
+    if isinstance(source, Case):
+        case = replace(source.set(**changes), dim=dim)
+    else:
+        case = load_case(source, changes, dim=dim)
     return run_case(case, on_step=on_step, snapshots_mm=snapshots_mm)
 
 

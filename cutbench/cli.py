@@ -7,8 +7,9 @@ interrupted (what was reached is kept).
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -31,6 +32,8 @@ app = typer.Typer(
 
 #: Blade travel of the pictures of the section, in parts of the whole.
 _SNAPSHOTS = (0.25, 0.5, 0.75, 1.0)
+#: More of them in a block: the front runs sideways within a short travel.
+_SNAPSHOTS_3D = tuple(i / 12 for i in range(1, 13))
 
 
 def _exits(command: Callable) -> Callable:
@@ -67,46 +70,78 @@ def _root(
     pass
 
 
+# The options of a run, the same for a section and for a block.
+_Source = Annotated[str, typer.Argument(metavar="MATERIAL|FILE.toml", help="A material or a case file.")]
+_Sets = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="Change a value: --set eta_reg='0.5 s'."),
+]
+_Size = Annotated[str | None, typer.Option("--h", metavar="MM", help="Element size at the cut plane.")]
+_Depth = Annotated[str | None, typer.Option(metavar="MM", help="Blade travel.")]
+_Element = Annotated[str | None, typer.Option(metavar="P1|P2|P2P1", help="Finite element.")]
+_Normal = Annotated[
+    str | None, typer.Option(metavar="tool|material", help="Direction of the contact pressure.")
+]
+_Without = Annotated[
+    list[str] | None, typer.Option(metavar="NAME", help="Leave a mechanism out; may be repeated.")
+]
+_With = Annotated[
+    list[str] | None,
+    typer.Option("--with", metavar="NAME", help="Add a mechanism, or put it in place of its kind."),
+]
+_Out = Annotated[Path | None, typer.Option(metavar="DIR", help="Where to write; default: runs/NAME-ID.")]
+
+
 @app.command()
 @_exits
 def run2d(
-    material: Annotated[str, typer.Argument(metavar="MATERIAL|FILE.toml", help="A material or a case file.")],
-    sets: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="Change a value: --set eta_reg='0.5 s'."),
-    ] = None,
-    h: Annotated[str | None, typer.Option("--h", metavar="MM", help="Element size at the cut plane.")] = None,
-    depth: Annotated[str | None, typer.Option(metavar="MM", help="Blade travel.")] = None,
-    element: Annotated[str | None, typer.Option(metavar="P1|P2|P2P1", help="Finite element.")] = None,
-    normal: Annotated[
-        str | None, typer.Option(metavar="tool|material", help="Direction of the contact pressure.")
-    ] = None,
-    without: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Leave a mechanism out; may be repeated.")
-    ] = None,
-    with_: Annotated[
-        list[str] | None,
-        typer.Option("--with", metavar="NAME", help="Add a mechanism, or put it in place of its kind."),
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Where to write; default: runs/NAME-ID.")
-    ] = None,
+    material: _Source,
+    sets: _Sets = None,
+    h: _Size = None,
+    depth: _Depth = None,
+    element: _Element = None,
+    normal: _Normal = None,
+    without: _Without = None,
+    with_: _With = None,
+    out: _Out = None,
 ) -> None:
     """Cut a block in plane strain: force curve, energy by mechanism, fields, pictures."""
-    from cutbench.case import load_case
-    from cutbench.output import check_writable, write_run
-
     options = {"h": _in_mm(h), "depth": _in_mm(depth), "element": element, "normal": normal}
-    case = load_case(material, _changes(sets, options, with_, without), dim=2)
-    folder = check_writable(out if out is not None else Path("runs") / f"{_slug(case.name)}-{case.id}")
-    from cutbench.run import run_case  # the solver is loaded only once the input is known to be good
+    case, folder = _asked(material, _changes(sets, options, with_, without), out, dim=2)
+    result = _computed(case, _SNAPSHOTS)
+    _finish(result, folder)
 
-    with _travel(case) as on_step:
-        result = run_case(case, on_step=on_step, snapshots_mm=[part * case.p.depth for part in _SNAPSHOTS])
-    write_run(result, folder)
-    _show_result(result, folder)
-    if not result.outcome.done:
-        raise typer.Exit(130 if result.outcome.kind == "interrupted" else 1)
+
+@app.command()
+@_exits
+def run3d(
+    material: _Source,
+    sets: _Sets = None,
+    h: _Size = None,
+    depth: _Depth = None,
+    element: _Element = None,
+    normal: _Normal = None,
+    without: _Without = None,
+    with_: _With = None,
+    out: _Out = None,
+    plane_strain: Annotated[
+        bool, typer.Option(help="Compute the same case in plane strain too, for the end effect.")
+    ] = True,
+) -> None:
+    """Cut a block in three dimensions: as run2d, with the front of the cut along the blade."""
+    options = {"h": _in_mm(h), "depth": _in_mm(depth), "element": element, "normal": normal}
+    case, folder = _asked(material, _changes(sets, options, with_, without), out, dim=3)
+    result = _computed(case, _SNAPSHOTS_3D)
+    plane = None
+    if plane_strain and result.outcome.kind != "interrupted":
+        from cutbench.front import end_effect
+
+        plane = _computed(_flat(case, result.outcome.reached_mm))
+        result.measures |= end_effect(result.measures, plane.measures)
+    from cutbench.plots.solid import save_solid
+
+    save_solid(result, folder, plane)
+    _finish(result, folder)
 
 
 @app.command()
@@ -212,6 +247,42 @@ def _changes(
         if names:
             changes[key] = names
     return changes
+
+
+def _asked(
+    material: str, changes: dict[str, object], out: Path | None, *, dim: int
+) -> tuple[Case, Path]:
+    """The case and a folder that can be written to."""
+    from cutbench.case import load_case
+    from cutbench.output import check_writable
+
+    case = load_case(material, changes, dim=dim)
+    return case, check_writable(out if out is not None else Path("runs") / f"{_slug(case.name)}-{case.id}")
+
+
+def _computed(case: Case, snapshots: Sequence[float] = ()) -> Result:
+    """Run ``case`` under a bar; fields are kept at these parts of the travel."""
+    from cutbench.run import run_case  # the solver is loaded only once the input is known to be good
+
+    with _travel(case) as on_step:
+        return run_case(case, on_step=on_step, snapshots_mm=[part * case.p.depth for part in snapshots])
+
+
+def _flat(case: Case, depth_mm: float) -> Case:
+    """The same case in plane strain, as far as the block came."""
+    values = {**case.values, "depth": depth_mm}
+    numerics = replace(case.numerics, symmetry="auto", mesh=None)
+    return replace(case, name=f"{case.name} (plane strain)", dim=2, values=values, numerics=numerics)
+
+
+def _finish(result: Result, folder: Path) -> None:
+    """Write and show a run; leaves with the exit status that its outcome asks for."""
+    from cutbench.output import write_run
+
+    write_run(result, folder)
+    _show_result(result, folder)
+    if not result.outcome.done:
+        raise typer.Exit(130 if result.outcome.kind == "interrupted" else 1)
 
 
 def _whole(key: str, text: str | None) -> int | None:

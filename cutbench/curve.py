@@ -15,7 +15,7 @@ import numpy as np
 
 #: Unit and meaning of each measure, in the order in which tables show them.
 MEASURES: dict[str, tuple[str, str]] = {
-    "drop_rel": ("1", "largest relative force drop within one blade thickness of travel, at or after onset"),
+    "drop_rel": ("1", "largest relative force drop within one blade thickness of travel, at the transition"),
     "surge": ("1", "largest advance of the cut over one blade thickness of travel, per travel"),
     "onset_mm": ("mm", "blade travel at which the cut has begun"),
     "peak_mm": ("mm", "blade travel at the first prominent force maximum"),
@@ -27,6 +27,10 @@ MEASURES: dict[str, tuple[str, str]] = {
 }
 
 ABRUPT, SMOOTH, UNCUT = "abrupt", "smooth", "uncut"
+
+#: The transition lasts from one window before the onset to this many windows after it: what falls
+#: later is not the transition but unsteadiness of the cutting that follows.
+TRANSITION = 4.0
 
 #: Forces below this part of the largest one are no base for a relative drop, nor a peak.
 _FLOOR = 0.05
@@ -60,7 +64,11 @@ def measures(
     peak_mm, peak_N = _first_peak(d, F, prominence)
     steady, slope = _steady(d, F, d[-1] - tail * (d[-1] - d[0]))
     return {
-        "drop_rel": _drop(d, F, window_mm, onset - window_mm) if math.isfinite(onset) else math.nan,
+        "drop_rel": (
+            _drop(d, F, window_mm, onset - window_mm, onset + TRANSITION * window_mm)
+            if math.isfinite(onset)
+            else math.nan
+        ),
         "surge": _surge(d, c, window_mm),
         "onset_mm": onset,
         "peak_mm": peak_mm,
@@ -135,18 +143,18 @@ def _steady(d: np.ndarray, F: np.ndarray, start: float) -> tuple[float, float]:
     return mean, moment / (length**3 / 12)
 
 
-def _drop(d: np.ndarray, F: np.ndarray, window: float, start: float) -> float:
-    """max over x ≥ start of (F(x) − min F over [x, x + window]) / F(x).
+def _drop(d: np.ndarray, F: np.ndarray, window: float, start: float, stop: float) -> float:
+    """max over start ≤ x ≤ stop of (F(x) − min F over [x, x + window]) / F(x).
 
     Each candidate for the minimum is a point of the polygon or the window's end, and the ratio of
     two linear functions is monotone: the maximum lies where x or x + window meets a point, or at
-    ``start``. Two points at one travel (a jump) are taken in their order.
+    ``start`` or ``stop``. Two points at one travel (a jump) are taken in their order.
     """
     floor = _FLOOR * F.max()
-    start = max(start, d[0])
+    start, stop = max(start, d[0]), min(stop, d[-1])
     moved = d - window
-    moved = np.append(moved[moved > start], start)
-    points = np.flatnonzero(d >= start)
+    moved = np.append(moved[(moved > start) & (moved < stop)], [start, stop])
+    points = np.flatnonzero((d >= start) & (d <= stop))
     x = np.concatenate([d[points], moved])
     at = np.concatenate([F[points], np.interp(moved, d, F)])
     first = np.concatenate([points, np.searchsorted(d, moved, side="left")])

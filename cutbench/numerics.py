@@ -55,7 +55,7 @@ class Numerics:
     step_mm: float = 0.1  # largest step
     step_min_mm: float = 1e-4
     damage_step: float = 0.5  # the step shrinks if damage grows by more in one
-    damping_mm: float = 1e-4  # bulk viscosity over G, times the speed: carries the run through snaps
+    damping_mm: float = 3e-4  # bulk viscosity over G, times the speed: carries the run through snaps
     tolerance: float = 1e-8
     symmetry: str = "auto"  # auto (the smallest part) | quarter (3D) | half | full
     solver: str = "auto"  # auto | superlu | pardiso

@@ -42,11 +42,14 @@ class DampingForm(Form):
         du = nodal(u - step.u_old, self._nodes, self.dim)
         return du, np.einsum("abe,ibe->iae", self._laplace, du) * self.factor(step)
 
+    def start(self, p):
+        return {"force": np.zeros(self.dofs.shape)}
+
     def evaluate(self, u, p, state, step, tangent=True):
-        _, force = self._force(u, step)
-        matrix = self.factor(step) * self.unit_matrix if tangent else None
-        return Local(force.reshape(self.dofs.shape), matrix)
+        force = self._force(u, step)[1].reshape(self.dofs.shape)
+        return Local(force, self.factor(step) * self.unit_matrix if tangent else None, {"force": force})
 
     def work(self, u, p, old, new, step):
-        du, force = self._force(u, step)
-        return {"snap": float((du * force).sum())}
+        # The mean of both ends, as everywhere in the ledger: the last step's force was in its balance.
+        du = nodal(u - step.u_old, self._nodes, self.dim).reshape(self.dofs.shape)
+        return {"snap": float((du * (old["force"] + new["force"])).sum() / 2)}

@@ -27,12 +27,21 @@ def length_along(length: float, h: float) -> float:
 
 
 def quarter(
-    width: float, height: float, length: float, h: float, *, h_z: float | None = None, grading: float = GRADING
+    width: float,
+    height: float,
+    length: float,
+    h: float,
+    *,
+    h_z: float | None = None,
+    corner: float | None = None,
+    grading: float = GRADING,
 ) -> skfem.MeshTet:
     """The part 0 ≤ x ≤ width/2, 0 ≤ z ≤ length/2 of a block, without names, all lengths in mm.
 
     On the cut plane edges across the blade are the largest H/(n 2^k) not above ``h``; along the blade they
     are ``h_z`` (``length_along``) at the most. Away from it they grow by ``grading`` times the distance.
+    Under the blade, where the top face meets the cut plane, they shrink to ``corner``, and by as much
+    along the blade.
     """
     h_z = length_along(length, h) if h_z is None else h_z
     # Lengths along the blade in units of h_z / h: there the wanted mesh is isotropic.
@@ -45,10 +54,14 @@ def quarter(
             *(np.linspace(0, side, n + 1) for side, n in zip(sides, counts, strict=True))
         )
         # Three bisections halve an element.
-        for _ in range(3 * levels):
+        finer = 0 if corner is None else max(0, int(np.ceil(np.log2(h / corner) - 1e-9)))
+        for _ in range(3 * (levels + finer)):
             corners = mesh.p[:, mesh.t]
             size = np.ptp(corners, axis=1).max(axis=0)
             wanted = h + grading * np.maximum(corners[0].min(axis=0) - h, 0)
+            if finer:
+                away = np.hypot(corners[0].min(axis=0), height - corners[1].max(axis=0))
+                wanted = np.minimum(wanted, corner + grading * np.maximum(away - 2 * corner, 0))
             marked = np.flatnonzero(size > wanted * (1 + 1e-6))
             if marked.size == 0:
                 break

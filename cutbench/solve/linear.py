@@ -57,8 +57,8 @@ class Pardiso:
         self._pattern = (indices.astype(np.int32), indptr.astype(np.int32))
         self._n, self._symmetric, self._solver = n, symmetric, None
         # iparm starts at zero with the first entry set: METIS ordering, pivots perturbed by 1e-8
-        # (symmetric) or 1e-13, scaling and matching on, two refinement steps at most.
-        self._iparms = {0: 1, 1: 2, 7: 2, 9: 8 if symmetric else 13, 10: 1, 12: 1, 20: 1, 34: 1}
+        # (symmetric) or 1e-13, scaling and matching on, no refinement: the solution is checked.
+        self._iparms = {0: 1, 1: 2, 7: 0, 9: 8 if symmetric else 13, 10: 1, 12: 1, 20: 1, 34: 1}
 
     def refactor(self, data: np.ndarray) -> None:
         matrix = sp.csr_matrix((data, *self._pattern), shape=(self._n, self._n))

@@ -73,7 +73,9 @@ class Problem:
         for form in self.forms:
             # Damping's matrix is a multiple of the metric, which stands assembled already.
             constant = form.name == "damping"
-            local = form.evaluate(u, p, states[form.name], step, tangent and not constant)
+            # A trial state may have inverted elements; the caller sees that it is not finite.
+            with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+                local = form.evaluate(u, p, states[form.name], step, tangent and not constant)
             vector = self.pattern.vector(form.name, local.vector)
             if tangent and constant:
                 data += form.factor(step) * self.metric

@@ -1,0 +1,186 @@
+"""Every block of README.md and docs/ does what it says; the tables agree with the code.
+
+Blocks of one page run in order in one folder. A block that begins with ``# file: NAME`` is written
+there. A line ``$ cutbench …`` runs through the command line, and what stands under it must be in its
+output. Set-up commands are marked and compared with what runs them, for they make environments.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from cutbench.case import load_case
+from cutbench.materials import names as material_names
+from cutbench.numerics import ALIASES, CHOICES, KEYS, Numerics
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+SET_UP = re.compile(r"<!-- set-up: (\w+) -->\s*$")
+KINDS = {"python", "console", "toml"}
+
+
+class Block(NamedTuple):
+    line: int
+    kind: str
+    text: str
+    set_up: str | None
+
+
+def blocks(page: Path) -> list[Block]:
+    text = page.read_text(encoding="utf-8")
+    found = []
+    for match in re.finditer(r"^```(\w*)\n(.*?)^```$", text, re.M | re.S):
+        mark = SET_UP.search(text[: match.start()])
+        line = text.count("\n", 0, match.start()) + 1
+        found.append(Block(line, match[1], match[2], mark and mark[1]))
+    return found
+
+
+def set_up(kind: str) -> str:
+    (found,) = [b.text.strip() for b in blocks(ROOT / "README.md") if b.set_up == kind]
+    return found
+
+
+def run(args: list[str], folder: Path) -> subprocess.CompletedProcess:
+    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+    env = {**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1", "PYTHONIOENCODING": "utf-8"}
+    return subprocess.run(
+        args, cwd=folder, env=env, capture_output=True, text=True, encoding="utf-8", check=False, timeout=300
+    )
+
+
+def console(block: Block, folder: Path, where: str) -> None:
+    """Run each command of a block and look for what is shown under it."""
+    for part in re.split(r"^\$ ", block.text, flags=re.M)[1:]:
+        command, _, shown = part.partition("\n")
+        words = shlex.split(command)
+        assert words[0] == "cutbench", f"{where}: '{command}' is not run by this test"
+        done = run([sys.executable, "-m", *words], folder)
+        said = done.stdout + done.stderr
+        assert done.returncode == (2 if "cannot be used" in shown else 0), f"{where}: {command}\n{said}"
+        for line in filter(None, map(str.strip, shown.splitlines())):
+            assert line in said, f"{where}: {command}\n{said}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_blocks_run(page, tmp_path):
+    script = []
+    for block in blocks(page):
+        where = f"{page.name}, line {block.line}"
+        assert block.kind in KINDS, f"{where}: a block of kind '{block.kind}' is not run by any test"
+        if block.set_up:
+            continue
+        name = re.match(r"# file: (\S+)\n", block.text)
+        if name:
+            path = tmp_path / name[1]
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(block.text.partition("\n")[2], encoding="utf-8")
+        elif block.kind == "console":
+            console(block, tmp_path, where)
+        else:
+            assert block.kind == "python", f"{where}: a TOML block needs a '# file: NAME' line"
+            script.append(block.text)
+    if script:
+        (tmp_path / "page.py").write_text("\n".join(script), encoding="utf-8")
+        done = run([sys.executable, "page.py"], tmp_path)
+        assert done.returncode == 0, f"{page.name}\n{done.stderr}"
+        for comment in re.findall(r"print\(.*?\)\s+# (done: .*)", "\n".join(script)):
+            assert comment in done.stdout
+
+
+def test_readme_run_leaves_the_files_of_its_table(tmp_path):
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    table = text[text.index("| file | what |") :].split("\n\n")[0]
+    (command,) = re.findall(r"^\$ (cutbench run2d gelatin --depth .*)$", text, re.M)
+    done = run([sys.executable, "-m", *shlex.split(command)], tmp_path)
+    assert done.returncode == 0, done.stderr
+    listed = [name for row in table.splitlines()[2:] for name in re.findall(r"`([^`]+)`", row.split("|")[1])]
+    assert len(listed) >= 7
+    for name in listed:
+        assert list((tmp_path / "runs" / "gelatin").glob(name)), name
+
+
+def test_gent_of_the_readme_is_neo_hooke_far_from_locking(tmp_path):
+    (law,) = [b.text for b in blocks(ROOT / "README.md") if b.text.startswith("# file: my_laws/gent.py")]
+    (tmp_path / "my_laws").mkdir()
+    (tmp_path / "my_laws" / "gent.py").write_text(law, encoding="utf-8")
+    (tmp_path / "compare.py").write_text(
+        "import cutbench\n"
+        "from cutbench.mechanisms import bulk, registry\n"
+        "bulk.__path__.append('my_laws'); registry.cache_clear()\n"
+        "small = dict(depth='1 mm', h='0.7 mm')\n"
+        "for changes in ({}, dict(with_='gent', J_m=1e9), dict(with_='gent', J_m=10)):\n"
+        "    print(cutbench.run2d('gelatin', **changes, **small).force_N[-1])\n",
+        encoding="utf-8",
+    )
+    done = run([sys.executable, "compare.py"], tmp_path)
+    assert done.returncode == 0, done.stderr
+    neo, far, near = map(float, done.stdout.split())
+    assert far == pytest.approx(neo, rel=1e-6)
+    assert near > 1.001 * neo
+
+
+def test_ci_runs_the_test_command_of_the_readme():
+    ci = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    assert ci.rstrip().splitlines()[-1] == set_up("tests")
+
+
+def test_the_main_command_names_a_study_that_is_there():
+    words = shlex.split(set_up("main"))
+    study = ROOT / words[words.index("sweep") + 1]
+    from cutbench.study import load_study
+
+    runs = len(load_study(study).grid)
+    assert f"the {runs} runs of [studies/transition.toml]" in (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_both_commands_are_on_the_first_screen():
+    screen = "\n".join((ROOT / "README.md").read_text(encoding="utf-8").splitlines()[:24])
+    assert set_up("main") in screen and set_up("tests") in screen
+
+
+@pytest.mark.parametrize("name", material_names())
+def test_materials_are_as_the_readme_says(name):
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    (row,) = re.findall(rf"^\| {name} \|(.*)\|$", text, re.M)
+    _, ratio, G_c, _, tau, _, eta = (cell.strip() for cell in row.split("|"))
+    case = load_case(name)
+    shown = case.shown()
+    assert G_c.replace("²", "^2") == shown["G_c"]
+    assert (tau, eta) == (shown["tau_W"], shown["eta_reg"])
+    assert case.p.G_c / case.p.delta_c * 1e3 == pytest.approx(float(ratio.removesuffix(" kPa")), abs=0.05)
+
+
+def numerics_table() -> dict[str, tuple[str, str]]:
+    text = (ROOT / "docs" / "numerics.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| (.*?) \| (.*?) \|", text, re.M)
+    return {name: (default.strip("`"), choices) for name, default, choices in rows}
+
+
+def test_the_numerics_page_has_every_choice_with_its_default():
+    table = numerics_table()
+    assert {ALIASES.get(name, name) for name in table} == {ALIASES.get(key, key) for key in KEYS}
+    for name, (default, choices) in table.items():
+        field = ALIASES.get(name, name)
+        value = getattr(Numerics(), field)
+        if value is None:
+            assert default == "none"
+        elif isinstance(value, str):
+            assert default == value
+            assert tuple(choices.split(", ")) == CHOICES[field]
+        else:
+            assert float(default.removesuffix(" mm")) == value, name
+
+
+def test_links_lead_somewhere():
+    for page in PAGES:
+        for target in re.findall(r"\]\((?!https?:)([^)#]+)\)", page.read_text(encoding="utf-8")):
+            assert (page.parent / target).exists(), f"{page.name}: {target}"

@@ -1,0 +1,498 @@
+"""Whole runs in plane strain on a coarse mesh: curve, ledger, fields, outcomes, and what must not matter."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cutbench.build import build
+from cutbench.case import load_case
+from cutbench.mechanisms.blade._tool import distance
+from cutbench.mechanisms.bulk._isotropic import det
+from cutbench.result import SNAP
+from cutbench.run import run_case
+from cutbench.solve import march
+
+COARSE = load_case("gelatin").set(h="0.6 mm")
+#: Pressed in, nothing cut yet.
+PRESSED = COARSE.set(depth="1.5 mm")
+#: A weak cut plane and a slender tip: cuts from the first millimetre on, with friction and adhesion.
+CUTTING = COARSE.set(cohesion=1.0, tip="3.5 mm", mu=0.2, depth="2 mm")
+#: The same, fewer steps.
+BRIEF = CUTTING.set(depth="0.8 mm")
+#: For comparisons that hold on any element: the quickest.
+QUICK = BRIEF.set(element="P1")
+#: Mechanisms that a number switches off, with the numbers.
+SWITCHED = {m.name: m.off for m in CUTTING.model.all if m.off and m.slot != "bulk"}
+
+
+@pytest.fixture(scope="module")
+def pressed():
+    return run_case(PRESSED)
+
+
+@pytest.fixture(scope="module")
+def cutting():
+    return run_case(CUTTING, snapshots_mm=(0.3, 2.0))
+
+
+@pytest.fixture(scope="module")
+def brief():
+    return run_case(BRIEF)
+
+
+def force_at(result, travel):
+    return np.interp(travel, result.displacement_mm, result.force_N)
+
+
+def work(result, name):
+    return result.curve[f"work_{name}_mJ"]
+
+
+def blade_work(result):
+    """Work of the blade by the trapezoidal rule, mJ."""
+    d, F = result.displacement_mm, result.force_N
+    return np.concatenate([[0.0], np.cumsum(np.diff(d) * (F[1:] + F[:-1]) / 2)])
+
+
+# -- curve --------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("name", ["pressed", "cutting"])
+def test_a_curve_runs_from_the_origin_to_the_depth(name, request):
+    result = request.getfixturevalue(name)
+    assert result.outcome.done
+    assert result.outcome.reached_mm == pytest.approx(result.case.p.depth, abs=1e-9)
+    for column, values in result.curve.items():
+        assert values[0] == 0, column
+        assert np.isfinite(values).all(), column
+    assert (np.diff(result.displacement_mm) > 0).all()
+    assert result.displacement_mm[-1] == pytest.approx(result.case.p.depth, abs=1e-9)
+    seconds = result.displacement_mm / result.case.p.speed
+    np.testing.assert_allclose(result.curve["time_s"], seconds, rtol=1e-12)
+    assert (result.force_N[1:] > 0).all()
+
+
+def test_no_step_is_longer_than_asked_for(cutting):
+    assert np.diff(cutting.displacement_mm).max() <= cutting.case.numerics.step_mm * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("name", ["pressed", "cutting"])
+def test_the_bottom_carries_the_blade_at_every_step(name, request):
+    curve = request.getfixturevalue(name).curve
+    np.testing.assert_allclose(curve["reaction_N"][1:], curve["force_N"][1:], rtol=1e-6)
+
+
+@pytest.mark.parametrize("element", ["P1", "P2P1"])
+def test_the_bottom_carries_the_blade_whatever_the_element(element):
+    curve = run_case(BRIEF.set(element=element)).curve
+    np.testing.assert_allclose(curve["reaction_N"][1:], curve["force_N"][1:], rtol=1e-6)
+
+
+def test_pressing_cuts_nothing_and_cutting_follows_the_blade(pressed, cutting):
+    assert pressed.curve["cut_length_mm"].max() == 0
+    cut = cutting.curve["cut_length_mm"]
+    assert (np.diff(cut) >= -1e-12).all(), "what is cut stays cut"
+    assert 0.5 < cut[-1] < cutting.displacement_mm[-1] + CUTTING.numerics.h_mm
+
+
+def test_the_force_of_a_cut_that_opens_is_below_that_of_pressing(cutting):
+    whole = run_case(CUTTING.set(without=["smith_ferrante", "viscous_degraded"]))
+    assert force_at(cutting, 2.0) < 0.8 * force_at(whole, 2.0)
+    assert whole.curve["cut_length_mm"].max() == 0
+
+
+# -- ledger -------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("name", ["pressed", "cutting"])
+def test_the_ledger_adds_up_to_the_work_of_the_blade(name, request):
+    result = request.getfixturevalue(name)
+    assert result.ledger == (*result.case.mechanisms, SNAP)
+    total = sum(work(result, entry) for entry in result.ledger)
+    spent = blade_work(result)
+    assert spent[-1] > 0
+    assert total[-1] == pytest.approx(spent[-1], rel=0.01)
+    np.testing.assert_allclose(result.curve["closure"][1:], (spent - total)[1:] / spent[1:], atol=1e-9)
+    assert result.measures["closure"] == result.curve["closure"][-1]
+
+
+def test_forces_by_mechanism_are_the_work_over_each_step(cutting):
+    step = np.diff(cutting.displacement_mm)
+    for entry in cutting.ledger:
+        np.testing.assert_allclose(
+            cutting.curve[f"force_{entry}_N"][1:] * step, np.diff(work(cutting, entry)), rtol=1e-7, atol=1e-12
+        )
+
+
+def test_halving_the_step_improves_the_closure():
+    """The ledger integrates by the trapezoidal rule: a quarter of the error for half of the step."""
+    coarse, fine = (
+        abs(run_case(PRESSED.set(step=step)).curve["closure"][-1]) for step in ("0.2 mm", "0.1 mm")
+    )
+    assert fine < coarse / 2
+    assert coarse < 2e-3
+
+
+def test_what_dissipates_only_takes(cutting):
+    for entry in ("viscous_degraded", "coulomb", "adhesion", SNAP):
+        assert np.diff(work(cutting, entry)).min() >= -1e-9 * blade_work(cutting)[-1], entry
+        assert work(cutting, entry)[-1] > 0, entry
+
+
+def test_the_cut_costs_its_surface(cutting):
+    """Work of separation: G_c on what is cut through, and at most that plus the process zone."""
+    p = cutting.case.p
+    spent = work(cutting, "smith_ferrante")[-1] / p.length
+    length = cutting.curve["cut_length_mm"][-1]
+    assert 0.9 * p.G_c * length < spent < p.G_c * (length + 2)
+
+
+def test_the_snap_viscosity_is_small_while_nothing_snaps(pressed):
+    assert work(pressed, SNAP)[-1] < 1e-3 * blade_work(pressed)[-1]
+    without = run_case(PRESSED.set(damping_mm=0.0))
+    assert SNAP not in without.ledger
+    assert force_at(without, 1.5) == pytest.approx(force_at(pressed, 1.5), rel=1e-3)
+
+
+# -- mechanisms ---------------------------------------------------------------------------------------
+@pytest.mark.parametrize("name", sorted(SWITCHED))
+def test_switched_off_is_absent_to_the_bit(name):
+    units = {key: q.unit.removeprefix("1") for key, q in BRIEF.model.parameters().items()}
+    written = {key: f"{value} {units[key]}".strip() for key, value in SWITCHED[name].items()}
+    zero, absent = run_case(QUICK.set(**written)), run_case(QUICK.set(without=name))
+    assert zero.outcome.done
+    assert (work(zero, name) == 0).all()
+    for column, values in absent.curve.items():
+        np.testing.assert_array_equal(zero.curve[column], values, err_msg=column)
+
+
+@pytest.mark.parametrize("name", sorted(SWITCHED))
+def test_switched_on_is_felt(name):
+    present, absent = run_case(QUICK), run_case(QUICK.set(without=name))
+    at = np.linspace(0.1, 0.8, 20)
+    assert np.abs(force_at(absent, at) / force_at(present, at) - 1).max() > 1e-3
+
+
+def test_a_smooth_blade_does_no_work_of_shear():
+    result = run_case(BRIEF.set(mu=0.0, tau_W="0 kPa"), snapshots_mm=(0.8,))
+    for name in ("coulomb", "adhesion"):
+        assert (work(result, name) == 0).all()
+    for face in result.snapshots[0].faces.values():
+        assert (face["tangential_traction_MPa"] == 0).all()
+    assert result.snapshots[0].faces["cut"]["contact_state"].any()
+
+
+def test_the_undegraded_viscosity_costs_more(cutting):
+    """It goes on loading what is cut already."""
+    other = run_case(CUTTING.set(with_="viscous"))
+    assert other.outcome.done
+    assert work(other, "viscous")[-1] > 1.2 * work(cutting, "viscous_degraded")[-1]
+
+
+# -- choices of numerics ------------------------------------------------------------------------------
+def test_half_and_full_block_agree(brief):
+    full = run_case(BRIEF.set(symmetry="full"))
+    assert full.curve["cut_length_mm"][-1] > 0.1
+    at = np.linspace(0.05, 0.8, 30)
+    np.testing.assert_allclose(force_at(full, at), force_at(brief, at), rtol=2e-3)
+    virgin = run_case(PRESSED.set(symmetry="full", depth="0.3 mm"))
+    half = run_case(PRESSED.set(depth="0.3 mm"))
+    np.testing.assert_allclose(virgin.force_N, half.force_N, rtol=1e-6)
+    assert virgin.counts["degrees_of_freedom"] > 1.9 * half.counts["degrees_of_freedom"]
+
+
+@pytest.mark.parametrize("normal", ["tool", "material"])
+def test_elements_from_stiff_to_soft(normal):
+    """While nothing is cut, a richer space is softer: linear triangles lock at ν = 0.49."""
+    case = PRESSED.set(normal=normal, depth="1 mm")
+    linear, quadratic, mixed = (force_at(run_case(case.set(element=e)), 1.0) for e in ("P1", "P2", "P2P1"))
+    assert linear > 1.1 * quadratic
+    assert mixed == pytest.approx(quadratic, rel=0.02)
+    assert mixed <= quadratic
+
+
+def test_linear_triangles_lock_less_where_the_solid_is_compressible():
+    def excess(nu):
+        case = PRESSED.set(nu=nu, depth="0.5 mm")
+        linear, quadratic = (force_at(run_case(case.set(element=e)), 0.5) for e in ("P1", "P2"))
+        return linear / quadratic - 1
+
+    assert excess(0.3) < 0.7 * excess(0.49)
+
+
+def test_normals_and_gaps_are_choices_that_matter_little_before_the_cut(pressed):
+    for change in ({"normal": "tool"}, {"gap": "ellipse"}):
+        other = force_at(run_case(PRESSED.set(**change)), 1.5)
+        assert other != force_at(pressed, 1.5)
+        assert other == pytest.approx(force_at(pressed, 1.5), rel=0.05)
+
+
+def test_the_staggered_scheme_tends_to_the_monolithic_one():
+    """Damage that lags is repeated until it stands still, so both solve the same step."""
+    # Viscous enough that the cut grows steadily: in a snap, what a step meets depends on the step.
+    case = BRIEF.set(mu=0.0, viscosity=8.0, depth="0.6 mm", element="P1")
+    at = np.linspace(0.05, 0.6, 40)
+    apart = []
+    for step in ("0.1 mm", "0.02 mm"):
+        whole, lagged = (run_case(case.set(step=step, scheme=s)) for s in ("monolithic", "staggered"))
+        assert lagged.outcome.done
+        assert lagged.curve["cut_length_mm"][-1] > 0.01
+        assert lagged.counts["iterations"] > whole.counts["iterations"]
+        apart.append(np.abs(force_at(lagged, at) / force_at(whole, at) - 1).max())
+    assert apart[1] < 1e-3
+    assert apart[1] < apart[0] < 0.1
+
+
+def test_stepping_of_the_paper_reaches_the_same_force(pressed):
+    result = run_case(PRESSED.set(stepping="paper"))
+    assert result.outcome.done
+    assert force_at(result, 1.5) == pytest.approx(force_at(pressed, 1.5), rel=1e-3)
+    assert result.counts["steps"] != pressed.counts["steps"]
+
+
+def seen_by_blade(face, p, travel):
+    """Gap (m,) and its gradient (2, m) at a face's points. Beyond the mid-plane the gap goes on linearly."""
+    x, y = face["x"][:, 0], face["x"][:, 1] - (p.height + p.tip - travel)
+    over = np.minimum(x, 0)
+    g, n, H = distance(x - over, y, p.thickness / 2, p.tip)
+    n[1] += over * H[0, 1]
+    return g + over * n[0], n
+
+
+def deepest(case):
+    """Largest penetration of the blade by quadrature points in contact, mm."""
+    picture = run_case(case, snapshots_mm=(case.p.depth,)).snapshots[-1]
+    p = case.p
+    found = 0.0
+    for face in picture.faces.values():
+        g, _ = seen_by_blade(face, p, picture.displacement_mm)
+        assert (g[face["contact_state"] == 0] > -1e-9).all(), "whoever is inside is in contact"
+        found = max(found, -g[face["contact_state"] == 1].min(initial=0.0))
+    return found
+
+
+def test_augmentation_reduces_the_penetration():
+    case = PRESSED.set(depth="0.3 mm", normal="tool")
+    penalty, once, thrice = (deepest(case.set(augmentations=n)) for n in (0, 1, 3))
+    assert penalty > 1e-4
+    assert once < 0.7 * penalty
+    assert thrice < once
+
+
+def test_a_larger_penalty_reduces_the_penetration():
+    soft, stiff = (deepest(PRESSED.set(depth="0.3 mm", penalty=k)) for k in (20, 100))
+    assert stiff < 0.5 * soft
+
+
+# -- fields -------------------------------------------------------------------------------------------
+def test_snapshots_are_taken_where_they_were_asked_for(cutting):
+    travels = [s.displacement_mm for s in cutting.snapshots]
+    assert len(travels) == 2
+    for asked, got in zip((0.3, 2.0), travels, strict=True):
+        steps = cutting.displacement_mm
+        assert got == steps[steps >= asked - 1e-9][0], "the first step at or past it"
+
+
+def test_a_snapshot_holds_the_promised_fields(cutting):
+    picture = cutting.snapshots[-1]
+    n = len(picture.points)
+    assert picture.cell_type == "triangle6"
+    assert picture.cells.max() == n - 1
+    sizes = {"displacement": (n, 3), "piola": (n, 9), "cauchy": (n, 9), "von_mises": (n,)}
+    assert {name: field.shape for name, field in picture.point_data.items()} == sizes
+    for name, field in picture.point_data.items():
+        assert np.isfinite(field).all(), name
+    assert set(picture.faces) == {"cut", "top"}
+    for face in picture.faces.values():
+        m = len(face["X"])
+        assert {name: values.shape for name, values in face.items()} == {
+            "X": (m, 3), "x": (m, 3), "opening_mm": (m,), "damage": (m,), "contact_pressure_MPa": (m,),
+            "tangential_traction_MPa": (m, 3), "contact_state": (m,), "touched": (m,),
+        }  # fmt: skip
+        assert all(np.isfinite(values).all() for values in face.values())
+
+
+def test_stresses_are_symmetric_and_plane(cutting):
+    sigma = cutting.snapshots[-1].point_data["cauchy"].reshape(-1, 3, 3)
+    scale = np.abs(sigma).max()
+    assert scale > 0
+    np.testing.assert_allclose(sigma, sigma.transpose(0, 2, 1), atol=1e-12 * scale)
+    assert np.abs(sigma[:, 2, :2]).max() < 1e-12 * scale
+    assert np.abs(sigma[:, 2, 2]).max() > 0, "plane strain holds the thickness by a stress"
+    assert cutting.snapshots[-1].point_data["von_mises"].min() >= 0
+
+
+def test_no_element_is_turned_inside_out_and_the_bottom_stays(cutting):
+    built = build(CUTTING)
+    for picture in cutting.snapshots:
+        u = np.zeros(built.problem.ndof)
+        u[: built.space.ndof] = picture.point_data["displacement"][:, :2].ravel()
+        np.testing.assert_allclose(picture.points[:, :2].T, built.space.X)
+        assert det(built.form("bulk").deformation(u)).min() > 0
+    bottom = picture.points[:, 1] < 1e-9
+    assert bottom.any()
+    assert (picture.point_data["displacement"][bottom] == 0).all()
+
+
+def test_the_cut_opens_from_the_top(cutting):
+    cut = cutting.snapshots[-1].faces["cut"]
+    damage, depth = cut["damage"], CUTTING.p.height - cut["X"][:, 1]
+    assert ((damage >= 0) & (damage <= 1)).all()
+    assert damage[depth < 0.5].min() > 0.9
+    assert damage[depth > 6].max() < 0.5
+    # The opening is twice the distance of one side from the plane.
+    np.testing.assert_allclose(cut["opening_mm"], 2 * cut["x"][:, 0], atol=1e-12)
+    assert cut["opening_mm"].max() <= CUTTING.p.thickness + 0.05
+
+
+@pytest.mark.parametrize("case", [PRESSED.set(normal="tool", mu=0.3), BRIEF.set(normal="tool")])
+def test_tractions_on_the_faces_add_up_to_the_force(case):
+    """Pressure along the blade's normal and shear, summed over the faces by hand."""
+    result = run_case(case, snapshots_mm=(case.p.depth,))
+    picture, p = result.snapshots[-1], case.p
+    built = build(case)
+    total = np.zeros(2)
+    for form in built.blades:
+        face = picture.faces[form.faces.name]
+        _, normal = seen_by_blade(face, p, picture.displacement_mm)
+        traction = face["contact_pressure_MPa"] * normal + face["tangential_traction_MPa"][:, :2].T
+        total -= traction @ form.faces.w.ravel()
+        pressure = face["contact_pressure_MPa"]
+        assert (pressure >= 0).all()
+        assert ((pressure > 0) == (face["contact_state"] == 1)).all()
+        # Shear lies in the face of the blade.
+        shear = face["tangential_traction_MPa"][:, :2].T
+        right = face["x"][:, 0] >= 0
+        assert np.abs((shear * normal).sum(axis=0)[right]).max() < 1e-9
+        assert shear.any()
+    assert total[1] * 2 * p.length == pytest.approx(result.force_N[-1], rel=1e-9)
+
+
+# -- outcomes -----------------------------------------------------------------------------------------
+def test_ctrl_c_keeps_the_curve(brief):
+    seen = []
+
+    def stop(travel, row):
+        seen.append((travel, row["force_N"]))
+        if len(seen) == 5:
+            raise KeyboardInterrupt
+
+    result = run_case(BRIEF, on_step=stop)
+    assert result.outcome.kind == "interrupted"
+    assert result.outcome.reached_mm == seen[-1][0] < BRIEF.p.depth
+    assert [tuple(pair) for pair in zip(result.displacement_mm[1:], result.force_N[1:], strict=True)] == seen
+    for name, column in result.curve.items():
+        np.testing.assert_array_equal(column, brief.curve[name][:6], err_msg=name)
+
+
+def test_an_interrupted_run_leaves_a_picture_where_one_was_wanted():
+    def stop(travel, row):
+        if travel > 0.2:
+            raise KeyboardInterrupt
+
+    result = run_case(BRIEF, on_step=stop, snapshots_mm=(0.8,))
+    assert [s.displacement_mm for s in result.snapshots] == [result.displacement_mm[-1]]
+
+
+def test_steps_are_told_as_they_come(brief):
+    rows = []
+    result = run_case(BRIEF, on_step=lambda travel, row: rows.append(row))
+    assert {name: [0.0, *(row[name] for row in rows)] for name in result.curve} == {
+        name: column.tolist() for name, column in result.curve.items()
+    }
+
+
+@pytest.mark.parametrize(
+    ("reason", "advice"),
+    [
+        ("elements invert along the Newton direction", "inside out"),
+        ("damage grew by 1.00", "the cut jumps"),
+        ("singular tangent: zero pivot", "lost their solution"),
+        ("15 iterations, residual 1.0e-03 of the forces", "does not converge"),
+    ],
+)
+def test_a_run_that_stalls_says_where_and_what_to_try(monkeypatch, brief, reason, advice):
+    """From 0.3 mm of travel on no step converges."""
+
+    def newton(problem, u, states, step, settings):
+        if step.centre[1] < BRIEF.p.height + BRIEF.p.tip - 0.3:
+            raise march.NoConvergence(reason)
+        return march_newton(problem, u, states, step, settings)
+
+    march_newton = march.newton
+    monkeypatch.setattr(march, "newton", newton)
+    result = run_case(BRIEF.set(step_min="0.005 mm"), snapshots_mm=(0.5,))
+    assert (result.outcome.kind, result.outcome.done) == ("stalled", False)
+    for part in ("no step below 0.005 mm converges", "of 0.8 mm", reason):
+        assert part in result.outcome.message
+    assert advice.lower() in result.outcome.advice.lower()
+    assert "try" in result.outcome.advice
+    # All that was reached is kept, up to the smallest step before the end, with a picture of it.
+    assert result.outcome.reached_mm == result.displacement_mm[-1]
+    assert 0.29 < result.outcome.reached_mm <= 0.3 + 1e-9
+    assert [s.displacement_mm for s in result.snapshots] == [result.outcome.reached_mm]
+    assert result.counts["rejected_steps"] >= 3
+    assert force_at(result, 0.2) == pytest.approx(force_at(brief, 0.2), rel=1e-2)
+
+
+# -- what must not matter -----------------------------------------------------------------------------
+def test_the_same_case_gives_the_same_bits(brief):
+    again = run_case(load_case("gelatin").set(
+        h="0.6 mm", cohesion=1.0, tip="3.5 mm", mu=0.2, depth="0.8 mm"
+    ))  # fmt: skip
+    assert again.case.id == brief.case.id
+    for name, column in brief.curve.items():
+        np.testing.assert_array_equal(again.curve[name], column, err_msg=name)
+    steady = {"steps", "iterations", "rejected_steps", "degrees_of_freedom"}
+    assert {k: again.counts[k] for k in steady} == {k: brief.counts[k] for k in steady}
+
+
+def test_twice_the_length_takes_twice_the_force(brief):
+    double = run_case(BRIEF.set(length="60 mm"))
+    for name, column in brief.curve.items():
+        factor = 1 if name in ("displacement_mm", "time_s", "cut_length_mm", "closure") else 2
+        np.testing.assert_allclose(double.curve[name], factor * column, rtol=1e-12, err_msg=name)
+
+
+def test_speed_counts_only_with_the_viscous_time(brief):
+    fast = run_case(BRIEF.set(speed="0.21 mm/s", eta_reg="0.238 s"))
+    np.testing.assert_allclose(fast.displacement_mm, brief.displacement_mm, rtol=1e-12)
+    np.testing.assert_allclose(fast.force_N, brief.force_N, rtol=1e-6)
+    np.testing.assert_allclose(fast.curve["time_s"], brief.curve["time_s"] / 10, rtol=1e-12)
+    faster = run_case(BRIEF.set(speed="0.21 mm/s"))
+    assert force_at(faster, 0.8) > 1.05 * force_at(brief, 0.8)
+
+
+SMALL = BRIEF.set(depth="0.4 mm", step="0.02 mm")
+
+
+def compare(one, other, *, length, stress):
+    """``other`` is ``one`` with all lengths times ``length`` and all stresses times ``stress``."""
+    force = length**2 * stress
+    factors = {"displacement_mm": length, "cut_length_mm": length, "time_s": None, "closure": 1.0}
+    for name, column in one.curve.items():
+        factor = factors.get(name, force * length if name.startswith("work_") else force)
+        if factor is not None:
+            atol = 1e-6 * np.abs(column).max() * factor
+            np.testing.assert_allclose(other.curve[name], factor * column, rtol=1e-6, atol=atol, err_msg=name)
+
+
+def test_stiffer_in_proportion_is_the_same_test():
+    """Every stress times four, G_c too: every force times four."""
+    v = SMALL.values
+    stiff = SMALL.set(
+        G=f"{4 * v['G']} MPa", G_c=f"{4 * v['G_c']} N/mm", tau_W=f"{4 * v['tau_W']} MPa",
+    )  # fmt: skip
+    compare(run_case(SMALL), run_case(stiff), length=1, stress=4)
+
+
+def test_twice_as_large_is_the_same_test():
+    """All lengths twice, G_c too, at the same stresses and the same times: four times the force."""
+    v, n = SMALL.values, SMALL.numerics
+    double = {
+        k: f"{2 * v[k]!r} mm" for k in ("width", "length", "height", "thickness", "tip", "delta_c", "depth")
+    }
+    double |= {k: 2 * getattr(n, k) for k in ("h_mm", "step_mm", "step_min_mm", "damping_mm")}
+    large = SMALL.set(**double, G_c=f"{2 * v['G_c']!r} N/mm", speed=f"{2 * v['speed']!r} mm/s")
+    assert large.groups() == pytest.approx(SMALL.groups())
+    # The first step of a run is the largest step or 0.02 mm: here both are the largest.
+    small = SMALL.set(step_mm=n.step_mm / 2)
+    large = large.set(step_mm=n.step_mm)
+    compare(run_case(small), run_case(large), length=2, stress=1)
