@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutbench.case import Case
+from cutbench.errors import BadInput
 from cutbench.forms.blade import BladeForm, ContactNumerics
 from cutbench.forms.bulk import BulkForm
 from cutbench.forms.cut import CutForm
@@ -61,6 +62,10 @@ def build(case: Case, geometry: Geometry | None = None) -> Built:
     bulk = model.laws("bulk")
     forms = []
     if n.element == "P2P1":
+        if not any(law.role == "volumetric" for law in bulk):
+            raise BadInput(
+                key="element", value="P2P1", expected="P1 or P2 in a model without a law for volume change"
+            )
         pressure = next(law for law in bulk if law.role == "volumetric")
         forms.append(MixedVolumetric(pressure, space, degree, p.height))
         bulk = tuple(law for law in bulk if law is not pressure)
@@ -70,7 +75,13 @@ def build(case: Case, geometry: Geometry | None = None) -> Built:
     if cut := model.laws("cut"):
         minus = paired(faces["cut"], faces["cut_minus"], space.X) if geometry.split else None
         forms.append(CutForm(cut, faces["cut"], p.height, minus))
-    if blade := model.laws("blade"):
+    elif geometry.split:
+        raise BadInput(
+            key="symmetry", value="full", expected="'half' where no law holds the cut plane together"
+        )
+    blade = model.laws("blade")
+    # Without contact nothing meets the blade: neither friction nor adhesion then has a surface to act on.
+    if any(law.role == "contact" for law in blade):
         # The paper's gap is dimensionless; its penalty then is a stress times a length.
         stiffness = n.penalty * p.G
         numerics = ContactNumerics(stiffness, n.stick * p.G, n.normal, n.gap)
@@ -91,7 +102,7 @@ def build(case: Case, geometry: Geometry | None = None) -> Built:
         augmentations=n.augmentations, staggered=n.scheme == "staggered", paper=n.stepping == "paper",
     )
     march = March(
-        problem, np.array([0.0, p.height + p.tip, 0.0]), p.depth, p.speed, clamped * dim + 1, rules,
+        problem, np.array([0.0, p.height + getattr(p, "tip", 0.0), 0.0]), p.depth, p.speed, clamped * dim + 1, rules,
         NewtonSettings(tolerance=n.tolerance),
     )
     return Built(case, geometry, space, problem, march)

@@ -249,9 +249,7 @@ def _changes(
     return changes
 
 
-def _asked(
-    material: str, changes: dict[str, object], out: Path | None, *, dim: int
-) -> tuple[Case, Path]:
+def _asked(material: str, changes: dict[str, object], out: Path | None, *, dim: int) -> tuple[Case, Path]:
     """The case and a folder that can be written to."""
     from cutbench.case import load_case
     from cutbench.output import check_writable

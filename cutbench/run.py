@@ -11,6 +11,7 @@ from cutbench.build import Built, build
 from cutbench.case import Case
 from cutbench.curve import measures
 from cutbench.fields import snapshot
+from cutbench.front import Front
 from cutbench.result import SNAP, Outcome, Result
 from cutbench.solve.march import Accepted
 
@@ -18,6 +19,7 @@ from cutbench.solve.march import Accepted
 _ADVICE = {
     "inverted": "Elements under the tip turn inside out: try a smaller h, a blunter tip, or element = 'P1'.",
     "invert": "Elements under the tip turn inside out: try a smaller h, a blunter tip, or element = 'P1'.",
+    "energy": "The cut jumps: try a smaller step_min, or more viscosity (eta_reg).",
     "damage": "The cut jumps: try a larger damage_step, a smaller step_min, or more viscosity (eta_reg).",
     "singular": "The equations lost their solution: try a smaller h, or damping_mm = 1e-3.",
     "residual": "Newton's method does not converge: try a smaller h, a smaller penalty, or damping_mm = 1e-3.",
@@ -39,6 +41,7 @@ def run_case(
     began = time.perf_counter()
     built = build(case)
     ledger = Ledger(built)
+    front = Front(built) if built.space.dim == 3 else None
     wanted = sorted(snapshots_mm)
     pictures = []
     interrupted = False
@@ -47,6 +50,8 @@ def run_case(
     try:
         for last in steps:
             row = ledger.add(last)
+            if front is not None:
+                front.add(last)
             if wanted and last.travel >= wanted[0] - 1e-9:
                 pictures.append(snapshot(built, last))
                 wanted = [d for d in wanted if d > last.travel + 1e-9]
@@ -72,6 +77,8 @@ def run_case(
         found["reaction_error"] = float(
             abs(curve["reaction_N"][-1] - curve["force_N"][-1]) / max(abs(curve["force_N"][-1]), 1e-12)
         )
+    if front is not None:
+        found |= front.measures()
     return Result(case, curve, outcome, timings, counts, pictures, found)
 
 

@@ -25,6 +25,7 @@ LAYERS = (
     {"result", "axes", "models2d", "models3d", "curve"},
     {"build"},
     {"fields"},
+    {"front"},
     {"run", "study", "plots"},
     {"store", "output", "maps"},
     {"worker", "phase"},

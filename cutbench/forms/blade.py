@@ -17,7 +17,7 @@ import numpy as np
 
 from cutbench.forms.base import Form, Local, blend, component_major, nodal
 from cutbench.forms.space import Faces
-from cutbench.mechanisms.base import Points
+from cutbench.mechanisms.base import STEP, Points
 from cutbench.mechanisms.blade._tool import GAPS
 
 
@@ -58,7 +58,8 @@ class BladeForm(Form):
         middle = faces.X[0].mean(axis=0)
         on_plane = np.abs(middle) < 1e-9 * height
         self._flank = np.sign(np.where(on_plane, -faces.normal[0], middle))
-        self._inner, self._upper = faces.X[0].min(axis=0), faces.X[1].max(axis=0)
+        self._left, self._right = faces.X[0].min(axis=0), faces.X[0].max(axis=0)
+        self._upper = faces.X[1].max(axis=0)
         self._patch: _Patch | None = None
         if self._material:
             reference = np.broadcast_to(
@@ -92,10 +93,11 @@ class BladeForm(Form):
     def _near(self, u, p, state, step) -> np.ndarray:
         """Faces that can touch the blade or carry shear."""
         U = nodal(u, self.faces.nodes, self.dim).real
-        x, y = self._inner + U[0].min(axis=0), self._upper + U[1].max(axis=0)
+        left, right = self._left + U[0].min(axis=0), self._right + U[0].max(axis=0)
+        y = self._upper + U[1].max(axis=0)
         tip = np.real(step.centre[1] - p.tip)
-        half = np.real(p.thickness) / 2
-        near = (np.abs(x) < half + self.reach) & (y > tip - self.reach)
+        half = np.real(p.thickness) / 2 + self.reach
+        near = (left < half) & (right > -half) & (y > tip - self.reach)
         return np.flatnonzero(near | (state["touched"].max(axis=0) > 0))
 
     def _patch_of(self, near: np.ndarray) -> _Patch:
@@ -173,6 +175,10 @@ class BladeForm(Form):
         n[1] = n[1] + over * H[0, 1]
         n[0], H[0, 1], H[1, 0] = flank * n[0], flank * H[0, 1], flank * H[1, 0]
         H[0, 0] = np.where(np.real(over) < 0, 0, H[0, 0])
+        bent = np.flatnonzero(over * H[0, 1])
+        if bent.size and not np.iscomplexobj(rx):  # third derivative of the gap, by a complex step
+            ahead = self._gap((rx - over)[bent], ry[bent] + 1j * STEP, p.thickness / 2, p.tip)[2]
+            H[1, 1, bent] += over[bent] * ahead[0, 1].imag / STEP
         gradient = np.zeros((dim, *shape), dtype=n.dtype)
         second = np.zeros((dim, dim, *shape), dtype=n.dtype)
         gradient[:2] = n.reshape(2, *shape)

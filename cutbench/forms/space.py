@@ -96,7 +96,7 @@ class Space:
             self.mesh, KINDS[self.dim, self.order](), facets=np.asarray(facets),
             quadrature=face_quadrature(self.dim, degree),
         )
-        value = np.stack([np.asarray(b[0].value) for b in basis.basis])  # (nn_e, nf, nq)
+        value = np.stack([np.asarray(b[0]) for b in basis.basis])  # (nn_e, nf, nq)
         grad = np.stack([np.asarray(b[0].grad) for b in basis.basis])  # (nn_e, dim, nf, nq)
         # Of an element's nodes only those on the face have shape functions that do not vanish there.
         on_face = np.abs(value).max(axis=2) > 1e-12  # (nn_e, nf)

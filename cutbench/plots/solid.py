@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from matplotlib.tri import Triangulation
+from matplotlib.tri import TriAnalyzer, Triangulation
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from cutbench.plots.section import TOP_PERCENTILE
@@ -203,8 +203,10 @@ def _front_line(axes, s: Snapshot, places: np.ndarray, **look) -> bool:
     if not damage.min() < FRONT_DAMAGE < damage.max():
         return False
     # Neighbours are found in the undeformed rectangle: the deformed one is not convex.
-    neighbours = Triangulation(cut["X"][:, 2], cut["X"][:, 1]).triangles
-    mesh = Triangulation(places[:, 2], places[:, 1], neighbours)
+    flat = Triangulation(cut["X"][:, 2], cut["X"][:, 1])
+    # Slivers along its border would join points that are far apart.
+    slivers = TriAnalyzer(flat).get_flat_tri_mask(0.05)
+    mesh = Triangulation(places[:, 2], places[:, 1], flat.triangles, mask=slivers)
     style_of = {"colors": look["color"], "linewidths": look["lw"], "linestyles": [look.get("linestyle", "-")]}
     axes.tricontour(mesh, damage, levels=[FRONT_DAMAGE], **style_of)
     return True

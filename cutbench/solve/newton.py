@@ -107,7 +107,8 @@ def _chords(problem, u, current, size, states, step, settings):
         if not r < settings.chord * size:
             break
         u, current, size = trial_u, trial, r
-    if size > goal and current.data is None:
+    # The scale may have fallen below what the goal was set by: then Newton's method goes on from here.
+    if current.data is None and size > settings.tolerance * current.scale:
         current = problem.evaluate(u, states, step)
     return u, current, size
 

@@ -9,7 +9,6 @@ import numpy as np
 from cutbench.mechanisms.base import Blade
 from cutbench.quantities import Parameter
 
-
 #: Half-width of the rounded bracket, in units of the blade's half-thickness.
 SKIN = 0.01
 

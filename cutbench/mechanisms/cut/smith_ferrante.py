@@ -12,7 +12,6 @@ import numpy as np
 from cutbench.mechanisms.base import Cut
 from cutbench.quantities import Parameter
 
-
 #: Interpenetration, in units of δ_c, at which closing meets twice the undamaged stiffness.
 CLOSING = 0.05
 
