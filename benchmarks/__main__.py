@@ -50,6 +50,7 @@ def run(job: Job, repeat: int) -> dict:
 
 def row(r: dict) -> list[str]:
     """A record as the table shows it."""
+
     def ms(part: str) -> str:
         value = r["ms_per_iteration"][part]
         return "-" if value is None else f"{value:.2f}"

@@ -82,7 +82,6 @@ def build(case: Case, geometry: Geometry | None = None) -> Built:
     blade = model.laws("blade")
     # Without contact nothing meets the blade: neither friction nor adhesion then has a surface to act on.
     if any(law.role == "contact" for law in blade):
-        # The paper's gap is dimensionless; its penalty then is a stress times a length.
         stiffness = n.penalty * p.G
         numerics = ContactNumerics(stiffness, n.stick * p.G, n.normal, n.gap)
         forms += [
@@ -98,11 +97,21 @@ def build(case: Case, geometry: Geometry | None = None) -> Built:
         fixed.append(space.nodes_on("cut") * dim)  # nothing to open: the plane stays a symmetry plane
     problem = Problem(forms, ndof, np.unique(np.concatenate(fixed)), p, solver=n.solver)
     rules = StepRules(
-        largest=n.step_mm, smallest=n.step_min_mm, first=min(0.02, n.step_mm), damage=n.damage_step,
-        augmentations=n.augmentations, staggered=n.scheme == "staggered", paper=n.stepping == "paper",
+        largest=n.step_mm,
+        smallest=n.step_min_mm,
+        first=min(0.02, n.step_mm),
+        damage=n.damage_step,
+        augmentations=n.augmentations,
+        staggered=n.scheme == "staggered",
+        paper=n.stepping == "paper",
     )
     march = March(
-        problem, np.array([0.0, p.height + getattr(p, "tip", 0.0), 0.0]), p.depth, p.speed, clamped * dim + 1, rules,
+        problem,
+        np.array([0.0, p.height + getattr(p, "tip", 0.0), 0.0]),
+        p.depth,
+        p.speed,
+        clamped * dim + 1,
+        rules,
         NewtonSettings(tolerance=n.tolerance),
     )
     return Built(case, geometry, space, problem, march)

@@ -32,7 +32,11 @@ def snapshot(built: Built, step: Accepted) -> Snapshot:
     deviator = sigma - np.einsum("iin->n", sigma)[None, None] / 3 * np.eye(3)[:, :, None]
     data["von_mises"] = _to_nodes(built, np.sqrt(1.5 * (deviator**2).sum(axis=(0, 1)))[None])[:, 0]
     return Snapshot(
-        step.travel, points, np.ascontiguousarray(space.element_nodes.T), _CELLS[dim, space.order], data,
+        step.travel,
+        points,
+        np.ascontiguousarray(space.element_nodes.T),
+        _CELLS[dim, space.order],
+        data,
         {form.faces.name: _face(built, form, step) for form in built.blades},
     )
 
@@ -75,7 +79,8 @@ def _face(built: Built, form, step: Accepted) -> dict[str, np.ndarray]:
 
     x = f.X + blend(f.N, nodal(step.u, f.nodes, dim))
     out = {
-        "X": flat(f.X), "x": flat(x),
+        "X": flat(f.X),
+        "x": flat(x),
         "contact_pressure_MPa": state["pressure"].ravel(),
         "tangential_traction_MPa": flat(state["shear"]),
         "contact_state": state["active"].ravel(),

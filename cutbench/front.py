@@ -99,8 +99,10 @@ class Front:
             return out
         first = int(np.nanargmin(self.onset))
         out |= {
-            "front_start_z_mm": float(self.z[first]), "front_start_mm": float(self.onset[first]),
-            "front_centre_mm": float(self.onset[0]), "front_edge_mm": float(self.onset[-1]),
+            "front_start_z_mm": float(self.z[first]),
+            "front_start_mm": float(self.onset[first]),
+            "front_centre_mm": float(self.onset[0]),
+            "front_edge_mm": float(self.onset[-1]),
             "front_von_mises_start_MPa": self._stress.get(first, math.nan),
         }
         # From the start to the strip that comes last: the whole way sideways.

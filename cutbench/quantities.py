@@ -115,7 +115,9 @@ def parse_quantity(raw: object, unit: str, *, file: str | None = None, key: str 
     try:
         number, written = _QUANTITY.fullmatch(str(raw).replace("²", "^2").replace("³", "^3")).groups()
         # A unit holds no number of its own: parse_units refuses "5 kPa".
-        quantity = ureg.Quantity(float(number), ureg.parse_units(f"1{written}" if written[:1] == "/" else written))
+        quantity = ureg.Quantity(
+            float(number), ureg.parse_units(f"1{written}" if written[:1] == "/" else written)
+        )
         magnitude = quantity.magnitude
     except Exception as error:  # pint raises many kinds for malformed text
         raise BadInput(file=file, key=key, value=raw, expected=wanted) from error

@@ -22,7 +22,7 @@ _ADVICE = {
     "energy": "The cut jumps: try a smaller step_min, or more viscosity (eta_reg).",
     "damage": "The cut jumps: try a larger damage_step, a smaller step_min, or more viscosity (eta_reg).",
     "singular": "The equations lost their solution: try a smaller h, or damping_mm = 1e-3.",
-    "residual": "Newton's method does not converge: try a smaller h, a smaller penalty, or damping_mm = 1e-3.",
+    "residual": "Newton's method does not converge: try a smaller h or penalty, or damping_mm = 1e-3.",
 }
 
 
@@ -66,8 +66,10 @@ def run_case(
     timer = built.problem.timer
     timings = {**timer.seconds, "total": time.perf_counter() - began}
     counts = {
-        "steps": len(curve["displacement_mm"]), "iterations": ledger.iterations,
-        "rejected_steps": len(built.march.failures), "degrees_of_freedom": int(built.problem.free.size),
+        "steps": len(curve["displacement_mm"]),
+        "iterations": ledger.iterations,
+        "rejected_steps": len(built.march.failures),
+        "degrees_of_freedom": int(built.problem.free.size),
         **{f"{name}_calls": count for name, count in timer.counts.items()},
     }
     found = {}
@@ -105,8 +107,10 @@ class Ledger:
         self._blade += (last["force_N"] + force) / 2 * travelled
         self.iterations += step.iterations
         row = {
-            "displacement_mm": step.travel, "force_N": force,
-            "time_s": step.travel / built.march.speed, "cut_length_mm": self._cut_length(step),
+            "displacement_mm": step.travel,
+            "force_N": force,
+            "time_s": step.travel / built.march.speed,
+            "cut_length_mm": self._cut_length(step),
         }
         for name in self._names:
             done = step.work.get(name, 0.0) * scale
@@ -142,8 +146,10 @@ def _outcome(built: Built, last: Accepted | None, interrupted: bool) -> Outcome:
     depth = built.march.depth
     if interrupted:
         return Outcome(
-            "interrupted", f"stopped by the user at {reached:.3f} mm of {depth:g} mm",
-            "The curve up to there is kept.", reached,
+            "interrupted",
+            f"stopped by the user at {reached:.3f} mm of {depth:g} mm",
+            "The curve up to there is kept.",
+            reached,
         )
     if built.march.stopped is None:
         return Outcome("done", f"reached {depth:g} mm", "", reached)
@@ -151,6 +157,8 @@ def _outcome(built: Built, last: Accepted | None, interrupted: bool) -> Outcome:
     advice = next((text for word, text in _ADVICE.items() if word in reason), _ADVICE["residual"])
     return Outcome(
         "stalled",
-        f"no step below {built.march.rules.smallest:g} mm converges at {reached:.3f} mm of {depth:g} mm ({reason})",
-        advice, reached,
+        f"no step above {built.march.rules.smallest:g} mm converges at {reached:.3f} mm of {depth:g} mm"
+        f" ({reason})",
+        advice,
+        reached,
     )

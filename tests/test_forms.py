@@ -134,9 +134,7 @@ def test_patch(dim, order):
         np.testing.assert_allclose(R[~edge], 0, atol=1e-13 * np.abs(R).max())
     np.testing.assert_allclose(R.sum(axis=0), 0, atol=1e-13 * np.abs(R).max())
     # The virtual work of the nodal forces on the field itself is ∫ P : ∇u.
-    stress = sum(
-        law.stress(expected[:, :, None], P, {}, form.points(None))[0][:, :, 0] for law in form.laws
-    )
+    stress = sum(law.stress(expected[:, :, None], P, {}, form.points(None))[0][:, :, 0] for law in form.laws)
     volume = SIZE * HEIGHT * (LENGTH if dim == 3 else 1)
     work = volume * (stress[:dim, :dim] * GRADIENT[:dim, :dim]).sum()
     assert R.ravel() @ u == pytest.approx(work, rel=1e-12)

@@ -141,9 +141,10 @@ def test_one_parameter_name_means_one_quantity():
     for law in LAWS.values():
         for q in law.parameters:
             other = seen.setdefault(q.name, q)
-            assert ureg.Unit(q.unit if q.unit != "1" else "").dimensionality == ureg.Unit(
-                other.unit if other.unit != "1" else ""
-            ).dimensionality, q.name
+            assert (
+                ureg.Unit(q.unit if q.unit != "1" else "").dimensionality
+                == ureg.Unit(other.unit if other.unit != "1" else "").dimensionality
+            ), q.name
 
 
 # -- units ---------------------------------------------------------------------------------------

@@ -131,9 +131,7 @@ def test_derivatives_against_differences(kind, a, b):
     for j, (dx, dy) in enumerate([(h, 0.0), (0.0, h)]):
         up, down = gap(x + dx, y + dy, a, b), gap(x - dx, y - dy, a, b)
         np.testing.assert_allclose(n[j], (up[0] - down[0]) / (2 * h), rtol=0, atol=1e-7 * np.abs(n).max())
-        np.testing.assert_allclose(
-            H[:, j], (up[1] - down[1]) / (2 * h), rtol=0, atol=1e-6 * np.abs(H).max()
-        )
+        np.testing.assert_allclose(H[:, j], (up[1] - down[1]) / (2 * h), rtol=0, atol=1e-6 * np.abs(H).max())
 
 
 @blades

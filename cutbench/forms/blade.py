@@ -74,7 +74,11 @@ class BladeForm(Form):
         zero = np.zeros((nq, nf))
         laws = len(self.frictions)
         return {
-            "multiplier": zero, "pressure": zero, "touched": zero, "slid": zero, "active": zero,
+            "multiplier": zero,
+            "pressure": zero,
+            "touched": zero,
+            "slid": zero,
+            "active": zero,
             "normal_traction": np.zeros((self.dim, nq, nf)),
             "shear": np.zeros((self.dim, nq, nf)),
             "shares": np.zeros((laws, nq, nf)),
@@ -179,6 +183,9 @@ class BladeForm(Form):
         if bent.size and not np.iscomplexobj(rx):  # third derivative of the gap, by a complex step
             ahead = self._gap((rx - over)[bent], ry[bent] + 1j * STEP, p.thickness / 2, p.tip)[2]
             H[1, 1, bent] += over[bent] * ahead[0, 1].imag / STEP
+        if not self._unit_gradient:
+            # In mm: on the band the paper's number is 2/a times the distance, to first order.
+            g, n, H = (p.thickness / 4 * part for part in (g, n, H))
         gradient = np.zeros((dim, *shape), dtype=n.dtype)
         second = np.zeros((dim, dim, *shape), dtype=n.dtype)
         gradient[:2] = n.reshape(2, *shape)
@@ -220,8 +227,12 @@ class BladeForm(Form):
         s2 = (tangential * tangential).sum(axis=0)
         distance = np.sqrt(np.where(s2.real > 0, s2, 0.0))
         at = Points(
-            X=self.faces.X[:, :, near], touched=state["touched"][:, near], slid=state["slid"][:, near],
-            slip_rate=distance / step.dt, speed=p.speed, dt=step.dt,
+            X=self.faces.X[:, :, near],
+            touched=state["touched"][:, near],
+            slid=state["slid"][:, near],
+            slip_rate=distance / step.dt,
+            speed=p.speed,
+            dt=step.dt,
         )
         known = state["pressure"][:, near]
         parts = np.stack([law.strength(known, p, state, at) + 0 * t_N for law in self.frictions])

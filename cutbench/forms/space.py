@@ -79,7 +79,9 @@ class Space:
         xi, w = get_quadrature(element.refdom, degree)
         pairs = [element.lbasis(xi, i) for i in range(nodes.shape[0])]
         phi = np.stack([value for value, _ in pairs], axis=1)
-        dphi = np.stack([grad for _, grad in pairs], axis=-1).transpose(1, 0, 2)  # (dim, nq, nn) -> (nq, dim, nn)
+        dphi = np.stack([grad for _, grad in pairs], axis=-1).transpose(
+            1, 0, 2
+        )  # (dim, nq, nn) -> (nq, dim, nn)
         corners = mesh.p[:, mesh.t]  # (dim, dim+1, ne)
         jac = corners[:, 1:] - corners[:, :1]  # dX_J/dξ_M
         by_element = np.moveaxis(jac, 2, 0)
@@ -93,7 +95,9 @@ class Space:
         facets = self.mesh.boundaries[name]
         # The mesh's own orientation flags, where it has them, are not needed on the boundary.
         basis = skfem.FacetBasis(
-            self.mesh, KINDS[self.dim, self.order](), facets=np.asarray(facets),
+            self.mesh,
+            KINDS[self.dim, self.order](),
+            facets=np.asarray(facets),
             quadrature=face_quadrature(self.dim, degree),
         )
         value = np.stack([np.asarray(b[0]) for b in basis.basis])  # (nn_e, nf, nq)

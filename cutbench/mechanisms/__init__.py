@@ -29,7 +29,9 @@ def registry() -> dict[str, Mechanism]:
             here += [
                 item()
                 for item in vars(module).values()
-                if isinstance(item, type) and issubclass(item, Mechanism) and item.__module__ == module.__name__
+                if isinstance(item, type)
+                and issubclass(item, Mechanism)
+                and item.__module__ == module.__name__
             ]
         for mechanism in sorted(here, key=lambda m: (m.rank, m.name)):
             found[mechanism.name] = mechanism

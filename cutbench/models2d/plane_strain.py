@@ -16,13 +16,15 @@ def geometry(values, numerics) -> Geometry:
     length, height = values["length"], values["height"]
     if numerics.symmetry == "quarter":
         raise BadInput(
-            key="symmetry", value="quarter",
+            key="symmetry",
+            value="quarter",
             expected="'half', 'full' or 'auto': a quarter is for three dimensions",
         )
     if numerics.mesh is not None:
         if numerics.symmetry == "full":
             raise BadInput(
-                key="symmetry", value="full",
+                key="symmetry",
+                value="full",
                 expected="'half' or 'auto' with a mesh file: it holds the right half",
             )
         mesh = read_mesh(numerics.mesh, values["width"], height)

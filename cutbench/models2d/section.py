@@ -13,8 +13,13 @@ GRADING = 0.35
 
 
 def half_block(
-    width: float, height: float, h: float, *, corner: float | None = None, aspect: float = 1.0,
-    grading: float = GRADING
+    width: float,
+    height: float,
+    h: float,
+    *,
+    corner: float | None = None,
+    aspect: float = 1.0,
+    grading: float = GRADING,
 ) -> skfem.MeshTri:
     """Right half of the block, 0 ≤ x ≤ width/2, with faces "cut", "top", "bottom", "side".
 

@@ -73,12 +73,24 @@ def plot_cut_plane(result: Result, snapshots: Sequence[Snapshot] | None = None, 
             z, y = cut["x"][:, 2], cut["x"][:, 1]
             pressed = cut["contact_state"] > 0
             first = grid[0, column].tripcolor(
-                Triangulation(s.current[:, 2], s.current[:, 1], triangles), values, shading="gouraud",
-                cmap=FIELD_MAP, vmin=0, vmax=tops["stress"] or 1.0, rasterized=True,
+                Triangulation(s.current[:, 2], s.current[:, 1], triangles),
+                values,
+                shading="gouraud",
+                cmap=FIELD_MAP,
+                vmin=0,
+                vmax=tops["stress"] or 1.0,
+                rasterized=True,
             )
             second = grid[1, column].scatter(
-                z[pressed], y[pressed], c=1e3 * cut["contact_pressure_MPa"][pressed], s=3, marker="s", lw=0,
-                cmap=FIELD_MAP, norm=Normalize(0, tops["pressure"] or 1.0), rasterized=True,
+                z[pressed],
+                y[pressed],
+                c=1e3 * cut["contact_pressure_MPa"][pressed],
+                s=3,
+                marker="s",
+                lw=0,
+                cmap=FIELD_MAP,
+                norm=Normalize(0, tops["pressure"] or 1.0),
+                rasterized=True,
             )
             _state(grid[2, column], z, y, cut)
             for axes in grid[:, column]:
@@ -95,7 +107,10 @@ def plot_cut_plane(result: Result, snapshots: Sequence[Snapshot] | None = None, 
         figure.legend(*names, loc="outside lower center", ncols=4, markerscale=3)
         figure.suptitle(
             f"{result.case.name}: cut plane (line: damage {FRONT_DAMAGE:g}; dotted: blade's tip)",
-            fontsize=9, fontweight="bold", x=0.02, ha="left",
+            fontsize=9,
+            fontweight="bold",
+            x=0.02,
+            ha="left",
         )
     return figure
 
@@ -152,8 +167,11 @@ def plot_block(result: Result, snapshot: Snapshot | None = None) -> Figure:
         axes.set(xlabel="across (mm)", ylabel="along the blade (mm)", zlabel="height (mm)")
         figure.colorbar(colours, ax=axes, shrink=0.7, extend="max", label="von Mises (kPa)")
         figure.suptitle(
-            f"{result.case.name}: blade travel {s.displacement_mm:.2f} mm", fontsize=9, fontweight="bold",
-            x=0.02, ha="left",
+            f"{result.case.name}: blade travel {s.displacement_mm:.2f} mm",
+            fontsize=9,
+            fontweight="bold",
+            x=0.02,
+            ha="left",
         )
     return figure
 

@@ -38,6 +38,7 @@ def paired(plus: Faces, minus: Faces, X: np.ndarray) -> Faces:
 
     ``X`` (dim, nnode) node positions. Raises ValueError where the two sides do not match.
     """
+
     def key(points):  # (dim, n) without the coordinate across the plane, which is x
         return np.lexsort(np.round(points[1:], 9))
 
@@ -56,8 +57,15 @@ def paired(plus: Faces, minus: Faces, X: np.ndarray) -> Faces:
         N[:, :, f] = minus.N[a][:, b, g]
         w[:, f], points[:, :, f] = minus.w[a, g], minus.X[:, a, g]
     return Faces(
-        minus.name, nodes, N, minus.dN[..., face], w, points, minus.normal[:, face],
-        minus.tangents[..., face], minus.size[face],
+        minus.name,
+        nodes,
+        N,
+        minus.dN[..., face],
+        w,
+        points,
+        minus.normal[:, face],
+        minus.tangents[..., face],
+        minus.size[face],
     )
 
 

@@ -28,7 +28,9 @@ def available() -> tuple[str, ...]:
 RESIDUAL = 1e-6
 
 
-def _checked(A: sp.csr_matrix, x: np.ndarray, b: np.ndarray, transposed: sp.spmatrix | None = None) -> np.ndarray:
+def _checked(
+    A: sp.csr_matrix, x: np.ndarray, b: np.ndarray, transposed: sp.spmatrix | None = None
+) -> np.ndarray:
     """``x`` if it solves A x = b, else SingularMatrix: perturbed pivots return nonsense without an error."""
     Ax = A @ x if transposed is None else A @ x + transposed @ x
     error = float(np.linalg.norm(Ax - b))
@@ -102,8 +104,12 @@ class SuperLU:
             safe = A.copy()
             safe.data = np.full(A.nnz, -1.0)
             safe.setdiag(1.0 + np.diff(A.indptr))
-            lu = spla.splu(safe.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
-                           options={"SymmetricMode": True})
+            lu = spla.splu(
+                safe.tocsc(),
+                permc_spec="MMD_AT_PLUS_A",
+                diag_pivot_thresh=0.0,
+                options={"SymmetricMode": True},
+            )
             self._order = np.argsort(lu.perm_c)
         P = A[self._order][:, self._order]
         try:

@@ -123,10 +123,17 @@ class March:
             if damping is not None:
                 damping.boost = max(1.0, damping.boost * 0.6)
             if rules.paper:
-                size = max(size / 10, rules.smallest) if growth > rules.damage else min(5 * size, rules.largest)
+                size = (
+                    max(size / 10, rules.smallest) if growth > rules.damage else min(5 * size, rules.largest)
+                )
             elif hardest > rules.iterations + 3 or growth > rules.damage or defect > rules.defect:
                 size *= 0.7
-            elif hardest <= rules.iterations and defect < 0.5 * rules.defect and growth < 0.7 * rules.damage and easy > 1:
+            elif (
+                hardest <= rules.iterations
+                and defect < 0.5 * rules.defect
+                and growth < 0.7 * rules.damage
+                and easy > 1
+            ):
                 size = min(size * rules.grow, rules.largest)
 
     def _work(self, u, old, new, step) -> dict[str, float]:

@@ -77,7 +77,10 @@ def newton(problem: Problem, u: np.ndarray, states: dict, step: Step, settings: 
         if iteration >= settings.patience and size > 0.9 * before:
             # The active sets cycle: now the residual itself has to fall.
             size, u, current = min(
-                ((norm(e), base[0] + a * du, e) for a, e in _shorter(problem, base[0], du, alpha, states, step)),
+                (
+                    (norm(e), base[0] + a * du, e)
+                    for a, e in _shorter(problem, base[0], du, alpha, states, step)
+                ),
                 key=lambda item: item[0],
             )
         if not np.isfinite(size):
@@ -88,8 +91,12 @@ def newton(problem: Problem, u: np.ndarray, states: dict, step: Step, settings: 
         ):
             if size <= settings.stagnant * current.scale:
                 return u, current, iteration
-            raise NoConvergence(f"residual stays at {history[-1]:.1e} of the forces after {iteration} iterations")
-    raise NoConvergence(f"{settings.iterations} iterations, residual {size / current.scale:.1e} of the forces")
+            raise NoConvergence(
+                f"residual stays at {history[-1]:.1e} of the forces after {iteration} iterations"
+            )
+    raise NoConvergence(
+        f"{settings.iterations} iterations, residual {size / current.scale:.1e} of the forces"
+    )
 
 
 def _chords(problem, u, current, size, states, step, settings):

@@ -19,7 +19,7 @@ def _foot(x: np.ndarray, y: np.ndarray, a: float, b: float) -> np.ndarray:
     ax, by = a * x, b * y
     t = np.maximum(ax - a * a, -by - b * b)
     # Left of the root the function is >= 0; the margin keeps the first denominator from vanishing.
-    t = np.maximum(t, -min(a, b) ** 2 * (1 - 1e-9))
+    t = np.maximum(t, -(min(a, b) ** 2) * (1 - 1e-9))
     for _ in range(60):
         u, v = ax / (t + a * a), by / (t + b * b)
         f = u * u + v * v - 1
@@ -36,7 +36,7 @@ def _off_the_axes(x, y, a: float, b: float):
 
     Without it x = 0 finds the foot at the tip, however far, or none at all.
     """
-    deep = np.maximum(a * np.real(x) - a * a, -b * np.real(y) - b * b) < -min(a, b) ** 2 * (1 - 1e-6)
+    deep = np.maximum(a * np.real(x) - a * a, -b * np.real(y) - b * b) < -(min(a, b) ** 2) * (1 - 1e-6)
     x = x + np.where(deep, np.maximum(1e-6 * a - np.real(x), 0), 0)
     y = y - np.where(deep, np.maximum(1e-6 * b + np.real(y), 0), 0)
     return x, y

@@ -15,7 +15,13 @@ class Adhesion(Blade):
     role = "adhesion"
     parameters = (
         Parameter(
-            "tau_W", "kPa", "τ_W", "shear strength of adhesion and wear", low=0, off=0.0, default=0.0,
+            "tau_W",
+            "kPa",
+            "τ_W",
+            "shear strength of adhesion and wear",
+            low=0,
+            off=0.0,
+            default=0.0,
             typical=0.8,
         ),
     )

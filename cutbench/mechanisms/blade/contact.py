@@ -22,7 +22,9 @@ class Contact(Blade):
     rank = -10
     parameters = (
         Parameter("thickness", "mm", "2a", "blade thickness", low=0, open_low=True, default=0.7, typical=0.7),
-        Parameter("tip", "mm", "b", "length of the elliptic tip", low=0, open_low=True, default=1.05, typical=1.05),
+        Parameter(
+            "tip", "mm", "b", "length of the elliptic tip", low=0, open_low=True, default=1.05, typical=1.05
+        ),
     )
 
     def groups(self, p):
@@ -32,7 +34,7 @@ class Contact(Blade):
         """Contact pressure t_N (N,) in MPa and its derivative by the gap.
 
         The Macaulay bracket is rounded over ``SKIN`` of the blade's half-thickness: a kink there
-        makes Newton's method cycle between contact states. With a multiplier the bracket stays sharp.
+        makes Newton's method cycle between contact states.
         """
         depth = multiplier / stiffness - gap
         skin = SKIN * p.thickness / 2

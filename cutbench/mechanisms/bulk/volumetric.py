@@ -13,8 +13,15 @@ class QuadraticVolumetric(Volumetric):
     reads = ("G",)
     parameters = (
         Parameter(
-            "nu", "1", "ν", "Poisson's ratio at small strain", low=0.0, high=0.5, open_high=True,
-            default=0.49, typical=0.49,
+            "nu",
+            "1",
+            "ν",
+            "Poisson's ratio at small strain",
+            low=0.0,
+            high=0.5,
+            open_high=True,
+            default=0.49,
+            typical=0.49,
         ),
     )
 

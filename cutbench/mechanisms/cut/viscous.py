@@ -10,8 +10,14 @@ from cutbench.mechanisms.base import Cut
 from cutbench.quantities import Parameter
 
 ETA = Parameter(
-    "eta_reg", "s", "η_reg", "viscous time of the opening; η_reg · speed is what counts",
-    low=0, off=0.0, default=0.0, typical=2.38,
+    "eta_reg",
+    "s",
+    "η_reg",
+    "viscous time of the opening; η_reg · speed is what counts",
+    low=0,
+    off=0.0,
+    default=0.0,
+    typical=2.38,
 )
 
 
