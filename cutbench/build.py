@@ -101,6 +101,7 @@ def build(case: Case, geometry: Geometry | None = None) -> Built:
         smallest=n.step_min_mm,
         first=min(0.02, n.step_mm),
         damage=n.damage_step,
+        defect=n.energy_step,
         augmentations=n.augmentations,
         staggered=n.scheme == "staggered",
         paper=n.stepping == "paper",

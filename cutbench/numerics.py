@@ -31,6 +31,7 @@ _RANGES: dict[str, tuple[float | None, float | None]] = {
     "step_mm": (1e-6, 5.0),
     "step_min_mm": (1e-9, 1.0),
     "damage_step": (1e-3, 1.0),
+    "energy_step": (1e-4, 1.0),
     "tolerance": (1e-14, 1e-2),
 }
 #: A length may be written with its unit under the short name (h = "0.4 mm") or bare under the long (h_mm).
@@ -55,6 +56,7 @@ class Numerics:
     step_mm: float = 0.1  # largest step
     step_min_mm: float = 1e-4
     damage_step: float = 0.5  # the step shrinks if damage grows by more in one
+    energy_step: float = 0.025  # the step shrinks if its energy closes worse than this
     damping_mm: float = 3e-4  # bulk viscosity over G, times the speed: carries the run through snaps
     tolerance: float = 1e-8
     symmetry: str = "auto"  # auto (the smallest part) | quarter (3D) | half | full
