@@ -420,7 +420,7 @@ def test_a_run_that_stalls_says_where_and_what_to_try(monkeypatch, brief, reason
     monkeypatch.setattr(march, "newton", newton)
     result = run_case(BRIEF.set(step_min="0.005 mm"), snapshots_mm=(0.5,))
     assert (result.outcome.kind, result.outcome.done) == ("stalled", False)
-    for part in ("no step below 0.005 mm converges", "of 0.8 mm", reason):
+    for part in ("no step above 0.005 mm converges", "of 0.8 mm", reason):
         assert part in result.outcome.message
     assert advice.lower() in result.outcome.advice.lower()
     assert "try" in result.outcome.advice

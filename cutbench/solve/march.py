@@ -50,7 +50,6 @@ class Accepted:
     reaction: float
     work: dict[str, float]
     iterations: int
-    vectors: dict[str, np.ndarray]
 
 
 @dataclass
@@ -117,7 +116,7 @@ class March:
             u, travel = new_u, travel + size
             force = force_after
             reaction = result.residual[self.bottom].sum()
-            yield Accepted(travel, step.dt, u, states, force, reaction, work, sum(effort), result.vectors)
+            yield Accepted(travel, step.dt, u, states, force, reaction, work, sum(effort))
             easy = easy + 1
             hardest = max(effort)
             if damping is not None:

@@ -21,23 +21,27 @@ class NoConvergence(ArithmeticError):
 
 @dataclass(frozen=True)
 class NewtonSettings:
-    """``tolerance`` relative to the forces in balance; ``reach`` the largest change of a displacement
-    in one iteration, mm."""
+    """Lengths in mm. ``tolerance`` is relative to the forces in balance."""
 
     tolerance: float = 1e-8
     #: Accepted where rounding keeps the residual from falling further.
     stagnant: float = 1e-7
     iterations: int = 15
+    #: Largest change of a displacement in one iteration, and the one beyond which the tangent is
+    #: regularised, at most with ``largest_shift`` times G.
     reach: float = 0.3
     trust: float = 0.1
     largest_shift: float = 300.0
+    #: Line search: evaluations at the most, and the part of the work that may be left.
     cuts: int = 6
     slack: float = 0.8
+    #: Iterations before a residual that does not fall counts as cycling.
     patience: int = 4
     #: A Newton step that leaves less than ``close`` of the residual is followed by steps with its
     #: factorization, as long as each leaves less than ``chord``.
     close: float = 0.1
     chord: float = 0.2
+    #: Part of the last step's smallest volume ratio below which a state is not tried.
     smallest_ratio: float = 0.25
 
 

@@ -32,7 +32,6 @@ class Evaluation:
     data: np.ndarray | None
     states: dict[str, dict]
     scale: float
-    vectors: dict[str, np.ndarray]
 
 
 class Problem:
@@ -69,7 +68,7 @@ class Problem:
         p = self.p if p is None else p
         data = np.zeros(self.pattern.indices.size) if tangent else None
         residual, scale = 0.0, 0.0
-        new, vectors = {}, {}
+        new = {}
         for form in self.forms:
             # Damping's matrix is a multiple of the metric, which stands assembled already.
             constant = form.name == "damping"
@@ -84,9 +83,8 @@ class Problem:
             residual = residual + vector
             scale += float(np.linalg.norm(np.take(vector, self.free).real))
             new[form.name] = local.state
-            vectors[form.name] = vector
         self.timer.add("assembly" if tangent else "residual", begin)
-        return Evaluation(residual, data, new, scale, vectors)
+        return Evaluation(residual, data, new, scale)
 
     def factorize(self, data: np.ndarray) -> None:
         begin = time.perf_counter()
