@@ -14,6 +14,8 @@ from cutbench.solve.problem import Problem
 #: Staggered scheme: repetitions at the most, and the change of damage at which it stands still.
 STAGGERED_LOOPS = 200
 STAGGERED_TOLERANCE = 1e-4
+#: The damping is raised to this many times its value before a run gives up.
+LARGEST_BOOST = 1e7
 
 
 @dataclass(frozen=True)
@@ -105,9 +107,11 @@ class March:
                 self.failures.append(f"{travel:.4f} mm, step {size:.2g} mm: {error.reason}")
                 easy = 0
                 size *= rules.shrink
-                if damping is not None and size < rules.gentle:
-                    damping.boost = min(max(10.0, damping.boost * 10), 1e7)
-                if size < rules.smallest:
+                if damping is not None and size < rules.gentle and damping.boost < LARGEST_BOOST:
+                    # Slower than the smallest step lets it be, instead of a smaller step.
+                    damping.boost = max(10.0, damping.boost * 10)
+                    size = max(size, rules.smallest)
+                elif size < rules.smallest:
                     self.stopped = error.reason
                     return
                 continue

@@ -146,7 +146,7 @@ def _direction(problem, current, settings, shift):
             du = None
         if problem.metric is None or shift > settings.largest_shift:
             break
-        shift = max(0.1, 8 * shift)
+        shift = max(1.0, 8 * shift)
     if du is None:
         raise NoConvergence(f"singular tangent: {fault}")
     if not np.isfinite(largest):
