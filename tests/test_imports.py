@@ -30,12 +30,14 @@ LAYERS = (
     {"store", "output", "maps"},
     {"worker", "phase"},
     {"sweep", "show"},
+    {"face"},
+    {"commands"},
     {"cli"},
     {"__init__", "__main__"},
 )
 LEVEL = {unit: level for level, units in enumerate(LAYERS) for unit in units}
 #: The face: what may talk to a terminal.
-FACE = {"cli", "show", "sweep", "__main__"}
+FACE = {"cli", "commands", "face", "show", "sweep", "__main__"}
 
 
 def module_name(path: Path) -> str:

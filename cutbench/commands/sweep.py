@@ -1,0 +1,34 @@
+"""``cutbench sweep``: a map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cutbench.face import exits, whole
+
+
+@exits
+def sweep(
+    study: Annotated[Path, typer.Argument(metavar="STUDY.toml", help="The axes and the base of the map.")],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Where the map and its runs are written.")],
+    workers: Annotated[
+        str | None, typer.Option(metavar="N", help="Processes; default: one a core.", show_default=False)
+    ] = None,
+    retry_failed: Annotated[bool, typer.Option(help="Compute again what fell short before.")] = False,
+) -> None:
+    """Compute a map; what is finished is never computed twice, so start it again to go on."""
+    from cutbench.output import check_writable
+    from cutbench.study import load_study
+    from cutbench.sweep import run_study
+
+    plan, processes = load_study(study), whole("--workers", workers)
+    check_writable(out)
+    done = run_study(plan, out, workers=processes, progress=True, retry_failed=retry_failed)
+    status = done.status
+    typer.echo(f"{status.finished} of {status.total} runs, {status.failed} not to the end; map in {done.out}")
+    if done.interrupted:
+        typer.echo("interrupted: start the same command again to go on", err=True)
+        raise typer.Exit(130)

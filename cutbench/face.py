@@ -1,0 +1,174 @@
+"""What the commands share: options, exit status, progress, tables; no physics.
+
+Exit status: 0 done, 1 the computation fell short (what it reached is kept), 2 bad input, 130
+interrupted (what was reached is kept).
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from cutbench.case import Case
+    from cutbench.result import Result
+
+
+def exits(command: Callable) -> Callable:
+    """Turn what the code raises on purpose into one message and an exit status."""
+
+    @functools.wraps(command)
+    def wrapped(*args: object, **kwargs: object) -> object:
+        from cutbench.errors import CutbenchError
+
+        try:
+            return command(*args, **kwargs)
+        except CutbenchError as error:
+            typer.echo(f"cutbench: {error}", err=True)
+            raise typer.Exit(error.exit_code) from error
+        except KeyboardInterrupt as error:
+            typer.echo("cutbench: interrupted", err=True)
+            raise typer.Exit(130) from error
+
+    return wrapped
+
+
+# The options of a run, the same for a section and for a block.
+Source = Annotated[str, typer.Argument(metavar="MATERIAL|FILE.toml", help="A material or a case file.")]
+Sets = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="Change a value: --set eta_reg='0.5 s'."),
+]
+Size = Annotated[str | None, typer.Option("--h", metavar="MM", help="Element size at the cut plane.")]
+Depth = Annotated[str | None, typer.Option(metavar="MM", help="Blade travel.")]
+Element = Annotated[str | None, typer.Option(metavar="P1|P2|P2P1", help="Finite element.")]
+Normal = Annotated[
+    str | None, typer.Option(metavar="tool|material", help="Direction of the contact pressure.")
+]
+Without = Annotated[
+    list[str] | None, typer.Option(metavar="NAME", help="Leave a mechanism out; may be repeated.")
+]
+With = Annotated[
+    list[str] | None,
+    typer.Option("--with", metavar="NAME", help="Add a mechanism, or put it in place of its kind."),
+]
+Out = Annotated[Path | None, typer.Option(metavar="DIR", help="Where to write; default: runs/NAME-ID.")]
+
+
+def changes(
+    sets: list[str] | None, options: dict[str, str | None], with_: list[str] | None, without: list[str] | None
+) -> dict[str, object]:
+    """All that the options say, as ``Case.set`` takes it."""
+    from cutbench.case import parse_overrides
+    from cutbench.errors import BadInput
+
+    changes = parse_overrides(sets or [])
+    for key, value in options.items():
+        if value is None:
+            continue
+        if key in changes:
+            raise BadInput(
+                key=f"--{key}", value=value, expected=f"either --{key} or --set {key}=..., not both"
+            )
+        changes[key] = value
+    for key, names in (("with", with_), ("without", without)):
+        if names:
+            changes[key] = names
+    return changes
+
+
+def asked(material: str, changes: dict[str, object], out: Path | None, *, dim: int) -> tuple[Case, Path]:
+    """The case and a folder that can be written to."""
+    from cutbench.case import load_case
+    from cutbench.output import check_writable
+
+    case = load_case(material, changes, dim=dim)
+    return case, check_writable(out if out is not None else Path("runs") / f"{_slug(case.name)}-{case.id}")
+
+
+def computed(case: Case, snapshots: Sequence[float] = ()) -> Result:
+    """Run ``case`` under a bar; fields are kept at these parts of the travel."""
+    from cutbench.run import run_case  # the solver is loaded only once the input is known to be good
+
+    with travel(case) as on_step:
+        return run_case(case, on_step=on_step, snapshots_mm=[part * case.p.depth for part in snapshots])
+
+
+def finish(result: Result, folder: Path) -> None:
+    """Write and show a run; leaves with the exit status that its outcome asks for."""
+    from cutbench.output import write_run
+
+    write_run(result, folder)
+    _show_result(result, folder)
+    if not result.outcome.done:
+        raise typer.Exit(130 if result.outcome.kind == "interrupted" else 1)
+
+
+def whole(key: str, text: str | None) -> int | None:
+    """A whole number of 0 or more. Raises BadInput, which names the value where typer would not."""
+    from cutbench.errors import BadInput
+
+    if text is None:
+        return None
+    if not text.strip().isdecimal():
+        raise BadInput(key=key, value=text, expected="a whole number, 0 or more")
+    return int(text)
+
+
+def in_mm(text: str | None) -> str | None:
+    """``"0.4"`` -> ``"0.4 mm"``; anything else is left to be read, or refused, as a quantity."""
+    if text is None:
+        return None
+    try:
+        return f"{float(text):.15g} mm"
+    except ValueError:
+        return text
+
+
+def _slug(name: str) -> str:
+    return "".join(c if c.isalnum() or c in "-_." else "-" for c in name).strip("-.") or "case"
+
+
+def show(*parts: object) -> None:
+    from rich.console import Console
+
+    console = Console()
+    # Away from a terminal nobody can widen the window: do not cut numbers short.
+    if not console.is_terminal:
+        console = Console(width=160)
+    for part in parts:
+        console.print(part)
+
+
+@contextmanager
+def travel(case: Case) -> Iterator[Callable[[float, dict], None]]:
+    """A bar of the blade's travel with the time left, on standard error."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("[bold]{task.description}"), BarColumn(),
+        TextColumn("{task.completed:.2f} of {task.total:g} mm  {task.fields[force]}"),
+        TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(),
+    )  # fmt: skip
+    with Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task(case.name, total=case.p.depth, force="")
+
+        def on_step(displacement_mm: float, row: dict) -> None:
+            force = row.get("force_N")
+            bar.update(task, completed=displacement_mm, force="" if force is None else f"{force:.3g} N")
+
+        yield on_step
+
+
+def _show_result(result: Result, folder: Path) -> None:
+    from cutbench.show import result_table
+
+    show(result_table(result))
+    typer.echo(str(result.outcome))
+    typer.echo(f"written to {folder}")
