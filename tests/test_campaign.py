@@ -1,0 +1,336 @@
+"""Campaigns as files and in Python; what repetitions say about the noise."""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from cutbench import noise
+from cutbench.campaign import Campaign, FitPlan, load_campaign, start_case
+from cutbench.cli import app
+from cutbench.errors import BadInput
+from cutbench.experiment import Experiment
+from cutbench.model import PAPER
+from cutbench.repetition import Repetition, turning_points
+
+STUDIES = Path(__file__).parents[1] / "studies"
+
+CAMPAIGN = """title    = "PDMS, three speeds, two widths"
+material = "elastomer"
+baseline = ["neo_hookean", "smith_ferrante", "contact", "adhesion"]
+candidates = "all"
+
+[[experiment]]
+id   = "slow"
+kind = "cut"
+data = "slow.csv"
+columns = { displacement = "u [mm]", force = "F [N]", time = "t [s]", repetition = "rep" }
+units   = { displacement = "mm", force = "N", time = "s" }
+specimen = { width = "40 mm", length = "30 mm", height = "21 mm" }
+blade    = { thickness = "0.5 mm", tip = "0.75 mm" }
+speed    = "0.021 mm/s"
+role     = "train"
+"""
+
+
+def cutting(repetitions: int = 3, n: int = 60) -> str:
+    rng = np.random.default_rng(3)
+    rows = ["rep;t [s];u [mm];F [N]"]
+    for r in range(repetitions):
+        scale = 1 + 0.03 * rng.standard_normal()
+        for u in np.linspace(0.1, 12, n):
+            force = scale * (2 * min(u, 3) + 0.3 * u) + 0.02 * rng.standard_normal()
+            rows.append(f"S{r};{u / 0.021:.3f};{u:.4f};{force:.5f}")
+    return "\n".join(rows) + "\n"
+
+
+@pytest.fixture
+def folder(tmp_path) -> Path:
+    (tmp_path / "slow.csv").write_text(cutting(), encoding="utf-8")
+    (tmp_path / "campaign.toml").write_text(CAMPAIGN, encoding="utf-8")
+    return tmp_path
+
+
+def test_the_stated_format(folder):
+    campaign = load_campaign(folder / "campaign.toml")
+    assert campaign.base.mechanisms == (
+        "neo_hookean", "volumetric", "smith_ferrante", "contact", "adhesion",
+    )  # fmt: skip
+    assert campaign.notes == ("'volumetric' added to the baseline: it has no law for volume change",)
+    assert "coulomb" in campaign.candidates and "adhesion" not in campaign.candidates
+    (slow,) = campaign.train
+    assert [r.name for r in slow.repetitions] == ["S0", "S1", "S2"] and slow.readings == 180
+    case = campaign.case("slow")
+    assert case.p.width == 40 and case.p.thickness == 0.5 and case.p.tip == 0.75
+    assert case.p.speed == 0.021 and case.p.depth == 12
+    assert case.p.G == 0.12
+    assert campaign.parameters()["mu"].unit == "1"
+
+
+def test_it_survives_a_process(folder):
+    campaign = load_campaign(folder / "campaign.toml")
+    again = pickle.loads(pickle.dumps(campaign))
+    a, b = (c.experiments[0].on_grid(30) for c in (campaign, again))
+    np.testing.assert_array_equal(a.covariance, b.covariance)
+    assert again.case("slow").id == campaign.case("slow").id
+
+
+def test_readings_cannot_be_changed(folder):
+    slow = load_campaign(folder / "campaign.toml").experiments[0]
+    with pytest.raises(ValueError, match="read-only"):
+        slow.repetitions[0].y[0] = 0.0
+
+
+def test_without_a_baseline_it_is_the_papers(folder):
+    text = CAMPAIGN.replace('baseline = ["neo_hookean", "smith_ferrante", "contact", "adhesion"]\n', "")
+    (folder / "campaign.toml").write_text(text, encoding="utf-8")
+    assert set(load_campaign(folder / "campaign.toml").base.mechanisms) == set(PAPER)
+
+
+def test_without_a_cut_it_is_the_part_that_the_tests_see():
+    case, _ = start_case(None, kinds=("uniaxial",), parameters={"G": "0.4 MPa"})
+    assert case.mechanisms == ("neo_hookean", "volumetric")
+    case, _ = start_case("elastomer", kinds=("separation", "uniaxial"))
+    assert case.mechanisms == ("neo_hookean", "volumetric", "smith_ferrante", "viscous")
+
+
+def test_several_files_are_repetitions(folder):
+    for name, lines in (("a", slice(1, 61)), ("b", slice(61, 121))):
+        rows = cutting().splitlines()
+        text = "\n".join([rows[0], *rows[lines]])
+        (folder / f"{name}.csv").write_text(text, encoding="utf-8")
+    text = CAMPAIGN.replace('"slow.csv"', '["a.csv", "b.csv"]').replace(', repetition = "rep"', "")
+    (folder / "campaign.toml").write_text(text, encoding="utf-8")
+    (slow,) = load_campaign(folder / "campaign.toml").experiments
+    assert [r.name for r in slow.repetitions] == ["a", "b"]
+    assert Path(slow.repetitions[1].file).name == "b.csv" and slow.repetitions[1].lines[0] == 2
+
+
+def test_sections_of_their_own(folder):
+    text = CAMPAIGN.replace('blade    = { thickness = "0.5 mm", tip = "0.75 mm" }\n', "")
+    text += '[experiment.blade]\nthickness = "0.5 mm"\ntip = "0 mm"\n'
+    (folder / "campaign.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(BadInput, match=r"line 17: blade\.tip = '0 mm'"):
+        load_campaign(folder / "campaign.toml")
+
+
+def test_a_speed_stands_for_the_time(folder):
+    text = CAMPAIGN.replace(', time = "t [s]"', "").replace(', time = "s"', "")
+    (folder / "campaign.toml").write_text(text, encoding="utf-8")
+    slow = load_campaign(folder / "campaign.toml").experiments[0]
+    r = slow.repetitions[0]
+    np.testing.assert_allclose(r.time_s, r.x / 0.021, rtol=1e-6)
+
+
+def test_until_and_factors(folder):
+    text = CAMPAIGN.replace('role     = "train"', 'until = "6 mm"\nfactors = { force = 2 }')
+    (folder / "campaign.toml").write_text(text, encoding="utf-8")
+    slow = load_campaign(folder / "campaign.toml").experiments[0]
+    whole = load_campaign_text(folder, CAMPAIGN)
+    assert slow.reach <= 6 < whole.reach
+    kept = slow.repetitions[0].y.size
+    np.testing.assert_allclose(slow.repetitions[0].y, 2 * whole.repetitions[0].y[:kept])
+
+
+def load_campaign_text(folder: Path, text: str) -> Experiment:
+    (folder / "other.toml").write_text(text, encoding="utf-8")
+    return load_campaign(folder / "other.toml").experiments[0]
+
+
+STRIP = """material = "elastomer"
+[[experiment]]
+id = "pull"
+kind = "uniaxial"
+data = "pull.csv"
+COLUMNS
+specimen = { length = "50 mm", width = "6 mm", thickness = "3 mm" }
+"""
+
+
+@pytest.mark.parametrize(
+    ("head", "columns", "unload"),
+    [
+        (
+            "u [mm],F [N]",
+            'columns = { displacement = "u", force = "F" }',
+            lambda x, P: (50 * (x - 1), 18 * P),
+        ),
+        ("strain,S [kPa]", 'columns = { strain = "strain", stress = "S" }', lambda x, P: (x - 1, 1e3 * P)),
+        ("e [%],S [MPa]", 'columns = { strain = "e", stress = "S" }', lambda x, P: (100 * (x - 1), P)),
+        ("stretch,S [MPa]", 'columns = { stretch = "stretch", stress = "S" }\nstress = "cauchy"',
+         lambda x, P: (x, x * P)),
+    ],
+)  # fmt: skip
+def test_stretch_and_nominal_stress_however_they_are_given(tmp_path, head, columns, unload):
+    stretch = np.linspace(1.05, 2, 20)
+    P = 0.12 * (stretch - stretch**-2)
+    rows = [f"{a:.10g},{b:.10g}" for a, b in zip(*unload(stretch, P), strict=True)]
+    (tmp_path / "pull.csv").write_text("\n".join([head, *rows]), encoding="utf-8")
+    (tmp_path / "c.toml").write_text(STRIP.replace("COLUMNS", columns), encoding="utf-8")
+    (r,) = load_campaign(tmp_path / "c.toml").experiments[0].repetitions
+    np.testing.assert_allclose(r.x, stretch, rtol=1e-8)
+    np.testing.assert_allclose(r.y, P, rtol=1e-7)
+
+
+def test_sliding_by_area_and_speed(tmp_path):
+    rows = [f"{t},{0.3 + 0.001 * t}" for t in range(1, 20)]
+    (tmp_path / "s.csv").write_text("\n".join(["t [s],F [N]", *rows]), encoding="utf-8")
+    (tmp_path / "c.toml").write_text(
+        'material = "elastomer"\n[[experiment]]\nid = "rub"\nkind = "sliding"\ndata = "s.csv"\n'
+        'columns = { time = "t", force = "F" }\nspecimen = { area = "10 mm^2" }\nspeed = "0.5 mm/s"\n'
+        'normal_force = "0.2 N"\n',
+        encoding="utf-8",
+    )
+    (rub,) = load_campaign(tmp_path / "c.toml").experiments
+    np.testing.assert_allclose(rub.repetitions[0].x, 0.5 * np.arange(19), atol=1e-12)
+    np.testing.assert_allclose(rub.repetitions[0].y[0], 0.0301)
+    assert rub.pressure_MPa == pytest.approx(0.02)
+
+
+def test_a_campaign_in_python():
+    x = np.linspace(1.05, 2, 20)
+    strip = Experiment("pull", "uniaxial", (Repetition(x, 0.12 * (x - x**-2)),))
+    base, _ = start_case("elastomer", kinds=("uniaxial",))
+    campaign = Campaign("built", base, (strip,), plan=FitPlan(free=("G",)))
+    assert campaign.train == (strip,) and campaign.test == ()
+    with pytest.raises(BadInput, match="each id once"):
+        Campaign("built", base, (strip, strip))
+    with pytest.raises(BadInput, match="a parameter that is not free"):
+        FitPlan(free=("G",), fixed=("G",))
+    with pytest.raises(BadInput, match="reading 3 = 'nan'"):
+        Experiment("pull", "uniaxial", (Repetition(x, np.where(np.arange(20) == 2, np.nan, x)),))
+    with pytest.raises(BadInput, match="a shear modulus"):
+        Campaign("built", base, (Experiment("kPa", "uniaxial", (Repetition(x, 120 * (x - x**-2)),)),))
+
+
+# -- the shipped measurements ------------------------------------------------------------------------
+#: SHA-256 of the measured files as their sources publish them, first 16 digits.
+MEASURED = {
+    "rubber/treloar_1944_uniaxial.txt": "db4ed08046a06baa",
+    "rubber/treloar_1944_pure_shear.txt": "f250f2bc20d9ca47",
+    "rubber/treloar_1944_equibiaxial.txt": "ff959fda9dfecac8",
+    "silicone/rtv615.csv": "f6c927618c3c3520",
+    "silicone/meunier_2008_uniaxial.txt": "06dc7d0c8901dbee",
+    "silicone/meunier_2008_pure_shear.txt": "7e5bddcc61b3ede8",
+    "silicone/meunier_2008_equibiaxial.txt": "283b2b6a8130c8de",
+}
+
+
+@pytest.mark.parametrize("name", MEASURED)
+def test_measured_files_are_as_published(name):
+    raw = (STUDIES / name).read_bytes().replace(b"\r\n", b"\n")
+    assert hashlib.sha256(raw).hexdigest()[:16] == MEASURED[name]
+
+
+@pytest.mark.parametrize("name", ["rubber/treloar", "silicone/rtv615", "silicone/meunier"])
+def test_studies_load_and_are_drawn(name, tmp_path):
+    done = CliRunner().invoke(app, ["data", str(STUDIES / f"{name}.toml"), "--out", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    assert "estimated" in done.output
+    assert (tmp_path / "data.png").stat().st_size > 10_000
+    rows = (tmp_path / "data.csv").read_text(encoding="utf-8").splitlines()
+    campaign = load_campaign(STUDIES / f"{name}.toml")
+    assert len(rows) == 1 + sum(e.on_grid().x.size for e in campaign.experiments)
+    for e in campaign.experiments:
+        assert any("source" in note for note in e.notes)
+
+
+def test_rtv615_as_its_header_says():
+    (pull,) = load_campaign(STUDIES / "silicone" / "rtv615.toml").experiments
+    # 450 mm/min over 33 mm.
+    assert pull.travel_speed == pytest.approx(450 / 60 / 33, rel=1e-2)
+    assert pull.reach == pytest.approx(2.93182) and pull.repetitions[0].y[-1] == pytest.approx(2.50748)
+
+
+# -- noise -------------------------------------------------------------------------------------------
+def test_averages_keep_lines_and_lower_the_noise():
+    s = np.sort(np.random.default_rng(0).uniform(0, 10, 400))
+    grid = np.linspace(s[0], s[-1], 30)
+    A = noise.averaging(s, grid)
+    np.testing.assert_allclose(A @ (3 - 2 * s), 3 - 2 * grid, atol=1e-12)
+    assert 0.15 < np.sqrt((A[5:-5] ** 2).sum(axis=1)).mean() < 0.45  # thirteen readings each: 0.28
+    few = noise.averaging(s[::40], s[::40])
+    np.testing.assert_allclose(few, np.eye(10), atol=1e-12)
+
+
+@pytest.mark.parametrize("sigma", [0.01, 0.1])
+def test_roughness_is_the_noise(sigma):
+    s = np.linspace(0, 12, 500)
+    smooth = 2 * np.minimum(s, 3) + np.sin(s)
+    jump = np.where(s > 6, -3.0, 0.0)
+    noisy = smooth + jump + sigma * np.random.default_rng(1).standard_normal(s.size)
+    found = noise.roughness(s, noisy)
+    assert found.mean() == pytest.approx(sigma, rel=0.12)
+    # A noise that doubles half way is seen to grow.
+    louder = smooth + sigma * np.where(s > 6, 2, 1) * np.random.default_rng(2).standard_normal(s.size)
+    found = noise.roughness(s, louder)
+    assert 1.2 < found[s > 7].mean() / found[s < 5].mean() < 2.2
+
+
+def specimens(count: int, seed: int, n: int = 200) -> Experiment:
+    """Curves of a known scatter, 4 % of the force, correlated over 3 mm, and noise of 0.03 N."""
+    rng = np.random.default_rng(seed)
+    s = np.linspace(0.1, 12, n)
+    force = 2 * np.minimum(s, 3) + 0.3 * s
+    C = 0.04**2 * noise.matern(np.abs(s[:, None] - s), 3.0) * force[:, None] * force
+    root = np.linalg.cholesky(C + 1e-12 * np.eye(n))
+    made = [
+        Repetition(s, force + root @ rng.standard_normal(n) + 0.03 * rng.standard_normal(n), name=str(i))
+        for i in range(count)
+    ]
+    return Experiment("slow", "cut", tuple(made), speed=0.02)
+
+
+def test_covariance_of_the_mean_is_that_of_means():
+    """Averaged over campaigns, the stated variance of three kinds of sums is what they scatter by."""
+    grids = [specimens(4, seed).on_grid(40) for seed in range(150)]
+    x = grids[0].x
+    truth = 2 * np.minimum(x, 3) + 0.3 * x
+    sums = np.stack([np.ones(40) / 40, truth / (truth @ truth), np.eye(40)[20]])
+    means = np.array([sums @ g.mean for g in grids])
+    stated = np.array([np.einsum("ki,ij,kj->k", sums, g.covariance, sums) for g in grids]).mean(axis=0)
+    actual = ((means - sums @ truth) ** 2).mean(axis=0)
+    # 150 campaigns know a variance to 12 %.
+    np.testing.assert_allclose(stated, actual, rtol=0.4)
+    assert all(np.linalg.eigvalsh(g.covariance)[0] > 0 for g in grids[:10])
+    assert np.mean([g.scatter.mean() / truth.mean() for g in grids]) == pytest.approx(0.04, rel=0.25)
+
+
+def test_more_specimens_know_more():
+    few, many = (np.mean([specimens(n, k).on_grid(40).deviation.mean() for k in range(8)]) for n in (3, 12))
+    assert many == pytest.approx(few / 2, rel=0.35)
+
+
+def test_one_repetition_says_what_it_does_not_know():
+    alone = specimens(1, 0).on_grid(40)
+    assert alone.estimated and "estimated" in alone.note and "not known" in alone.note
+    assert alone.dof == 0 and not alone.scatter.any()
+    several = specimens(3, 0).on_grid(40)
+    assert not several.estimated and several.note == "" and several.dof == 2
+    assert alone.deviation.mean() < several.deviation.mean()
+
+
+def test_a_history_keeps_its_corners():
+    t = np.linspace(0, 100, 501)
+    x = 1 + np.interp(t, [0, 20, 50, 70, 100], [0, 0.5, 0.5, 0, 0.8])
+    r = Repetition(x, x - 0.9, t)
+    test = Experiment("cycle", "uniaxial", (r,))
+    assert not test.monotone
+    np.testing.assert_allclose(t[turning_points(x)], [20, 50, 70], atol=0.5)
+    grid = test.on_grid(40)
+    for corner, stretch in ((20, 1.5), (50, 1.5), (70, 1.0)):
+        i = int(np.argmin(np.abs(grid.time_s - corner)))
+        assert grid.time_s[i] == pytest.approx(corner, abs=0.5)
+        assert grid.x[i] == pytest.approx(stretch, abs=5e-3)
+
+
+def test_a_hold_is_no_monotone_test():
+    t = np.linspace(1, 100, 100)
+    rising = Experiment("a", "uniaxial", (Repetition(1 + 0.01 * t, 0.01 * t, t),))
+    held = Experiment("b", "uniaxial", (Repetition(1 + 0.01 * np.minimum(t, 30), 0.01 * t, t),))
+    assert rising.monotone and not held.monotone
