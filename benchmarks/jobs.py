@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 #: Element size in mm at which the section has about 2,100 degrees of freedom with P2.
-COARSE_MM = 0.64
+COARSE_MM = 0.58
 #: Blade travel in mm of every job under --quick.
 QUICK_MM = 0.5
 

@@ -1,8 +1,7 @@
 """What a force–displacement curve says about the cut: numbers that do not depend on the steps taken.
 
-A curve is read as the polygon through its points. Every measure is the exact value for that
-polygon — maxima over the blade's travel are searched where a piecewise linear function can have
-them — so that points added along its lines, or taken elsewhere on a smooth curve, change nothing
+A curve is read as the polygon through its points, and every measure is taken from that polygon
+itself, so that points added along its lines, or taken elsewhere on a smooth curve, change nothing
 but the polygon's own error.
 """
 
@@ -12,17 +11,18 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 #: Unit and meaning of each measure, in the order in which tables show them.
 MEASURES: dict[str, tuple[str, str]] = {
-    "drop_rel": ("1", "largest relative force drop within one blade thickness of travel, at the transition"),
+    "drop_rel": ("1", "relative fall of the mean force within a blade thickness of travel, at the transition"),
     "surge": ("1", "largest advance of the cut over one blade thickness of travel, per travel"),
     "onset_mm": ("mm", "blade travel at which the cut has begun"),
     "peak_mm": ("mm", "blade travel at the first prominent force maximum"),
     "peak_N": ("N", "first prominent force maximum"),
     "max_N": ("N", "largest force"),
-    "steady_N": ("N", "mean force over the last fifth of the travel"),
-    "slope_N_per_mm": ("N/mm", "least-squares slope of the force over the last fifth of the travel"),
+    "steady_N": ("N", "mean force over the last two fifths of the travel above the base"),
+    "slope_N_per_mm": ("N/mm", "least-squares slope of the force over the same travel"),
     "energy_mJ": ("mJ", "work done by the blade"),
 }
 
@@ -31,6 +31,11 @@ ABRUPT, SMOOTH, UNCUT = "abrupt", "smooth", "uncut"
 #: The transition lasts from one window before the onset to this many windows after it: what falls
 #: later is not the transition but unsteadiness of the cutting that follows.
 TRANSITION = 4.0
+#: A drop is that of the force's mean over this part of a window: shorter ups and downs, the serrations of
+#: heterogeneous material or of coarse elements among them, are no transition.
+BLUR = 0.5
+#: Within this many windows of the base the blade feels the clamp: cutting there is not steady.
+CLAMP = 4.0
 
 #: Forces below this part of the largest one are no base for a relative drop, nor a peak.
 _FLOOR = 0.05
@@ -42,14 +47,16 @@ def measures(
     window_mm: float,
     onset_length_mm: float = 0.1,
     prominence: float = 0.05,
-    tail: float = 0.2,
+    tail: float = 0.4,
+    height_mm: float = math.inf,
 ) -> dict[str, float]:
     """The measures of ``MEASURES`` for a curve with ``displacement_mm``, ``force_N``, ``cut_length_mm``.
 
     ``window_mm`` is the travel over which drop and surge are taken (the blade's thickness);
     the cut has begun when it is longer by ``onset_length_mm`` than at the start; a peak counts when
     the force falls by ``prominence`` of it before it rises above it; ``tail`` is the last part of
-    the travel that counts as steady. What a curve does not have (a peak, an onset) is nan; without
+    the travel that counts as steady, which ends ``CLAMP`` windows above the base of a specimen
+    ``height_mm`` high. What a curve does not have (a peak, an onset) is nan; without
     an onset there is no transition, so ``drop_rel`` is nan too.
 
     Raises ValueError for arrays of unequal length, values that are not finite, a blade that runs
@@ -62,7 +69,9 @@ def measures(
         return dict.fromkeys(MEASURES, math.nan)
     onset = _first_crossing(d, c - c[0], onset_length_mm)
     peak_mm, peak_N = _first_peak(d, F, prominence)
-    steady, slope = _steady(d, F, d[-1] - tail * (d[-1] - d[0]))
+    end = min(d[-1], height_mm - CLAMP * window_mm)
+    end = end if end > d[0] else d[-1]
+    steady, slope = _steady(d, F, end - tail * (end - d[0]), end)
     return {
         "drop_rel": (
             _drop(d, F, window_mm, onset - window_mm, onset + TRANSITION * window_mm)
@@ -127,14 +136,36 @@ def _first_peak(d: np.ndarray, F: np.ndarray, prominence: float) -> tuple[float,
     return math.nan, math.nan
 
 
-def _steady(d: np.ndarray, F: np.ndarray, start: float) -> tuple[float, float]:
-    """Mean and least-squares slope of the polygon from ``start`` on, by exact integrals.
+def _blurred(d: np.ndarray, F: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:
+    """The polygon's mean over ``width`` around places 1/40 of it apart, wherever the polygon's points are.
+
+    Towards the ends of the travel the stretch that the mean is taken over shrinks.
+    """
+    places = np.linspace(d[0], d[-1], 2 + int(np.ceil(40 * (d[-1] - d[0]) / width)))
+    half = np.minimum(width / 2, np.minimum(places - d[0], d[-1] - places))
+    total = np.concatenate([[0.0], np.cumsum(np.diff(d) * (F[1:] + F[:-1]) / 2)])
+
+    def integral(x):
+        i = np.clip(np.searchsorted(d, x, side="right") - 1, 0, d.size - 2)
+        gap = d[i + 1] - d[i]
+        along = x - d[i]
+        rise = np.divide(F[i + 1] - F[i], gap, out=np.zeros_like(gap), where=gap > 0)
+        return total[i] + along * (F[i] + rise * along / 2)
+
+    wide = half > 1e-9 * width
+    spread = np.where(wide, 2 * half, 1.0)
+    mean = (integral(places + half) - integral(places - half)) / spread
+    return places, np.where(wide, mean, np.interp(places, d, F))
+
+
+def _steady(d: np.ndarray, F: np.ndarray, start: float, end: float) -> tuple[float, float]:
+    """Mean and least-squares slope of the polygon from ``start`` to ``end``, by exact integrals.
 
     On each straight piece F·(d − mean) is quadratic, for which Simpson's rule is exact.
     """
-    keep = d > start
-    x = np.concatenate([[start], d[keep]])
-    y = np.concatenate([[np.interp(start, d, F)], F[keep]])
+    keep = (d > start) & (d < end)
+    x = np.concatenate([[start], d[keep], [end]])
+    y = np.concatenate([[np.interp(start, d, F)], F[keep], [np.interp(end, d, F)]])
     length = x[-1] - x[0]
     mean = float(np.trapezoid(y, x) / length)
     s = x - (x[0] + x[-1]) / 2
@@ -144,30 +175,12 @@ def _steady(d: np.ndarray, F: np.ndarray, start: float) -> tuple[float, float]:
 
 
 def _drop(d: np.ndarray, F: np.ndarray, window: float, start: float, stop: float) -> float:
-    """max over start ≤ x ≤ stop of (F(x) − min F over [x, x + window]) / F(x).
-
-    Each candidate for the minimum is a point of the polygon or the window's end, and the ratio of
-    two linear functions is monotone: the maximum lies where x or x + window meets a point, or at
-    ``start`` or ``stop``. Two points at one travel (a jump) are taken in their order.
-    """
-    floor = _FLOOR * F.max()
-    start, stop = max(start, d[0]), min(stop, d[-1])
-    moved = d - window
-    moved = np.append(moved[(moved > start) & (moved < stop)], [start, stop])
-    points = np.flatnonzero((d >= start) & (d <= stop))
-    x = np.concatenate([d[points], moved])
-    at = np.concatenate([F[points], np.interp(moved, d, F)])
-    first = np.concatenate([points, np.searchsorted(d, moved, side="left")])
-    last = np.searchsorted(d, x + window, side="right")
-    # Beyond the last point np.interp holds its value: a window cut off by the end of the travel.
-    end = np.interp(x + window, d, F)
-    worst = 0.0
-    for here, i, j, there in zip(at, first, last, end, strict=True):
-        if here <= 0 or here < floor:
-            continue
-        low = min(there, F[i:j].min()) if j > i else there
-        worst = max(worst, (here - low) / here)
-    return float(worst)
+    """max over start ≤ x ≤ stop of (F̄(x) − min F̄ over [x, x + window]) / F̄(x), F̄ the blurred force."""
+    places, mean = _blurred(d, F, BLUR * window)
+    ahead = int(window / (places[1] - places[0]) * (1 + 1e-9))
+    low = sliding_window_view(np.pad(mean, (0, ahead), mode="edge"), ahead + 1).min(axis=1)
+    counts = (places >= start) & (places <= stop) & (mean > max(_FLOOR * F.max(), 0.0))
+    return float(((mean - low)[counts] / mean[counts]).max(initial=0.0))
 
 
 def _surge(d: np.ndarray, c: np.ndarray, window: float) -> float:

@@ -12,16 +12,19 @@ from cutbench.reading import one_of
 
 CHOICES: dict[str, tuple[str, ...]] = {
     "element": ("P1", "P2", "P2P1"),
-    "normal": ("tool", "material"),
+    "normal": ("blended", "material", "tool"),
     "gap": ("distance", "ellipse"),
     "scheme": ("monolithic", "staggered"),
     "symmetry": ("auto", "quarter", "half", "full"),
     "stepping": ("adaptive", "paper"),
-    "solver": ("auto", "superlu", "pardiso"),
+    "solver": ("auto", "superlu", "pardiso", "kept", "multigrid"),
 }
 #: Smallest and largest value of each number (None: no bound); ``h`` and steps are in mm.
 _RANGES: dict[str, tuple[float | None, float | None]] = {
     "h_mm": (1e-3, 10.0),
+    "corner": (0.02, 1.0),
+    "slender": (1.0, 50.0),
+    "along": (1.0, 20.0),
     "penalty": (1e-3, 1e6),
     "stick": (1e-3, 1e6),
     "augmentations": (0, 50),
@@ -42,12 +45,15 @@ ALIASES = {"h": "h_mm", "step": "step_mm", "step_min": "step_min_mm"}
 class Numerics:
     """Every choice that is numerical; part of a case's identity."""
 
-    h_mm: float = 0.4  # element size at the cut plane
+    h_mm: float = 0.25  # element size along the cut plane
+    corner: float = 0.125  # the same under the tip, in units of h
+    slender: float = 8.0  # elements at the cut plane are this many times taller than wide
+    along: float = 4.0  # and this many times longer along the blade than tall, at the most (3D)
     element: str = "P2"  # P1 | P2 | P2P1 (mixed)
-    normal: str = "material"  # tool | material
+    normal: str = "blended"  # material's, turning to the tool's where deep | material | tool
     gap: str = "distance"  # distance | ellipse (the paper's dimensionless one)
-    penalty: float = 50.0  # contact stiffness in units of G/h
-    stick: float = 20.0  # stiffness of sticking, in the same unit
+    penalty: float = 1000.0  # contact stiffness, in G per mm of penetration
+    stick: float = 400.0  # stiffness of sticking, G per mm of slip
     augmentations: int = 0  # Uzawa updates a step at the most
     facet_degree: int = 6  # quadrature degree on faces
     bulk_degree: int = 2
@@ -60,7 +66,7 @@ class Numerics:
     damping_mm: float = 3e-4  # bulk viscosity over G, times the speed: carries the run through snaps
     tolerance: float = 1e-8
     symmetry: str = "auto"  # auto (the smallest part) | quarter (3D) | half | full
-    solver: str = "auto"  # auto | superlu | pardiso
+    solver: str = "auto"  # auto | superlu | pardiso | kept | multigrid
     mesh: str | None = None  # a mesh file of the user's
 
     def set(self, values: Mapping[str, object]) -> Numerics:
@@ -84,6 +90,55 @@ class Numerics:
                 f" the largest ({made.step_mm:g} mm)",
             )
         return made
+
+
+#: Where a solid's defaults differ: its elements are as few as a run in minutes allows.
+_SOLID = {"h_mm": 1.0, "corner": 1.0, "facet_degree": 4}
+
+
+def defaults(dim: int) -> Numerics:
+    """The choices of a case that makes none, in 2 or 3 dimensions."""
+    return Numerics(**_SOLID) if dim == 3 else Numerics()
+
+
+#: The paper's mean edge in mm, of 47,801 tetrahedra in 30 × 30 × 21 mm, and its penalty ε_N in N/mm².
+PAPER_EDGE, PAPER_PENALTY = 1.5, 1.0
+#: In three dimensions elements grow away from the cut plane: this size on it gives as many as the paper's.
+PAPER_SOLID = {"h_mm": 0.85, "along": 1.25}
+#: Sets of choices under one word.
+PRESETS = ("converged", "paper")
+
+
+def preset(name: object, values: Mapping[str, float], dim: int) -> Numerics:
+    """The numerics called ``name``; ``values`` give G and the blade. BadInput for an unknown name.
+
+    ``converged``: the defaults. ``paper``: linear elements of the paper's size, the material's normal, its
+    dimensionless gap 1 − (x−c)ᵀA(x−c) with ε_N = 1 N/mm², damage and adhesion staggered, its steps.
+    """
+    if name not in PRESETS:
+        raise BadInput(key="numerics", value=name, expected=one_of(str(name), PRESETS))
+    start = defaults(dim)
+    if name == "converged":
+        return start
+    # Our ellipse gap is a/2 times the dimensionless one, and the penalty is in G per mm of it.
+    penalty = 2 * PAPER_PENALTY / (values["G"] * values["thickness"] / 2)
+    size = PAPER_SOLID if dim == 3 else {"h_mm": PAPER_EDGE}
+    return replace(
+        start,
+        **size,
+        corner=1.0,
+        slender=1.0,
+        element="P1",
+        normal="material",
+        gap="ellipse",
+        penalty=penalty,
+        scheme="staggered",
+        stepping="paper",
+        step_mm=0.2,
+        step_min_mm=1e-4,
+        damage_step=0.1,
+        augmentations=0,
+    )
 
 
 _KINDS = {f.name: str(f.type) for f in fields(Numerics)}

@@ -74,7 +74,7 @@ OPTIONS = {
     "element size in words": (["--h", "fine"], "h", "fine", "1 mm"),
     "element size in kPa": (["--h", "3 kPa"], "h", "3 kPa", "1 mm"),
     "element size nan": (["--h", "nan"], "h", "nan", "mm <= h"),
-    "element coarser than the blade": (["--h", "0.8"], "h", "0.8 mm", "thickness, 0.7 mm"),
+    "element coarser than the blade": (["--h", "2.5"], "h", "2.5 mm", "thickness (0.7 mm), 2.1 mm"),
     "tip too sharp for the mesh": (["--set", "tip=12 mm"], "tip", "12 mm", "h = '0.2 mm' would do"),
     "tip of no length": (["--set", "tip=0 mm"], "tip", "0 mm", "0 mm < tip"),
     "blade wider than the block": (["--set", "thickness=40 mm"], "thickness", "40 mm", "30 mm"),
@@ -88,7 +88,7 @@ OPTIONS = {
     "no tolerance": (["--set", "tolerance=0"], "tolerance", "0", "tolerance <= 0.01"),
     "steps crossed": (["--set", "step_min=0.5 mm"], "step_min", "0.5 mm", "the largest (0.1 mm)"),
     "no such mesh": (["--set", "mesh=/nowhere/block.msh"], "mesh", "/nowhere/block.msh", "can be read"),
-    "unknown mechanism": (["--with", "gentt"], "with", "gentt", "one of neo_hookean"),
+    "unknown mechanism": (["--with", "gentt"], "with", "gentt", "did you mean 'gent'"),
     "take out what is not there": (["--without", "viscous"], "without", "viscous", "'viscous_degraded'"),
     "no bulk law": (["--without", "neo_hookean"], "mechanisms", "volumetric", "neo_hookean"),
     "value of what was taken out": (
@@ -143,7 +143,7 @@ FILES = {
     "depth beyond the block": (
         GOOD + 'depth = "50 mm"\n', 14, "depth", "50 mm", "31.5 mm"
     ),
-    "tip too sharp": (GOOD + '[blade]\ntip = "9 mm"\n', 15, "tip", "9 mm", "a^2/b"),
+    "tip too sharp": (GOOD + '[blade]\ntip = "12 mm"\n', 15, "tip", "12 mm", "a^2/b"),
     "unknown element": (GOOD + '[numerics]\nelement = "P3"\n', 15, "element", "P3", "P2P1"),
     "bare element size": (GOOD + "[numerics]\nh = 0.4\n", 15, "h", "0.4", "0.4 mm"),
     "text for a whole number": (GOOD + '[numerics]\npenalty = "two"\n', 15, "penalty", "two", "number"),

@@ -25,7 +25,7 @@ spaces = pytest.mark.parametrize("dim, order", [(2, 1), (2, 2), (3, 1), (3, 2)])
 #: Internal units, chosen so that a blade pressed into a 1 mm × 2 mm piece sticks here and slips there.
 P = SimpleNamespace(
     G=0.025, nu=0.49, G_c=0.01, delta_c=0.07, beta=0.8, eta_reg=0.3, speed=0.5, thickness=0.7, tip=1.05,
-    mu=0.3, tau_W=0.004,
+    mu=0.3, tau_W=0.004, tilt=0.0, overhang=0.0,
 )  # fmt: skip
 
 
@@ -288,7 +288,7 @@ def test_a_cut_law_that_is_off_is_absent_to_the_bit(dim, order):
 
 # -- blade ---------------------------------------------------------------------------------------
 def blade(space: Space, *, face="cut", names=DEFAULT, normal="tool", gap="distance", degree=6) -> BladeForm:
-    numerics = ContactNumerics(stiffness=5 * P.G, tangential=5 * P.G, normal=normal, gap=gap)
+    numerics = ContactNumerics(stiffness=5 * P.G, tangential=25 * P.G, normal=normal, gap=gap)
     laws, faces = Model(names).laws("blade"), space.faces(face, degree)
     return BladeForm(laws, faces, numerics, keep_touched=face == "cut", height=HEIGHT)
 
@@ -309,7 +309,7 @@ FRICTIONLESS = tuple(name for name in DEFAULT if name not in ("coulomb", "adhesi
 
 
 @spaces
-@pytest.mark.parametrize("normal", ["tool", "material"])
+@pytest.mark.parametrize("normal", ["tool", "material", "blended"])
 @pytest.mark.parametrize("gap", ["distance", "ellipse"])
 @pytest.mark.parametrize("names", [FRICTIONLESS, DEFAULT], ids=["frictionless", "friction"])
 def test_blade_tangent(dim, order, normal, gap, names):
@@ -351,7 +351,7 @@ def test_top_face_tangent(dim, order):
 
 
 @spaces
-@pytest.mark.parametrize("normal", ["tool", "material"])
+@pytest.mark.parametrize("normal", ["tool", "material", "blended"])
 def test_the_force_reported_is_the_sum_of_the_contact_forces(dim, order, normal):
     space = space_of(dim, order)
     form = blade(space, normal=normal)
@@ -377,7 +377,7 @@ def test_a_blade_that_comes_down_is_pushed_up(dim, order):
 
 
 @spaces
-@pytest.mark.parametrize("normal", ["tool", "material"])
+@pytest.mark.parametrize("normal", ["tool", "material", "blended"])
 def test_a_form_that_calls_itself_symmetric_is(dim, order, normal):
     """The solver then sees the upper triangle only: an unsymmetric tangent would be cut in silence."""
     space = space_of(dim, order)
@@ -488,7 +488,7 @@ def test_bulk_and_cut_work_is_that_of_the_forces(dim, order):
 
 
 @spaces
-@pytest.mark.parametrize("normal", ["tool", "material"])
+@pytest.mark.parametrize("normal", ["tool", "material", "blended"])
 def test_blade_work_is_what_the_blade_gives_less_what_the_material_takes(dim, order, normal):
     space = space_of(dim, order)
     form = blade(space, normal=normal)

@@ -10,12 +10,13 @@ import skfem
 
 from cutbench.forms.assembly import Pattern
 from cutbench.forms.base import Step
-from cutbench.forms.bulk import BulkForm
 from cutbench.forms.mixed import MixedVolumetric
 from cutbench.forms.space import Space
 from cutbench.mechanisms import registry
 from cutbench.mechanisms.bulk._isotropic import Volumetric
-from cutbench.solve.linear import available, make_solver
+from cutbench.solve.linear import available
+from cutbench.verify._parts import nu_of
+from cutbench.verify.cook import KAPPA, G, membrane
 
 ISOCHORIC, QUADRATIC = registry()["neo_hookean"], registry()["volumetric"]
 
@@ -30,10 +31,6 @@ class Logarithmic(Volumetric):
 
     def dU_dJ(self, J, p):
         return p.G * 20 * (J - 1 / J)
-
-
-def nu_of(kappa_over_G: float) -> float:
-    return (3 * kappa_over_G - 2) / (2 * (3 * kappa_over_G + 1))
 
 
 def step_from(u: np.ndarray) -> Step:
@@ -151,99 +148,31 @@ def test_linear_displacements_are_refused():
         MixedVolumetric(QUADRATIC, Space.build(skfem.MeshTri(), 1), 2, 1.0)
 
 
-def cook_mesh(n: int) -> skfem.MeshTri:
-    """n × n quadrilaterals cut in two on the trapezoid (0,0), (48,44), (48,60), (0,44) mm."""
-    unit = skfem.MeshTri.init_tensor(np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1))
-    s, t = unit.p
-    mesh = skfem.MeshTri(np.stack([48 * s, 44 * s + t * (44 + (16 - 44) * s)]), unit.t)
-    return mesh.with_boundaries({"left": lambda x: x[0] < 1e-9, "right": lambda x: x[0] > 48 - 1e-9})
-
-
-def cook(n: int, element: str, G: float, kappa: float, *, solver="auto", degree=4, loads=4, traction=6.25):
-    """Cook's membrane under a dead shear traction: displacement of the corner (48, 60) and the ledger.
-
-    Returns (u_y in mm, most Newton iterations of a load step, work of the load, stored energies).
-    """
-    space = Space.build(cook_mesh(n), 1 if element == "P1" else 2)
-    p = SimpleNamespace(G=G, nu=nu_of(kappa / G))
-    if element == "P2P1":
-        mixed = MixedVolumetric(QUADRATIC, space, degree, 60.0)
-        forms, ndof = [BulkForm((ISOCHORIC,), space.volume(degree), 60.0), mixed], mixed.ndof
-    else:
-        forms, ndof = [BulkForm((ISOCHORIC, QUADRATIC), space.volume(degree), 60.0)], space.ndof
-    left = space.nodes_on("left")
-    fixed = np.concatenate([2 * left, 2 * left + 1])
-    pattern = Pattern(ndof, fixed, {form.name: form.dofs for form in forms}, symmetric=True)
-    direct = make_solver(solver, pattern.indptr, pattern.indices, pattern.free.size, True)
-    right = space.faces("right", 4)
-    load = np.zeros(ndof)
-    np.add.at(load, 2 * right.nodes + 1, traction * np.einsum("qaf,qf->af", right.N, right.w))
-    assert load.sum() == pytest.approx(traction * 16)
-
-    u, most, work, before = np.zeros(ndof), 0, 0.0, 0.0
-    stored = {"neo_hookean": 0.0, "volumetric": 0.0}
-    for part in np.arange(1, loads + 1) / loads:
-        step = step_from(u.copy())
-        for iteration in range(20):
-            most = max(most, iteration)
-            data, R = np.zeros(pattern.indices.size), -part * load
-            for form in forms:
-                local = form.evaluate(u, p, {}, step)
-                pattern.add(data, form.name, local.matrix)
-                R = R + pattern.vector(form.name, local.vector)
-            if np.abs(R[pattern.free]).max() < 1e-9 * np.abs(load).max():
-                break
-            direct.refactor(data)
-            u[pattern.free] += direct.solve(-R[pattern.free])
-        else:
-            raise AssertionError(f"no equilibrium at {part:g} of the load")
-        work += (before + part) / 2 * load @ (u - step.u_old)
-        before = part
-        for form in forms:
-            for name, energy in form.work(u, p, {}, {}, step).items():
-                stored[name] += energy
-    corner = np.flatnonzero(np.hypot(space.X[0] - 48, space.X[1] - 60) < 1e-9)
-    return float(u[2 * corner[0] + 1]), most, work, stored
-
-
-G = 80.1938
-KAPPA_49 = 2 * G * 1.49 / (3 * 0.02)  # ν = 0.49
-KAPPA_BENCHMARK = 400942.0  # ν = 0.4999
+BENCHMARK = nu_of(KAPPA / G)  # ν = 0.4999
 
 
 @pytest.mark.parametrize("solver", available())
-@pytest.mark.parametrize(("kappa", "tip"), [(KAPPA_49, 6.910), (KAPPA_BENCHMARK, 6.800)])
-def test_cook_coarse(solver, kappa, tip):
+@pytest.mark.parametrize(("nu", "tip"), [(0.49, 6.910), (BENCHMARK, 6.800)])
+def test_cook_coarse(solver, nu, tip):
     """n = 8: within 1.5 % of n = 32, and the same with every linear solver."""
-    got, iterations, _, _ = cook(8, "P2P1", G, kappa, solver=solver)
-    assert got == pytest.approx(tip, abs=2e-3)
-    assert iterations <= 5
+    got = membrane(8, "P2P1", nu, solver=solver)
+    assert got.tip_mm == pytest.approx(tip, abs=2e-3)
+    assert got.iterations <= 5
 
 
 def test_cook_other_elements_lock():
     """ν = 0.4999, n = 8: linear triangles lose two thirds, quadratic ones a twelfth."""
-    mixed, p1, p2 = (cook(8, e, G, KAPPA_BENCHMARK)[0] for e in ("P2P1", "P1", "P2"))
+    mixed, p1, p2 = (membrane(8, element, BENCHMARK).tip_mm for element in ("P2P1", "P1", "P2"))
     assert p1 < 0.4 * mixed
     assert p2 < 0.95 * mixed
 
 
-@pytest.mark.parametrize("kappa", [KAPPA_49, KAPPA_BENCHMARK])
-def test_ledger_closes_with_the_load_steps(kappa):
+@pytest.mark.parametrize("nu", [0.49, BENCHMARK])
+def test_ledger_closes_with_the_load_steps(nu):
     """What remains is the trapezoidal rule for the load's work: a quarter with every halving."""
     gaps = []
     for loads in (4, 8, 16):
-        _, _, work, stored = cook(6, "P2P1", G, kappa, loads=loads)
-        gaps.append(abs(work - sum(stored.values())) / work)
+        got = membrane(6, "P2P1", nu, loads=loads)
+        gaps.append(abs(got.work_mJ - sum(got.stored_mJ.values())) / got.work_mJ)
     assert gaps[-1] < 3e-4
     np.testing.assert_allclose([gaps[0] / gaps[1], gaps[1] / gaps[2]], 4.0, rtol=0.15)
-
-
-@pytest.mark.parametrize(("element", "tip"), [("P1", 5.508), ("P2", 6.981), ("P2P1", 7.009)])
-def test_cook_fine(element, tip):
-    """ν = 0.49, n = 32: values of an independent implementation."""
-    assert cook(32, element, G, KAPPA_49)[0] == pytest.approx(tip, abs=1.5e-3)
-
-
-def test_cook_nearly_incompressible():
-    """κ = 400,942 MPa, n = 32: 6.89–6.90 mm in the literature."""
-    assert 6.885 < cook(32, "P2P1", G, KAPPA_BENCHMARK)[0] < 6.91

@@ -189,7 +189,7 @@ def test_the_undegraded_viscosity_costs_more(cutting):
 # -- choices of numerics ------------------------------------------------------------------------------
 def test_half_and_full_block_agree(brief):
     full = run_case(BRIEF.set(symmetry="full"))
-    assert full.curve["cut_length_mm"][-1] > 0.1
+    assert full.curve["cut_length_mm"][-1] > 0.05
     at = np.linspace(0.05, 0.8, 30)
     np.testing.assert_allclose(force_at(full, at), force_at(brief, at), rtol=2e-3)
     virgin = run_case(PRESSED.set(symmetry="full", depth="0.3 mm"))
@@ -198,7 +198,7 @@ def test_half_and_full_block_agree(brief):
     assert virgin.counts["degrees_of_freedom"] > 1.9 * half.counts["degrees_of_freedom"]
 
 
-@pytest.mark.parametrize("normal", ["tool", "material"])
+@pytest.mark.parametrize("normal", ["tool", "material", "blended"])
 def test_elements_from_stiff_to_soft(normal):
     """While nothing is cut, a richer space is softer: linear triangles lock at ν = 0.49."""
     case = PRESSED.set(normal=normal, depth="1 mm")
@@ -225,10 +225,10 @@ def test_normals_and_gaps_are_choices_that_matter_little_before_the_cut(pressed)
 
 
 def test_the_staggered_scheme_tends_to_the_monolithic_one():
-    """Damage that lags is repeated until it stands still, so both solve the same step."""
+    """Damage that lags is repeated until it stands still; the viscosity sees it at a step's end, not its mean."""
     # Viscous enough that the cut grows steadily: in a snap, what a step meets depends on the step.
-    case = BRIEF.set(mu=0.0, viscosity=8.0, depth="0.6 mm", element="P1")
-    at = np.linspace(0.05, 0.6, 40)
+    case = BRIEF.set(mu=0.0, viscosity=8.0, depth="0.8 mm", element="P1")
+    at = np.linspace(0.05, 0.8, 40)
     apart = []
     for step in ("0.1 mm", "0.02 mm"):
         whole, lagged = (run_case(case.set(step=step, scheme=s)) for s in ("monolithic", "staggered"))
@@ -236,8 +236,8 @@ def test_the_staggered_scheme_tends_to_the_monolithic_one():
         assert lagged.curve["cut_length_mm"][-1] > 0.01
         assert lagged.counts["iterations"] > whole.counts["iterations"]
         apart.append(np.abs(force_at(lagged, at) / force_at(whole, at) - 1).max())
-    assert apart[1] < 1e-3
-    assert apart[1] < apart[0] < 0.1
+    # First order in the step: a fifth of it leaves a fifth, or a little more, of the difference.
+    assert apart[1] < 0.3 * apart[0] < 0.02
 
 
 def test_stepping_of_the_paper_reaches_the_same_force(pressed):
@@ -269,7 +269,7 @@ def deepest(case):
 
 
 def test_augmentation_reduces_the_penetration():
-    case = PRESSED.set(depth="0.3 mm", normal="tool")
+    case = PRESSED.set(depth="0.3 mm", normal="tool", penalty=20)
     penalty, once, thrice = (deepest(case.set(augmentations=n)) for n in (0, 1, 3))
     assert penalty > 1e-4
     assert once < 0.7 * penalty
@@ -494,5 +494,6 @@ def test_twice_as_large_is_the_same_test():
     assert large.groups() == pytest.approx(SMALL.groups())
     # The first step of a run is the largest step or 0.02 mm: here both are the largest.
     small = SMALL.set(step_mm=n.step_mm / 2)
-    large = large.set(step_mm=n.step_mm)
+    # Contact stiffnesses are in G per mm.
+    large = large.set(step_mm=n.step_mm, penalty=n.penalty / 2, stick=n.stick / 2)
     compare(run_case(small), run_case(large), length=2, stress=1)

@@ -58,6 +58,7 @@ class Pattern:
         self.indptr = np.searchsorted(keys, np.arange(n + 1, dtype=np.int64) * n).astype(np.int32)
         self.diagonal = np.searchsorted(keys, diagonal)
         self.blocks = {}
+        self._stacks: dict[tuple[str, ...], sp.csr_matrix] = {}
         for name, dofs in dof_tables.items():
             key, where = entries.pop(name)
             places, row = np.unique(np.searchsorted(keys, key), return_inverse=True)
@@ -85,6 +86,33 @@ class Pattern:
             data += values
         else:
             data[block.places] += values
+
+    def vectors(self, locals_: dict[str, np.ndarray]) -> np.ndarray:
+        """As ``vector`` for several blocks in one product: (blocks, ndof), in the order given."""
+        names = tuple(locals_)
+        scatter = self._stacks.get(names)
+        if scatter is None:
+            scatter = sp.block_diag([self.blocks[name].vector for name in names], format="csr")
+            self._stacks[names] = scatter
+        stacked = np.concatenate([local.ravel() for local in locals_.values()])
+        return (scatter @ stacked).reshape(len(names), -1)
+
+    def matrices(self, locals_: dict[str, np.ndarray]) -> np.ndarray:
+        """CSR values of the sum of several blocks' local matrices, in one product."""
+        names = (*locals_, "matrices")
+        scatter = self._stacks.get(names)
+        if scatter is None:
+            parts = []
+            for name in locals_:
+                block = self.blocks[name]
+                rows = sp.csr_matrix(
+                    (np.ones(block.places.size), (block.places, np.arange(block.places.size))),
+                    shape=(self.indices.size, block.places.size),
+                )
+                parts.append(rows @ block.matrix)
+            scatter = sp.hstack(parts, format="csr")
+            self._stacks[names] = scatter
+        return scatter @ np.concatenate([local.ravel() for local in locals_.values()])
 
     def csr(self, data: np.ndarray) -> sp.csr_matrix:
         return sp.csr_matrix((data, self.indices, self.indptr), shape=self.shape)

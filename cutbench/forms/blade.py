@@ -6,11 +6,13 @@ with Θ; with the pressure too, friction no longer feeds back on contact within 
 Coulomb friction get through onsets at which they stall otherwise. Refining the step removes the lag.
 
 The traction may act along the tool's normal (that of the obstacle: frictionless contact then has a
-potential) or along the material's, n = F⁻ᵀN/|F⁻ᵀN| (the paper's: on the cut faces it is a wedge).
+potential) or along the material's, n = F⁻ᵀN/|F⁻ᵀN| (the paper's: on the cut faces it is a wedge). A face that
+has folded inside the blade is held there by its own normal: "blended" turns to the tool's with the depth.
 """
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,13 +25,19 @@ from cutbench.mechanisms.blade._tool import GAPS
 
 @dataclass(frozen=True)
 class ContactNumerics:
-    """Numerical choices of the contact. ``stiffness``, ``tangential``: ε/size in MPa/mm times face size
-    in mm, so in MPa; ``normal``: tool or material; ``gap``: distance or ellipse."""
+    """Numerical choices of the contact. ``stiffness`` ε_N in MPa per unit of the gap (mm, or 1 for the
+    ellipse), ``tangential`` in MPa/mm; ``normal``: tool or material; ``gap``: distance or ellipse.
+
+    Neither depends on the mesh: material gives way by p/ε_N, and results have a limit under refinement."""
 
     stiffness: float
     tangential: float
     normal: str = "tool"
     gap: str = "distance"
+
+
+#: Added to the gap beyond the blade's ends, mm.
+FAR = 1e6
 
 
 class BladeForm(Form):
@@ -46,9 +54,10 @@ class BladeForm(Form):
         self.dofs = component_major(faces.nodes, self.dim)
         self._gap = GAPS[numerics.gap]
         self._unit_gradient = numerics.gap == "distance"
-        self._material = numerics.normal == "material"
-        self._stiffness = numerics.stiffness / faces.size
-        self._tangential = numerics.tangential / faces.size
+        self._material = numerics.normal in ("material", "blended")
+        self._blended = numerics.normal == "blended"
+        self._stiffness = numerics.stiffness
+        self._tangential = numerics.tangential
         self._height = height
         # Only the tool's normal without shear has a potential: friction is unsymmetric where the blade
         # is curved, and the material's normal turns with the face.
@@ -58,7 +67,6 @@ class BladeForm(Form):
         middle = faces.X[0].mean(axis=0)
         on_plane = np.abs(middle) < 1e-9 * height
         self._flank = np.sign(np.where(on_plane, -faces.normal[0], middle))
-        self._left, self._right = faces.X[0].min(axis=0), faces.X[0].max(axis=0)
         self._upper = faces.X[1].max(axis=0)
         self._patch: _Patch | None = None
         if self._material:
@@ -67,6 +75,13 @@ class BladeForm(Form):
             )
             along = np.einsum("dqf,df->qf", _cross(reference), faces.normal)
             self._sign = np.sign(along)
+
+    def with_numerics(self, numerics: ContactNumerics) -> BladeForm:
+        """The same faces and laws with other stiffnesses, which may be complex."""
+        other = copy(self)
+        other._stiffness = numerics.stiffness
+        other._tangential = numerics.tangential
+        return other
 
     # -- state ----------------------------------------------------------------------------------
     def start(self, p):
@@ -97,7 +112,9 @@ class BladeForm(Form):
     def _near(self, u, p, state, step) -> np.ndarray:
         """Faces that can touch the blade or carry shear."""
         U = nodal(u, self.faces.nodes, self.dim).real
-        left, right = self._left + U[0].min(axis=0), self._right + U[0].max(axis=0)
+        turn = np.real(p.tilt) if self.dim == 3 else 0.0
+        X, across = _across(self.faces.X, turn), _across(U, turn)
+        left, right = X.min(axis=0) + across.min(axis=0), X.max(axis=0) + across.max(axis=0)
         y = self._upper + U[1].max(axis=0)
         tip = np.real(step.centre[1] - p.tip)
         half = np.real(p.thickness) / 2 + self.reach
@@ -115,8 +132,9 @@ class BladeForm(Form):
         dim = self.dim
         nd, nf = self.dofs.shape
         near = self._near(u, p, state, step)
-        kind = np.result_type(u, step.centre, p.thickness, p.tip, *state.values())
-        kind = np.result_type(kind, *[getattr(p, q.name) for law in self.frictions for q in law.parameters])
+        # Any of these may carry a complex step.
+        given = (u, step.u_old, step.centre, step.dt, self._stiffness, *state.values(), *vars(p).values())
+        kind = np.result_type(float, *given)
         vector = np.zeros((nd, nf), dtype=kind)
         matrix = np.zeros((nd, nd, nf)) if tangent else None
         new = {**state}
@@ -133,12 +151,17 @@ class BladeForm(Form):
         nq, count = f.w.shape
         g, gradient, H = self._gap_at(f.X + shift, near, p, step)
         direction, dn = (gradient, H) if self._unit_gradient else self._unit(gradient, H)
-        stiffness = np.broadcast_to(self._stiffness[near], (nq, count))
+        stiffness = np.full((nq, count), self._stiffness)
         t_N, dp = self.contact.pressure(g, state["multiplier"][:, near], stiffness, p)
-        push, turn = direction, ()
+        push, turn, along_tool = direction, (), 1.0
         if self._material:
             slopes = [f.tangents[s][:, None] + blend(f.dN[s], U) for s in range(dim - 1)]
             push, turn = self._material_direction(slopes, self._sign[:, near], tangent)
+            along_tool, by_gap = 0.0, 0.0
+            if self._blended:
+                along_tool, by_gap = _turned(g, p.thickness / 2)
+                by_gap = by_gap * (direction - push)
+                push = push + along_tool * (direction - push)
         normal_traction = t_N * push
         total = normal_traction
         shear = None
@@ -159,29 +182,33 @@ class BladeForm(Form):
             D = dp * push[:, None] * gradient[None]
             if not self._material:
                 D += t_N * dn
+            elif self._blended:
+                D += t_N * (along_tool * dn + by_gap[:, None] * gradient[None])
             if shear is not None:
                 D += shear["D"]
             K = _sandwich(D * f.w, patch.NN)
             for dt, NdN in zip(turn, patch.NdN, strict=False):
-                K += _sandwich(dt * (t_N * f.w), NdN)
+                K += _sandwich(dt * (t_N * (1 - along_tool) * f.w), NdN)
             matrix[:, :, near] = -K.reshape(nd, nd, count)
         return Local(vector, matrix, new)
 
     def _gap_at(self, x, near, p, step):
         """Gap (nq, nf), gradient (dim, nq, nf) and second derivative (dim, dim, nq, nf)."""
         dim, shape = self.dim, x.shape[1:]
+        a, b = self.contact.half_axes(p)
         flank = np.broadcast_to(self._flank[near], shape).ravel()
-        rx = (x[0] - step.centre[0]).ravel() * flank
-        ry = (x[1] - step.centre[1]).ravel()
+        turn = p.tilt if dim == 3 else 0.0
+        rx = (_across(x, turn) - step.centre[0]).ravel() * flank
+        ry = (x[1] - step.centre[1]).ravel() + (p.tip - b)  # a shorter tip has its apex at the same place
         over = np.where(np.real(rx) < 0, rx, 0)  # beyond the mid-plane the gap goes on linearly
-        g, n, H = self._gap(rx - over, ry, p.thickness / 2, p.tip)
+        g, n, H = self._gap(rx - over, ry, a, b)
         g = g + over * n[0]
         n[1] = n[1] + over * H[0, 1]
         n[0], H[0, 1], H[1, 0] = flank * n[0], flank * H[0, 1], flank * H[1, 0]
         H[0, 0] = np.where(np.real(over) < 0, 0, H[0, 0])
         bent = np.flatnonzero(over * H[0, 1])
         if bent.size and not np.iscomplexobj(rx):  # third derivative of the gap, by a complex step
-            ahead = self._gap((rx - over)[bent], ry[bent] + 1j * STEP, p.thickness / 2, p.tip)[2]
+            ahead = self._gap((rx - over)[bent], ry[bent] + 1j * STEP, a, b)[2]
             H[1, 1, bent] += over[bent] * ahead[0, 1].imag / STEP
         if not self._unit_gradient:
             # In mm: on the band the paper's number is 2/a times the distance, to first order.
@@ -190,7 +217,19 @@ class BladeForm(Form):
         second = np.zeros((dim, dim, *shape), dtype=n.dtype)
         gradient[:2] = n.reshape(2, *shape)
         second[:2, :2] = H.reshape(2, 2, *shape)
-        return g.reshape(shape), gradient, second
+        g = g.reshape(shape)
+        if dim == 3:
+            if turn != 0:
+                c, s = np.cos(turn), np.sin(turn)
+                back = np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
+                gradient = np.einsum("ji,jqf->iqf", back, gradient)
+                second = np.einsum("ji,jkqf,kl->ilqf", back, second, back)
+            if np.real(p.overhang) < 0:
+                # The blade ends inside the block: points beyond it, as they lay before loading, stay free.
+                X = self.faces.X[:, :, near]
+                along = X[2] * np.cos(np.real(turn)) + X[0] * np.sin(np.real(turn))
+                g = np.where(np.abs(along) > np.real(p.length) / 2 + np.real(p.overhang), g + FAR, g)
+        return g, gradient, second
 
     @staticmethod
     def _unit(n, H):
@@ -217,7 +256,7 @@ class BladeForm(Form):
     def _shear(self, near, t_N, n, slip, dn, p, state, step, tangent):
         """Return mapping of the tangential traction; strengths of all laws add up."""
         dim = self.dim
-        stick = self._tangential[near]
+        stick = self._tangential
         v = state["shear"][:, :, near] - stick * slip
         nv = (n * v).sum(axis=0)
         trial = v - n * nv
@@ -242,11 +281,11 @@ class BladeForm(Form):
         ratio = np.where(m2.real > 0, ratio, 0.0)
         traction = ratio * trial
         total = np.where(strength.real > 0, strength, 1.0)
-        out = {"traction": traction, "shares": parts / total, "advance": distance}
+        # What passes the blade at a distance does not rub.
+        rubs = (np.real(at.touched) > 0) | (np.real(t_N) > 0)
+        out = {"traction": traction, "shares": parts / total, "advance": np.where(rubs, distance, 0)}
         if not tangent:
             return out
-        # The strength's dependence on the slip rate is kept out of the tangent: it is weak and its
-        # inclusion makes the sticking branch unsymmetric.
         nn = n[:, None] * n[None]
         dv = (v[:, None] * dn).sum(axis=0)
         dtrial = stick * nn - dn * nv - n[:, None] * dv[None]
@@ -255,6 +294,14 @@ class BladeForm(Form):
         e = trial / m
         along = np.where(slips, (e[:, None] * dtrial).sum(axis=0), 0.0)
         D = ratio * (dtrial - e[:, None] * along[None])
+        faster = Points(**{**vars(at), "slip_rate": at.slip_rate + 1j * STEP})
+        by_rate = sum(np.imag(law.strength(known, p, state, faster)) for law in self.frictions) / STEP
+        by_rate = np.where(slips & (distance > 0), by_rate, 0.0)
+        if by_rate.any():
+            # In small steps this is what resists most: the strength grows with Δs/Δt.
+            s = tangential / np.where(distance > 0, distance, 1.0)
+            longer = s - (s[:, None] * dn).sum(axis=0) * (n * slip).sum(axis=0)
+            D = D + e[:, None] * (by_rate / step.dt * longer)[None]
         out["D"] = D
         return out
 
@@ -295,6 +342,24 @@ class _Patch:
         some = replace(faces, **arrays)
         N = some.N[:, :, None]
         return cls(near, some, N * some.N[:, None], [N * dN[:, None] for dN in some.dN])
+
+
+def _across(x: np.ndarray, turn) -> np.ndarray:
+    """Coordinate across a blade that is turned about the height, for positions or motions x (dim, …)."""
+    return x[0] if len(x) == 2 or turn == 0 else x[0] * np.cos(turn) - x[2] * np.sin(turn)
+
+
+#: Depths in units of the blade's half-thickness between which the push turns from the material's normal to
+#: the tool's.
+SHALLOW, DEEP = 0.05, 0.2
+
+
+def _turned(gap, a):
+    """Share of the tool's normal in the push (q, f), 0 to 1, and its derivative by the gap."""
+    span = (DEEP - SHALLOW) * a
+    s = (-gap - SHALLOW * a) / span
+    s = np.where(s.real <= 0, 0, np.where(s.real >= 1, 1, s))
+    return s * s * (3 - 2 * s), -6 * s * (1 - s) / span
 
 
 def _cross(tangents) -> np.ndarray:

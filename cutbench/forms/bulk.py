@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from cutbench.forms.base import Form, Local, add_states, component_major, nodal
@@ -11,12 +13,12 @@ from cutbench.mechanisms.bulk._isotropic import Isotropic, Kinematics, tangent_b
 
 
 class BulkForm(Form):
-    """Sum of the bulk laws' stresses over one volume quadrature."""
+    """Sum of the bulk laws' stresses over one volume quadrature; ``skins`` make them vary with place."""
 
     name = "bulk"
 
-    def __init__(self, laws, volume: Volume, height: float):
-        self.laws, self.volume = tuple(laws), volume
+    def __init__(self, laws, volume: Volume, height: float, skins=()):
+        self.laws, self.volume, self.skins = tuple(laws), volume, tuple(skins)
         # Isotropic laws are summed as factors, before any tensor is built; others give whole tensors.
         self._isotropic = tuple(law for law in self.laws if _by_factors(law))
         self._others = tuple(law for law in self.laws if not _by_factors(law))
@@ -35,7 +37,19 @@ class BulkForm(Form):
         self._X, self._depth = X, height - X[1]
 
     def points(self, step) -> Points:
-        return Points(X=self._X, depth=self._depth, dt=None if step is None else step.dt, shared={})
+        """Without a step, internal variables are taken as they are."""
+        dt, held = (None, True) if step is None else (step.dt, False)
+        return Points(X=self._X, depth=self._depth, dt=dt, laws=self.laws, shared={}, held=held)
+
+    def _stiffness(self, p):
+        """Factor of the skins on all stresses, 1 or (nq, ne)."""
+        at = self.points(None)
+        factor = math.prod(skin.stiffness(p, at) for skin in self.skins)
+        return np.broadcast_to(factor, self.volume.w.size).reshape(self.volume.w.shape)
+
+    def weights(self, p) -> np.ndarray:
+        """Quadrature weights times the skins' factor (nq, ne)."""
+        return self.volume.w * self._stiffness(p) if self.skins else self.volume.w
 
     def start(self, p):
         return add_states(*(law.start(self.volume.w.size, p) for law in self.laws))
@@ -63,28 +77,27 @@ class BulkForm(Form):
         return F
 
     def evaluate(self, u, p, state, step, tangent=True):
-        k, at = Kinematics(self._in_plane(u)), self.points(step)
+        k, at, w = Kinematics(self._in_plane(u)), self.points(step), self.weights(p)
         vector = matrix = 0.0
         if self._isotropic:
             F, C = self._push(k.F), self._push(k.C)
-            s, c = self._summed("stress_factors", k, p, at)
+            s, c = self._summed("stress_factors", k, p, at, w)
             vector = self._project(s[:, None] * F + c[:, None] * C)
             if tangent:
-                factors = self._summed("tangent_factors", k, p, at)
+                factors = self._summed("tangent_factors", k, p, at, w)
                 matrix = self._sandwich(tangent_blocks(factors, F, C, self._metric))
         parts = []
         for law in self._others:
             whole = self._padded(k.F)
             P, new = law.stress(whole, p, state, at)
-            vector = vector + self._vector(P)
+            vector = vector + self._vector(P, w)
             parts.append(new)
             if tangent:
-                matrix = matrix + self._matrix(law.tangent(whole, p, state, at, self.dim))
+                matrix = matrix + self._matrix(law.tangent(whole, p, state, at, self.dim), w)
         return Local(vector, matrix if tangent else None, add_states(*parts))
 
-    def _summed(self, factors: str, k: Kinematics, p, at) -> list[np.ndarray]:
-        """Factors of all isotropic laws together, times the quadrature weights, each (nq, ne)."""
-        w = self.volume.w
+    def _summed(self, factors: str, k: Kinematics, p, at, w: np.ndarray) -> list[np.ndarray]:
+        """Factors of all isotropic laws together, times the weights ``w``, each (nq, ne)."""
         sums = zip(*(getattr(law, factors)(k, p, at) for law in self._isotropic), strict=True)
         return [np.multiply(sum(values), w.ravel()).reshape(w.shape) for values in sums]
 
@@ -110,17 +123,18 @@ class BulkForm(Form):
                 np.matmul(self._pairs_transposed, block, out=out[k, :, i])
         return out.reshape(dim * nn, dim * nn, ne)
 
-    def _vector(self, P: np.ndarray) -> np.ndarray:
-        """Nodal forces (dim·nn, ne) of a first Piola stress (3, 3, nq·ne)."""
-        dim, w = self.dim, self.volume.w
+    def _vector(self, P: np.ndarray, w: np.ndarray) -> np.ndarray:
+        """Nodal forces (dim·nn, ne) of a first Piola stress (3, 3, nq·ne) with weights (nq, ne)."""
+        dim = self.dim
         return self._project(self._push(P[:dim, :dim]) * w[:, None])
 
-    def _matrix(self, A: np.ndarray) -> np.ndarray:
+    def _matrix(self, A: np.ndarray, w: np.ndarray) -> np.ndarray:
         """Element matrices (dim·nn, dim·nn, ne) of a tangent dP/dF (dim, dim, dim, dim, nq·ne)."""
         v, dim = self.volume, self.dim
         A = A.reshape(dim, dim, dim, dim, *v.w.shape)
+        weighted = v.jinv[:, :, None] * w  # (m, j, q, e)
         return self._sandwich(
-            (i, k, np.einsum("jlqe,mje,nle,qe->qmne", A[i, :, k], v.jinv, v.jinv, v.w, optimize=True))
+            (i, k, np.einsum("qjne,mjqe->qmne", np.einsum("jlqe,nle->qjne", A[i, :, k], v.jinv), weighted))
             for i in range(dim)
             for k in range(i, dim)
         )
@@ -129,16 +143,30 @@ class BulkForm(Form):
         """min J over the quadrature points: an inverted element shows here."""
         return float(Kinematics(self._in_plane(u)).J.min())
 
-    def energies(self, u, p, state) -> dict[str, float]:
-        """Stored energy of each law."""
+    def stress(self, u: np.ndarray, p, state) -> np.ndarray:
+        """First Piola stress of all laws together (3, 3, nq·ne), MPa, at a converged state."""
         F, at = self.deformation(u), self.points(None)
-        w = self.volume.w.ravel()
-        return {law.name: float(w @ law.energy(F, p, state, at)) for law in self.laws}
+        P = sum(law.stress(F, p, state, at)[0] for law in self.laws)
+        return P * self._stiffness(p).ravel() if self.skins else P
+
+    def energies(self, u, p, state) -> dict[str, float]:
+        """Work taken up so far by each law of whose F and state it is a function."""
+        F, at = self.deformation(u), self.points(None)
+        w = self.weights(p).ravel()
+        taken = {law.name: law.work(F, p, state, at) for law in self.laws}
+        return {name: float(w @ density) for name, density in taken.items() if density is not None}
 
     def work(self, u, p, old, new, step):
         before = self.energies(step.u_old, p, old)
         after = self.energies(u, p, new)
-        return {name: after[name] - before[name] for name in after}
+        out = {name: after[name] - before[name] for name in after}
+        if rest := [law for law in self.laws if law.name not in out]:
+            at, w = self.points(None), self.weights(p).ravel()
+            F_old, F = self.deformation(step.u_old), self.deformation(u)
+            for law in rest:
+                mean = (law.stress(F_old, p, old, at)[0] + law.stress(F, p, new, at)[0]) / 2
+                out[law.name] = float(w @ (mean * (F - F_old)).sum(axis=(0, 1)))
+        return out
 
 
 def _by_factors(law) -> bool:

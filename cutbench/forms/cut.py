@@ -13,15 +13,18 @@ from cutbench.mechanisms.base import STEP, Points
 
 
 class CutForm(Form):
-    """The cut laws' traction on one side (symmetric) or between two matching sides."""
+    """The cut laws' traction on one side (symmetric) or between two matching sides.
+
+    ``skins`` make it vary with place; the tractions in the state are without their factor.
+    """
 
     name = "cohesion"
     #: True while the staggered scheme keeps the damage where it is.
     held = False
 
-    def __init__(self, laws, plus: Faces, height: float, minus: Faces | None = None):
+    def __init__(self, laws, plus: Faces, height: float, minus: Faces | None = None, skins=()):
         """``plus`` is the side at x > 0; ``minus`` its partner, face by face and node by node."""
-        self.laws = tuple(laws)
+        self.laws, self.skins = tuple(laws), tuple(skins)
         dim = plus.X.shape[0]
         self.dim, self.faces = dim, plus
         self.share = 1.0 if minus is not None else 0.5
@@ -65,6 +68,13 @@ class CutForm(Form):
         jump_old = self.jump(step.u_old)
         return Points(X=self._X, depth=self._depth, dt=step.dt, jump_old=jump_old, shared={}, held=self.held)
 
+    def _weights(self, p, at) -> np.ndarray:
+        """Quadrature weights times this side's share and the skins' factor (nq, nf)."""
+        w = self.faces.w * self.share
+        for skin in self.skins:
+            w = w * np.broadcast_to(skin.toughness(p, at), w.size).reshape(w.shape)
+        return w
+
     def _tractions(self, jump, p, state, at):
         at.shared.clear()
         parts, T = [], []
@@ -83,7 +93,7 @@ class CutForm(Form):
         total = T.sum(axis=0)
         nq, nf = self.faces.w.shape
         nc = self._frame.shape[0]
-        w = self.faces.w * self.share
+        w = self._weights(p, at)
         t = np.einsum("cdf,cqf->dqf", self._frame, total[:nc].reshape(nc, nq, nf) * w)
         vector = np.einsum("qaf,dqf->daf", self._N, t)
         matrix = None
@@ -103,7 +113,7 @@ class CutForm(Form):
 
     def work(self, u, p, old, new, step):
         jump, at = self.jump(u), self.points(step)
-        w = self.faces.w.ravel() * self.share
+        w = self._weights(p, at).ravel()
         out = {}
         for i, law in enumerate(self.laws):
             after = law.work(jump, p, new, at)

@@ -34,10 +34,10 @@ class MixedVolumetric(BulkForm):
 
     name = "pressure"
 
-    def __init__(self, law: Volumetric, space: Space, degree: int, height: float):
+    def __init__(self, law: Volumetric, space: Space, degree: int, height: float, skins=()):
         if space.order != 2:
             raise ValueError(f"a linear pressure needs quadratic displacements, not order {space.order}")
-        super().__init__((law,), space.volume(degree), height)
+        super().__init__((law,), space.volume(degree), height, skins)
         linear = space.volume(degree, order=1)
         self._phi = linear.phi  # (nq, nv)
         self.pressure_dofs = space.ndof + linear.nodes  # (nv, ne)
@@ -48,27 +48,29 @@ class MixedVolumetric(BulkForm):
         """p̂ (nq·ne,) in MPa at the quadrature points."""
         return (self._phi @ u[self.pressure_dofs]).ravel()
 
-    def stress(self, u: np.ndarray) -> np.ndarray:
+    def stress(self, u: np.ndarray, p=None, state=None) -> np.ndarray:
         """The pressure's part of the first Piola stress, p̂ cof F (3, 3, nq·ne), MPa."""
         return self.pressure(u) * cofactor(self.deformation(u))
 
     def evaluate(self, u, p, state, step, tangent=True):
         F, pressure = self.deformation(u), self.pressure(u)
         C = cofactor(F)
-        volume, slope = self._volume_at(pressure, p)
+        # A skin scales U, so its derivative at J̄ is p̂ over the factor.
+        factor = self._stiffness(p).ravel() if self.skins else 1.0
+        volume, slope = self._volume_at(pressure / factor, p)
         nq, ne = self.volume.w.shape
         w = self.volume.w
         gap = (det(F) - volume).reshape(nq, ne)
-        vector = np.concatenate([self._vector(pressure * C), self._phi.T @ (gap * w)])
+        vector = np.concatenate([self._vector(pressure * C, w), self._phi.T @ (gap * w)])
         matrix = None
         if tangent:
             nu, nd = self._vector_size, self.dofs.shape[0]
             matrix = np.empty((nd, nd, ne))
-            matrix[:nu, :nu] = self._matrix(pressure * _cofactor_slope(F, self.dim))
+            matrix[:nu, :nu] = self._matrix(pressure * _cofactor_slope(F, self.dim), w)
             for v in range(self._phi.shape[1]):
-                column = self._vector(np.repeat(self._phi[:, v], ne) * C)
+                column = self._vector(np.repeat(self._phi[:, v], ne) * C, w)
                 matrix[:nu, nu + v] = matrix[nu + v, :nu] = column
-            compliance = w / slope.reshape(nq, ne)  # dJ̄/dp̂ = 1/U''
+            compliance = w / (factor * slope).reshape(nq, ne)  # dJ̄/dp̂ = 1/U''
             matrix[nu:, nu:] = -np.einsum("qv,qe,qx->vxe", self._phi, compliance, self._phi)
         return Local(vector, matrix, state)
 
@@ -80,8 +82,9 @@ class MixedVolumetric(BulkForm):
         """
         (law,) = self.laws
         pressure = self.pressure(u)
-        volume, _ = self._volume_at(pressure, p)
-        density = pressure * (det(self.deformation(u)) - volume) + law.U(volume, p)
+        factor = self._stiffness(p).ravel() if self.skins else 1.0
+        volume, _ = self._volume_at(pressure / factor, p)
+        density = pressure * (det(self.deformation(u)) - volume) + factor * law.U(volume, p)
         return {law.name: float(self.volume.w.ravel() @ density)}
 
     @property

@@ -141,12 +141,37 @@ class Space:
 def face_quadrature(dim: int, degree: int) -> tuple[np.ndarray, np.ndarray]:
     """Points and weights on the reference face, exact to ``degree``.
 
-    On lines Gauss–Lobatto: its end points are nodes, so that contact cannot be missed at a corner.
+    Gauss–Lobatto: on lines its end points are nodes, and on triangles, cut into three quadrilaterals, there
+    are points on all corners and edges, so that contact cannot be missed where two faces meet.
     """
     if dim == 3:
-        return get_quadrature(skfem.refdom.RefTri, degree)
-    n = max(2, (degree + 4) // 2)
-    inner = np.polynomial.legendre.Legendre.basis(n - 1).deriv().roots()
-    x = np.concatenate([[-1.0], np.sort(inner.real), [1.0]])
-    w = 2 / (n * (n - 1) * np.polynomial.legendre.Legendre.basis(n - 1)(x) ** 2)
-    return (x[None] + 1) / 2, w / 2
+        # Straight-sided quadrilaterals add one to the degree in each direction.
+        return _triangle(*_lobatto(max(3, (degree + 5) // 2)))
+    x, w = _lobatto(max(2, (degree + 4) // 2))
+    return x[None], w
+
+
+def _lobatto(n: int) -> tuple[np.ndarray, np.ndarray]:
+    """n points on [0, 1] with both ends, exact to degree 2n − 3."""
+    legendre = np.polynomial.legendre.Legendre.basis(n - 1)
+    x = np.concatenate([[-1.0], np.sort(legendre.deriv().roots().real), [1.0]])
+    return (x + 1) / 2, 1 / (n * (n - 1) * legendre(x) ** 2)
+
+
+def _triangle(x: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The rule (x, w) in both directions of the three quadrilaterals from corner to centroid."""
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    centre = corners.mean(axis=0)
+    s, t = (a.ravel() for a in np.meshgrid(x, x))
+    points, weights = [], []
+    for i in range(3):
+        a, b, c = corners[i], (corners[i] + corners[i - 2]) / 2, (corners[i] + corners[i - 1]) / 2
+        along, across, bend = b - a, c - a, a - b - c + centre
+        points.append(a[:, None] + np.outer(along, s) + np.outer(across, t) + np.outer(bend, s * t))
+        u = along[:, None] + np.outer(bend, t)
+        v = across[:, None] + np.outer(bend, s)
+        weights.append(np.outer(w, w).ravel() * np.abs(u[0] * v[1] - u[1] * v[0]))
+    # Quadrilaterals share points on their common edges.
+    points, weights = np.hstack(points), np.concatenate(weights)
+    _, first, place = np.unique(np.round(points, 12), axis=1, return_index=True, return_inverse=True)
+    return points[:, first], np.bincount(place.ravel(), weights)

@@ -6,7 +6,7 @@ import numpy as np
 import skfem
 
 from cutbench.errors import BadInput
-from cutbench.models2d.section import half_block
+from cutbench.models2d.section import REACH, half_block
 from cutbench.models2d.usermesh import read_mesh
 from cutbench.solve.geometry import Geometry
 
@@ -29,7 +29,15 @@ def geometry(values, numerics) -> Geometry:
             )
         mesh = read_mesh(numerics.mesh, values["width"], height)
         return Geometry(mesh, height, 2 * length)
-    mesh = half_block(values["width"], height, numerics.h_mm, corner=numerics.h_mm / 4)
+    h = numerics.h_mm
+    mesh = half_block(
+        values["width"],
+        height,
+        h,
+        corner=numerics.corner * h,
+        slender=numerics.slender,
+        reach=REACH * values["thickness"] / 2,
+    )
     if numerics.symmetry == "full":
         return Geometry(mirrored(mesh), height, length, split=True)
     return Geometry(mesh, height, 2 * length)

@@ -7,9 +7,15 @@ from __future__ import annotations
 
 import numpy as np
 import skfem
+from scipy.optimize import brentq
 
 #: Growth of the element size with the distance from the cut plane.
-GRADING = 0.35
+GRADING = 0.7
+#: Elements at the cut plane are this many times taller than wide: under the tip, and beside a cut that it
+#: forces open, the material is stretched sideways several times, so that they end up nearly equilateral.
+SLENDER = 8.0
+#: Distance from the cut plane over which they become as wide as tall, in units of the blade's half-thickness.
+REACH = 6 / 7
 
 
 def half_block(
@@ -18,15 +24,21 @@ def half_block(
     h: float,
     *,
     corner: float | None = None,
-    aspect: float = 1.0,
+    slender: float = SLENDER,
+    reach: float = 0.3,
     grading: float = GRADING,
 ) -> skfem.MeshTri:
     """Right half of the block, 0 ≤ x ≤ width/2, with faces "cut", "top", "bottom", "side".
 
     Element edges on the cut plane are the largest H/(n 2^k) not above ``h``; under the blade, where the
     top face meets the cut plane, they shrink to ``corner``: there the tip indents before anything is cut.
+    Across the cut plane they are ``slender`` times smaller, growing to the same size over ``reach``.
     """
-    half = width / 2 * aspect
+
+    def across(xi):
+        return xi - (1 - 1 / slender) * reach * -np.expm1(-xi / reach)
+
+    half = brentq(lambda xi: across(xi) - width / 2, width / 2, width / 2 + reach)
     levels = max(0, int(np.floor(np.log2(min(half, height) / 4 / h))))
     coarse = h * 2**levels
     ny = int(np.ceil(height / coarse - 1e-9))
@@ -47,8 +59,9 @@ def half_block(
         if marked.size == 0:
             break
         mesh = mesh.refined(marked)
-    mesh = skfem.MeshTri(mesh.p / np.array([[aspect], [1.0]]), mesh.t)
-    return named(mesh, width / 2, height)
+    p = np.array([across(mesh.p[0]), mesh.p[1]])
+    p[0, mesh.p[0] > half * (1 - 1e-12)] = width / 2
+    return named(skfem.MeshTri(p, mesh.t), width / 2, height)
 
 
 def named(mesh: skfem.MeshTri, half: float, height: float) -> skfem.MeshTri:

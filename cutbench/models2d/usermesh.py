@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
-from collections.abc import Callable
-from pathlib import Path
-
 import meshio
 import numpy as np
 import skfem
@@ -14,12 +9,10 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from skfem.io.meshio import from_meshio
 
-from cutbench.errors import BadInput
+from cutbench.meshfile import Refuse, compact, read_file, refusal
 
 #: Boundary lines that the file must name, with the coordinate (0: x, 1: y) that is constant on them.
 LINES = {"cut": 0, "bottom": 1, "top": 1}
-
-Refuse = Callable[[str, str], BadInput]
 
 
 def read_mesh(path: str, width: float, height: float) -> skfem.MeshTri:
@@ -29,11 +22,8 @@ def read_mesh(path: str, width: float, height: float) -> skfem.MeshTri:
     y = height. Raises BadInput if the file cannot be read, holds anything but three-node triangles, is
     not conforming or in several parts, lacks a name, or a line is not where its name says.
     """
-
-    def refuse(value: str, expected: str) -> BadInput:
-        return BadInput(file=str(path), key="mesh", value=value, expected=expected)
-
-    raw = _plane_triangles(_read(path, refuse), refuse)
+    refuse = refusal(path)
+    raw = _plane_triangles(read_file(path, refuse), refuse)
     try:
         mesh = from_meshio(raw)
     except Exception as error:  # whatever a file can hold that scikit-fem did not expect
@@ -54,20 +44,6 @@ def read_mesh(path: str, width: float, height: float) -> skfem.MeshTri:
     return mesh
 
 
-def _read(path: str, refuse: Refuse) -> meshio.Mesh:
-    # meshio writes to the terminal and leaves by sys.exit where a reader fails; its own words are kept.
-    said = io.StringIO()
-    try:
-        with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
-            return meshio.read(Path(path))
-    except meshio.ReadError as error:
-        known = "a mesh format that meshio reads, with its usual suffix, such as .msh or .vtu"
-        raise refuse(Path(path).name, known) from error
-    except (SystemExit, Exception) as error:
-        why = said.getvalue().strip() or f"{type(error).__name__}: {error}"
-        raise refuse(Path(path).name, f"a mesh file that meshio can read ({why})") from error
-
-
 def _plane_triangles(raw: meshio.Mesh, refuse: Refuse) -> meshio.Mesh:
     """``raw`` without the points that no triangle uses; refused unless it is a plane mesh of triangles."""
     kinds = [block.type for block in raw.cells]
@@ -83,25 +59,10 @@ def _plane_triangles(raw: meshio.Mesh, refuse: Refuse) -> meshio.Mesh:
         raise refuse("a coordinate that is not a number", "finite coordinates in mm")
     if points.shape[1] == 3 and (away := np.ptp(points[used, 2])) > 1e-9 * np.ptp(points[used]):
         raise refuse(f"z over a range of {away:g} mm", "a plane mesh: x across the cut, y up, one z")
-    # Points of the drawing that belong to no element would be unknowns without an equation.
-    number = np.full(len(points), -1)
-    number[used] = np.arange(used.size)
-    cells, keep = [], []
-    for block in raw.cells:
-        keep.append(block.type != "vertex")
-        if keep[-1]:
-            if (number[block.data] < 0).any():
-                raise refuse("a line that is on no triangle", "lines along edges of triangles")
-            cells.append((block.type, number[block.data]))
-
-    def kept(parts: list) -> list:
-        return [part for part, here in zip(parts, keep, strict=True) if here]
-
-    return meshio.Mesh(
-        points[used, :2], cells, field_data=raw.field_data,
-        cell_data={name: kept(parts) for name, parts in raw.cell_data.items()},
-        cell_sets={name: kept(parts) for name, parts in raw.cell_sets.items()},
-    )  # fmt: skip
+    try:
+        return compact(raw, points[used, :2], used, ("triangle", "line"))
+    except ValueError as error:
+        raise refuse("a line that is on no triangle", "lines along edges of triangles") from error
 
 
 def _check_extent(mesh: skfem.MeshTri, width: float, height: float, refuse: Refuse) -> None:

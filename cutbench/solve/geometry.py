@@ -39,8 +39,8 @@ def paired(plus: Faces, minus: Faces, X: np.ndarray) -> Faces:
     ``X`` (dim, nnode) node positions. Raises ValueError where the two sides do not match.
     """
 
-    def key(points):  # (dim, n) without the coordinate across the plane, which is x
-        return np.lexsort(np.round(points[1:], 9))
+    def key(points):  # (dim, n); adding 0 turns -0 into 0
+        return np.lexsort(np.round(points, 9) + 0.0)
 
     order_plus = key(plus.X.mean(axis=1))
     order_minus = key(minus.X.mean(axis=1))
@@ -70,7 +70,7 @@ def paired(plus: Faces, minus: Faces, X: np.ndarray) -> Faces:
 
 
 def _match(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    distance = np.abs(a[1:, :, None] - b[1:, None, :]).sum(axis=0)
+    distance = np.abs(a[:, :, None] - b[:, None, :]).sum(axis=0)
     nearest = distance.argmin(axis=1)
     if distance.min(axis=1).max() > 1e-6 or np.unique(nearest).size != nearest.size:
         raise ValueError("the two sides of the cut plane do not have matching nodes")

@@ -75,9 +75,12 @@ class Pardiso:
             self._solver = None
             raise SingularMatrix(str(error)) from error
 
+    def back(self, b: np.ndarray) -> np.ndarray:
+        """Back-substitution with the last factorization, not checked."""
+        return self._solver.solve(np.ascontiguousarray(b))
+
     def solve(self, b: np.ndarray) -> np.ndarray:
-        x = self._solver.solve(np.ascontiguousarray(b))
-        return _checked(self._A, x, b, self._mirror)
+        return _checked(self._A, self.back(b), b, self._mirror)
 
 
 class SuperLU:
@@ -116,7 +119,7 @@ class SuperLU:
             lu = spla.splu(P, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
             self._lu, self._permuted = lu, True
             probe = A @ np.ones(self._n)
-            error = np.abs(self._back(probe) - 1).max()
+            error = np.abs(self.back(probe) - 1).max()
             if np.isfinite(error) and error < 1e-4:
                 return
         except RuntimeError:
@@ -126,7 +129,8 @@ class SuperLU:
         except RuntimeError as error:
             raise SingularMatrix(str(error)) from error
 
-    def _back(self, b):
+    def back(self, b: np.ndarray) -> np.ndarray:
+        """Back-substitution with the last factorization, not checked."""
         if not self._permuted:
             return self._lu.solve(b)
         x = np.empty_like(b)
@@ -134,5 +138,5 @@ class SuperLU:
         return x
 
     def solve(self, b: np.ndarray) -> np.ndarray:
-        x = self._back(b)
-        return _checked(self._A, x + self._back(b - self._A @ x), b)
+        x = self.back(b)
+        return _checked(self._A, x + self.back(b - self._A @ x), b)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -52,6 +52,24 @@ class Accepted:
     reaction: float
     work: dict[str, float]
     iterations: int
+    step: Step
+    #: Each inner solve: the states it began from and the displacements it found (one without augmentations).
+    solves: list[tuple[dict[str, dict], np.ndarray]]
+
+
+@dataclass
+class Progress:
+    """What a march is between two steps: enough to go on from there."""
+
+    travel: float
+    size: float
+    u: np.ndarray
+    states: dict[str, dict]
+    u_before: np.ndarray | None = None
+    size_before: float | None = None
+    easy: int = 0
+    force: float = 0.0
+    boost: float = 1.0
 
 
 @dataclass
@@ -70,6 +88,11 @@ class March:
     newton: NewtonSettings = field(default_factory=NewtonSettings)
     failures: list[str] = field(default_factory=list)
     stopped: str | None = None
+    #: Steps to take instead of choosing them, each with its length in mm and the damping's boost.
+    schedule: Sequence[tuple[float, float]] | None = None
+    #: Where to begin, if not at rest; and who is told of each step's end when the next one begins.
+    resume: Progress | None = None
+    at_rest: Callable[[Progress], None] | None = None
 
     def _centre(self, travel: float) -> np.ndarray:
         return self.centre0 - np.array([0.0, travel, 0.0])
@@ -77,12 +100,20 @@ class March:
     def __iter__(self) -> Iterator[Accepted]:
         problem, rules = self.problem, self.rules
         blades = [f for f in problem.forms if f.name.startswith("blade")]
-        u, states = np.zeros(problem.ndof), problem.start()
-        travel, size = 0.0, rules.first
-        u_before, size_before = None, None
-        easy, force = 0, 0.0
+        begin = self.resume or Progress(0.0, rules.first, np.zeros(problem.ndof), problem.start())
+        travel, size, u, states = begin.travel, begin.size, begin.u, begin.states
+        u_before, size_before, easy, force = begin.u_before, begin.size_before, begin.easy, begin.force
         damping = next((f for f in problem.forms if f.name == "damping"), None)
+        if damping is not None:
+            damping.boost = begin.boost
+        plan, chosen = iter(self.schedule or ()), self.schedule is None
         while travel < self.depth - 1e-9:
+            if not chosen:
+                size, boost = next(plan, (0.0, 1.0))
+                if size == 0.0:
+                    return
+                if damping is not None:
+                    damping.boost = boost
             size = min(size, self.depth - travel)
             step = Step(size / self.speed, u, self._centre(travel + size), self._centre(travel))
             begun = dict(states)
@@ -92,21 +123,27 @@ class March:
             if u_before is not None:
                 guesses.insert(0, u + (u - u_before) * (size / size_before))
             try:
-                new_u, result, effort = self._first_that_converges(guesses, begun, step)
+                new_u, result, effort, solves = self._first_that_converges(guesses, begun, step)
                 growth = self._damage_growth(states, result.states)
-                if not rules.paper and growth > 2 * rules.damage and size > 4 * rules.smallest:
+                if chosen and not rules.paper and growth > 2 * rules.damage and size > 4 * rules.smallest:
                     raise NoConvergence(f"damage grew by {growth:.2f}")
                 work = self._work(new_u, begun, result.states, step)
                 force_after = sum(form.force(result.states[form.name])[1] for form in blades)
                 # What the ledger leaves open is the error of the step.
                 spent = (force + force_after) / 2 * size
-                defect = abs(spent - sum(work.values())) / max(spent, 1e-300)
-                if not rules.paper and defect > 3 * rules.defect and size > rules.gentle:
+                # Against the blade's work over the largest step: within a small jump of a fine step
+                # nothing is gained by closing better than that.
+                whole = spent / size * max(size, rules.largest)
+                defect = abs(spent - sum(work.values())) / max(whole, 1e-300)
+                if chosen and not rules.paper and defect > 3 * rules.defect and size > rules.gentle:
                     raise NoConvergence(f"the energy of the step closes only to {defect:.0%}")
             except NoConvergence as error:
                 self.failures.append(f"{travel:.4f} mm, step {size:.2g} mm: {error.reason}")
                 easy = 0
                 size *= rules.shrink
+                if not chosen:
+                    self.stopped = error.reason
+                    return
                 if damping is not None and size < rules.gentle and damping.boost < LARGEST_BOOST:
                     # Slower than the smallest step lets it be, instead of a smaller step.
                     damping.boost = max(10.0, damping.boost * 10)
@@ -120,7 +157,7 @@ class March:
             u, travel = new_u, travel + size
             force = force_after
             reaction = result.residual[self.bottom].sum()
-            yield Accepted(travel, step.dt, u, states, force, reaction, work, sum(effort))
+            yield Accepted(travel, step.dt, u, states, force, reaction, work, sum(effort), step, solves)
             easy = easy + 1
             hardest = max(effort)
             if damping is not None:
@@ -138,6 +175,9 @@ class March:
                 and easy > 1
             ):
                 size = min(size * rules.grow, rules.largest)
+            if self.at_rest is not None:
+                boost = 1.0 if damping is None else damping.boost
+                self.at_rest(Progress(travel, size, u, states, u_before, size_before, easy, force, boost))
 
     def _work(self, u, old, new, step) -> dict[str, float]:
         """Work taken up by each mechanism over the step; faces add up under one name."""
@@ -159,9 +199,11 @@ class March:
     def _solve(self, u, states, step):
         """Newton's method, inside the loops that hold damage or multipliers (none by default).
 
-        Returns displacements, evaluation and the iterations of each inner solve.
+        Returns displacements, evaluation, the iterations of each inner solve, and what each began from
+        and found.
         """
         u, result, effort = self._hold_damage(u, states, step)
+        solves = [(states, u)]
         for _ in range(self.rules.augmentations):
             blades = [f for f in self.problem.forms if f.name.startswith("blade")]
             states = {**states}
@@ -170,7 +212,8 @@ class March:
                 states[form.name] = {**states[form.name], "multiplier": held}
             u, result, more = self._hold_damage(u, states, step)
             effort = effort + more
-        return u, result, effort
+            solves.append((states, u))
+        return u, result, effort, solves
 
     def _hold_damage(self, u, states, step):
         if not self.rules.staggered or "cohesion" not in states:

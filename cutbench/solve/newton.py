@@ -26,17 +26,17 @@ class NewtonSettings:
     tolerance: float = 1e-8
     #: Accepted where rounding keeps the residual from falling further.
     stagnant: float = 1e-7
-    iterations: int = 15
+    iterations: int = 30
     #: Largest change of a displacement in one iteration, and the one beyond which the tangent is
     #: regularised, at most with ``largest_shift`` times G.
     reach: float = 0.3
-    trust: float = 0.1
+    trust: float = 0.2
     largest_shift: float = 300.0
     #: Line search: evaluations at the most, and the part of the work that may be left.
     cuts: int = 6
     slack: float = 0.8
     #: Iterations before a residual that does not fall counts as cycling.
-    patience: int = 4
+    patience: int = 8
     #: A Newton step that leaves less than ``close`` of the residual is followed by steps with its
     #: factorization, as long as each leaves less than ``chord``.
     close: float = 0.1
@@ -60,13 +60,13 @@ def newton(problem: Problem, u: np.ndarray, states: dict, step: Step, settings: 
         raise NoConvergence("the predicted state has inverted elements")
     current = problem.evaluate(u, states, step)
     size = norm(current)
-    shift, history = 0.0, []
+    shift, history = Shift(), []
     for iteration in range(settings.iterations + 1):
         if size <= settings.tolerance * current.scale:
             return u, current, iteration
         if iteration == settings.iterations:
             break
-        du, shift = _direction(problem, current, settings, shift)
+        du = _direction(problem, current, settings, shift)
         largest = np.abs(du[moving]).max()
         alpha = min(1.0, settings.reach / largest) if largest > 0 else 1.0
         while problem.bulk.smallest_volume_ratio(u + alpha * du) <= floor:
@@ -76,7 +76,7 @@ def newton(problem: Problem, u: np.ndarray, states: dict, step: Step, settings: 
         before, base = size, (u, current)
         u, current = _search(problem, u, du, alpha, current, states, step, settings, floor)
         size = norm(current)
-        if shift == 0 and settings.tolerance * current.scale < size < settings.close * before:
+        if shift.now == 0 and settings.tolerance * current.scale < size < settings.close * before:
             u, current, size = _chords(problem, u, current, size, states, step, settings)
         if iteration >= settings.patience and size > 0.9 * before:
             # The active sets cycle: now the residual itself has to fall.
@@ -112,7 +112,7 @@ def _chords(problem, u, current, size, states, step, settings):
     free = problem.free
     goal = settings.tolerance * current.scale
     while size > goal:
-        trial_u = u + problem.back_substitute(current.residual)
+        trial_u = u + problem.back_substitute(current.residual, loosely=True)
         trial = problem.evaluate(trial_u, states, step, tangent=False)
         r = float(np.linalg.norm(trial.residual[free]))
         if not r < settings.chord * size:
@@ -124,34 +124,48 @@ def _chords(problem, u, current, size, states, step, settings):
     return u, current, size
 
 
+@dataclass
+class Shift:
+    """Regularisation in units of the shear modulus, and whether the last iteration had to raise it."""
+
+    now: float = 0.0
+    raised: bool = False
+
+    def relaxed(self) -> float:
+        """What to try next: little less where less has just failed."""
+        value = self.now / (2.0 if self.raised else 4.0)
+        return value if value > 0.05 else 0.0
+
+
 def _direction(problem, current, settings, shift):
-    """Newton direction and the regularisation it needed, in units of the shear modulus.
+    """Newton direction; ``shift`` keeps the regularisation it needed.
 
     Where softening makes the tangent indefinite or nearly singular, the direction leads uphill or far
     away. A multiple of the Laplacian added to the tangent shortens and turns it (Levenberg, Marquardt).
     """
     free, moving = problem.free, problem.displacements
-    shift = 0.0 if shift < 0.05 else shift / 8
-    for _ in range(6):
-        data = current.data if shift == 0 else current.data + shift * problem.p.G * problem.metric
+    shift.now = shift.relaxed()
+    for attempt in range(8):
+        data = current.data if shift.now == 0 else current.data + shift.now * problem.p.G * problem.metric
         try:
             problem.factorize(data)
-            du = problem.back_substitute(current.residual)
+            du = problem.back_substitute(current.residual, loosely=True)
             largest = np.abs(du[moving]).max()
             downhill = du[free] @ current.residual[free] < 0
             if np.isfinite(largest) and downhill and largest <= settings.trust:
-                return du, shift
+                shift.raised = attempt > 0
+                return du
         except SingularMatrix as error:
             largest, downhill, fault = np.inf, False, error
             du = None
-        if problem.metric is None or shift > settings.largest_shift:
+        if problem.metric is None or shift.now > settings.largest_shift:
             break
-        shift = max(1.0, 8 * shift)
+        shift.now = max(1.0, 4 * shift.now)
     if du is None:
         raise NoConvergence(f"singular tangent: {fault}")
     if not np.isfinite(largest):
         raise NoConvergence("the linear solution is not finite")
-    return du, shift
+    return du
 
 
 def _shorter(problem, u, du, alpha, states, step):

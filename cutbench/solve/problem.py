@@ -9,7 +9,7 @@ import numpy as np
 
 from cutbench.forms.assembly import Pattern
 from cutbench.forms.base import Form, Step
-from cutbench.solve.linear import make_solver
+from cutbench.solve.iterative import solver_for
 
 
 @dataclass
@@ -37,15 +37,32 @@ class Evaluation:
 class Problem:
     """Forms, their common pattern and the linear solver."""
 
-    def __init__(self, forms: list[Form], ndof: int, fixed: np.ndarray, p, *, solver: str = "auto"):
+    def __init__(
+        self,
+        forms: list[Form],
+        ndof: int,
+        fixed: np.ndarray,
+        p,
+        *,
+        solver: str = "auto",
+        modes: np.ndarray | None = None,
+    ):
+        """``modes`` (ndof, 6): rigid motions of a solid, for solvers that iterate."""
         self.forms, self.ndof, self.fixed, self.p = list(forms), ndof, fixed, p
         self.symmetric = all(form.symmetric for form in forms)
         self.timer = Timer()
         start = time.perf_counter()
         self.pattern = Pattern(ndof, fixed, {form.name: form.dofs for form in forms}, self.symmetric)
         self.free = self.pattern.free
-        self.solver = make_solver(
-            solver, self.pattern.indptr, self.pattern.indices, self.free.size, self.symmetric
+        #: Where forces count as in balance; a specimen that is pulled has its largest where it is held.
+        self.in_balance = self.free
+        self.solver = solver_for(
+            solver,
+            self.pattern.indptr,
+            self.pattern.indices,
+            self.free.size,
+            self.symmetric,
+            None if modes is None else modes[self.free],
         )
         self.bulk = next(form for form in forms if form.name == "bulk")
         damping = next((form for form in forms if form.name == "damping"), None)
@@ -66,23 +83,28 @@ class Problem:
     ) -> Evaluation:
         begin = time.perf_counter()
         p = self.p if p is None else p
-        data = np.zeros(self.pattern.indices.size) if tangent else None
-        residual, scale = 0.0, 0.0
-        new = {}
-        for form in self.forms:
-            # Damping's matrix is a multiple of the metric, which stands assembled already.
-            constant = form.name == "damping"
-            # A trial state may have inverted elements; the caller sees that it is not finite.
-            with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        vectors, matrices, new = {}, {}, {}
+        damping = None
+        # A trial state may have inverted elements; the caller sees that it is not finite.
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            for form in self.forms:
+                # Damping's matrix is a multiple of the metric, which stands assembled already.
+                constant = form.name == "damping"
                 local = form.evaluate(u, p, states[form.name], step, tangent and not constant)
-            vector = self.pattern.vector(form.name, local.vector)
-            if tangent and constant:
-                data += form.factor(step) * self.metric
-            elif tangent and local.matrix is not None:
-                self.pattern.add(data, form.name, local.matrix)
-            residual = residual + vector
-            scale += float(np.linalg.norm(np.take(vector, self.free).real))
-            new[form.name] = local.state
+                vectors[form.name], new[form.name] = local.vector, local.state
+                if constant:
+                    damping = form
+                elif local.matrix is not None:
+                    matrices[form.name] = local.matrix
+            forces = self.pattern.vectors(vectors)
+            residual = forces.sum(axis=0)
+            balance = np.take(forces, self.in_balance, axis=1).real
+            scale = float(np.sqrt((balance * balance).sum(axis=1)).sum())
+            data = None
+            if tangent:
+                data = self.pattern.matrices(matrices)
+                if damping is not None:
+                    data += damping.factor(step) * self.metric
         self.timer.add("assembly" if tangent else "residual", begin)
         return Evaluation(residual, data, new, scale)
 
@@ -91,10 +113,14 @@ class Problem:
         self.solver.refactor(data)
         self.timer.add("factorization", begin)
 
-    def back_substitute(self, residual: np.ndarray) -> np.ndarray:
-        """Solve K du = −residual on the free degrees of freedom; (ndof,) with zeros elsewhere."""
+    def back_substitute(self, residual: np.ndarray, *, loosely: bool = False) -> np.ndarray:
+        """Solve K du = −residual on the free degrees of freedom; (ndof,) with zeros elsewhere.
+
+        ``loosely``: as exactly as Newton's method needs; it matters to solvers that iterate.
+        """
         begin = time.perf_counter()
+        solve = getattr(self.solver, "direction", self.solver.solve) if loosely else self.solver.solve
         du = np.zeros(self.ndof)
-        du[self.free] = self.solver.solve(-residual[self.free])
+        du[self.free] = solve(-residual[self.free])
         self.timer.add("solve", begin)
         return du

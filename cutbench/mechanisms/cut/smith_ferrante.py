@@ -14,6 +14,14 @@ from cutbench.quantities import Parameter
 
 #: Interpenetration, in units of δ_c, at which closing meets twice the undamaged stiffness.
 CLOSING = 0.05
+#: Points and weights on (0, 1) for means over a step.
+GAUSS = tuple(((1 + x) / 2, w / 2) for x, w in zip(*np.polynomial.legendre.leggauss(5), strict=True))
+
+
+def squared_opening(jump: np.ndarray, p) -> np.ndarray:
+    """δ² (N,) in mm²: the normal part counts only where the faces part."""
+    n2 = np.where(jump[0].real > 0, jump[0], 0) ** 2
+    return n2 + p.beta**2 * (jump[1] ** 2 + jump[2] ** 2)
 
 
 class SmithFerrante(Cut):
@@ -37,34 +45,43 @@ class SmithFerrante(Cut):
             "delta_c/a": p.delta_c / (p.thickness / 2),
         }
 
+    def keep(self, s, p):
+        """1 − d (N,) where the largest opening so far is s in units of δ_c."""
+        return np.exp(-s)
+
+    def spent(self, s, keep, p):
+        """Work of opening up to s, over G_c."""
+        # expm1 and the small-s form keep the first steps free of cancellation.
+        return -np.expm1(-s) - s * keep
+
+    def stiffness(self, p):
+        """Of the undamaged interface, MPa/mm; ∫ T dδ is G_c."""
+        return p.G_c / p.delta_c**2
+
     def start(self, n, p):
         return {"delta_max": np.zeros(n)}
 
-    def _opening(self, jump, p):
-        """Squared effective opening; the normal part counts only when the faces part."""
-        n2 = np.where(jump[0].real > 0, jump[0], 0) ** 2
-        return n2 + p.beta**2 * (jump[1] ** 2 + jump[2] ** 2)
-
     def traction(self, jump, p, state, at):
-        square = self._opening(jump, p)
+        square = squared_opening(jump, p)
         # sqrt has no derivative at 0, where nothing grows anyway.
         grows = (square.real > state["delta_max"].real ** 2) & (not at.held)
         delta_max = np.where(grows, np.sqrt(np.where(grows, square, 1.0)), state["delta_max"])
-        keep = np.exp(-delta_max / p.delta_c)
-        K = p.G_c / p.delta_c**2
+        keep = self.keep(delta_max / p.delta_c, p)
+        K = self.stiffness(p)
         T = K * keep * np.stack([jump[0], p.beta**2 * jump[1], p.beta**2 * jump[2]])
         # Closing: undamaged, and stiffening smoothly, so that the faces touch instead of sinking in.
         T[0] = np.where(jump[0].real > 0, T[0], K * jump[0] * (1 - jump[0] / (CLOSING * p.delta_c)))
-        at.shared.update(damage=1 - keep, stiffness=K, cohesive=T)
+        start = state["delta_max"]
+        mean = sum(w * self.keep((start + x * (delta_max - start)) / p.delta_c, p) for x, w in GAUSS)
+        at.shared.update(damage=1 - keep, mean_damage=1 - mean, stiffness=K, cohesive=T)
         return T, {"delta_max": delta_max}
 
     def work(self, jump, p, state, at):
         """Stored and dissipated together: a function of the opening and its maximum."""
         s = state["delta_max"] / p.delta_c
-        keep = np.exp(-s)
-        K = p.G_c / p.delta_c**2
-        unloaded = K / 2 * keep * (state["delta_max"] ** 2 - self._opening(jump, p))
+        keep = self.keep(s, p)
+        K = self.stiffness(p)
+        unloaded = K / 2 * keep * (state["delta_max"] ** 2 - squared_opening(jump, p))
         shut = np.where(jump[0].real < 0, jump[0], 0)
         closing = K * shut**2 * (1 / 2 - shut / (3 * CLOSING * p.delta_c))
-        # expm1 and the small-s form keep the first steps free of cancellation.
-        return p.G_c * (-np.expm1(-s) - s * keep) - unloaded + closing
+        return p.G_c * self.spent(s, keep, p) - unloaded + closing

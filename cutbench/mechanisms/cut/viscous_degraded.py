@@ -2,6 +2,10 @@
 
 The general form that the paper's footnote names and does not use. What is cut no longer resists,
 so the dissipation is confined to the process zone and converges under refinement.
+
+d is the mean over the opening from the step's start to its end: the work is then that of an opening at
+constant rate, however much of the cohesion one step breaks. With d at the end, a point that opens within
+one step would dissipate nothing.
 """
 
 from cutbench.mechanisms.cut.viscous import Viscous
@@ -14,4 +18,4 @@ class ViscousDegraded(Viscous):
     title = "viscous (degraded)"
 
     def viscosity(self, p, at):
-        return super().viscosity(p, at) * (1 - at.shared.get("damage", 0.0))
+        return super().viscosity(p, at) * (1 - at.shared.get("mean_damage", 0.0))
