@@ -14,7 +14,10 @@ from cutbench.forms.cut import CutForm
 from cutbench.forms.damping import DampingForm
 from cutbench.forms.mixed import MixedVolumetric
 from cutbench.forms.space import Space
+from cutbench.forms.support import SupportForm
+from cutbench.numerics import Numerics
 from cutbench.solve.geometry import Geometry, paired
+from cutbench.solve.iterative import rigid_motions
 from cutbench.solve.march import March, StepRules
 from cutbench.solve.newton import NewtonSettings
 from cutbench.solve.problem import Problem
@@ -50,16 +53,34 @@ def geometry_of(case: Case) -> Geometry:
     return geometry(case.values, case.numerics)
 
 
-def build(case: Case, geometry: Geometry | None = None) -> Built:
-    """Forms, pattern, solver and march of a case. Raises BadInput for a mesh that cannot be used."""
+def contact_numerics(p, n: Numerics) -> ContactNumerics:
+    """Stiffnesses of the contact for parameters ``p``, which may be complex."""
+    return ContactNumerics(n.penalty * p.G, n.stick * p.G, n.normal, n.gap)
+
+
+def damping_viscosity(p, n: Numerics):
+    """Viscosity of the damping form, MPa s."""
+    return p.G * n.damping_mm / p.speed
+
+
+def first_centre(p) -> np.ndarray:
+    """Centre (3,) of the tip's ellipse before the blade moves: the tip touches the top."""
+    return np.array([0.0, p.height + getattr(p, "tip", 0.0), 0.0])
+
+
+def build(case: Case, geometry: Geometry | None = None, space: Space | None = None) -> Built:
+    """Forms, pattern, solver and march of a case. Raises BadInput for a mesh that cannot be used.
+
+    ``geometry`` and the ``space`` on its mesh are the case's unless given.
+    """
     p, n, model = case.p, case.numerics, case.model
     geometry = geometry or geometry_of(case)
     order = ORDER[n.element]
-    space = Space.build(geometry.mesh, order)
+    space = space or Space.build(geometry.mesh, order)
     dim = space.dim
     degree = 1 if order == 1 else n.bulk_degree
     volume = space.volume(degree)
-    bulk = model.laws("bulk")
+    bulk, skins = model.laws("bulk"), model.laws("skin")
     forms = []
     if n.element == "P2P1":
         if not any(law.role == "volumetric" for law in bulk):
@@ -67,14 +88,14 @@ def build(case: Case, geometry: Geometry | None = None) -> Built:
                 key="element", value="P2P1", expected="P1 or P2 in a model without a law for volume change"
             )
         pressure = next(law for law in bulk if law.role == "volumetric")
-        forms.append(MixedVolumetric(pressure, space, degree, p.height))
+        forms.append(MixedVolumetric(pressure, space, degree, p.height, skins))
         bulk = tuple(law for law in bulk if law is not pressure)
-    forms.insert(0, BulkForm(bulk, volume, p.height))
+    forms.insert(0, BulkForm(bulk, volume, p.height, skins))
     ndof = getattr(forms[-1], "ndof", space.ndof)
     faces = {name: space.faces(name, n.facet_degree) for name in geometry.blade_faces}
     if cut := model.laws("cut"):
         minus = paired(faces["cut"], faces["cut_minus"], space.X) if geometry.split else None
-        forms.append(CutForm(cut, faces["cut"], p.height, minus))
+        forms.append(CutForm(cut, faces["cut"], p.height, minus, skins))
     elif geometry.split:
         raise BadInput(
             key="symmetry", value="full", expected="'half' where no law holds the cut plane together"
@@ -82,20 +103,28 @@ def build(case: Case, geometry: Geometry | None = None) -> Built:
     blade = model.laws("blade")
     # Without contact nothing meets the blade: neither friction nor adhesion then has a surface to act on.
     if any(law.role == "contact" for law in blade):
-        stiffness = n.penalty * p.G
-        numerics = ContactNumerics(stiffness, n.stick * p.G, n.normal, n.gap)
         forms += [
-            BladeForm(blade, face, numerics, keep_touched=name != "top", height=p.height)
+            BladeForm(blade, face, contact_numerics(p, n), keep_touched=name != "top", height=p.height)
             for name, face in faces.items()
         ]
     if n.damping_mm > 0:
-        forms.append(DampingForm(volume, p.G * n.damping_mm / p.speed))
+        forms.append(DampingForm(volume, damping_viscosity(p, n)))
     clamped = space.nodes_on(geometry.clamped)
-    fixed = [clamped * dim + i for i in range(dim)]
+    support = None
+    for law in model.laws("support"):
+        support = SupportForm(law, space.faces(geometry.clamped, 2 * order), ndof)
+        forms.append(support)
+        ndof = support.ndof
+    fixed = [clamped * dim + i for i in range(dim) if i == 1 or support is None]
     fixed += [space.nodes_on(name) * dim + i for name, i in geometry.held]
     if not cut and not geometry.split:
         fixed.append(space.nodes_on("cut") * dim)  # nothing to open: the plane stays a symmetry plane
-    problem = Problem(forms, ndof, np.unique(np.concatenate(fixed)), p, solver=n.solver)
+    if support is not None:  # what symmetry holds needs no traction
+        traction, held = support.pairs
+        fixed.append(traction[np.isin(held, np.concatenate(fixed))])
+    # A section is small, and the mixed element's matrix no elasticity alone: both are factorized.
+    modes = rigid_motions(space.X) if dim == 3 and ndof == space.ndof else None
+    problem = Problem(forms, ndof, np.unique(np.concatenate(fixed)), p, solver=n.solver, modes=modes)
     rules = StepRules(
         largest=n.step_mm,
         smallest=n.step_min_mm,
@@ -108,7 +137,7 @@ def build(case: Case, geometry: Geometry | None = None) -> Built:
     )
     march = March(
         problem,
-        np.array([0.0, p.height + getattr(p, "tip", 0.0), 0.0]),
+        first_centre(p),
         p.depth,
         p.speed,
         clamped * dim + 1,

@@ -17,7 +17,7 @@ from types import MappingProxyType, SimpleNamespace
 from cutbench import materials
 from cutbench.errors import BadInput
 from cutbench.model import DEFAULT, Model, section_of
-from cutbench.numerics import ALIASES, KEYS, Numerics
+from cutbench.numerics import ALIASES, KEYS, Numerics, defaults, preset
 from cutbench.reading import located, read_toml
 from cutbench.values import (
     SECTIONS,
@@ -82,7 +82,7 @@ class Case:
             full[name] = rounded(value, 14)
         object.__setattr__(self, "mechanisms", model.mechanisms)
         object.__setattr__(self, "values", MappingProxyType(full))
-        check_fit(full, self.numerics)
+        check_fit(full, self.numerics, self.dim)
 
     def __reduce__(self):
         return Case, (self.name, self.dim, self.mechanisms, dict(self.values), self.numerics)
@@ -130,10 +130,11 @@ class Case:
         """A case with changes as a person writes them.
 
         Parameters by name (``G="8 kPa"``), ``eta_v="0.05 mm"``, groups (``cohesion=9.0``), numerics
-        (``h="0.2 mm"``, ``element="P1"``), ``with_``, ``without`` and ``mechanisms`` (a name or
+        (``h="0.2 mm"``, ``element="P1"``), ``numerics="paper"`` (all of them as the paper has them, and its
+        viscous term), ``with_``, ``without`` and ``mechanisms`` (a name or
         several), ``name``. Groups are solved after the parameters. Raises BadInput.
         """
-        draft = _Draft(self.name, self.model, self.values, self.numerics)
+        draft = _Draft(self.name, self.model, self.values, self.numerics, self.dim)
         return draft.changed(changes).case(self.dim)
 
     def to_dict(self) -> dict:
@@ -177,6 +178,7 @@ class _Draft:
     model: Model
     values: Mapping[str, float] = field(default_factory=dict)
     numerics: Numerics = field(default_factory=Numerics)
+    dim: int = 2
 
     def changed(self, changes: Mapping[str, object]) -> _Draft:
         """With ``changes`` as ``Case.set`` takes them. Raises BadInput."""
@@ -188,12 +190,15 @@ class _Draft:
                 model = model.with_(*names("with", rest.pop(key)))
         if "without" in rest:
             model = model.without(*names("without", rest.pop("without")))
-        name = rest.pop("name", self.name)
-        numerics = self.numerics.set({k: v for k, v in rest.items() if k in KEYS})
+        name, word = rest.pop("name", self.name), rest.pop("numerics", None)
+        if word == "paper" and "viscous_degraded" in model.mechanisms:
+            model = model.with_("viscous")  # as printed, whatever the damage
         values = resolve(self.values, {k: v for k, v in rest.items() if k not in KEYS}, model)
+        start = self.numerics if word is None else preset(word, values, self.dim)
+        numerics = start.set({k: v for k, v in rest.items() if k in KEYS})
         if numerics.mesh is not None:
             _digest(numerics.mesh)  # a mesh that cannot be read is refused here, not in the middle of a run
-        return _Draft(name, model, values, numerics)
+        return _Draft(name, model, values, numerics, self.dim)
 
     def case(self, dim: int) -> Case:
         return Case(self.name, dim, self.model.mechanisms, self.values, self.numerics)
@@ -205,10 +210,10 @@ def load_case(
     """A case from a material's name or a TOML file, with ``overrides``.
 
     ``overrides`` is a mapping as ``Case.set`` takes, or texts such as ``"eta_reg=0.5 s"``; one may
-    give what the file leaves out. Raises BadInput.
+    give what the file leaves out. The defaults of the numerics depend on ``dim``. Raises BadInput.
     """
     changes = dict(overrides) if isinstance(overrides, Mapping) else parse_overrides(overrides)
-    draft, path, text = _load(source, ())
+    draft, path, text = _load(source, (), dim)
     draft = draft.changed(changes)
     written = {ALIASES.get(key, key) for key in changes}
     try:
@@ -233,7 +238,7 @@ def parse_overrides(texts: Iterable[str]) -> dict[str, object]:
     return changes
 
 
-def _load(source: str | Path, seen: tuple[Path, ...]) -> tuple[_Draft, Path, str]:
+def _load(source: str | Path, seen: tuple[Path, ...], dim: int) -> tuple[_Draft, Path, str]:
     """What a file describes, the file and its text; ``seen`` are the files that led to it by ``base``."""
     path = materials.find(source)
     table, text = read_toml(path)
@@ -257,9 +262,9 @@ def _load(source: str | Path, seen: tuple[Path, ...]) -> tuple[_Draft, Path, str
                 raise BadInput(
                     key="base", value=table["base"], expected="a file that does not lead back here"
                 )
-            base = _load(origin, (*seen, here))[0]
+            base = _load(origin, (*seen, here), dim)[0]
         listed = names("mechanisms", table["mechanisms"]) if "mechanisms" in table else None
-        start = base or _Draft(path.stem, Model(DEFAULT))
+        start = base or _Draft(path.stem, Model(DEFAULT), numerics=defaults(dim), dim=dim)
         model = Model(listed) if listed else start.model
     changes: dict[str, object] = {}
     for section in (*SECTIONS, "numerics"):

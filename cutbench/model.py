@@ -132,6 +132,35 @@ class Model:
             kept.append(name)
         return Model(tuple(kept))
 
+    def extended(self, *names: str) -> tuple[Model, dict[str, float]]:
+        """The model with ``names`` added where they have no effect, and what that takes.
+
+        The numbers (internal units) are those of the parameters that the model did not have: the off
+        value, else the default, else the typical one. Raises BadInput where no new parameter switches a
+        mechanism off, or where it would replace one that is not among its special cases.
+        """
+        model, values = self, {}
+        for name in names:
+            added, known = mechanism(name, key="with"), model.parameters()
+            if name in model.mechanisms:
+                continue
+            new = [q for q in added.parameters if q.name not in known]
+            replaced = [m for m in model.all if m.role and (m.slot, m.role) == (added.slot, added.role)]
+            if not any(q.off is not None for q in new):
+                raise BadInput(
+                    key="with", value=name, expected="a mechanism that a value of its own switches off"
+                )
+            for old in replaced:
+                if not set(old.parameters) <= set(added.parameters):
+                    raise BadInput(
+                        key="with", value=name, expected=f"a mechanism that has {old.name} as a special case"
+                    )
+            for q in new:
+                start = next(v for v in (q.off, q.default, q.typical) if v is not None)
+                values[q.name] = start * q.factor
+            model = model.with_(name)
+        return model, values
+
     def without(self, *names: str) -> Model:
         """The model without ``names``."""
         for name in names:
@@ -166,6 +195,12 @@ class Model:
     def groups(self, p: SimpleNamespace) -> dict[str, float]:
         """All dimensionless groups of its mechanisms for parameters ``p`` (internal units)."""
         return {text: float(value) for m in self.all for text, value in m.groups(p).items()}
+
+    def record(self, displacement, force, time, p: SimpleNamespace):
+        """What the rig records (displacement, force) of the true ones, (n,) each, in mm, N, s."""
+        for law in self.laws("rig"):
+            displacement, force = law.record(displacement, force, time, p)
+        return displacement, force
 
     def settable_groups(self) -> dict[str, Group]:
         """The groups that can be set in this model, in the order in which they are applied."""

@@ -17,6 +17,9 @@ ETA_V = Parameter("eta_v", "mm", "η_reg v", "viscous length; sets eta_reg = eta
 #: Sharpest tip that an element resolves: its radius of curvature a²/b in element sizes.
 TIP_PER_ELEMENT = 1 / 20
 
+#: Largest element in thicknesses of the blade: published meshes have 1.5 to 2.
+ELEMENTS_PER_BLADE = 3.0
+
 SECTIONS = ("parameters", "specimen", "blade", "protocol")
 
 
@@ -136,14 +139,34 @@ def names(key: str, raw: object) -> tuple[str, ...]:
     return tuple(n.strip() for n in parts)
 
 
+def _check_blade_along(v: Mapping[str, float], numerics: Numerics, dim: int) -> None:
+    tilt, overhang = v.get("tilt", 0.0), v.get("overhang", 0.0)
+    shown = f"{math.degrees(tilt):g} deg" if tilt else f"{overhang:g} mm"
+    key = "tilt" if tilt else "overhang"
+    if dim == 2 and (tilt or overhang < 0):
+        raise BadInput(key=key, value=shown, expected="0 in plane strain: it needs three dimensions")
+    if overhang <= -v["length"] / 2:
+        raise BadInput(
+            key="overhang",
+            value=f"{overhang:g} mm",
+            expected=f"a blade that is not shorter than nothing: more than {-v['length'] / 2:g} mm",
+        )
+    if tilt and numerics.symmetry in ("quarter", "half"):
+        raise BadInput(
+            key="symmetry",
+            value=numerics.symmetry,
+            expected="'full' or 'auto' with a tilted blade: it has no plane of symmetry",
+        )
+
+
 def _below(value: float) -> float:
     """``value`` in two digits, rounded down: an advice must hold when it is followed."""
     digit = 10.0 ** (math.floor(math.log10(value)) - 1)
     return rounded(math.floor(value / digit) * digit, 2)
 
 
-def check_fit(v: Mapping[str, float], numerics: Numerics) -> None:
-    """Raise BadInput where one value rules out another: travel, blade in block, tip on mesh."""
+def check_fit(v: Mapping[str, float], numerics: Numerics, dim: int = 2) -> None:
+    """Raise BadInput where one value rules out another: travel, blade in block, tip on mesh, symmetry."""
     if v["depth"] > 1.5 * v["height"]:
         raise BadInput(
             key="depth",
@@ -152,6 +175,7 @@ def check_fit(v: Mapping[str, float], numerics: Numerics) -> None:
         )
     if "thickness" not in v:
         return
+    _check_blade_along(v, numerics, dim)
     thickness, h = v["thickness"], numerics.h_mm
     if thickness >= v["width"]:
         raise BadInput(
@@ -159,11 +183,12 @@ def check_fit(v: Mapping[str, float], numerics: Numerics) -> None:
             value=f"{thickness:g} mm",
             expected=f"a blade thinner than the specimen is wide ({v['width']:g} mm)",
         )
-    if h > thickness:
+    if h > ELEMENTS_PER_BLADE * thickness * (1 + 1e-12):
         raise BadInput(
             key="h",
             value=f"{h:g} mm",
-            expected=f"an element size at the cut plane of at most the blade's thickness, {thickness:g} mm",
+            expected=f"an element size at the cut plane of at most {ELEMENTS_PER_BLADE:g} times the blade's"
+            f" thickness ({thickness:g} mm), {ELEMENTS_PER_BLADE * thickness:g} mm",
         )
     if "tip" in v:
         radius = (thickness / 2) ** 2 / v["tip"]

@@ -19,7 +19,8 @@ def drop_of(case) -> float:
     p = case.p
     sigma = p.G_c / p.delta_c
     viscosity = p.eta_reg * p.speed / p.delta_c
-    return 0.9 / (1 + (viscosity / 0.4) ** 0.9) / (1 + 9 * p.tau_W / sigma) / (1 + (sigma / p.G / 14) ** 2)
+    adhesion = case.values.get("tau_W", 0.0) / sigma
+    return 0.9 / (1 + (viscosity / 0.4) ** 0.9) / (1 + 9 * adhesion) / (1 + (sigma / p.G / 14) ** 2)
 
 
 def fake_run(case) -> Result:
@@ -30,18 +31,21 @@ def fake_run(case) -> Result:
 
 
 def computed(case) -> Result:
-    """Rise to 1 N at 4 mm, a fall by ``drop_of(case)`` within 0.35 mm, a slow rise to the full depth."""
+    """Rise to 1 N, hold it to 4 mm, fall by ``drop_of(case)`` within 0.2 mm, hold, then rise slowly.
+
+    Long enough held, the mean force over half a blade thickness falls by just as much.
+    """
     drop = drop_of(case)
-    d = np.array([0.0, 4.0, 4.35, case.p.depth])
-    F = np.array([0.0, 1.0, 1.0 - drop, 1.2 - drop])
+    d = np.array([0.0, 3.0, 4.0, 4.2, 5.5, case.p.depth])
+    F = np.array([0.0, 1.0, 1.0, 1.0 - drop, 1.0 - drop, 1.2 - drop])
     curve = {
         "displacement_mm": d,
         "force_N": F,
         "time_s": d / case.p.speed,
-        "cut_length_mm": np.array([0.0, 0.0, 2 * drop, case.p.depth - 4]),
+        "cut_length_mm": np.array([0.0, 0.0, 0.0, 2 * drop, 2 * drop + 1, case.p.depth - 2]),
     }
     outcome = Outcome("done", "reached the full depth", "", case.p.depth)
-    return Result(case, curve, outcome, {"total_s": 0.0}, {"steps": 4}, [], {})
+    return Result(case, curve, outcome, {"total_s": 0.0}, {"steps": 6}, [], {})
 
 
 def note(case) -> None:

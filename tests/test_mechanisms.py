@@ -1,11 +1,12 @@
 """What every mechanism must satisfy, held over the registry: a new file is tested by being there.
 
 No law is named here. A law is evaluated with exactly the numbers it declares (its parameters and what
-it reads), beside one law of every other role that runs before it in its slot.
+it reads), beside the laws of the default model that have other roles.
 """
 
 from __future__ import annotations
 
+import math
 import re
 import sys
 from itertools import pairwise
@@ -18,7 +19,7 @@ from hypothesis import strategies as st
 
 from cutbench.mechanisms import SLOTS, Bulk, registry
 from cutbench.mechanisms.base import STEP, Mechanism, Points
-from cutbench.model import PROTOCOL, SPECIMEN
+from cutbench.model import DEFAULT, PROTOCOL, SPECIMEN, Model
 from cutbench.quantities import Parameter, unit_factor, ureg
 
 LAWS = registry()
@@ -52,13 +53,14 @@ def switched_off(law: Mechanism) -> SimpleNamespace:
     return numbers(law, **{q.name: q.off * q.factor for q in law.parameters if q.off is not None})
 
 
+def context(law: Mechanism) -> tuple[Mechanism, ...]:
+    """The default model's laws of the slot with ``law`` among them, in the order of evaluation."""
+    return Model(DEFAULT).with_(law.name).laws(law.slot)
+
+
 def before(law: Mechanism) -> list[Mechanism]:
-    """One law of every other role that runs before ``law`` and may share something with it."""
-    found = {}
-    for other in LAWS.values():
-        if other.slot == law.slot and other.rank < law.rank and other.role != law.role:
-            found.setdefault(other.role, other)
-    return list(found.values())
+    """Those that run before ``law`` and may share something with it."""
+    return [other for other in context(law) if other.rank < law.rank]
 
 
 def rng() -> np.random.Generator:
@@ -101,7 +103,7 @@ def test_a_mechanism_describes_itself(law):
     assert module.__name__ == f"cutbench.mechanisms.{law.slot}.{law.name}", "one mechanism a file of its name"
     assert law.slot in SLOTS
     assert re.fullmatch(r"[a-z][a-z0-9_]*", law.name)
-    assert law.title.strip()
+    assert 0 < len(law.title.strip()) <= 24, "the title has room in a legend"
     assert len(module.__doc__.strip()) > 20, "the module's docstring gives formula and reference"
     assert type(law).__doc__.strip() and type(law).__doc__ != Mechanism.__doc__
 
@@ -184,16 +186,28 @@ def test_a_parameter_that_switches_off_moves_a_group(law):
 
 
 # -- bulk ----------------------------------------------------------------------------------------
-def stress(law, F, p=None):
-    n = F.shape[-1]
-    p = p or numbers(law)
-    return law.stress(F, p, law.start(n, p), points(n))[0]
+def bulk_points(law, n: int, dt: float = DT) -> Points:
+    at = points(n, laws=context(law))
+    at.dt = dt
+    return at
+
+
+def shaken(law, n: int, p, dt: float = DT) -> dict:
+    """The law's state in the middle of a history."""
+    past = rng().permutation(deformations(n), axis=2)
+    return law.stress(past, p, law.start(n, p), bulk_points(law, n, dt))[1]
+
+
+def stress(law, F, p=None, dt: float = DT):
+    """After a history that the last axis of F does not know."""
+    n, p = F.shape[-1], p or numbers(law)
+    return law.stress(F, p, shaken(law, n, p, dt), bulk_points(law, n, dt))[0]
 
 
 def energy(law, F, p=None):
-    n = F.shape[-1]
-    p, at = p or numbers(law), points(n)
-    new = law.stress(F, p, law.start(n, p), at)[1]
+    n, p = F.shape[-1], p or numbers(law)
+    at = bulk_points(law, n)
+    new = law.stress(F, p, shaken(law, n, p), at)[1]
     return law.energy(F, p, new, at)
 
 
@@ -212,10 +226,19 @@ def differences(f, x: np.ndarray, h: float = 1e-5) -> np.ndarray:
 @pytest.mark.parametrize("dim", [2, 3])
 def test_bulk_tangent_is_the_derivative_of_the_stress(law, dim):
     F, p = deformations(), numbers(law)
-    state, at = law.start(N, p), points(N)
+    state, at = shaken(law, N, p), bulk_points(law, N)
     A = law.tangent(F, p, state, at, dim)
     close(A, Bulk.tangent(law, F, p, state, at, dim), 1e-13)
     close(A, differences(lambda F: stress(law, F), F)[:dim, :dim, :dim, :dim], 1e-7)
+
+
+@of_slot("bulk")
+def test_bulk_tangent_is_symmetric(law):
+    """The form calls itself symmetric: the solver then sees the upper triangle only."""
+    p = numbers(law)
+    A = law.tangent(deformations(), p, shaken(law, N, p), bulk_points(law, N), 3)
+    assert np.abs(A).max() > 0
+    close(A, A.transpose(2, 3, 0, 1, 4), 1e-12)
 
 
 @of_slot("bulk", lambda law: law.conservative)
@@ -225,29 +248,61 @@ def test_bulk_stress_is_the_derivative_of_the_energy(law):
 
 
 @of_slot("bulk")
+def test_bulk_work_has_the_stress_as_its_derivative(law):
+    """Where the work is a function of F and the new state; else the ledger integrates the stress."""
+    F, p = deformations(), numbers(law)
+    state, at = shaken(law, N, p), bulk_points(law, N)
+    P, new = law.stress(F, p, state, at)
+    if law.work(F, p, new, at) is None:
+        assert not law.conservative
+        return
+    for i in range(3):
+        for J in range(3):
+            probe = F.astype(complex)
+            probe[i, J] += 1j * STEP
+            moved = law.stress(probe, p, state, at)[1]
+            slope = np.imag(law.work(probe, p, moved, at)) / STEP
+            np.testing.assert_allclose(slope, P[i, J], rtol=0, atol=1e-12 * np.abs(P).max())
+
+
+@of_slot("bulk")
+def test_bulk_stress_at_a_known_state_is_that_of_the_step(law):
+    F, p = deformations(), numbers(law)
+    at = bulk_points(law, N)
+    P, new = law.stress(F, p, shaken(law, N, p), at)
+    held = Points(**{**vars(at), "held": True, "dt": None})
+    again, same = law.stress(F, p, new, held)
+    close(again, P, 1e-13)
+    for key, value in new.items():
+        assert np.array_equal(same[key], value), key
+
+
+@of_slot("bulk")
 def test_bulk_law_is_frame_indifferent(law):
     F, Q = deformations(), rotations()
     close(stress(law, times(Q, F)), times(Q, stress(law, F)), 1e-13)
-    if law.conservative:
-        close(energy(law, times(Q, F)), energy(law, F), 1e-12)
+    close(energy(law, times(Q, F)), energy(law, F), 1e-12)
 
 
 @of_slot("bulk")
 def test_bulk_stress_balances_angular_momentum(law):
     F = deformations()
-    tau = times(stress(law, F), F.transpose(1, 0, 2))
+    P = stress(law, F)
+    assert np.abs(P).max() > 0
+    tau = times(P, F.transpose(1, 0, 2))
     close(tau, tau.transpose(1, 0, 2), 1e-13)
 
 
 @of_slot("bulk")
 def test_bulk_law_is_at_rest_where_nothing_is_deformed(law):
     F = np.broadcast_to(np.eye(3)[:, :, None], (3, 3, N)).copy()
-    stiffness = np.abs(law.tangent(F, numbers(law), law.start(N, numbers(law)), points(N), 3)).max()
-    assert stiffness > 0
-    assert np.abs(stress(law, F)).max() < 1e-14 * stiffness
-    assert np.abs(stress(law, rotations())).max() < 1e-14 * stiffness
+    p, at = numbers(law), bulk_points(law, N)
+    for undeformed in (F, rotations()):
+        P, new = law.stress(undeformed, p, law.start(N, p), at)
+        assert np.abs(P).max() < 1e-13 * p.G
+        assert np.abs(law.energy(undeformed, p, new, at)).max() < 1e-13 * p.G
     if law.conservative:
-        assert np.abs(energy(law, F)).max() < 1e-14 * stiffness
+        assert np.abs(law.tangent(F, p, {}, at, 3)).max() > 0
         assert energy(law, deformations()).min() >= 0
 
 
@@ -255,7 +310,29 @@ def test_bulk_law_is_at_rest_where_nothing_is_deformed(law):
 def test_bulk_stress_has_the_dimension_of_a_stress(law):
     F, p = deformations(), numbers(law)
     here = in_new_units(stress(law, F, p), dimension("MPa"))
-    close(stress(law, F, rewritten(law, p)), here, 1e-12)
+    close(stress(law, F, rewritten(law, p), DT * NEW_UNITS["[time]"]), here, 1e-12)
+
+
+@of_slot("bulk", lambda law: not law.conservative)
+@settings(max_examples=15, deadline=None)
+@given(turns=st.lists(st.integers(0, N - 1), min_size=1, max_size=4), dt=st.floats(1e-3, 1e3))
+def test_a_cycle_of_the_deformation_never_gives_energy(law, turns, dt):
+    """From rest through some deformations and back: what was taken up is at least what is stored."""
+    F, p, at = deformations(), numbers(law), bulk_points(law, 1, dt)
+    stops = [np.eye(3)[:, :, None], *(F[:, :, [turn]] for turn in turns), np.eye(3)[:, :, None]]
+    others = [other for other in context(law) if other.conservative and other.role != "volumetric"]
+    state, work, passed = law.start(1, p), 0.0, 0.0
+    P = law.stress(stops[0], p, state, at)[0]
+    for old, new in pairwise(stops):
+        for s in np.linspace(0, 1, 61)[1:]:
+            here = (1 - s) * old + s * new
+            if not np.linalg.det(here[:, :, 0]) > 0.1:
+                return  # no path for a material
+            P_new, state = law.stress(here, p, state, at)
+            piece = float(((P + P_new) / 2 * (new - old) / 60).sum())
+            work, passed, P = work + piece, passed + abs(piece), P_new
+    assert others
+    assert work >= float(law.energy(stops[0], p, state, at)[0]) - 0.02 * passed
 
 
 # -- cut -----------------------------------------------------------------------------------------
@@ -408,14 +485,16 @@ def test_cut_traction_has_the_dimension_of_a_stress(law):
 PRESSURE = np.concatenate([[0.0], np.geomspace(1e-5, 1.0, N - 1)])  # MPa
 
 
-def sliding() -> Points:
+def sliding(length: float = 1.0, time: float = 1.0) -> Points:
+    """Points that slide; ``length`` and ``time`` are the sizes of mm and s in the units to be used."""
     r = rng()
     touched = (np.arange(N) % 2).astype(float)
-    return points(N, touched=touched, slid=r.uniform(0, 5, N), slip_rate=r.uniform(0, 0.05, N))
+    slid, rate = r.uniform(0, 5, N) * length, r.uniform(0, 0.05, N) * length / time
+    return points(N, touched=touched, slid=slid, slip_rate=rate)
 
 
-def strength(law, t_N, p=None):
-    return law.strength(t_N, p or numbers(law), law.start(N, p or numbers(law)), sliding())
+def strength(law, t_N, p=None, at=None):
+    return law.strength(t_N, p or numbers(law), law.start(N, p or numbers(law)), at or sliding())
 
 
 @of_slot("blade")
@@ -438,7 +517,8 @@ def test_blade_strength_can_be_differentiated_by_a_complex_step(law):
 @of_slot("blade")
 def test_blade_strength_has_the_dimension_of_a_stress(law):
     p, MPa = numbers(law), dimension("MPa")
-    there = strength(law, in_new_units(PRESSURE, MPa), rewritten(law, p))
+    at = sliding(NEW_UNITS["[length]"], NEW_UNITS["[time]"])
+    there = strength(law, in_new_units(PRESSURE, MPa), rewritten(law, p), at)
     close(there, in_new_units(strength(law, PRESSURE, p), MPa), 1e-12)
 
 
@@ -459,12 +539,46 @@ def test_contact_pressure_keeps_out_and_never_pulls(law, multiplier):
     close(law.pressure(gap + 1j * STEP, multiplier, stiffness, p)[0].imag / STEP, slope, 1e-13)
 
 
+# -- skin ----------------------------------------------------------------------------------------
+def factors(law, p) -> np.ndarray:
+    """What the law makes of stiffness and toughness (2, N)."""
+    at = points(N)
+    return np.stack([np.broadcast_to(f(p, at), N) for f in (law.stiffness, law.toughness)])
+
+
+@of_slot("skin")
+def test_a_skin_scales_and_never_turns_round(law):
+    p = numbers(law)
+    assert factors(law, p).min() > 0
+    assert np.array_equal(factors(law, switched_off(law)), np.ones((2, N)))
+
+
+@of_slot("skin")
+def test_a_skin_does_not_depend_on_the_units(law):
+    at, p = points(N), rewritten(law, numbers(law))
+    at.X, at.depth = at.X * NEW_UNITS["[length]"], at.depth * NEW_UNITS["[length]"]
+    there = np.stack([np.broadcast_to(f(p, at), N) for f in (law.stiffness, law.toughness)])
+    close(there, factors(law, numbers(law)), 1e-12)
+
+
 # -- rig -----------------------------------------------------------------------------------------
+def recorded(law, p, length: float = 1.0, time: float = 1.0, force: float = 1.0) -> np.ndarray:
+    x = np.linspace(0, 21, N)
+    return np.stack(law.record(x * length, np.sin(x) * force, x / 0.021 * time, p))
+
+
 @of_slot("rig")
 def test_a_rig_that_is_off_records_what_happened(law):
-    x = np.linspace(0, 21, 50)
-    shown = law.record(x, np.sin(x), x / 0.021, switched_off(law))
-    assert np.array_equal(shown[0], x) and np.array_equal(shown[1], np.sin(x))
+    x = np.linspace(0, 21, N)
+    assert np.array_equal(recorded(law, switched_off(law)), [x, np.sin(x)])
+
+
+@of_slot("rig")
+def test_a_rig_does_not_depend_on_the_units(law):
+    L, t, F = NEW_UNITS["[length]"], NEW_UNITS["[time]"], in_new_units(1.0, dimension("N"))
+    here, there = recorded(law, numbers(law)), recorded(law, rewritten(law, numbers(law)), L, t, F)
+    close(there[0], here[0] * L, 1e-12)
+    close(there[1], here[1] * F, 1e-12)
 
 
 # -- all slots -----------------------------------------------------------------------------------
@@ -479,9 +593,44 @@ def answer(law: Mechanism, p: SimpleNamespace) -> np.ndarray:
         flux = strength(law, PRESSURE, p)
         if law.role == "contact":
             flux = flux + law.pressure(np.linspace(-0.1, 0.1, N) + 1e-5, 0.0, 3.0, p)[0]
+            flux = np.concatenate([flux, law.half_axes(p)])
         return flux
-    x = np.linspace(0, 21, N)
-    return np.stack(law.record(x, np.sin(x), x / 0.021, p))
+    if law.slot == "support":
+        return np.array([law.compliance(p)])
+    return factors(law, p) if law.slot == "skin" else recorded(law, p)
+
+
+def together(model: Model, slot: str, p: SimpleNamespace) -> np.ndarray:
+    """What all laws of a slot answer together."""
+    laws = model.laws(slot)
+    if slot == "skin":
+        return math.prod([factors(law, p) for law in laws], start=np.ones((2, N)))
+    if slot == "rig":
+        x = np.linspace(0, 21, N)
+        return np.stack(model.record(x, np.sin(x), x / 0.021, p))
+    if slot == "support":
+        return np.array([sum(law.compliance(p) for law in laws)])
+    if slot == "cut":
+        # The state of a slot is one dictionary: laws name theirs differently.
+        states = {k: v for law in laws for k, v in law.start(N, p).items()}
+        total = np.zeros((3, N))
+        for old, jump in pairwise([np.zeros((3, N)), rng().permutation(jumps(), axis=1), jumps()]):
+            at, total, new = points(N, jump_old=old), np.zeros((3, N)), {}
+            for law in laws:
+                T, more = law.traction(jump, p, states, at)
+                total, new = total + T, new | more
+            states = new
+        return total
+    if slot == "bulk":
+        at, past = points(N, laws=laws), rng().permutation(deformations(), axis=2)
+        states = {k: v for law in laws for k, v in law.stress(past, p, law.start(N, p), at)[1].items()}
+        F = deformations()
+        parts = [(law.stress(F, p, states, at)[0], law.tangent(F, p, states, at, 3)) for law in laws]
+        return np.concatenate([sum(part[i] for part in parts).reshape(-1, N) for i in range(2)])
+    flux = sum(law.strength(PRESSURE, p, {}, sliding()) for law in laws)
+    contact = next(law for law in laws if law.role == "contact")
+    pressure = contact.pressure(np.linspace(-0.1, 0.1, N) + 1e-5, 0.0, 3.0, p)[0]
+    return np.concatenate([flux, pressure, contact.half_axes(p)])
 
 
 @every_law
@@ -489,25 +638,52 @@ def test_parameters_can_be_differentiated_by_a_complex_step(law):
     """Sensitivities come from the law itself, whatever its parameter."""
     p = numbers(law)
     for name, value in vars(p).items():
-        h = 1e-6 * value
+        size = value or 1.0
+        h = 1e-6 * size
         exact = np.imag(answer(law, numbers(law, **{name: value + 1j * STEP}))) / STEP
         up, down = (answer(law, numbers(law, **{name: value + s * h})) for s in (1, -1))
-        close(exact * value, (up - down) / (2 * h) * value, 1e-6, atol=1e-8 * np.abs(up).max())
+        close(exact * size, (up - down) / (2 * h) * size, 1e-6, atol=1e-8 * np.abs(up).max())
+
+
+def off_values(law: Mechanism) -> dict[str, float]:
+    return {q.name: q.off * q.factor for q in law.parameters if q.off is not None}
+
+
+def switches(law: Mechanism) -> dict[str, float]:
+    """Off values (internal units) of what the law adds to the law of its role that it generalises, if any."""
+    known = Model(DEFAULT).parameters()
+    return {k: v for k, v in off_values(law).items() if k not in known} or off_values(law)
+
+
+def typical(model: Model) -> dict[str, float]:
+    return {name: q.typical * q.factor for name, q in model.parameters().items()}
 
 
 @every_law
 def test_a_law_that_is_off_changes_nothing_to_the_bit(law):
+    """A model with the law at its off values answers as the one without it."""
     if not law.off:
         assert all(q.off is None for q in law.parameters)
         return
-    beside = {}
-    for other in LAWS.values():
-        if other.slot == law.slot and other.role not in (law.role, "contact"):
-            beside.setdefault(other.role, other)
-    without = [answer(other, numbers(other)) for other in beside.values()]
-    flux = answer(law, switched_off(law))
-    assert np.isfinite(flux).all()
-    for place in range(len(without) + 1):
-        with_ = [*without[:place], flux, *without[place:]]
-        assert np.array_equal(sum(with_), sum(without) if without else np.zeros_like(flux))
-    assert not np.array_equal(answer(law, numbers(law)), flux), "the typical value shows nothing"
+    model, new = Model(DEFAULT).with_(law.name), switches(law)
+    # A law with parameters of its own leaves what it replaces; one without is compared with nothing.
+    own_switch = not set(new) & set(Model(DEFAULT).parameters())
+    base = Model(DEFAULT) if own_switch else model.without(law.name)
+    values = typical(model)
+    off = together(model, law.slot, SimpleNamespace(**(values | new)))
+    absent = together(base, law.slot, SimpleNamespace(**values))
+    assert np.isfinite(off).all()
+    assert np.array_equal(off, absent)
+    assert not np.array_equal(together(model, law.slot, SimpleNamespace(**values)), off), "it shows nothing"
+
+
+@every_law
+def test_a_law_shows_at_once_when_it_is_no_longer_off(law):
+    """The derivative at off is finite and does not vanish: absent mechanisms can be scored by it."""
+    off = switches(law)
+    for name, value in off.items():
+        p = numbers(law, **off)
+        setattr(p, name, value + 1j * STEP)
+        slope = np.imag(answer(law, p)) / STEP
+        assert np.isfinite(slope).all()
+        assert np.abs(slope).max() > 0

@@ -10,9 +10,9 @@ import importlib
 import pkgutil
 from functools import cache
 
-from cutbench.mechanisms.base import Blade, Bulk, Cut, Mechanism, Rig
+from cutbench.mechanisms.base import Blade, Bulk, Cut, Mechanism, Rig, Skin, Support
 
-SLOTS = ("bulk", "cut", "blade", "skin", "rig")
+SLOTS = ("bulk", "cut", "blade", "skin", "support", "rig")
 
 
 @cache
@@ -38,4 +38,4 @@ def registry() -> dict[str, Mechanism]:
     return found
 
 
-__all__ = ["SLOTS", "Blade", "Bulk", "Cut", "Mechanism", "Rig", "registry"]
+__all__ = ["SLOTS", "Blade", "Bulk", "Cut", "Mechanism", "Rig", "Skin", "Support", "registry"]

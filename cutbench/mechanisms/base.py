@@ -28,7 +28,9 @@ class Points(SimpleNamespace):
     ``X`` (3, N) reference position in mm with X[1] the height; ``depth`` (N,) distance below the
     top face in the reference state; ``dt`` seconds; ``speed`` blade speed mm/s; slots add theirs
     (``jump_old``, ``slip_rate``, …). ``shared`` carries what laws of one slot tell each other, in
-    the order of ``Mechanism.rank``. ``held``: internal variables keep their old values.
+    the order of ``Mechanism.rank``. ``laws`` (slot bulk): all bulk laws of the model, for one that
+    scales what others answer. ``held``: internal variables keep their old values, and ``dt`` is not
+    needed.
     """
 
     held = False
@@ -63,19 +65,30 @@ class Mechanism:
 
 
 class Bulk(Mechanism):
-    """First Piola stress from the deformation gradient."""
+    """First Piola stress from the deformation gradient; the stresses of a model's laws add up."""
 
     slot = "bulk"
     #: True where ``stress`` is the derivative of ``energy`` and there is no state.
     conservative: ClassVar[bool] = True
 
     def stress(self, F: np.ndarray, p: Params, state: State, at: Points) -> tuple[np.ndarray, State]:
-        """P (3, 3, N) in MPa and the new state, for F (3, 3, N)."""
+        """P (3, 3, N) in MPa and the new state, for F (3, 3, N) and the state at the step's start.
+
+        With ``at.held`` the given state is that of F itself: it is used as it is.
+        """
         raise NotImplementedError(self.name)
 
     def energy(self, F: np.ndarray, p: Params, state: State, at: Points) -> np.ndarray:
         """Stored energy per reference volume (N,), mJ/mm³, at F with the *new* state."""
         raise NotImplementedError(self.name)
+
+    def work(self, F: np.ndarray, p: Params, state: State, at: Points) -> np.ndarray | None:
+        """Work ∫ P : dF taken up so far (N,), where it is a function of F and the *new* state.
+
+        ``None`` (the default of laws that are not conservative): the ledger integrates P : ΔF over
+        the steps instead.
+        """
+        return self.energy(F, p, state, at) if self.conservative else None
 
     def tangent(self, F: np.ndarray, p: Params, state: State, at: Points, dim: int) -> np.ndarray:
         """dP/dF (dim, dim, dim, dim, N), in-plane components; by complex step unless a law knows better."""
@@ -123,11 +136,38 @@ class Blade(Mechanism):
         raise NotImplementedError(self.name)
 
 
+class Skin(Mechanism):
+    """How properties vary with place: factors on what all laws of a slot answer, 1 where it is off."""
+
+    slot = "skin"
+
+    def stiffness(self, p: Params, at: Points) -> np.ndarray | float:
+        """Factor (N,) on the bulk laws' stresses, energies and viscosities, at ``at.X``, ``at.depth``."""
+        return 1.0
+
+    def toughness(self, p: Params, at: Points) -> np.ndarray | float:
+        """Factor (N,) on the cut laws' tractions and works."""
+        return 1.0
+
+
+class Support(Mechanism):
+    """How the base of the specimen gives; without such a law it is clamped."""
+
+    slot = "support"
+
+    def compliance(self, p: Params) -> float:
+        """Tangential displacement per shear traction, mm/MPa."""
+        raise NotImplementedError(self.name)
+
+
 class Rig(Mechanism):
     """What the testing machine does between the material and the recorded curve."""
 
     slot = "rig"
 
     def record(self, displacement: np.ndarray, force: np.ndarray, time: np.ndarray, p: Params):
-        """Recorded (displacement, force) for the true ones; all (n,), mm, N, s."""
+        """Recorded (displacement, force) for the true ones; all (n,), mm, N, s.
+
+        Laws are applied in ascending rank, each to what the one before has recorded.
+        """
         raise NotImplementedError(self.name)

@@ -25,10 +25,32 @@ class Contact(Blade):
         Parameter(
             "tip", "mm", "b", "length of the elliptic tip", low=0, open_low=True, default=1.05, typical=1.05
         ),
+        Parameter(
+            "tilt",
+            "deg",
+            "φ",
+            "turn of the blade about the direction in which it moves (three dimensions)",
+            low=-30,
+            high=30,
+            default=0.0,
+            typical=0.0,
+        ),
+        Parameter(
+            "overhang",
+            "mm",
+            "l_o",
+            "length of the blade beyond each end of the specimen, negative where it is shorter",
+            default=0.0,
+            typical=0.0,
+        ),
     )
 
     def groups(self, p):
         return {"b/a": 2 * p.tip / p.thickness}
+
+    def half_axes(self, p):
+        """a and b of the elliptic tip, mm; its apex lies p.tip below the blade's reference point."""
+        return p.thickness / 2, p.tip
 
     def pressure(self, gap, multiplier, stiffness, p):
         """Contact pressure t_N (N,) in MPa and its derivative by the gap.

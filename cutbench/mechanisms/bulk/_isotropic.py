@@ -96,6 +96,16 @@ def tangent_blocks(
             yield i, k, A
 
 
+def whole_tangent(factors: Sequence, k: Kinematics, dim: int) -> np.ndarray:
+    """dP/dF (dim, dim, dim, dim, N) of the factors ff, fc, cc, swap, one, from kinematics in 3D."""
+    factors = np.broadcast_arrays(*factors, k.J)[:-1]
+    A = np.empty((dim, dim, dim, dim, k.J.size))
+    for i, m, block in tangent_blocks(factors, k.F[:dim, :dim], k.C[:dim, :dim], np.eye(dim)[:, :, None]):
+        A[i, :, m] = block
+        A[m, :, i] = block.transpose(1, 0, 2)
+    return A
+
+
 class Isotropic(Bulk):
     """A law given by the factors above."""
 
@@ -114,12 +124,7 @@ class Isotropic(Bulk):
 
     def tangent(self, F, p, state, at, dim):
         k = Kinematics(F)
-        factors = np.broadcast_arrays(*self.tangent_factors(k, p, at), k.J)[:-1]
-        A = np.empty((dim, dim, dim, dim, F.shape[-1]))
-        for i, m, block in tangent_blocks(factors, F[:dim, :dim], k.C[:dim, :dim], np.eye(dim)[:, :, None]):
-            A[i, :, m] = block
-            A[m, :, i] = block.transpose(1, 0, 2)
-        return A
+        return whole_tangent(self.tangent_factors(k, p, at), k, dim)
 
 
 class Isochoric(Isotropic):

@@ -1,0 +1,35 @@
+"""A blunt tip: the ellipse's length is b/(1 + w) instead of b, its apex where the sharp one's would be.
+
+The radius of the tip grows from a²/b to (1 + w) a²/b. w = 0 is the law ``contact``.
+"""
+
+from cutbench.mechanisms.blade.contact import Contact
+from cutbench.quantities import Parameter
+
+
+class BluntTip(Contact):
+    """Contact with a blade that is blunter than its drawing."""
+
+    name = "blunt_tip"
+    title = "contact (blunt tip)"
+    parameters = (
+        *Contact.parameters,
+        Parameter(
+            "blunting",
+            "1",
+            "w",
+            "growth of the tip's radius, relative",
+            low=0.0,
+            high=20.0,
+            off=0.0,
+            default=0.0,
+            typical=0.5,
+        ),
+    )
+
+    def groups(self, p):
+        a, b = self.half_axes(p)
+        return {"b/a": b / a, "blunting": p.blunting}
+
+    def half_axes(self, p):
+        return p.thickness / 2, p.tip / (1 + p.blunting)

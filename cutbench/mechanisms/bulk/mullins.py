@@ -1,0 +1,105 @@
+"""Mullins softening: below its largest energy so far, the isochoric stress is scaled by η ≤ 1,
+
+    η = 1 − ς tanh((W_max − W)/(m G)),
+
+W the energy of the isochoric laws. Ogden & Roxburgh, Proc. R. Soc. Lond. A 455 (1999) 2861,
+10.1098/rspa.1999.0431, with tanh in place of erf. The law adds (η − 1) ∂W/∂F to the others. The work
+of its stress on any path is ς m G ln cosh((W_max − W)/(m G)), of which only a part comes back.
+"""
+
+import numpy as np
+
+from cutbench.mechanisms.base import Bulk
+from cutbench.mechanisms.bulk._isotropic import Isochoric, Kinematics, whole_tangent
+from cutbench.quantities import Parameter
+
+
+def _ln_cosh(z):
+    """ln cosh z for z ≥ 0, without overflow."""
+    return z + np.log1p(np.exp(-2 * z)) - np.log(2.0)
+
+
+class Mullins(Bulk):
+    """Stress softening after the first loading; 1/r of the reference is ς."""
+
+    name = "mullins"
+    title = "Mullins softening"
+    role = "softening"
+    rank = 10
+    conservative = False
+    reads = ("G",)
+    parameters = (
+        Parameter(
+            "softening",
+            "1",
+            "ς",
+            "largest part of the stress that is lost",
+            low=0.0,
+            high=0.95,
+            off=0.0,
+            default=0.0,
+            typical=0.3,
+        ),
+        Parameter(
+            "softening_energy",
+            "1",
+            "m",
+            "energy below the largest one at which the softening is under way, over G",
+            low=1e-3,
+            high=1e3,
+            default=0.1,
+            typical=0.1,
+        ),
+    )
+
+    def groups(self, p):
+        return {"softening": p.softening, "softening m": p.softening_energy}
+
+    def start(self, n, p):
+        return {"largest_energy": np.zeros(n)}
+
+    def _elastic(self, at):
+        return [law for law in at.laws if isinstance(law, Isochoric)]
+
+    def _below(self, I1, p, state, at):
+        """(W_max − W)/(m G), W_max, and where W grows beyond it."""
+        W = sum(law.W(I1, p, at) for law in self._elastic(at)) + 0 * I1
+        old = state["largest_energy"]
+        grows = (W.real > old.real) & (not at.held)
+        largest = np.where(grows, W, old)
+        # The state given for this very F differs from W by rounding at the most.
+        below = np.where(largest.real > W.real, largest - W, 0 * W)
+        return below / (p.softening_energy * p.G), largest, grows
+
+    def _factors(self, which, k, p, at):
+        """Sums of the elastic laws' factors."""
+        return [
+            sum(v) for v in zip(*(getattr(law, which)(k, p, at) for law in self._elastic(at)), strict=True)
+        ]
+
+    def stress(self, F, p, state, at):
+        k = Kinematics(F)
+        z, largest, _ = self._below(k.I1, p, state, at)
+        s, c = self._factors("stress_factors", k, p, at)
+        lost = -p.softening * np.tanh(z)
+        return lost * (s * F + c * k.C), {"largest_energy": largest}
+
+    def tangent(self, F, p, state, at, dim):
+        k = Kinematics(F)
+        z, _, grows = self._below(k.I1, p, state, at)
+        s, c = self._factors("stress_factors", k, p, at)
+        ff, fc, cc, swap, one = self._factors("tangent_factors", k, p, at)
+        lost, fade = -p.softening * np.tanh(z), 1 - np.tanh(z) ** 2
+        # While W grows the largest energy grows with it and nothing is lost.
+        slope = np.where(grows, 0.0, p.softening * fade / (p.softening_energy * p.G))
+        ff, fc, cc = lost * ff + slope * s * s, lost * fc + slope * s * c, lost * cc + slope * c * c
+        return whole_tangent((ff, fc, cc, lost * swap, lost * one), k, dim)
+
+    def energy(self, F, p, state, at):
+        z, largest, _ = self._below(Kinematics(F).I1, p, state, at)
+        scale = p.softening_energy * p.G
+        return p.softening * scale * (_ln_cosh(z) - _ln_cosh(largest / scale))
+
+    def work(self, F, p, state, at):
+        z = self._below(Kinematics(F).I1, p, state, at)[0]
+        return p.softening * p.softening_energy * p.G * _ln_cosh(z)

@@ -1,0 +1,35 @@
+"""Error of the contact point: the recorded displacement is the true one plus u₀.
+
+u₀ > 0 where the zero was set before the blade touched, u₀ < 0 where it was set late.
+"""
+
+from cutbench.mechanisms.base import Rig
+from cutbench.quantities import Parameter
+
+
+class ContactOffset(Rig):
+    """A shift of the zero of the displacement."""
+
+    name = "contact_offset"
+    title = "contact-point offset"
+    rank = 1
+    parameters = (
+        Parameter(
+            "offset",
+            "mm",
+            "u_0",
+            "displacement recorded at contact",
+            low=-10.0,
+            high=10.0,
+            off=0.0,
+            default=0.0,
+            typical=0.2,
+        ),
+    )
+    reads = ("height",)
+
+    def groups(self, p):
+        return {"u_0/H": p.offset / p.height}
+
+    def record(self, displacement, force, time, p):
+        return displacement + p.offset, force

@@ -1,0 +1,31 @@
+"""Compliance of frame, load cell and grips: the crosshead records the blade's travel plus C F."""
+
+from cutbench.mechanisms.base import Rig
+from cutbench.quantities import Parameter
+
+
+class MachineCompliance(Rig):
+    """Recorded displacement grows with the force."""
+
+    name = "machine_compliance"
+    title = "machine compliance"
+    parameters = (
+        Parameter(
+            "compliance",
+            "mm/N",
+            "C_m",
+            "machine's compliance",
+            low=0.0,
+            high=10.0,
+            off=0.0,
+            default=0.0,
+            typical=0.05,
+        ),
+    )
+    reads = ("G", "length")
+
+    def groups(self, p):
+        return {"C_m G L": p.compliance * p.G * p.length}
+
+    def record(self, displacement, force, time, p):
+        return displacement + p.compliance * force, force

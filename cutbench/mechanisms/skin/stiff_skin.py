@@ -1,0 +1,37 @@
+"""A stiffer surface layer: all bulk stresses times 1 + s e^(−depth/ℓ_s).
+
+Drying, oxidation or a mould's wall leave gels and elastomers with such a layer. Poisson's ratio and
+relaxation times stay what they are below.
+"""
+
+from cutbench.mechanisms.base import Skin
+from cutbench.mechanisms.skin._layer import THICKNESS, fading
+from cutbench.quantities import Parameter
+
+
+class StiffSkin(Skin):
+    """Stiffness that falls off with depth."""
+
+    name = "stiff_skin"
+    title = "stiff surface layer"
+    parameters = (
+        Parameter(
+            "skin_stiffness",
+            "1",
+            "s",
+            "what the surface's modulus has over that of the block, relative",
+            low=0.0,
+            high=100.0,
+            off=0.0,
+            default=0.0,
+            typical=2.0,
+        ),
+        THICKNESS,
+    )
+    reads = ("height",)
+
+    def groups(self, p):
+        return {"skin stiffness": p.skin_stiffness, "l_s/H": p.skin_thickness / p.height}
+
+    def stiffness(self, p, at):
+        return 1 + p.skin_stiffness * fading(p, at)

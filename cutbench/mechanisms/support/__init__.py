@@ -1,0 +1,1 @@
+"""Mechanisms of one slot, one a file."""

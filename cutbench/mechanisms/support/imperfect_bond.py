@@ -1,0 +1,35 @@
+"""Imperfect bonding at the base: tangential displacement c t under the traction t, instead of none.
+
+A specimen that is glued through a soft layer, held by friction or by suction. c = 0 is the clamped base.
+"""
+
+from cutbench.mechanisms.base import Support
+from cutbench.quantities import Parameter
+
+
+class ImperfectBond(Support):
+    """A base that gives sideways in proportion to the shear on it; it never lifts."""
+
+    name = "imperfect_bond"
+    title = "imperfect bonding"
+    role = "bond"
+    parameters = (
+        Parameter(
+            "bond_compliance",
+            "mm/kPa",
+            "c_b",
+            "tangential displacement of the base per shear traction",
+            low=0.0,
+            high=1e4,
+            off=0.0,
+            default=0.0,
+            typical=0.3,
+        ),
+    )
+    reads = ("G", "height")
+
+    def groups(self, p):
+        return {"c_b G/H": p.bond_compliance * p.G / p.height}
+
+    def compliance(self, p):
+        return p.bond_compliance
