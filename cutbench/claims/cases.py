@@ -1,0 +1,96 @@
+"""From what a claim asks for to cases: the two numerics, the one free choice, one change at a time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from cutbench.case import Case, load_case
+from cutbench.claims.base import CONVERGED, PAPER, TENSION, Ask
+from cutbench.claims.reading import end_of_indentation
+from cutbench.result import Result
+
+
+@dataclass(frozen=True)
+class Change:
+    """One difference from the numerics ``start``; ``text`` says what a run with it has."""
+
+    text: str
+    start: str
+    values: Mapping[str, object]
+
+
+#: What tells the paper's numerics from the converged ones, one by one; and from there, its viscous term.
+CHANGES: dict[str, Change] = {
+    "size": Change("elements of 0.5 mm", PAPER, {"h": "0.5 mm"}),
+    "order": Change("quadratic elements", PAPER, {"element": "P2"}),
+    "viscous": Change("viscosity that fades with damage", PAPER, {"with_": "viscous_degraded"}),
+    "contact": Change("hard contact, distance as gap", PAPER, {"gap": "distance", "penalty": 1000}),
+    "steps": Change(
+        "damage solved with the displacements, steps by their error", PAPER,
+        {"scheme": "monolithic", "stepping": "adaptive", "step": "0.1 mm", "damage_step": 0.5},
+    ),
+    "normal": Change("the blended normal", PAPER, {"normal": "blended"}),
+    "tool": Change("the tool's normal", PAPER, {"normal": "tool"}),
+    "printed_viscous": Change("viscosity as printed, else converged", CONVERGED, {"with_": "viscous"}),
+}  # fmt: skip
+
+#: Tip lengths b that are tried, mm, on the paper's numerics, whose elements resolve none beyond 1.6 mm.
+TIPS = (0.35, 0.5, 0.7, 0.85, 1.05, 1.3, 1.6)
+
+
+@dataclass(frozen=True)
+class Target:
+    """What the tip length of a material is chosen for: ``measure`` at ``published_mm``."""
+
+    measure: str
+    published_mm: float
+
+    def of(self, result: Result) -> float:
+        if not result.outcome.done:
+            return math.nan
+        if self.measure == "end of indentation":
+            return end_of_indentation(result)
+        return result.measures.get("onset_mm", math.nan)
+
+
+#: Where indentation ends in the paper's figures: the first maximum of the force; the elastomer's force has
+#: none there, and the onset of the cut is taken.
+TARGETS = {
+    "gelatin": Target("end of indentation", 4.19),
+    "elastomer": Target("onset of the cut", 1.56),
+    "meat": Target("end of indentation", 9.76),
+}
+
+
+def scan(material: str) -> dict[float, Case]:
+    """The runs by which a material's b is chosen, by b in mm."""
+    return {tip: case_of(Ask(material), PAPER, tip) for tip in TIPS}
+
+
+def best_tip(material: str, results: Mapping[float, Result]) -> float:
+    """The b, mm, of those tried whose run comes nearest to the target; its default where no run tells."""
+    target = TARGETS[material]
+    miss = {tip: abs(target.of(result) - target.published_mm) for tip, result in results.items()}
+    told = {tip: m for tip, m in miss.items() if math.isfinite(m)}
+    return min(told, key=told.get) if told else load_case(material).p.tip
+
+
+def case_of(ask: Ask, numerics: str, tip_mm: float, change: Change | None = None) -> Case:
+    """The case of ``ask`` under one set of numerics, with at most one ``change`` of it."""
+    word = ask.numerics or numerics
+    if ask.test == TENSION:
+        return _strip(ask, word, change)
+    changes = {"tip": f"{tip_mm} mm", "depth": f"{ask.depth_mm} mm", **ask.changes}
+    case = load_case(ask.material, {**changes, "numerics": word})
+    return case if change is None or ask.numerics else case.set(**change.values)
+
+
+def _strip(ask: Ask, word: str, change: Change | None) -> Case:
+    from cutbench.tension import strip_case
+
+    case = load_case(ask.material, {**ask.changes, "numerics": word}, dim=3)
+    if change is not None and not ask.numerics:
+        case = case.set(**change.values)
+    return strip_case(case, {"depth": f"{ask.depth_mm} mm"}, notch_mm=0.0)
