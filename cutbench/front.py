@@ -25,6 +25,12 @@ FRONT: dict[str, tuple[str, str]] = {
     "front_von_mises_running_MPa": ("MPa", "the same, mean over the strips that it reaches later"),
     "front_pressure_before_MPa": ("MPa", "largest contact pressure up to the start of the cut"),
     "front_pressure_after_MPa": ("MPa", "largest contact pressure once the cut has reached the end"),
+    "front_pressure_end_MPa": ("MPa", "largest contact pressure on the cut faces at the end of the run"),
+    "front_pressure_end_place": (
+        "1",
+        "where that is: 0 at the top edge, 1 at the front, 2 as far ahead of it",
+    ),
+    "front_pressure_behind_MPa": ("MPa", "mean contact pressure on the middle half of the cut faces, then"),
 }
 #: A strip is cut once it is longer by this than at the start, mm.
 ONSET_MM = 0.1
@@ -43,6 +49,7 @@ class Front:
         self._built, self._form = built, built.form("cohesion") if built.case.model.laws("cut") else None
         self._last = (0.0, None)
         self._peaks: list[tuple[float, float]] = []
+        self._pattern = np.full(3, math.nan)
         self._stress: dict[int, float] = {}
         self.z = self.onset = np.empty(0)
         if self._form is None:
@@ -57,6 +64,26 @@ class Front:
         self._share = np.bincount(self._strip, faces.w.ravel(), count) / float(np.ptp(built.space.X[1]))
         self.onset = np.full(count, math.nan)
         self._last = (0.0, np.zeros(count))
+
+    def state(self) -> dict:
+        """All that a later ``restore`` needs, in arrays."""
+        travel, lengths = self._last
+        stress = np.array(list(self._stress.items())).reshape(-1, 2)
+        peaks = np.array(self._peaks).reshape(-1, 2)
+        return {
+            "travel": travel,
+            "lengths": lengths,
+            "peaks": peaks,
+            "stress": stress,
+            "onset": +self.onset,
+            "pattern": self._pattern,
+        }
+
+    def restore(self, state: dict) -> None:
+        self._last = (state["travel"], state["lengths"])
+        self._peaks = [(float(travel), float(peak)) for travel, peak in state["peaks"]]
+        self._stress = {int(strip): float(value) for strip, value in state["stress"]}
+        self.onset, self._pattern = state["onset"], state["pattern"]
 
     def lengths(self, step: Accepted) -> np.ndarray:
         """Cut length (n,) of each strip in mm: its area weighted by (2d − 1)₊, over its width."""
@@ -73,12 +100,28 @@ class Front:
             return
         travel, before = self._last
         now = self.lengths(step)
+        self._pattern = self._pressures(step, now)
         begun = np.flatnonzero(np.isnan(self.onset) & (now >= ONSET_MM))
         if begun.size:
             part = (ONSET_MM - before[begun]) / np.maximum(now[begun] - before[begun], 1e-300)
             self.onset[begun] = travel + np.clip(part, 0, 1) * (step.travel - travel)
             self._look(step, begun)
         self._last = (step.travel, now)
+
+    def _pressures(self, step: Accepted, lengths: np.ndarray) -> np.ndarray:
+        """Peak of the contact pressure on the cut faces, its place along the cut, and the mean behind it."""
+        form = next((blade for blade in self._built.blades if blade.faces.name == "cut"), None)
+        if form is None:
+            return np.full(3, math.nan)
+        pressure = np.real(step.states[form.name]["pressure"]).ravel()
+        depth = self._built.case.p.height - form.faces.X[1].ravel()
+        cut = lengths[self._strip] if pressure.size == self._strip.size else np.zeros(pressure.size)
+        place = depth / np.where(cut > ONSET_MM, cut, math.nan)
+        top = int(np.argmax(pressure))
+        inner = (place > 0.25) & (place < 0.75)
+        w = form.faces.w.ravel()[inner]
+        mean = float(w @ pressure[inner] / w.sum()) if w.size else math.nan
+        return np.array([pressure[top], place[top] if pressure[top] > 0 else math.nan, mean])
 
     def _look(self, step: Accepted, begun: np.ndarray) -> None:
         """Largest von Mises stress in the process zone of the strips that have just begun."""
@@ -104,6 +147,9 @@ class Front:
             "front_centre_mm": float(self.onset[0]),
             "front_edge_mm": float(self.onset[-1]),
             "front_von_mises_start_MPa": self._stress.get(first, math.nan),
+            "front_pressure_end_MPa": float(self._pattern[0]),
+            "front_pressure_end_place": float(self._pattern[1]),
+            "front_pressure_behind_MPa": float(self._pattern[2]),
         }
         # From the start to the strip that comes last: the whole way sideways.
         last = int(np.nanargmax(self.onset))

@@ -6,27 +6,58 @@ import numpy as np
 import skfem
 
 from cutbench.errors import BadInput
-from cutbench.models3d.mesh import mirrored, quarter
+from cutbench.models3d.mesh import length_along, mirrored, quarter
+from cutbench.models3d.usermesh import read_mesh
 from cutbench.solve.geometry import Geometry
 
 #: Mirror images that each part of the block stands for.
 PARTS = {"quarter": 4.0, "half": 2.0, "full": 1.0}
 
-#: Elements are smaller by this factor where the blade first touches.
-FINER = 4
-
 
 def geometry(values, numerics) -> Geometry:
-    """The block of a case: ``values`` have width, height, length in mm. Raises BadInput for a mesh file."""
+    """The block of a case: ``values`` have width, height, length in mm. Raises BadInput for a bad mesh."""
+    tilted = bool(values.get("tilt", 0.0))
     if numerics.mesh is not None:
-        raise BadInput(
-            key="mesh", value=numerics.mesh, expected="no mesh file: the mesh of a block is made by cutbench"
-        )
-    part = "quarter" if numerics.symmetry == "auto" else numerics.symmetry
+        mesh, part = read_mesh(numerics.mesh, values, numerics.symmetry)
+        if tilted and part != "full":
+            raise BadInput(
+                key="mesh", value=numerics.mesh, expected=f"a full block with a tilted blade, not a {part}"
+            )
+        if part == "full":
+            _check_pairs(mesh, numerics.mesh)
+        held = (("middle", 2),) if part == "quarter" else ()
+        return Geometry(mesh, values["height"], PARTS[part], held, split=part == "full")
+    smallest = "full" if tilted else "quarter"
+    part = smallest if numerics.symmetry == "auto" else numerics.symmetry
     h = numerics.h_mm
-    # Finer under the blade by as much as the plane-strain section, so that the two can be compared.
-    mesh = quarter(values["width"], values["height"], values["length"], h, corner=h / FINER)
+    mesh = quarter(
+        values["width"],
+        values["height"],
+        values["length"],
+        h,
+        h_z=length_along(values["length"], h, numerics.along),
+        corner=numerics.corner * h,
+        slender=numerics.slender,
+    )
     return block(mesh, part)
+
+
+def _check_pairs(mesh: skfem.MeshTet, path: str) -> None:
+    """Both sides of the cut plane must have the same triangles."""
+    plus, minus = (
+        np.sort(
+            np.round(mesh.p[1:, mesh.facets[:, mesh.boundaries[name]]].mean(axis=1), 6).T.view("f8,f8"),
+            axis=0,
+        )
+        for name in ("cut", "cut_minus")
+    )
+    if plus.shape != minus.shape or not np.array_equal(plus, minus):
+        raise BadInput(
+            file=str(path),
+            key="mesh",
+            value=f"{plus.size} triangles on one side of the cut plane, {minus.size} on the other",
+            expected="the same triangles on both sides",
+        )
 
 
 def block(mesh: skfem.MeshTet, part: str = "quarter") -> Geometry:

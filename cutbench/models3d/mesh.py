@@ -12,18 +12,22 @@ from contextlib import contextmanager
 
 import numpy as np
 import skfem
+from scipy.optimize import brentq
 
 #: Growth of the element size with the distance from the cut plane.
-GRADING = 0.35
+GRADING = 0.7
 #: Along the blade things change slowly: elements are longer there, by this factor at the most ...
 ALONG = 4.0
-#: ... and never longer than this part of the block's length.
-LONGEST = 1 / 20
+#: ... and longer than tall only up to this part of the block's length.
+LONGEST = 1 / 12
+#: Elements at the cut plane are this many times taller than wide, growing as wide as tall over ``REACH`` mm:
+#: the material is stretched sideways several times there. The same as in the plane-strain section.
+SLENDER, REACH = 8.0, 0.3
 
 
-def length_along(length: float, h: float) -> float:
-    """Element size along the blade that goes with size ``h`` across it, all mm."""
-    return max(h, min(ALONG * h, LONGEST * length))
+def length_along(length: float, h: float, along: float = ALONG) -> float:
+    """Element size along the blade that goes with height ``h``, all mm."""
+    return max(h, min(along * h, LONGEST * length))
 
 
 def quarter(
@@ -34,6 +38,8 @@ def quarter(
     *,
     h_z: float | None = None,
     corner: float | None = None,
+    slender: float = SLENDER,
+    reach: float = REACH,
     grading: float = GRADING,
 ) -> skfem.MeshTet:
     """The part 0 ≤ x ≤ width/2, 0 ≤ z ≤ length/2 of a block, without names, all lengths in mm.
@@ -41,12 +47,18 @@ def quarter(
     On the cut plane edges across the blade are the largest H/(n 2^k) not above ``h``; along the blade they
     are ``h_z`` (``length_along``) at the most. Away from it they grow by ``grading`` times the distance.
     Under the blade, where the top face meets the cut plane, they shrink to ``corner``, and by as much
-    along the blade.
+    along the blade. Across the cut plane they are ``slender`` times smaller, growing to the same size over
+    ``reach``.
     """
+
+    def across(xi):
+        return xi - (1 - 1 / slender) * reach * -np.expm1(-xi / reach)
+
+    half = brentq(lambda xi: across(xi) - width / 2, width / 2, width / 2 + reach)
     h_z = length_along(length, h) if h_z is None else h_z
     # Lengths along the blade in units of h_z / h: there the wanted mesh is isotropic.
     stretch = h_z / h
-    sides = np.array([width / 2, height, length / 2 / stretch])
+    sides = np.array([half, height, length / 2 / stretch])
     levels = max(0, int(np.floor(np.log2(sides.min() / 2 / h))))
     counts = np.maximum(np.ceil(sides / (h * 2**levels) - 1e-9), 1).astype(int)
     with _quiet():
@@ -66,7 +78,9 @@ def quarter(
             if marked.size == 0:
                 break
             mesh = mesh.refined(marked)
-    return tetrahedra(mesh.p * np.array([[1.0], [1.0], [stretch]]), mesh.t)
+    x, y, z = mesh.p
+    x = np.where(x > half * (1 - 1e-12), width / 2, across(x))
+    return tetrahedra(np.stack([x, y, z * stretch]), mesh.t)
 
 
 def tetrahedra(p: np.ndarray, t: np.ndarray) -> skfem.MeshTet:

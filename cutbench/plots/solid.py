@@ -103,6 +103,8 @@ def plot_cut_plane(result: Result, snapshots: Sequence[Snapshot] | None = None, 
             row[0].set_ylabel("height (mm)")
         figure.colorbar(first, ax=grid[0].tolist(), extend="max", label="von Mises (kPa)")
         figure.colorbar(second, ax=grid[1].tolist(), label="contact pressure (kPa)")
+        # An empty bar keeps the third row as wide as the others.
+        figure.colorbar(second, ax=grid[2].tolist()).ax.set_visible(False)
         names = grid[2, 0].get_legend_handles_labels()
         figure.legend(*names, loc="outside lower center", ncols=4, markerscale=3)
         figure.suptitle(
@@ -119,7 +121,7 @@ def plot_front(result: Result, snapshots: Sequence[Snapshot] | None = None) -> F
     """The front (damage one half) on the cut plane at each snapshot's blade travel."""
     shown = _solid(result, snapshots)
     with style():
-        figure = new_figure(SINGLE_MM, 70)
+        figure = new_figure(SINGLE_MM, 95)
         axes = figure.subplots()
         colours = list(COLOURS.values())
         drawn = []

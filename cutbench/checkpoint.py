@@ -1,0 +1,109 @@
+"""A run's state in one file, from which it goes on after it was killed.
+
+The file is an npz archive without pickled objects: arrays, and a JSON text that says where in a tree of
+dictionaries and lists each of them stands. It appears whole or not at all.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+import time
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+import cutbench
+
+#: Layout of the file; one of another layout, or of another version of cutbench, is not resumed from.
+SCHEMA = 1
+#: Name of the file in a run's folder.
+NAME = "checkpoint.npz"
+
+
+@dataclass
+class Checkpoint:
+    """Keeps a run's state in ``path``, written at most every ``every_s`` seconds.
+
+    ``key`` says which run the file belongs to; a file of another one is ignored, and replaced.
+    """
+
+    path: Path
+    key: str
+    every_s: float = 60.0
+    _latest: Callable[[], dict] | None = field(default=None, repr=False)
+    _written: float = field(default_factory=time.monotonic, repr=False)
+
+    def load(self) -> dict | None:
+        """The state that was kept for this run, or None."""
+        try:
+            with np.load(self.path, allow_pickle=False) as file:
+                head = json.loads(str(file["head"]))
+                if head != self._head():
+                    return None
+                return _unpacked(json.loads(str(file["tree"])), file)
+        # A file that is not ours, or was damaged: the run begins anew.
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+            return None
+
+    def offer(self, state: Callable[[], dict]) -> None:
+        """``state()`` is the tree to keep from now on; it is written when it is time to."""
+        self._latest = state
+        if time.monotonic() - self._written >= self.every_s:
+            self.write()
+
+    def write(self) -> None:
+        """Write the state offered last. A disk that cannot take it does not end the run."""
+        if self._latest is None:
+            return
+        arrays: dict[str, np.ndarray] = {}
+        tree = _packed(self._latest(), arrays)
+        arrays |= {"head": np.array(json.dumps(self._head())), "tree": np.array(json.dumps(tree))}
+        draft = None
+        try:
+            with tempfile.NamedTemporaryFile(
+                dir=self.path.parent, prefix=".checkpoint-", suffix=".npz", delete=False
+            ) as file:
+                draft = Path(file.name)
+                np.savez(file, **arrays)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(draft, self.path)
+        except OSError:
+            if draft is not None:
+                draft.unlink(missing_ok=True)
+        self._written = time.monotonic()
+
+    def remove(self) -> None:
+        """Take the file away: the run has ended."""
+        self.path.unlink(missing_ok=True)
+
+    def _head(self) -> dict:
+        return {"schema": SCHEMA, "version": cutbench.__version__, "key": self.key}
+
+
+def _packed(value, arrays: dict[str, np.ndarray]):
+    """``value`` as JSON takes it; its arrays go into ``arrays``."""
+    if isinstance(value, np.ndarray):
+        name = f"a{len(arrays)}"
+        arrays[name] = value
+        return {"array": name}
+    if isinstance(value, dict):
+        return {"dict": [[key, _packed(item, arrays)] for key, item in value.items()]}
+    if isinstance(value, (list, tuple)):
+        return [_packed(item, arrays) for item in value]
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _unpacked(value, arrays):
+    if isinstance(value, dict):
+        if "array" in value:
+            return arrays[value["array"]]
+        return {key: _unpacked(item, arrays) for key, item in value["dict"]}
+    if isinstance(value, list):
+        return [_unpacked(item, arrays) for item in value]
+    return value

@@ -1,0 +1,173 @@
+"""Confirmation of a map in three dimensions: which points are chosen, what is compared, and the command."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from cutbench import maps
+from cutbench.boundary import margin
+from cutbench.cli import app
+from cutbench.confirm import RECORD, confirm, least_certain, marked, solid
+from cutbench.errors import BadInput
+from cutbench.maps import Row, build_map, save_map
+from cutbench.result import Outcome, Result
+from cutbench.study import load_study
+
+STUDY = """
+title = "small"
+base = "gelatin"
+
+[specimen]
+width = "6 mm"
+height = "6 mm"
+length = "8 mm"
+
+[protocol]
+depth = "1 mm"
+
+[numerics]
+element = "P1"
+h = "1.5 mm"
+
+[[axis]]
+name = "cohesion"
+values = [6.0, 8.0, 10.0, 12.0]
+
+[regime]
+drop = 0.1
+
+[plot]
+x = "cohesion"
+mark = ["gelatin"]
+"""
+
+
+@pytest.fixture
+def data(tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text(STUDY, encoding="utf-8")
+    study = load_study(path)
+    rows = {}
+    for drop, (_, case) in zip((0.02, 0.09, 0.14, 0.5), study.points(), strict=True):
+        found = dict.fromkeys(maps.MEASURES, 1.0) | {"drop_rel": drop}
+        regime = "abrupt" if drop >= 0.1 else "smooth"
+        rows[case.id] = Row("done", "", 1.0, regime, found)
+    return build_map(study, rows)
+
+
+def test_the_points_nearest_to_the_boundary_come_first(data):
+    points = least_certain(data, 3)
+    assert [point.at["cohesion"] for point in points] == [8.0, 10.0, 6.0]
+    assert points[0].margin == pytest.approx(float(margin(0.09, 1.0, False, drop=0.1)))
+    assert [point.case.id for point in least_certain(data, 9)].sort() == list(data["run_id"].values).sort()
+    assert len(least_certain(data, 9)) == 4
+    # Without a regime there is nothing to confirm.
+    data["label"].values[1] = maps.LABELS.index("not_computed")
+    assert [point.at["cohesion"] for point in least_certain(data, 1)] == [10.0]
+
+
+def test_the_cases_are_those_of_the_map(data):
+    for point in least_certain(data, 4):
+        (where,) = np.flatnonzero(data["cohesion"].values == point.at["cohesion"])
+        assert point.case.id == data["run_id"].values[where]
+    (material,) = marked(data)
+    assert material.name == material.case.name == "gelatin"
+    assert material.case.p.width == 6.0
+
+
+def test_a_block_has_the_physics_of_its_section_and_a_mesh_of_its_own(data):
+    point = least_certain(data, 1)[0]
+    block = solid(point.case, {"h": "2 mm"})
+    assert block.dim == 3 and block.numerics.h_mm == 2.0
+    assert (block.mechanisms, dict(block.values)) == (point.case.mechanisms, dict(point.case.values))
+    assert block.numerics.element == point.case.numerics.element
+    with pytest.raises(BadInput):
+        solid(point.case, {"h": "200 mm"})
+
+
+def curve(drop):
+    """Rises to 1 N at 0.5 mm, falls by ``drop`` and stays; the cut begins at the top."""
+    d = np.array([0.0, 0.5, 0.6, 1.0])
+    return {
+        "displacement_mm": d,
+        "force_N": np.array([0.0, 1.0, 1.0 - drop, 1.0 - drop]),
+        "time_s": d,
+        "cut_length_mm": np.array([0.0, 0.0, 0.5, 0.6]),
+    }
+
+
+def test_agreement_is_by_label_and_what_is_there_is_not_computed_again(data, tmp_path):
+    drops = {2: 0.5, 3: 0.3}
+    calls = []
+
+    def run(case, folder):
+        from cutbench.output import write_run
+
+        calls.append(case.dim)
+        result = Result(case, curve(drops[case.dim]), Outcome("done", "", "", 1.0), {"total": 2.0})
+        write_run(result, folder, command="test")
+        return result
+
+    points = least_certain(data, 2)
+    done = confirm(data, points, tmp_path, run, source="map.nc")
+    assert calls == [2, 3, 2, 3] and [point.agrees for point in done] == [True, True]
+    assert done[0].ratio["steady_N"] == pytest.approx(0.7 / 0.5)
+    assert done[0].ratio["peak_N"] == pytest.approx(1.0)
+    record = json.loads((tmp_path / RECORD).read_text(encoding="utf-8"))
+    assert (record["agree"], record["judged"], record["compared"]) == (2, 2, 2)
+    assert record["points"][0]["at"] == {"cohesion": 8.0}
+    assert record["axes"] == {"cohesion": "1"}
+    confirm(data, points, tmp_path, run, source="map.nc")
+    assert len(calls) == 4
+    drops[3] = 0.0
+    other = confirm(data, points[:1], tmp_path / "other", run, source="map.nc")
+    assert other[0].agrees is False and other[0].label_3d == "smooth"
+
+
+def test_an_interruption_keeps_what_was_compared_and_a_stall_is_not_judged(data, tmp_path):
+    kinds = iter(["done", "stalled", "done", "interrupted"])
+
+    def run(case, folder):
+        return Result(case, curve(0.5), Outcome(next(kinds), "", "", 1.0), {"total": 1.0})
+
+    done = confirm(data, least_certain(data, 3), tmp_path, run, source="map.nc")
+    assert len(done) == 1 and done[0].agrees is None and done[0].label_3d is None
+    record = json.loads((tmp_path / RECORD).read_text(encoding="utf-8"))
+    assert (record["asked"], record["compared"], record["judged"]) == (3, 1, 0)
+
+
+def test_the_command_runs_a_point(data, tmp_path):
+    save_map(data, tmp_path)
+    options = ["--points=1", "--no-materials", f"--out={tmp_path / 'c'}"]
+    done = CliRunner().invoke(app, ["confirm", str(tmp_path / "map.nc"), *options])
+    assert done.exit_code == 0, done.output
+    record = json.loads((tmp_path / "c" / RECORD).read_text(encoding="utf-8"))
+    (point,) = record["points"]
+    assert point["outcome_3d"] == "done" and point["label_2d"] is not None
+    assert math.isfinite(point["wall_s"])
+    assert "1 of 1 points compared" in done.output
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--points=few"], "--points = 'few'"),
+        (["--points=0", "--no-materials"], "--points = '0'"),
+        (["--h=soft"], "h = 'soft'"),
+    ],
+)
+def test_bad_input_is_one_message(data, tmp_path, options, says):
+    save_map(data, tmp_path)
+    done = CliRunner().invoke(app, ["confirm", str(tmp_path / "map.nc"), *options])
+    assert done.exit_code == 2 and says in done.output and "Traceback" not in done.output
+
+
+def test_a_file_that_is_no_map_is_refused(tmp_path):
+    (tmp_path / "map.nc").write_text("nothing")
+    done = CliRunner().invoke(app, ["confirm", str(tmp_path / "map.nc")])
+    assert done.exit_code == 2 and "map" in done.output
