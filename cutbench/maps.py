@@ -16,11 +16,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
+from cutbench.axes import Axis, sets, short
+from cutbench.case import Case
 from cutbench.curve import ABRUPT, MEASURES, SMOOTH, UNCUT, label, measures
 from cutbench.errors import BadInput
 from cutbench.result import OUTCOMES, Result
+from cutbench.study import case_at
 
 if TYPE_CHECKING:
+    from cutbench.boundary import Estimate
     from cutbench.study import Study
 
 NOT_COMPUTED = "not_computed"
@@ -49,7 +53,10 @@ def row_of(result: Result, study: Study) -> Row:
         return Row(outcome.kind, outcome.message, outcome.reached_mm)
     try:
         found = measures(
-            result.curve, window_mm=result.case.p.thickness, onset_length_mm=study.onset_length_mm
+            result.curve,
+            window_mm=result.case.p.thickness,
+            height_mm=result.case.p.height,
+            onset_length_mm=study.onset_length_mm,
         )
     except (ValueError, KeyError) as error:
         return Row("failed", f"the curve cannot be read: {error}", outcome.reached_mm)
@@ -57,14 +64,24 @@ def row_of(result: Result, study: Study) -> Row:
     return Row(outcome.kind, outcome.message, outcome.reached_mm, regime, found)
 
 
-def build_map(study: Study, rows: Mapping[str, Row]) -> xr.Dataset:
-    """The map with the study's axes as dimensions; ``rows`` by run id, as far as there are any."""
-    dims = [axis.name for axis in study.axes]
-    ids = np.full(study.shape, "", dtype=object)
-    table = np.full(study.shape, None, dtype=object)
-    for index, case in study.points():
-        ids[index] = case.id
-        table[index] = rows.get(case.id, Row())
+def build_map(
+    study: Study,
+    rows: Mapping[str, Row],
+    ids: Mapping[tuple[int, ...], str] | None = None,
+    estimates: Mapping[tuple[int, ...], Estimate] | None = None,
+) -> xr.Dataset:
+    """The map; ``rows`` by run id, as far as there are any.
+
+    Dimensions are the study's axes, or ``point`` where the runs do not lie on a grid. ``ids`` are the
+    run ids by index (default: those of the study's grid), ``estimates`` what a search for the boundary
+    has found, by the indices of the levels.
+    """
+    dims = [axis.name for axis in study.axes] if study.on_grid else ["point"]
+    table_ids = np.full(study.shape, "", dtype=object)
+    table = np.full(study.shape, Row(), dtype=object)
+    for index, id in (ids or {index: case.id for index, case in study.points()}).items():
+        table_ids[index] = id
+        table[index] = rows.get(id, Row())
 
     def collect(pick, dtype):
         flat = [pick(row) for row in table.ravel()]
@@ -87,22 +104,33 @@ def build_map(study: Study, rows: Mapping[str, Row]) -> xr.Dataset:
         *collect(lambda row: row.message, object),
         {"long_name": "what the run said at its end"},
     )
-    data["run_id"] = (dims, ids, {"long_name": "hash of the run's inputs; its folder in the store"})
+    data["run_id"] = (dims, table_ids, {"long_name": "hash of the run's inputs; its folder in the store"})
+    if not study.on_grid:
+        samples = np.array(study.samples, dtype=float).reshape(-1, len(study.axes))
     coords = {
         axis.name: (
-            axis.name,
-            np.array(axis.values),
-            {"units": axis.unit, "long_name": axis.long_name, "symbol": axis.symbol, "scale": axis.scale},
+            axis.name if study.on_grid else "point",
+            np.array(axis.values) if study.on_grid else samples[:, k],
+            {"units": axis.unit, "long_name": axis.long_name, "symbol": axis.symbol, "scale": axis.scale}
+            | ({"mechanism": axis.mechanism} if axis.mechanism else {}),
         )
-        for axis in study.axes
+        for k, axis in enumerate(study.axes)
     }
+    if estimates:
+        data |= _estimated(study, estimates)
     return xr.Dataset(
         data,
         coords,
         {
             "title": study.title,
+            "mode": study.mode,
+            "axes": json.dumps([axis.name for axis in study.axes]),
+            "continuous": json.dumps([axis.name for axis in study.axes if axis.continuous]),
+            "tolerance": json.dumps({a.name: a.tolerance for a in study.axes if math.isfinite(a.tolerance)}),
             "study": study.text,
             "base_case": json.dumps(study.base.to_dict(), default=str),
+            "start_case": json.dumps((study.start or study.base).to_dict(), default=str),
+            "changes": json.dumps(dict(study.changes), default=str),
             "drop_threshold": study.drop,
             "surge_threshold": math.nan if study.surge_min is None else study.surge_min,
             "onset_length_mm": study.onset_length_mm,
@@ -115,6 +143,34 @@ def build_map(study: Study, rows: Mapping[str, Row]) -> xr.Dataset:
     )
 
 
+def _estimated(study: Study, estimates: Mapping[tuple[int, ...], Estimate]) -> dict[str, tuple]:
+    """The boundary that was sought, on the map's own dimensions."""
+    dims = [axis.name for axis in study.axes]
+    free = [k for k, axis in enumerate(study.axes) if axis.continuous]
+    levels = [k for k in range(len(dims)) if k not in free]
+    arrays = {name: np.empty(study.shape) for name in ("mean", "spread", "unsure")}
+    for chosen, estimate in estimates.items():
+        where: list[object] = [slice(None)] * len(dims)
+        for k, i in zip(levels, chosen, strict=True):
+            where[k] = i
+        for name, array in arrays.items():
+            array[tuple(where)] = getattr(estimate, name)
+    text = "estimated margin, tanh(log(measure/threshold)): above 0 abrupt, below 0 smooth"
+    return {
+        "margin": (dims, arrays["mean"], {"units": "1", "long_name": text}),
+        "margin_sd": (
+            dims,
+            arrays["spread"],
+            {"units": "1", "long_name": "standard deviation of the estimated margin"},
+        ),
+        "unsure": (
+            dims,
+            arrays["unsure"].astype(np.int8),
+            _flags(("sure", "unsure"), "whether the regime is unknown (95 %) beyond the tolerance"),
+        ),
+    }
+
+
 def load_map(path: str | os.PathLike[str]) -> xr.Dataset:
     """A map from ``map.nc``; BadInput if the file is not there or is none."""
     try:
@@ -124,7 +180,62 @@ def load_map(path: str | os.PathLike[str]) -> xr.Dataset:
         raise BadInput(key="map", value=str(path), expected=f"a map.nc of a sweep ({error})") from error
     if "label" not in data or "plot_x" not in data.attrs:
         raise BadInput(key="map", value=str(path), expected="a map.nc of a sweep, with labels and axes")
+    # Maps of before there were modes are grids.
+    data.attrs.setdefault("mode", "grid")
+    data.attrs.setdefault("axes", json.dumps([str(dim) for dim in data["label"].dims]))
+    data.attrs.setdefault("continuous", "[]")
+    data.attrs.setdefault("tolerance", "{}")
+    data.attrs.setdefault("start_case", data.attrs["base_case"])
+    data.attrs.setdefault("changes", "{}")
     return data
+
+
+def path_from(target: Path, folder: Path) -> str:
+    """``target`` as seen from ``folder``, so that both can be moved together; absolute across drives."""
+    try:
+        return Path(os.path.relpath(target, folder)).as_posix()
+    except ValueError:
+        return target.resolve().as_posix()
+
+
+def store_of(data: xr.Dataset, folder: Path) -> Path:
+    """The folder of the runs of a map that lies in ``folder``."""
+    return folder / data.attrs.get("store", "runs")
+
+
+def axes_of(data: xr.Dataset) -> list[str]:
+    """Names of a map's axes, in the study's order."""
+    return list(json.loads(data.attrs["axes"]))
+
+
+def axis_of(data: xr.Dataset, name: str) -> Axis:
+    """An axis of a map, as its study had it; where runs do not lie on a grid, with its ends as values."""
+    about, values = data[name].attrs, data[name].values
+    if list(data[name].dims) != [name]:
+        values = np.array([values.min(), values.max()]) if values.size else values
+    mechanism = str(about.get("mechanism", ""))
+    return Axis(
+        name, str(about["units"]), str(about.get("symbol", "")), str(about["long_name"]),
+        tuple(map(float, values)), str(about.get("scale", "linear")), mechanism or sets(name),
+        name in json.loads(data.attrs["continuous"]),
+        json.loads(data.attrs["tolerance"]).get(name, math.nan), mechanism,
+    )  # fmt: skip
+
+
+def places_of(data: xr.Dataset) -> dict[str, np.ndarray]:
+    """The value of each axis at each point of a map, shaped as the map's variables."""
+    names = axes_of(data)
+    if list(data["label"].dims) != names:
+        return {name: data[name].values for name in names}
+    return dict(zip(names, np.meshgrid(*(data[n].values for n in names), indexing="ij"), strict=True))
+
+
+def case_on(data: xr.Dataset, values: Mapping[str, float]) -> Case:
+    """The case at a place of a map (axis name -> value), as its study makes it. Raises BadInput if the
+    values do not fit one another."""
+    start = Case.from_dict(json.loads(data.attrs["start_case"]))
+    axes = [axis_of(data, name) for name in axes_of(data)]
+    return case_at(start, json.loads(data.attrs["changes"]), axes, [short(values[a.name]) for a in axes])
 
 
 def save_map(data: xr.Dataset, folder: Path) -> None:
@@ -147,7 +258,7 @@ def save_map(data: xr.Dataset, folder: Path) -> None:
 
 def to_csv(data: xr.Dataset) -> str:
     """One line a point, axes first (the unit in the header), the same for the same runs."""
-    dims = list(data["label"].dims)
+    dims = axes_of(data)
     heads = [
         name if data[name].attrs["units"] == "1" else f"{name} [{data[name].attrs['units']}]" for name in dims
     ]
@@ -155,8 +266,12 @@ def to_csv(data: xr.Dataset) -> str:
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow([*heads, *columns])
+    gridded = list(data["label"].dims) == dims
     for index in np.ndindex(data["label"].shape):
-        line = [f"{data[dim].values[i]:.10g}" for dim, i in zip(dims, index, strict=True)]
+        if not data["run_id"].values[index]:
+            continue  # a place of a search at which no run was needed
+        at = index if gridded else index * len(dims)
+        line = [f"{data[dim].values[i]:.10g}" for dim, i in zip(dims, at, strict=True)]
         for name in columns:
             value = data[name].values[index]
             if name == "label":

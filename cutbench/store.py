@@ -2,11 +2,13 @@
 
 ``ROOT/<id[:2]>/<id>/`` holds ``run.json`` (inputs, outcome, measures, cost, versions) and
 ``curve.npz``. An entry appears whole or not at all (it is written beside and renamed), so several
-processes may share a store, and one that is killed leaves nothing that looks finished.
+processes may share a store, and one that is killed leaves nothing that looks finished. Beside the
+folders ``index.sqlite`` lists them; it is a copy, made again whenever it is not there.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import shutil
@@ -23,6 +25,7 @@ import numpy as np
 
 from cutbench.case import Case
 from cutbench.errors import BadInput
+from cutbench.index import Head, Index
 from cutbench.result import Outcome, Result
 
 #: Layout of an entry; another number is read as "not there".
@@ -48,6 +51,7 @@ class Store:
             raise BadInput(
                 key="store", value=str(self.root), expected=f"a folder that can be written ({error.strerror})"
             ) from error
+        self._index = Index(self.root)
         self._sweep_up()
 
     def path(self, id: str) -> Path:
@@ -94,7 +98,7 @@ class Store:
             while True:
                 try:
                     os.rename(fresh, home)
-                    return True
+                    break
                 except OSError:
                     if not home.exists():
                         raise
@@ -103,11 +107,46 @@ class Store:
                 self._discard(home)
         finally:
             shutil.rmtree(fresh, ignore_errors=True)
+        with contextlib.suppress(OSError):  # another process may have replaced it already
+            if (head := self._head(id)) is not None:
+                self._index.add(id, home.stat().st_mtime_ns, head)
+        return True
 
     def remove(self, id: str) -> None:
         """Forget a run, so that it is computed again."""
         if self.path(id).exists():
             self._discard(self.path(id))
+            self._index.remove(id)
+
+    def heads(self) -> dict[str, Head]:
+        """What there is to say of each run without its curve, by id: name, outcome, message, reached_mm,
+        dim, mechanisms, values (with unit), numerics, groups, measures, seconds, counts, versions,
+        written (seconds since 1970). Entries that cannot be read are left out: see ``unreadable``."""
+        return self._index.refresh(self._there(), self._head)
+
+    def unreadable(self) -> dict[str, str]:
+        """Entries that cannot be used, with the reason."""
+        found = {}
+        for id in self._there().keys() - self.heads().keys():
+            try:
+                record = json.loads((self.path(id) / "run.json").read_text(encoding="utf-8"))
+                layout = record.get("format")
+                known = f"format {layout}, this cutbench reads {FORMAT}: use the version that wrote it"
+                written = (record.get("versions") or {}).get("cutbench", "unknown")
+                found[id] = f"{known} ({written})" if layout != FORMAT else "its inputs cannot be read"
+            except (*_UNREADABLE, AttributeError) as error:
+                found[id] = (
+                    f"damaged ({type(error).__name__}): remove its folder, or let a sweep write it again"
+                )
+        return dict(sorted(found.items()))
+
+    def mark(self) -> str:
+        """Name of a file in the store that is in no other: who finds it sees this very folder."""
+        for path in sorted(self.root.glob(".mark-*")):
+            return path.name
+        path = self.root / f".mark-{uuid.uuid4().hex}"
+        path.touch()
+        return path.name
 
     def __iter__(self) -> Iterator[Result]:
         """All readable runs, in the order of their ids."""
@@ -117,6 +156,39 @@ class Store:
 
     def __len__(self) -> int:
         return sum(1 for _ in self)
+
+    def _there(self) -> dict[str, int]:
+        """All entries, readable or not: id -> when it was put here."""
+        found = {}
+        for folder in sorted(self.root.glob("??/*")):
+            try:
+                found[folder.name] = folder.stat().st_mtime_ns
+            except OSError:
+                continue  # taken away meanwhile
+        return found
+
+    def _head(self, id: str) -> Head | None:
+        try:
+            record = self._record(self.path(id))
+            case = Case.from_dict(record["case"])
+            return {
+                "name": case.name,
+                "outcome": record["outcome"]["kind"],
+                "message": record["outcome"]["message"],
+                "reached_mm": record["outcome"]["reached_mm"],
+                "dim": case.dim,
+                "mechanisms": list(case.mechanisms),
+                "values": {key: [v["value"], v["unit"]] for key, v in record["case"]["values"].items()},
+                "numerics": record["case"]["numerics"],
+                "groups": case.groups(),
+                "measures": record["measures"],
+                "seconds": record["timings"].get("total"),
+                "counts": record["counts"],
+                "versions": record["versions"],
+                "written": (self.path(id) / "run.json").stat().st_mtime,
+            }
+        except (*_UNREADABLE, AttributeError):
+            return None
 
     def _record(self, home: Path) -> dict[str, Any]:
         record = json.loads((home / "run.json").read_text(encoding="utf-8"))

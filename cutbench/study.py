@@ -1,4 +1,4 @@
-"""A study: a base case, the axes over which it is varied, and how its regimes are told apart.
+"""A study: a base case, the axes over which it is varied, how, and how its regimes are told apart.
 
 ``load_study`` reads TOML strictly: whatever it would have to guess or ignore is refused, with the
 file, the line, the key, the value, and what would be right.
@@ -6,34 +6,39 @@ file, the line, the key, the value, and what would be right.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+import itertools
+import re
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from cutbench import materials
-from cutbench.axes import Axis, read_axes, refuse_unknown, value_on
+from cutbench.axes import (
+    BOUNDARY,
+    GRID,
+    MODES,
+    ONE,
+    SAMPLE,
+    Axis,
+    read_axes,
+    refuse_unknown,
+    switched,
+    value_on,
+)
 from cutbench.case import Case, load_case
 from cutbench.errors import BadInput
-from cutbench.model import Model, section_of
-from cutbench.quantities import parse_quantity
+from cutbench.model import GROUPS, Model, section_of
 from cutbench.reading import line_of, located, one_of, read_toml
+from cutbench.sampling import coarse_to_fine, latin_hypercube, one_at_a_time
+from cutbench.sections import Plot, Search, read_plot, read_regime, read_sample, read_search, read_section
+from cutbench.values import ETA_V
 
 _SECTIONS = ("parameters", "specimen", "blade", "protocol", "numerics")
-_TOP = ("title", "base", "mechanisms", *_SECTIONS, "axis", "regime", "plot")
-
-
-@dataclass(frozen=True)
-class Plot:
-    """Which axes a phase diagram shows (empty: none), and which materials it marks."""
-
-    x: str
-    y: str = ""
-    panel: str = ""
-    mark: tuple[str, ...] = ()
+_TOP = ("title", "mode", "base", "mechanisms", *_SECTIONS, "axis", "sample", "boundary", "regime", "plot")
 
 
 @dataclass(frozen=True)
@@ -46,7 +51,8 @@ class Mark:
 
 @dataclass(frozen=True)
 class Study:
-    """A validated study; every point is a valid case."""
+    """A validated study. ``grid`` are its cases (of a boundary's search none: they are asked for on the way);
+    ``samples`` their values by axis, where they do not lie on a grid."""
 
     path: Path
     title: str
@@ -58,23 +64,39 @@ class Study:
     surge_min: float | None
     onset_length_mm: float
     plot: Plot
+    mode: str = GRID
+    samples: tuple[tuple[float, ...], ...] = ()
+    search: Search | None = None
+    start: Case | None = None
+    changes: Mapping[str, object] = field(default_factory=dict)
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Points along each axis."""
-        return tuple(len(axis.values) for axis in self.axes)
+        """Points along each axis; without a grid, the number of points."""
+        return tuple(len(axis.values) for axis in self.axes) if self.on_grid else (len(self.grid),)
+
+    @property
+    def on_grid(self) -> bool:
+        """Whether points are numbered by their place on each axis, or one after the other."""
+        return self.mode in (GRID, BOUNDARY)
 
     def points(self) -> Iterator[tuple[tuple[int, ...], Case]]:
-        """All points with their index in the grid, row by row."""
+        """All points that are known beforehand with their index, row by row."""
+        if self.mode == BOUNDARY:
+            return iter(())
         return zip(np.ndindex(self.shape), self.grid, strict=True)
 
     def cases(self) -> list[Case]:
-        """All points, coarse to fine: any beginning of the list is spread over the whole map."""
+        """All of them, on a grid coarse to fine: any beginning is spread over the whole map."""
         return [self.grid[i] for i in self._order]
 
     @cached_property
     def _order(self) -> tuple[int, ...]:
-        return coarse_to_fine(self.shape)
+        return coarse_to_fine(self.shape) if self.mode == GRID else tuple(range(len(self.grid)))
+
+    def case_at(self, values: Sequence[float]) -> Case:
+        """The case with these values of its axes. Raises BadInput if they do not fit one another."""
+        return case_at(self.start or self.base, self.changes, self.axes, values)
 
     def marks(self) -> list[Mark]:
         """The marked materials on the study's axes."""
@@ -92,49 +114,120 @@ class Study:
         return found
 
 
-def coarse_to_fine(shape: tuple[int, ...]) -> tuple[int, ...]:
-    """Flat indices of a grid so that each is as far as can be from all before it, the middle first.
+def case_at(
+    start: Case, changes: Mapping[str, object], axes: Sequence[Axis], values: Sequence[float]
+) -> Case:
+    """``start`` with ``changes`` and the values of the axes, the switched mechanisms first.
 
-    Distances are relative to the axes' lengths; ties go to the lower index, so the order is fixed.
+    Groups among the changes are solved anew: they hold along the axes. What ``changes`` say about a
+    mechanism that is switched out goes with it; an axis that sets something of it is refused.
     """
-    index = np.stack(np.unravel_index(np.arange(math.prod(shape)), shape), axis=1).astype(float)
-    place = index / np.maximum(np.array(shape) - 1, 1)
-    order = [int(np.argmin(((place - 0.5) ** 2).sum(axis=1).round(9)))]
-    gap = np.full(len(place), np.inf)
-    for _ in range(len(place) - 1):
-        gap = np.minimum(gap, ((place - place[order[-1]]) ** 2).sum(axis=1).round(9))
-        gap[order[-1]] = -1.0  # taken
-        order.append(int(np.argmax(gap)))
-    return tuple(order)
+    switches = {a.mechanism: bool(v) for a, v in zip(axes, values, strict=True) if a.mechanism}
+    model = start.model
+    for name, on in switches.items():
+        if on:
+            model = model.with_(name)
+        elif name in model.mechanisms:
+            model = model.without(name)
+    kept = dict(changes)
+    if switches:
+        kept["mechanisms"] = model.mechanisms
+        here, elsewhere = model.parameters(), start.model.with_(*switches).parameters()
+        for key in changes:
+            sets = GROUPS[key].parameter if key in GROUPS else "eta_reg" if key == ETA_V.name else key
+            if sets in elsewhere and sets not in here:
+                del kept[key]
+    own = {a.name: a.text(v) for a, v in zip(axes, values, strict=True) if not a.mechanism}
+    return start.set(**kept, **own)
 
 
 def load_study(path: str | Path) -> Study:
     """The study in a TOML file; every error a person can make in it is a BadInput."""
     path = Path(path)
-    table, text = read_toml(path)
+    table, text = _read(path)
     with located(path, text):
         refuse_unknown(table, _TOP)
         title = table.get("title", path.stem)
         if not isinstance(title, str) or not title.strip():
             raise BadInput(key="title", value=title, expected="a title, such as 'Smooth and abrupt cutting'")
+        mode = table.get("mode", GRID)
+        if mode not in MODES:
+            raise BadInput(key="mode", value=mode, expected=one_of(str(mode), MODES))
+        for section, owner in (("sample", SAMPLE), ("boundary", BOUNDARY)):
+            if section in table and mode != owner:
+                raise BadInput(key=section, value=f"[{section}]", expected=f"it only where mode = '{owner}'")
         start = _base(table, path)
-    changes = _changes(table, path, text, start.model)
+    switches = switched(table)
+    whole = start.model.with_(*switches) if switches else start.model
+    changes = _changes(table, path, text, whole)
     with located(path, text):
-        base = start.set(**changes)
-    axes = read_axes(table, path, text, base.model, changes)
+        base = start.set(mechanisms=whole.mechanisms, **changes)
+    axes = read_axes(table, path, text, base.model, changes, mode)
     with located(path, text, "regime"):
-        drop, surge_min, onset_length_mm = _regime(_section(table, "regime"))
+        drop, surge_min, onset_length_mm = read_regime(read_section(table, "regime"))
     with located(path, text, "plot"):
-        plot = _plot(_section(table, "plot"), axes)
+        plot = read_plot(read_section(table, "plot"), axes)
+    search, samples = None, ()
+    if mode == BOUNDARY:
+        with located(path, text, "boundary"):
+            search = read_search(read_section(table, "boundary"), axes)
+        # The corners and the middle stand for all that may be asked for.
+        ends = [
+            (a.values[0], a.values[len(a.values) // 2], a.values[-1]) if a.continuous else a.values
+            for a in axes
+        ]
+        places = itertools.product(*ends)
+    elif mode == SAMPLE:
+        with located(path, text, "sample"):
+            samples = places = latin_hypercube(axes, *read_sample(read_section(table, "sample")))
+    elif mode == ONE:
+        at = {axis.name: value_on(axis, start if axis.mechanism else base) for axis in axes}
+        with located(path, text):
+            samples = places = one_at_a_time(axes, _middle(at))
+    else:
+        places = itertools.product(*(a.values for a in axes))
     with located(path, text):
-        # Groups of the sections are solved anew at each point: they hold along the axes.
-        grid = tuple(
-            start.set(**changes, **{a.name: a.text(i) for a, i in zip(axes, index, strict=True)})
-            for index in np.ndindex(*(len(a.values) for a in axes))
-        )
-    study = Study(path, title, text, base, axes, grid, drop, surge_min, onset_length_mm, plot)
+        cases = tuple(case_at(start, changes, axes, values) for values in places)
+    study = Study(
+        path, title, text, base, axes, () if mode == BOUNDARY else cases, drop, surge_min, onset_length_mm,
+        plot, mode, tuple(samples), search, start, changes,
+    )  # fmt: skip
     study.marks()
     return study
+
+
+def _read(path: Path) -> tuple[dict, str]:
+    """``read_toml``, with the line where a list or a string was left open, not the one after it."""
+    try:
+        return read_toml(path)
+    except BadInput as error:
+        if error.key != "TOML" or error.line is None:
+            raise
+        lines = path.read_text(encoding="utf-8").splitlines()
+        for n in range(min(error.line, len(lines)) - 1, 0, -1):
+            try:
+                tomllib.loads("\n".join(lines[:n]))
+            except tomllib.TOMLDecodeError:
+                continue
+            # Line n + 1 begins what cannot be read; a new statement below it was none of its lines.
+            if re.match(r"\s*([\w\"'.-]+\s*=|\[)", lines[error.line - 1]) and n + 1 < error.line:
+                while not lines[n].split("#")[0].strip():
+                    n += 1
+                raise BadInput(
+                    file=error.file, line=n + 1, key="TOML", value=lines[n].strip(), expected=error.expected
+                ) from error
+            break
+        raise
+
+
+def _middle(at: Mapping[str, float | None]) -> list[float]:
+    missing = [name for name, value in at.items() if value is None]
+    if missing:
+        raise BadInput(
+            key="base", value=", ".join(missing),
+            expected="a base that has a value of every axis, from which one at a time departs",
+        )  # fmt: skip
+    return list(at.values())
 
 
 def _base(table: dict, path: Path) -> Case:
@@ -148,7 +241,12 @@ def _base(table: dict, path: Path) -> Case:
     if not isinstance(source, str):
         raise BadInput(key="base", value=source, expected="a material's name or a case file")
     near = path.parent / source
-    case = load_case(near if near.is_file() else source)
+    try:
+        case = load_case(near if near.is_file() else source)
+    except BadInput as error:
+        if error.file is not None:  # in the case file itself
+            raise
+        raise BadInput(key="base", value=source, expected=error.expected) from error
     return case.set(mechanisms=table["mechanisms"]) if "mechanisms" in table else case
 
 
@@ -158,7 +256,7 @@ def _changes(table: dict, path: Path, text: str, model: Model) -> dict[str, obje
     changes: dict[str, object] = {}
     for section in _SECTIONS:
         with located(path, text, section):
-            part = _section(table, section)
+            part = read_section(table, section)
             for key, raw in part.items():
                 if key in known and section_of(key) != section:
                     raise BadInput(
@@ -170,57 +268,3 @@ def _changes(table: dict, path: Path, text: str, model: Model) -> dict[str, obje
                     raise BadInput(key=key, value=raw, expected="each quantity once")
             changes |= part
     return changes
-
-
-def _regime(part: dict) -> tuple[float, float | None, float]:
-    refuse_unknown(part, ("drop", "surge", "onset_length"))
-    drop = _between(part, "drop", 0.1, 0, 1)
-    surge = _between(part, "surge", None, 0, math.inf) if "surge" in part else None
-    length = parse_quantity(part.get("onset_length", "0.1 mm"), "mm", key="onset_length")
-    if not 0 < length < math.inf:
-        raise BadInput(
-            key="onset_length", value=part["onset_length"], expected="a length above 0, such as '0.1 mm'"
-        )
-    return drop, surge, length
-
-
-def _between(part: dict, key: str, default: float | None, low: float, high: float) -> float:
-    value = parse_quantity(part.get(key, default), "1", key=key)
-    if not low < value < high:
-        wanted = f"{low:g} < {key} < {high:g}" if math.isfinite(high) else f"{low:g} < {key}"
-        raise BadInput(key=key, value=part.get(key), expected=f"a number, {wanted}")
-    return value
-
-
-def _plot(part: dict, axes: tuple[Axis, ...]) -> Plot:
-    refuse_unknown(part, ("x", "y", "panel", "mark"))
-    names = [axis.name for axis in axes]
-    chosen: dict[str, str] = {}
-    for key in ("x", "y", "panel"):
-        if key in part:
-            name = part[key]
-            if name not in names:
-                raise BadInput(key=key, value=name, expected=one_of(str(name), names))
-            if name in chosen.values():
-                raise BadInput(key=key, value=name, expected="an axis that the picture does not show already")
-            chosen[key] = name
-    free = [name for name in names if name not in chosen.values()]
-    for key in ("x", "y", "panel"):
-        if key not in chosen:
-            chosen[key] = free.pop(0) if free else ""
-    mark = part.get("mark", [])
-    if not isinstance(mark, list) or not all(isinstance(m, str) for m in mark):
-        raise BadInput(
-            key="mark", value=str(mark), expected=f"a list of materials, such as {materials.names()}"
-        )
-    for name in mark:
-        if name not in materials.names():
-            raise BadInput(key="mark", value=name, expected=one_of(name, materials.names()))
-    return Plot(**chosen, mark=tuple(mark))
-
-
-def _section(table: dict, name: str) -> dict:
-    part = table.get(name, {})
-    if not isinstance(part, dict):
-        raise BadInput(key=name, value=str(part), expected=f"a section, written [{name}]")
-    return part

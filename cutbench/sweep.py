@@ -1,8 +1,9 @@
 """Compute a study's runs over the cores, and keep its map and picture up to date on the way.
 
-Every run goes into the store as soon as it has ended, written by the process that computed it. So
-nothing is lost when a sweep is interrupted, killed, or loses a worker to the operating system, and
-starting it again computes only what is missing.
+What is to be run a plan says: all at once, or round by round where a boundary is sought. Every run
+goes into the store as soon as it has ended, written by the process that computed it. So nothing is
+lost when a sweep is interrupted, killed, or loses a worker to the operating system, and starting it
+again computes only what is missing.
 """
 
 from __future__ import annotations
@@ -12,39 +13,29 @@ import os
 import time
 import warnings
 from collections import Counter, deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
 import xarray as xr
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from cutbench.case import Case
 from cutbench.errors import BadInput, ComputationFailed
-from cutbench.maps import Row, build_map, row_of, save_map
+from cutbench.estimates import save_estimates
+from cutbench.maps import Row, build_map, path_from, row_of, save_map
+from cutbench.page import save_page
 from cutbench.phase import save_phase
+from cutbench.plan import plan_of
+from cutbench.progress import Status, show_progress
 from cutbench.store import Store
 from cutbench.study import Study, load_study
 from cutbench.worker import Run, begin_worker, failure, one_thread_each, work
 
 #: A run that was lost with its worker is done again this often.
 RETRIES = 2
-
-
-@dataclass(frozen=True)
-class Status:
-    """Where a sweep stands. ``failed`` of the ``finished`` ended short of their depth; ``reused``
-    were in the store at the start; ``seconds_left`` is None until a run has shown how long one takes."""
-
-    total: int
-    finished: int
-    failed: int
-    reused: int
-    seconds_left: float | None
-    picture: Path | None
 
 
 @dataclass(frozen=True)
@@ -55,11 +46,37 @@ class Sweep:
     out: Path
     status: Status
     interrupted: bool
+    verdict: str = ""
+    seconds: float = 0.0  # wall time
+    workers: int = 0
+    busy: float = 0.0  # part of the workers' time that was spent in runs
 
     @property
     def complete(self) -> bool:
         """Whether every point has ended, well or not."""
-        return self.status.finished == self.status.total
+        return not self.interrupted and self.status.finished == self.status.total
+
+    def words(self) -> list[str]:
+        """What there is to say of the map: the boundary that was sought, and the classical estimates."""
+        found = []
+        here = self.status.finished - self.status.reused
+        if here and self.busy:
+            found.append(
+                f"{60 * here / self.seconds:.3g} runs a minute; {100 * self.busy:.0f} % of {self.workers}"
+                " workers' time was spent in them"
+            )
+        if "margin" in self.map and not self.interrupted:
+            unsure = float(self.map["unsure"].mean())
+            sides = (self.map["margin"] >= 0).values
+            if sides.all() or not sides.any():
+                found.append("no boundary: one regime on the whole map")
+            elif unsure:
+                found.append(
+                    f"boundary: not known to the tolerance (95 %) on {100 * unsure:.2g} % of the map"
+                )
+            else:
+                found.append("boundary: known to the tolerance everywhere (95 %)")
+        return [*found, self.verdict] if self.verdict else found
 
 
 def run_study(
@@ -71,21 +88,28 @@ def run_study(
     run: Run | None = None,
     store: str | os.PathLike[str] | None = None,
     retry_failed: bool = False,
+    scheduler: str | None = None,
     first_picture_s: float = 25.0,
     picture_every_s: float = 60.0,
 ) -> Sweep:
     """Run what is missing of ``study`` on ``workers`` processes (default: one a core; 0: in this one).
 
-    Writes ``map.nc``, ``map.csv``, ``phase.png`` and ``phase.svg`` into ``out``, first after
-    ``first_picture_s``, then every ``picture_every_s`` and at the end; runs go into ``store``
-    (default ``out/runs``). ``progress=True`` shows a bar, a callable is told each ``Status``.
-    Runs that fell short are not repeated unless ``retry_failed``. Ctrl-C ends the sweep with what
-    is done: the returned ``Sweep`` says ``interrupted``.
+    Writes ``map.nc``, ``map.csv``, ``phase.png`` and ``phase.svg`` into ``out`` (and ``boundary.csv``
+    where one is sought), first after ``first_picture_s``, then every ``picture_every_s`` and at the
+    end, then also ``map.html`` and ``estimates.png``; runs go into ``store`` (default ``out/runs``).
+    ``scheduler`` is the address of a Dask scheduler whose workers compute, or ``"local"``.
+    ``progress=True`` shows a bar, a callable is told each ``Status``. Runs that fell short are not
+    repeated unless ``retry_failed``. Ctrl-C ends the sweep with what is done: the returned ``Sweep``
+    says ``interrupted``.
 
     ``run`` (a function that other processes can import) replaces ``cutbench.run.run_case``.
     Raises BadInput for a study that cannot be read or a folder that cannot be written.
     """
     study = study if isinstance(study, Study) else load_study(study)
+    if scheduler is not None:
+        from cutbench.cluster import check_scheduler
+
+        check_scheduler(scheduler)
     if workers is not None and workers < 0:
         raise BadInput(key="workers", value=workers, expected="a number of processes, 0 or more")
     out = Path(out)
@@ -99,30 +123,7 @@ def run_study(
     with shown as tell:
         sweep = _Sweep(study, out, Store(store or out / "runs"), run, tell, retry_failed)
         sweep.pace = (first_picture_s, picture_every_s)
-        return sweep.go(_cores() if workers is None else workers)
-
-
-@contextmanager
-def show_progress(console: Console | None = None) -> Iterator[Callable[[Status], None]]:
-    """A bar on the terminal (standard error by default); yields what ``run_study`` calls."""
-    columns = (
-        TextColumn("[bold]{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[note]}"),
-        TimeElapsedColumn(),
-        TextColumn("{task.fields[left]}"),
-    )
-    with Progress(*columns, console=console or Console(stderr=True)) as bar:
-        task = bar.add_task("runs", total=None, note="", left="")
-
-        def tell(status: Status) -> None:
-            notes = [f"{status.reused} from the store"] if status.reused else []
-            notes += [f"[red]{status.failed} failed[/red]"] if status.failed else []
-            left = "" if status.seconds_left is None else f"{_duration(status.seconds_left)} left"
-            bar.update(task, completed=status.finished, total=status.total, note=", ".join(notes), left=left)
-
-        yield tell
+        return sweep.go(_cores() if workers is None else workers, scheduler)
 
 
 class _Sweep:
@@ -132,52 +133,79 @@ class _Sweep:
 
     def __init__(self, study: Study, out: Path, store: Store, run: Run | None, tell, retry_failed: bool):
         self.study, self.out, self.store, self.run, self.tell = study, out, store, run, tell
+        self.plan = plan_of(study)
         # Two points of a grid may be the same run (a law that ignores an axis): one id, one run.
-        self.cases = {case.id: case for case in study.cases()}
+        self.cases: dict[str, Case] = {}
         self.rows: dict[str, Row] = {}
-        for id in self.cases:
-            result = store.get(id)
-            if result is not None and not (retry_failed and not result.outcome.done):
-                self.rows[id] = row_of(result, study)
+        self.todo: deque[str] = deque()
+        self.reused = 0
         self.replace = retry_failed
-        self.todo = deque(id for id in self.cases if id not in self.rows)
         self.suspects: deque[str] = deque()
         self.lost: Counter[str] = Counter()
-        self.reused = len(self.rows)
         self.begun = time.monotonic()
         self.picture: Path | None = None
+        self.verdict = ""
+        self.in_runs = 0.0
 
-    def go(self, workers: int) -> Sweep:
+    def go(self, workers: int, scheduler: str | None = None) -> Sweep:
         self.begun = time.monotonic()
         self.due = self.begun + self.pace[0]
         interrupted = False
-        self._report()
         try:
-            if workers == 0:
+            if not self.more():
+                pass
+            elif scheduler is not None:
+                from cutbench.cluster import run_on_cluster
+
+                run_on_cluster(self, scheduler, workers)
+            elif workers == 0:
                 self._run_here()
-            elif self.todo:
+            else:
                 with one_thread_each():
                     self._run_in_pool(workers)
         except KeyboardInterrupt:
             interrupted = True
             for id in [id for id in self.cases if id not in self.rows and self.store.has(id)]:
-                self._ended(id)  # a worker was done before its sweep heard of it
+                self.ended(id)  # a worker was done before its sweep heard of it
         except OSError as error:  # a full disk, most likely: what is in the store stays
             raise ComputationFailed(f"a run could not be kept in {self.store.root}: {error}") from error
-        data = self._write_map()
+        wall = time.monotonic() - self.begun
+        data = self._write_map(last=not interrupted)
         self._report()
-        return Sweep(data, self.out, self._status(), interrupted)
+        hands = max(workers, 1)
+        return Sweep(
+            data, self.out, self._status(), interrupted, self.verdict, wall, hands,
+            self.in_runs / (hands * wall) if scheduler in (None, "local") else 0.0,
+        )  # fmt: skip
+
+    def more(self) -> bool:
+        """Ask the plan for runs until there are some to compute; False when it has none left."""
+        while not self.todo:
+            asked = {case.id: case for case in self.plan.ask(self.rows)}
+            if not asked:
+                return False
+            new = {id: case for id, case in asked.items() if id not in self.cases}
+            self.cases |= new
+            for id in new:
+                result = self.store.get(id)
+                if result is not None and not (self.replace and not result.outcome.done):
+                    self.rows[id] = row_of(result, self.study)
+                    self.reused += 1
+                else:
+                    self.todo.append(id)
+            self._report()
+        return True
 
     def _run_here(self) -> None:
-        while self.todo:
+        while self.todo or self.more():
             id = self.todo.popleft()
             work(self.run, self.cases[id], self.store.root, self.replace)
-            self._ended(id)
-            self._tick()
+            self.ended(id)
+            self.tick()
 
     def _run_in_pool(self, workers: int) -> None:
         context = multiprocessing.get_context("spawn")  # forking a process with BLAS threads can hang
-        while self.todo or self.suspects:
+        while self.todo or self.suspects or self.more():
             # Workers live as long as the other end of this pipe is open. (An Event would be shared
             # state, and a worker that is killed while it waits for one blocks whoever sets it.)
             lifeline, end = context.Pipe(duplex=False)
@@ -193,7 +221,7 @@ class _Sweep:
         """Keep the pool busy until all is done or it breaks; what was lost with it becomes suspect."""
         flying: dict[Future, str] = {}
         try:
-            while self.todo or self.suspects or flying:
+            while self.todo or self.suspects or flying or self.more():
                 # One in hand beyond the workers, so that none waits for the next picture to be drawn.
                 # Suspects go alone: if the pool breaks again, it is clear on which run.
                 while self.todo and not self.suspects and len(flying) <= workers:
@@ -203,12 +231,12 @@ class _Sweep:
                 done, _ = wait(flying, timeout=0.2, return_when=FIRST_COMPLETED)
                 for future in done:
                     future.result()
-                    self._ended(flying.pop(future))
-                self._tick()
+                    self.ended(flying.pop(future))
+                self.tick()
         except BrokenProcessPool:
             for id in flying.values():
                 if self.store.has(id):  # the worker died after its work was done
-                    self._ended(id)
+                    self.ended(id)
                 else:
                     self._lose(id)
 
@@ -221,33 +249,44 @@ class _Sweep:
         if self.lost[id] <= RETRIES:
             self.suspects.append(id)
             return
-        message = (
+        self.given_up(
+            id,
             f"its process died {self.lost[id]} times (out of memory, or killed; in a script, call "
-            "sweeps under if __name__ == '__main__')"
+            "sweeps under if __name__ == '__main__')",
         )
-        self.store.put(failure(self.cases[id], message), replace=True)
-        self._ended(id)
 
-    def _ended(self, id: str) -> None:
+    def given_up(self, id: str, message: str) -> None:
+        """Keep a run as failed that never came back."""
+        self.store.put(failure(self.cases[id], message), replace=True)
+        self.ended(id)
+
+    def ended(self, id: str) -> None:
+        """Take a run that is in the store into the map."""
         result = self.store.get(id)
         if result is None:
             # Not kept: the run was interrupted, or the store has been tampered with meanwhile.
             self.rows[id] = Row("interrupted", "the run was interrupted")
         else:
             self.rows[id] = row_of(result, self.study)
+            self.in_runs += result.timings.get("total", 0.0)
         self._report()
 
-    def _tick(self) -> None:
+    def tick(self) -> None:
+        """Write the map if it is time."""
         if time.monotonic() >= self.due:
             self._write_map()
             self.due = time.monotonic() + self.pace[1]
             self._report()
 
-    def _write_map(self) -> xr.Dataset:
-        data = build_map(self.study, self.rows)
+    def _write_map(self, *, last: bool = False) -> xr.Dataset:
+        data = build_map(self.study, self.rows, self.plan.ids, self.plan.estimates(self.rows))
+        data.attrs["store"] = path_from(self.store.root, self.out)
         try:
             save_map(data, self.out)
             self.picture = save_phase(data, self.out)[0]
+            if last:
+                self.verdict = save_estimates(data, self.out)[1]
+                save_page(data, self.store, self.out)
         except OSError as error:
             # Someone may have the picture open, or taken the folder away: the runs are what counts.
             warnings.warn(f"the map could not be written: {error}", stacklevel=2)
@@ -269,14 +308,3 @@ def _cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
-
-
-def _duration(seconds: float) -> str:
-    seconds = round(seconds)
-    if seconds < 60:
-        return f"{seconds} s"
-    return (
-        f"{seconds // 60} min {seconds % 60:02d} s"
-        if seconds < 3600
-        else f"{seconds // 3600} h {seconds % 3600 // 60:02d} min"
-    )

@@ -25,16 +25,26 @@ _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLI
 
 
 def work(run: Run | None, case: Case, root: Path, replace: bool) -> None:
-    """In a worker: compute one run and keep it, whatever becomes of it."""
+    """In a worker: compute one run and keep it, whatever becomes of it.
+
+    What another sweep on the same store has finished meanwhile is left as it is.
+    """
+    store = Store(root)
+    there = store.get(case.id)
+    if there is None or (replace and not there.outcome.done):
+        store.put(computed(run, case), replace=replace)
+
+
+def computed(run: Run | None, case: Case) -> Result:
+    """What ``run`` (default: ``cutbench.run.run_case``) makes of a case; a failure is a result too."""
     if run is None:
         from cutbench.run import run_case as run
     try:
-        result = run(case)
+        return run(case)
     except CutbenchError as error:
-        result = failure(case, str(error))
+        return failure(case, str(error))
     except Exception as error:  # one run's defect must not end the others; the map shows it
-        result = failure(case, f"{type(error).__name__}: {error}")
-    Store(root).put(result, replace=replace)
+        return failure(case, f"{type(error).__name__}: {error}")
 
 
 def failure(case: Case, message: str) -> Result:

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from matplotlib.contour import QuadContourSet
 
+from cutbench.coordinates import PANELS, nearest_level
 from cutbench.maps import Row, build_map, row_of
-from cutbench.phase import DROPS, draw_phase, nearest_level, save_phase
+from cutbench.phase import DROPS, draw_phase, save_phase
+from cutbench.plan import plan_of
 from cutbench.study import load_study
 
 AXES = {
@@ -45,7 +47,8 @@ def texts(ax):
 
 
 def contours(ax):
-    return [c for c in ax.collections if isinstance(c, QuadContourSet)]
+    """The map's own boundary: the classical estimate's line lies below it."""
+    return [c for c in ax.collections if isinstance(c, QuadContourSet) and c.get_zorder() == 3]
 
 
 def legend(figure):
@@ -59,7 +62,7 @@ def test_a_panel_a_level_with_boundary_and_each_material_on_its_own(study):
     assert [texts(ax) for ax in axes] == [["meat"], ["gelatin"], ["elastomer"]]
     assert ["0.187" in ax.get_title() for ax in axes] == [False, False, True]
     assert all(len(contours(ax)) == 1 for ax in axes)
-    assert legend(figure) == ["abrupt", "smooth", "boundary: drop of 10 %", "material"]
+    assert legend(figure) == ["abrupt", "smooth", "boundary: drop of 10 %", "classical estimate", "material"]
     assert figure.get_figwidth() * 25.4 == pytest.approx(180)
     assert "viscosity" in axes[0].get_ylabel() and "cohesion" in axes[2].get_xlabel()
 
@@ -153,3 +156,54 @@ def test_nearest_level_counts_in_ratios(value, level):
 def test_the_colours_darken_steadily_in_grey():
     grey = DROPS(np.linspace(0, 1, 64))[:, :3] @ [0.2126, 0.7152, 0.0722]
     assert (np.diff(grey) < 0).all() and grey[0] - grey[-1] > 0.4
+
+
+SEARCH = """mode = "boundary"
+base = "gelatin"
+[[axis]]
+name = "cohesion"
+from = 1.0
+to = 30.0
+scale = "log"
+tolerance = "1/8"
+[[axis]]
+name = "viscosity"
+from = 0.01
+to = 5.0
+scale = "log"
+tolerance = "1/8"
+[[axis]]
+name = "adhesion"
+from = 0.0
+to = 0.2
+tolerance = "1/8"
+"""
+
+
+def test_a_boundary_that_was_sought_has_panels_of_its_third_axis_and_each_run_on_one(tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text(SEARCH)
+    s = load_study(path)
+    plan, rows = plan_of(s), {}
+    for _ in range(2):
+        rows |= {case.id: row_of(analytic_runs.computed(case), s) for case in plan.ask(rows)}
+    data = build_map(s, rows, plan.ids, plan.estimates(rows))
+    figure = draw_phase(data)
+    axes = panels(figure)
+    assert len(axes) == PANELS and "unsure (95 %)" in legend(figure)
+    drawn = sum(len(line.get_xdata()) for ax in axes for line in ax.lines if line.get_marker() == "o")
+    assert drawn == len(rows) > 100
+    figure.canvas.draw()
+
+
+def test_one_at_a_time_is_drawn_along_each_axis_through_the_base(tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text(
+        'mode = "one-at-a-time"\nbase = "gelatin"\n[[axis]]\nname = "cohesion"\nvalues = [1.0, 5.0, 30.0]\n'
+        '[[axis]]\nmechanism = "adhesion"\n'
+    )
+    s = load_study(path)
+    figure = draw_phase(build_map(s, rows_of(s)))
+    lines = [line for ax in panels(figure) for line in ax.lines if line.get_color() == "0.5"]
+    assert [len(line.get_xdata()) for line in lines] == [4, 2]
+    figure.canvas.draw()

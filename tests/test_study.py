@@ -128,7 +128,7 @@ BAD = [
     ("title = ", "tittle = ", "tittle", "A small study", "title", 1),
     ('"A small study"', "3", "title", "3", "a title", 1),
     ('base = "gelatin"\n', "", "base", "(missing)", "gelatin", None),
-    ('"gelatin"', '"gelatine"', "material", "gelatine", "gelatin", None),
+    ('"gelatin"', '"gelatine"', "base", "gelatine", "gelatin", 2),
     ('"10 kPa"', '"10 kg"', "G", "10 kg", "kPa", 5),
     ('"10 kPa"', "10", "G", "10", "unit", 5),
     ('"10 kPa"', '"-1 kPa"', "G", "-1 kPa", "0 kPa < G", 5),
@@ -207,3 +207,187 @@ def test_a_study_without_axes_or_file_is_refused(write, tmp_path):
         load_study(write('base = "gelatin"\n'))
     with pytest.raises(BadInput, match="exists"):
         load_study(tmp_path / "none.toml")
+
+
+SAMPLED = """mode = "lhs"
+base = "gelatin"
+[[axis]]
+name = "cohesion"
+from = 1.0
+to = 100.0
+scale = "log"
+[[axis]]
+name = "speed"
+values = ["0.01 mm/s", "0.02 mm/s"]
+[[axis]]
+mechanism = "adhesion"
+[sample]
+points = 16
+seed = 3
+"""
+
+
+def test_a_latin_hypercube_has_one_point_in_each_slice_and_all_levels_equally_often(write):
+    study = load_study(write(SAMPLED))
+    assert study.shape == (16,) and len(study.grid) == len(study.samples) == 16
+    cohesion, speed, adhesion = np.array(study.samples).T
+    assert sorted((np.log10(cohesion) / 2 * 16).astype(int)) == list(range(16))
+    assert sorted(speed) == [0.01] * 8 + [0.02] * 8 and sorted(adhesion) == [0.0] * 8 + [1.0] * 8
+    for (index, case), values in zip(study.points(), study.samples, strict=True):
+        assert GROUPS["cohesion"].value(case.p) == pytest.approx(values[0], rel=1e-9)
+        assert case.p.speed == pytest.approx(values[1]) and ("adhesion" in case.mechanisms) == bool(values[2])
+        assert study.case_at(values).id == case.id and len(index) == 1
+    again, other = load_study(write(SAMPLED)), load_study(write(SAMPLED.replace("seed = 3", "seed = 4")))
+    assert again.samples == study.samples != other.samples
+
+
+def test_one_at_a_time_departs_from_the_base_and_moves_one_axis(write):
+    text = SAMPLED.replace('mode = "lhs"', 'mode = "one-at-a-time"').split("[sample]")[0]
+    study = load_study(write(text.replace("to = 100.0", "to = 100.0\npoints = 3")))
+    base = study.samples[0]
+    assert base == pytest.approx((10.0952, 0.021, 1.0))
+    moved = [sum(a != b for a, b in zip(values, base, strict=True)) for values in study.samples]
+    assert moved == [0, 1, 1, 1, 1, 1, 1]
+    assert study.cases()[0].id == study.base.id or study.cases()[0].p.G_c == pytest.approx(
+        study.base.p.G_c, rel=1e-5
+    )
+    assert [case.p.speed for case in study.grid][4:6] == [0.01, 0.02]
+    assert "adhesion" not in study.grid[6].mechanisms
+
+
+def test_any_mechanism_can_be_switched_and_what_is_said_of_it_goes_with_it(write):
+    study = load_study(
+        write(
+            'base = "gelatin"\n[parameters]\ntau_W = "2 kPa"\nmu = 0.3\n'
+            '[[axis]]\nmechanism = "adhesion"\n[[axis]]\nmechanism = "viscous"\nvalues = [true, false]\n'
+            '[[axis]]\nname = "G"\nvalues = ["5 kPa"]\n'
+        )
+    )
+    assert study.shape == (2, 2, 1) and [axis.name for axis in study.axes[:2]] == [
+        "with_adhesion",
+        "with_viscous",
+    ]
+    off, on = study.grid[0], study.grid[2]
+    assert "adhesion" not in off.mechanisms and "tau_W" not in off.values
+    assert on.values["tau_W"] == 0.002 and off.values["mu"] == 0.3
+    assert "viscous" not in off.mechanisms and "viscous_degraded" in off.mechanisms
+    with_viscous = study.grid[1]
+    assert "viscous" in with_viscous.mechanisms and "viscous_degraded" not in with_viscous.mechanisms
+
+
+BOUNDARY = """mode = "boundary"
+base = "gelatin"
+[[axis]]
+name = "cohesion"
+from = 1.0
+to = 16.0
+scale = "log"
+tolerance = "1/16"
+[[axis]]
+name = "speed"
+from = "0.01 mm/s"
+to = "0.1 mm/s"
+tolerance = 0.125
+[[axis]]
+name = "adhesion"
+values = [0.0, 0.1]
+[boundary]
+runs = 60
+"""
+
+
+def test_a_search_has_a_lattice_of_half_its_tolerances_and_levels(write):
+    study = load_study(write(BOUNDARY))
+    assert study.shape == (33, 17, 2) and not study.grid and not list(study.points())
+    assert (study.search.start, study.search.batch, study.search.runs) == (5, 8, 60)
+    assert study.axes[0].values[16] == pytest.approx(4.0) and study.axes[1].values[8] == pytest.approx(0.055)
+    case = study.case_at([4.0, 0.055, 0.1])
+    assert GROUPS["cohesion"].value(case.p) == pytest.approx(4.0) and case.p.speed == 0.055
+    rest = load_study(write(BOUNDARY.split("[boundary]")[0]))
+    assert rest.search.runs == max(16 * 8 // 8, 25 + 4 * 8)
+
+
+@pytest.mark.parametrize(
+    ("text", "old", "new", "key", "hint", "line"),
+    [
+        (BOUNDARY, '"boundary"', '"boundry"', "mode", "'boundary'", 1),
+        (BOUNDARY, "runs = 60", "runs = 10", "runs", "25 to", 18),
+        (BOUNDARY, "runs = 60", "batch = 0", "batch", "1 to", 18),
+        (BOUNDARY, "runs = 60", "start = 2.5", "start", "3 to", 18),
+        (BOUNDARY, "0.125", "0", "axis 2: tolerance", "above 0", 13),
+        (BOUNDARY, '"1/16"', '"1/0"', "axis 1: tolerance", "'1/32'", 8),
+        (BOUNDARY, '"1/16"', '"1/3000"', "axis 2: tolerance", "larger tolerances", 13),
+        (BOUNDARY, 'tolerance = "1/16"', "points = 5", "axis 1: points", "tolerance", 8),
+        (BOUNDARY, "[boundary]\nruns", "[sample]\npoints", "sample", "mode = 'lhs'", 17),
+        (SAMPLED, "points = 16", "points = 0", "points", "1 to", 14),
+        (SAMPLED, "points = 16\n", "", "sample", "points = 100", 13),
+        (SAMPLED, "seed = 3", "seed = -3", "seed", "0 to", 15),
+        (SAMPLED, 'mechanism = "adhesion"', 'mechanism = "adhesio"', "axis 3: mechanism", "'adhesion'", 12),
+        (
+            SAMPLED,
+            'mechanism = "adhesion"',
+            'mechanism = "adhesion"\nvalues = [0, 2]',
+            "axis 3: values",
+            "[false",
+            13,
+        ),
+        (
+            SAMPLED,
+            'mechanism = "adhesion"',
+            'mechanism = "adhesion"\nfrom = 1',
+            "axis 3: from",
+            "only values",
+            13,
+        ),
+        (SAMPLED, "to = 100.0", 'to = 100.0\ntolerance = "1/8"', "axis 1: tolerance", "mode = 'boundary'", 7),
+    ],
+)
+def test_what_is_wrong_in_a_mode_is_named(write, text, old, new, key, hint, line):
+    assert old in text
+    with pytest.raises(BadInput) as caught:
+        load_study(write(text.replace(old, new, 1)))
+    assert caught.value.key == key and hint in caught.value.expected and caught.value.line == line
+
+
+def damages(line):
+    """A line made wrong in the ways a hand slips: a key misspelt, a value of the wrong kind, a sign lost."""
+    name, sign, value = (part.strip() for part in line.partition("="))
+    if not sign:
+        yield line.replace("]", "", 1)
+        yield line.replace(name.strip("[]"), name.strip("[]") + "s")
+        return
+    yield f"{name[:-1]}z = {value}"
+    yield f"{name} {value}"
+    yield f"{name} = "
+    yield f"{name} = {{}}"
+    yield f"{name} = true" if "true" not in value else f"{name} = 7.5"
+    if value.startswith('"'):
+        yield f"{name} = {value[:-1]}"
+        if name != "title":
+            yield f'{name} = "{value[1:-1]} nonsense"'
+    if value.startswith("["):
+        yield f"{name} = {value[:-1]}"
+        yield f'{name} = [{{}}, "nonsense"]'
+
+
+STUDIES = sorted(Path(__file__).parents[1].glob("studies/*.toml"))
+
+
+@pytest.mark.parametrize(
+    "source", [GOOD, SAMPLED, BOUNDARY, *STUDIES], ids=lambda s: getattr(s, "name", "text")
+)
+def test_a_study_with_an_error_in_any_line_is_refused_with_that_line_named(write, source):
+    text = source if isinstance(source, str) else source.read_text(encoding="utf-8")
+    lines = text.splitlines()
+    tried = 0
+    for number, line in enumerate(lines, start=1):
+        statement = line.split("#")[0].rstrip()
+        if not statement:
+            continue
+        for damaged in damages(statement):
+            path = write("\n".join([*lines[: number - 1], damaged, *lines[number:]]))
+            with pytest.raises(BadInput) as caught:
+                load_study(path)
+            assert caught.value.line == number, f"{damaged!r}: {caught.value}"
+            tried += 1
+    assert tried > 40

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
 import os
+import random
 import signal
 import subprocess
 import sys
@@ -18,10 +20,11 @@ import pytest
 from rich.console import Console
 
 from cutbench.errors import BadInput
-from cutbench.maps import LABELS, load_map
+from cutbench.maps import LABELS, case_on, load_map
+from cutbench.progress import show_progress
 from cutbench.store import Store
 from cutbench.study import load_study
-from cutbench.sweep import run_study, show_progress
+from cutbench.sweep import run_study
 
 STUDY = """base = "gelatin"
 [[axis]]
@@ -67,7 +70,17 @@ def test_the_map_holds_what_the_curves_say(study, log, tmp_path):
     sweep = run_study(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run, progress=told.append)
     assert sweep.complete and not sweep.interrupted
     assert computed(log) == Counter(case.id for case in study.cases())
-    assert {p.name for p in sweep.out.iterdir()} == {"map.csv", "map.nc", "phase.png", "phase.svg", "runs"}
+    files = {
+        "estimates.png",
+        "estimates.svg",
+        "map.csv",
+        "map.html",
+        "map.nc",
+        "phase.png",
+        "phase.svg",
+        "runs",
+    }
+    assert {p.name for p in sweep.out.iterdir()} == files
     data = load_map(sweep.out / "map.nc")
     assert data["label"].dims == ("cohesion", "viscosity", "adhesion")
     for index, case in study.points():
@@ -224,3 +237,109 @@ def test_a_folder_that_cannot_be_written_and_a_bad_number_of_workers_are_bad_inp
         run_study(study, tmp_path / "file" / "out", workers=0, run=analytic_runs.fake_run)
     with pytest.raises(BadInput, match="workers"):
         run_study(study, tmp_path / "out", workers=-1, run=analytic_runs.fake_run)
+
+
+def children(pid: int) -> list[int]:
+    """Processes begun by ``pid`` and by those, from /proc."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        try:
+            parent = int((entry / "stat").read_text().rpartition(")")[2].split()[1])
+        except (OSError, ValueError, IndexError):
+            continue
+        if parent == pid:
+            found += [int(entry.name), *children(int(entry.name))]
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="finds the workers in /proc")
+def test_ten_kills_at_random_moments_lose_no_finished_run_and_compute_none_twice(start, study, log, tmp_path):
+    """Workers and the sweep itself, killed ten times: each finished run is kept and never begun again."""
+    whole = run_study(study, tmp_path / "whole", workers=0, run=analytic_runs.computed)
+    rng, out = random.Random(11), tmp_path / "out"
+    process = start(out, 0.8)
+    # A run that takes its worker down three times in one sweep is given up: at most two in a row.
+    for victim in "wwswswwsws":
+        time.sleep(rng.uniform(0.3, 2.5))
+        if process.poll() is not None:
+            process = start(out, 0.8)
+        if victim == "w":
+            wait_for(lambda p=process: workers_of(p) or p.poll() is not None)
+        kept = {folder.name for folder in out.glob("runs/??/*")}
+        begun = computed(log)
+        if victim == "s" or process.poll() is not None:
+            process.kill()
+            process.wait()
+            time.sleep(0.5)  # its workers end with it
+            process = start(out, 0.8)
+        else:
+            with contextlib.suppress(ProcessLookupError, IndexError):  # it has ended by itself
+                os.kill(rng.choice(workers_of(process)), signal.SIGKILL)
+        time.sleep(0.1)
+        assert not set(computed(log) - begun) & kept, "a finished run was begun again"
+    if process.poll() is None:
+        process.communicate(timeout=120)
+    last = start(out, 0)
+    assert last.communicate(timeout=120)[0].split() == ["complete", "24"]
+    assert load_map(out / "map.nc").equals(load_map(whole.out / "map.nc"))
+    assert (out / "map.csv").read_bytes() == (whole.out / "map.csv").read_bytes()
+
+
+def workers_of(process) -> list[int]:
+    return [pid for pid in children(process.pid) if not is_tracker(pid)]
+
+
+def is_tracker(pid: int) -> bool:
+    """Python's own helper that tidies up shared memory: no worker."""
+    try:
+        return b"resource_tracker" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    except OSError:
+        return True
+
+
+SAMPLE = """mode = "{mode}"
+base = "gelatin"
+[[axis]]
+name = "cohesion"
+{range}
+scale = "log"
+[[axis]]
+mechanism = "adhesion"
+{rest}
+"""
+
+
+@pytest.mark.parametrize(
+    ("mode", "range_", "rest", "count"),
+    [
+        ("lhs", "from = 1.0\nto = 30.0", "[sample]\npoints = 12", 12),
+        ("one-at-a-time", "values = [1.0, 5.0, 30.0]", "", 5),
+    ],
+)
+def test_runs_that_do_not_lie_on_a_grid_make_a_map_of_points(tmp_path, log, mode, range_, rest, count):
+    path = tmp_path / "study.toml"
+    path.write_text(SAMPLE.format(mode=mode, range=range_, rest=rest))
+    study = load_study(path)
+    sweep = run_study(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run)
+    data = load_map(sweep.out / "map.nc")
+    assert data["label"].dims == ("point",) and data.sizes["point"] == count == sweep.status.total
+    for k, (_, case) in enumerate(study.points()):
+        assert data["drop_rel"].values[k] == pytest.approx(analytic_runs.drop_of(case), rel=1e-9)
+        assert data["run_id"].values[k] == case.id
+        assert bool(data["with_adhesion"].values[k]) == ("adhesion" in case.mechanisms)
+        assert (
+            case_on(data, {n: float(data[n].values[k]) for n in ("cohesion", "with_adhesion")}).id == case.id
+        )
+    with open(sweep.out / "map.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == count and float(rows[0]["cohesion"]) == pytest.approx(
+        data["cohesion"].values[0], rel=1e-9
+    )
+
+
+def test_a_store_can_be_shared_by_sweeps(study, log, tmp_path):
+    run_study(study, tmp_path / "a", workers=0, run=analytic_runs.fake_run, store=tmp_path / "store")
+    second = run_study(study, tmp_path / "b", workers=0, run=analytic_runs.fake_run, store=tmp_path / "store")
+    assert second.status.reused == 24 and max(computed(log).values()) == 1
+    assert not (tmp_path / "b" / "runs").exists()

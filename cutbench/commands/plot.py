@@ -15,8 +15,12 @@ def plot(
     source: Annotated[
         Path, typer.Argument(metavar="DIR|MAP.nc", help="Folder of a run or a sweep, or a map.")
     ],
+    against: Annotated[
+        Path | None,
+        typer.Option(metavar="MAP.nc", help="A grid's map: count where the boundary that was sought agrees."),
+    ] = None,
 ) -> None:
-    """Draw the pictures of a run or a map again."""
+    """Draw the pictures of a run or a map again; a map also as one interactive page, map.html."""
     from cutbench.errors import BadInput
 
     grid = source / "map.nc" if source.is_dir() else source
@@ -26,10 +30,23 @@ def plot(
 
         paths = save(plot_curve(read_run(source)), source / "curve.png")
     elif grid.is_file():
-        from cutbench.maps import load_map
+        from cutbench.estimates import save_estimates
+        from cutbench.maps import load_map, store_of
+        from cutbench.page import save_page
         from cutbench.phase import save_phase
+        from cutbench.store import Store
 
-        paths = save_phase(load_map(grid), grid.parent)
+        data = load_map(grid)
+        runs = store_of(data, grid.parent)
+        pictures, words = save_estimates(data, grid.parent)
+        page = save_page(data, Store(runs) if runs.is_dir() else None, grid.parent)
+        paths = [*save_phase(data, grid.parent), *pictures, page]
+        typer.echo(words)
+        if against is not None:
+            from cutbench.agreement import agreement
+
+            other = against / "map.nc" if against.is_dir() else against
+            typer.echo(agreement(data, load_map(other)).text())
     else:
         raise BadInput(
             key="DIR|MAP.nc",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -17,18 +18,32 @@ def sweep(
     workers: Annotated[
         str | None, typer.Option(metavar="N", help="Processes; default: one a core.", show_default=False)
     ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="A Dask scheduler, tcp://HOST:PORT, or local; needs Dask."),
+    ] = None,
+    store: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Where runs are kept and looked up; default: OUT/runs.")
+    ] = None,
     retry_failed: Annotated[bool, typer.Option(help="Compute again what fell short before.")] = False,
 ) -> None:
     """Compute a map; what is finished is never computed twice, so start it again to go on."""
+    # This process watches and decides: its linear algebra is small, and the cores belong to the runs.
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
     from cutbench.output import check_writable
     from cutbench.study import load_study
     from cutbench.sweep import run_study
 
     plan, processes = load_study(study), whole("--workers", workers)
     check_writable(out)
-    done = run_study(plan, out, workers=processes, progress=True, retry_failed=retry_failed)
+    done = run_study(
+        plan, out, workers=processes, progress=True, retry_failed=retry_failed, scheduler=scheduler,
+        store=store,
+    )  # fmt: skip
     status = done.status
     typer.echo(f"{status.finished} of {status.total} runs, {status.failed} not to the end; map in {done.out}")
+    for line in done.words():
+        typer.echo(line)
     if done.interrupted:
         typer.echo("interrupted: start the same command again to go on", err=True)
         raise typer.Exit(130)

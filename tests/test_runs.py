@@ -1,0 +1,206 @@
+"""``cutbench runs`` and the list behind it: what the folders hold, whoever writes and whatever breaks."""
+
+from __future__ import annotations
+
+import csv
+import json
+import multiprocessing
+import shutil
+import sqlite3
+
+import numpy as np
+import pytest
+from analytic_runs import computed
+from typer.testing import CliRunner
+
+from cutbench.case import load_case
+from cutbench.cli import app
+from cutbench.curve import measures
+from cutbench.errors import BadInput
+from cutbench.index import NAME
+from cutbench.listing import parse_condition, row_of, table_of, to_csv
+from cutbench.output import read_run
+from cutbench.store import Store
+
+
+def result_of(**changes):
+    result = computed(load_case("gelatin").set(**changes))
+    result.measures = measures(result.curve, window_mm=0.7)
+    result.timings = {"total": 1.5}
+    return result
+
+
+@pytest.fixture
+def store(tmp_path):
+    store = Store(tmp_path / "runs")
+    for G in (5, 10, 20):
+        store.put(result_of(G=f"{G} kPa", name=f"gel {G}"))
+    store.put(result_of(without="adhesion", name="bare"))
+    return store
+
+
+def test_the_list_holds_what_the_folders_hold(store):
+    heads = store.heads()
+    assert list(heads) == sorted(result.case.id for result in store) and len(heads) == 4
+    for id, head in heads.items():
+        result = store.get(id)
+        assert head["name"] == result.case.name and head["outcome"] == "done" and head["seconds"] == 1.5
+        assert head["values"]["G"] == [pytest.approx(result.case.p.G * 1e3), "kPa"]
+        assert head["groups"] == pytest.approx(result.case.groups())
+    with sqlite3.connect(store.root / NAME) as db:
+        assert db.execute("SELECT count(*) FROM runs WHERE outcome = 'done'").fetchone() == (4,)
+    db.close()
+
+
+def test_a_run_that_is_replaced_removed_or_copied_in_is_noticed(store, tmp_path):
+    first, second, *_ = store.heads()
+    result = store.get(first)
+    result.timings = {"total": 99.0}
+    store.put(result, replace=True)
+    store.remove(second)
+    assert store.heads()[first]["seconds"] == 99.0 and second not in store.heads()
+    other = Store(tmp_path / "other")
+    other.put(result_of(G="7 kPa"))
+    (id,) = other.heads()
+    shutil.copytree(other.path(id), store.path(id))
+    assert id in store.heads() and id in store.heads()
+
+
+@pytest.mark.parametrize("damage", ["gone", "no database", "cut", "another layout"])
+def test_an_old_or_damaged_list_is_made_again(store, damage):
+    before, path = store.heads(), store.root / NAME
+    if damage == "gone":
+        path.unlink()
+    elif damage == "no database":
+        path.write_bytes(b"no database at all, but long enough to be looked at" * 100)
+    elif damage == "cut":
+        path.write_bytes(path.read_bytes()[:5000])
+    else:
+        with sqlite3.connect(path) as db:
+            db.execute("DROP TABLE runs")
+            db.execute("CREATE TABLE runs (foo INTEGER)")
+            db.execute("PRAGMA user_version = 77")
+        db.close()
+    assert Store(store.root).heads() == before
+    assert Store(store.root).heads() == before
+
+
+def write_some(root, n):
+    store = Store(root)
+    for k in range(8):
+        store.put(result_of(G=f"{5 + n + 0.1 * k:.6g} kPa"))
+
+
+def test_several_processes_write_at_once(tmp_path):
+    context = multiprocessing.get_context("spawn")
+    writers = [context.Process(target=write_some, args=(tmp_path / "runs", n)) for n in range(3)]
+    for writer in writers:
+        writer.start()
+    store = Store(tmp_path / "runs")
+    while any(writer.is_alive() for writer in writers):
+        assert set(store.heads()) <= {folder.name for folder in store.root.glob("??/*")}
+    for writer in writers:
+        writer.join()
+        assert writer.exitcode == 0
+    with sqlite3.connect(store.root / NAME) as db:
+        listed = {id for (id,) in db.execute("SELECT id FROM runs")}
+    db.close()
+    assert listed == set(store.heads()) == {r.case.id for r in store} and len(listed) == 24
+
+
+def test_what_cannot_be_used_is_named_with_what_to_do(store):
+    first, second, third, _ = store.heads()
+    path = store.path(first) / "run.json"
+    record = json.loads(path.read_text())
+    path.write_text(json.dumps(record | {"format": 99}))
+    (store.path(second) / "run.json").write_text("{")
+    record = json.loads((store.path(third) / "run.json").read_text())
+    record["case"]["mechanisms"] = ["phlogiston"]
+    (store.path(third) / "run.json").write_text(json.dumps(record))
+    (store.root / NAME).unlink()
+    found = Store(store.root).unreadable()
+    assert set(found) == {first, second, third}
+    assert "format 99" in found[first] and "version" in found[first] and "damaged" in found[second]
+    assert "inputs" in found[third]
+
+
+def test_a_row_has_values_groups_and_measures(store):
+    rows = {row["name"]: row for row in (row_of(id, head) for id, head in store.heads().items())}
+    gel = rows["gel 10"]
+    assert gel["G"] == pytest.approx(10) and gel["cohesion"] == pytest.approx(7.571, rel=1e-3)
+    assert 0 < gel["drop_rel"] < 1 and gel["element"] and "tau_W" not in rows["bare"]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("G > 7 kPa", {"gel 10", "gel 20", "bare"}),
+        ("G >= 0.01 MPa", {"gel 10", "gel 20"}),
+        ("G = 5 kPa", {"gel 5"}),
+        ("name = bare", {"bare"}),
+        ("name != bare", {"gel 5", "gel 10", "gel 20"}),
+        ("mechanisms = adhesion", {"gel 5", "gel 10", "gel 20"}),
+        ("tau_W < 1 kPa", {"gel 5", "gel 10", "gel 20"}),
+        ("cohesion<8", {"gel 10", "gel 20"}),
+        ("drop_rel > 2", set()),
+    ],
+)
+def test_conditions_choose(store, text, expected):
+    names, rows = table_of(store.heads(), [text], ["name"], None)
+    assert names == ["name"] and {row[0] for row in rows} == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        ("G", "sign"),
+        ("G > 7", "unit"),
+        ("G > 7 mm", "kPa"),
+        ("Q > 7", "one of"),
+        ("drop > 1", "drop_rel"),
+        ("", "sign"),
+    ],
+)
+def test_a_condition_that_cannot_be_read_is_refused(store, text, hint):
+    known = [k for id, head in store.heads().items() for k in row_of(id, head)]
+    with pytest.raises(BadInput, match=hint):
+        parse_condition(text, known, {"G": "kPa"})
+
+
+def test_sorting_puts_what_is_missing_last_and_csv_names_units(store):
+    names, rows = table_of(store.heads(), [], ["name", "tau_W", "G"], "tau_W")
+    assert names == ["name", "tau_W [kPa]", "G [kPa]"] and rows[-1][0] == "bare"
+    lines = list(csv.reader(to_csv(names, rows).splitlines()))
+    assert lines[0] == names and lines[-1][1] == ""
+
+
+def run(*args):
+    return CliRunner().invoke(app, ["runs", *map(str, args)])
+
+
+def test_the_command_lists_filters_and_exports(store, tmp_path):
+    out = run(store.root)
+    assert out.exit_code == 0 and "4 of 4 runs" in out.output and "gel 10" in out.output
+    chosen = ("--where", "G > 7 kPa", "--where", "name != bare", "--sort", "G")
+    files = ("--csv", tmp_path / "a.csv", "--json", tmp_path / "a.json", "--export", tmp_path / "picked")
+    out = run(tmp_path, *chosen, *files)
+    assert out.exit_code == 0 and "2 of 4 runs" in out.output
+    with open(tmp_path / "a.csv", newline="") as file:
+        table = list(csv.DictReader(file))
+    plain = json.loads((tmp_path / "a.json").read_text())
+    assert [row["name"] for row in table] == [row["name"] for row in plain] == ["gel 10", "gel 20"]
+    for row in plain:
+        back, kept = read_run(tmp_path / "picked" / row["id"]), store.get(row["id"])
+        assert back.case.id == row["id"]
+        np.testing.assert_array_equal(back.force_N, kept.force_N)
+
+
+def test_the_command_refuses_what_it_cannot_use(store, tmp_path):
+    for args, hint in (
+        ([tmp_path / "none"], "folder of a sweep"),
+        ([store.root, "--where", "G > 7"], "unit"),
+        ([store.root, "--columns", "id,drp"], "one of"),
+        ([store.root, "--sort", "drp"], "one of"),
+    ):
+        out = run(*args)
+        assert out.exit_code == 2 and hint in out.output and "Traceback" not in out.output
