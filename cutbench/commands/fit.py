@@ -1,0 +1,49 @@
+"""``cutbench fit``: the parameters of a model from measured curves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cutbench.face import exits, whole
+
+
+@exits
+def fit(
+    campaign: Annotated[Path, typer.Argument(metavar="CAMPAIGN.toml", help="Tests and their readings.")],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Where fit.json and fit.png are written.")] = Path(
+        "fit"
+    ),
+    workers: Annotated[
+        str | None, typer.Option(metavar="N", help="Processes; default: one a core; 0: this one.")
+    ] = None,
+    profile: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Profile likelihood of a parameter, at several fits; repeatable."),
+    ] = None,
+    refine: Annotated[
+        bool, typer.Option(help="Measure the error of the computation on a finer mesh on the way.")
+    ] = True,
+) -> None:
+    """Fit a campaign's free parameters to all its train experiments, predict its test experiments."""
+    from cutbench.campaign import load_campaign
+    from cutbench.output import check_writable
+
+    loaded = load_campaign(campaign)
+    count = whole("workers", workers)
+    folder = check_writable(out)
+
+    from cutbench.fit import fit as run
+    from cutbench.fitreport import summary, write_fit
+
+    def told(stage: str, minimum: object) -> None:
+        typer.echo(f"{stage}: chi2 = {minimum.chi2:.5g} after {minimum.evaluations} evaluations", err=True)
+
+    found = run(loaded, workers=count, refine=refine, profile=tuple(profile or ()), told=told)
+    paths = write_fit(found, folder)
+    typer.echo(summary(found))
+    typer.echo("written: " + ", ".join(str(path) for path in paths))
+    if found.status != "converged":
+        raise typer.Exit(130 if found.status == "interrupted" else 1)

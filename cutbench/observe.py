@@ -1,0 +1,154 @@
+"""What a model says an experiment would read, with its derivatives by parameters.
+
+A cut is a finite-element run differentiated along its way; a homogeneous test is computed without a mesh,
+one complex step a parameter. Both give a curve on the grid on which the measurement is known.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cutbench.case import Case
+from cutbench.errors import BadInput, ComputationFailed
+from cutbench.experiment import Experiment
+from cutbench.homogeneous import slopes
+from cutbench.mechanisms.base import STEP
+from cutbench.noise import averaging
+from cutbench.repetition import Averaged
+from cutbench.run import run_case
+from cutbench.worker import begin_worker, one_thread_each
+
+
+@dataclass(frozen=True)
+class Task:
+    """One experiment at one set of parameters: its case, where it is read, by what it is differentiated."""
+
+    experiment: Experiment
+    case: Case
+    grid: Averaged
+    names: tuple[str, ...] = ()
+
+    @property
+    def reading(self) -> tuple[np.ndarray, np.ndarray]:
+        """Places (n,) of all readings and the matrix (m, n) that brought them to the grid.
+
+        A computed curve goes the same way as the measured ones: an average over readings is not the value
+        in their middle where the curve bends.
+        """
+        places, parts = [], []
+        for r in self.experiment.repetitions:
+            x = np.sort(r.x)
+            places.append(x)
+            whole = x.size == self.grid.x.size and np.array_equal(x, self.grid.x)
+            parts.append(np.eye(x.size) if whole else averaging(x, self.grid.x))
+        return np.concatenate(places), np.hstack(parts) / len(parts)
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """``y`` (m,) on the task's grid, ``slopes`` (m, k) by ``names`` in internal units.
+
+    ``onset_mm``: where the cut of a run begins (nan without one); ``steps`` its number of steps.
+    """
+
+    y: np.ndarray
+    slopes: np.ndarray
+    names: tuple[str, ...] = ()
+    onset_mm: float = float("nan")
+    steps: int = 0
+    timings: dict[str, float] = field(default_factory=dict)
+
+
+def predict(task: Task) -> Prediction:
+    """Raises ComputationFailed for a run that ends short of the readings, or cannot begin."""
+    try:
+        return _cut(task) if task.experiment.kind == "cut" else _homogeneous(task)
+    except BadInput as error:
+        # Also because it comes from another process, which hands on nothing but a message.
+        raise ComputationFailed(f"'{task.experiment.id}': {error}") from error
+
+
+def _cut(task: Task) -> Prediction:
+    case, names = task.case, task.names
+    rig = {q.name for law in case.model.laws("rig") for q in law.parameters}
+    result = run_case(case, sensitivities=[name for name in names if name not in rig])
+    reached, wanted = result.outcome.reached_mm, float(task.grid.x[-1])
+    if not result.outcome.done and reached < wanted - 1e-6:
+        raise ComputationFailed(f"'{task.experiment.id}': {result.outcome}")
+    curve = result.curve
+    places, average = task.reading
+    columns = []
+    for name in (None, *names):
+        p, force = case.p, curve["force_N"].astype(complex)
+        if name in result.sensitivities:
+            force = force + 1j * STEP * result.sensitivities[name]
+        if name is not None:
+            setattr(p, name, getattr(p, name) + 1j * STEP)
+        shown = case.model.record(
+            curve["displacement_mm"].astype(complex), force, curve["time_s"].astype(complex), p
+        )
+        columns.append(average @ _read(places, *shown))
+    by_name = np.stack(columns, axis=1)[:, 1:].imag / STEP
+    onset = result.measures.get("onset_mm", float("nan"))
+    return Prediction(columns[0].real, by_name, names, onset, result.counts["steps"], result.timings)
+
+
+def _read(at: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The polygon through complex points (x, y) at real places, with its complex step; ends go on level."""
+    i = np.clip(np.searchsorted(x.real, at, side="right") - 1, 0, x.size - 2)
+    inside = np.clip(at, x[0].real, x[-1].real)
+    return y[i] + (inside - x[i]) / (x[i + 1] - x[i]) * (y[i + 1] - y[i])
+
+
+def _homogeneous(task: Task) -> Prediction:
+    y, by_name = slopes(task.experiment, task.case.model, task.case.p, task.names, task.grid)
+    return Prediction(y, by_name, task.names)
+
+
+class Predictor:
+    """Predictions of several tasks at once, the runs on ``workers`` processes (0: in this one)."""
+
+    def __init__(self, pool: ProcessPoolExecutor | None):
+        self._pool = pool
+
+    def __call__(self, tasks: Sequence[Task]) -> list[Prediction]:
+        """In the order of ``tasks``. Raises ComputationFailed if one falls short."""
+        if self._pool is None:
+            return [predict(task) for task in tasks]
+        cuts = {i: self._pool.submit(predict, task) for i, task in enumerate(tasks)
+                if task.experiment.kind == "cut"}  # fmt: skip
+        try:
+            return [cuts[i].result() if i in cuts else predict(task) for i, task in enumerate(tasks)]
+        finally:
+            for future in cuts.values():
+                future.cancel()
+
+
+@contextmanager
+def predictor(workers: int) -> Iterator[Predictor]:
+    """Processes that live as long as the block: started by spawn, one thread each, gone with this one."""
+    if workers < 2:
+        yield Predictor(None)
+        return
+    context = multiprocessing.get_context("spawn")
+    mine, theirs = context.Pipe(duplex=False)
+    with one_thread_each():
+        pool = ProcessPoolExecutor(workers, mp_context=context, initializer=begin_worker, initargs=(mine,))
+        try:
+            yield Predictor(pool)
+        finally:
+            theirs.close()
+            pool.shutdown(wait=False, cancel_futures=True)
+            mine.close()
+
+
+def cores() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,0 +1,140 @@
+"""How much each reading of a campaign counts: measured covariance, and how good the computation is.
+
+Specimens differ above all by a factor: one is stiffer than the next from the first reading to the last. That
+part, a² y yᵀ with a² pooled over all tests of a kind, is kept apart from what else differs between specimens
+(``cutbench.noise``, on the curves without their factors). Lumped together, the few repetitions of one test
+would make the common factor of all readings look far better known than it is.
+
+A computed curve depends on its mesh and steps. That error is smooth along the curve and often larger than
+the noise of averaged readings, so a fit that ignores it trusts its readings too much. It is measured: the
+same case with steps, elements and give of the contact about half as large gives e = y_fine − y. If the error
+is of first order, the exact curve is y + 2 e; if of a higher one, a little beyond y + e. The fit compares
+y + 1.5 e with the readings and takes e/2 for one standard deviation of what is still missing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+
+from cutbench.case import Case
+from cutbench.noise import matern, roughness, scatter_covariance
+from cutbench.repetition import Averaged
+
+#: Numerics of the finer computation, relative to those of the fit.
+FINER = {"h_mm": 0.7, "step_mm": 0.5, "penalty": 2.0, "stick": 2.0}
+#: What is added of the difference, and what stays uncertain.
+ADDED, UNSURE = 1.5, 0.5
+#: Error of a computed curve before it has been measured: of its smooth part, and of its jags.
+FIRST_GUESS, FIRST_JAGS = 0.02, 0.005
+
+
+@dataclass(frozen=True)
+class Factors:
+    """Variance of the factor by which specimens differ, with its degrees of freedom (0: not known)."""
+
+    variance: float = 0.0
+    dof: int = 0
+
+    @classmethod
+    def of(cls, grids: Sequence[Averaged]) -> Factors:
+        """Pooled over tests: the factor of a repetition is that of its least-squares line on the mean."""
+        total, dof = 0.0, 0
+        for grid in grids:
+            if grid.dof > 0:
+                a = factors(grid)
+                # What the reading noise does to a factor is no scatter.
+                noise = (grid.reading**2 * grid.mean**2).sum() / (grid.mean**2).sum() ** 2
+                total += max(((a - a.mean()) ** 2).sum() - grid.dof * noise, 0.0)
+                dof += grid.dof
+        return cls(total / dof, dof) if dof else cls()
+
+
+def along(grid: Averaged) -> np.ndarray:
+    """The coordinate (m,) along which a curve is smooth: x if it only grows, else the time, else the way."""
+    if np.all(np.diff(grid.x) > 0):
+        return grid.x
+    if grid.time_s is not None:
+        return grid.time_s
+    return np.append(0.0, np.cumsum(np.abs(np.diff(grid.x)) + 1e-9 * np.ptp(grid.x)))
+
+
+def factors(grid: Averaged) -> np.ndarray:
+    """(R,), 1 on average."""
+    return grid.curves @ grid.mean / (grid.mean @ grid.mean)
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Whitening of one experiment's residuals: ``covariance`` (m, m) of reading less computation.
+
+    ``shift`` (m,) is added to the computed curve. Of the covariance, ``by_factor`` comes from the factors
+    of specimens, ``other`` from their other differences, known with ``dof`` degrees of freedom.
+    """
+
+    covariance: np.ndarray
+    by_factor: np.ndarray
+    other: np.ndarray
+    dof: int
+    shift: np.ndarray
+
+    @classmethod
+    def of(
+        cls,
+        grid: Averaged,
+        pooled: Factors,
+        y: np.ndarray,
+        computed: np.ndarray,
+        shift: np.ndarray | None = None,
+    ) -> Weights:
+        """``y`` (m,) the computed curve; ``computed`` (m, m) the covariance of its own error, ``shift`` what
+        is known of that.
+
+        The factors stand on the computed curve: on the measured one they would draw the fit towards
+        readings that happen to be low (Peelle's puzzle).
+        """
+        m, count = grid.x.size, grid.repetitions
+        by_factor = pooled.variance / count * np.outer(y, y)
+        reading = np.diag(grid.reading**2)
+        other = np.zeros((m, m))
+        if count > 1:
+            alike = grid.curves / factors(grid)[:, None]
+            other = scatter_covariance(along(grid), alike - alike.mean(axis=0), reading) / count
+        total = by_factor + other + reading / count + computed
+        return cls(_sound(total), by_factor, other, grid.dof, np.zeros(m) if shift is None else shift)
+
+    def white(self, values: np.ndarray) -> np.ndarray:
+        """L⁻¹ values for C = L Lᵀ; (m,) or (m, k)."""
+        return solve_triangular(cholesky(self.covariance, lower=True), values, lower=True)
+
+
+def finer(case: Case) -> Case:
+    """The same test with smaller elements and steps and a stiffer blade surface."""
+    n = case.numerics
+    numbers = {name: factor * getattr(n, name) for name, factor in FINER.items()}
+    numbers["step_mm"] = max(numbers["step_mm"], n.step_min_mm)
+    return case.set(**numbers)
+
+
+def guessed_error(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Covariance (m, m) of a computed curve's own error before it has been measured."""
+    size = np.maximum(np.abs(y), 0.1 * np.abs(y).max())
+    length = np.ptp(x) / 3
+    smooth = FIRST_GUESS**2 * np.outer(size, size) * matern(np.abs(x[:, None] - x), length)
+    return smooth + np.diag((FIRST_JAGS * size) ** 2)
+
+
+def measured_error(x: np.ndarray, y: np.ndarray, fine: np.ndarray) -> np.ndarray:
+    """Covariance (m, m) of a computed curve with its difference to a finer one added, on ``x`` (m,)."""
+    e = fine - y
+    smooth = scatter_covariance(x, np.stack([e, -e]) / np.sqrt(2), np.zeros((x.size, x.size)))
+    return UNSURE**2 * smooth + np.diag(roughness(x, e) ** 2 + roughness(x, y) ** 2)
+
+
+def _sound(C: np.ndarray) -> np.ndarray:
+    """Symmetric, and with a diagonal that keeps it positive definite."""
+    C = (C + C.T) / 2
+    return C + np.diag(1e-8 * np.diag(C) + 1e-12 * np.diag(C).max())

@@ -1,0 +1,202 @@
+"""Derivatives of runs: against central differences at the same steps, and what they may not change."""
+
+from __future__ import annotations
+
+import csv
+
+import numpy as np
+import pytest
+
+from cutbench.build import build
+from cutbench.case import Case, load_case
+from cutbench.errors import BadInput
+from cutbench.mechanisms import registry
+from cutbench.output import write_run
+from cutbench.run import run_case
+from cutbench.sensitivity import differentiable, extended, follow
+
+#: A weak cut plane and a slender tip: contact, friction, adhesion and damage from the first tenths on.
+CUTTING = load_case("gelatin").set(
+    h="0.6 mm", cohesion=1.0, tip="3.5 mm", mu=0.2, depth="0.6 mm", penalty=100, stick=40, tolerance=1e-11
+)
+#: Coarser than any run that is meant, for what holds on any mesh.
+QUICK = CUTTING.set(element="P1", depth="0.3 mm")
+#: Relative step of the differences: their truncation and Newton's tolerance are then about alike.
+STEP = 1e-4
+
+
+class Marched:
+    """One march: forces (n,), derivatives (n, k), steps taken, and at each step all that can switch."""
+
+    def __init__(self, case: Case, names=(), schedule=None, geometry=None):
+        built = build(case, geometry)
+        self.geometry = built.geometry
+        built.march.schedule = schedule
+        follower = follow(built, names) if names else None
+        damping = next((f for f in built.problem.forms if f.name == "damping"), None)
+        self.forces, self.slopes, self.steps, self.switches = [], [], [], []
+        for step in built.march:
+            self.forces.append(step.force)
+            self.steps.append((step.step.dt * case.p.speed, damping.boost if damping else 1.0))
+            self.switches.append(self._switches(built, step))
+            if follower is not None:
+                self.slopes.append(follower.add(step))
+        assert built.march.stopped is None
+        if follower is not None:
+            assert follower.lost is None
+            assert follower.unresolved == 0
+        self.forces, self.slopes = np.array(self.forces), np.array(self.slopes)
+
+    @staticmethod
+    def _switches(built, step) -> np.ndarray:
+        before, values = step.solves[-1][0], built.case.values
+        mu, tau_W = (values.get(name, 0.0) for name in ("mu", "tau_W"))
+        found = []
+        for form in built.blades:
+            old, new = before[form.name], step.states[form.name]
+            strength = mu * old["pressure"] + tau_W * old["touched"]
+            shear = np.sqrt((new["shear"] ** 2).sum(axis=0))
+            found += [old["touched"] > 0, new["active"] > 0, shear < strength * (1 - 1e-9)]
+        cut = "cohesion"
+        found.append(step.states[cut]["delta_max"] > before[cut]["delta_max"])
+        found.append(built.form(cut).jump(step.u)[0] > 0)
+        return np.concatenate([np.ravel(f) for f in found])
+
+
+def moved(case: Case, name: str, by: float) -> Case:
+    """The case with another value to the last digit: a case itself keeps fourteen."""
+    other = object.__new__(Case)
+    vars(other).update({**vars(case), "values": {**case.values, name: case.values[name] + by}})
+    vars(other).pop("id", None)
+    return other
+
+
+def differences(case: Case, name: str, middle: Marched) -> tuple[np.ndarray, np.ndarray]:
+    """Central differences (n,) on the mesh and at the steps of ``middle``, and the readings at which nothing
+    switches."""
+    value = case.values[name]
+    by = STEP * (abs(value) or 1.0)
+    plus = Marched(moved(case, name, by), schedule=middle.steps, geometry=middle.geometry)
+    minus = Marched(moved(case, name, -by), schedule=middle.steps, geometry=middle.geometry)
+    same = [
+        np.array_equal(a, b) and np.array_equal(a, c)
+        for a, b, c in zip(plus.switches, minus.switches, middle.switches, strict=True)
+    ]
+    return (plus.forces - minus.forces) / (2 * by), np.array(same)
+
+
+def check(case: Case, names, *, most_flips: int = 3):
+    middle = Marched(case, names)
+    for i, name in enumerate(names):
+        expected, same = differences(case, name, middle)
+        size = np.abs(expected).max()
+        # Below that the differences are those of rounding.
+        assert size * abs(case.values[name]) > 1e-3 * middle.forces.max(), name
+        # A derivative that passes through zero has no relative error there.
+        floor = 1e-3 * size
+        error = np.abs(middle.slopes[:, i] - expected) / np.maximum(np.abs(expected), floor)
+        assert (~same).sum() <= most_flips, name
+        assert error[same].max() < 1e-4, name
+
+
+NAMES = ("G", "nu", "G_c", "delta_c", "eta_reg", "thickness", "tip", "tau_W", "mu", "speed")
+
+
+def test_derivatives_are_those_of_central_differences():
+    check(CUTTING, NAMES)
+
+
+@pytest.mark.parametrize(
+    ("changes", "names"),
+    [
+        (
+            {"element": "P2P1", "augmentations": 1, "h": "0.7 mm", "depth": "0.45 mm"},
+            ("nu", "tip", "mu"),
+        ),
+        ({"normal": "tool", "gap": "ellipse", "depth": "0.3 mm"}, ("G", "nu", "G_c", "tip", "mu")),
+        ({"damping_mm": 0.0, "without": "adhesion", "depth": "0.3 mm"}, ("G", "G_c", "tip", "mu")),
+    ],
+    ids=["mixed, augmented", "tool's normal", "no damping"],
+)
+def test_they_are_for_other_numerics(changes, names):
+    check(CUTTING.set(**changes), names)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("material", ["gelatin", "elastomer"])
+def test_over_a_whole_transition(material):
+    case = load_case(material).set(h="0.6 mm", depth="3 mm", penalty=100, stick=40, tolerance=1e-11)
+    check(case, [n for n in NAMES if case.values[n] > 0], most_flips=8)
+
+
+def test_a_run_does_not_notice_that_it_is_differentiated():
+    plain, with_slopes = run_case(QUICK), run_case(QUICK, sensitivities=["G", "G_c"])
+    for name, values in plain.curve.items():
+        np.testing.assert_array_equal(values, with_slopes.curve[name], err_msg=name)
+    assert set(with_slopes.sensitivities) == {"G", "G_c"}
+    assert plain.sensitivities == {}
+    for slope in with_slopes.sensitivities.values():
+        assert slope.shape == plain.force_N.shape
+        assert slope[0] == 0 and np.isfinite(slope).all()
+
+
+def test_the_force_of_scaled_stresses_is_scaled():
+    # G, G_c and tau_W times a factor is the force times that factor: Euler's theorem.
+    result = run_case(QUICK, sensitivities=["G", "G_c", "tau_W"])
+    p = QUICK.p
+    total = sum(getattr(p, name) * slope for name, slope in result.sensitivities.items())
+    np.testing.assert_allclose(total, result.force_N, rtol=1e-6, atol=1e-9)
+
+
+def switchable() -> list[str]:
+    """Mechanisms that a value switches off and that can stand beside the whole of the default model."""
+    roles = {(m.slot, m.role) for m in QUICK.model.all if m.role}
+    return [
+        name
+        for name, m in registry().items()
+        if m.off and name not in QUICK.mechanisms and (m.role is None or (m.slot, m.role) not in roles)
+    ]
+
+
+@pytest.mark.parametrize("name", switchable())
+def test_a_mechanism_that_is_off_changes_nothing_and_has_a_derivative(name):
+    case = QUICK.set(depth="0.12 mm", tolerance=1e-9)
+    plain = run_case(case)
+    wider = extended(case, [name])
+    names = [q for q in registry()[name].off if q in differentiable(wider.model)]
+    result = run_case(wider, sensitivities=names)
+    np.testing.assert_allclose(result.force_N, plain.force_N, rtol=1e-10)
+    for slope in result.sensitivities.values():
+        assert np.isfinite(slope).all()
+
+
+def test_the_derivative_at_off_is_that_of_switching_on():
+    off = CUTTING.set(tau_W="0 kPa", mu=0.0, depth="0.3 mm")
+    middle = Marched(off, ["tau_W", "mu"])
+    for i, (name, by) in enumerate({"tau_W": 1e-8, "mu": 1e-5}.items()):
+        on = Marched(moved(off, name, by), schedule=middle.steps, geometry=middle.geometry)
+        slope = (on.forces - middle.forces) / by
+        np.testing.assert_allclose(middle.slopes[:, i], slope, rtol=2e-3, atol=1e-4 * np.abs(slope).max())
+
+
+def test_names_that_are_refused():
+    with pytest.raises(BadInput, match="leaves the mesh"):
+        run_case(QUICK, sensitivities=["height"])
+    with pytest.raises(BadInput, match="G_c"):
+        run_case(QUICK, sensitivities=["G_k"])
+    with pytest.raises(BadInput, match="switches off"):
+        extended(QUICK, ["viscous"])
+    bare = QUICK.set(without=["smith_ferrante", "viscous_degraded", "adhesion"])
+    with pytest.raises(BadInput, match="switches off"):
+        extended(bare, ["smith_ferrante"])
+
+
+def test_they_are_written_in_units_a_person_uses(tmp_path):
+    result = run_case(QUICK, sensitivities=["G_c", "mu"])
+    paths = write_run(result, tmp_path)
+    rows = list(csv.reader(paths["sensitivities"].open(encoding="utf-8")))
+    assert rows[0] == ["displacement_mm", "dF_dG_c_N_per_J_per_m2", "dF_dmu_N"]
+    table = np.array(rows[1:], dtype=float)
+    np.testing.assert_allclose(table[:, 1], 1e-3 * result.sensitivities["G_c"], rtol=1e-12)
+    write_run(run_case(QUICK), tmp_path)
+    assert not paths["sensitivities"].exists()
