@@ -15,7 +15,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 #: Unit and meaning of each measure, in the order in which tables show them.
 MEASURES: dict[str, tuple[str, str]] = {
-    "drop_rel": ("1", "relative fall of the mean force within a blade thickness of travel, at the transition"),
+    "drop_rel": ("1", "relative fall of the mean force within a blade thickness of travel at the transition"),
     "surge": ("1", "largest advance of the cut over one blade thickness of travel, per travel"),
     "onset_mm": ("mm", "blade travel at which the cut has begun"),
     "peak_mm": ("mm", "blade travel at the first prominent force maximum"),

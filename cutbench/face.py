@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -48,7 +48,11 @@ Size = Annotated[str | None, typer.Option("--h", metavar="MM", help="Element siz
 Depth = Annotated[str | None, typer.Option(metavar="MM", help="Blade travel.")]
 Element = Annotated[str | None, typer.Option(metavar="P1|P2|P2P1", help="Finite element.")]
 Normal = Annotated[
-    str | None, typer.Option(metavar="tool|material", help="Direction of the contact pressure.")
+    str | None, typer.Option(metavar="blended|material|tool", help="Direction of the contact pressure.")
+]
+Preset = Annotated[
+    str | None,
+    typer.Option("--numerics", metavar="converged|paper", help="All numerical choices under one word."),
 ]
 Without = Annotated[
     list[str] | None, typer.Option(metavar="NAME", help="Leave a mechanism out; may be repeated.")
@@ -56,6 +60,14 @@ Without = Annotated[
 With = Annotated[
     list[str] | None,
     typer.Option("--with", metavar="NAME", help="Add a mechanism, or put it in place of its kind."),
+]
+Keep = Annotated[
+    str | None,
+    typer.Option(
+        "--checkpoint",
+        metavar="SECONDS",
+        help="Keep the state every so many seconds (60); a run that was killed goes on from there.",
+    ),
 ]
 Out = Annotated[Path | None, typer.Option(metavar="DIR", help="Where to write; default: runs/NAME-ID.")]
 
@@ -91,19 +103,34 @@ def asked(material: str, changes: dict[str, object], out: Path | None, *, dim: i
     return case, check_writable(out if out is not None else Path("runs") / f"{_slug(case.name)}-{case.id}")
 
 
-def computed(case: Case, snapshots: Sequence[float] = ()) -> Result:
-    """Run ``case`` under a bar; fields are kept at these parts of the travel."""
+def computed(
+    case: Case, snapshots: Sequence[float] = (), folder: Path | None = None, every_s: float = 60.0
+) -> Result:
+    """Run ``case`` under a bar; fields are kept at these parts of the travel.
+
+    With a ``folder`` the state is kept there every so many seconds, and a run that was killed goes on.
+    """
+    from cutbench.checkpoint import NAME, Checkpoint
     from cutbench.run import run_case  # the solver is loaded only once the input is known to be good
 
+    keep = None if folder is None else Checkpoint(folder / NAME, case.id, every_s)
     with travel(case) as on_step:
-        return run_case(case, on_step=on_step, snapshots_mm=[part * case.p.depth for part in snapshots])
+        return run_case(
+            case, on_step=on_step, snapshots_mm=[part * case.p.depth for part in snapshots], checkpoint=keep
+        )
 
 
-def finish(result: Result, folder: Path) -> None:
-    """Write and show a run; leaves with the exit status that its outcome asks for."""
+def finish(result: Result, folder: Path, plane: Result | None = None) -> None:
+    """Write and show a run; leaves with the exit status that its outcome asks for.
+
+    ``plane`` is the plane-strain run that a block is drawn beside.
+    """
+    from cutbench.checkpoint import NAME
     from cutbench.output import write_run
 
-    write_run(result, folder)
+    write_run(result, folder, plane=plane)
+    if result.outcome.kind != "interrupted":
+        (folder / NAME).unlink(missing_ok=True)  # nothing to go on from
     _show_result(result, folder)
     if not result.outcome.done:
         raise typer.Exit(130 if result.outcome.kind == "interrupted" else 1)
@@ -118,6 +145,17 @@ def whole(key: str, text: str | None) -> int | None:
     if not text.strip().isdecimal():
         raise BadInput(key=key, value=text, expected="a whole number, 0 or more")
     return int(text)
+
+
+def seconds(key: str, text: str | None, default: float) -> float:
+    """A time in s, bare or with its unit. Raises BadInput."""
+    from cutbench.quantities import Parameter
+
+    if text is None:
+        return default
+    with suppress(ValueError):
+        text = f"{float(text):.15g} s"
+    return Parameter(key, "s", "t", "time", low=0).parse(text, key=key)
 
 
 def in_mm(text: str | None) -> str | None:

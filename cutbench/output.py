@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 #: Layout of run.json; raised when a reader of the old one would misread the new one.
 SCHEMA = 1
 
+#: Pictures of fields; those of an earlier run in the same folder are taken away.
+PICTURES = ("section.png", "cut_plane.png", "front.png", "block.png", "plane_strain.png")
+
 _PACKAGES = ("cutbench", "numpy", "scipy", "scikit-fem", "meshio", "py-mkl-pardiso")
 
 
@@ -51,10 +54,13 @@ def check_writable(out_dir: str | Path) -> Path:
     return out
 
 
-def write_run(result: Result, out_dir: str | Path, *, command: str | None = None) -> dict[str, Path]:
+def write_run(
+    result: Result, out_dir: str | Path, *, command: str | None = None, plane: Result | None = None
+) -> dict[str, Path]:
     """Write everything about ``result`` into ``out_dir``; returns the paths by name.
 
-    ``command`` is recorded as the line that made the run (default: this process's command line).
+    ``command`` is recorded as the line that made the run (default: this process's command line);
+    ``plane`` is the plane-strain run that a block is drawn beside.
     Files of an earlier run in the same folder are replaced. Raises BadInput if the folder cannot be
     written to.
     """
@@ -63,24 +69,41 @@ def write_run(result: Result, out_dir: str | Path, *, command: str | None = None
     out = check_writable(out_dir)
     paths = {"curve": out / "curve.csv"}
     write_curve(result.curve, paths["curve"])
+    if result.sensitivities:
+        paths["sensitivities"] = out / "sensitivities.csv"
+        slopes = _slopes(result)
+        write_curve(slopes, paths["sensitivities"], list(slopes))
+    else:
+        (out / "sensitivities.csv").unlink(missing_ok=True)
     paths |= write_fields(result.snapshots, out)
     paths["curve_png"] = save(plot_curve(result), out / "curve.png")[0]
-    plane = [s for s in result.snapshots if s.cell_type.startswith("triangle")]
-    if plane:
+    flat = [s for s in result.snapshots if s.cell_type.startswith("triangle")]
+    pictures = {}
+    if flat:
         # More than four in a row are too small to see anything; the fields hold them all.
-        some = np.unique(np.linspace(0, len(plane) - 1, min(4, len(plane))).round().astype(int))
-        paths["section_png"] = save(plot_section(result, [plane[i] for i in some]), out / "section.png")[0]
-    else:
-        (out / "section.png").unlink(missing_ok=True)
+        some = np.unique(np.linspace(0, len(flat) - 1, min(4, len(flat))).round().astype(int))
+        pictures["section_png"] = save(plot_section(result, [flat[i] for i in some]), out / "section.png")[0]
+    elif result.case.dim == 3:
+        from cutbench.plots.solid import save_solid
+
+        pictures = save_solid(result, out, plane)
+    for name in PICTURES:
+        if out / name not in pictures.values():
+            (out / name).unlink(missing_ok=True)
+    paths |= pictures
     # Last, since it vouches for the rest.
     paths["run"] = out / "run.json"
     record = describe(result, command=command)
     record["files"] = sorted(str(path.relative_to(out)) for path in paths.values())
-    with replacing(paths["run"]) as draft:
-        draft.write_text(
-            json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8"
-        )
+    write_json(record, paths["run"])
     return paths
+
+
+def write_json(record: object, path: str | Path) -> None:
+    """Write ``record`` as JSON, with null for what is not finite."""
+    text = json.dumps(_plain(record), indent=2, ensure_ascii=False, allow_nan=False)
+    with replacing(Path(path)) as draft:
+        draft.write_text(text + "\n", encoding="utf-8")
 
 
 def describe(result: Result, *, command: str | None = None) -> dict:
@@ -127,9 +150,9 @@ def versions() -> dict[str, str | None]:
     return found
 
 
-def write_curve(curve: dict[str, np.ndarray], path: str | Path) -> None:
-    """Write ``curve`` as CSV, a row a step, every digit of the floats kept."""
-    names = ordered_columns(curve)
+def write_curve(curve: dict[str, np.ndarray], path: str | Path, names: Sequence[str] | None = None) -> None:
+    """Write ``curve`` as CSV, a row a step, every digit kept; ``names`` orders columns that are no run's."""
+    names = ordered_columns(curve) if names is None else names
     with replacing(Path(path)) as draft, draft.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(names)
@@ -137,6 +160,17 @@ def write_curve(curve: dict[str, np.ndarray], path: str | Path) -> None:
         writer.writerows(
             [repr(float(v)) for v in row] for row in zip(*(curve[n] for n in names), strict=True)
         )
+
+
+def _slopes(result: Result) -> dict[str, np.ndarray]:
+    """Travel, and dF/dθ in N per unit of each parameter as a person writes it."""
+    known = result.case.model.parameters()
+    columns = {"displacement_mm": result.displacement_mm}
+    for name, slope in result.sensitivities.items():
+        q = known[name]
+        unit = "" if q.unit == "1" else "_per_" + q.unit.replace("/", "_per_").replace("^", "")
+        columns[f"dF_d{name}_N{unit}"] = slope * q.factor
+    return columns
 
 
 def read_curve(path: str | Path) -> dict[str, np.ndarray]:

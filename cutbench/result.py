@@ -83,6 +83,8 @@ class Result:
     counts: dict[str, int] = field(default_factory=dict)
     snapshots: list[Snapshot] = field(default_factory=list)
     measures: dict[str, float] = field(default_factory=dict)
+    #: dF/dθ (n,) along the curve by parameter, N per internal unit (mm, N, s); at fixed steps.
+    sensitivities: dict[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def displacement_mm(self) -> np.ndarray:

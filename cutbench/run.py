@@ -9,11 +9,13 @@ import numpy as np
 
 from cutbench.build import Built, build
 from cutbench.case import Case
+from cutbench.checkpoint import Checkpoint
 from cutbench.curve import measures
 from cutbench.fields import snapshot
 from cutbench.front import Front
-from cutbench.result import SNAP, Outcome, Result
-from cutbench.solve.march import Accepted
+from cutbench.result import SNAP, Outcome, Result, Snapshot
+from cutbench.sensitivity import checked, follow
+from cutbench.solve.march import Accepted, Progress
 
 #: What to try when a run stalls, by a word of the reason.
 _ADVICE = {
@@ -31,24 +33,44 @@ def run_case(
     *,
     on_step: Callable[[float, dict], None] | None = None,
     snapshots_mm: Sequence[float] = (),
+    sensitivities: Sequence[str] = (),
+    checkpoint: Checkpoint | None = None,
 ) -> Result:
     """March ``case`` to its depth.
 
     ``on_step(displacement_mm, row)`` is called after each step; fields are kept at the first step at
-    or past each of ``snapshots_mm``. A KeyboardInterrupt ends the run with what it has. Raises
-    BadInput if the case's mesh cannot be used.
+    or past each of ``snapshots_mm``. ``sensitivities`` names parameters: ``result.sensitivities`` then has
+    dF/dθ along the curve. ``checkpoint`` keeps the state of the run, which begins from what it holds;
+    derivatives are not part of it, so a run with both begins anew. A KeyboardInterrupt ends the run with
+    what it has. Raises BadInput if the case's mesh cannot be used, or it cannot be differentiated by one
+    of the names.
     """
     began = time.perf_counter()
+    names = checked(case, sensitivities)
     built = build(case)
+    slopes = [np.zeros(len(names))]
+    follower = follow(built, names) if names else None
     ledger = Ledger(built)
     front = Front(built) if built.space.dim == 3 else None
     wanted = sorted(snapshots_mm)
-    pictures = []
+    pictures: list[Snapshot] = []
     interrupted = False
-    steps = iter(built.march)
     last: Accepted | None = None
+    keeper = _Keeper(built, ledger, front, pictures, began)
+    if checkpoint is not None and not names:
+        if kept := checkpoint.load():
+            keeper.restore(kept)
+            wanted = [d for d in wanted if d > built.march.resume.travel + 1e-9]
+            if on_step is not None:
+                on_step(built.march.resume.travel, ledger.last)
+        built.march.at_rest = lambda progress: checkpoint.offer(keeper.state(progress))
+    steps = iter(built.march)
     try:
         for last in steps:
+            if follower is not None:
+                since = time.perf_counter()
+                slopes.append(follower.add(last))
+                built.problem.timer.add("sensitivities", since)
             row = ledger.add(last)
             if front is not None:
                 front.add(last)
@@ -59,12 +81,19 @@ def run_case(
                 on_step(last.travel, row)
     except KeyboardInterrupt:
         interrupted = True
+    if checkpoint is not None and (interrupted or keeper.seconds() > checkpoint.every_s):
+        checkpoint.write()
     curve = ledger.columns()
-    outcome = _outcome(built, last, interrupted)
+    if case.model.laws("rig"):
+        # Beside the true columns, which all measures use.
+        shown = case.model.record(curve["displacement_mm"], curve["force_N"], curve["time_s"], case.p)
+        curve["recorded_displacement_mm"], curve["recorded_force_N"] = shown
+    reached = float(curve["displacement_mm"][-1])
+    outcome = _outcome(built, reached, interrupted)
     if last is not None and wanted and not outcome.done:
         pictures.append(snapshot(built, last))
     timer = built.problem.timer
-    timings = {**timer.seconds, "total": time.perf_counter() - began}
+    timings = {**timer.seconds, "total": keeper.seconds()}
     counts = {
         "steps": len(curve["displacement_mm"]),
         "iterations": ledger.iterations,
@@ -74,14 +103,22 @@ def run_case(
     }
     found = {}
     if len(curve["displacement_mm"]) > 2:
-        found = measures(curve, window_mm=case.values.get("thickness", 0.7))
+        found = measures(
+            curve, window_mm=case.values.get("thickness", 0.7), height_mm=case.values["height"]
+        )
         found["closure"] = float(curve["closure"][-1])
         found["reaction_error"] = float(
             abs(curve["reaction_N"][-1] - curve["force_N"][-1]) / max(abs(curve["force_N"][-1]), 1e-12)
         )
     if front is not None:
         found |= front.measures()
-    return Result(case, curve, outcome, timings, counts, pictures, found)
+    by_name = {}
+    if follower is not None:
+        # An interruption can come between a step's derivatives and its row.
+        table = np.array(slopes)[: counts["steps"]] * built.geometry.multiplicity
+        by_name = {name: table[:, i].copy() for i, name in enumerate(names)}
+        counts["unresolved_sensitivities"] = follower.unresolved
+    return Result(case, curve, outcome, timings, counts, pictures, found, by_name)
 
 
 class Ledger:
@@ -92,7 +129,8 @@ class Ledger:
         self._work: dict[str, float] = {}
         self._blade = 0.0
         # A curve starts at the origin: nothing touched, nothing spent.
-        names = [law.name for slot in ("bulk", "cut", "blade") for law in built.case.model.laws(slot)]
+        model = built.case.model
+        names = [law.name for slot in ("bulk", "cut", "blade", "support") for law in model.laws(slot)]
         names += [SNAP] if any(form.name == "damping" for form in built.problem.forms) else []
         self._names = names
         row = {"displacement_mm": 0.0, "force_N": 0.0, "time_s": 0.0, "cut_length_mm": 0.0}
@@ -137,12 +175,73 @@ class Ledger:
             cut /= np.ptp(self._built.space.X[2]) if X.size else 1.0
         return cut
 
+    @property
+    def last(self) -> dict[str, float]:
+        """The row of the last step."""
+        return self._rows[-1]
+
+    def state(self) -> dict:
+        """All that a later ``restore`` needs, in arrays."""
+        return {
+            "names": list(self._rows[0]),
+            "rows": np.array([list(row.values()) for row in self._rows]),
+            "work": {**self._work},
+            "blade": self._blade,
+            "iterations": self.iterations,
+        }
+
+    def restore(self, state: dict) -> None:
+        self._rows = [dict(zip(state["names"], map(float, row), strict=True)) for row in state["rows"]]
+        self._work, self._blade = state["work"], state["blade"]
+        self.iterations = state["iterations"]
+
     def columns(self) -> dict[str, np.ndarray]:
         return {key: np.array([row[key] for row in self._rows]) for key in self._rows[0]}
 
 
-def _outcome(built: Built, last: Accepted | None, interrupted: bool) -> Outcome:
-    reached = 0.0 if last is None else last.travel
+class _Keeper:
+    """All of a run's state between two steps, as a tree of arrays, and back."""
+
+    def __init__(
+        self, built: Built, ledger: Ledger, front: Front | None, pictures: list[Snapshot], began: float
+    ):
+        self._built, self._ledger, self._front, self._pictures = built, ledger, front, pictures
+        self._began, self._before = began, 0.0
+
+    def seconds(self) -> float:
+        """Time that the run took, with what it took before it was resumed."""
+        return self._before + time.perf_counter() - self._began
+
+    def state(self, progress: Progress) -> Callable[[], dict]:
+        """The tree of this moment; made when it is asked for, of what no later step changes."""
+        march, timer = self._built.march, self._built.problem.timer
+        parts = {
+            "progress": vars(progress),
+            "failures": list(march.failures),
+            "ledger": self._ledger.state(),
+            "front": None if self._front is None else self._front.state(),
+            "seconds": {**timer.seconds},
+            "counts": {**timer.counts},
+            "total": self.seconds(),
+        }
+        pictures = list(self._pictures)
+        return lambda: {**parts, "snapshots": [vars(picture) for picture in pictures]}
+
+    def restore(self, tree: dict) -> None:
+        march, timer = self._built.march, self._built.problem.timer
+        march.resume = Progress(**tree["progress"])
+        march.failures[:] = tree["failures"]
+        self._ledger.restore(tree["ledger"])
+        if self._front is not None:
+            self._front.restore(tree["front"])
+        for mine, kept in ((timer.seconds, tree["seconds"]), (timer.counts, tree["counts"])):
+            for name, value in kept.items():
+                mine[name] = mine.get(name, 0) + value
+        self._before = tree["total"]
+        self._pictures[:] = [Snapshot(**picture) for picture in tree["snapshots"]]
+
+
+def _outcome(built: Built, reached: float, interrupted: bool) -> Outcome:
     depth = built.march.depth
     if interrupted:
         return Outcome(

@@ -24,7 +24,7 @@ def solver(monkeypatch):
     """A stand-in for the solver that notes what it was asked and ends as it is told."""
     asked = SimpleNamespace(case=None, snapshots=None, kind="done", raises=None)
 
-    def run_case(case, *, on_step=None, snapshots_mm=()):
+    def run_case(case, *, on_step=None, snapshots_mm=(), checkpoint=None):
         asked.case, asked.snapshots = case, list(snapshots_mm)
         if asked.raises is not None:
             raise asked.raises
@@ -108,7 +108,7 @@ def test_errors_become_one_message_and_a_status(error, code, said, solver, tmp_p
     assert "Traceback" not in done.output
 
 
-@pytest.mark.parametrize("tip", ["12 mm", "7.7 mm", "30 mm"])
+@pytest.mark.parametrize("tip", ["12 mm", "10.2 mm", "30 mm"])
 def test_advice_about_the_tip_holds_when_it_is_followed(tip, solver, tmp_path):
     import re
 

@@ -17,27 +17,31 @@ ROOT = Path(cutbench.__file__).parent
 #: From the ground up. A unit (a module or a package of cutbench) imports from lower layers and itself.
 LAYERS = (
     {"errors"},
-    {"quantities", "reading"},
-    {"mechanisms", "numerics", "materials"},
-    {"model"},
-    {"values", "forms"},
-    {"case", "solve"},
-    {"result", "axes", "models2d", "models3d", "curve"},
-    {"build"},
-    {"fields"},
-    {"front"},
+    {"quantities", "reading", "meshfile", "noise"},
+    {"mechanisms", "numerics", "materials", "titles", "repetition"},
+    {"model", "readings", "experiment"},
+    {"values", "forms", "conversion", "plausible", "homogeneous"},
+    {"case", "solve", "recorded"},
+    {"result", "axes", "models2d", "models3d", "curve", "campaign", "index", "emulator"},
+    {"build", "checkpoint", "identify", "triangles", "boundary", "sampling", "sections"},
+    {"fields", "dic"},
+    {"front", "sensitivity"},
     {"run", "study", "plots"},
-    {"store", "output", "maps"},
-    {"worker", "phase"},
-    {"sweep", "show"},
-    {"face"},
+    {"store", "output", "maps", "lm"},
+    {"coordinates"},
+    {"estimates"},
+    {"worker", "weights", "fitted", "synthetic", "phase", "tension", "confirm", "verify", "plan", "page"},
+    {"observe", "cluster", "guide", "agreement", "listing", "claims", "progress"},
+    {"inverse", "sweep", "show", "overview", "compared"},
+    {"fit"},
+    {"face", "fitreport"},
     {"commands"},
     {"cli"},
     {"__init__", "__main__"},
 )
 LEVEL = {unit: level for level, units in enumerate(LAYERS) for unit in units}
 #: The face: what may talk to a terminal.
-FACE = {"cli", "commands", "face", "show", "sweep", "__main__"}
+FACE = {"cli", "commands", "compared", "face", "overview", "progress", "show", "sweep", "__main__"}
 
 
 def module_name(path: Path) -> str:

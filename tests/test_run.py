@@ -225,7 +225,7 @@ def test_normals_and_gaps_are_choices_that_matter_little_before_the_cut(pressed)
 
 
 def test_the_staggered_scheme_tends_to_the_monolithic_one():
-    """Damage that lags is repeated until it stands still; the viscosity sees it at a step's end, not its mean."""
+    """Damage that lags is repeated until it stands still; viscosity then sees it at a step's end."""
     # Viscous enough that the cut grows steadily: in a snap, what a step meets depends on the step.
     case = BRIEF.set(mu=0.0, viscosity=8.0, depth="0.8 mm", element="P1")
     at = np.linspace(0.05, 0.8, 40)

@@ -111,6 +111,25 @@ class CutForm(Form):
             matrix = matrix.reshape(nd, nd, nf)
         return Local(vector.reshape(self.dofs.shape[0], -1), matrix, new)
 
+    def broken(self, u, p, state, step) -> tuple[float, np.ndarray]:
+        """∫ d dA over the cut plane and its derivative by the local displacements (nd, nf).
+
+        Damage never heals, so this grows along every path of equilibria, whichever way the blade goes.
+        """
+        jump, at = self.jump(u), self.points(step)
+        self._tractions(jump, p, state, at)
+        w = self.faces.w
+        total = float(w.ravel() @ at.shared.get("damage", state["damage"]))
+        nc = self._frame.shape[0]
+        slope = np.zeros((nc, *w.shape))
+        for c in range(nc):
+            probe = jump.astype(complex)
+            probe[c] += 1j * STEP
+            self._tractions(probe, p, state, at)
+            slope[c] = np.imag(at.shared.get("damage", 0.0)).reshape(w.shape) / STEP * w
+        along = np.einsum("cdf,cqf->dqf", self._frame, slope)
+        return total, np.einsum("qaf,dqf->daf", self._N, along).reshape(self.dofs.shape)
+
     def work(self, u, p, old, new, step):
         jump, at = self.jump(u), self.points(step)
         w = self._weights(p, at).ravel()
