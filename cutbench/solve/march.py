@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -14,6 +14,8 @@ from cutbench.solve.problem import Problem
 #: Staggered scheme: repetitions at the most, and the change of damage at which it stands still.
 STAGGERED_LOOPS = 200
 STAGGERED_TOLERANCE = 1e-4
+#: Residual over the forces at which a loop ends whose damage is not yet the last.
+STAGGERED_INNER = 1e-5
 #: The damping is raised to this many times its value before a run gives up.
 LARGEST_BOOST = 1e7
 
@@ -33,7 +35,7 @@ class StepRules:
     #: Largest part of the blade's work in a step that the ledger may leave open.
     defect: float = 0.05
     #: Below this step the damping is raised where Newton's method fails, mm.
-    gentle: float = 5e-3
+    gentle: float = 0.03
     #: Damage is held during Newton's method and updated until it stands still (the paper's scheme).
     staggered: bool = False
     #: A tenth of the step when damage grew by more than ``damage``, else five times (the paper's rule).
@@ -221,20 +223,25 @@ class March:
             return u, result, [iterations]
         cut = next(f for f in self.problem.forms if f.name == "cohesion")
         held, effort = states["cohesion"], []
+        settings = replace(self.newton, tolerance=max(STAGGERED_INNER, self.newton.tolerance))
         for _ in range(STAGGERED_LOOPS):
             cut.held = True
             try:
-                u, _, iterations = newton(self.problem, u, {**states, "cohesion": held}, step, self.newton)
+                # From one loop to the next only the damage changes, and that less and less.
+                u, _, iterations = newton(
+                    self.problem, u, {**states, "cohesion": held}, step, settings, near=any(effort)
+                )
             finally:
                 cut.held = False
             effort.append(iterations)
             # The state that this opening leads to, from the damage at the start of the step.
-            result = self.problem.evaluate(u, states, step, tangent=False)
-            grown = result.states["cohesion"]
+            grown = cut.evaluate(u, self.problem.p, states["cohesion"], step, tangent=False).state
             change = np.abs(grown["damage"] - held["damage"]).max(initial=0.0)
             held = grown
             if change < STAGGERED_TOLERANCE:
-                return u, result, effort
+                if settings is self.newton:
+                    return u, self.problem.evaluate(u, states, step, tangent=False), effort
+                settings = self.newton
         raise NoConvergence(f"damage still changes by {change:.1e} after {STAGGERED_LOOPS} staggered loops")
 
     @staticmethod

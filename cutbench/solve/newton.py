@@ -36,7 +36,7 @@ class NewtonSettings:
     cuts: int = 6
     slack: float = 0.8
     #: Iterations before a residual that does not fall counts as cycling.
-    patience: int = 8
+    patience: int = 6
     #: A Newton step that leaves less than ``close`` of the residual is followed by steps with its
     #: factorization, as long as each leaves less than ``chord``.
     close: float = 0.1
@@ -45,8 +45,14 @@ class NewtonSettings:
     smallest_ratio: float = 0.25
 
 
-def newton(problem: Problem, u: np.ndarray, states: dict, step: Step, settings: NewtonSettings):
-    """Solve R(u) = 0 from the guess ``u``. Returns (u, Evaluation, iterations); raises NoConvergence."""
+def newton(
+    problem: Problem, u: np.ndarray, states: dict, step: Step, settings: NewtonSettings, *, near: bool = False
+):
+    """Solve R(u) = 0 from the guess ``u``. Returns (u, Evaluation, iterations); raises NoConvergence.
+
+    ``near``: the guess solves a problem that hardly differs, and the solver still has its factorization.
+    Steps with that come first; they may suffice, and then no tangent is assembled.
+    """
     free = problem.free
     moving = problem.displacements
 
@@ -58,14 +64,20 @@ def newton(problem: Problem, u: np.ndarray, states: dict, step: Step, settings: 
     floor = settings.smallest_ratio * min(1.0, problem.bulk.smallest_volume_ratio(step.u_old))
     if problem.bulk.smallest_volume_ratio(u) < floor:
         raise NoConvergence("the predicted state has inverted elements")
-    current = problem.evaluate(u, states, step)
+    current = problem.evaluate(u, states, step, tangent=not near)
     size = norm(current)
+    if near:
+        u, current, size = _chords(problem, u, current, size, states, step, settings)
     shift, history = Shift(), []
+    # A tangent is assembled on the way only where a full step is likely to stand.
+    eager = True
     for iteration in range(settings.iterations + 1):
         if size <= settings.tolerance * current.scale:
             return u, current, iteration
         if iteration == settings.iterations:
             break
+        if current.data is None:
+            current = problem.evaluate(u, states, step)
         du = _direction(problem, current, settings, shift)
         largest = np.abs(du[moving]).max()
         alpha = min(1.0, settings.reach / largest) if largest > 0 else 1.0
@@ -74,7 +86,8 @@ def newton(problem: Problem, u: np.ndarray, states: dict, step: Step, settings: 
             if alpha < 1e-3:
                 raise NoConvergence("elements invert along the Newton direction")
         before, base = size, (u, current)
-        u, current = _search(problem, u, du, alpha, current, states, step, settings, floor)
+        u, current = _search(problem, u, du, alpha, current, states, step, settings, floor, eager)
+        eager = current.data is not None or np.array_equal(u, base[0] + alpha * du)
         size = norm(current)
         if shift.now == 0 and settings.tolerance * current.scale < size < settings.close * before:
             u, current, size = _chords(problem, u, current, size, states, step, settings)
@@ -112,7 +125,7 @@ def _chords(problem, u, current, size, states, step, settings):
     free = problem.free
     goal = settings.tolerance * current.scale
     while size > goal:
-        trial_u = u + problem.back_substitute(current.residual, loosely=True)
+        trial_u = u + problem.back_substitute(current.residual, how="correction")
         trial = problem.evaluate(trial_u, states, step, tangent=False)
         r = float(np.linalg.norm(trial.residual[free]))
         if not r < settings.chord * size:
@@ -149,7 +162,7 @@ def _direction(problem, current, settings, shift):
         data = current.data if shift.now == 0 else current.data + shift.now * problem.p.G * problem.metric
         try:
             problem.factorize(data)
-            du = problem.back_substitute(current.residual, loosely=True)
+            du = problem.back_substitute(current.residual, how="direction")
             largest = np.abs(du[moving]).max()
             downhill = du[free] @ current.residual[free] < 0
             if np.isfinite(largest) and downhill and largest <= settings.trust:
@@ -170,19 +183,20 @@ def _direction(problem, current, settings, shift):
 
 def _shorter(problem, u, du, alpha, states, step):
     for part in (0.5, 0.25, 0.1):
-        yield part * alpha, problem.evaluate(u + part * alpha * du, states, step)
+        yield part * alpha, problem.evaluate(u + part * alpha * du, states, step, tangent=False)
 
 
-def _search(problem, u, du, alpha, current, states, step, settings, floor):
+def _search(problem, u, du, alpha, current, states, step, settings, floor, eager):
     """Along ``du``, find where the work of the residual on it has fallen well below its start.
 
     This is the energy line search of Matthies and Strang (1979): where contact and damage switch, a
-    full step can jump between two branches for ever; the residual's norm need not tell.
+    full step can jump between two branches for ever; the residual's norm need not tell. The evaluation that
+    is returned has a tangent if ``eager`` and the full step stands.
     """
     free, moving = problem.free, problem.displacements
     direction = du[free]
     start = float(direction @ current.residual[free])
-    e = problem.evaluate(u + alpha * du, states, step)
+    e = problem.evaluate(u + alpha * du, states, step, tangent=eager)
     if start >= 0:  # not a descent direction: an indefinite tangent, the full step is as good as any
         return u + alpha * du, e
     low, s_low, high, s_high = 0.0, start, alpha, float(direction @ e.residual[free])
@@ -194,7 +208,7 @@ def _search(problem, u, du, alpha, current, states, step, settings, floor):
             break
         low, s_low = high, s_high
         high *= 2
-        e = problem.evaluate(u + high * du, states, step)
+        e = problem.evaluate(u + high * du, states, step, tangent=False)
         s_high = float(direction @ e.residual[free])
         if s_high <= 0 or s_high < best[0]:
             best = (abs(s_high), high, e)
@@ -203,7 +217,7 @@ def _search(problem, u, du, alpha, current, states, step, settings, floor):
             break
         trial = high - s_high * (high - low) / (s_high - s_low)
         trial = min(max(trial, low + 0.1 * (high - low)), high - 0.1 * (high - low))
-        e = problem.evaluate(u + trial * du, states, step)
+        e = problem.evaluate(u + trial * du, states, step, tangent=False)
         s = float(direction @ e.residual[free])
         if abs(s) < best[0]:
             best = (abs(s), trial, e)
