@@ -103,9 +103,7 @@ def run_case(
     }
     found = {}
     if len(curve["displacement_mm"]) > 2:
-        found = measures(
-            curve, window_mm=case.values.get("thickness", 0.7), height_mm=case.values["height"]
-        )
+        found = measures(curve, window_mm=case.values.get("thickness", 0.7), height_mm=case.values["height"])
         found["closure"] = float(curve["closure"][-1])
         found["reaction_error"] = float(
             abs(curve["reaction_N"][-1] - curve["force_N"][-1]) / max(abs(curve["force_N"][-1]), 1e-12)

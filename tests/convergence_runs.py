@@ -1,4 +1,4 @@
-"""Stand-ins for runs whose measures tend to a limit with the element size. For worker processes, top level."""
+"""Stand-ins for runs whose measures tend to a limit with the element size, for worker processes."""
 
 from __future__ import annotations
 

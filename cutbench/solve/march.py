@@ -34,12 +34,18 @@ class StepRules:
     augmentations: int = 0
     #: Largest part of the blade's work in a step that the ledger may leave open.
     defect: float = 0.05
-    #: Below this step the damping is raised where Newton's method fails, mm.
+    #: Below these steps, in mm, the damping is raised where Newton's method fails, and where the energy does
+    #: not close: the second a smaller step cures, the first seldom.
     gentle: float = 0.03
+    finest: float = 5e-3
     #: Damage is held during Newton's method and updated until it stands still (the paper's scheme).
     staggered: bool = False
     #: A tenth of the step when damage grew by more than ``damage``, else five times (the paper's rule).
     paper: bool = False
+
+
+class _Leaky(NoConvergence):
+    """A step that converged, but whose energy does not close."""
 
 
 @dataclass
@@ -137,8 +143,8 @@ class March:
                 # nothing is gained by closing better than that.
                 whole = spent / size * max(size, rules.largest)
                 defect = abs(spent - sum(work.values())) / max(whole, 1e-300)
-                if chosen and not rules.paper and defect > 3 * rules.defect and size > rules.gentle:
-                    raise NoConvergence(f"the energy of the step closes only to {defect:.0%}")
+                if chosen and not rules.paper and defect > 3 * rules.defect and size > rules.finest:
+                    raise _Leaky(f"the energy of the step closes only to {defect:.0%}")
             except NoConvergence as error:
                 self.failures.append(f"{travel:.4f} mm, step {size:.2g} mm: {error.reason}")
                 easy = 0
@@ -146,7 +152,8 @@ class March:
                 if not chosen:
                     self.stopped = error.reason
                     return
-                if damping is not None and size < rules.gentle and damping.boost < LARGEST_BOOST:
+                gentle = rules.finest if isinstance(error, _Leaky) else rules.gentle
+                if damping is not None and size < gentle and damping.boost < LARGEST_BOOST:
                     # Slower than the smallest step lets it be, instead of a smaller step.
                     damping.boost = max(10.0, damping.boost * 10)
                     size = max(size, rules.smallest)
