@@ -29,11 +29,14 @@ from cutbench.weights import Weights
 #: A parameter that the fit may choose is left at its start where the data know it worse than this.
 HOPELESS = 3.0
 LEVEL = 0.95
+INTERRUPTED = "interrupted"
 #: First with guessed weights, only as far as it pays; then with measured ones.
 ROUGH = lm.Settings(promise=0.5, failures=2)
 FINAL = lm.Settings()
-#: The error of the mesh is measured again if a parameter has moved this far since.
-AGAIN = 0.25
+#: Tests without a mesh cost next to nothing and have no jags.
+SMOOTH = lm.Settings(promise=1e-8, jags=1.0, evaluations=100, failures=10)
+#: Weights are made again if a parameter has moved this far since, so often at the most.
+AGAIN, ROUNDS = 0.25, 3
 
 
 def fit(
@@ -79,15 +82,18 @@ class _Fitting:
             kept, fixed = _worth_it(inverse.whitened(q)[1], inverse.unknowns, self.campaign.plan.own)
             q = inverse.keep(kept)
         best = self._minimise("rough", q, ROUGH)
-        if best.message != "interrupted":
+        if best.message != INTERRUPTED:
             best = self._with_measured_error(best)
         profiles = []
         for label in profile:
-            if label in [u.label for u in inverse.unknowns] and best.message != "interrupted":
-                profiles.append(self._profile(label, best))
-        status = (
-            "converged" if best.converged else "interrupted" if best.message == "interrupted" else "stopped"
-        )
+            if label in fixed:
+                self.notes.append(f"No profile of {label}: it was left at its start.")
+            elif best.message != INTERRUPTED:
+                try:
+                    profiles.append(self._profile(label, best))
+                except KeyboardInterrupt:
+                    best.message = INTERRUPTED
+        status = INTERRUPTED if best.message == INTERRUPTED else "converged" if best.converged else "stopped"
         for grid in inverse.grids.values():
             self.notes += [grid.note] if grid.note else []
         covariance, estimates = self._estimates(best)
@@ -101,7 +107,7 @@ class _Fitting:
             best.r.size,
             status,
             best.message,
-            self._compared(best.q),
+            self._compared(best.q, status),
             before,
             identifiability(best.J, inverse.unknowns),
             tuple(dict.fromkeys(self.notes)),
@@ -122,18 +128,19 @@ class _Fitting:
         return best
 
     def _with_measured_error(self, best: lm.Minimum) -> lm.Minimum:
-        """The final stage; the error is measured where the rough one ended, and again if it moved far."""
-        for _ in range(2):
-            notes = []
-            if self.refine:
-                try:
-                    notes = self.inverse.measure_error(best.q)
-                except KeyboardInterrupt:
-                    best.message = "interrupted"
-                    return best
+        """The final stage: weights are made where the rough one ended, and again if it moved far."""
+        inverse, notes = self.inverse, []
+        settings = FINAL if any(e.kind == "cut" for e in self.campaign.train) else SMOOTH
+        for _ in range(ROUNDS):
+            before = dict(inverse.weights)
+            try:
+                notes = inverse.measure_error(best.q) if self.refine else inverse.guess_weights(best.q) or []
+            except KeyboardInterrupt:
+                inverse.weights, best.message = before, INTERRUPTED
+                break
             at = best.q
-            best = self._minimise("final", at, FINAL)
-            if not notes or best.message == "interrupted" or np.abs(best.q - at).max(initial=0.0) < AGAIN:
+            best = self._minimise("final", at, settings)
+            if best.message == INTERRUPTED or np.abs(best.q - at).max(initial=0.0) < AGAIN:
                 break
         self.notes += notes
         return best
@@ -144,9 +151,9 @@ class _Fitting:
         dof = self._degrees_of_freedom(best, covariance)
         low, high = self.inverse.bounds
         # Where the model does not describe the data, what is wrong with it counts as noise.
-        covariance = covariance * max(best.chi2 / max(best.r.size - best.q.size, 1), 1.0)
-        if not best.converged:
-            covariance = covariance + np.outer(best.outstanding, best.outstanding)
+        covariance = covariance * _excess(best)
+        # What was left to do: next to nothing, or what the jags of the computed curves hide.
+        covariance = covariance + np.outer(best.outstanding, best.outstanding)
         found = []
         for k, u in enumerate(self.inverse.unknowns):
             q, sd = best.q[k], float(np.sqrt(covariance[k, k]))
@@ -157,7 +164,7 @@ class _Fitting:
                     u,
                     u.value(q),
                     u.value(q - t * sd) if u.logarithmic else u.value(max(q - t * sd, low[k])),
-                    u.value(min(q + t * sd, 700.0)),
+                    u.value(q + t * sd),
                     sd * u.slope(q),
                     float(dof[k]),
                     at_bound,
@@ -188,13 +195,13 @@ class _Fitting:
         return np.maximum(np.diag(covariance) ** 2 / np.maximum(uncertain, 1e-300), 1.0)
 
     # -- beside the data -------------------------------------------------------------------------
-    def _compared(self, q: np.ndarray) -> tuple[Compared, ...]:
+    def _compared(self, q: np.ndarray, status: str) -> tuple[Compared, ...]:
         inverse, found = self.inverse, self.inverse.predictions(q)
         sides = {}
         for e in self.campaign.train:
             w, p = inverse.weights[e.id], found[e.id]
             sides[e.id] = self._beside(e, p, p.y + w.shift, np.sqrt(np.diag(w.covariance)), q)
-        for e in self.campaign.test:
+        for e in () if status == INTERRUPTED else self.campaign.test:
             try:
                 (p,) = inverse.predicted(q, [e], fine=self.refine)
             except (ComputationFailed, BadInput) as error:
@@ -209,13 +216,14 @@ class _Fitting:
 
     # -- profile likelihood ----------------------------------------------------------------------
     def _profile(self, label: str, best: lm.Minimum) -> Profile:
-        """χ² along one parameter, on each side until it has risen by t² or three tries are spent."""
+        """χ² along one parameter, on each side until it has risen by t² (times the excess of χ² over what
+        noise explains) or three tries are spent."""
         inverse = self.inverse
         k = [u.label for u in inverse.unknowns].index(label)
         u = inverse.unknowns[k]
         covariance = information_inverse(best.J)
         t = stats.t.ppf((1 + LEVEL) / 2, self._degrees_of_freedom(best, covariance)[k])
-        sd = np.sqrt(covariance[k, k])
+        t, sd = t * np.sqrt(_excess(best)), np.sqrt(covariance[k, k])
         low, high = inverse.bounds
         points, ends = [(best.q[k], 0.0)], {}
         for side in (-1, 1):
@@ -248,9 +256,14 @@ class _Fitting:
             self.inverse.whitened, start, low, high, lm.Settings(promise=0.1, evaluations=6, failures=3)
         )
         self.evaluations += found.evaluations
-        if found.message == "interrupted":
+        if found.message == INTERRUPTED:
             raise KeyboardInterrupt
         return found.chi2 - best.chi2
+
+
+def _excess(best: lm.Minimum) -> float:
+    """χ² per degree of freedom where it is above 1: the model's error, counted as noise."""
+    return max(best.chi2 / max(best.r.size - best.q.size, 1), 1.0)
 
 
 def _worth_it(

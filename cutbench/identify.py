@@ -20,6 +20,8 @@ from cutbench.quantities import Parameter
 BLIND = 0.5
 #: Components of a direction that count, relative to its largest.
 PART = 0.25
+#: A value that may not be its bound keeps this part of its size away from it.
+INSIDE = 1e-6
 #: A column this much smaller than the largest is no sensitivity at all.
 NOTHING = 1e-9
 
@@ -56,9 +58,14 @@ class Unknown:
         return max(abs(self.start), 0.1 * abs(self.quantity.typical * self.quantity.factor)) or 1.0
 
     def value(self, q: float) -> float:
-        """The parameter (internal units) at q, within its bounds."""
-        raw = self.start * math.exp(q) if self.logarithmic else self.start + self.scale * q
-        return min(max(raw, self.low), self.high)
+        """The parameter (internal units) at q, within its bounds, and off those that are open."""
+        raw = self.start * math.exp(min(q, 200.0)) if self.logarithmic else self.start + self.scale * q
+        low, high, quantity = self.low, self.high, self.quantity
+        if quantity.open_low and low == quantity.low * quantity.factor:
+            low += INSIDE * self.scale
+        if quantity.open_high and high == quantity.high * quantity.factor:
+            high -= INSIDE * self.scale
+        return min(max(raw, low), high)
 
     def slope(self, q: float) -> float:
         """d value/dq."""
@@ -98,7 +105,7 @@ def identifiability(J: np.ndarray, unknowns: Sequence[Unknown]) -> Identifiabili
     labels = tuple(u.label for u in unknowns)
     size = np.linalg.norm(J, axis=0)
     blind = size <= NOTHING * max(size.max(initial=0.0), 1e-300)
-    _, s, Vt = np.linalg.svd(J, full_matrices=False)
+    _, s, Vt = _decomposed(J)
     with np.errstate(divide="ignore"):
         alone = np.where(blind, np.inf, 1 / np.where(blind, 1, size))
     covariance = information_inverse(J)
@@ -116,9 +123,15 @@ def information_inverse(J: np.ndarray) -> np.ndarray:
     """(JᵀJ)⁻¹, by scaled columns; directions without information get a huge variance, not an error."""
     size = np.linalg.norm(J, axis=0)
     size = np.where(size > 0, size, 1.0)
-    _, s, Vt = np.linalg.svd(J / size, full_matrices=False)
+    _, s, Vt = _decomposed(J / size)
     floor = max(s.max(initial=0.0), 1e-300) * 1e-10
     return (Vt.T / np.maximum(s, floor) ** 2 @ Vt) / np.outer(size, size)
+
+
+def _decomposed(J: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Singular values (k,) of J (m, k) and its vectors, also those that too few readings leave at 0."""
+    missing = max(J.shape[1] - J.shape[0], 0)
+    return np.linalg.svd(np.pad(J, ((0, missing), (0, 0))), full_matrices=False)
 
 
 def correlations(covariance: np.ndarray) -> np.ndarray:

@@ -14,10 +14,14 @@ from cutbench.identify import Unknown
 from cutbench.observe import Prediction, Predictor, Task
 from cutbench.reading import one_of
 from cutbench.sensitivity import differentiable
-from cutbench.weights import ADDED, Factors, Weights, finer, guessed_error, measured_error
+from cutbench.weights import Factors, Weights, correction, finer, guessed_error, measured_error
 
 #: Values on which each experiment is compared.
 GRID = 40
+#: Where a curve jumps (an unstable cut), its derivative is that of the jump's place and says nothing of the
+#: change over the length of a step: a reading's derivative by q counts up to so many times the curve's
+#: maximum, and one beyond has an error of this part of the maximum.
+STEEP, JUMP = 6.0, 0.2
 #: Not looked for unless asked: known beforehand, or better known otherwise.
 NOT_BY_ITSELF = frozenset({"nu", "beta", "thickness", "tip"})
 
@@ -148,7 +152,14 @@ class Inverse:
         """Of the train experiments, with slopes; computed once for each q. Raises ComputationFailed."""
         key = q.tobytes()
         if key not in self._known:
-            tasks = [Task(e, self.case(e, q), self.grids[e.id], self._names(e)) for e in self.campaign.train]
+            try:
+                cases = [self.case(e, q) for e in self.campaign.train]
+            except BadInput as error:  # values that do not go together, which the fit has tried
+                raise ComputationFailed(str(error)) from error
+            tasks = [
+                Task(e, case, self.grids[e.id], self.names(e))
+                for e, case in zip(self.campaign.train, cases, strict=True)
+            ]
             self._known[key] = dict(zip([e.id for e in self.campaign.train], self._run(tasks), strict=True))
         return self._known[key]
 
@@ -158,29 +169,50 @@ class Inverse:
         cases = [finer(c) if fine and e.kind == "cut" else c for c, e in zip(cases, experiments, strict=True)]
         return self._run([Task(e, c, self.grids[e.id]) for e, c in zip(experiments, cases, strict=True)])
 
-    def _names(self, e: Experiment) -> tuple[str, ...]:
+    def names(self, e: Experiment) -> tuple[str, ...]:
+        """Of the unknowns that a test can depend on."""
         seen = visible(e, self.campaign.base)
         mine = [u.name for u in self.unknowns if u.name in seen and u.experiment in (None, e.id)]
         return tuple(dict.fromkeys(mine))
 
     def slopes(self, e: Experiment, prediction: Prediction, q: np.ndarray) -> np.ndarray:
-        """dy/dq (m, k)."""
+        """dy/dq (m, k); of a cut no steeper than ``STEEP``."""
+        J = self._derivatives(e, prediction, q)
+        return J * self._gentle(e, J, prediction.y)[:, None]
+
+    def _derivatives(self, e: Experiment, prediction: Prediction, q: np.ndarray) -> np.ndarray:
         J = np.zeros((prediction.y.size, len(self.unknowns)))
         for k, u in enumerate(self.unknowns):
             if u.name in prediction.names and u.experiment in (None, e.id):
                 J[:, k] = prediction.slopes[:, prediction.names.index(u.name)] * u.slope(q[k])
         return J
 
+    @staticmethod
+    def _gentle(e: Experiment, J: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Part (m,) of each reading's derivatives J (m, k) that counts."""
+        if e.kind != "cut":
+            return np.ones(y.size)
+        limit = STEEP * np.abs(y).max()
+        return np.minimum(1.0, limit / np.maximum(np.linalg.norm(J, axis=1), 1e-300))
+
+    def _jumps(self, e: Experiment, prediction: Prediction, q: np.ndarray) -> np.ndarray:
+        """Covariance (m, m) of a computed curve where it is too steep in the parameters to be trusted."""
+        part = self._gentle(e, self._derivatives(e, prediction, q), prediction.y)
+        return np.diag((1 - part**2) * (JUMP * np.abs(prediction.y).max()) ** 2)
+
     def guess_weights(self, q: np.ndarray) -> None:
-        """From the readings and a guess of the computation's error."""
+        """From the readings, the curves at ``q`` and a guess of the computation's error."""
         found = self.predictions(q)
         for e in self.campaign.train:
             x = self.grids[e.id].x
-            error = guessed_error(x, found[e.id].y) if e.kind == "cut" else np.zeros((x.size, x.size))
+            error = self._jumps(e, found[e.id], q)
+            if e.kind == "cut":
+                error = error + guessed_error(x, found[e.id].y)
             self.weights[e.id] = Weights.of(self.grids[e.id], self.factors[e.kind], found[e.id].y, error)
 
     def measure_error(self, q: np.ndarray) -> list[str]:
-        """Compute the cuts on a finer mesh at ``q``, which the weights then know; says what it found."""
+        """Weights at ``q``, with the cuts computed on a finer mesh there; says what that found."""
+        self.guess_weights(q)
         cuts = [e for e in self.campaign.train if e.kind == "cut"]
         if not cuts:
             return []
@@ -192,15 +224,14 @@ class Inverse:
         notes = []
         for e, p in zip(cuts, fine, strict=True):
             grid, y = self.grids[e.id], coarse[e.id].y
-            shift = ADDED * (p.y - y)
+            shift = correction(grid.x, y, p.y)
             part = 100 * np.sqrt(np.mean((p.y - y) ** 2)) / np.abs(y).max()
             notes.append(
                 f"'{e.id}': finer numerics change the computed curve by {part:.1f} % of its"
                 " maximum (root mean square); the fit allows for that."
             )
-            self.weights[e.id] = Weights.of(
-                grid, self.factors["cut"], y + shift, measured_error(grid.x, y, p.y), shift
-            )
+            error = measured_error(grid.x, y, p.y) + self._jumps(e, coarse[e.id], q)
+            self.weights[e.id] = Weights.of(grid, self.factors["cut"], y + shift, error, shift)
         return notes
 
     def whitened(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

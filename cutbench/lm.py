@@ -3,9 +3,9 @@
 Minimises |r(q)|² / 2 in whitened residuals, so that a change of 1 in |r|² is one of noise: it ends when the
 next step promises less than ``Settings.promise`` of that a parameter, not at some number of digits. A step
 that cannot be computed (``ComputationFailed``) counts as one that does not help. After a step in vain the
-derivatives are the mean of those at both its ends: a computed curve is a little jagged, and what counts
-is its slope over the length of a step. Marquardt (1963), 10.1137/0111030; damping as Nielsen (1999),
-"Damping parameter in Marquardt's method".
+next is shorter, and the derivatives are the mean of those at both its ends: a computed curve is a little
+jagged, and what counts is its slope over the length of a step. Marquardt (1963), 10.1137/0111030; damping
+as Nielsen (1999), "Damping parameter in Marquardt's method".
 """
 
 from __future__ import annotations
@@ -17,14 +17,19 @@ import numpy as np
 
 from cutbench.errors import ComputationFailed
 
+#: Length of the step after one in vain, relative to that, and what a good step adds to the length allowed.
+SHORTER, LONGER = 0.3, 3.0
+
 Residual = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 @dataclass(frozen=True)
 class Settings:
-    """``reach``: largest change of one q in one step. ``damping``: at the start, relative."""
+    """``reach``: largest change of one q in one step. ``damping``: at the start, relative. ``jags``: after a
+    step in vain a promise this many times larger is not worth another."""
 
     promise: float = 0.05
+    jags: float = 10.0
     evaluations: int = 30
     failures: int = 3
     reach: float = 0.7
@@ -43,7 +48,7 @@ class Minimum:
     evaluations: int
     history: list[float] = field(default_factory=list)
     #: The undamped step (k,) that was left to do.
-    outstanding: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    outstanding: np.ndarray = field(kw_only=True)
 
     @property
     def chi2(self) -> float:
@@ -65,50 +70,60 @@ def minimise(
     settings = settings or Settings()
     q = np.clip(np.asarray(q, dtype=float), low, high)
     r, J = first if first is not None else residual(q)
-    best = Minimum(q, r, J, False, "", 1 if first is None else 0)
+    best = Minimum(q, r, J, False, "", 1 if first is None else 0, outstanding=np.zeros(q.size))
     best.history.append(best.chi2)
     damping, growth, failed = settings.damping, 2.0, 0
+    reach, reason = settings.reach, ""
     diagonal = np.zeros(q.size)
     try:
-        while best.evaluations < settings.evaluations:
-            if told is not None:
-                told(best)
+        if told is not None:
+            told(best)
+        while True:
             A, g = best.J.T @ best.J, best.J.T @ best.r
             diagonal = np.maximum(diagonal, np.diag(A))
             floor = 1e-12 * max(diagonal.max(initial=0.0), 1e-300)
-            step = _step(A, g, damping * np.maximum(diagonal, floor), best.q, low, high, settings.reach)
             best.outstanding = _step(A, g, np.zeros(q.size), best.q, low, high, settings.reach)
             left = -(2 * g @ best.outstanding + best.outstanding @ A @ best.outstanding)
-            if left <= settings.promise * q.size or not np.any(step):
-                best.converged, best.message = True, "converged"
+            # What the model cannot describe counts as noise.
+            noise = max(best.chi2 / max(best.r.size - q.size, 1), 1.0)
+            if left <= settings.promise * q.size * noise * (settings.jags if failed else 1.0):
+                best.converged = True
+                best.message = "converged" + (", as far as the jags of the curves let it" if failed else "")
                 return best
+            if failed >= settings.failures:
+                best.message = f"stopped after {failed} steps in vain: {reason}"
+                return best
+            if best.evaluations >= settings.evaluations:
+                best.message = f"stopped after {best.evaluations} evaluations"
+                return best
+            step = _step(A, g, damping * np.maximum(diagonal, floor), best.q, low, high, reach)
             predicted = -(2 * g @ step + step @ A @ step)
             J_mean = None
             try:
                 best.evaluations += 1
                 r, J = residual(best.q + step)
-                gained = best.chi2 - float(r @ r)
             except ComputationFailed as error:
                 gained, reason = -np.inf, str(error)
             else:
                 reason = "the misfit does not fall as the derivatives promise"
+                gained = best.chi2 - float(r @ r)
                 if np.isfinite(J).all():
                     J_mean = (best.J + J) / 2
-            if np.isfinite(gained) and gained > 0:
+            if J_mean is not None and gained > 0:
                 best.q, best.r, best.J = best.q + step, r, J
                 best.history.append(best.chi2)
                 ratio = gained / max(predicted, 1e-300)
                 damping = max(damping * max(1 / 5, 1 - (2 * ratio - 1) ** 3), 1e-9)
                 growth, failed = 2.0, 0
+                reach = min(LONGER * reach, settings.reach)
+                if told is not None:
+                    told(best)
                 continue
             failed += 1
             if J_mean is not None:
                 best.J = J_mean
-            if failed >= settings.failures:
-                best.message = f"stopped after {failed} steps in vain: {reason}"
-                return best
             damping, growth = damping * growth, growth * 2
-        best.message = f"stopped after {best.evaluations} evaluations"
+            reach = SHORTER * np.abs(step).max()
     except KeyboardInterrupt:
         best.message = "interrupted"
     return best

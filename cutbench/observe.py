@@ -10,6 +10,7 @@ import multiprocessing
 import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
@@ -80,6 +81,8 @@ def _cut(task: Task) -> Prediction:
     rig = {q.name for law in case.model.laws("rig") for q in law.parameters}
     result = run_case(case, sensitivities=[name for name in names if name not in rig])
     reached, wanted = result.outcome.reached_mm, float(task.grid.x[-1])
+    if result.outcome.kind == "interrupted":
+        raise KeyboardInterrupt
     if not result.outcome.done and reached < wanted - 1e-6:
         raise ComputationFailed(f"'{task.experiment.id}': {result.outcome}")
     curve = result.curve
@@ -96,6 +99,10 @@ def _cut(task: Task) -> Prediction:
         )
         columns.append(average @ _read(places, *shown))
     by_name = np.stack(columns, axis=1)[:, 1:].imag / STEP
+    if not np.isfinite(by_name).all():
+        raise ComputationFailed(
+            f"'{task.experiment.id}': the equations are singular on the way: no derivatives beyond"
+        )
     onset = result.measures.get("onset_mm", float("nan"))
     return Prediction(columns[0].real, by_name, names, onset, result.counts["steps"], result.timings)
 
@@ -122,10 +129,14 @@ class Predictor:
         """In the order of ``tasks``. Raises ComputationFailed if one falls short."""
         if self._pool is None:
             return [predict(task) for task in tasks]
-        cuts = {i: self._pool.submit(predict, task) for i, task in enumerate(tasks)
-                if task.experiment.kind == "cut"}  # fmt: skip
+        cuts = {}
         try:
+            for i, task in enumerate(tasks):
+                if task.experiment.kind == "cut":
+                    cuts[i] = self._pool.submit(predict, task)
             return [cuts[i].result() if i in cuts else predict(task) for i, task in enumerate(tasks)]
+        except BrokenProcessPool as error:
+            raise ComputationFailed("a process that computed a cut was ended from outside") from error
         finally:
             for future in cuts.values():
                 future.cancel()

@@ -5,11 +5,13 @@ part, a² y yᵀ with a² pooled over all tests of a kind, is kept apart from wh
 (``cutbench.noise``, on the curves without their factors). Lumped together, the few repetitions of one test
 would make the common factor of all readings look far better known than it is.
 
-A computed curve depends on its mesh and steps. That error is smooth along the curve and often larger than
-the noise of averaged readings, so a fit that ignores it trusts its readings too much. It is measured: the
-same case with steps, elements and give of the contact about half as large gives e = y_fine − y. If the error
-is of first order, the exact curve is y + 2 e; if of a higher one, a little beyond y + e. The fit compares
-y + 1.5 e with the readings and takes e/2 for one standard deviation of what is still missing.
+A computed curve depends on its mesh and steps. That error is often larger than the noise of averaged
+readings, so a fit that ignores it trusts its readings too much. It is measured: the same case with steps,
+elements and give of the contact about half as large gives e = y_fine − y. Its smooth part goes on under
+refinement: if the error is of first order, the exact curve is y + 2 e; if of a higher one, a little beyond
+y + e. The fit adds 1.5 e and takes 0.7 e for one standard deviation of what is still missing. What is left
+of e are the jags of both meshes, an element or a step long: those of the finer take the place of the
+others, and their size is that of an error that extends over a few grid values.
 """
 
 from __future__ import annotations
@@ -21,13 +23,15 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from cutbench.case import Case
-from cutbench.noise import matern, roughness, scatter_covariance
+from cutbench.noise import matern, scatter_covariance
 from cutbench.repetition import Averaged
 
 #: Numerics of the finer computation, relative to those of the fit.
 FINER = {"h_mm": 0.7, "step_mm": 0.5, "penalty": 2.0, "stick": 2.0}
-#: What is added of the difference, and what stays uncertain.
-ADDED, UNSURE = 1.5, 0.5
+#: What is added of the difference's smooth part, and what stays uncertain of it.
+ADDED, UNSURE = 1.5, 0.7
+#: In grid values: the window of the smooth part (standard deviation), and the length of jags.
+WINDOW, JAG = 6.0, 4.0
 #: Error of a computed curve before it has been measured: of its smooth part, and of its jags.
 FIRST_GUESS, FIRST_JAGS = 0.02, 0.005
 
@@ -128,10 +132,45 @@ def guessed_error(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def measured_error(x: np.ndarray, y: np.ndarray, fine: np.ndarray) -> np.ndarray:
-    """Covariance (m, m) of a computed curve with its difference to a finer one added, on ``x`` (m,)."""
-    e = fine - y
-    smooth = scatter_covariance(x, np.stack([e, -e]) / np.sqrt(2), np.zeros((x.size, x.size)))
-    return UNSURE**2 * smooth + np.diag(roughness(x, e) ** 2 + roughness(x, y) ** 2)
+    """Covariance (m, m) of a computed curve with ``correction`` added, on ``x`` (m,), even."""
+    e, spacing = fine - y, np.ptp(x) / (x.size - 1)
+    gentle = smooth(x, e)
+    missing = scatter_covariance(x, np.stack([gentle, -gentle]) / np.sqrt(2), np.zeros((x.size, x.size)))
+    size = np.sqrt(_nearby(x, x, (e - gentle) ** 2))
+    rough = size[:, None] * size * matern(np.abs(x[:, None] - x), JAG * spacing)
+    return UNSURE**2 * missing + rough + np.diag(jags(x, e) + jags(x, y))
+
+
+def correction(x: np.ndarray, y: np.ndarray, fine: np.ndarray) -> np.ndarray:
+    """What (m,) brings a computed curve nearer to the limit of fine meshes."""
+    gentle = smooth(x, fine - y)
+    return ADDED * gentle + (fine - y - gentle)
+
+
+def smooth(x: np.ndarray, e: np.ndarray) -> np.ndarray:
+    """Local lines through ``e`` (m,) under a Gaussian window."""
+    width = WINDOW * np.ptp(x) / (x.size - 1)
+    d = x - x[:, None]
+    weight = np.exp(-((d / width) ** 2) / 2)
+    s0, s1, s2 = (weight.sum(axis=1), (weight * d).sum(axis=1), (weight * d * d).sum(axis=1))
+    return (s2 * (weight @ e) - s1 * ((weight * d) @ e)) / (s0 * s2 - s1 * s1)
+
+
+def _nearby(x: np.ndarray, at: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Mean (m,) of ``values`` (n,), known ``at`` (n,), in a window about each x (m,), a tenth of all wide."""
+    window = np.exp(-(((x[:, None] - at) / (np.ptp(x) / 10)) ** 2) / 2)
+    return window @ values / window.sum(axis=1)
+
+
+def jags(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Variance (m,) of what is not smooth in a computed curve on ``x`` (m,), even.
+
+    What each value differs from the cubic through its four neighbours, as ``cutbench.noise.roughness`` has
+    it, but as a mean square: the jags of a mesh come one by one, and a median would not see them.
+    """
+    weights = np.array([1, -4, 6, -4, 1]) / np.sqrt(70)
+    rough = np.convolve(y, weights, mode="valid") ** 2
+    return _nearby(x, x[2:-2], rough)
 
 
 def _sound(C: np.ndarray) -> np.ndarray:

@@ -7,13 +7,13 @@ import csv
 import numpy as np
 import pytest
 
-from cutbench.build import build
+from benchmarks.differences import Marched, differences, moved
 from cutbench.case import Case, load_case
 from cutbench.errors import BadInput
 from cutbench.mechanisms import registry
 from cutbench.output import write_run
 from cutbench.run import run_case
-from cutbench.sensitivity import differentiable, extended, follow
+from cutbench.sensitivity import differentiable, extended
 
 #: A weak cut plane and a slender tip: contact, friction, adhesion and damage from the first tenths on.
 CUTTING = load_case("gelatin").set(
@@ -25,70 +25,11 @@ QUICK = CUTTING.set(element="P1", depth="0.3 mm")
 STEP = 1e-4
 
 
-class Marched:
-    """One march: forces (n,), derivatives (n, k), steps taken, and at each step all that can switch."""
-
-    def __init__(self, case: Case, names=(), schedule=None, geometry=None):
-        built = build(case, geometry)
-        self.geometry = built.geometry
-        built.march.schedule = schedule
-        follower = follow(built, names) if names else None
-        damping = next((f for f in built.problem.forms if f.name == "damping"), None)
-        self.forces, self.slopes, self.steps, self.switches = [], [], [], []
-        for step in built.march:
-            self.forces.append(step.force)
-            self.steps.append((step.step.dt * case.p.speed, damping.boost if damping else 1.0))
-            self.switches.append(self._switches(built, step))
-            if follower is not None:
-                self.slopes.append(follower.add(step))
-        assert built.march.stopped is None
-        if follower is not None:
-            assert follower.lost is None
-            assert follower.unresolved == 0
-        self.forces, self.slopes = np.array(self.forces), np.array(self.slopes)
-
-    @staticmethod
-    def _switches(built, step) -> np.ndarray:
-        before, values = step.solves[-1][0], built.case.values
-        mu, tau_W = (values.get(name, 0.0) for name in ("mu", "tau_W"))
-        found = []
-        for form in built.blades:
-            old, new = before[form.name], step.states[form.name]
-            strength = mu * old["pressure"] + tau_W * old["touched"]
-            shear = np.sqrt((new["shear"] ** 2).sum(axis=0))
-            found += [old["touched"] > 0, new["active"] > 0, shear < strength * (1 - 1e-9)]
-        cut = "cohesion"
-        found.append(step.states[cut]["delta_max"] > before[cut]["delta_max"])
-        found.append(built.form(cut).jump(step.u)[0] > 0)
-        return np.concatenate([np.ravel(f) for f in found])
-
-
-def moved(case: Case, name: str, by: float) -> Case:
-    """The case with another value to the last digit: a case itself keeps fourteen."""
-    other = object.__new__(Case)
-    vars(other).update({**vars(case), "values": {**case.values, name: case.values[name] + by}})
-    vars(other).pop("id", None)
-    return other
-
-
-def differences(case: Case, name: str, middle: Marched) -> tuple[np.ndarray, np.ndarray]:
-    """Central differences (n,) on the mesh and at the steps of ``middle``, and the readings at which nothing
-    switches."""
-    value = case.values[name]
-    by = STEP * (abs(value) or 1.0)
-    plus = Marched(moved(case, name, by), schedule=middle.steps, geometry=middle.geometry)
-    minus = Marched(moved(case, name, -by), schedule=middle.steps, geometry=middle.geometry)
-    same = [
-        np.array_equal(a, b) and np.array_equal(a, c)
-        for a, b, c in zip(plus.switches, minus.switches, middle.switches, strict=True)
-    ]
-    return (plus.forces - minus.forces) / (2 * by), np.array(same)
-
-
 def check(case: Case, names, *, most_flips: int = 3):
     middle = Marched(case, names)
+    assert middle.stopped is None and middle.lost is None and middle.unresolved == 0
     for i, name in enumerate(names):
-        expected, same = differences(case, name, middle)
+        expected, same = differences(case, name, middle, STEP * abs(case.values[name]))
         size = np.abs(expected).max()
         # Below that the differences are those of rounding.
         assert size * abs(case.values[name]) > 1e-3 * middle.forces.max(), name

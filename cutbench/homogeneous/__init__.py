@@ -7,6 +7,6 @@ One model is so fitted to tension tests and to cutting curves together.
 """
 
 from cutbench.homogeneous.history import History
-from cutbench.homogeneous.predict import predict, respond, slopes
+from cutbench.homogeneous.predict import predict, respond, scan, slopes
 
-__all__ = ["History", "predict", "respond", "slopes"]
+__all__ = ["History", "predict", "respond", "scan", "slopes"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from types import SimpleNamespace
 
 import numpy as np
@@ -78,6 +78,37 @@ def slopes(
     else:
         out = _respond(experiment.kind, history, model, batch, experiment.direction, len(names))
     return out[:, 0].real.copy(), out.imag / STEP
+
+
+def scan(
+    experiment: Experiment,
+    model: Model,
+    p: SimpleNamespace,
+    names: Sequence[str],
+    sets: Sequence[Mapping[str, float]],
+    at: Averaged | None = None,
+) -> np.ndarray:
+    """Exact derivatives (len(sets), n, len(names)) by ``names`` with the values of each of ``sets`` in ``p``.
+
+    All of them come from one pass along the history where the model has a memory.
+    """
+    at = at or experiment.on_grid()
+    history = History.of(experiment, at)
+    pairs = [(values, name) for values in sets for name in names]
+    if experiment.kind == "sliding" or (experiment.kind in HOMOGENEOUS and not _remembers(model, p)):
+        parts = []
+        for values, name in pairs:
+            one = SimpleNamespace(**{**vars(p), **values})
+            setattr(one, name, getattr(one, name) + 1j * STEP)
+            parts.append(_respond(experiment.kind, history, model, one, experiment.direction, 1)[:, 0])
+        out = np.stack(parts, axis=1)
+    else:
+        batch = SimpleNamespace(**vars(p))
+        for key in dict.fromkeys([key for values in sets for key in values] + list(names)):
+            own = np.array([values.get(key, getattr(p, key)) for values, _ in pairs], dtype=complex)
+            setattr(batch, key, own + 1j * STEP * np.array([name == key for _, name in pairs]))
+        out = _respond(experiment.kind, history, model, batch, experiment.direction, len(pairs))
+    return (out.imag / STEP).reshape(at.x.size, len(sets), len(names)).transpose(1, 0, 2)
 
 
 def _remembers(model: Model, p: SimpleNamespace) -> bool:

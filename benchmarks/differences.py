@@ -1,0 +1,87 @@
+"""Central differences of a march, at the steps and on the mesh of another, to hold derivatives against."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cutbench.build import Built, build
+from cutbench.case import Case
+from cutbench.sensitivity import follow
+from cutbench.solve.geometry import Geometry
+from cutbench.solve.march import Accepted
+
+
+class Marched:
+    """One march: forces (n,), derivatives (n, k), steps taken, and at each step all that can switch.
+
+    ``lost`` and ``unresolved`` are those of its derivatives; ``stopped`` says why it ended early, if it did.
+    """
+
+    def __init__(
+        self,
+        case: Case,
+        names: Sequence[str] = (),
+        schedule: Sequence[tuple[float, float]] | None = None,
+        geometry: Geometry | None = None,
+    ):
+        built = build(case, geometry)
+        built.march.schedule = schedule
+        follower = follow(built, names) if names else None
+        damping = next((f for f in built.problem.forms if f.name == "damping"), None)
+        self.geometry = built.geometry
+        self.steps, self.switches = [], []
+        forces, slopes = [], []
+        for step in built.march:
+            forces.append(step.force)
+            self.steps.append((step.step.dt * case.p.speed, damping.boost if damping else 1.0))
+            self.switches.append(switches(built, step))
+            if follower is not None:
+                slopes.append(follower.add(step))
+        self.stopped = built.march.stopped
+        self.lost = None if follower is None else follower.lost
+        self.unresolved = 0 if follower is None else follower.unresolved
+        self.forces, self.slopes = np.array(forces), np.array(slopes)
+
+
+def switches(built: Built, step: Accepted) -> np.ndarray:
+    """Contact, Θ, sticking, loading and opening at every point, one after the other."""
+    before, values = step.solves[-1][0], built.case.values
+    mu, tau_W = (values.get(name, 0.0) for name in ("mu", "tau_W"))
+    found = []
+    for form in built.blades:
+        old, new = before[form.name], step.states[form.name]
+        strength = mu * old["pressure"] + tau_W * old["touched"]
+        shear = np.sqrt((new["shear"] ** 2).sum(axis=0))
+        found += [old["touched"] > 0, new["active"] > 0, shear < strength * (1 - 1e-9)]
+    cut = "cohesion"
+    found.append(step.states[cut]["delta_max"] > before[cut]["delta_max"])
+    found.append(built.form(cut).jump(step.u)[0] > 0)
+    return np.concatenate([np.ravel(f) for f in found])
+
+
+def moved(case: Case, name: str, by: float) -> Case:
+    """The case with another value to the last digit: a case itself keeps fourteen."""
+    other = object.__new__(Case)
+    vars(other).update({**vars(case), "values": {**case.values, name: case.values[name] + by}})
+    vars(other).pop("id", None)
+    return other
+
+
+def differences(case: Case, name: str, middle: Marched, by: float) -> tuple[np.ndarray, np.ndarray]:
+    """Central differences (n,) by a parameter, ``by`` each way, on the mesh and at the steps of ``middle``;
+    and the readings (n,) at which nothing switches.
+
+    Where one of the two marches ends early, n is smaller than in ``middle``.
+    """
+    plus, minus = (
+        Marched(moved(case, name, sign * by), schedule=middle.steps, geometry=middle.geometry)
+        for sign in (1, -1)
+    )
+    n = min(plus.forces.size, minus.forces.size)
+    same = [
+        np.array_equal(a, b) and np.array_equal(a, c)
+        for a, b, c in zip(plus.switches[:n], minus.switches[:n], middle.switches[:n], strict=True)
+    ]
+    return (plus.forces[:n] - minus.forces[:n]) / (2 * by), np.array(same, dtype=bool)

@@ -1,0 +1,112 @@
+"""Sensitivities of a run: how exact they are, and what they cost.
+
+    python -m benchmarks.sensitivities --depth 6 --json FILE
+
+For each material at the default numerics: a run with all parameters' derivatives, timed; and for each
+parameter two runs beside it at the same steps and on the same mesh, for central differences (with a
+sharper tolerance of Newton's method, so that they have digits to compare). Readings at which a point's
+contact, friction or damage switches between the two are counted, not compared. Where a derivative is
+below a thousandth of its largest, its error is relative to that. Exit status 1 if an error exceeds 1e-4 or
+a parameter costs more than 15 % of the run, 2 for bad input.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.__main__ import write_whole
+from benchmarks.differences import Marched, differences
+from benchmarks.machine import facts
+from cutbench.case import Case, load_case
+from cutbench.errors import BadInput
+from cutbench.run import run_case
+
+MATERIALS = ("gelatin", "elastomer")
+NAMES = ("G", "nu", "G_c", "delta_c", "eta_reg", "thickness", "tip", "tau_W", "mu", "speed")
+#: Change of the largest force that a difference makes, relative to it, and Newton's tolerance in them.
+STEP, TOLERANCE = 1e-5, 1e-11
+#: Part of a derivative's largest value below which errors are relative to that part.
+FLOOR = 1e-3
+WANTED_ERROR, WANTED_COST = 1e-4, 0.15
+
+
+def cost(case: Case, names: Sequence[str]) -> dict:
+    """Seconds of a run with its derivatives, and their share a parameter of the run without them."""
+    result = run_case(case, sensitivities=names)
+    extra = result.timings["sensitivities"]
+    alone = result.timings["total"] - extra
+    return {
+        "reached_mm": result.outcome.reached_mm,
+        "steps": result.counts["steps"],
+        "degrees_of_freedom": result.counts["degrees_of_freedom"],
+        "run_s": alone,
+        "sensitivities_s": extra,
+        "part_per_parameter": extra / alone / len(names),
+        "unresolved": result.counts["unresolved_sensitivities"],
+    }
+
+
+def errors(case: Case, names: Sequence[str]) -> dict[str, dict]:
+    """By parameter: largest relative error over the readings, how many switch, and how much it matters."""
+    exact = case.set(tolerance=TOLERANCE)
+    middle = Marched(exact, names)
+    found = {}
+    for i, name in enumerate(names):
+        by = STEP * np.abs(middle.forces).max() / np.abs(middle.slopes[:, i]).max()
+        expected, same = differences(exact, name, middle, float(by))
+        if not same.all():  # a point that has switched also leaves its trace in later readings
+            expected, same = differences(exact, name, middle, float(by) / 10)
+        n = expected.size
+        size = np.abs(expected).max()
+        error = np.abs(middle.slopes[:n, i] - expected) / np.maximum(np.abs(expected), FLOOR * size)
+        found[name] = {
+            "error": float(error[same].max()),
+            "median_error": float(np.median(error[same])),
+            "readings": int(n),
+            "switching": int((~same).sum()),
+            "not_reached": int(middle.forces.size - n),
+            "elasticity": float(size * abs(exact.values[name]) / np.abs(middle.forces).max()),
+        }
+        print(f"  {name:<10} error {found[name]['error']:.1e}, median {found[name]['median_error']:.1e},"
+              f" {found[name]['switching']} of {n} readings switch", flush=True)  # fmt: skip
+    return found
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.sensitivities", description=__doc__.split("\n")[0]
+    )
+    parser.add_argument("--material", action="append", choices=MATERIALS, help="default: both")
+    parser.add_argument("--depth", type=float, default=6.0, metavar="MM")
+    parser.add_argument("--json", type=Path, metavar="FILE")
+    asked = parser.parse_args(argv)
+    try:
+        cases = [load_case(m).set(depth=f"{asked.depth!r} mm") for m in asked.material or MATERIALS]
+    except BadInput as error:
+        parser.error(str(error))
+    report, good = {"machine": facts("1"), "materials": {}}, True
+    for case in cases:
+        names = [name for name in NAMES if case.values.get(name)]
+        paid = cost(case, names)
+        print(
+            f"{case.name}, {paid['reached_mm']:g} mm, {paid['steps']} steps: run {paid['run_s']:.1f} s,"
+            f" {len(names)} derivatives {paid['sensitivities_s']:.1f} s:"
+            f" {100 * paid['part_per_parameter']:.1f} % a parameter",
+            flush=True,
+        )
+        by_name = errors(case, names)
+        report["materials"][case.name] = {**paid, "parameters": by_name}
+        good &= paid["part_per_parameter"] < WANTED_COST
+        good &= all(e["error"] < WANTED_ERROR for e in by_name.values())
+        if asked.json is not None:
+            write_whole(asked.json, report)
+    return 0 if good else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,220 @@
+"""What a fit is made of: least squares within bounds, weights, and what data can tell."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cutbench import lm
+from cutbench.errors import ComputationFailed
+from cutbench.identify import Unknown, identifiability, information_inverse
+from cutbench.mechanisms import registry
+from cutbench.noise import matern
+from cutbench.quantities import Parameter
+from cutbench.repetition import Averaged
+from cutbench.weights import Factors, Weights, correction, measured_error, smooth
+
+TIGHT = lm.Settings(promise=1e-14, evaluations=200, failures=20, reach=np.inf, jags=1.0)
+FREE = np.array([-np.inf, -np.inf]), np.array([np.inf, np.inf])
+
+
+def rosenbrock(q):
+    return np.array([10 * (q[1] - q[0] ** 2), 1 - q[0]]), np.array([[-20 * q[0], 10.0], [-1.0, 0.0]])
+
+
+def test_rosenbrock():
+    found = lm.minimise(rosenbrock, np.array([-1.2, 1.0]), *FREE, TIGHT)
+    assert found.converged
+    np.testing.assert_allclose(found.q, [1, 1], atol=1e-6)
+    assert np.all(np.diff(found.history) < 0)
+
+
+def test_rosenbrock_within_bounds():
+    # With q0 <= 0.5 the minimum of (10 (q1 - q0²))² + (1 - q0)² is at (0.5, 0.25).
+    high = np.array([0.5, np.inf])
+    found = lm.minimise(rosenbrock, np.array([-1.2, 1.0]), FREE[0], high, TIGHT)
+    assert found.converged
+    np.testing.assert_allclose(found.q, [0.5, 0.25], atol=1e-6)
+
+
+def test_a_start_outside_begins_at_the_bound():
+    low, high = np.array([2.0, -1.0]), np.array([3.0, 20.0])
+    found = lm.minimise(rosenbrock, np.array([-5.0, 0.0]), low, high, TIGHT)
+    np.testing.assert_allclose(found.q, [2, 4], atol=1e-6)
+
+
+def test_a_step_that_cannot_be_computed_is_shortened():
+    tried = []
+
+    def fenced(q):
+        tried.append(q[0])
+        if q[0] > 1.2:
+            raise ComputationFailed("beyond the fence")
+        return np.array([np.log(q[0])]), np.array([[1 / q[0]]])
+
+    # A full step from 0.3 leads to 0.66; from 0.1 with a flat log it would not: reach lets it jump far.
+    steep = lm.Settings(promise=1e-12, evaluations=60, failures=6, reach=5.0, jags=1.0)
+    found = lm.minimise(lambda q: fenced(q), np.array([0.05]), np.array([0.01]), np.array([9.0]), steep)
+    assert found.converged and found.q[0] == pytest.approx(1.0, abs=1e-5)
+
+    def wall(q):
+        if q[0] != 0:
+            raise ComputationFailed("nothing beyond")
+        return np.array([1.0]), np.array([[1.0]])
+
+    found = lm.minimise(wall, np.zeros(1), np.array([-9.0]), np.array([9.0]))
+    assert not found.converged
+    assert "nothing beyond" in found.message
+    assert found.evaluations == 1 + lm.Settings().failures
+
+
+def test_a_start_that_cannot_be_computed_is_raised_and_an_interruption_is_not():
+    def broken(q):
+        raise ComputationFailed("no start")
+
+    with pytest.raises(ComputationFailed, match="no start"):
+        lm.minimise(broken, np.zeros(2), *FREE)
+
+    def impatient(q):
+        if np.any(q):
+            raise KeyboardInterrupt
+        return rosenbrock(q + np.array([-1.2, 1.0]))
+
+    found = lm.minimise(impatient, np.zeros(2), *FREE)
+    assert found.message == "interrupted" and not found.converged
+    assert not found.q.any()
+
+
+def test_derivatives_that_are_not_finite_are_not_taken():
+    def holed(q):
+        J = np.array([[1.0]]) if q[0] < 0.5 else np.array([[np.nan]])
+        return q - 2, J
+
+    found = lm.minimise(holed, np.zeros(1), np.array([-9.0]), np.array([9.0]))
+    assert np.isfinite(found.J).all() and found.q[0] < 0.5
+
+
+G, MU = (registry()[m].parameters[0] for m in ("neo_hookean", "coulomb"))
+
+
+def unknown(name: str, start: float = 1.0, low: float = 0.0, high: float = np.inf) -> Unknown:
+    return Unknown(Parameter(name, "1", name, "a number", low=0, open_low=True), start, low, high)
+
+
+def test_a_product_cannot_be_separated():
+    x = np.linspace(0.1, 1, 30)[:, None]
+    a, b, c = unknown("a"), unknown("b"), unknown("c")
+    # y = a b x + c x², by the logarithms of a, b, c; noise 0.01.
+    J = np.hstack([x, x, x**2]) / 0.01
+    said = identifiability(J, [a, b, c])
+    (sentence,) = said.sentences
+    assert "cannot separate a from b" in sentence or "cannot separate b from a" in sentence
+    assert "c" not in sentence.split(":")[0].replace("cannot", "").split()
+    assert "raising" in sentence and "lowering" in sentence
+    assert said.joint[2] < 0.1 < 1e3 < said.joint[0]
+    assert said.alone[0] < 0.01
+    assert abs(said.correlation[0, 1]) > 0.999
+
+
+def test_a_parameter_that_nothing_depends_on_is_named():
+    J = np.column_stack([np.ones(10), np.zeros(10)])
+    said = identifiability(J, [unknown("a"), unknown("b")])
+    assert said.sentences == ("No reading depends on b.",)
+    assert said.joint[1] == np.inf
+
+
+def test_fewer_readings_than_parameters_are_not_enough():
+    rng = np.random.default_rng(0)
+    J = 100 * rng.standard_normal((2, 3))
+    said = identifiability(J, [unknown(n) for n in "abc"])
+    assert said.singular_values.size == 3 and said.singular_values[-1] == 0
+    assert said.sentences
+    assert np.sqrt(np.diag(information_inverse(J))).max() > 1e3
+
+
+def test_a_sum_that_is_known_and_a_difference_that_is_not():
+    J = np.array([[100.0, 100.0], [0.5, -0.5]])
+    said = identifiability(J, [unknown("a"), unknown("b")])
+    np.testing.assert_allclose(said.singular_values, [np.sqrt(2) * 100, np.sqrt(0.5)])
+    np.testing.assert_allclose(information_inverse(J), np.linalg.inv(J.T @ J), rtol=1e-9)
+
+
+def test_values_stay_off_open_bounds_and_on_closed_ones():
+    u = Unknown(G, 0.04, 0.0, np.inf)
+    assert u.logarithmic and u.value(np.log(2)) == pytest.approx(0.08)
+    assert u.value(-1e6) > 0 and np.isfinite(u.value(1e6))
+    nu = registry()["volumetric"].parameters[0]
+    u = Unknown(nu, 0.49, 0.0, 0.5)
+    assert u.value(50.0) < 0.5
+    u = Unknown(MU, 0.1, 0.0, np.inf)
+    assert not u.logarithmic and u.value(-50.0) == 0.0
+    assert u.q(u.value(0.3)) == pytest.approx(0.3)
+
+
+def grid_of(curves: np.ndarray, reading: float) -> Averaged:
+    m = curves.shape[1]
+    sd = np.full(m, reading)
+    x = np.linspace(0, 1, m)
+    return Averaged(x, curves.mean(axis=0), np.zeros(m), sd, np.eye(m), curves)
+
+
+def test_the_factor_of_specimens_is_recovered_and_noise_is_not_taken_for_it():
+    rng = np.random.default_rng(4)
+    y = np.linspace(0.2, 1, 40)
+    grids = [
+        grid_of(y * (1 + 0.03 * rng.standard_normal((3, 1))) + 0.01 * rng.standard_normal((3, 40)), 0.01)
+        for _ in range(200)
+    ]
+    found = Factors.of(grids)
+    assert found.dof == 400
+    assert np.sqrt(found.variance) == pytest.approx(0.03, rel=0.1)
+    alone = Factors.of([grid_of(y[None], 0.01)])
+    assert (alone.variance, alone.dof) == (0.0, 0)
+
+
+def test_whitened_residuals_have_unit_variance():
+    # Many campaigns of three specimens: what is left between the mean and the truth, whitened, is white.
+    rng = np.random.default_rng(5)
+    y = 1 + np.linspace(0, 1, 25) ** 2
+    pooled, white = Factors(0.03**2, 100), []
+    for _ in range(300):
+        noise = 0.01 * rng.standard_normal((3, 25))
+        curves = y * (1 + 0.03 * rng.standard_normal((3, 1))) + noise
+        grid = grid_of(curves, 0.01)
+        w = Weights.of(grid, pooled, y, np.zeros((25, 25)))
+        white.append(w.white(grid.mean - y))
+    assert np.var(white) == pytest.approx(1.0, abs=0.15)
+
+
+def test_the_covariance_is_that_of_its_parts():
+    y = np.linspace(0.5, 1, 10)
+    computed = 0.1**2 * np.eye(10)
+    w = Weights.of(grid_of(y[None], 0.2), Factors(0.25, 3), y, computed)
+    np.testing.assert_allclose(
+        w.covariance, 0.25 * np.outer(y, y) + (0.2**2 + 0.1**2) * np.eye(10), atol=1e-7
+    )
+    L = np.linalg.cholesky(w.covariance)
+    np.testing.assert_allclose(w.white(y), np.linalg.solve(L, y), rtol=1e-9)
+
+
+def test_the_computations_error_is_taken_from_a_finer_mesh():
+    x = np.linspace(0, 2, 40)
+    limit = x + 0.1 * np.sin(3 * x)
+    coarse, fine = limit - 0.04 * x**2, limit - 0.01 * x**2  # an error of second order, halved elements
+    moved = coarse + correction(x, coarse, fine)
+    # Between first order (2 e) and none (e).
+    assert np.abs(moved - limit).max() < 0.5 * np.abs(coarse - limit).max()
+    sd = np.sqrt(np.diag(measured_error(x, coarse, fine)))
+    assert np.all(np.abs(moved - limit)[5:] < 2 * sd[5:])
+    # Jags are not carried on: they count as noise.
+    rng = np.random.default_rng(6)
+    jagged = fine + 0.02 * rng.standard_normal(40)
+    rough = np.sqrt(np.diag(measured_error(x, coarse, jagged)))
+    assert np.median(rough) > 2 * np.median(sd)
+    assert 0.01 < np.median(rough) < 0.06
+
+
+def test_a_window_leaves_lines_as_they_are():
+    x = np.linspace(0, 3, 40)
+    np.testing.assert_allclose(smooth(x, 2 - 3 * x), 2 - 3 * x, atol=1e-9)
+    assert matern(np.zeros(1), 1.0)[0] == 1.0
