@@ -1,0 +1,43 @@
+"""``cutbench discover``: what a model gets wrong of measured curves, which mechanism explains it, what it
+gains."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cutbench.face import exits, whole
+
+
+@exits
+def discover(
+    campaign: Annotated[Path, typer.Argument(metavar="CAMPAIGN.toml", help="Tests and their readings.")],
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="Where discovery.json and discovery.html are written.")
+    ] = Path("discovery"),
+    workers: Annotated[
+        str | None, typer.Option(metavar="N", help="Processes; default: one a core; 0: this one.")
+    ] = None,
+    refine: Annotated[
+        bool, typer.Option(help="Measure the error of the computation on a finer mesh on the way.")
+    ] = True,
+) -> None:
+    """Fit the baseline, show where it fails, name the mechanism that explains it and what it gains."""
+    from cutbench.campaign import load_campaign
+    from cutbench.output import check_writable
+
+    loaded = load_campaign(campaign)
+    count = whole("workers", workers)
+    folder = check_writable(out)
+
+    from cutbench.discover import discover as run
+    from cutbench.discover.report import summary, write_discovery
+
+    found = run(loaded, workers=count, refine=refine, told=lambda text: typer.echo(text, err=True))
+    paths = write_discovery(found, folder)
+    typer.echo(summary(found))
+    typer.echo("written: " + ", ".join(str(path) for path in paths))
+    if found.interrupted:
+        raise typer.Exit(130)

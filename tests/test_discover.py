@@ -1,0 +1,281 @@
+"""Discovery on made-up campaigns without a mesh: it finds what was hidden, and nothing where nothing was."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from benchmarks import discovery as blind
+from cutbench.campaign import load_campaign
+from cutbench.discover import discover
+from cutbench.discover.page import page
+from cutbench.discover.report import finite, summary, to_dict, write_discovery
+from cutbench.discover.score import tail
+from cutbench.discover.search import Discovery
+
+STUDIES = Path(__file__).parents[1] / "studies"
+SEED = 11
+
+
+def found(effect: str, family: str, many: bool = True, number: int = 3) -> tuple[blind.Hidden, Discovery]:
+    hidden = blind.make(number, effect, family, many, SEED)
+    return hidden, discover(hidden.campaign, workers=0)
+
+
+@pytest.fixture(scope="module")
+def gent():
+    return found("gent", "bulk", many=False)
+
+
+@pytest.mark.parametrize(
+    ("effect", "family"),
+    [("compact_cohesion", "cut law"), ("rate_toughness", "cut law"), ("adhesion_speed", "blade law"),
+     ("adhesion_wear", "blade law"), ("coulomb_saturating", "blade law")],
+)  # fmt: skip
+def test_it_names_what_was_hidden(effect, family):
+    hidden, d = found(effect, family)
+    assert hidden.change > 1.5 * blind.SCATTER
+    assert d.verdict == "mechanism"
+    assert effect in (d.found[0], *d.rounds[0].group)
+    assert blind.judge(hidden, d)["heldout_error_cut"] > 0.5
+
+
+def test_it_finds_stiffening_and_says_what_it_cannot_tell_apart(gent):
+    hidden, d = gent
+    assert d.verdict == "mechanism" and d.found[0] in ("gent", "yeoh")
+    assert {"gent", "yeoh"} <= set(d.rounds[0].group)
+    t = next(t for t in d.rounds[0].tried if t.name == "gent")
+    truth = hidden.values["inv_J_m"]
+    assert t.point.case.values["inv_J_m"] == pytest.approx(truth, rel=0.25)
+    assert "apart" in d.next_experiment
+
+
+@pytest.mark.parametrize("family", ["bulk", "cut law", "blade law"])
+@pytest.mark.parametrize("number", [1, 2])
+def test_it_names_nothing_where_nothing_is_hidden(family, number):
+    _, d = found("none", family, many=bool(number % 2), number=number)
+    assert d.verdict == "none" and d.found == () and d.gain is None
+
+
+@pytest.mark.parametrize(
+    ("effect", "family"), [("swing", "bulk"), ("jump", "bulk"), ("softening with time", "blade law")]
+)
+def test_what_no_candidate_has_stays_unexplained(effect, family):
+    _, d = found(effect, family, many=False)
+    assert d.verdict == "unexplained"
+    assert any(s.wrong for s in d.left)
+
+
+def test_the_order_of_experiments_does_not_matter():
+    hidden, d = found("adhesion_wear", "blade law")
+    turned = replace(hidden.campaign, experiments=hidden.campaign.experiments[::-1])
+    other = discover(turned, workers=0)
+    assert other.found == d.found and other.verdict == d.verdict
+    assert other.rounds[0].scores.chi2 == pytest.approx(d.rounds[0].scores.chi2, rel=1e-6)
+
+
+def test_nor_does_the_seed_of_the_noise():
+    verdicts = set()
+    for seed in (1, 2, 3):
+        hidden = blind.make(3, "compact_cohesion", "cut law", False, SEED)
+        rng = np.random.default_rng(seed)
+        tests = [blind.Test("slow", "separation", 0.005, 0.5)]
+        made = tuple(blind.readings(t, hidden.clean[t.id], rng) for t in tests)
+        d = discover(replace(hidden.campaign, experiments=made), workers=0, seed=seed)
+        verdicts.add((d.verdict, d.found))
+    assert verdicts == {("mechanism", ("compact_cohesion",))}
+
+
+def test_a_new_mechanism_is_a_candidate_without_a_line_changed(tmp_path, monkeypatch):
+    """A file in the folder of its slot, found by being there."""
+    from cutbench import mechanisms
+
+    (tmp_path / "waning_adhesion.py").write_text('''"""Adhesion that wanes with the distance slid."""
+import numpy as np
+from cutbench.mechanisms.base import Blade
+from cutbench.quantities import Parameter
+
+
+class WaningAdhesion(Blade):
+    """Strength lost as the faces are polished."""
+
+    name = "waning_adhesion"
+    title = "waning adhesion"
+    parameters = (
+        Parameter("waning", "1", "q", "part that is lost", low=0, high=1, off=0, default=0, typical=0.3),
+        Parameter("waning_length", "mm", "l", "sliding it takes", low=0.01, high=100, default=3, typical=3),
+    )
+    reads = ("tau_W",)
+
+    def strength(self, t_N, p, state, at):
+        return -p.waning * p.tau_W * at.touched * (1 - np.exp(-at.slid / p.waning_length))
+''')
+    import cutbench.mechanisms.blade as folder
+
+    monkeypatch.setattr(folder, "__path__", [*folder.__path__, str(tmp_path)])
+    mechanisms.registry.cache_clear()
+    try:
+        hidden = blind.make(4, "waning_adhesion", "blade law", True, SEED)
+        assert "waning_adhesion" in hidden.campaign.candidates
+        d = discover(hidden.campaign, workers=0)
+        assert d.found[0] == "waning_adhesion"
+        assert "polished" in summary(d)
+    finally:
+        monkeypatch.undo()
+        mechanisms.registry.cache_clear()
+
+
+def test_rubber_stiffens_and_the_other_tests_gain():
+    d = discover(load_campaign(STUDIES / "rubber" / "treloar.toml"), workers=0)
+    assert d.verdict == "mechanism" and d.found[0] in ("gent", "yeoh")
+    assert d.gain.how == "test experiments" and d.gain.gain > 0.4
+    for e in d.campaign.test:
+        grid = d.first.inverse.grids[e.id]
+        before, after = (np.sqrt(np.mean((p.tests[e.id] - grid.mean) ** 2)) for p in (d.first, d.final))
+        assert after < 0.75 * before
+
+
+def test_a_silicone_too():
+    d = discover(load_campaign(STUDIES / "silicone" / "meunier.toml"), workers=0)
+    assert d.verdict == "mechanism" and d.found[0] in ("gent", "yeoh")
+    assert d.gain.gain > 2 * d.gain.gain_se > 0
+
+
+def test_discovery_json_has_its_keys(gent, tmp_path):
+    _, d = gent
+    write_discovery(d, tmp_path)
+    data = json.loads((tmp_path / "discovery.json").read_text(encoding="utf-8"))
+    for key in ("verdict", "found", "ranking", "confounded", "where_wrong", "gain", "next_experiment"):
+        assert key in data
+    first = data["ranking"][0]
+    assert first["mechanism"] == data["found"][0]
+    for value in first["parameters"].values():
+        assert value["low"] <= value["value"] <= value["high"] and "unit" in value and "at_bound" in value
+    assert first["score_z"] > 3 and first["gain_heldout"] > first["gain_se"] > 0
+    for which in ("train", "heldout"):
+        g = data["gain"][which]
+        assert g["extended_rmse"] < g["baseline_rmse"] and g["unit"] == "MPa" and g["noise_floor"] > 0
+    wrong = data["where_wrong"][0]
+    assert {"experiment", "from_mm", "to_mm", "bias_N", "z"} <= wrong.keys() and abs(wrong["z"]) > 3
+
+
+def test_the_page_stands_alone(gent):
+    _, d = gent
+    text = page(d)
+    assert "__" not in text.replace("__init__", "")
+    assert "http://" not in text.replace("http://www.w3.org", "").replace("http://purl", "").replace(
+        "http://creativecommons", ""
+    )
+    assert "<script" not in text and text.count("<svg") == 2
+    assert "Gent" in text and "Next experiment" in text
+    ids = [part.split('"')[0] for part in text.split(' id="')[1:]]
+    assert len(ids) == len(set(ids))
+
+
+def test_the_command_writes_both_and_refuses_nonsense(tmp_path):
+    from cutbench.cli import app
+
+    runner = CliRunner()
+    done = runner.invoke(
+        app, ["discover", str(STUDIES / "silicone" / "rtv615.toml"), "--out", str(tmp_path / "d")]
+    )
+    assert done.exit_code == 0, done.output
+    assert "verdict: mechanism" in done.output
+    assert {p.name for p in (tmp_path / "d").iterdir()} == {"discovery.json", "discovery.html"}
+    done = runner.invoke(app, ["discover", str(tmp_path / "none.toml")])
+    assert done.exit_code == 2
+
+
+def test_the_tail_of_draws_is_that_of_an_f_distribution():
+    rng = np.random.default_rng(0)
+    draws = rng.chisquare(1, 2000)
+    assert tail(draws, 3.84) == pytest.approx(0.05, abs=0.015)
+    assert tail(draws, 25.0) < 1e-4
+    heavy = rng.f(1, 2, 2000)
+    assert tail(heavy, 100.0) == pytest.approx(0.01, abs=0.006)
+    assert 1e-4 < tail(heavy, 400.0) < 8e-3
+
+
+def test_json_has_no_nan():
+    assert finite({"a": [float("nan"), np.float64(1.0)], "b": float("inf")}) == {"a": [None, 1.0], "b": None}
+
+
+def test_data_are_plain(gent):
+    json.dumps(finite(to_dict(gent[1])), allow_nan=False)
+
+
+def test_units_of_the_columns_do_not_matter(tmp_path):
+    rows = np.loadtxt(STUDIES / "rubber" / "treloar_1944_uniaxial.txt")
+    others = np.loadtxt(STUDIES / "rubber" / "treloar_1944_pure_shear.txt")
+    found = []
+    for name, factor in (("MPa", 1.0), ("kPa", 1e3)):
+        for file, table in (("a.csv", rows), ("b.csv", others)):
+            text = "\n".join(f"{x!r},{y * factor!r}" for y, x in table[:, :2].tolist())
+            (tmp_path / file).write_text("stretch,stress\n" + text + "\n")
+        parts = [
+            f'''[[experiment]]
+id = "{id}"
+kind = "{kind}"
+data = "{file}"
+role = "{role}"
+columns = {{ stretch = "stretch", stress = "stress" }}
+units = {{ stretch = "1", stress = "{name}" }}
+'''
+            for id, kind, file, role in (
+                ("t", "uniaxial", "a.csv", "train"),
+                ("s", "pure_shear", "b.csv", "test"),
+            )
+        ]
+        head = """baseline = ["neo_hookean", "volumetric"]
+candidates = ["gent", "yeoh"]
+[parameters]
+G = "0.4 MPa"
+nu = 0.4999
+[fit]
+free = ["G"]
+"""
+        path = tmp_path / f"{name}.toml"
+        path.write_text(head + "".join(parts))
+        found.append(discover(load_campaign(path), workers=0))
+    one, other = found
+    assert one.found == other.found and one.verdict == other.verdict == "mechanism"
+    assert one.gain.gain == pytest.approx(other.gain.gain, rel=1e-3)
+
+
+def test_without_candidates_a_failing_baseline_is_unexplained(gent):
+    hidden, _ = gent
+    d = discover(replace(hidden.campaign, candidates=()), workers=0)
+    assert d.verdict == "unexplained" and not d.found
+    assert "unexplained" in summary(d)
+    json.dumps(finite(to_dict(d)), allow_nan=False)
+    assert page(d).count("<svg") == 1
+
+
+def test_ctrl_c_keeps_what_was_found(gent, monkeypatch, tmp_path):
+    from cutbench.discover import search
+
+    hidden, _ = gent
+    whole, calls = search._round, []
+
+    def second_is_interrupted(*args):
+        calls.append(1)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        return whole(*args)
+
+    monkeypatch.setattr(search, "_round", second_is_interrupted)
+    d = search.discover(hidden.campaign, workers=0)
+    assert d.interrupted and d.found and d.verdict == "mechanism"
+    write_discovery(d, tmp_path)
+    assert json.loads((tmp_path / "discovery.json").read_text())["status"] == "interrupted"
+
+
+@pytest.mark.slow
+def test_a_cut_without_an_effect_is_left_alone():
+    _, d = found("none", "cut", many=False, number=1)
+    assert d.verdict == "none"
