@@ -62,7 +62,7 @@ class Numerics:
     step_mm: float = 0.1  # largest step
     step_min_mm: float = 1e-4
     damage_step: float = 0.5  # the step shrinks if damage grows by more in one
-    energy_step: float = 0.025  # the step shrinks if its energy closes worse than this
+    energy_step: float = 0.025  # a step is refused if its energy closes worse than this
     damping_mm: float = 3e-4  # bulk viscosity over G, times the speed: carries the run through snaps
     tolerance: float = 1e-8
     symmetry: str = "auto"  # auto (the smallest part) | quarter (3D) | half | full
@@ -93,7 +93,7 @@ class Numerics:
 
 
 #: Where a solid's defaults differ: its elements are as few as a run in minutes allows.
-_SOLID = {"h_mm": 1.0, "corner": 1.0, "facet_degree": 4}
+_SOLID = {"h_mm": 1.0, "corner": 0.25, "facet_degree": 4}
 
 
 def defaults(dim: int) -> Numerics:
