@@ -32,7 +32,7 @@ LAYERS = (
     {"estimates", "confirmed"},
     {"worker", "weights", "fitted", "synthetic", "phase", "tension", "confirm", "verify", "plan", "page"},
     {"observe", "cluster", "guide", "agreement", "listing", "claims", "progress", "follow"},
-    {"inverse", "sweep", "show", "overview", "compared", "convergence"},
+    {"inverse", "sweep", "show", "overview", "compared", "followreport", "convergence"},
     {"fit"},
     {"face", "fitreport", "discover"},
     {"commands"},

@@ -111,24 +111,28 @@ class CutForm(Form):
             matrix = matrix.reshape(nd, nd, nf)
         return Local(vector.reshape(self.dofs.shape[0], -1), matrix, new)
 
-    def broken(self, u, p, state, step) -> tuple[float, np.ndarray]:
-        """∫ d dA over the cut plane and its derivative by the local displacements (nd, nf).
+    def broken(self, u, p, state, step, local: bool = True) -> tuple[float, np.ndarray]:
+        """Length or area of the cut, ∫ g(d) dA, and its derivative by the local displacements (nd, nf).
 
-        Damage never heals, so this grows along every path of equilibria, whichever way the blade goes.
+        ``local``: g = d³(10 − 15 d + 6 d²) counts where the cut is made, neither the whole plane ahead, which
+        has some damage, nor faces that are open already; else g = d. Damage never heals, so both grow along
+        every path of equilibria, whichever way the blade goes.
         """
         jump, at = self.jump(u), self.points(step)
         self._tractions(jump, p, state, at)
-        w = self.faces.w
-        total = float(w.ravel() @ at.shared.get("damage", state["damage"]))
+        w, d = self.faces.w, np.real(at.shared.get("damage", state["damage"]))
+        g = d**3 * (10 - 15 * d + 6 * d**2) if local else d
+        by_damage = 30 * (d * (1 - d)) ** 2 if local else 1.0
         nc = self._frame.shape[0]
         slope = np.zeros((nc, *w.shape))
         for c in range(nc):
             probe = jump.astype(complex)
             probe[c] += 1j * STEP
             self._tractions(probe, p, state, at)
-            slope[c] = np.imag(at.shared.get("damage", 0.0)).reshape(w.shape) / STEP * w
+            by_jump = np.imag(at.shared.get("damage", 0.0)) / STEP
+            slope[c] = (by_damage * by_jump).reshape(w.shape) * w
         along = np.einsum("cdf,cqf->dqf", self._frame, slope)
-        return total, np.einsum("qaf,dqf->daf", self._N, along).reshape(self.dofs.shape)
+        return float(w.ravel() @ g), np.einsum("qaf,dqf->daf", self._N, along).reshape(self.dofs.shape)
 
     def work(self, u, p, old, new, step):
         jump, at = self.jump(u), self.points(step)

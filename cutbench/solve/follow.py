@@ -1,0 +1,393 @@
+"""Paths of equilibria through snap-backs: the blade's travel is an unknown, the growth of the cut is given.
+
+Where cutting is abrupt, equilibrium under a blade that only moves forward ends at a turning point, and the
+force jumps. Behind it there are equilibria at less travel. With C(u) = ∫ d dA, the damage summed over the cut
+plane, the equations are
+
+    R(u, travel) = 0,   C(u) − C(u_old) = ΔC.
+
+Damage never heals, so C grows along the whole path, the blade going forward or back (a dissipation-driven
+control as of Gutiérrez, Comm. Numer. Meth. Eng. 20 (2004), 10.1002/cnm.649, and Verhoosel et al., Int. J.
+Numer. Meth. Eng. 77 (2009), 10.1002/nme.2447). Each iteration factorizes the tangent K once and solves twice:
+K w = −R and K v = −∂R/∂travel; then δtravel = (ΔC − [C(u) − C(u_old)] − C'·w)/(C'·v), δu = w + δtravel v.
+While nothing breaks the travel is given instead.
+
+Contact that shifts by an element, or an element that opens at once, can end a branch altogether: then no
+equilibrium is near, whatever is given. There the body is let go under a still blade and creeps to rest; such
+points are marked, and what the creep dissipates stands in their work as "snap".
+
+Laws must not depend on time: equilibria at rest have none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cutbench.forms.base import Step
+from cutbench.mechanisms.base import STEP
+from cutbench.solve.linear import SingularMatrix
+from cutbench.solve.newton import NewtonSettings, NoConvergence, newton
+from cutbench.solve.problem import Problem
+
+#: What was given at a point: travel, growth of the cut or of all damage; or nothing, the body was let go.
+TRAVEL, CUT, DAMAGE, RELEASE = "travel", "cut", "damage", "release"
+
+
+@dataclass(frozen=True)
+class PathRules:
+    """Lengths in mm. ``travel``: largest step of it; ``growth``, ``first``, ``smallest``: steps of C."""
+
+    travel: float = 0.1
+    growth: float = 0.03
+    first: float = 0.005
+    smallest: float = 1e-4
+    #: Where no equilibrium is near, larger steps are tried before the body is let go.
+    leaps: tuple[float, ...] = (0.03, 0.06)
+    #: C is given instead of the travel where it grows faster than this, per travel.
+    breaks: float = 0.5
+    #: Largest growth of damage anywhere in a step, and largest change of the travel.
+    damage: float = 0.6
+    stride: float = 0.15
+    #: Where the blade turns, its first step the other way is at most this: a longer one changes the branch.
+    turn: float = 0.02
+    iterations: int = 10
+    easy: int = 6
+    grow: float = 1.5
+    shrink: float = 0.25
+    #: Points at most.
+    points: int = 3000
+    #: A release: drag at its start and end in units of G, its decay, and steps at the most.
+    drag: float = 1.0
+    rest: float = 1e-4
+    decay: float = 0.4
+    creeps: int = 60
+    #: Travel, mm, before a release that follows another, and such releases at the most.
+    nudge: float = 0.01
+    nudges: int = 20
+
+
+@dataclass
+class PathPoint:
+    """An equilibrium, or a state of a release. ``broken``: C in mm of the meshed part."""
+
+    travel: float
+    u: np.ndarray
+    states: dict[str, dict]
+    force: float
+    reaction: float
+    work: dict[str, float]
+    iterations: int
+    step: Step
+    broken: float
+    by: str
+    #: What its step began from; its tangent is that of ``u`` on the way from there.
+    begun: dict[str, dict] = field(repr=False, default_factory=dict)
+
+
+@dataclass(frozen=True)
+class _State:
+    """Where a step begins."""
+
+    travel: float
+    u: np.ndarray
+    states: dict[str, dict]
+    broken: float
+
+
+@dataclass(frozen=True)
+class _Change:
+    """What the last step changed."""
+
+    u: np.ndarray
+    travel: float
+    broken: float
+
+
+@dataclass
+class Path:
+    """Follow equilibria from rest until the blade has travelled ``depth``; iterate to get each.
+
+    ``stopped`` says why the path ended early, None if it did not. ``bottom``: as in a march.
+    """
+
+    problem: Problem
+    centre0: np.ndarray
+    depth: float
+    bottom: np.ndarray
+    rules: PathRules = field(default_factory=PathRules)
+    newton: NewtonSettings = field(default_factory=NewtonSettings)
+    stopped: str | None = None
+    failures: list[str] = field(default_factory=list)
+
+    def __post_init__(self):
+        forms = {form.name: form for form in self.problem.forms}
+        self._cut, self._damping = forms.get("cohesion"), forms.get("damping")
+        self._blades = [form for name, form in forms.items() if name.startswith("blade")]
+        zero = np.zeros(self.problem.ndof)
+        self._local, self._slopes = True, {True: zero, False: zero}
+        if self._damping is not None:
+            self._damping.viscosity = 0.0  # equilibria are at rest
+
+    def __iter__(self) -> Iterator[PathPoint]:
+        problem, rules = self.problem, self.rules
+        at = _State(0.0, np.zeros(problem.ndof), problem.start(), 0.0)
+        by, amount = TRAVEL, rules.travel / 5
+        before: _Change | None = None
+        still = 0  # releases one after the other
+        for _ in range(rules.points):
+            if at.travel >= self.depth - 1e-9:
+                return
+            begun = self._touched(at.states)
+            found = self._first_that_holds(by, amount, at, begun, before)
+            if found is None:
+                for point in self._release(at, rules.nudge if still else 0.0):
+                    yield point
+                    at = _State(point.travel, point.u, point.states, point.broken)
+                # Where it does not move by itself, the blade is moved on a little before it is let go.
+                still += 1
+                if self.stopped is None and still > rules.nudges:
+                    self.stopped = "no equilibrium is near, again and again"
+                if self.stopped is not None:
+                    return
+                by, amount, before = TRAVEL, rules.travel / 10, None
+                continue
+            by, amount, (step, u, result, iterations) = found
+            point = self._point(at, begun, step, u, result, iterations, by)
+            yield point
+            still = 0
+            before = _Change(u - at.u, point.travel - at.travel, point.broken - at.broken)
+            at = _State(point.travel, u, point.states, point.broken)
+            if iterations <= rules.easy:
+                amount *= rules.grow
+            by, amount = self._next(by, amount, before)
+        self.stopped = f"{rules.points} points"
+
+    def _next(self, by: str, amount: float, last: _Change) -> tuple[str, float]:
+        """What is given next, and how much: the cut's growth where it grows fast against the travel."""
+        rules = self.rules
+        if self._cut is not None and last.broken > rules.breaks * abs(last.travel):
+            if by != CUT:
+                amount = max(rules.first, last.broken)
+            return CUT, min(amount, rules.growth)
+        if by == DAMAGE and last.travel < 0:
+            return CUT, rules.first
+        if by != TRAVEL:
+            amount = max(abs(last.travel), rules.travel / 10)
+        return TRAVEL, min(amount, rules.travel)
+
+    def _first_that_holds(self, by, amount, at, begun, before):
+        """What was given, how much, and the step that found an equilibrium; None if none did."""
+        rules = self.rules
+        while True:
+            try:
+                return by, amount, self._step(by, amount, at, begun, before)
+            except NoConvergence as error:
+                self.failures.append(f"{at.travel:.4f} mm, by {by}, {amount:.2g} mm: {error.reason}")
+                amount *= rules.shrink
+                if by == TRAVEL and self._cut is not None and amount < rules.travel / 100:
+                    by, amount = CUT, rules.first  # the blade cannot go on: what breaks decides
+                elif amount < rules.smallest:
+                    if by != CUT:
+                        break
+                    by, amount = DAMAGE, rules.first
+        for amount in rules.leaps if self._cut is not None else ():
+            try:
+                return CUT, amount, self._step(CUT, amount, at, begun, None)
+            except NoConvergence as error:
+                self.failures.append(f"{at.travel:.4f} mm, leap of {amount:.2g} mm: {error.reason}")
+        return None
+
+    def _step(self, by, amount, at, begun, before):
+        """One step of what is given; returns (Step, u, Evaluation, iterations) or raises NoConvergence."""
+        if by == TRAVEL:
+            found = self._by_travel(amount, at, begun, before)
+        else:
+            found = self._by_cut(by, amount, at, begun, before)
+        growth = self._growth(at.states, found[2].states)
+        if growth > self.rules.damage and before is not None:
+            raise NoConvergence(f"damage grew by {growth:.2f}")
+        moved = self._travel(found[0]) - at.travel
+        turns = before is not None and before.travel * moved < 0
+        if abs(moved) > (self.rules.turn if turns else self.rules.stride):
+            raise NoConvergence(f"the blade moved by {moved:.2g} mm")
+        if by == TRAVEL and self._cut is not None:
+            grown = self._cut.broken(found[1], self.problem.p, begun["cohesion"], found[0])[0] - at.broken
+            if grown > 2 * self.rules.growth:
+                raise NoConvergence(f"the cut grew by {grown:.2g} mm")
+        return found
+
+    def _by_travel(self, amount, at, begun, before):
+        amount = min(amount, self.depth - at.travel)
+        step = self._at(at.travel + amount, at.travel, at.u)
+        guesses = [at.u]
+        if before is not None and before.travel > 0:
+            guesses.insert(0, at.u + before.u * min(amount / before.travel, 1.5))
+        for i, guess in enumerate(guesses):
+            try:
+                return step, *newton(self.problem, guess, begun, step, self.newton)
+            except NoConvergence:
+                if i == len(guesses) - 1:
+                    raise
+
+    def _by_cut(self, by, amount, at, begun, before):
+        self._local = by == CUT
+        start = (
+            at.broken
+            if self._local
+            else self._broken_by(at.u, begun, self._at(at.travel, at.travel, at.u))[0]
+        )
+        guesses = [(at.u, at.travel)]
+        if before is not None and before.broken > 0:
+            ratio = min(amount / before.broken, 2.0)
+            guesses.insert(0, (at.u + ratio * before.u, at.travel + ratio * before.travel))
+        for i, (u, travel) in enumerate(guesses):
+            try:
+                return self._bordered(amount, at.u, at.travel, begun, start, u, travel)
+            except NoConvergence:
+                if i == len(guesses) - 1:
+                    raise
+
+    def _bordered(self, amount, old, travel, states, broken, u, reached):
+        problem, settings, free = self.problem, self.newton, self.problem.free
+        moving = problem.displacements
+        floor = settings.smallest_ratio * min(1.0, problem.bulk.smallest_volume_ratio(old))
+        if problem.bulk.smallest_volume_ratio(u) < floor:
+            raise NoConvergence("the predicted state has inverted elements")
+        current, C, slope, step = self._look(u, reached, travel, states, old)
+        for iteration in range(self.rules.iterations + 1):
+            gap = amount - (C - broken)
+            size = float(np.linalg.norm(current.residual[free]))
+            if not np.isfinite(size):
+                raise NoConvergence("the residual is not finite")
+            worst = size / current.scale
+            near = settings.tolerance if iteration < self.rules.iterations else settings.stagnant
+            if worst <= near and abs(gap) <= 1e-6 * amount:
+                return step, u, current, iteration
+            if iteration == self.rules.iterations:
+                break
+            try:
+                problem.factorize(current.data)
+                w = problem.back_substitute(current.residual)
+                v = problem.back_substitute(self._pushed(u, states, step))
+            except SingularMatrix as error:
+                raise NoConvergence(f"singular tangent: {error}") from error
+            speed = float(slope @ v)
+            if speed == 0.0:
+                raise NoConvergence("nothing breaks here")
+            way = (gap - float(slope @ w)) / speed
+            du = w + way * v
+            largest = max(np.abs(du[moving]).max(), abs(way))
+            if not np.isfinite(largest):
+                raise NoConvergence("the linear solution is not finite")
+            alpha = min(1.0, settings.reach / largest) if largest > 0 else 1.0
+            while problem.bulk.smallest_volume_ratio(u + alpha * du) <= floor:
+                alpha /= 2
+                if alpha < 1e-3:
+                    raise NoConvergence("elements invert along the Newton direction")
+            # A step may raise the residual at first; later that is contact or damage switching to and fro.
+            allowed = 2.0 if iteration < 3 else 0.9
+            best = None
+            for part in (1.0, 0.5, 0.25, 0.1, 0.03):
+                trial = (u + part * alpha * du, reached + part * alpha * way)
+                seen = self._look(*trial, travel, states, old)
+                r = float(np.linalg.norm(seen[0].residual[free]))
+                if np.isfinite(r) and (best is None or r < best[0]):
+                    best = (r, trial, seen)
+                if r <= allowed * max(size, settings.tolerance * current.scale):
+                    break
+            if best is None:
+                raise NoConvergence("the residual is not finite")
+            (u, reached), (current, C, slope, step) = best[1:]
+        raise NoConvergence(f"{iteration} iterations, residual {worst:.1e} of the forces")
+
+    def _look(self, u, reached, travel, states, old):
+        step = self._at(reached, travel, old)
+        current = self.problem.evaluate(u, states, step)
+        return current, *self._broken_by(u, states, step), step
+
+    def _release(self, at: _State, nudge: float) -> Iterator[PathPoint]:
+        """States of a creep to rest under a still blade; sets ``stopped`` where it does not come to rest."""
+        if self._damping is None:
+            self.stopped = "no equilibrium is near"
+            return
+        rules, drag = self.rules, self.rules.drag
+        for _ in range(rules.creeps):
+            begun = self._touched(at.states)
+            step = self._at(at.travel + nudge, at.travel, at.u)
+            self._damping.viscosity = drag * self.problem.p.G  # over a step of 1 s
+            try:
+                u, result, iterations = newton(self.problem, at.u, begun, step, self.newton)
+                point = self._point(at, begun, step, u, result, iterations, RELEASE)
+            except NoConvergence as error:
+                self.failures.append(f"{at.travel:.4f} mm, released, drag {drag:.1g}: {error.reason}")
+                drag = rules.drag if drag == 0 else 4 * drag
+                if drag > 1e3 * rules.drag:
+                    break
+                continue
+            finally:
+                self._damping.viscosity = 0.0
+            at = _State(point.travel, u, point.states, point.broken)
+            yield point
+            nudge = 0.0
+            if drag == 0:
+                return
+            drag = drag * rules.decay if drag > rules.rest else 0.0
+        self.stopped = "no equilibrium is near, and the body does not come to rest"
+
+    def _point(self, at, begun, step, u, result, iterations, by) -> PathPoint:
+        work: dict[str, float] = {}
+        for form in self.problem.forms:
+            done = form.work(u, self.problem.p, begun[form.name], result.states[form.name], step)
+            for name, value in done.items():
+                work[name] = work.get(name, 0.0) + value
+        force = sum(form.force(result.states[form.name])[1] for form in self._blades)
+        reaction = float(result.residual[self.bottom].sum())
+        broken = 0.0
+        if self._cut is not None:
+            broken = self._cut.broken(u, self.problem.p, begun["cohesion"], step)[0]
+        return PathPoint(
+            self._travel(step), u, result.states, force, reaction, work, iterations, step, broken, by, begun
+        )
+
+    def _touched(self, states: dict) -> dict:
+        begun = dict(states)
+        for form in self._blades:
+            begun[form.name] = form.touch(states[form.name])
+        return begun
+
+    def _travel(self, step: Step) -> float:
+        return float(self.centre0[1] - step.centre[1])
+
+    def _at(self, travel: float, before: float, u_old: np.ndarray) -> Step:
+        down = np.array([0.0, 1.0, 0.0])
+        return Step(1.0, u_old, self.centre0 - travel * down, self.centre0 - before * down)
+
+    def _pushed(self, u, states, step) -> np.ndarray:
+        """∂R/∂travel (ndof,): the blade moves against a body that stands still."""
+        moving = Step(
+            step.dt, step.u_old, step.centre - 1j * STEP * np.array([0.0, 1.0, 0.0]), step.centre_old
+        )
+        out = np.zeros(self.problem.ndof)
+        for form in self._blades:
+            local = form.evaluate(u, self.problem.p, states[form.name], moving, False)
+            out += self.problem.pattern.vector(form.name, local.vector).imag / STEP
+        return out
+
+    def _broken_by(self, u, states, step) -> tuple[float, np.ndarray]:
+        C, local = self._cut.broken(u, self.problem.p, states["cohesion"], step, self._local)
+        slope = self.problem.pattern.vector("cohesion", local)
+        slope[self.problem.fixed] = 0.0
+        if slope.any():
+            self._slopes[self._local] = slope
+        # At the start of a step, and where a trial has unloaded all, nothing grows: what grew last will do.
+        own = self._slopes[self._local]
+        return C, own if own.any() else self._slopes[not self._local]
+
+    @staticmethod
+    def _growth(old, new) -> float:
+        if "cohesion" not in old:
+            return 0.0
+        return float((new["cohesion"]["damage"] - old["cohesion"]["damage"]).max(initial=0.0))

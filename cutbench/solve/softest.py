@@ -1,0 +1,44 @@
+"""How far a state of equilibrium is from losing its stability: the tangent's lowest eigenvalue."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+
+from cutbench.solve.follow import PathPoint
+from cutbench.solve.linear import SingularMatrix
+from cutbench.solve.problem import Problem
+
+
+def softest(problem: Problem, point: PathPoint, of: int = 4) -> float:
+    """Lowest eigenvalue of the tangent K at ``point``, in K x = λ G L x; nan where none is found.
+
+    L is the Laplacian ∫ ∇₀u : ∇₀u dV, so λ is the stiffness of the softest motion against that of a body of
+    shear modulus G, whatever the mesh. Below zero the state is unstable; one eigenvalue passes zero where a
+    path turns smoothly. Looked for among the ``of`` eigenvalues nearest to zero; real part, as friction and
+    the material's normal make K unsymmetric. Shift-invert Arnoldi (scipy's eigs).
+    """
+    if problem.metric is None:
+        return np.nan
+    current = problem.evaluate(point.u, point.begun, point.step)
+    pattern, free = problem.pattern, problem.free
+
+    def whole(data):
+        upper = pattern.csr(data)
+        return upper + sp.triu(upper, 1).T if problem.symmetric else upper
+
+    def inverse(x):
+        b = np.zeros(problem.ndof)
+        b[free] = -x
+        return problem.back_substitute(b)[free]
+
+    try:
+        problem.factorize(current.data)
+        K, L = whole(current.data), problem.p.G * whole(problem.metric)
+        inverted = spla.LinearOperator((free.size, free.size), inverse, dtype=float)
+        how = {"k": min(of, free.size - 2), "ncv": min(20, free.size), "v0": np.ones(free.size), "tol": 1e-3}
+        values = spla.eigs(K, M=L, sigma=0.0, OPinv=inverted, return_eigenvectors=False, **how)
+    except (SingularMatrix, spla.ArpackError, RuntimeError):
+        return np.nan
+    return float(np.real(values).min())
