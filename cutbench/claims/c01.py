@@ -28,6 +28,8 @@ CLAIM = Claim(
     "Gelatin: indentation ends at 4.19 mm, then a sharp drop, then a linear rise.",
     {"base": Ask("gelatin")},
     read,
-    note="b was chosen for the first of these, on the paper's numerics. Half of 2 τ_W L or more holds.",
+    note="b was chosen for the first of these, on the paper's numerics. Half of 2 τ_W L or more holds."
+    " The paper's elements let the force fall again and again, once for each that the front passes; the fall"
+    " at the transition is the first of these.",
     dissect=True,
 )

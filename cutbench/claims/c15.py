@@ -42,5 +42,6 @@ CLAIM = Claim(
     },
     read,
     changes=("order", "viscous"),
-    note="Gelatin without adhesion and with a tenth of its viscosity, then one thing at a time.",
+    note="Gelatin without adhesion and with a tenth of its viscosity, then one thing at a time. Where nothing"
+    " is cut within the travel there is no fall to compare.",
 )

@@ -16,7 +16,7 @@ from cutbench.result import Result
 CURVES = {"C1": ("gelatin", (4.19, 4.19)), "C2": ("elastomer", (1.56, 1.56)), "C3": ("meat", (8.0, 10.0))}
 _NAMES = {PAPER: "paper's numerics", CONVERGED: "converged defaults"}
 #: Enough for print at the width of a page, small enough for a repository.
-_DPI = 150
+_DPI = 130
 
 
 def draw(judged: Sequence[Judged], scans: Mapping[str, Scan], runner: Runner, out: str | Path) -> list[Path]:
@@ -72,7 +72,7 @@ def _curves(by_id: Mapping[str, Judged], runner: Runner):
 
 
 def _one_at_a_time(by_id: Mapping[str, Judged], runner: Runner):
-    figure, axes = _panels(by_id, 74)
+    figure, axes = _panels(by_id, 82)
     names = [name for name, change in CHANGES.items() if change.start == PAPER]
     colours = [c for c in COLOURS if c not in ("black", "yellow")]
     for ax, one in zip(axes, by_id.values(), strict=True):
@@ -85,7 +85,7 @@ def _one_at_a_time(by_id: Mapping[str, Judged], runner: Runner):
         # A run that never cuts grows without bound and would hide the rest.
         ax.set_ylim(0, 1.6 * float(base.force_N.max(initial=1e-9)))
     handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3)
+    figure.legend(handles, labels, loc="outside lower center", ncols=2)
     return figure
 
 

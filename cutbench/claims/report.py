@@ -153,7 +153,7 @@ def _changes(record: Mapping) -> list[str]:
                 one = row["changed"].get(name)
                 links = ", ".join(
                     f"[{i}]({record['runs'][id]['file']})"
-                    for i, id in enumerate(claim["runs"][name].values(), 1)
+                    for i, id in enumerate(claim["runs"].get(name, {}).values(), 1)
                 )
                 cells.append("not run" if one is None else f"{_marked(one)} {links}")
             lines.append(_line([claim["id"], row["what"], *cells, _marked(row["found"][CONVERGED])]))
