@@ -64,8 +64,10 @@ class Heldout:
 
     @property
     def tells(self) -> bool:
-        """Whether the two models' predictions differ by more than the standard error of the difference."""
-        return abs(self.better) > self.better_se
+        """Whether the two models' predictions differ by more than the standard error of the difference, and
+        the likelihood and the plain error do not contradict one another within theirs."""
+        contradict = self.better > 0 >= self.gain > -self.gain_se
+        return abs(self.better) > self.better_se and not contradict
 
 
 def decide(before: Point, after: Point) -> Heldout:

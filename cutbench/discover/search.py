@@ -30,7 +30,7 @@ PROMISING = 0.1
 #: So many are fitted in a round, without a mesh and with one.
 FITS, FITS_MESHED = 6, 3
 #: A mechanism is named only if it explains this part of what is wrong.
-SHARE = 0.3
+SHARE, SHARE_WEAK = 0.3, 0.6
 #: What may stay significant beside what was found, as a part of what was wrong; more is unexplained. Where
 #: the scatter between specimens was not measured, more of it may be scatter.
 REST, REST_ALONE = 0.1, 0.5
@@ -268,7 +268,9 @@ def _round(point: Point, run: Predictor, seed: int, say: Callable[[str], None]) 
         share = gain / scores.excess if scores.excess > 0 else 0.0
         tried.append(Tried(s, after, held, gain, scores.p_any(s.name, gain), share, shapes_open=kept))
     tried, group = _ordered(tried, scores, meshed)
-    able = [t for t in tried if t.name in group and t.convincing]
+    # A residual that is not significant as a whole needs a candidate that explains most of it.
+    needed = SHARE if scores.p_residual < CHANCE else SHARE_WEAK
+    able = [t for t in tried if t.name in group and t.convincing and t.share >= needed]
     if able and all(t.heldout.how == TESTS for t in able):
         # What the fitted tests cannot tell apart, those that were not fitted may.
         able.sort(key=lambda t: -t.heldout.gain)
