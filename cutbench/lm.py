@@ -18,7 +18,7 @@ import numpy as np
 from cutbench.errors import ComputationFailed
 
 #: Length of the step after one in vain, relative to that, and what a good step adds to the length allowed.
-SHORTER, LONGER = 0.3, 3.0
+SHORTER, LONGER = 0.5, 3.0
 
 Residual = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
@@ -26,10 +26,10 @@ Residual = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 @dataclass(frozen=True)
 class Settings:
     """``reach``: largest change of one q in one step. ``damping``: at the start, relative. ``jags``: after a
-    step in vain a promise this many times larger is not worth another."""
+    step in vain, not after one that could not be computed, a promise this many times larger is enough."""
 
     promise: float = 0.05
-    jags: float = 10.0
+    jags: float = 20.0
     evaluations: int = 30
     failures: int = 3
     reach: float = 0.7
@@ -73,7 +73,7 @@ def minimise(
     best = Minimum(q, r, J, False, "", 1 if first is None else 0, outstanding=np.zeros(q.size))
     best.history.append(best.chi2)
     damping, growth, failed = settings.damping, 2.0, 0
-    reach, reason = settings.reach, ""
+    reach, reason, jagged = settings.reach, "", False
     diagonal = np.zeros(q.size)
     try:
         if told is not None:
@@ -86,9 +86,9 @@ def minimise(
             left = -(2 * g @ best.outstanding + best.outstanding @ A @ best.outstanding)
             # What the model cannot describe counts as noise.
             noise = max(best.chi2 / max(best.r.size - q.size, 1), 1.0)
-            if left <= settings.promise * q.size * noise * (settings.jags if failed else 1.0):
+            if left <= settings.promise * q.size * noise * (settings.jags if jagged else 1.0):
                 best.converged = True
-                best.message = "converged" + (", as far as the jags of the curves let it" if failed else "")
+                best.message = "converged" + (", as far as the jags of the curves let it" if jagged else "")
                 return best
             if failed >= settings.failures:
                 best.message = f"stopped after {failed} steps in vain: {reason}"
@@ -114,12 +114,12 @@ def minimise(
                 best.history.append(best.chi2)
                 ratio = gained / max(predicted, 1e-300)
                 damping = max(damping * max(1 / 5, 1 - (2 * ratio - 1) ** 3), 1e-9)
-                growth, failed = 2.0, 0
+                growth, failed, jagged = 2.0, 0, False
                 reach = min(LONGER * reach, settings.reach)
                 if told is not None:
                     told(best)
                 continue
-            failed += 1
+            failed, jagged = failed + 1, J_mean is not None
             if J_mean is not None:
                 best.J = J_mean
             damping, growth = damping * growth, growth * 2

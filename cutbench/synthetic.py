@@ -42,6 +42,9 @@ class Test:
     role: str = "train"
     sizes: Mapping[str, float] | None = None
 
+    #: pytest takes a class of this name for tests.
+    __test__ = False
+
 
 def clean(truth: Case, test: Test) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Abscissa, ordinate and time (n,) of a test without noise. Raises ComputationFailed."""

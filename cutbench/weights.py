@@ -33,7 +33,7 @@ ADDED, UNSURE = 1.5, 0.7
 #: In grid values: the window of the smooth part (standard deviation), and the length of jags.
 WINDOW, JAG = 6.0, 4.0
 #: Error of a computed curve before it has been measured: of its smooth part, and of its jags.
-FIRST_GUESS, FIRST_JAGS = 0.02, 0.005
+FIRST_GUESS, FIRST_JAGS = 0.05, 0.02
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,8 @@ def guessed_error(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     size = np.maximum(np.abs(y), 0.1 * np.abs(y).max())
     length = np.ptp(x) / 3
     smooth = FIRST_GUESS**2 * np.outer(size, size) * matern(np.abs(x[:, None] - x), length)
-    return smooth + np.diag((FIRST_JAGS * size) ** 2)
+    rough = np.outer(size, size) * matern(np.abs(x[:, None] - x), JAG * np.ptp(x) / (x.size - 1))
+    return smooth + FIRST_JAGS**2 * rough + np.diag((0.1 * FIRST_JAGS * size) ** 2)
 
 
 def measured_error(x: np.ndarray, y: np.ndarray, fine: np.ndarray) -> np.ndarray:
@@ -136,7 +137,7 @@ def measured_error(x: np.ndarray, y: np.ndarray, fine: np.ndarray) -> np.ndarray
     e, spacing = fine - y, np.ptp(x) / (x.size - 1)
     gentle = smooth(x, e)
     missing = scatter_covariance(x, np.stack([gentle, -gentle]) / np.sqrt(2), np.zeros((x.size, x.size)))
-    size = np.sqrt(_nearby(x, x, (e - gentle) ** 2))
+    size = np.sqrt(2 * _nearby(x, x, (e - gentle) ** 2))  # of both meshes, and of what neither resolves
     rough = size[:, None] * size * matern(np.abs(x[:, None] - x), JAG * spacing)
     return UNSURE**2 * missing + rough + np.diag(jags(x, e) + jags(x, y))
 

@@ -50,11 +50,12 @@ def test_a_step_that_cannot_be_computed_is_shortened():
         tried.append(q[0])
         if q[0] > 1.2:
             raise ComputationFailed("beyond the fence")
-        return np.array([np.log(q[0])]), np.array([[1 / q[0]]])
+        return np.array([q[0] ** 3 - 1]), np.array([[3 * q[0] ** 2]])
 
-    # A full step from 0.3 leads to 0.66; from 0.1 with a flat log it would not: reach lets it jump far.
-    steep = lm.Settings(promise=1e-12, evaluations=60, failures=6, reach=5.0, jags=1.0)
-    found = lm.minimise(lambda q: fenced(q), np.array([0.05]), np.array([0.01]), np.array([9.0]), steep)
+    # A full step from 0.4 leads to 2.4.
+    bold = lm.Settings(promise=1e-12, evaluations=60, failures=6, reach=5.0, jags=1.0)
+    found = lm.minimise(fenced, np.array([0.4]), np.array([0.01]), np.array([9.0]), bold)
+    assert max(tried) > 1.2
     assert found.converged and found.q[0] == pytest.approx(1.0, abs=1e-5)
 
     def wall(q):
@@ -210,8 +211,8 @@ def test_the_computations_error_is_taken_from_a_finer_mesh():
     rng = np.random.default_rng(6)
     jagged = fine + 0.02 * rng.standard_normal(40)
     rough = np.sqrt(np.diag(measured_error(x, coarse, jagged)))
-    assert np.median(rough) > 2 * np.median(sd)
-    assert 0.01 < np.median(rough) < 0.06
+    assert np.median(rough[:10]) > 4 * np.median(sd[:10])
+    assert 0.01 < np.median(rough[:10]) < 0.06
 
 
 def test_a_window_leaves_lines_as_they_are():
