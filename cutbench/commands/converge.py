@@ -13,7 +13,9 @@ from cutbench.face import exits, whole
 
 @exits
 def converge(
-    study: Annotated[Path, typer.Argument(metavar="STUDY.toml", help="Materials, and changes of the numerics.")],
+    study: Annotated[
+        Path, typer.Argument(metavar="STUDY.toml", help="Materials, and changes of the numerics.")
+    ],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Where the tables and the runs are written.")],
     workers: Annotated[
         str | None, typer.Option(metavar="N", help="Processes; default: one a core; 0: this one.")
