@@ -64,11 +64,11 @@ def row(r: dict) -> list[str]:
     ]  # fmt: skip
 
 
-def table(rows: Sequence[Sequence[str]]) -> str:
+def table(rows: Sequence[Sequence[str]], columns: Sequence[str] = _COLUMNS) -> str:
     """Columns of text, the first to the left, numbers to the right."""
-    lines = [list(_COLUMNS), *map(list, rows)]
-    widths = [max(len(line[i]) for line in lines) for i in range(len(_COLUMNS))]
-    sides = [str.ljust if i < 2 else str.rjust for i in range(len(_COLUMNS))]
+    lines = [list(columns), *map(list, rows)]
+    widths = [max(len(line[i]) for line in lines) for i in range(len(columns))]
+    sides = [str.ljust if i < 2 else str.rjust for i in range(len(columns))]
     shown = [
         "  ".join(side(cell, width) for side, cell, width in zip(sides, line, widths, strict=True))
         for line in lines

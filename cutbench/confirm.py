@@ -18,6 +18,7 @@ import xarray as xr
 from cutbench import maps
 from cutbench.boundary import margin
 from cutbench.case import Case
+from cutbench.confirmed import RECORD
 from cutbench.curve import ABRUPT, SMOOTH, label, measures
 from cutbench.errors import BadInput
 from cutbench.numerics import Numerics, defaults
@@ -26,8 +27,6 @@ from cutbench.result import Result
 
 #: What is compared, besides the label.
 COMPARED = ("onset_mm", "peak_N", "steady_N", "drop_rel")
-#: Name of the record in the folder of a confirmation.
-RECORD = "confirm.json"
 
 Runner = Callable[[Case, Path], Result]
 

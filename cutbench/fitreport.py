@@ -39,8 +39,8 @@ def summary(fit: Fit) -> str:
     lines = [
         fit.campaign.title,
         f"  {fit.status}: {fit.message}" if fit.message != fit.status else f"  {fit.status}",
-        f"  {fit.readings} values, {k} parameter{'s' if k != 1 else ''}, chi2 = {fit.chi2:.4g}, reduced {fit.reduced_chi2:.3g},"
-        f" {fit.evaluations} evaluations, {fit.seconds:.0f} s",
+        f"  {fit.readings} values, {k} parameter{'s' if k != 1 else ''}, chi2 = {fit.chi2:.4g},"
+        f" reduced {fit.reduced_chi2:.3g}, {fit.evaluations} evaluations, {fit.seconds:.0f} s",
     ]
     if fit.reduced_chi2 > 2:
         lines.append(

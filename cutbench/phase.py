@@ -10,6 +10,7 @@ regimes differ by filled and open markers.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ from scipy.spatial import QhullError
 
 from cutbench.axes import BOUNDARY, ONE
 from cutbench.boundary import SURE
+from cutbench.confirmed import FOLDER, RECORD, draw_confirmed, handles_of, read_confirmed
 from cutbench.coordinates import (
     MATERIAL,
     axis_text,
@@ -58,8 +60,11 @@ MISSING = "to come"
 _MARKERS[MISSING] = {"marker": ".", "mec": "0.55", "mfc": "0.55", "ms": 3.5, "mew": 0.0, "label": MISSING}
 
 
-def draw_phase(data: xr.Dataset) -> Figure:
-    """The figure of a map as ``cutbench.maps.build_map`` makes it, complete or not."""
+def draw_phase(data: xr.Dataset, confirmed: Sequence[Mapping] = ()) -> Figure:
+    """The figure of a map as ``cutbench.maps.build_map`` makes it, complete or not.
+
+    ``confirmed``: points run in three dimensions, as ``read_confirmed`` gives them; grids show them.
+    """
     if list(data["label"].dims) != axes_of(data):
         return draw_samples(data)
     whole, fixed = _reduce(data)
@@ -74,6 +79,7 @@ def draw_phase(data: xr.Dataset) -> Figure:
         top = _top(data)
         marks, outside = marks_of(data, x, y, panel)
         seen: set[str] = set()
+        solid: set[bool | None] = set()
         image, bridged, classical = None, False, False
         for k, ax in enumerate(axes.flat):
             if k >= len(levels):
@@ -89,6 +95,7 @@ def draw_phase(data: xr.Dataset) -> Figure:
                 _profile(ax, part, x)
             seen |= _points(ax, part if levels[k] is None else slab(whole, data, panel, levels[k]), x, y)
             draw_materials(ax, [m for m in marks if m["panel"] == (levels[k] or 0)], x, y, part)
+            solid |= draw_confirmed(ax, confirmed, part, x, y, (panel, levels[k], data[panel or x]))
             _title(ax, data, panel, levels[k], k if len(levels) > 1 else None)
             if k // columns == rows - 1 or k + columns >= len(levels):
                 ax.set_xlabel(axis_text(data[x]))
@@ -100,16 +107,22 @@ def draw_phase(data: xr.Dataset) -> Figure:
             bar.set_label("relative force drop")
             bar.ax.axhline(data.attrs["drop_threshold"], color="black", lw=1.4)
             bar.outline.set_linewidth(0.6)
-        _legend(figure, data, seen, bool(marks), bool(y), bridged, classical)
+        _legend(figure, data, seen, bool(marks), bool(y), bridged, classical, handles_of(solid))
         note = "; ".join([*fixed, *([f"outside the map: {', '.join(outside)}"] if outside else [])])
         if note:
             figure.supxlabel(note, fontsize=7.5, color="0.3")
     return figure
 
 
-def save_phase(data: xr.Dataset, folder: str | Path) -> list[Path]:
-    """Write ``phase.png`` and ``phase.svg`` into ``folder``; returns their paths."""
-    return save(draw_phase(data), Path(folder) / "phase.png", also=("svg",))
+def save_phase(data: xr.Dataset, folder: str | Path, record: Path | None = None) -> list[Path]:
+    """Write ``phase.png`` and ``phase.svg`` into ``folder``; returns their paths.
+
+    With the points of ``record``, default confirm/confirm.json in ``folder``. Raises BadInput if that is
+    no record.
+    """
+    record = record or Path(folder) / FOLDER / RECORD
+    figure = draw_phase(data, read_confirmed(record, data))
+    return save(figure, Path(folder) / "phase.png", also=("svg",))
 
 
 def _reduce(data: xr.Dataset) -> tuple[xr.Dataset, list[str]]:
@@ -302,6 +315,7 @@ def _legend(
     plane: bool,
     bridged: bool,
     classical: bool,
+    solid: Sequence[Line2D] = (),
 ) -> None:
     handles = [
         Line2D([], [], ls="", **_MARKERS[name])
@@ -323,6 +337,7 @@ def _legend(
         handles.append(Line2D([], [], color="0.25", lw=0.9, ls=dashes, label="classical estimate"))
     if materials:
         handles.append(Line2D([], [], label="material", **MATERIAL))
+    handles += solid
     figure.legend(
         handles=handles,
         loc="outside upper center",

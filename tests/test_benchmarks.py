@@ -136,3 +136,25 @@ def test_bad_input_is_refused_before_any_run(args, named, monkeypatch, capsys):
         bench.main(args)
     assert stop.value.code == 2
     assert named in capsys.readouterr().err
+
+
+def test_a_block_is_pressed_in_by_each_solver_to_the_same_force(tmp_path):
+    from benchmarks import solid
+
+    jobs = [job for job in solid.jobs(large=False, run=False) if job["h"] == solid.SIZES[0][0]]
+    assert [job["solver"] for job in jobs] == list(solid.SOLVERS)
+    assert len(solid.jobs(large=True, run=True)) == len(solid.SIZES) * len(solid.SOLVERS) + 1
+    found = [solid.measured({**job, "h": 2.0}) for job in jobs[:2]]
+    assert found[0]["force_N"] == pytest.approx(found[1]["force_N"], rel=1e-6)
+    direct, kept = found
+    assert direct["factorizations"] == direct["iterations"] > 0 == direct["gmres_iterations"]
+    assert kept["factorizations"] < kept["iterations"] < kept["gmres_iterations"]
+    assert all(len(solid.row(r)) == len(solid._COLUMNS) for r in found)
+
+
+def test_a_table_of_blocks_needs_a_folder_to_be_written_to(capsys):
+    from benchmarks import solid
+
+    with pytest.raises(SystemExit) as stopped:
+        solid.main(["--json", "none/there/table.json"])
+    assert stopped.value.code == 2 and "none/there" in capsys.readouterr().err

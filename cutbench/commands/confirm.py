@@ -31,7 +31,8 @@ def confirm(
         Path | None, typer.Option(metavar="DIR", help="Where to write; default: confirm beside the map.")
     ] = None,
 ) -> None:
-    """Run the least certain points of a map and its materials in three dimensions, and compare.
+    """Run the least certain points of a map and its materials in three dimensions, compare, and mark them
+    in the phase diagram.
 
     Options change the blocks, not the plane-strain runs they are compared with. Start the same command
     again to go on where it stopped.
@@ -39,8 +40,10 @@ def confirm(
     from cutbench import maps
     from cutbench.confirm import confirm as compare
     from cutbench.confirm import least_certain, marked
+    from cutbench.confirmed import FOLDER, RECORD
     from cutbench.errors import BadInput
     from cutbench.output import check_writable
+    from cutbench.phase import save_phase
 
     count, every_s = whole("--points", points), seconds("--checkpoint", checkpoint, 60.0)
     asked = changes(sets, {"h": in_mm(h), "depth": in_mm(depth), "element": element}, None, None)
@@ -52,11 +55,14 @@ def confirm(
             value=str(count),
             expected="points to compare: the map has none that were computed",
         )
-    folder = check_writable(out if out is not None else map_.parent / "confirm")
+    folder = check_writable(out if out is not None else map_.parent / FOLDER)
     done = compare(data, chosen, folder, _runner(every_s), source=str(map_), changes=asked)
     show(_table(done))
     judged = [point.agrees for point in done if point.agrees is not None]
     typer.echo(f"{sum(judged)} of {len(judged)} labels agree; {len(done)} of {len(chosen)} points compared")
+    # The map's own diagram shows what stands beside it.
+    for picture in save_phase(data, map_.parent if out is None else folder, folder / RECORD):
+        typer.echo(picture)
     typer.echo(f"written to {folder}")
     if len(done) < len(chosen):
         raise typer.Exit(130)

@@ -41,34 +41,48 @@ class Pattern:
         self.number = np.full(ndof, -1)
         self.number[self.free] = np.arange(self.free.size)
         n = self.free.size
-        entries = {}
-        for name, dofs in dof_tables.items():
-            nd, count = dofs.shape
-            # int32 keeps the index arrays of large meshes within memory.
-            rows = self.number[np.broadcast_to(dofs[:, None], (nd, nd, count))].ravel()
-            cols = self.number[np.broadcast_to(dofs[None], (nd, nd, count))].ravel()
-            keep = (rows >= 0) & (cols >= 0)
-            if symmetric:
-                keep &= rows <= cols
-            where = np.flatnonzero(keep)
-            entries[name] = (rows[where].astype(np.int64) * n + cols[where], where)
-        diagonal = np.arange(n, dtype=np.int64) * (n + 1)
-        keys = np.unique(np.concatenate([diagonal, *(key for key, _ in entries.values())]))
-        self.indices = (keys % n).astype(np.int32)
-        self.indptr = np.searchsorted(keys, np.arange(n + 1, dtype=np.int64) * n).astype(np.int32)
-        self.diagonal = np.searchsorted(keys, diagonal)
+        # Which degrees of freedom meet: products of incidences, without a list of all local entries.
+        met = sp.identity(n, dtype=bool, format="csr")
+        for dofs in _distinct(dof_tables):
+            met = met + _incidence(self.number[dofs], n)
+        if symmetric:
+            met = sp.triu(met, format="csr")
+        met.sort_indices()
+        self.indices, self.indptr = met.indices.astype(np.int32), met.indptr.astype(np.int32)
+        numbered = sp.csr_matrix((np.arange(1, met.nnz + 1), self.indices, self.indptr), shape=(n, n))
+        self.diagonal = numbered.diagonal() - 1
         self.blocks = {}
         self._stacks: dict[tuple[str, ...], sp.csr_matrix] = {}
         for name, dofs in dof_tables.items():
-            key, where = entries.pop(name)
-            places, row = np.unique(np.searchsorted(keys, key), return_inverse=True)
-            matrix = sp.csr_matrix(
-                (np.ones(row.size), (row, where)), shape=(places.size, dofs.shape[0] ** 2 * dofs.shape[1])
-            )
-            vector = sp.csr_matrix(
-                (np.ones(dofs.size), (dofs.ravel(), np.arange(dofs.size))), shape=(ndof, dofs.size)
-            )
-            self.blocks[name] = Block(dofs, vector, places, matrix)
+            twin = next((block for block in self.blocks.values() if np.array_equal(block.dofs, dofs)), None)
+            self.blocks[name] = twin or self._block(dofs, numbered)
+
+    def _block(self, dofs: np.ndarray, numbered: sp.csr_matrix) -> Block:
+        """Scatter of the local entries of ``dofs``; ``numbered`` holds places in the CSR values, from 1."""
+        nd, count = dofs.shape
+        where, reached = [], []
+        for i in range(nd):  # a row of all local matrices at a time, to spare memory
+            row = np.broadcast_to(self.number[dofs[i]], (nd, count)).ravel()
+            col = self.number[dofs].ravel()
+            keep = (row >= 0) & (col >= 0)
+            if self.symmetric:
+                keep &= row <= col
+            chosen = np.flatnonzero(keep)
+            where.append(chosen + i * nd * count)
+            if chosen.size == 0:  # all of it fixed: a sparse matrix has no empty selection
+                reached.append(np.zeros(0, int))
+                continue
+            reached.append(np.asarray(numbered[row[chosen], col[chosen]]).ravel() - 1)
+        where, reached = np.concatenate(where), np.concatenate(reached)
+        used = np.zeros(self.indices.size, bool)
+        used[reached] = True
+        row = (np.cumsum(used) - 1)[reached]
+        places = np.flatnonzero(used)
+        matrix = sp.csr_matrix((np.ones(row.size), (row, where)), shape=(places.size, nd * nd * count))
+        vector = sp.csr_matrix(
+            (np.ones(dofs.size), (dofs.ravel(), np.arange(dofs.size))), shape=(self.ndof, dofs.size)
+        )
+        return Block(dofs, vector, places, matrix)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -116,3 +130,19 @@ class Pattern:
 
     def csr(self, data: np.ndarray) -> sp.csr_matrix:
         return sp.csr_matrix((data, self.indices, self.indptr), shape=self.shape)
+
+
+def _distinct(tables: dict[str, np.ndarray]) -> list[np.ndarray]:
+    found: list[np.ndarray] = []
+    for dofs in tables.values():
+        if not any(np.array_equal(dofs, other) for other in found):
+            found.append(dofs)
+    return found
+
+
+def _incidence(numbers: np.ndarray, n: int) -> sp.csr_matrix:
+    """True (n, n) where two of the unknowns stand in one column of ``numbers`` (nd, count); −1 is none."""
+    free = numbers >= 0
+    of = np.broadcast_to(np.arange(numbers.shape[1]), numbers.shape)[free]
+    meets = sp.csr_matrix((np.ones(of.size, bool), (numbers[free], of)), shape=(n, numbers.shape[1]))
+    return meets @ meets.T

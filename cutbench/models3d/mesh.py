@@ -61,14 +61,14 @@ def quarter(
     sides = np.array([half, height, length / 2 / stretch])
     levels = max(0, int(np.floor(np.log2(sides.min() / 2 / h))))
     counts = np.maximum(np.ceil(sides / (h * 2**levels) - 1e-9), 1).astype(int)
+    # Bisection halves the longest edges: among cubes, unlike bricks, all of a kind at once.
+    brick = (sides / counts)[:, None, None]
     with _quiet():
-        mesh = skfem.MeshTet.init_tensor(
-            *(np.linspace(0, side, n + 1) for side, n in zip(sides, counts, strict=True))
-        )
+        mesh = skfem.MeshTet.init_tensor(*(np.arange(n + 1.0) for n in counts))
         # Three bisections halve an element.
         finer = 0 if corner is None else max(0, int(np.ceil(np.log2(h / corner) - 1e-9)))
         for _ in range(3 * (levels + finer)):
-            corners = mesh.p[:, mesh.t]
+            corners = brick * mesh.p[:, mesh.t]
             size = np.ptp(corners, axis=1).max(axis=0)
             wanted = h + grading * np.maximum(corners[0].min(axis=0) - h, 0)
             if finer:
@@ -78,7 +78,7 @@ def quarter(
             if marked.size == 0:
                 break
             mesh = mesh.refined(marked)
-    x, y, z = mesh.p
+    x, y, z = brick[..., 0] * mesh.p
     x = np.where(x > half * (1 - 1e-12), width / 2, across(x))
     return tetrahedra(np.stack([x, y, z * stretch]), mesh.t)
 

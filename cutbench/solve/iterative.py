@@ -25,6 +25,8 @@ except ImportError:
 TOLERANCE = RESIDUAL / 10
 #: The same for a direction of Newton's method, which is corrected in the next iteration anyway.
 LOOSE = 1e-3
+#: The same for a correction with an old tangent, which leaves more than that of the residual anyway.
+CORRECTION = 0.03
 #: Unknowns of a solid above which keeping a factorization gains anything.
 SMALL = 5_000
 #: Iterations after which a kept factorization is older than it is worth.
@@ -43,8 +45,9 @@ def solver_for(name: str, indptr, indices, n: int, symmetric: bool, modes: np.nd
     """A solver for one CSR pattern, as ``make_solver``, with the iterative ones.
 
     ``modes`` (n, 6), the rigid motions, are given in three dimensions, and there ``auto`` keeps
-    factorizations (``kept``) or, for large n, makes none (``multigrid``). Those have a method ``direction``
-    beside ``solve``, less exact and cheaper. Raises BadInput for ``multigrid`` without PyAMG.
+    factorizations (``kept``) or, for large n, makes none (``multigrid``). Those have methods
+    ``direction`` and ``correction`` beside ``solve``, less exact and cheaper. Raises BadInput for
+    ``multigrid`` without PyAMG.
     """
     if name == "auto" and modes is not None and n > SMALL:
         name = "multigrid" if n > LARGE and pyamg is not None else "kept"
@@ -193,6 +196,9 @@ class Kept:
     def direction(self, b: np.ndarray) -> np.ndarray:
         return self.solve(b, LOOSE)
 
+    def correction(self, b: np.ndarray) -> np.ndarray:
+        return self.solve(b, CORRECTION)
+
 
 class Multigrid:
     """GMRES preconditioned by smoothed aggregation of the symmetric part; nothing is factorized.
@@ -237,6 +243,9 @@ class Multigrid:
 
     def direction(self, b: np.ndarray) -> np.ndarray:
         return self.solve(b, LOOSE)
+
+    def correction(self, b: np.ndarray) -> np.ndarray:
+        return self.solve(b, CORRECTION)
 
     def solve(self, b: np.ndarray, tolerance: float = TOLERANCE) -> np.ndarray:
         for fresh in (self._fresh, True):

@@ -113,13 +113,14 @@ class Problem:
         self.solver.refactor(data)
         self.timer.add("factorization", begin)
 
-    def back_substitute(self, residual: np.ndarray, *, loosely: bool = False) -> np.ndarray:
+    def back_substitute(self, residual: np.ndarray, *, how: str = "solve") -> np.ndarray:
         """Solve K du = −residual on the free degrees of freedom; (ndof,) with zeros elsewhere.
 
-        ``loosely``: as exactly as Newton's method needs; it matters to solvers that iterate.
+        ``how`` exactly matters to solvers that iterate: "solve", less exactly a Newton "direction", or a
+        "correction" with an old tangent.
         """
         begin = time.perf_counter()
-        solve = getattr(self.solver, "direction", self.solver.solve) if loosely else self.solver.solve
+        solve = getattr(self.solver, how, self.solver.solve)
         du = np.zeros(self.ndof)
         du[self.free] = solve(-residual[self.free])
         self.timer.add("solve", begin)
