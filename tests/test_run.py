@@ -19,7 +19,7 @@ PRESSED = COARSE.set(depth="1.5 mm")
 #: A weak cut plane and a slender tip: cuts from the first millimetre on, with friction and adhesion.
 CUTTING = COARSE.set(cohesion=1.0, tip="3.5 mm", mu=0.2, depth="2 mm")
 #: The same, fewer steps.
-BRIEF = CUTTING.set(depth="0.8 mm")
+BRIEF = CUTTING.set(depth="0.9 mm")
 #: For comparisons that hold on any element: the quickest.
 QUICK = BRIEF.set(element="P1")
 #: Mechanisms that a number switches off, with the numbers.
@@ -166,12 +166,12 @@ def test_switched_off_is_absent_to_the_bit(name):
 @pytest.mark.parametrize("name", sorted(SWITCHED))
 def test_switched_on_is_felt(name):
     present, absent = run_case(QUICK), run_case(QUICK.set(without=name))
-    at = np.linspace(0.1, 0.8, 20)
+    at = np.linspace(0.1, 0.9, 20)
     assert np.abs(force_at(absent, at) / force_at(present, at) - 1).max() > 1e-3
 
 
 def test_a_smooth_blade_does_no_work_of_shear():
-    result = run_case(BRIEF.set(mu=0.0, tau_W="0 kPa"), snapshots_mm=(0.8,))
+    result = run_case(BRIEF.set(mu=0.0, tau_W="0 kPa"), snapshots_mm=(0.9,))
     for name in ("coulomb", "adhesion"):
         assert (work(result, name) == 0).all()
     for face in result.snapshots[0].faces.values():
@@ -190,7 +190,7 @@ def test_the_undegraded_viscosity_costs_more(cutting):
 def test_half_and_full_block_agree(brief):
     full = run_case(BRIEF.set(symmetry="full"))
     assert full.curve["cut_length_mm"][-1] > 0.05
-    at = np.linspace(0.05, 0.8, 30)
+    at = np.linspace(0.05, 0.9, 30)
     np.testing.assert_allclose(force_at(full, at), force_at(brief, at), rtol=2e-3)
     virgin = run_case(PRESSED.set(symmetry="full", depth="0.3 mm"))
     half = run_case(PRESSED.set(depth="0.3 mm"))
@@ -230,14 +230,14 @@ def test_the_staggered_scheme_tends_to_the_monolithic_one():
     case = BRIEF.set(mu=0.0, viscosity=8.0, depth="0.8 mm", element="P1")
     at = np.linspace(0.05, 0.8, 40)
     apart = []
-    for step in ("0.1 mm", "0.02 mm"):
+    for step in ("0.2 mm", "0.02 mm"):
         whole, lagged = (run_case(case.set(step=step, scheme=s)) for s in ("monolithic", "staggered"))
         assert lagged.outcome.done
         assert lagged.curve["cut_length_mm"][-1] > 0.01
         assert lagged.counts["iterations"] > whole.counts["iterations"]
         apart.append(np.abs(force_at(lagged, at) / force_at(whole, at) - 1).max())
-    # First order in the step: a fifth of it leaves a fifth, or a little more, of the difference.
-    assert apart[1] < 0.3 * apart[0] < 0.02
+    # First order in the step: a tenth of it leaves a tenth, or a little more, of the difference.
+    assert apart[1] < 0.2 * apart[0] < 0.02
 
 
 def test_stepping_of_the_paper_reaches_the_same_force(pressed):
@@ -387,7 +387,7 @@ def test_an_interrupted_run_leaves_a_picture_where_one_was_wanted():
         if travel > 0.2:
             raise KeyboardInterrupt
 
-    result = run_case(BRIEF, on_step=stop, snapshots_mm=(0.8,))
+    result = run_case(BRIEF, on_step=stop, snapshots_mm=(0.9,))
     assert [s.displacement_mm for s in result.snapshots] == [result.displacement_mm[-1]]
 
 
@@ -420,7 +420,7 @@ def test_a_run_that_stalls_says_where_and_what_to_try(monkeypatch, brief, reason
     monkeypatch.setattr(march, "newton", newton)
     result = run_case(BRIEF.set(step_min="0.005 mm"), snapshots_mm=(0.5,))
     assert (result.outcome.kind, result.outcome.done) == ("stalled", False)
-    for part in ("no step above 0.005 mm converges", "of 0.8 mm", reason):
+    for part in ("no step above 0.005 mm converges", "of 0.9 mm", reason):
         assert part in result.outcome.message
     assert advice.lower() in result.outcome.advice.lower()
     assert "try" in result.outcome.advice
@@ -435,7 +435,7 @@ def test_a_run_that_stalls_says_where_and_what_to_try(monkeypatch, brief, reason
 # -- what must not matter -----------------------------------------------------------------------------
 def test_the_same_case_gives_the_same_bits(brief):
     again = run_case(load_case("gelatin").set(
-        h="0.6 mm", cohesion=1.0, tip="3.5 mm", mu=0.2, depth="0.8 mm"
+        h="0.6 mm", cohesion=1.0, tip="3.5 mm", mu=0.2, depth="0.9 mm"
     ))  # fmt: skip
     assert again.case.id == brief.case.id
     for name, column in brief.curve.items():
@@ -457,7 +457,8 @@ def test_speed_counts_only_with_the_viscous_time(brief):
     np.testing.assert_allclose(fast.force_N, brief.force_N, rtol=1e-6)
     np.testing.assert_allclose(fast.curve["time_s"], brief.curve["time_s"] / 10, rtol=1e-12)
     faster = run_case(BRIEF.set(speed="0.21 mm/s"))
-    assert force_at(faster, 0.8) > 1.05 * force_at(brief, 0.8)
+    # Held together for longer, the faster cut is still whole where the slower one has begun.
+    assert force_at(faster, 0.9) > 1.2 * force_at(brief, 0.9)
 
 
 SMALL = BRIEF.set(depth="0.4 mm", step="0.02 mm")
