@@ -2,7 +2,7 @@
 
 A study of convergence is a TOML file: materials, what all runs have, and ``[[change]]`` sections, each with
 a name, what it sets (as ``Case.set`` takes it), and whether it is a refinement, which has to leave the
-measures alone, or another choice, whose difference is just shown.
+measures alone, or another choice, whose difference is just shown; ``materials`` keeps it to some of them.
 """
 
 from __future__ import annotations
@@ -48,6 +48,8 @@ class Change:
     name: str
     refinement: bool
     values: Mapping[str, object]
+    #: Materials that it is computed for; empty: all of the study's.
+    materials: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -104,7 +106,7 @@ def load_plan(path: str | Path) -> Plan:
         entries = table.get("change", [])
         if not isinstance(entries, list) or not entries or not all(isinstance(e, dict) for e in entries):
             raise BadInput(key="change", value=str(entries)[:40], expected="at least one section [[change]]")
-        changes = tuple(_change(entry, n) for n, entry in enumerate(entries, start=1))
+        changes = tuple(_change(entry, n, names) for n, entry in enumerate(entries, start=1))
         taken = [c.name for c in changes]
         for name in taken:
             if taken.count(name) > 1:
@@ -113,20 +115,27 @@ def load_plan(path: str | Path) -> Plan:
         for material in names:
             with located(path, text, "base"):
                 start = load_case(material).set(**base)
-            cases[material] = {"": start} | {c.name: _set(start, c, path, text) for c in changes}
+            cases[material] = {"": start} | {
+                c.name: _set(start, c, path, text)
+                for c in changes
+                if material in (c.materials or names)
+            }
     return Plan(path, str(table.get("title", path.stem)), changes, cases)
 
 
-def _change(entry: dict, number: int) -> Change:
+def _change(entry: dict, number: int, names: list[str]) -> Change:
     name, kind = entry.get("name"), entry.get("kind", "refinement")
     if not isinstance(name, str) or not name.strip():
         raise BadInput(key=f"change {number}: name", value=str(name), expected="a name, such as 'h/2'")
     if kind not in _KINDS:
         raise BadInput(key="kind", value=str(kind), expected=one_of(str(kind), _KINDS))
-    values = {key: value for key, value in entry.items() if key not in ("name", "kind")}
+    only = entry.get("materials", [])
+    if not isinstance(only, list) or any(m not in names for m in only):
+        raise BadInput(key=f"{name}: materials", value=str(only), expected=f"a list of some of {names}")
+    values = {key: value for key, value in entry.items() if key not in ("name", "kind", "materials")}
     if not values:
         raise BadInput(key=f"change {number}: {name}", value="(empty)", expected="something that it sets")
-    return Change(name, kind == "refinement", values)
+    return Change(name, kind == "refinement", values, tuple(only))
 
 
 def _set(start: Case, change: Change, path: Path, text: str) -> Case:

@@ -46,7 +46,7 @@ class Numerics:
     """Every choice that is numerical; part of a case's identity."""
 
     h_mm: float = 0.25  # element size along the cut plane
-    corner: float = 0.125  # the same under the tip, in units of h
+    corner: float = 0.0625  # the same under the tip, in units of h
     slender: float = 8.0  # elements at the cut plane are this many times taller than wide
     along: float = 4.0  # and this many times longer along the blade than tall, at the most (3D)
     element: str = "P2"  # P1 | P2 | P2P1 (mixed)
@@ -62,7 +62,7 @@ class Numerics:
     step_mm: float = 0.1  # largest step
     step_min_mm: float = 1e-4
     damage_step: float = 0.5  # the step shrinks if damage grows by more in one
-    energy_step: float = 0.025  # a step is refused if its energy closes worse than this
+    energy_step: float = 0.05  # a step is refused if its energy closes worse than this
     damping_mm: float = 3e-4  # bulk viscosity over G, times the speed: carries the run through snaps
     tolerance: float = 1e-8
     symmetry: str = "auto"  # auto (the smallest part) | quarter (3D) | half | full

@@ -34,8 +34,8 @@ from cutbench.store import Store
 from cutbench.study import Study, load_study
 from cutbench.worker import Run, begin_worker, failure, one_thread_each, work
 
-#: A run that was lost with its worker is done again this often.
-RETRIES = 2
+#: A run that loses its worker this often with no other run beside it is left alone, until a later sweep.
+LOSSES = 3
 
 
 @dataclass(frozen=True)
@@ -238,27 +238,28 @@ class _Sweep:
                 if self.store.has(id):  # the worker died after its work was done
                     self.ended(id)
                 else:
-                    self._lose(id)
+                    self._lose(id, alone=len(flying) == 1)
 
     def _submit(self, pool: ProcessPoolExecutor, queue: deque[str], flying: dict[Future, str]) -> None:
         future = pool.submit(work, self.run, self.cases[queue[0]], self.store.root, self.replace)
         flying[future] = queue.popleft()
 
-    def _lose(self, id: str) -> None:
-        self.lost[id] += 1
-        if self.lost[id] <= RETRIES:
+    def _lose(self, id: str, *, alone: bool) -> None:
+        """What died in company may have died of the company."""
+        self.lost[id] += alone
+        if self.lost[id] < LOSSES:
             self.suspects.append(id)
             return
         self.given_up(
             id,
-            f"its process died {self.lost[id]} times (out of memory, or killed; in a script, call "
-            "sweeps under if __name__ == '__main__')",
+            f"its process died {LOSSES} times (out of memory, or killed; in a script, call sweeps under "
+            "if __name__ == '__main__'); the next sweep tries it again",
         )
 
     def given_up(self, id: str, message: str) -> None:
-        """Keep a run as failed that never came back."""
-        self.store.put(failure(self.cases[id], message), replace=True)
-        self.ended(id)
+        """A run that never came back. It is not kept: what killed it says nothing of the case."""
+        self.rows[id] = row_of(failure(self.cases[id], message), self.study)
+        self._report()
 
     def ended(self, id: str) -> None:
         """Take a run that is in the store into the map."""
