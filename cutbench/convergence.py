@@ -116,9 +116,7 @@ def load_plan(path: str | Path) -> Plan:
             with located(path, text, "base"):
                 start = load_case(material).set(**base)
             cases[material] = {"": start} | {
-                c.name: _set(start, c, path, text)
-                for c in changes
-                if material in (c.materials or names)
+                c.name: _set(start, c, path, text) for c in changes if material in (c.materials or names)
             }
     return Plan(path, str(table.get("title", path.stem)), changes, cases)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -83,8 +83,17 @@ def one_of(name: str, known: Iterable[str]) -> str:
 
 
 @contextmanager
-def located(file: str | Path, text: str, section: str | None = None) -> Iterator[None]:
-    """Errors raised inside without a file get this one, and the line of their key where it is written."""
+def located(
+    file: str | Path,
+    text: str,
+    section: str | None = None,
+    *,
+    find: Callable[[str], int | None] | None = None,
+) -> Iterator[None]:
+    """Errors raised inside without a file get this one, and the line of their key where it is written.
+
+    ``find`` gives the line of a key where ``line_of`` would not know which of several is meant.
+    """
     try:
         yield
     except BadInput as error:
@@ -92,7 +101,7 @@ def located(file: str | Path, text: str, section: str | None = None) -> Iterator
             raise
         raise BadInput(
             file=str(file),
-            line=line_of(text, error.key, section),
+            line=find(error.key) if find else line_of(text, error.key, section),
             key=error.key,
             value=error.value,
             expected=error.expected,

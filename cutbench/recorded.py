@@ -14,7 +14,7 @@ from cutbench.errors import BadInput
 from cutbench.experiment import HOMOGENEOUS, KINDS, ROLES, Experiment
 from cutbench.plausible import travel_fits
 from cutbench.quantities import parse_quantity
-from cutbench.reading import one_of
+from cutbench.reading import located, one_of
 from cutbench.readings import LABEL, read_table
 from cutbench.titles import UNITS
 
@@ -44,18 +44,8 @@ _EXTRA = {
 @contextmanager
 def placed(file: Path, text: str, number: int) -> Iterator[None]:
     """Errors inside without a file get this one and the line of their key in the ``number``-th experiment."""
-    try:
+    with located(file, text, find=lambda key: _line(text, key, number)):
         yield
-    except BadInput as error:
-        if error.file is not None:
-            raise
-        raise BadInput(
-            file=str(file),
-            line=_line(text, error.key, number),
-            key=error.key,
-            value=error.value,
-            expected=error.expected,
-        ) from error
 
 
 def _line(text: str, key: str, number: int) -> int | None:
