@@ -248,7 +248,7 @@ def test_a_loose_base_softens_the_block_and_a_firm_one_does_not(solver, element)
 
 # -- other elements and dimensions -----------------------------------------------------------------
 def test_states_in_the_mixed_element_and_in_pictures():
-    changes = {**SMALL, "element": "P2P1", "depth": "0.3 mm"}
+    changes = {**SMALL, "element": "P2P1", "corner": 0.125, "depth": "0.3 mm"}
     case = extended(load_case("gelatin", changes, dim=2), "maxwell", "mullins", "stiff_skin", on=True)
     built = build(case)
     *_, last = built.march

@@ -17,6 +17,7 @@ from cutbench.forms.space import Space
 from cutbench.models2d.plane_strain import geometry, mirrored
 from cutbench.models2d.section import half_block
 from cutbench.models2d.usermesh import read_mesh
+from cutbench.numerics import Numerics
 from cutbench.run import run_case
 from cutbench.solve.geometry import paired
 
@@ -226,7 +227,7 @@ def write_vtu(mesh: skfem.MeshTri, path: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def section():
-    return half_block(W, H, 0.6, corner=0.6 / 8)
+    return half_block(W, H, 0.6, corner=0.6 * Numerics().corner)
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,15 @@ from cutbench.sensitivity import differentiable, extended
 
 #: A weak cut plane and a slender tip: contact, friction, adhesion and damage from the first tenths on.
 CUTTING = load_case("gelatin").set(
-    h="0.6 mm", cohesion=1.0, tip="3.5 mm", mu=0.2, depth="0.6 mm", penalty=100, stick=40, tolerance=1e-11
+    h="0.6 mm",
+    corner=0.125,
+    cohesion=1.0,
+    tip="3.5 mm",
+    mu=0.2,
+    depth="0.6 mm",
+    penalty=100,
+    stick=40,
+    tolerance=1e-11,
 )
 #: Coarser than any run that is meant, for what holds on any mesh.
 QUICK = CUTTING.set(element="P1", depth="0.3 mm")
