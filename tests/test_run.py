@@ -240,6 +240,16 @@ def test_the_staggered_scheme_tends_to_the_monolithic_one():
     assert apart[1] < 0.2 * apart[0] < 0.02
 
 
+def test_errors_of_the_ledger_do_not_add_up(monkeypatch):
+    """Beyond half a per cent of the work, steps that would add to what is open are held tighter."""
+    case = COARSE.set(element="P1", h="0.8 mm", depth="6 mm", energy_step=0.1, cohesion=5.0)
+    held, allowed = run_case(case), march.DRIFT
+    monkeypatch.setattr(march, "DRIFT", 1.0)
+    free = run_case(case)
+    most = [np.abs(run.curve["closure"]).max() for run in (held, free)]
+    assert most[0] < 1.2 * allowed < most[1]
+
+
 def test_stepping_of_the_paper_reaches_the_same_force(pressed):
     result = run_case(PRESSED.set(stepping="paper"))
     assert result.outcome.done
