@@ -76,6 +76,12 @@ def table(rows: Sequence[Sequence[str]], columns: Sequence[str] = _COLUMNS) -> s
     return "\n".join([shown[0], "-" * len(shown[0]), *shown[1:]])
 
 
+def check_json(parser: argparse.ArgumentParser, path: Path | None) -> None:
+    """Before the runs, so that minutes of measuring do not end at a missing folder."""
+    if path is not None and not (path.parent.is_dir() and os.access(path.parent, os.W_OK)):
+        parser.error(f"--json = '{path}' cannot be used; expected a file in a folder that can be written to")
+
+
 def write_whole(path: Path, data: dict) -> None:
     """Write JSON beside ``path`` and put it in its place: it is there whole or not at all."""
     with tempfile.NamedTemporaryFile(
@@ -99,10 +105,7 @@ def options(argv: Sequence[str] | None) -> argparse.Namespace:
     asked = parser.parse_args(argv)
     if asked.repeat < 1:
         parser.error(f"--repeat = {asked.repeat} cannot be used; expected a whole number, 1 or more")
-    # Before the runs, so that minutes of measuring do not end at a missing folder.
-    if asked.json is not None and not (asked.json.parent.is_dir() and os.access(asked.json.parent, os.W_OK)):
-        wanted = "a file in a folder that can be written to"
-        parser.error(f"--json = '{asked.json}' cannot be used; expected {wanted}")
+    check_json(parser, asked.json)
     return asked
 
 

@@ -10,7 +10,6 @@ again. Exit status 1 if a finished run is lost or written a second time, or if t
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import random
 import signal
@@ -20,6 +19,7 @@ import tempfile
 import time
 from pathlib import Path
 
+from benchmarks.__main__ import check_json, write_whole
 from benchmarks.machine import facts
 
 STUDY = """title = "To be killed"
@@ -124,6 +124,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--pause", type=float, default=8.0, help="mean seconds between kills (default 8)")
     parser.add_argument("--json", type=Path)
     asked = parser.parse_args(argv)
+    check_json(parser, asked.json)
     if not Path("/proc/self/task").exists():
         print("needs /proc to find the workers (Linux)", file=sys.stderr)
         return 2
@@ -148,7 +149,7 @@ def main(argv: list[str] | None = None) -> int:
     print(f"lost {found['lost']}; written twice {found['written_twice']}; {maps}")
     if asked.json:
         record = {"schema": 1, "seed": asked.seed, **found, "machine": facts("1")}
-        asked.json.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+        write_whole(asked.json, record)
     return 0 if good else 1
 
 

@@ -20,7 +20,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.__main__ import ROOT, THREADS, table, write_whole
+from benchmarks.__main__ import ROOT, THREADS, check_json, table, write_whole
 from benchmarks.machine import facts
 
 #: Element sizes in mm and how many thousand tetrahedra they give; the last two only if asked for.
@@ -123,9 +123,7 @@ def options(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--json", type=Path, metavar="FILE", help="write everything there, too")
     parser.add_argument("--job", type=json.loads, help=argparse.SUPPRESS)
     asked = parser.parse_args(argv)
-    if asked.json is not None and not (asked.json.parent.is_dir() and os.access(asked.json.parent, os.W_OK)):
-        wanted = "a file in a folder that can be written to"
-        parser.error(f"--json = '{asked.json}' cannot be used; expected {wanted}")
+    check_json(parser, asked.json)
     return asked
 
 

@@ -70,6 +70,13 @@ Keep = Annotated[
     ),
 ]
 Out = Annotated[Path | None, typer.Option(metavar="DIR", help="Where to write; default: runs/NAME-ID.")]
+CampaignFile = Annotated[Path, typer.Argument(metavar="CAMPAIGN.toml", help="Tests and their readings.")]
+Workers = Annotated[
+    str | None, typer.Option(metavar="N", help="Processes; default: one a core; 0: this one.")
+]
+Refine = Annotated[
+    bool, typer.Option(help="Measure the error of the computation on a finer mesh on the way.")
+]
 
 
 def changes(

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 
 import numpy as np
 
 from cutbench.fitted import Compared, Estimate, Fit
-from cutbench.output import versions
-from cutbench.plots.style import replacing
+from cutbench.output import versions, write_json
 
 #: Layout of fit.json.
 SCHEMA = 1
@@ -176,18 +174,5 @@ def write_fit(fit: Fit, folder: Path) -> list[Path]:
     from cutbench.plots.style import save
 
     paths = save(plot_fit(fit), folder / "fit.png")
-    with replacing(folder / "fit.json") as draft:
-        text = json.dumps(_finite(to_dict(fit)), indent=2, ensure_ascii=False, allow_nan=False)
-        draft.write_text(text + "\n", encoding="utf-8")
+    write_json(to_dict(fit), folder / "fit.json")
     return [*paths, folder / "fit.json"]
-
-
-def _finite(value: object) -> object:
-    """JSON has no nan and no infinity: null stands for both."""
-    if isinstance(value, dict):
-        return {key: _finite(v) for key, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(v) for v in value]
-    if isinstance(value, (float, np.floating)):
-        return float(value) if math.isfinite(value) else None
-    return value.item() if isinstance(value, np.generic) else value

@@ -23,6 +23,7 @@ from cutbench.quantities import Parameter
 from cutbench.result import Outcome
 from cutbench.solve.march import LARGEST_BOOST
 from cutbench.solve.newton import NewtonSettings, NoConvergence, newton
+from cutbench.solve.problem import damage_growth
 
 #: The strip, and the speed at which its clamps part: those of the paper.
 SPECIMEN = {"width": "12 mm", "height": "30 mm", "length": "3 mm", "speed": "0.03 mm/s"}
@@ -162,7 +163,7 @@ class _Pull:
             guess[self.moved] = (reached + size) / 2
             try:
                 new, result, effort = newton(problem, guess, states, step, self.newton)
-                growth = _growth(states, result.states)
+                growth = damage_growth(states, result.states)
                 if growth > 2 * n.damage_step and size > 4 * n.step_min_mm:
                     raise NoConvergence(f"damage grew by {growth:.2f}")
                 spent, taken, defect = self._energy(new, states, result, step, size)
@@ -202,10 +203,7 @@ class _Pull:
         """Work of the clamps and of the mechanisms in a step, mJ, and their relative difference."""
         problem = self.built.problem
         spent = (self.row["force_N"] + self._force(result)) / 2 * size
-        taken = 0.0
-        for form in problem.forms:
-            done = form.work(u, problem.p, old[form.name], result.states[form.name], step)
-            taken += sum(done.values()) * IMAGES
+        taken = sum(problem.work(u, old, result.states, step).values()) * IMAGES
         # Against the work over a largest step: within a small jump nothing is gained by closing better.
         whole = spent / size * max(size, self.built.case.numerics.step_mm)
         return spent, taken, abs(spent - taken) / max(whole, 1e-300)
@@ -224,12 +222,6 @@ class _Pull:
             "cut_length_mm": cut,
             "closure": (self.spent - self.taken) / self.spent if self.spent else 0.0,
         }
-
-
-def _growth(old, new) -> float:
-    if "cohesion" not in old:
-        return 0.0
-    return float((new["cohesion"]["damage"] - old["cohesion"]["damage"]).max(initial=0.0))
 
 
 def _measures(case: Case, curve: dict[str, np.ndarray]) -> dict[str, float]:

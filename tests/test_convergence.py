@@ -59,6 +59,17 @@ def test_changes_are_compared_with_their_own_base(study):
     assert math.isinf(other.moved["slope_N_per_mm"])
 
 
+def test_a_change_may_be_for_some_materials_only(study):
+    study.write_text(STUDY + 'materials = ["meat"]\n', encoding="utf-8")
+    assert [set(cases) for cases in load_plan(study).cases.values()] == [
+        {"", "h/2"},
+        {"", "h/2", "the material's normal"},
+    ]
+    study.write_text(STUDY + 'materials = ["steel"]\n', encoding="utf-8")
+    with pytest.raises(BadInput, match="steel"):
+        load_plan(study)
+
+
 def test_a_second_time_nothing_is_computed(study, monkeypatch):
     first = rows_of(study, workers=0)
     monkeypatch.setattr(convergence_runs, "converging", None)

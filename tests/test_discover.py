@@ -14,9 +14,10 @@ from benchmarks import discovery as blind
 from cutbench.campaign import load_campaign
 from cutbench.discover import discover
 from cutbench.discover.page import page
-from cutbench.discover.report import finite, summary, to_dict, write_discovery
+from cutbench.discover.report import summary, to_dict, write_discovery
 from cutbench.discover.score import tail
 from cutbench.discover.search import Discovery
+from cutbench.output import write_json
 
 STUDIES = Path(__file__).parents[1] / "studies"
 SEED = 11
@@ -97,6 +98,7 @@ def test_a_new_mechanism_is_a_candidate_without_a_line_changed(tmp_path, monkeyp
 
     (tmp_path / "waning_adhesion.py").write_text('''"""Adhesion that wanes with the distance slid."""
 import numpy as np
+from cutbench.output import write_json
 from cutbench.mechanisms.base import Blade
 from cutbench.quantities import Parameter
 
@@ -201,12 +203,13 @@ def test_the_tail_of_draws_is_that_of_an_f_distribution():
     assert 1e-4 < tail(heavy, 400.0) < 8e-3
 
 
-def test_json_has_no_nan():
-    assert finite({"a": [float("nan"), np.float64(1.0)], "b": float("inf")}) == {"a": [None, 1.0], "b": None}
+def test_json_has_no_nan(tmp_path):
+    write_json({"a": [float("nan"), np.float64(1.0)], "b": float("inf")}, tmp_path / "x.json")
+    assert json.loads((tmp_path / "x.json").read_text()) == {"a": [None, 1.0], "b": None}
 
 
-def test_data_are_plain(gent):
-    json.dumps(finite(to_dict(gent[1])), allow_nan=False)
+def test_data_are_plain(gent, tmp_path):
+    write_json(to_dict(gent[1]), tmp_path / "d.json")
 
 
 def test_units_of_the_columns_do_not_matter(tmp_path):
@@ -247,12 +250,12 @@ free = ["G"]
     assert one.gain.gain == pytest.approx(other.gain.gain, rel=1e-3)
 
 
-def test_without_candidates_a_failing_baseline_is_unexplained(gent):
+def test_without_candidates_a_failing_baseline_is_unexplained(gent, tmp_path):
     hidden, _ = gent
     d = discover(replace(hidden.campaign, candidates=()), workers=0)
     assert d.verdict == "unexplained" and not d.found
     assert "unexplained" in summary(d)
-    json.dumps(finite(to_dict(d)), allow_nan=False)
+    write_json(to_dict(d), tmp_path / "d.json")
     assert page(d).count("<svg") == 1
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from cutbench.face import exits, whole
+from cutbench.face import Workers, exits, whole
 
 
 @exits
@@ -17,9 +17,7 @@ def converge(
         Path, typer.Argument(metavar="STUDY.toml", help="Materials, and changes of the numerics.")
     ],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Where the tables and the runs are written.")],
-    workers: Annotated[
-        str | None, typer.Option(metavar="N", help="Processes; default: one a core; 0: this one.")
-    ] = None,
+    workers: Workers = None,
 ) -> None:
     """Change the numerics one by one and say how far each measure moves; start it again to go on."""
     os.environ.setdefault("OMP_NUM_THREADS", "1")

@@ -8,21 +8,17 @@ from typing import Annotated
 
 import typer
 
-from cutbench.face import exits, whole
+from cutbench.face import CampaignFile, Refine, Workers, exits, whole
 
 
 @exits
 def discover(
-    campaign: Annotated[Path, typer.Argument(metavar="CAMPAIGN.toml", help="Tests and their readings.")],
+    campaign: CampaignFile,
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="Where discovery.json and discovery.html are written.")
     ] = Path("discovery"),
-    workers: Annotated[
-        str | None, typer.Option(metavar="N", help="Processes; default: one a core; 0: this one.")
-    ] = None,
-    refine: Annotated[
-        bool, typer.Option(help="Measure the error of the computation on a finer mesh on the way.")
-    ] = True,
+    workers: Workers = None,
+    refine: Refine = True,
 ) -> None:
     """Fit the baseline, show where it fails, name the mechanism that explains it and what it gains."""
     from cutbench.campaign import load_campaign

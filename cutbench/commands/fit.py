@@ -7,25 +7,21 @@ from typing import Annotated
 
 import typer
 
-from cutbench.face import exits, whole
+from cutbench.face import CampaignFile, Refine, Workers, exits, whole
 
 
 @exits
 def fit(
-    campaign: Annotated[Path, typer.Argument(metavar="CAMPAIGN.toml", help="Tests and their readings.")],
+    campaign: CampaignFile,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Where fit.json and fit.png are written.")] = Path(
         "fit"
     ),
-    workers: Annotated[
-        str | None, typer.Option(metavar="N", help="Processes; default: one a core; 0: this one.")
-    ] = None,
+    workers: Workers = None,
     profile: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME", help="Profile likelihood of a parameter, at several fits; repeatable."),
     ] = None,
-    refine: Annotated[
-        bool, typer.Option(help="Measure the error of the computation on a finer mesh on the way.")
-    ] = True,
+    refine: Refine = True,
 ) -> None:
     """Fit a campaign's free parameters to all its train experiments, predict its test experiments."""
     from cutbench.campaign import load_campaign

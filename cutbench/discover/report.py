@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from cutbench.discover.score import Score
 from cutbench.discover.search import CHANCE, Discovery, Round, Tried
 from cutbench.discover.where import Section
 from cutbench.mechanisms import registry
-from cutbench.output import versions
+from cutbench.output import versions, write_json
 from cutbench.plots.style import replacing
 from cutbench.quantities import Parameter
 
@@ -323,24 +322,11 @@ def _round(r: Round) -> dict:
     }
 
 
-def finite(value: object) -> object:
-    """JSON has no nan and no infinity: null stands for both."""
-    if isinstance(value, dict):
-        return {key: finite(v) for key, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [finite(v) for v in value]
-    if isinstance(value, (float, np.floating)):
-        return float(value) if math.isfinite(value) else None
-    return value.item() if isinstance(value, np.generic) else value
-
-
 def write_discovery(d: Discovery, folder: Path) -> list[Path]:
     """``discovery.json`` and ``discovery.html`` in ``folder``, each whole or not at all."""
     from cutbench.discover.page import page
 
-    with replacing(folder / "discovery.json") as draft:
-        text = json.dumps(finite(to_dict(d)), indent=2, ensure_ascii=False, allow_nan=False)
-        draft.write_text(text + "\n", encoding="utf-8")
+    write_json(to_dict(d), folder / "discovery.json")
     with replacing(folder / "discovery.html") as draft:
         draft.write_text(page(d), encoding="utf-8")
     return [folder / "discovery.json", folder / "discovery.html"]

@@ -30,7 +30,7 @@ from cutbench.forms.base import Step
 from cutbench.mechanisms.base import STEP
 from cutbench.solve.linear import SingularMatrix
 from cutbench.solve.newton import NewtonSettings, NoConvergence, newton
-from cutbench.solve.problem import Problem
+from cutbench.solve.problem import Problem, damage_growth
 
 #: What was given at a point: travel, growth of the cut or of all damage; or nothing, the body was let go.
 TRAVEL, CUT, DAMAGE, RELEASE = "travel", "cut", "damage", "release"
@@ -125,7 +125,6 @@ class Path:
     def __post_init__(self):
         forms = {form.name: form for form in self.problem.forms}
         self._cut, self._damping = forms.get("cohesion"), forms.get("damping")
-        self._blades = [form for name, form in forms.items() if name.startswith("blade")]
         zero = np.zeros(self.problem.ndof)
         self._local, self._slopes = True, {True: zero, False: zero}
         if self._damping is not None:
@@ -140,7 +139,7 @@ class Path:
         for _ in range(rules.points):
             if at.travel >= self.depth - 1e-9:
                 return
-            begun = self._touched(at.states)
+            begun = self.problem.touched(at.states)
             found = self._first_that_holds(by, amount, at, begun, before)
             if found is None:
                 for point in self._release(at, rules.nudge if still else 0.0):
@@ -206,7 +205,7 @@ class Path:
             found = self._by_travel(amount, at, begun, before)
         else:
             found = self._by_cut(by, amount, at, begun, before)
-        growth = self._growth(at.states, found[2].states)
+        growth = damage_growth(at.states, found[2].states)
         if growth > self.rules.damage and before is not None:
             raise NoConvergence(f"damage grew by {growth:.2f}")
         moved = self._travel(found[0]) - at.travel
@@ -315,7 +314,7 @@ class Path:
             return
         rules, drag = self.rules, self.rules.drag
         for _ in range(rules.creeps):
-            begun = self._touched(at.states)
+            begun = self.problem.touched(at.states)
             step = self._at(at.travel + nudge, at.travel, at.u)
             self._damping.viscosity = drag * self.problem.p.G  # over a step of 1 s
             try:
@@ -338,12 +337,8 @@ class Path:
         self.stopped = "no equilibrium is near, and the body does not come to rest"
 
     def _point(self, at, begun, step, u, result, iterations, by) -> PathPoint:
-        work: dict[str, float] = {}
-        for form in self.problem.forms:
-            done = form.work(u, self.problem.p, begun[form.name], result.states[form.name], step)
-            for name, value in done.items():
-                work[name] = work.get(name, 0.0) + value
-        force = sum(form.force(result.states[form.name])[1] for form in self._blades)
+        work = self.problem.work(u, begun, result.states, step)
+        force = self.problem.force(result.states)
         reaction = float(result.residual[self.bottom].sum())
         broken = 0.0
         if self._cut is not None:
@@ -351,12 +346,6 @@ class Path:
         return PathPoint(
             self._travel(step), u, result.states, force, reaction, work, iterations, step, broken, by, begun
         )
-
-    def _touched(self, states: dict) -> dict:
-        begun = dict(states)
-        for form in self._blades:
-            begun[form.name] = form.touch(states[form.name])
-        return begun
 
     def _travel(self, step: Step) -> float:
         return float(self.centre0[1] - step.centre[1])
@@ -371,7 +360,7 @@ class Path:
             step.dt, step.u_old, step.centre - 1j * STEP * np.array([0.0, 1.0, 0.0]), step.centre_old
         )
         out = np.zeros(self.problem.ndof)
-        for form in self._blades:
+        for form in self.problem.blades:
             local = form.evaluate(u, self.problem.p, states[form.name], moving, False)
             out += self.problem.pattern.vector(form.name, local.vector).imag / STEP
         return out
@@ -385,9 +374,3 @@ class Path:
         # At the start of a step, and where a trial has unloaded all, nothing grows: what grew last will do.
         own = self._slopes[self._local]
         return C, own if own.any() else self._slopes[not self._local]
-
-    @staticmethod
-    def _growth(old, new) -> float:
-        if "cohesion" not in old:
-            return 0.0
-        return float((new["cohesion"]["damage"] - old["cohesion"]["damage"]).max(initial=0.0))

@@ -9,7 +9,7 @@ import numpy as np
 
 from cutbench.forms.base import Step
 from cutbench.solve.newton import NewtonSettings, NoConvergence, newton
-from cutbench.solve.problem import Problem
+from cutbench.solve.problem import Problem, damage_growth
 
 #: Staggered scheme: repetitions at the most, and the change of damage at which it stands still.
 STAGGERED_LOOPS = 200
@@ -115,7 +115,6 @@ class March:
 
     def __iter__(self) -> Iterator[Accepted]:
         problem, rules = self.problem, self.rules
-        blades = [f for f in problem.forms if f.name.startswith("blade")]
         begin = self.resume or Progress(0.0, rules.first, np.zeros(problem.ndof), problem.start())
         travel, size, u, states = begin.travel, begin.size, begin.u, begin.states
         u_before, size_before, easy, force = begin.u_before, begin.size_before, begin.easy, begin.force
@@ -133,19 +132,17 @@ class March:
                     damping.boost = boost
             size = min(size, self.depth - travel)
             step = Step(size / self.speed, u, self._centre(travel + size), self._centre(travel))
-            begun = dict(states)
-            for form in blades:
-                begun[form.name] = form.touch(states[form.name])
+            begun = problem.touched(states)
             guesses = [u]
             if u_before is not None:
                 guesses.insert(0, u + (u - u_before) * (size / size_before))
             try:
                 new_u, result, effort, solves = self._first_that_converges(guesses, begun, step)
-                growth = self._damage_growth(states, result.states)
+                growth = damage_growth(states, result.states)
                 if chosen and not rules.paper and growth > 2 * rules.damage and size > 4 * rules.smallest:
                     raise NoConvergence(f"damage grew by {growth:.2f}")
-                work = self._work(new_u, begun, result.states, step)
-                force_after = sum(form.force(result.states[form.name])[1] for form in blades)
+                work = problem.work(new_u, begun, result.states, step)
+                force_after = problem.force(result.states)
                 # What the ledger leaves open is the error of the step.
                 spent = (force + force_after) / 2 * size
                 # Against the blade's work over the largest step: within a small jump of a fine step
@@ -203,14 +200,6 @@ class March:
                 rest = (u_before, size_before, easy, force, boost, spent_before, left_before)
                 self.at_rest(Progress(travel, size, u, states, *rest))
 
-    def _work(self, u, old, new, step) -> dict[str, float]:
-        """Work taken up by each mechanism over the step; faces add up under one name."""
-        total: dict[str, float] = {}
-        for form in self.problem.forms:
-            for name, value in form.work(u, self.problem.p, old[form.name], new[form.name], step).items():
-                total[name] = total.get(name, 0.0) + value
-        return total
-
     def _first_that_converges(self, guesses, states, step):
         for i, guess in enumerate(guesses):
             try:
@@ -229,9 +218,8 @@ class March:
         u, result, effort = self._hold_damage(u, states, step)
         solves = [(states, u)]
         for _ in range(self.rules.augmentations):
-            blades = [f for f in self.problem.forms if f.name.startswith("blade")]
             states = {**states}
-            for form in blades:
+            for form in self.problem.blades:
                 held = form.augment(result.states[form.name])["multiplier"]
                 states[form.name] = {**states[form.name], "multiplier": held}
             u, result, more = self._hold_damage(u, states, step)
@@ -265,9 +253,3 @@ class March:
                     return u, self.problem.evaluate(u, states, step, tangent=False), effort
                 settings = self.newton
         raise NoConvergence(f"damage still changes by {change:.1e} after {STAGGERED_LOOPS} staggered loops")
-
-    @staticmethod
-    def _damage_growth(old, new) -> float:
-        if "cohesion" not in old:
-            return 0.0
-        return float((new["cohesion"]["damage"] - old["cohesion"]["damage"]).max(initial=0.0))

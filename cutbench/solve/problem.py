@@ -49,6 +49,7 @@ class Problem:
     ):
         """``modes`` (ndof, 6): rigid motions of a solid, for solvers that iterate."""
         self.forms, self.ndof, self.fixed, self.p = list(forms), ndof, fixed, p
+        self.blades = [form for form in self.forms if form.name.startswith("blade")]
         self.symmetric = all(form.symmetric for form in forms)
         self.timer = Timer()
         start = time.perf_counter()
@@ -77,6 +78,22 @@ class Problem:
 
     def start(self) -> dict[str, dict]:
         return {form.name: form.start(self.p) for form in self.forms}
+
+    def touched(self, states: dict[str, dict]) -> dict[str, dict]:
+        """``states`` as a step begins with them: the blade's faces look for contact anew."""
+        return states | {form.name: form.touch(states[form.name]) for form in self.blades}
+
+    def force(self, states: dict[str, dict]) -> float:
+        """Force of the blade against its way, of the meshed part."""
+        return sum(form.force(states[form.name])[1] for form in self.blades)
+
+    def work(self, u: np.ndarray, old: dict[str, dict], new: dict[str, dict], step: Step) -> dict[str, float]:
+        """Work taken up by each mechanism over the step; faces add up under one name."""
+        total: dict[str, float] = {}
+        for form in self.forms:
+            for name, value in form.work(u, self.p, old[form.name], new[form.name], step).items():
+                total[name] = total.get(name, 0.0) + value
+        return total
 
     def evaluate(
         self, u: np.ndarray, states: dict[str, dict], step: Step, tangent: bool = True, p=None
@@ -125,3 +142,10 @@ class Problem:
         du[self.free] = solve(-residual[self.free])
         self.timer.add("solve", begin)
         return du
+
+
+def damage_growth(old: dict[str, dict], new: dict[str, dict]) -> float:
+    """Largest growth of damage on the cut plane between two states; 0 without a cut."""
+    if "cohesion" not in old:
+        return 0.0
+    return float((new["cohesion"]["damage"] - old["cohesion"]["damage"]).max(initial=0.0))
