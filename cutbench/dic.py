@@ -11,70 +11,20 @@ alike: F = I + ∂u/∂X, or (I − ∂u/∂x)⁻¹ in the deformed configuratio
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from cutbench.errors import BadInput
-from cutbench.reading import one_of
-from cutbench.readings import read_table
-from cutbench.result import Snapshot
-from cutbench.triangles import located, surface
+from cutbench.fieldfile import Field
+from cutbench.result import SLOPE, Snapshot
+from cutbench.triangles import gradient, located, surface
 
-CONFIGURATIONS = ("deformed", "reference")
-#: Points of one row or column of the grid may be off by this part of the spacing.
+#: A point next to the plane of symmetry is looked for this part of the spacing beside it.
 _OFF = 0.1
 #: A field and a snapshot are of one travel if they are no farther apart, mm.
 _APART = 0.2
-#: A grid has at least this part of its places filled; scattered points have next to none.
-_FILLED = 0.2
-
-
-@dataclass(frozen=True, eq=False)
-class Field:
-    """Displacements ``u`` (2, ny, nx) in mm on the grid ``x`` (nx,), ``y`` (ny,) in mm; nan where unknown."""
-
-    x: np.ndarray
-    y: np.ndarray
-    u: np.ndarray
-    travel_mm: float | None = None
-    configuration: str = "deformed"
-
-    def __post_init__(self) -> None:
-        if self.configuration not in CONFIGURATIONS:
-            raise BadInput(
-                key="configuration",
-                value=self.configuration,
-                expected=one_of(self.configuration, CONFIGURATIONS),
-            )
-        if self.u.shape != (2, self.y.size, self.x.size):
-            raise BadInput(key="u", value=str(self.u.shape), expected=f"(2, {self.y.size}, {self.x.size})")
-
-    @property
-    def grid(self) -> np.ndarray:
-        """Positions (2, ny, nx) in mm."""
-        return np.stack(np.meshgrid(self.x, self.y))
-
-    @property
-    def deformed(self) -> np.ndarray:
-        """Positions (2, ny, nx) after deformation, mm."""
-        return self.grid if self.configuration == "deformed" else self.grid + self.u
-
-    @property
-    def strain(self) -> np.ndarray:
-        """Green–Lagrange strain (2, 2, ny, nx)."""
-        gradient = np.stack(
-            [np.stack([np.gradient(c, self.x, axis=1), np.gradient(c, self.y, axis=0)]) for c in self.u]
-        )
-        unit = np.eye(2)[:, :, None, None]
-        if self.configuration == "reference":
-            F = unit + gradient
-        else:
-            (a, b), (c, d) = unit - gradient
-            F = np.stack([np.stack([d, -b]), np.stack([-c, a])]) / (a * d - b * c)
-        return (np.einsum("kiyx,kjyx->ijyx", F, F) - unit) / 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,99 +78,42 @@ class Comparison:
         return found
 
 
-def read_fields(
-    path: str | Path,
-    *,
-    columns: Mapping[str, str | int] | None = None,
-    units: Mapping[str, str] | None = None,
-    configuration: str = "deformed",
-    shift_mm: tuple[float, float] = (0.0, 0.0),
-    y_down: bool = False,
-    travel_mm: float | None = None,
-) -> list[Field]:
-    """The fields in a text file, in the order of blade travel: a row a point.
-
-    ``columns`` (default: x, y, u_x, u_y and, if the file has it, travel) and ``units`` as in a campaign.
-    ``y_down``: y and u_y count downwards, as in pictures. ``shift_mm`` is then added to x and y.
-    ``travel_mm`` is the travel of a file without such a column. Raises BadInput for a file that cannot be
-    read, points that are on no grid, or given twice.
-    """
-    path = Path(path)
-    if columns is None:
-        columns = {name: name for name in ("x", "y", "u_x", "u_y")}
-        try:
-            table = read_table(path, {**columns, "travel": "travel"}, units, blanks=("u_x", "u_y"))
-        except BadInput as error:
-            if error.key != "columns.travel":
-                raise
-            units = {k: v for k, v in (units or {}).items() if k != "travel"}
-            table = read_table(path, columns, units, blanks=("u_x", "u_y"))
-    else:
-        for role in ("x", "y", "u_x", "u_y"):
-            if role not in columns:
-                raise BadInput(key=f"columns.{role}", value="(missing)", expected=f"the column of {role}")
-        table = read_table(path, columns, units, blanks=("u_x", "u_y"))
-    data = dict(table.columns)
-    if y_down:
-        data |= {"y": -data["y"], "u_y": -data["u_y"]}
-    travels = data.get("travel")
-    if travels is None:
-        travels = np.full(table.lines.size, np.nan if travel_mm is None else travel_mm)
-    fields = []
-    for travel in np.unique(travels):
-        here = np.isnan(travels) if np.isnan(travel) else travels == travel
-        points = np.stack([data["x"][here] + shift_mm[0], data["y"][here] + shift_mm[1]])
-        u = np.stack([data["u_x"][here], data["u_y"][here]])
-        x, y, field = _gridded(path, points, u, table.lines[here])
-        fields.append(Field(x, y, field, None if np.isnan(travel) else float(travel), configuration))
-    return fields
-
-
-def _gridded(path: Path, points: np.ndarray, u: np.ndarray, lines: np.ndarray):
-    """The grid's axes and the displacements on it (2, ny, nx)."""
-    (x, across), (y, up) = (_axis(values) for values in points)
-    for name, axis in (("x", x), ("y", y)):
-        if axis.size < 3 or lines.size < _FILLED * x.size * y.size:
-            raise BadInput(
-                file=str(path), key=name, value=f"{axis.size} different values in {lines.size} points",
-                expected="points on a grid of rows and columns, 3 or more of each",
-            )  # fmt: skip
-    field = np.full((2, y.size, x.size), np.nan)
-    seen: dict[tuple[int, int], int] = {}
-    for k, (i, j) in enumerate(zip(up, across, strict=True)):
-        if (i, j) in seen:
-            raise BadInput(
-                file=str(path), line=int(lines[k]), key="x, y",
-                value=f"({points[0, k]:g}, {points[1, k]:g}) mm",
-                expected=f"each point once; line {lines[seen[i, j]]} has it already. Fields at several"
-                " blade travels need a column 'travel'",
-            )  # fmt: skip
-        seen[i, j] = k
-        field[:, i, j] = u[:, k]
-    return x, y, field
-
-
-def _axis(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Distinct values in ascending order and the place of each value among them.
-
-    Values closer than a tenth of the usual spacing are one.
-    """
-    order = np.sort(values)
-    gaps = np.diff(order)
-    wide = gaps[gaps > 1e-9 * max(np.ptp(values), 1e-300)]
-    if wide.size == 0:
-        return order[:1], np.zeros(values.size, dtype=int)
-    spacing = np.median(wide[wide > _OFF * wide.max()])
-    starts = np.append(0, np.flatnonzero(gaps > _OFF * spacing) + 1)
-    axis = np.array([group.mean() for group in np.split(order, starts[1:])])
-    return axis, np.argmin(np.abs(values[:, None] - axis), axis=1)
-
-
 def sample(snapshot: Snapshot, field: Field) -> Field:
     """The run's displacements on the grid of ``field``, in its configuration; nan outside the body.
 
     A half or quarter model stands for its mirror image too. Of a block the end face is sampled.
     """
+    weights, element, flip, (_, u, triangles) = _found(snapshot, field)
+    found = np.full(flip.shape, np.nan)
+    inside = element >= 0
+    values = u[triangles[element[inside]]]
+    found[inside] = np.einsum("pa,pai->pi", weights[inside], values) * flip[inside]
+    return Field(
+        field.x, field.y, found.T.reshape(field.u.shape), snapshot.displacement_mm, field.configuration
+    )
+
+
+def sampled_slopes(snapshot: Snapshot, field: Field, names: Sequence[str]) -> np.ndarray:
+    """What ``sample`` gives, differentiated by parameters: (2, ny, nx, k), nan outside the body.
+
+    At a fixed place x the material changes with the parameter too: du = (I − ∂u/∂x) du|_X.
+    """
+    weights, element, flip, (points, u, triangles) = _found(snapshot, field)
+    inside = element >= 0
+    N, mine = weights[inside], triangles[element[inside]]
+    keep = np.broadcast_to(np.eye(2), (len(mine), 2, 2))
+    if field.configuration == "deformed":
+        keep = keep - gradient((points + u)[mine], N, u[mine])
+    found = np.full((*flip.shape, len(names)), np.nan)
+    for k, name in enumerate(names):
+        moved = np.einsum("pa,pai->pi", N, snapshot.point_data[SLOPE + name][mine, :2])
+        found[inside, :, k] = np.einsum("pij,pj->pi", keep, moved) * flip[inside]
+    return np.moveaxis(found, 0, 1).reshape(*field.u.shape, len(names))
+
+
+def _found(snapshot: Snapshot, field: Field):
+    """Of each place of the grid: weights of its element's nodes, the element (−1 outside), the sign (p, 2) by
+    which it was mirrored; and the surface that was looked at."""
     points, u, triangles = surface(snapshot)
     mirrored = points[:, 0].min() > -1e-9 * np.ptp(points[:, 0])
     at = field.grid.reshape(2, -1).T
@@ -234,13 +127,7 @@ def sample(snapshot: Snapshot, field: Field) -> Field:
         missed = np.flatnonzero((element < 0) & (np.abs(at[:, 0]) < nudge))
         beside = at[missed] * flip[missed] + np.array([nudge, 0.0])
         weights[missed], element[missed] = located(nodes, triangles, beside)
-    found = np.full(at.shape, np.nan)
-    inside = element >= 0
-    values = u[triangles[element[inside]]]
-    found[inside] = np.einsum("pa,pai->pi", weights[inside], values) * flip[inside]
-    return Field(
-        field.x, field.y, found.T.reshape(field.u.shape), snapshot.displacement_mm, field.configuration
-    )
+    return weights, element, flip, (points, u, triangles)
 
 
 def at_travel(snapshots: Sequence[Snapshot], travel_mm: float) -> Snapshot | None:
@@ -257,8 +144,8 @@ def at_travel(snapshots: Sequence[Snapshot], travel_mm: float) -> Snapshot | Non
         return before or after
     way = after.displacement_mm - before.displacement_mm
     part = (travel_mm - before.displacement_mm) / way if way > 0 else 1.0
-    u = [s.point_data["displacement"] for s in (before, after)]
-    mixed = {"displacement": (1 - part) * u[0] + part * u[1]}
+    moved = [name for name in after.point_data if name == "displacement" or name.startswith(SLOPE)]
+    mixed = {name: (1 - part) * before.point_data[name] + part * after.point_data[name] for name in moved}
     return Snapshot(travel_mm, after.points, after.cells, after.cell_type, mixed)
 
 

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from cutbench import noise
 from cutbench.errors import BadInput
 from cutbench.reading import one_of
 from cutbench.repetition import Averaged, Repetition, first_return, is_monotone, order, turning_points
+
+if TYPE_CHECKING:
+    from cutbench.fieldfile import Field
 
 HOMOGENEOUS = ("uniaxial", "equibiaxial", "pure_shear")
 KINDS = ("cut", *HOMOGENEOUS, "sliding", "separation")
@@ -40,7 +44,8 @@ class Experiment:
     ``specimen``, ``blade``: lengths in mm (``width``, ``length``, ``height``; ``thickness``, ``tip``) and
     ``area`` in mm²; ``speed`` in mm/s, or 1/s of stretch. ``pressure_MPa``: contact pressure of a
     sliding test; ``direction``: ``opening`` or ``sliding`` of a separation test. ``role``: a ``test``
-    experiment is never fitted, only predicted. Raises BadInput for what no test can be.
+    experiment is never fitted, only predicted. ``fields``: displacements on one specimen of a cut, known to
+    ``field_noise_mm``. Raises BadInput for what no test can be.
     """
 
     id: str
@@ -53,6 +58,8 @@ class Experiment:
     pressure_MPa: float = 0.0
     direction: str = "opening"
     notes: tuple[str, ...] = ()
+    fields: tuple[Field, ...] = ()
+    field_noise_mm: float = 0.0
 
     def __post_init__(self) -> None:
         if not isinstance(self.id, str) or not self.id.strip():
@@ -82,6 +89,13 @@ class Experiment:
         if len({r.time_s is None for r in self.repetitions}) > 1:
             raise BadInput(key="time", value="in some repetitions only", expected="a time in all or in none")
         self._common_range()
+        for pictured in self.fields:
+            if not 0 < pictured.travel_mm <= self.reach + 1e-9:
+                raise BadInput(
+                    key="fields.travel",
+                    value=f"{pictured.travel_mm:g} mm",
+                    expected=f"blade travels above 0 that the readings reach, {self.reach:g} mm",
+                )
 
     def __reduce__(self):
         kept = (
@@ -97,7 +111,7 @@ class Experiment:
         )
         plain = [getattr(self, k) for k in kept]
         plain[4], plain[5] = dict(self.specimen), dict(self.blade)
-        return Experiment, (*plain, self.notes)
+        return Experiment, (*plain, self.notes, self.fields, self.field_noise_mm)
 
     # -- what it is ------------------------------------------------------------------------------
     @property

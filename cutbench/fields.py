@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from cutbench.build import Built
 from cutbench.forms.base import blend, nodal
 from cutbench.mechanisms.bulk._isotropic import det
-from cutbench.result import Snapshot
+from cutbench.result import SLOPE, Snapshot
 from cutbench.solve.march import Accepted
 
 _CELLS = {(2, 1): "triangle", (2, 2): "triangle6", (3, 1): "tetra", (3, 2): "tetra10"}
@@ -37,8 +39,21 @@ def snapshot(built: Built, step: Accepted) -> Snapshot:
         np.ascontiguousarray(space.element_nodes.T),
         _CELLS[dim, space.order],
         data,
-        {form.faces.name: _face(built, form, step) for form in built.blades},
+        {
+            name: _face(built, form, step, name, part)
+            for form in built.blades
+            for name, part in form.faces.parts.items()
+        },
     )
+
+
+def add_slopes(picture: Snapshot, built: Built, names: Sequence[str], by_name: Sequence[np.ndarray]) -> None:
+    """Put du/dθ (n, 3) into ``picture``, from the rates (ndof,) of the unknowns by each name."""
+    space = built.space
+    for name, rates in zip(names, by_name, strict=True):
+        slope = np.zeros((space.X.shape[1], 3))
+        slope[:, : space.dim] = rates[: space.ndof].reshape(-1, space.dim)
+        picture.point_data[SLOPE + name] = slope
 
 
 def _stress(built: Built, step: Accepted, p):
@@ -67,28 +82,30 @@ def _to_nodes(built: Built, values: np.ndarray) -> np.ndarray:
     return np.stack(out, axis=1)
 
 
-def _face(built: Built, form, step: Accepted) -> dict[str, np.ndarray]:
+def _face(built: Built, form, step: Accepted, name: str, part: slice) -> dict[str, np.ndarray]:
+    """What ``form`` has on the faces ``part``, the set called ``name``."""
     f, dim, state = form.faces, form.dim, step.states[form.name]
+    count = f.w[:, part].size
 
     def flat(a):
-        out = np.zeros((f.w.size, 3))
-        out[:, : a.shape[0]] = a.reshape(a.shape[0], -1).T
+        out = np.zeros((count, 3))
+        out[:, : a.shape[0]] = a[..., part].reshape(a.shape[0], -1).T
         return out
 
     x = f.X + blend(f.N, nodal(step.u, f.nodes, dim))
     out = {
         "X": flat(f.X),
         "x": flat(x),
-        "contact_pressure_MPa": state["pressure"].ravel(),
+        "contact_pressure_MPa": state["pressure"][:, part].ravel(),
         "tangential_traction_MPa": flat(state["shear"]),
-        "contact_state": state["active"].ravel(),
-        "touched": state["touched"].ravel(),
+        "contact_state": state["active"][:, part].ravel(),
+        "touched": state["touched"][:, part].ravel(),
     }
-    if f.name == "cut" and "cohesion" in step.states:
+    if name == "cut" and "cohesion" in step.states:
         cohesion = built.form("cohesion")
         out["opening_mm"] = cohesion.jump(step.u)[0]
         out["damage"] = step.states["cohesion"]["damage"]
     else:
-        out["opening_mm"] = np.zeros(f.w.size)
-        out["damage"] = np.zeros(f.w.size)
+        out["opening_mm"] = np.zeros(count)
+        out["damage"] = np.zeros(count)
     return out

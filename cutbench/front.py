@@ -110,16 +110,17 @@ class Front:
 
     def _pressures(self, step: Accepted, lengths: np.ndarray) -> np.ndarray:
         """Peak of the contact pressure on the cut faces, its place along the cut, and the mean behind it."""
-        form = next((blade for blade in self._built.blades if blade.faces.name == "cut"), None)
+        form = next((blade for blade in self._built.blades if "cut" in blade.faces.parts), None)
         if form is None:
             return np.full(3, math.nan)
-        pressure = np.real(step.states[form.name]["pressure"]).ravel()
-        depth = self._built.case.p.height - form.faces.X[1].ravel()
+        part = form.faces.parts["cut"]
+        pressure = np.real(step.states[form.name]["pressure"])[:, part].ravel()
+        depth = self._built.case.p.height - form.faces.X[1][:, part].ravel()
         cut = lengths[self._strip] if pressure.size == self._strip.size else np.zeros(pressure.size)
         place = depth / np.where(cut > ONSET_MM, cut, math.nan)
         top = int(np.argmax(pressure))
         inner = (place > 0.25) & (place < 0.75)
-        w = form.faces.w.ravel()[inner]
+        w = form.faces.w[:, part].ravel()[inner]
         mean = float(w @ pressure[inner] / w.sum()) if w.size else math.nan
         return np.array([pressure[top], place[top] if pressure[top] > 0 else math.nan, mean])
 

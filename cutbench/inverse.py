@@ -11,10 +11,19 @@ from cutbench.case import Case
 from cutbench.errors import BadInput, ComputationFailed
 from cutbench.experiment import SLOTS, Experiment
 from cutbench.identify import Unknown
-from cutbench.observe import Prediction, Predictor, Task
+from cutbench.observe import Prediction, Predictor, Task, laid_out
 from cutbench.reading import one_of
 from cutbench.sensitivity import differentiable
-from cutbench.weights import Factors, Weights, correction, finer, guessed_error, measured_error, smooth
+from cutbench.weights import (
+    Factors,
+    FieldWeights,
+    Weights,
+    correction,
+    finer,
+    guessed_error,
+    measured_error,
+    smooth,
+)
 
 #: Values on which each experiment is compared.
 GRID = 40
@@ -106,6 +115,8 @@ class Inverse:
                 )
         self.grids = {e.id: e.on_grid(grid) for e in campaign.experiments}
         self.weights: dict[str, Weights] = {}
+        #: Of the displacement fields of an experiment, where it has some.
+        self.field_weights: dict[str, FieldWeights] = {}
         #: By kind of test, from its train experiments.
         self.factors = {
             kind: Factors.of([self.grids[e.id] for e in campaign.train if e.kind == kind])
@@ -180,11 +191,16 @@ class Inverse:
         J = self._derivatives(e, prediction, q)
         return J * self._gentle(e, J, prediction.y)[:, None]
 
-    def _derivatives(self, e: Experiment, prediction: Prediction, q: np.ndarray) -> np.ndarray:
-        J = np.zeros((prediction.y.size, len(self.unknowns)))
+    def _scaled(self, e: Experiment, prediction: Prediction, slopes: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """By the scaled unknowns (m, k) what is given by the prediction's names."""
+        J = np.zeros((slopes.shape[0], len(self.unknowns)))
         for k, u in enumerate(self.unknowns):
             if u.name in prediction.names and u.experiment in (None, e.id):
-                J[:, k] = prediction.slopes[:, prediction.names.index(u.name)] * u.slope(q[k])
+                J[:, k] = slopes[:, prediction.names.index(u.name)] * u.slope(q[k])
+        return J
+
+    def _derivatives(self, e: Experiment, prediction: Prediction, q: np.ndarray) -> np.ndarray:
+        J = self._scaled(e, prediction, prediction.slopes, q)
         if e.kind == "cut" and J.shape[1]:
             # Jags of the curve wander with the parameters: their derivatives are large and hold for no step.
             J = np.stack([smooth(self.grids[e.id].x, column) for column in J.T], axis=1)
@@ -212,6 +228,8 @@ class Inverse:
             if e.kind == "cut":
                 error = error + guessed_error(x, found[e.id].y)
             self.weights[e.id] = Weights.of(self.grids[e.id], self.factors[e.kind], found[e.id].y, error)
+            if e.fields:
+                self.field_weights[e.id] = FieldWeights.of(e, found[e.id].fields)
 
     def measure_error(self, q: np.ndarray) -> list[str]:
         """Weights at ``q``, with the cuts computed on a finer mesh there; says what that found."""
@@ -235,6 +253,8 @@ class Inverse:
             )
             error = measured_error(grid.x, y, p.y) + self._jumps(e, coarse[e.id], q)
             self.weights[e.id] = Weights.of(grid, self.factors["cut"], y + shift, error, shift)
+            if e.fields:
+                self.field_weights[e.id] = FieldWeights.of(e, coarse[e.id].fields, p.fields)
         return notes
 
     def whitened(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -245,4 +265,10 @@ class Inverse:
             p, w = found[e.id], self.weights[e.id]
             rows.append(w.white(p.y + w.shift - self.grids[e.id].mean))
             slopes.append(w.white(self.slopes(e, p, q)))
+        # Fields last: what counts degrees of freedom by curves looks at the first rows.
+        for e in self.campaign.train:
+            if e.id in self.field_weights:
+                w, p = self.field_weights[e.id], found[e.id]
+                rows.append(w.white(p.fields - laid_out(e.fields)))
+                slopes.append(w.white(self._scaled(e, p, p.field_slopes, q)))
         return np.concatenate(rows), np.concatenate(slopes)

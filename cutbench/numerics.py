@@ -17,6 +17,7 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "scheme": ("monolithic", "staggered"),
     "symmetry": ("auto", "quarter", "half", "full"),
     "stepping": ("adaptive", "paper"),
+    "predictor": ("line", "repeat"),
     "solver": ("auto", "superlu", "pardiso", "kept", "multigrid"),
 }
 #: Smallest and largest value of each number (None: no bound); ``h`` and steps are in mm.
@@ -30,7 +31,7 @@ _RANGES: dict[str, tuple[float | None, float | None]] = {
     "augmentations": (0, 50),
     "damping_mm": (0.0, 1.0),
     "facet_degree": (1, 20),
-    "bulk_degree": (1, 10),
+    "bulk_degree": (0, 10),
     "step_mm": (1e-6, 5.0),
     "step_min_mm": (1e-9, 1.0),
     "damage_step": (1e-3, 1.0),
@@ -56,9 +57,10 @@ class Numerics:
     stick: float = 400.0  # stiffness of sticking, G per mm of slip
     augmentations: int = 0  # Uzawa updates a step at the most
     facet_degree: int = 6  # quadrature degree on faces
-    bulk_degree: int = 2
+    bulk_degree: int = 0  # 0: what the element needs
     scheme: str = "monolithic"  # monolithic | staggered (damage lags, repeated until it stands still)
     stepping: str = "adaptive"  # adaptive | paper (a tenth when damage jumps, else five times)
+    predictor: str = "line"  # line | repeat (what happened one element higher)
     step_mm: float = 0.1  # largest step
     step_min_mm: float = 1e-4
     damage_step: float = 0.5  # the step shrinks if damage grows by more in one

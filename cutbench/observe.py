@@ -17,12 +17,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cutbench.case import Case
+from cutbench.dic import at_travel, sample, sampled_slopes
 from cutbench.errors import BadInput, ComputationFailed
 from cutbench.experiment import Experiment
+from cutbench.fieldfile import Field
 from cutbench.homogeneous import slopes
 from cutbench.mechanisms.base import STEP
 from cutbench.noise import averaging
 from cutbench.repetition import Averaged
+from cutbench.result import Result
 from cutbench.run import run_case
 from cutbench.worker import begin_worker, one_thread_each
 
@@ -57,6 +60,8 @@ class Prediction:
     """``y`` (m,) on the task's grid, ``slopes`` (m, k) by ``names`` in internal units.
 
     ``onset_mm``: where the cut of a run begins (nan without one); ``steps`` its number of steps.
+    ``fields`` (f,), ``field_slopes`` (f, k): displacements in mm at all places of the experiment's fields, as
+    ``laid_out`` has them; nan outside the body.
     """
 
     y: np.ndarray
@@ -65,6 +70,13 @@ class Prediction:
     onset_mm: float = float("nan")
     steps: int = 0
     timings: dict[str, float] = field(default_factory=dict)
+    fields: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    field_slopes: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+
+
+def laid_out(fields: Sequence[Field]) -> np.ndarray:
+    """Displacements (f,) of several fields, one after the other."""
+    return np.concatenate([np.zeros(0), *(each.u.ravel() for each in fields)])
 
 
 def predict(task: Task) -> Prediction:
@@ -79,7 +91,10 @@ def predict(task: Task) -> Prediction:
 def _cut(task: Task) -> Prediction:
     case, names = task.case, task.names
     rig = {q.name for law in case.model.laws("rig") for q in law.parameters}
-    result = run_case(case, sensitivities=[name for name in names if name not in rig])
+    # One step before each field too: between the two the displacements are interpolated.
+    pictured = [f.travel_mm for f in task.experiment.fields]
+    wanted_mm = sorted({max(mm - back, 0.0) for mm in pictured for back in (case.numerics.step_mm, 0.0)})
+    result = run_case(case, sensitivities=[name for name in names if name not in rig], snapshots_mm=wanted_mm)
     reached, wanted = result.outcome.reached_mm, float(task.grid.x[-1])
     if result.outcome.kind == "interrupted":
         raise KeyboardInterrupt
@@ -104,7 +119,29 @@ def _cut(task: Task) -> Prediction:
             f"'{task.experiment.id}': the equations are singular on the way: no derivatives beyond"
         )
     onset = result.measures.get("onset_mm", float("nan"))
-    return Prediction(columns[0].real, by_name, names, onset, result.counts["steps"], result.timings)
+    u, u_by_name = _fields(task, result, rig)
+    steps = result.counts["steps"]
+    return Prediction(columns[0].real, by_name, names, onset, steps, result.timings, u, u_by_name)
+
+
+def _fields(task: Task, result: Result, rig: set[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Displacements at the places of the measured ones (f,), and their derivatives (f, k).
+
+    What a rig does to the record of the force it does not do to a picture of the specimen.
+    """
+    names = [name for name in task.names if name not in rig]
+    values, slopes = [np.zeros(0)], [np.zeros((0, len(task.names)))]
+    for measured in task.experiment.fields:
+        picture = at_travel(result.snapshots, measured.travel_mm)
+        by_name = np.zeros((measured.u.size, len(task.names)))
+        if picture is None:
+            values.append(np.full(measured.u.size, np.nan))
+        else:
+            values.append(sample(picture, measured).u.ravel())
+            found = sampled_slopes(picture, measured, names).reshape(measured.u.size, -1)
+            by_name[:, [task.names.index(name) for name in names]] = found
+        slopes.append(by_name)
+    return np.concatenate(values), np.concatenate(slopes)
 
 
 def _read(at: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ import numpy as np
 from cutbench.conversion import area_of, repetitions_of
 from cutbench.errors import BadInput
 from cutbench.experiment import HOMOGENEOUS, KINDS, ROLES, Experiment
+from cutbench.fieldfile import read_fields_of
 from cutbench.plausible import travel_fits
 from cutbench.quantities import parse_quantity
 from cutbench.reading import located, one_of
@@ -34,7 +35,7 @@ _SPECIMEN = {
 }
 _EVERY = ("id", "kind", "data", "columns", "units", "factors", "specimen", "speed", "role", "until", "source")
 _EXTRA = {
-    "cut": ("blade",),
+    "cut": ("blade", "fields"),
     **dict.fromkeys(HOMOGENEOUS, ("stress",)),
     "sliding": ("pressure", "normal_force"),
     "separation": ("direction",),
@@ -116,10 +117,11 @@ def read_experiment(table: Mapping[str, object], folder: Path) -> Experiment:
         notes += ("Cauchy stress turned into nominal stress at constant volume, P = σ/λ",)
     if kind == "sliding" and not pressure and not {"pressure", "normal_force"} & columns.keys():
         notes += ("no pressure given: 0, so that only adhesion resists",)
+    fields, noise_mm = read_fields_of(table["fields"], folder) if "fields" in table else ((), 0.0)
     made = Experiment(
         name, kind, tuple(repetitions), role, specimen, blade, speed, pressure,
         _choice(table, "direction", ("opening", "sliding"), "opening") if kind == "separation" else "opening",
-        notes,
+        notes, fields, noise_mm,
     )  # fmt: skip
     if kind == "cut":
         travel_fits(made)

@@ -21,6 +21,10 @@ _TRAILING = ("reaction_N", "closure")
 SNAP: Final = "snap"
 
 
+#: Before a parameter's name: the derivative of the displacements by it.
+SLOPE = "displacement_by_"
+
+
 @dataclass(frozen=True)
 class Outcome:
     """How a run ended and, where it fell short, what to try."""
@@ -45,6 +49,9 @@ class Outcome:
 @dataclass
 class Snapshot:
     """Fields at one blade travel.
+
+    Of a run that is differentiated, ``point_data`` holds du/dθ (n, 3) too, in mm per internal unit, under
+    ``SLOPE`` and the parameter's name.
 
     ``points`` (n, 3) are reference positions in mm, ``cells`` (m, nn) index them in meshio's order
     for ``cell_type`` (triangle, triangle6, tetra, tetra10). ``point_data`` holds ``displacement``

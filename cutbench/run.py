@@ -11,7 +11,7 @@ from cutbench.build import Built, build
 from cutbench.case import Case
 from cutbench.checkpoint import Checkpoint
 from cutbench.curve import measures
-from cutbench.fields import snapshot
+from cutbench.fields import add_slopes, snapshot
 from cutbench.front import Front
 from cutbench.result import SNAP, Outcome, Result, Snapshot
 from cutbench.sensitivity import checked, follow
@@ -40,10 +40,10 @@ def run_case(
 
     ``on_step(displacement_mm, row)`` is called after each step; fields are kept at the first step at
     or past each of ``snapshots_mm``. ``sensitivities`` names parameters: ``result.sensitivities`` then has
-    dF/dθ along the curve. ``checkpoint`` keeps the state of the run, which begins from what it holds;
-    derivatives are not part of it, so a run with both begins anew. A KeyboardInterrupt ends the run with
-    what it has. Raises BadInput if the case's mesh cannot be used, or it cannot be differentiated by one
-    of the names.
+    dF/dθ along the curve, and each snapshot du/dθ. ``checkpoint`` keeps the state of the run, which begins
+    from what it holds; derivatives are not part of it, so a run with both begins anew. A KeyboardInterrupt
+    ends the run with what it has. Raises BadInput if the case's mesh cannot be used, or it cannot be
+    differentiated by one of the names.
     """
     began = time.perf_counter()
     names = checked(case, sensitivities)
@@ -76,6 +76,8 @@ def run_case(
                 front.add(last)
             if wanted and last.travel >= wanted[0] - 1e-9:
                 pictures.append(snapshot(built, last))
+                if follower is not None:
+                    add_slopes(pictures[-1], built, names, follower.displacements())
                 wanted = [d for d in wanted if d > last.travel + 1e-9]
             if on_step is not None:
                 on_step(last.travel, row)

@@ -45,6 +45,17 @@ def shape(r: np.ndarray, s: np.ndarray, nodes: int) -> tuple[np.ndarray, np.ndar
     return np.stack(N, axis=1), np.stack([np.stack(by_r, axis=1), np.stack(by_s, axis=1)])
 
 
+def gradient(nodes: np.ndarray, N: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """∂v_i/∂x_j (p, 2, 2) of ``values`` v, where the shape functions of an element are ``N`` (p, 3 or 6).
+
+    ``nodes``, ``values`` (p, 3 or 6, 2) at the nodes of each point's element.
+    """
+    corners = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])[: N.shape[1]]
+    dN = shape(*(N @ corners).T, N.shape[1])[1]
+    by_place, by_value = (np.einsum("kpa,pai->pik", dN, v) for v in (nodes, values))
+    return by_value @ np.linalg.inv(by_place)
+
+
 def located(nodes: np.ndarray, triangles: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Weights (p, 3 or 6) of the nodes and the element (p,) of each point (p, 2); −1 outside.
 

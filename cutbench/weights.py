@@ -23,6 +23,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from cutbench.case import Case
+from cutbench.experiment import Experiment
 from cutbench.noise import matern, scatter_covariance
 from cutbench.repetition import Averaged
 
@@ -32,6 +33,8 @@ FINER = {"h_mm": 0.7, "step_mm": 0.5, "penalty": 2.0, "stick": 2.0}
 ADDED, UNSURE = 1.5, 0.7
 #: In grid values: the window of the smooth part (standard deviation), and the length of jags.
 WINDOW, JAG = 6.0, 4.0
+#: Specimens' displacements differ by this part: they hardly depend on how stiff all of a specimen is.
+FIELD_FACTOR = 0.01
 #: Error of a computed curve before it has been measured: of its smooth part, and of its jags.
 FIRST_GUESS, FIRST_JAGS = 0.05, 0.02
 
@@ -113,6 +116,41 @@ class Weights:
     def white(self, values: np.ndarray) -> np.ndarray:
         """L⁻¹ values for C = L Lᵀ; (m,) or (m, k)."""
         return solve_triangular(cholesky(self.covariance, lower=True), values, lower=True)
+
+
+@dataclass(frozen=True)
+class FieldWeights:
+    """Whitening of one experiment's displacement fields; places that one of the two lacks count nothing.
+
+    The covariance (f, f) has the noise at every place, the factor by which one specimen differs from others,
+    and what finer numerics change: as a whole, and place by place.
+    """
+
+    known: np.ndarray
+    covariance: np.ndarray
+
+    @classmethod
+    def of(cls, e: Experiment, computed: np.ndarray, fine: np.ndarray | None = None) -> FieldWeights:
+        """``computed`` (f,) displacements in mm, ``fine`` those with finer numerics, once they are known."""
+        measured = np.concatenate([field.u.ravel() for field in e.fields])
+        known = np.isfinite(measured) & np.isfinite(computed)
+        if fine is None:
+            size = np.where(known, np.abs(computed), 0.0)
+            change = FIRST_GUESS * size
+        else:
+            known &= np.isfinite(fine)
+            change = np.where(known, fine - computed, 0.0)
+        size = np.where(known, computed, 0.0)
+        covariance = FIELD_FACTOR**2 * np.outer(size, size) + np.outer(change, change)
+        # Next to the cut one step more or less moves much; nobody can use such a place.
+        covariance += np.diag(change**2 + e.field_noise_mm**2)
+        return cls(known, _sound(covariance))
+
+    def white(self, values: np.ndarray) -> np.ndarray:
+        """L⁻¹ values, (f,) or (f, k); 0 where nothing is known."""
+        known = self.known.reshape(-1, *(1,) * (values.ndim - 1))
+        clean = np.where(known & np.isfinite(values), values, 0.0)
+        return solve_triangular(cholesky(self.covariance, lower=True), clean, lower=True)
 
 
 def finer(case: Case) -> Case:

@@ -168,7 +168,7 @@ def test_blade_tangent_where_strength_depends_on_the_rate(normal, monkeypatch):
     space = space_of(2, 2)
     laws = Model(DEFAULT).with_("adhesion_speed", "adhesion_wear", "blunt_tip").laws("blade")
     numerics = ContactNumerics(stiffness=5 * P.G, tangential=20 * P.G, normal=normal)
-    form = BladeForm(laws, space.faces("cut", 6), numerics, keep_touched=True, height=HEIGHT)
+    form = BladeForm(laws, space.faces("cut", 6), numerics, keep_touched=["cut"], height=HEIGHT)
     monkeypatch.setattr(test_forms, "P", ON)
     u, state, step = test_forms.blade_case(space, form)
     new = form.evaluate(u, ON, state, step).state

@@ -11,8 +11,9 @@ from typer.testing import CliRunner
 
 from cutbench.case import load_case
 from cutbench.cli import app
-from cutbench.dic import Comparison, Field, at_travel, compare, read_fields, sample
+from cutbench.dic import Comparison, at_travel, compare, sample
 from cutbench.errors import BadInput
+from cutbench.fieldfile import Field, read_fields
 from cutbench.plots.dic import plot_dic
 from cutbench.result import Snapshot
 from cutbench.run import run_case

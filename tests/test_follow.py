@@ -35,7 +35,7 @@ SECTION = 1.0  # mm
 class Spring(Form):
     """Pulls one side along x, its other end at the travel; where a problem has its blade."""
 
-    name = "blade_spring"
+    name = "blade"
 
     def __init__(self, nodes):
         self.dofs = 2 * nodes[None]

@@ -290,7 +290,7 @@ def test_a_cut_law_that_is_off_is_absent_to_the_bit(dim, order):
 def blade(space: Space, *, face="cut", names=DEFAULT, normal="tool", gap="distance", degree=6) -> BladeForm:
     numerics = ContactNumerics(stiffness=5 * P.G, tangential=25 * P.G, normal=normal, gap=gap)
     laws, faces = Model(names).laws("blade"), space.faces(face, degree)
-    return BladeForm(laws, faces, numerics, keep_touched=face == "cut", height=HEIGHT)
+    return BladeForm(laws, faces, numerics, keep_touched=["cut"], height=HEIGHT)
 
 
 def blade_case(space, form):

@@ -20,7 +20,7 @@ LAYERS = (
     {"quantities", "reading", "meshfile", "noise"},
     {"mechanisms", "numerics", "materials", "titles", "repetition"},
     {"model", "readings", "experiment"},
-    {"values", "forms", "conversion", "plausible", "homogeneous"},
+    {"values", "forms", "conversion", "fieldfile", "plausible", "homogeneous"},
     {"case", "solve", "recorded"},
     {"result", "axes", "models2d", "models3d", "curve", "campaign", "index", "emulator"},
     {"build", "checkpoint", "identify", "triangles", "boundary", "sampling", "sections"},

@@ -359,11 +359,12 @@ def test_tractions_on_the_faces_add_up_to_the_force(case):
     picture, p = result.snapshots[-1], case.p
     built = build(case)
     total = np.zeros(2)
-    for form in built.blades:
-        face = picture.faces[form.faces.name]
+    (form,) = built.blades
+    for name, part in form.faces.parts.items():
+        face = picture.faces[name]
         _, normal = seen_by_blade(face, p, picture.displacement_mm)
         traction = face["contact_pressure_MPa"] * normal + face["tangential_traction_MPa"][:, :2].T
-        total -= traction @ form.faces.w.ravel()
+        total -= traction @ form.faces.w[:, part].ravel()
         pressure = face["contact_pressure_MPa"]
         assert (pressure >= 0).all()
         assert ((pressure > 0) == (face["contact_state"] == 1)).all()

@@ -33,8 +33,9 @@ def dic(
 ) -> None:
     """Compute a section up to measured displacement fields: relative errors, strains, pictures."""
     from cutbench.compared import field_table, write_comparisons
-    from cutbench.dic import at_travel, compare, read_fields
+    from cutbench.dic import at_travel, compare
     from cutbench.errors import BadInput
+    from cutbench.fieldfile import read_fields
     from cutbench.quantities import parse_quantity
     from cutbench.run import run_case
 

@@ -62,6 +62,11 @@ def nodal(u: np.ndarray, nodes: np.ndarray, dim: int) -> np.ndarray:
     return np.take(u, nodes * dim + np.arange(dim)[:, None, None])
 
 
+def gather(u: np.ndarray, places: np.ndarray, dim: int) -> np.ndarray:
+    """As ``nodal``, from numbers that ``component_major`` has found once."""
+    return np.take(u, places).reshape(dim, -1, places.shape[-1])
+
+
 def blend(N: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Σ_a N_a values_a: (q, nn, f) and (dim, nn, f) to (dim, q, f)."""
     out = N[None, :, 0] * values[:, None, 0]

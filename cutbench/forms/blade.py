@@ -1,5 +1,5 @@
-"""Blade form: contact, friction and adhesion on one set of faces (paper, eqs. normal_traction_augmented
-to the return mapping). Tractions act per reference area, as in the paper.
+"""Blade form: contact, friction and adhesion on the faces that the blade can meet (paper, eqs.
+normal_traction_augmented to the return mapping). Tractions act per reference area, as in the paper.
 
 What a law's strength depends on — pressure and Θ — is that of the last converged step. The paper does so
 with Θ; with the pressure too, friction no longer feeds back on contact within a step, and runs with
@@ -12,12 +12,13 @@ has folded inside the blade is held there by its own normal: "blended" turns to 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cutbench.forms.base import Form, Local, blend, component_major, nodal
+from cutbench.forms.base import Form, Local, blend, component_major, gather
 from cutbench.forms.space import Faces
 from cutbench.mechanisms.base import STEP, Points
 from cutbench.mechanisms.blade._tool import GAPS
@@ -41,16 +42,22 @@ FAR = 1e6
 
 
 class BladeForm(Form):
-    """All blade laws on the faces ``faces``; ``keep_touched`` holds Θ once a point has touched."""
+    """All blade laws on the faces ``faces``; ``keep_touched`` names the sets of them where Θ holds once a
+    point has touched."""
 
+    name = "blade"
     #: Points farther beside the blade than this cannot touch it within a step, mm.
     reach = 0.25
 
-    def __init__(self, laws, faces: Faces, numerics: ContactNumerics, *, keep_touched: bool, height: float):
+    def __init__(
+        self, laws, faces: Faces, numerics: ContactNumerics, *, keep_touched: Sequence[str], height: float
+    ):
         self.contact = next(law for law in laws if law.role == "contact")
         self.frictions = tuple(law for law in laws if law.role != "contact")
-        self.faces, self.dim, self.keep_touched = faces, faces.X.shape[0], keep_touched
-        self.name = f"blade_{faces.name}"
+        self.faces, self.dim = faces, faces.X.shape[0]
+        self._keeps = np.zeros(faces.size.size)
+        for name, part in faces.parts.items():
+            self._keeps[part] = name in keep_touched
         self.dofs = component_major(faces.nodes, self.dim)
         self._gap = GAPS[numerics.gap]
         self._unit_gradient = numerics.gap == "distance"
@@ -102,7 +109,7 @@ class BladeForm(Form):
     def touch(self, state: dict) -> dict:
         """Θ for the next step (paper: from the last known pressure, kept on the cut faces)."""
         now = (state["pressure"] > 0).astype(float)
-        return {**state, "touched": np.maximum(now, state["touched"]) if self.keep_touched else now}
+        return {**state, "touched": np.maximum(now, self._keeps * state["touched"])}
 
     def augment(self, state: dict) -> dict:
         """Uzawa update: the multiplier takes over the pressure (paper, eq. update:ALN)."""
@@ -111,7 +118,7 @@ class BladeForm(Form):
     # -- kinematics -----------------------------------------------------------------------------
     def _near(self, u, p, state, step) -> np.ndarray:
         """Faces that can touch the blade or carry shear."""
-        U = nodal(u, self.faces.nodes, self.dim).real
+        U = gather(u.real, self.dofs, self.dim)
         turn = np.real(p.tilt) if self.dim == 3 else 0.0
         X, across = _across(self.faces.X, turn), _across(U, turn)
         left, right = X.min(axis=0) + across.min(axis=0), X.max(axis=0) + across.max(axis=0)
@@ -124,7 +131,7 @@ class BladeForm(Form):
     def _patch_of(self, near: np.ndarray) -> _Patch:
         """The faces ``near`` alone; from one evaluation to the next they are mostly the same."""
         if self._patch is None or not np.array_equal(self._patch.near, near):
-            self._patch = _Patch.of(self.faces, near)
+            self._patch = _Patch.of(self.faces, self.dofs, near)
         return self._patch
 
     # -- evaluation -----------------------------------------------------------------------------
@@ -146,7 +153,7 @@ class BladeForm(Form):
             new = {k: v.astype(complex) for k, v in new.items()}
         patch = self._patch_of(near)
         f = patch.faces
-        U = nodal(u, f.nodes, dim)
+        U = gather(u, patch.dofs, dim)
         shift = blend(f.N, U)
         nq, count = f.w.shape
         g, gradient, H = self._gap_at(f.X + shift, near, p, step)
@@ -166,7 +173,7 @@ class BladeForm(Form):
         total = normal_traction
         shear = None
         if self.frictions:
-            moved = nodal(u - step.u_old, f.nodes, dim)
+            moved = gather(u - step.u_old, patch.dofs, dim)
             slip = blend(f.N, moved) - (step.centre - step.centre_old)[:dim, None, None]
             shear = self._shear(near, t_N, direction, slip, dn, p, state, step, tangent)
             total = total + shear["traction"]
@@ -312,7 +319,7 @@ class BladeForm(Form):
 
     def work(self, u, p, old, new, step):
         f, dim = self.faces, self.dim
-        slip = blend(f.N, nodal(u - step.u_old, f.nodes, dim))
+        slip = blend(f.N, gather(u - step.u_old, self.dofs, dim))
         slip = slip - (step.centre - step.centre_old)[:dim, None, None]
 
         def mean(key):
@@ -330,18 +337,25 @@ class _Patch:
     """Some of the faces, with the products of their shape functions that tangents need."""
 
     near: np.ndarray  # (count,) their numbers
+    dofs: np.ndarray  # (nd, count)
     faces: Faces
     NN: np.ndarray  # (nq, nn, nn, count)
     NdN: list[np.ndarray]  # (nq, nn, nn, count) for each tangent
 
     @classmethod
-    def of(cls, faces: Faces, near: np.ndarray) -> _Patch:
+    def of(cls, faces: Faces, dofs: np.ndarray, near: np.ndarray) -> _Patch:
         names = ("nodes", "N", "dN", "w", "X", "normal", "tangents", "size")
         # A selection along the last axis is not contiguous by itself, and every product would pay for it.
         arrays = {name: np.ascontiguousarray(getattr(faces, name)[..., near]) for name in names}
         some = replace(faces, **arrays)
         N = some.N[:, :, None]
-        return cls(near, some, N * some.N[:, None], [N * dN[:, None] for dN in some.dN])
+        return cls(
+            near,
+            np.ascontiguousarray(dofs[:, near]),
+            some,
+            N * some.N[:, None],
+            [N * dN[:, None] for dN in some.dN],
+        )
 
 
 def _across(x: np.ndarray, turn) -> np.ndarray:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from cutbench.forms.base import Form, Local, add_states, component_major, nodal
+from cutbench.forms.base import Form, Local, add_states, component_major, gather
 from cutbench.forms.space import Volume
 from cutbench.mechanisms.base import Points
 from cutbench.mechanisms.bulk._isotropic import Isotropic, Kinematics, tangent_blocks
@@ -24,7 +24,7 @@ class BulkForm(Form):
         self._others = tuple(law for law in self.laws if not _by_factors(law))
         self.dim = volume.X.shape[0]
         nq, dim, nn = volume.dphi.shape
-        self.dofs = component_major(volume.nodes, dim)
+        self.dofs = self._places = component_major(volume.nodes, dim)
         self._gradient = volume.dphi.reshape(nq * dim, nn)
         # Products of reference gradients: one matrix for all elements, and its transpose in the nodes.
         pair = np.einsum("qma,qnb->abqmn", volume.dphi, volume.dphi)
@@ -58,7 +58,7 @@ class BulkForm(Form):
         """The components of F that vary (dim, dim, nq·ne)."""
         v, dim = self.volume, self.dim
         nq, ne = v.w.shape
-        G = np.matmul(self._gradient, nodal(u, v.nodes, dim)).reshape(dim, nq, dim, ne)
+        G = np.matmul(self._gradient, gather(u, self._places, dim)).reshape(dim, nq, dim, ne)
         F = np.einsum("iqme,mje->ijqe", G, v.jinv)
         for i in range(dim):
             F[i, i] += 1.0

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cutbench.forms.base import Form, Local, add_states, blend, component_major, nodal
+from cutbench.forms.base import Form, Local, add_states, blend, component_major, gather
 from cutbench.forms.space import Faces
 from cutbench.mechanisms.base import STEP, Points
 
@@ -40,11 +40,11 @@ class CutForm(Form):
                 axes += [up, np.cross(opening.T, up.T).T]
         self._frame = np.stack(axes)  # (nc, dim, nf)
         sides = [(plus, 1.0)] if minus is None else [(plus, 1.0), (minus, -1.0)]
-        self._nodes = np.concatenate([side.nodes for side, _ in sides])
+        nodes = np.concatenate([side.nodes for side, _ in sides])
         # On a symmetry plane the other side moves oppositely: ⟦u⟧ = 2 u_n, half the work is ours.
         self._N = np.concatenate([sign * side.N for side, sign in sides], axis=1) / self.share
         self._NN = self._N[:, :, None] * self._N[:, None]
-        self.dofs = component_major(self._nodes, dim)
+        self.dofs = component_major(nodes, dim)
         nq, nf = plus.w.shape
         X = np.zeros((3, nq * nf))
         X[:dim] = plus.X.reshape(dim, -1)
@@ -57,7 +57,7 @@ class CutForm(Form):
 
     def jump(self, u: np.ndarray) -> np.ndarray:
         """⟦u⟧ (3, nq·nf) in the local frame: opening, then sliding."""
-        values = blend(self._N, nodal(u, self._nodes, self.dim))  # (dim, nq, nf)
+        values = blend(self._N, gather(u, self.dofs, self.dim))  # (dim, nq, nf)
         nc = self._frame.shape[0]
         out = np.zeros((3, self.faces.w.size), dtype=values.dtype)
         for c in range(nc):

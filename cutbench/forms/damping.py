@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cutbench.forms.base import Form, Local, component_major, nodal
+from cutbench.forms.base import Form, Local, component_major, gather
 from cutbench.forms.space import Volume
 
 
@@ -20,7 +20,7 @@ class DampingForm(Form):
 
     def __init__(self, volume: Volume, viscosity: float):
         self.dim = volume.X.shape[0]
-        self.viscosity, self._nodes = viscosity, volume.nodes
+        self.viscosity = viscosity
         #: Raised by the march where Newton's method cannot follow a snap, 1 otherwise.
         self.boost = 1.0
         self.dofs = component_major(volume.nodes, self.dim)
@@ -39,7 +39,7 @@ class DampingForm(Form):
         return self.viscosity * self.boost / step.dt
 
     def _force(self, u, step):
-        du = nodal(u - step.u_old, self._nodes, self.dim)
+        du = gather(u - step.u_old, self.dofs, self.dim)
         return du, np.einsum("abe,ibe->iae", self._laplace, du) * self.factor(step)
 
     def start(self, p):
@@ -51,5 +51,5 @@ class DampingForm(Form):
 
     def work(self, u, p, old, new, step):
         # The mean of both ends, as everywhere in the ledger: the last step's force was in its balance.
-        du = nodal(u - step.u_old, self._nodes, self.dim).reshape(self.dofs.shape)
+        du = np.take(u - step.u_old, self.dofs)
         return {"snap": float((du * (old["force"] + new["force"])).sum() / 2)}

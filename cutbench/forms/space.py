@@ -7,6 +7,7 @@ with the reference gradients constant, K_ij = D (A pushed to the reference eleme
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -35,7 +36,7 @@ class Volume:
 
 @dataclass(frozen=True)
 class Faces:
-    """Quadrature on a named set of faces. nn nodes a face, nf faces."""
+    """Quadrature on named sets of faces. nn nodes a face, nf faces."""
 
     name: str
     nodes: np.ndarray  # (nn, nf)
@@ -46,6 +47,27 @@ class Faces:
     normal: np.ndarray  # (dim, nf) outward, reference
     tangents: np.ndarray  # (dim-1, dim, nf) unit tangents, reference
     size: np.ndarray  # (nf,) diameter in mm
+    sets: tuple[tuple[str, slice], ...] = ()  # names and places of the sets that were joined
+
+    @property
+    def parts(self) -> dict[str, slice]:
+        """Which faces belong to which named set of the mesh."""
+        return dict(self.sets or ((self.name, slice(0, self.size.size)),))
+
+    @classmethod
+    def joined(cls, sets: Sequence[Faces]) -> Faces:
+        """Several sets as one, in their order: forms then work on all of them at once."""
+        if len(sets) == 1:
+            return sets[0]
+        ends = np.cumsum([0, *(each.size.size for each in sets)])
+        names = ("nodes", "N", "dN", "w", "X", "normal", "tangents", "size")
+        return cls(
+            "+".join(each.name for each in sets),
+            *(np.concatenate([getattr(each, name) for each in sets], axis=-1) for name in names),
+            tuple(
+                (each.name, slice(int(a), int(b))) for each, a, b in zip(sets, ends, ends[1:], strict=False)
+            ),
+        )
 
 
 @dataclass(frozen=True)

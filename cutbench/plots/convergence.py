@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
-from cutbench.plots.style import COLOURS, DOUBLE_MM, GREY, style
+from cutbench.plots.style import DOUBLE_MM, GREY, LINE_COLOURS, style
 
 if TYPE_CHECKING:
     from cutbench.convergence import Row
@@ -32,7 +32,7 @@ def plot_convergence(rows: Sequence[Row], tolerance: float = 3.0) -> Figure:
     with style():
         figure = Figure(figsize=(DOUBLE_MM / 25.4, (24 + 5.2 * len(names)) / 25.4), layout="constrained")
         axes = figure.subplots(1, len(materials), sharey=True, squeeze=False)[0]
-        colours = list(COLOURS.values())
+        colours = LINE_COLOURS
         for ax, material in zip(axes, materials, strict=True):
             ax.axvspan(-tolerance, tolerance, color="0.88", lw=0, zorder=0)
             ax.axvline(0, color=GREY, lw=0.6)

@@ -22,6 +22,7 @@ from cutbench.plots.style import (
     DOUBLE_MM,
     FIELD_MAP,
     GREY,
+    LINE_COLOURS,
     LINES,
     SINGLE_MM,
     new_figure,
@@ -123,7 +124,7 @@ def plot_front(result: Result, snapshots: Sequence[Snapshot] | None = None) -> F
     with style():
         figure = new_figure(SINGLE_MM, 95)
         axes = figure.subplots()
-        colours = list(COLOURS.values())
+        colours = LINE_COLOURS
         drawn = []
         for i, s in enumerate(shown):
             look = {"color": colours[i % len(colours)], "linestyle": LINES[i % len(LINES)]}

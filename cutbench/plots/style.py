@@ -31,6 +31,8 @@ COLOURS = {
     "yellow": "#F0E442",
 }
 GREY = "#7A7A7A"
+#: Those that a thin line can have on white paper.
+LINE_COLOURS = tuple(colour for name, colour in COLOURS.items() if name != "yellow")
 
 #: Line styles in the order of the colours, so that series differ in grey print too.
 LINES = (
@@ -63,7 +65,7 @@ RC = {
     "legend.frameon": False,
     "legend.handlelength": 2.4,
     "axes.linewidth": 0.6,
-    "axes.prop_cycle": matplotlib.cycler(color=list(COLOURS.values()), linestyle=list(LINES)),
+    "axes.prop_cycle": matplotlib.cycler(color=LINE_COLOURS, linestyle=LINES[: len(LINE_COLOURS)]),
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.axisbelow": True,

@@ -9,7 +9,8 @@ import numpy as np
 
 from cutbench.forms.base import Step
 from cutbench.solve.newton import NewtonSettings, NoConvergence, newton
-from cutbench.solve.problem import Problem, damage_growth
+from cutbench.solve.predict import Past
+from cutbench.solve.problem import Evaluation, Problem, damage_growth
 
 #: Staggered scheme: repetitions at the most, and the change of damage at which it stands still.
 STAGGERED_LOOPS = 200
@@ -23,6 +24,11 @@ LEAKY_BOOST = 1e4
 #: Where the ledger has left more than this part of the blade's whole work open, steps that add to it are held
 #: to a quarter of what they may leave open otherwise: errors of one sign must not add up.
 DRIFT = 0.005
+#: What the ledger may leave open in a step that was foreseen from an element higher: of the step's own work,
+#: and in units of what is allowed otherwise; where the ledger drifts, a tenth of it.
+CREDIBLE = 2.0
+#: Such a prediction is tried where it leaves less than this part of the residual of a straight one.
+BETTER = 0.5
 
 
 @dataclass(frozen=True)
@@ -51,6 +57,25 @@ class StepRules:
 
 class _Leaky(NoConvergence):
     """A step that converged, but whose energy does not close."""
+
+
+@dataclass
+class _Found:
+    """What was found for a step; ``left`` is what the ledger leaves open of the work ``spent``."""
+
+    u: np.ndarray
+    result: Evaluation
+    effort: list[int]
+    solves: list
+    force: float
+    work: dict[str, float]
+    spent: float
+    left: float
+
+
+def _drifts(spent: float, left: float, spent_before: float, left_before: float) -> bool:
+    """Whether a step adds to what the ledger has left open so far, and that is too much already."""
+    return left * left_before > 0 and abs(left_before + left) > DRIFT * (spent_before + spent)
 
 
 @dataclass
@@ -86,6 +111,8 @@ class Progress:
     #: The blade's work so far, and what of it the ledger has left open.
     spent: float = 0.0
     left: float = 0.0
+    #: Steps that predictions are made from.
+    past: dict[str, np.ndarray] | None = None
 
 
 @dataclass
@@ -109,6 +136,8 @@ class March:
     #: Where to begin, if not at rest; and who is told of each step's end when the next one begins.
     resume: Progress | None = None
     at_rest: Callable[[Progress], None] | None = None
+    #: Predicts from what happened one element higher, where that is asked for.
+    past: Past | None = None
 
     def _centre(self, travel: float) -> np.ndarray:
         return self.centre0 - np.array([0.0, travel, 0.0])
@@ -119,6 +148,8 @@ class March:
         travel, size, u, states = begin.travel, begin.size, begin.u, begin.states
         u_before, size_before, easy, force = begin.u_before, begin.size_before, begin.easy, begin.force
         spent_before, left_before = begin.spent, begin.left
+        if self.past is not None and begin.past is not None:
+            self.past.restore(begin.past)
         damping = next((f for f in problem.forms if f.name == "damping"), None)
         if damping is not None:
             damping.boost = begin.boost
@@ -133,26 +164,21 @@ class March:
             size = min(size, self.depth - travel)
             step = Step(size / self.speed, u, self._centre(travel + size), self._centre(travel))
             begun = problem.touched(states)
-            guesses = [u]
-            if u_before is not None:
-                guesses.insert(0, u + (u - u_before) * (size / size_before))
+            straight = None if u_before is None else u + (u - u_before) * (size / size_before)
             try:
-                new_u, result, effort, solves = self._first_that_converges(guesses, begun, step)
-                growth = damage_growth(states, result.states)
+                drift = (spent_before, left_before)
+                found = self._first_that_holds(u, straight, begun, step, size, force, drift)
+                growth = damage_growth(states, found.result.states)
                 if chosen and not rules.paper and growth > 2 * rules.damage and size > 4 * rules.smallest:
                     raise NoConvergence(f"damage grew by {growth:.2f}")
-                work = problem.work(new_u, begun, result.states, step)
-                force_after = problem.force(result.states)
                 # What the ledger leaves open is the error of the step.
-                spent = (force + force_after) / 2 * size
+                spent, left = found.spent, found.left
                 # Against the blade's work over the largest step: within a small jump of a fine step
                 # nothing is gained by closing better than that.
                 whole = spent / size * max(size, rules.largest)
                 able = damping is not None and damping.boost < LEAKY_BOOST
-                left = spent - sum(work.values())
                 defect = abs(left) / max(whole, 1e-300)
-                drifts = left * left_before > 0 and abs(left_before + left) > DRIFT * (spent_before + spent)
-                allowed = rules.defect / 4 if drifts else rules.defect
+                allowed = rules.defect / 4 if _drifts(spent, left, *drift) else rules.defect
                 if chosen and not rules.paper and defect > allowed and (size > rules.finest or able):
                     raise _Leaky(f"the energy of the step closes only to {defect:.0%}")
             except NoConvergence as error:
@@ -171,13 +197,18 @@ class March:
                     self.stopped = error.reason
                     return
                 continue
-            states = result.states
+            states = found.result.states
             u_before, size_before = u, size
-            u, travel = new_u, travel + size
-            force = force_after
+            u, travel = found.u, travel + size
+            force = found.force
             spent_before, left_before = spent_before + spent, left_before + left
-            reaction = result.residual[self.bottom].sum()
-            yield Accepted(travel, step.dt, u, states, force, reaction, work, sum(effort), step, solves)
+            reaction = found.result.residual[self.bottom].sum()
+            if self.past is not None:
+                self.past.add(travel, u, np.real(states["cohesion"]["damage"]))
+            effort = found.effort
+            yield Accepted(
+                travel, step.dt, u, states, force, reaction, found.work, sum(effort), step, found.solves
+            )
             easy = easy + 1
             hardest = max(effort)
             if damping is not None:
@@ -197,17 +228,53 @@ class March:
                 size = min(size * rules.grow, rules.largest)
             if self.at_rest is not None:
                 boost = 1.0 if damping is None else damping.boost
-                rest = (u_before, size_before, easy, force, boost, spent_before, left_before)
+                past = None if self.past is None else self.past.state()
+                rest = (u_before, size_before, easy, force, boost, spent_before, left_before, past)
                 self.at_rest(Progress(travel, size, u, states, *rest))
 
-    def _first_that_converges(self, guesses, states, step):
+    def _first_that_holds(self, u, straight, states, step, size, force, drift) -> _Found:
+        """A step from the better of two predictions: a straight line, and what happened one element higher.
+
+        Where the second leads to a state that energy does not lead to, it has jumped ahead of a snap: then
+        the first decides. It stays with a state for as long as there is equilibrium near it.
+        """
+        repeated = None if self.past is None or straight is None else self.past.guess(size, u)
+        guesses = [guess for guess in (straight, u) if guess is not None]
+        if repeated is not None and self._misses(repeated, states, step) < BETTER * self._misses(
+            straight, states, step
+        ):
+            try:
+                found = self._found(repeated, states, step, size, force)
+                part = CREDIBLE * self.rules.defect
+                if _drifts(found.spent, found.left, *drift):
+                    part /= 10
+                if abs(found.left) <= part * abs(found.spent):
+                    return found
+            except NoConvergence:
+                pass
         for i, guess in enumerate(guesses):
             try:
-                return self._solve(guess, states, step)
+                return self._found(guess, states, step, size, force)
             except NoConvergence as error:
                 # The last state is a better start only where the prediction itself was unusable.
                 if i == len(guesses) - 1 or "predicted" not in error.reason:
                     raise
+        raise AssertionError("a march always has its last state to begin from")
+
+    def _misses(self, u, states, step) -> float:
+        """Residual over the forces in balance."""
+        e = self.problem.evaluate(u, states, step, tangent=False)
+        size = float(np.linalg.norm(e.residual[self.problem.free])) / e.scale
+        return size if np.isfinite(size) else np.inf
+
+    def _found(self, guess, states, step, size, force) -> _Found:
+        u, result, effort, solves = self._solve(guess, states, step)
+        work, force_after = (
+            self.problem.work(u, states, result.states, step),
+            self.problem.force(result.states),
+        )
+        spent = (force + force_after) / 2 * size
+        return _Found(u, result, effort, solves, force_after, work, spent, spent - sum(work.values()))
 
     def _solve(self, u, states, step):
         """Newton's method, inside the loops that hold damage or multipliers (none by default).

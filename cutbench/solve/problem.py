@@ -49,7 +49,7 @@ class Problem:
     ):
         """``modes`` (ndof, 6): rigid motions of a solid, for solvers that iterate."""
         self.forms, self.ndof, self.fixed, self.p = list(forms), ndof, fixed, p
-        self.blades = [form for form in self.forms if form.name.startswith("blade")]
+        self.blades = [form for form in self.forms if form.name == "blade"]
         self.symmetric = all(form.symmetric for form in forms)
         self.timer = Timer()
         start = time.perf_counter()
@@ -80,7 +80,7 @@ class Problem:
         return {form.name: form.start(self.p) for form in self.forms}
 
     def touched(self, states: dict[str, dict]) -> dict[str, dict]:
-        """``states`` as a step begins with them: the blade's faces look for contact anew."""
+        """``states`` as a step begins with them: faces look for contact anew."""
         return states | {form.name: form.touch(states[form.name]) for form in self.blades}
 
     def force(self, states: dict[str, dict]) -> float:

@@ -75,7 +75,7 @@ class Sensitivities:
         # A form without a state is a function of u and p: its tangent matrix says all about it.
         self._stateless = [form for form in forms if not start[form.name]]
         self._stateful = [form for form in forms if start[form.name]]
-        self._blades = [form for form in forms if form.name.startswith("blade")]
+        self._blades = [form for form in forms if form.name == "blade"]
         pattern = problem.pattern
         self._solver = make_solver(
             problem.solver.name, pattern.indptr, pattern.indices, problem.free.size, problem.symmetric
@@ -110,6 +110,10 @@ class Sensitivities:
         for i, rates in enumerate(after):
             forces[i] = sum(form.force(rates.states[form.name])[1] for form in self._blades)
         return forces
+
+    def displacements(self) -> list[np.ndarray]:
+        """du/dθ (ndof,) by parameter at the last step; nan where the tangent was singular on the way."""
+        return [rates.u * (1.0 if self.lost is None else np.nan) for rates in self._rates]
 
     def _augmented(self, begun: dict, found: dict) -> dict:
         parts = {}

@@ -80,7 +80,7 @@ def indented(half_thickness: float, tip: float, contact: float, travel: float) -
     penalty = 4 * skin * strain * modulus / (shallow / 500) ** 2
     face = space.faces("top", 6)
     soft = ContactNumerics(penalty / STIFFEN**STAGES, 1.0)
-    blade = BladeForm((law("contact"),), face, soft, keep_touched=False, height=size)
+    blade = BladeForm((law("contact"),), face, soft, keep_touched=[], height=size)
     bottom, middle = space.nodes_on("bottom"), space.nodes_on("cut")
     problem = Problem([*forms, blade], ndof, np.concatenate([2 * bottom, 2 * bottom + 1, 2 * middle]), p)
     u, states = np.zeros(ndof), problem.start()

@@ -37,7 +37,7 @@ class Slider:
         face = space.faces("cut", 6)
         numerics = ContactNumerics(NORMAL, STICK, normal=normal)
         self.form = BladeForm(
-            tuple(law(name) for name in laws), face, numerics, keep_touched=True, height=HEIGHT
+            tuple(law(name) for name in laws), face, numerics, keep_touched=["cut"], height=HEIGHT
         )
         self.u = np.tile([p.thickness / 2 - DEPTH, 0.0, 0.0][:dim], space.X.shape[1])
         self.area = face.w.sum()

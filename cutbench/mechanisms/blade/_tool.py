@@ -14,19 +14,22 @@ import numpy as np
 def _foot(x: np.ndarray, y: np.ndarray, a: float, b: float) -> np.ndarray:
     """Parameter t of the closest point (a²x/(t+a²), b²y/(t+b²)) on the ellipse, for x ≥ 0.
 
-    Newton from the left on a convex falling function: it climbs to the root and cannot overshoot.
+    Newton's method for 1/√F = 1 with F = (ax/(t+a²))² + (by/(t+b²))², which is concave and nearly straight
+    (for a circle it is): from the left it climbs to the root and cannot overshoot.
     """
     ax, by = a * x, b * y
     t = np.maximum(ax - a * a, -by - b * b)
     # Left of the root the function is >= 0; the margin keeps the first denominator from vanishing.
-    t = np.maximum(t, -(min(a, b) ** 2) * (1 - 1e-9))
+    smallest = min(a, b) ** 2
+    t = np.maximum(t, -smallest * (1 - 1e-9))
     for _ in range(60):
         u, v = ax / (t + a * a), by / (t + b * b)
-        f = u * u + v * v - 1
-        df = -2 * (u * u / (t + a * a) + v * v / (t + b * b))
-        step = -f / df
+        u2, v2 = u * u, v * v
+        F = u2 + v2
+        step = F * (np.sqrt(F) - 1) / (u2 / (t + a * a) + v2 / (t + b * b))
         t = t + step
-        if np.all(np.abs(step) < 1e-15 * (np.abs(t) + a * b)):
+        # Digits double: what a further step would change is below rounding.
+        if (np.abs(step) < 1e-9 * (t + smallest)).all():
             break
     return t
 

@@ -14,8 +14,9 @@ from cutbench.quantities import Parameter
 
 #: Interpenetration, in units of δ_c, at which closing meets twice the undamaged stiffness.
 CLOSING = 0.05
-#: Points and weights on (0, 1) for means over a step.
-GAUSS = tuple(((1 + x) / 2, w / 2) for x, w in zip(*np.polynomial.legendre.leggauss(5), strict=True))
+#: Points (5, 1) and weights (5,) on (0, 1) for means over a step.
+_x, _w = np.polynomial.legendre.leggauss(5)
+POINTS, WEIGHTS = (1 + _x[:, None]) / 2, _w / 2
 
 
 def squared_opening(jump: np.ndarray, p) -> np.ndarray:
@@ -72,7 +73,7 @@ class SmithFerrante(Cut):
         # Closing: undamaged, and stiffening smoothly, so that the faces touch instead of sinking in.
         T[0] = np.where(jump[0].real > 0, T[0], K * jump[0] * (1 - jump[0] / (CLOSING * p.delta_c)))
         start = state["delta_max"]
-        mean = sum(w * self.keep((start + x * (delta_max - start)) / p.delta_c, p) for x, w in GAUSS)
+        mean = WEIGHTS @ self.keep((start + POINTS * (delta_max - start)) / p.delta_c, p)
         at.shared.update(damage=1 - keep, mean_damage=1 - mean, stiffness=K, cohesive=T)
         return T, {"delta_max": delta_max}
 

@@ -1,0 +1,101 @@
+"""Where the next step's solution is looked for: what the block did when its cut was one element shorter.
+
+Once the cut runs, everything near the blade moves down with it, and on a mesh whose elements along the cut
+are alike the states repeat, one element lower, each time the cut has grown by one: the small snaps from
+element to element, too, which no extrapolation in time foresees. So the increment of the displacements is
+taken over from then and there. In coarse steady cutting it leaves a fifth of a straight line's residual.
+
+It may lead past a small snap before its time. Straight lines stay with a state for as long as there is
+equilibrium near it, and close the ledger better where the mesh is finer.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+import skfem
+
+from cutbench.forms.space import KINDS, Faces, Space
+
+#: Part of the way to the middle of its element by which a point is moved to find it.
+INWARD = 1e-6
+#: Length of the cut in elements from which on the past is asked.
+BEGUN = 1.5
+#: Steps that are remembered, at the most, for the growth of the cut by one element.
+REMEMBERED = 300
+
+
+class Past:
+    """Displacements since the cut was one element shorter, and the way down by one element."""
+
+    def __init__(self, space: Space, cut: Faces, ndof: int):
+        """``cut``: the faces of the cut plane. Unknowns behind the displacements are not foreseen."""
+        self._space, self._ndof = space, ndof
+        self._weights = cut.w.ravel() / (cut.w.sum() / np.ptp(cut.X[1]))
+        #: Height of an element of the cut plane, mm.
+        self.fall = float(np.median(np.ptp(space.X[1, cut.nodes], axis=0)))
+        self._down: sp.csr_matrix | None = None
+        self._sought = False
+        self.travel: list[float] = []
+        self._u: list[np.ndarray] = []
+        self._length: list[float] = []
+
+    def add(self, travel: float, u: np.ndarray, damage: np.ndarray) -> None:
+        """A step's end: its displacements and the damage (n,) at the points of the cut plane."""
+        length = float(self._weights @ damage)
+        if len(self.travel) > 2 and length - self._length[-2] < self.fall / REMEMBERED:
+            # What is between two so near is not needed.
+            self.travel[-1], self._u[-1], self._length[-1] = travel, u, length
+        else:
+            self.travel.append(travel)
+            self._u.append(u)
+            self._length.append(length)
+        reach = length - self.fall
+        while len(self.travel) > 2 and (self._length[1] <= reach or len(self.travel) > 2 * REMEMBERED):
+            del self.travel[0], self._u[0], self._length[0]
+
+    def guess(self, size: float, u: np.ndarray) -> np.ndarray | None:
+        """u one step of ``size`` mm later; None where the past does not reach back so far."""
+        if not self.travel or self._length[-1] < BEGUN * self.fall:
+            return None
+        then = np.interp(self._length[-1] - self.fall, self._length, self.travel)
+        if then + size > self.travel[-1] or self._length[0] > self._length[-1] - self.fall:
+            return None
+        down = self._translation()
+        return None if down is None else u + down @ (self._at(then + size) - self._at(then))
+
+    def _at(self, travel: float) -> np.ndarray:
+        i = min(max(int(np.searchsorted(self.travel, travel)), 1), len(self.travel) - 1)
+        a, b = self.travel[i - 1], self.travel[i]
+        return self._u[i - 1] + (self._u[i] - self._u[i - 1]) * ((travel - a) / (b - a))
+
+    def _translation(self) -> sp.csr_matrix | None:
+        """Matrix (ndof, ndof) that takes displacements down by an element; None if points are not found."""
+        if not self._sought:
+            self._sought = True
+            space, mesh = self._space, self._space.mesh
+            nodes = space.element_nodes
+            element = np.zeros(space.X.shape[1], int)
+            element[nodes] = np.arange(nodes.shape[1])
+            # A little into an element of their own side: on a split cut plane two points are at one place.
+            points = space.X + INWARD * (mesh.p[:, mesh.t].mean(axis=1)[:, element] - space.X)
+            points[1] = np.minimum(points[1] + self.fall, points[1].max())
+            basis = skfem.Basis(mesh, KINDS[mesh.dim(), space.order](), intorder=1)
+            if not np.array_equal(basis.element_dofs, nodes):  # nodes of the space are not the mesh's own
+                return None
+            try:
+                probes = basis.probes(points)
+            except ValueError:
+                return None
+            whole = sp.kron(probes, sp.identity(mesh.dim()), format="csr")
+            rest = sp.csr_matrix((self._ndof - space.ndof,) * 2)
+            self._down = sp.block_diag([whole, rest], format="csr")
+        return self._down
+
+    def state(self) -> dict[str, np.ndarray]:
+        """What ``restore`` needs to go on from here."""
+        return {"travel": np.array(self.travel), "u": np.array(self._u), "length": np.array(self._length)}
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        self.travel, self._length = state["travel"].tolist(), state["length"].tolist()
+        self._u = list(state["u"])
