@@ -84,6 +84,7 @@ class _Fitting:
         best = self._minimise("rough", q, ROUGH)
         if best.message != INTERRUPTED:
             best = self._with_measured_error(best)
+        self.notes += inverse.field_notes(best.q)
         profiles = []
         for label in profile:
             if label in fixed:
