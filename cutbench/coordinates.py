@@ -11,6 +11,7 @@ import xarray as xr
 from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
 _HALO = [patheffects.withStroke(linewidth=2.2, foreground="white")]
 MATERIAL = {"marker": "D", "mfc": "#D55E00", "mec": "white", "ms": 6.0, "mew": 0.9, "ls": ""}
@@ -18,10 +19,16 @@ MATERIAL = {"marker": "D", "mfc": "#D55E00", "mec": "white", "ms": 6.0, "mew": 0
 
 #: Levels of a continuous third axis that a picture shows.
 PANELS = 6
+#: Values below this are as good as none where their logarithm is taken.
+LEAST = 1e-3
 
 
 def panels_of(data: xr.Dataset, panel: str) -> tuple[xr.Dataset, xr.Dataset]:
-    """The panels that are drawn, with the estimated drop where the boundary was sought; and the whole."""
+    """The panels that are drawn, and the whole.
+
+    Where the boundary was sought, the panels have the drop that its estimate says, which draws the line, and
+    as ``drop_between`` what lies between the runs: far from the boundary the estimate knows the side alone.
+    """
     if "margin" not in data:
         return data, data
     margin = data["margin"].clip(-0.995, 0.995)
@@ -30,11 +37,34 @@ def panels_of(data: xr.Dataset, panel: str) -> tuple[xr.Dataset, xr.Dataset]:
     )
     estimated["drop_rel"].attrs = data["drop_rel"].attrs
     estimated.attrs = data.attrs | {"surge_threshold": math.nan}
+    estimated["drop_between"] = between(data, "drop_rel")
     if panel and panel in json.loads(data.attrs["continuous"]) and data.sizes[panel] > PANELS:
         estimated = estimated.isel(
             {panel: np.rint(np.linspace(0, data.sizes[panel] - 1, PANELS)).astype(int)}
         )
     return estimated, data
+
+
+def between(data: xr.Dataset, name: str) -> xr.DataArray:
+    """A variable between the points where it is known: linear in its logarithm on simplices in the axes' own
+    scales, beyond them as at the nearest; nan everywhere if it is known nowhere."""
+    values = data[name]
+    grids = np.meshgrid(
+        *(np.linspace(0, 1, n) if n > 1 else np.zeros(1) for n in values.shape), indexing="ij"
+    )
+    places = np.stack([grid.ravel() for grid in grids], axis=1)
+    known = np.isfinite(values.values).ravel()
+    if not known.any():
+        return values
+    size = np.log(np.maximum(values.values.ravel()[known], LEAST))
+    if len(values.shape) == 1:
+        return values.copy(data=np.exp(np.interp(places[:, 0], places[known, 0], size)))
+    found = NearestNDInterpolator(places[known], size)(places)
+    spread = np.linalg.matrix_rank(places[known] - places[known].mean(axis=0)) if known.sum() > 1 else 0
+    if spread == len(values.shape):
+        inner = LinearNDInterpolator(places[known], size)(places)
+        found = np.where(np.isfinite(inner), inner, found)
+    return values.copy(data=np.exp(found).reshape(values.shape))
 
 
 def slab(whole: xr.Dataset, data: xr.Dataset, panel: str, level: int) -> xr.Dataset:

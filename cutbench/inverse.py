@@ -268,8 +268,8 @@ class Inverse:
             left, size = (np.sqrt(np.mean(u**2)) for u in (off, measured))
             fields = f"{len(e.fields)} field{'s' * (len(e.fields) > 1)}"
             notes.append(
-                f"'{e.id}': of {known.sum()} displacements in {fields} the fit is off by {left:.3g} mm (root mean square), where {size:.3g} mm were measured and"
-                f" {e.field_noise_mm:g} mm are noise."
+                f"'{e.id}': of {known.sum()} displacements in {fields} the fit is off by {left:.3g} mm (root"
+                f" mean square), where {size:.3g} mm were measured and {e.field_noise_mm:g} mm are noise."
             )
         return notes
 

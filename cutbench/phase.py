@@ -76,7 +76,7 @@ def draw_phase(data: xr.Dataset, confirmed: Sequence[Mapping] = ()) -> Figure:
     with style():
         figure = new_figure(DOUBLE_MM, (66 if columns > 1 else 84) * rows + 16)
         axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-        top = _top(data)
+        top = _top(whole)
         marks, outside = marks_of(data, x, y, panel)
         seen: set[str] = set()
         solid: set[bool | None] = set()
@@ -147,7 +147,7 @@ def _top(data: xr.Dataset) -> float:
 def _cells(ax: Axes, part: xr.Dataset, x: str, y: str, top: float):
     for name, which in ((x, "x"), (y, "y")):
         set_scale(ax, which, part[name])
-    drop = part["drop_rel"].transpose(y, x).values
+    drop = part["drop_between" if "drop_between" in part else "drop_rel"].transpose(y, x).values
     ax.set_facecolor("0.93")
     image = ax.pcolormesh(
         edges(part[x].values, is_log(part[x])),

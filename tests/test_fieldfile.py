@@ -153,7 +153,7 @@ def test_what_is_no_field_is_refused_by_its_key(folder, section, key):
 def test_a_field_beyond_the_readings_is_refused(folder):
     text = (folder / "dic.csv").read_text().replace(f",{TRAVEL_MM}", ",7.5")
     (folder / "late.csv").write_text(text)
-    with pytest.raises(BadInput, match="fields.travel"):
+    with pytest.raises(BadInput, match=r"fields\.travel"):
         campaign(folder, FIELDS.replace("dic.csv", "late.csv"))
 
 

@@ -7,9 +7,10 @@ import json
 import analytic_runs
 import numpy as np
 import pytest
+import xarray as xr
 from matplotlib.contour import QuadContourSet
 
-from cutbench.coordinates import PANELS, nearest_level
+from cutbench.coordinates import PANELS, between, nearest_level
 from cutbench.maps import Row, build_map, row_of
 from cutbench.phase import DROPS, draw_phase, save_phase
 from cutbench.plan import plan_of
@@ -207,3 +208,20 @@ def test_one_at_a_time_is_drawn_along_each_axis_through_the_base(tmp_path):
     lines = [line for ax in panels(figure) for line in ax.lines if line.get_color() == "0.5"]
     assert [len(line.get_xdata()) for line in lines] == [4, 2]
     figure.canvas.draw()
+
+
+@pytest.mark.parametrize("dims", [1, 2, 3])
+def test_between_runs_the_logarithm_is_linear_and_stays_within_the_runs(dims):
+    rng, shape = np.random.default_rng(2), (9, 7, 5)[:dims]
+    places = np.stack(np.meshgrid(*(np.linspace(0, 1, n) for n in shape), indexing="ij"))
+    true = np.exp(-1 - np.tensordot([1.0, 0.5, -0.3][:dims], places, 1))
+    corners = np.isin(places, (0, 1)).all(axis=0)
+    known = np.where(corners | (rng.random(shape) < 0.3), true, np.nan)
+    data = xr.Dataset({"drop_rel": (list("abc")[:dims], known)})
+    found = between(data, "drop_rel")
+    assert np.isfinite(found).all()
+    assert found.min() >= true.min() * (1 - 1e-9) and found.max() <= true.max() * (1 + 1e-9)
+    np.testing.assert_allclose(found, true, rtol=1e-6)
+    np.testing.assert_allclose(found.values[corners], true[corners], rtol=1e-9)
+    nothing = data.assign(drop_rel=data["drop_rel"] * np.nan)
+    assert np.isnan(between(nothing, "drop_rel")).all()
