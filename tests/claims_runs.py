@@ -40,7 +40,25 @@ def strip(case) -> Result:
     d = np.array([0.0, case.p.depth])
     curve = {"displacement_mm": d, "force_N": case.p.G * d}
     outcome = Outcome("done", "reached", "", case.p.depth)
-    return Result(case, curve, outcome, {}, {}, [], {"modulus_MPa": 3 * case.p.G})
+    return Result(case, curve, outcome, {}, {}, [], {"modulus_MPa": 3 * case.p.G, "max_N": case.p.G})
+
+
+def block(case) -> Result:
+    """A block whose cut starts at the middle with the paper's elements, at the end with others."""
+    made = cut(case)
+    first, last = (3.0, 4.0) if case.numerics.element == "P1" else (4.0, 3.0)
+    z = 0.5 if case.numerics.element == "P1" else 14.0
+    front = {"start_z_mm": z, "centre_mm": first, "edge_mm": last, "von_mises_start_MPa": 0.03}
+    front |= {"von_mises_running_MPa": 0.031, "pressure_before_MPa": 0.27, "pressure_after_MPa": 0.2}
+    made.measures.update({f"front_{name}": value for name, value in front.items()})
+    return made
+
+
+def notched(case) -> Result:
+    """A notched strip that runs at a tenth of its length and holds half of what a whole one does."""
+    made = strip(case)
+    made.measures.update({"onset_mm": 3.0, "max_N": 0.5 * case.p.G})
+    return made
 
 
 def third_is_stopped(case) -> Result:

@@ -21,7 +21,9 @@ NEAR = 0.15
 NEAR_PEAK = 0.3
 
 #: Kinds of test that a claim can ask for.
-CUT, TENSION = "cut", "tension"
+CUT, TENSION, BLOCK, NOTCHED = "cut", "tension", "block", "notched"
+#: Length of the notch of a notched strip, mm.
+NOTCH_MM = 2.4
 
 
 @dataclass(frozen=True)
@@ -29,7 +31,8 @@ class Ask:
     """A run that a claim needs: a material, what is changed of it, how far the blade goes.
 
     ``numerics`` fixes the numerical choices whatever the claim is held against. A ``test`` of kind
-    ``"tension"`` pulls a whole strip in three dimensions to ``depth_mm`` instead of cutting a section.
+    ``"block"`` cuts a block in three dimensions instead of a section; ``"tension"`` pulls a whole strip to
+    ``depth_mm``, ``"notched"`` one with a notch until it is torn.
     """
 
     material: str
@@ -44,7 +47,8 @@ class Finding:
     """One statement of a claim under one set of numerical choices.
 
     ``published`` is the statement's number as a person reads it, ``value`` what the runs say in ``unit``,
-    ``holds`` whether they agree; None where the runs do not tell.
+    ``holds`` whether they agree; None where the runs do not tell. ``solid``: of runs in three dimensions, for
+    which no single change is tried.
     """
 
     what: str
@@ -52,6 +56,7 @@ class Finding:
     published: str
     value: float
     holds: bool | None
+    solid: bool = False
 
     @property
     def text(self) -> str:

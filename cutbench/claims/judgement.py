@@ -16,6 +16,7 @@ RESOLVED = "only with converged numerics"
 NOT = "not reproduced"
 UNKNOWN = "not known"
 BEYOND = "needs three dimensions"
+SOLID = "a run in three dimensions; no single change was tried"
 VERDICTS = (REPRODUCED, COARSE, RESOLVED, NOT, UNKNOWN, BEYOND)
 
 
@@ -169,6 +170,9 @@ def _explained(claim: Claim, rows: Sequence[Row], cases, runner: Runner) -> list
     changed = {name: _read(claim, cases[name], runner) for name in CHANGES if name in cases}
     out = []
     for i, row in enumerate(rows):
+        if row.findings[PAPER].solid:
+            out.append(Row(row.claim, row.findings, row.verdict, SOLID))
+            continue
         mine = {name: found[i] for name, found in changed.items()}
         out.append(Row(row.claim, row.findings, row.verdict, reason(row.findings, mine), mine))
     return out

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from cutbench.case import Case
+from cutbench.claims.base import NOTCH_MM
 from cutbench.result import Result, Snapshot
 
 #: Travel between two looks at the fields, mm.
@@ -74,11 +75,27 @@ def _behind(cut: dict[str, np.ndarray], above: float) -> float:
     return float(np.trapezoid(pressure[there], y[there]) / np.ptp(y[there]))
 
 
+def block_run(case: Case) -> Result:
+    """A block in three dimensions; its measures tell of the front (``cutbench.front``)."""
+    from cutbench.run import run_case
+
+    return run_case(case)
+
+
 def pulled(case: Case) -> Result:
     """The strip ``case`` in tension, without a notch, as a result: the travel is its elongation."""
+    return _pulled(case, 0.0)
+
+
+def notched(case: Case) -> Result:
+    """The same with a notch."""
+    return _pulled(case, NOTCH_MM)
+
+
+def _pulled(case: Case, notch_mm: float) -> Result:
     from cutbench.tension import run_tension
 
-    test = run_tension(case, 0.0)
+    test = run_tension(case, notch_mm)
     curve = {"displacement_mm": test.curve["elongation_mm"]}
     curve |= {name: values for name, values in test.curve.items() if name != "elongation_mm"}
     return Result(case, curve, test.outcome, test.timings, test.counts, [], test.measures)

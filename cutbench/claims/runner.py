@@ -9,15 +9,15 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 
 from cutbench.case import Case
-from cutbench.claims.base import CUT, TENSION
-from cutbench.claims.observed import COLUMNS, observed_run, pulled
+from cutbench.claims.base import BLOCK, CUT, NOTCHED, TENSION
+from cutbench.claims.observed import COLUMNS, block_run, notched, observed_run, pulled
 from cutbench.errors import ComputationFailed
 from cutbench.result import Result
 from cutbench.store import Store
 from cutbench.worker import Run, begin_worker, one_thread_each, work
 
 #: How each kind of test is run.
-RUNS: dict[str, Run] = {CUT: observed_run, TENSION: pulled}
+RUNS: dict[str, Run] = {CUT: observed_run, BLOCK: block_run, TENSION: pulled, NOTCHED: notched}
 
 
 class Runner:
