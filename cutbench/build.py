@@ -144,6 +144,7 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
         clamped * dim + 1,
         rules,
         NewtonSettings(tolerance=n.tolerance),
-        past=Past(space, faces["cut"], ndof) if cut and n.predictor == "repeat" else None,
+        past=Past(space, faces["cut"], ndof) if cut and n.predictor == "repeat" and not case.motion else None,
+        points=case.motion,
     )
     return Built(case, geometry, space, problem, march)

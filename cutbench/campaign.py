@@ -11,18 +11,25 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 
+import numpy as np
+
 from cutbench import plausible
 from cutbench.case import Case, load_case
 from cutbench.errors import BadInput
 from cutbench.experiment import SLOTS, Experiment
 from cutbench.mechanisms import registry
 from cutbench.model import PAPER, Model, mechanism
+from cutbench.motionfile import Motion, simplified
 from cutbench.numerics import KEYS
 from cutbench.quantities import Parameter
 from cutbench.reading import located, one_of, read_toml
 from cutbench.recorded import placed, read_experiment
 from cutbench.values import names, resolve
 
+#: Places in time at which the way of a blade that holds or returns is read off, before it is simplified.
+MOTION = 120
+#: Speeds within this factor are one.
+SAME_SPEED = 1.2
 _TOP = ("title", "material", "baseline", "candidates", "parameters", "numerics", "fit", "experiment")
 
 
@@ -99,18 +106,14 @@ class Campaign:
 
     def case(self, experiment: Experiment | str, base: Case | None = None) -> Case:
         """The run of a ``cut`` test: ``base`` (default: the campaign's) with its specimen, blade, speed
-        and depth. A test with several speeds gets the mean. Raises BadInput if they do not fit together."""
+        and depth; one with holds, returns or several speeds along its way. Raises BadInput if they do not fit
+        together."""
         e = self.experiment(experiment) if isinstance(experiment, str) else experiment
         return cut_case(e, base or self.base)
 
     def all_notes(self) -> list[str]:
         """What was assumed or is not known, of the campaign and of each experiment."""
         of_tests = [f"'{e.id}': {note}" for e in self.experiments for note in e.notes]
-        of_tests += [
-            f"'{e.id}': holds or returns; a run drives the blade at one speed and cannot follow them"
-            for e in self.experiments
-            if e.kind == "cut" and not e.monotone
-        ]
         alone = [e.on_grid().note for e in self.experiments if len(e.repetitions) == 1]
         return [*self.notes, *of_tests, *alone]
 
@@ -128,7 +131,40 @@ def cut_case(experiment: Experiment, base: Case) -> Case:
     sizes = {name: value for name, value in _sizes(experiment).items() if name in known}
     # What was set on the machine is exact; six digits are what a time column gives.
     speed = f"{experiment.speed or float(f'{experiment.travel_speed:.6g}')!r} mm/s"
+    if experiment.timed:
+        motion = measured_motion(experiment)
+        if not experiment.monotone or _uneven(motion):
+            sizes["motion"] = motion
     return base.set(**sizes, speed=speed, name=f"{base.name}: {experiment.id}")
+
+
+def _uneven(motion: Motion) -> bool:
+    """Whether the blade's speed differs between the parts of its way."""
+    times, travels = zip(*motion, strict=True)
+    speeds = np.diff(travels) / np.diff(times)
+    return bool(speeds.max() > SAME_SPEED * speeds.min())
+
+
+def measured_motion(experiment: Experiment) -> Motion:
+    """The way of the blade in a test with holds or returns: that of the repetitions' mean.
+
+    It begins in the time that the blade takes from the top to where the first reading found it.
+    """
+    grid = experiment.on_grid(MOTION)
+    travel = np.clip(grid.x, 0.0, experiment.reach)
+    first = lead_s(experiment)
+    points = [(first + float(t), float(d)) for t, d in zip(grid.time_s - grid.time_s[0], travel, strict=True)]
+    if first == 0:
+        points[0] = (0.0, 0.0)
+    else:
+        points.insert(0, (0.0, 0.0))
+    return simplified(tuple(points))
+
+
+def lead_s(experiment: Experiment) -> float:
+    """Seconds from contact to the first reading, at the test's speed; none within a hundredth of a mm."""
+    first = float(np.mean([r.x[0] for r in experiment.repetitions]))
+    return first / (experiment.speed or experiment.travel_speed) if first > 0.01 else 0.0
 
 
 def _sizes(experiment: Experiment) -> dict[str, str]:

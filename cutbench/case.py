@@ -17,6 +17,7 @@ from types import MappingProxyType, SimpleNamespace
 from cutbench import materials
 from cutbench.errors import BadInput
 from cutbench.model import DEFAULT, Model, section_of
+from cutbench.motionfile import checked_motion, read_motion
 from cutbench.numerics import ALIASES, KEYS, Numerics, defaults, preset
 from cutbench.reading import located, read_toml
 from cutbench.values import (
@@ -50,6 +51,9 @@ class Case:
     mechanisms: tuple[str, ...]
     values: Mapping[str, float]
     numerics: Numerics = field(default_factory=Numerics)
+    #: Times (s) and travels (mm) from (0, 0) of a blade that holds, returns or changes its speed; without any
+    #: it goes down to ``depth`` at ``speed``.
+    motion: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
         if self.dim not in (2, 3):
@@ -83,9 +87,12 @@ class Case:
         object.__setattr__(self, "mechanisms", model.mechanisms)
         object.__setattr__(self, "values", MappingProxyType(full))
         check_fit(full, self.numerics, self.dim)
+        object.__setattr__(self, "motion", checked_motion(self.motion, full["depth"]))
 
     def __reduce__(self):
-        return Case, (self.name, self.dim, self.mechanisms, dict(self.values), self.numerics)
+        return Case, (
+            self.name, self.dim, self.mechanisms, dict(self.values), self.numerics, self.motion
+        )  # fmt: skip
 
     def __hash__(self) -> int:
         return hash(self.id)
@@ -115,6 +122,8 @@ class Case:
             "values": {name: f"{value:.14g}" for name, value in self.values.items()},
             "numerics": {k: f"{v:.14g}" if isinstance(v, float) else v for k, v in numerics.items()},
         }
+        if self.motion:
+            content["motion"] = [[f"{number:.14g}" for number in point] for point in self.motion]
         text = json.dumps(content, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -131,10 +140,11 @@ class Case:
 
         Parameters by name (``G="8 kPa"``), ``eta_v="0.05 mm"``, groups (``cohesion=9.0``), numerics
         (``h="0.2 mm"``, ``element="P1"``), ``numerics="paper"`` (all of them as the paper has them, and its
-        viscous term), ``with_``, ``without`` and ``mechanisms`` (a name or
-        several), ``name``. Groups are solved after the parameters. Raises BadInput.
+        viscous term), ``with_``, ``without`` and ``mechanisms`` (a name or several), ``motion`` (pairs of
+        time and travel of a blade that holds, returns or changes its speed), ``name``. Groups are solved
+        after the parameters. Raises BadInput.
         """
-        draft = _Draft(self.name, self.model, self.values, self.numerics, self.dim)
+        draft = _Draft(self.name, self.model, self.values, self.numerics, self.dim, self.motion)
         return draft.changed(changes).case(self.dim)
 
     def to_dict(self) -> dict:
@@ -151,7 +161,7 @@ class Case:
                 for name, value in self.values.items()
             },
             "numerics": asdict(self.numerics),
-        }
+        } | ({"motion": [list(point) for point in self.motion]} if self.motion else {})
 
     @classmethod
     def from_dict(cls, data: Mapping) -> Case:
@@ -163,7 +173,8 @@ class Case:
                 for key, entry in data["values"].items()
             }
             changes = {**written, **data["numerics"]}
-            return _Draft(data["name"], model).changed(changes).case(data["dim"])
+            draft = _Draft(data["name"], model, motion=read_motion(data.get("motion", ())))
+            return draft.changed(changes).case(data["dim"])
         except (KeyError, TypeError, AttributeError) as error:
             raise BadInput(
                 key="case", value=str(error), expected="a case as Case.to_dict() writes it"
@@ -179,6 +190,7 @@ class _Draft:
     values: Mapping[str, float] = field(default_factory=dict)
     numerics: Numerics = field(default_factory=Numerics)
     dim: int = 2
+    motion: tuple[tuple[float, float], ...] = ()
 
     def changed(self, changes: Mapping[str, object]) -> _Draft:
         """With ``changes`` as ``Case.set`` takes them. Raises BadInput."""
@@ -190,6 +202,7 @@ class _Draft:
                 model = model.with_(*names("with", rest.pop(key)))
         if "without" in rest:
             model = model.without(*names("without", rest.pop("without")))
+        motion = read_motion(rest.pop("motion")) if "motion" in rest else self.motion
         name, word = rest.pop("name", self.name), rest.pop("numerics", None)
         if word == "paper" and "viscous_degraded" in model.mechanisms:
             model = model.with_("viscous")  # as printed, whatever the damage
@@ -198,10 +211,10 @@ class _Draft:
         numerics = start.set({k: v for k, v in rest.items() if k in KEYS})
         if numerics.mesh is not None:
             _digest(numerics.mesh)  # a mesh that cannot be read is refused here, not in the middle of a run
-        return _Draft(name, model, values, numerics, self.dim)
+        return _Draft(name, model, values, numerics, self.dim, motion)
 
     def case(self, dim: int) -> Case:
-        return Case(self.name, dim, self.model.mechanisms, self.values, self.numerics)
+        return Case(self.name, dim, self.model.mechanisms, self.values, self.numerics, self.motion)
 
 
 def load_case(
@@ -269,7 +282,9 @@ def _load(source: str | Path, seen: tuple[Path, ...], dim: int) -> tuple[_Draft,
     changes: dict[str, object] = {}
     for section in (*SECTIONS, "numerics"):
         with located(path, text, section):
-            part = table.get(section, {})
+            part = dict(table.get(section, {}))
+            if section == "protocol" and "motion" in part:
+                changes["motion"] = read_motion(part.pop("motion"))
             for key, raw in part.items():
                 if right := misplaced(key, section, model):
                     raise BadInput(

@@ -89,6 +89,12 @@ def measures(
     }
 
 
+def forward(travel_mm: np.ndarray) -> int:
+    """How many of the points (n,) are passed before the blade first rests or turns."""
+    back = np.flatnonzero(np.diff(travel_mm) <= 0)
+    return int(back[0]) + 1 if back.size else travel_mm.size
+
+
 def label(
     drop_rel: float, surge: float = math.nan, *, drop: float = 0.1, surge_min: float | None = None
 ) -> str:

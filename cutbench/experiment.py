@@ -263,13 +263,8 @@ class Experiment:
         points added. One repetition of no more than ``n`` readings stays as it is.
         """
         reps = self.repetitions
-        along = [self._along(r) for r in reps]
         orders = [order(r) if self.monotone else np.arange(r.x.size) for r in reps]
-        grid, sharp = self._grid(along, n)
-        if len(reps) == 1 and reps[0].x.size <= n and np.all(np.diff(along[0]) > 0):
-            grid, matrices = along[0], [np.eye(along[0].size)]
-        else:
-            matrices = [noise.averaging(s, grid, sharp) for s in along]
+        grid, along, matrices = self.averaging(n)
 
         def brought(key: str) -> np.ndarray | None:
             if getattr(reps[0], key) is None:
@@ -301,6 +296,17 @@ class Experiment:
             estimated=len(reps) == 1,
             note=note,
         )
+
+    def averaging(self, n: int) -> tuple[np.ndarray, list[np.ndarray], list[np.ndarray]]:
+        """The grid (m,) along which repetitions are compared, the places (r,) of each one's readings, and the
+        matrices (m, r) that bring these to the grid. Of a test with holds or returns they count in seconds
+        from its first reading."""
+        reps = self.repetitions
+        along = [self._along(r) for r in reps]
+        grid, sharp = self._grid(along, n)
+        if len(reps) == 1 and reps[0].x.size <= n and np.all(np.diff(along[0]) > 0):
+            return along[0], along, [np.eye(along[0].size)]
+        return grid, along, [noise.averaging(s, grid, sharp) for s in along]
 
     def _grid(self, along: list[np.ndarray], n: int) -> tuple[np.ndarray, np.ndarray]:
         """Grid (m,) and where on it the way turns (m,)."""

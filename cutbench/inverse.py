@@ -18,6 +18,7 @@ from cutbench.weights import (
     Factors,
     FieldWeights,
     Weights,
+    along,
     correction,
     finer,
     guessed_error,
@@ -99,20 +100,10 @@ def _unknown(campaign: Campaign, name: str, experiment: str | None) -> Unknown:
 
 
 class Inverse:
-    """Residuals of a campaign's train experiments as a function of q (k,), the scaled unknowns.
-
-    Raises BadInput for a cut with holds or returns: a run has one speed.
-    """
+    """Residuals of a campaign's train experiments as a function of q (k,), the scaled unknowns."""
 
     def __init__(self, campaign: Campaign, looked_for: Sequence[Unknown], run: Predictor, grid: int = GRID):
         self.campaign, self.unknowns, self._run = campaign, list(looked_for), run
-        for e in campaign.experiments:
-            if e.kind == "cut" and not e.monotone:
-                raise BadInput(
-                    key="data",
-                    value=e.id,
-                    expected="a cut without holds or returns: a run moves the blade at one speed",
-                )
         self.grids = {e.id: e.on_grid(grid) for e in campaign.experiments}
         self.weights: dict[str, Weights] = {}
         #: Of the displacement fields of an experiment, where it has some.
@@ -203,7 +194,7 @@ class Inverse:
         J = self._scaled(e, prediction, prediction.slopes, q)
         if e.kind == "cut" and J.shape[1]:
             # Jags of the curve wander with the parameters: their derivatives are large and hold for no step.
-            J = np.stack([smooth(self.grids[e.id].x, column) for column in J.T], axis=1)
+            J = np.stack([smooth(along(self.grids[e.id]), column) for column in J.T], axis=1)
         return J
 
     @staticmethod
@@ -223,7 +214,7 @@ class Inverse:
         """From the readings, the curves at ``q`` and a guess of the computation's error."""
         found = self.predictions(q)
         for e in self.campaign.train:
-            x = self.grids[e.id].x
+            x = along(self.grids[e.id])
             error = self._jumps(e, found[e.id], q)
             if e.kind == "cut":
                 error = error + guessed_error(x, found[e.id].y)
@@ -245,13 +236,14 @@ class Inverse:
         notes = []
         for e, p in zip(cuts, fine, strict=True):
             grid, y = self.grids[e.id], coarse[e.id].y
-            shift = correction(grid.x, y, p.y)
+            x = along(grid)
+            shift = correction(x, y, p.y)
             part = 100 * np.sqrt(np.mean((p.y - y) ** 2)) / np.abs(y).max()
             notes.append(
                 f"'{e.id}': finer numerics change the computed curve by {part:.1f} % of its"
                 " maximum (root mean square); the fit allows for that."
             )
-            error = measured_error(grid.x, y, p.y) + self._jumps(e, coarse[e.id], q)
+            error = measured_error(x, y, p.y) + self._jumps(e, coarse[e.id], q)
             self.weights[e.id] = Weights.of(grid, self.factors["cut"], y + shift, error, shift)
             if e.fields:
                 self.field_weights[e.id] = FieldWeights.of(e, coarse[e.id].fields, p.fields)

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from cutbench.campaign import lead_s
 from cutbench.case import Case
 from cutbench.dic import at_travel, sample, sampled_slopes
 from cutbench.errors import BadInput, ComputationFailed
@@ -40,12 +41,21 @@ class Task:
     names: tuple[str, ...] = ()
 
     @property
+    def of_time(self) -> bool:
+        """Whether readings have their place in time: those of a cut with holds or returns."""
+        return self.experiment.kind == "cut" and not self.experiment.monotone
+
+    @property
     def reading(self) -> tuple[np.ndarray, np.ndarray]:
-        """Places (n,) of all readings and the matrix (m, n) that brought them to the grid.
+        """Places (n,) of all readings in mm or s of the run, and the matrix (m, n) to the grid.
 
         A computed curve goes the same way as the measured ones: an average over readings is not the value
         in their middle where the curve bends.
         """
+        if self.of_time:
+            lead = lead_s(self.experiment)
+            _, along, matrices = self.experiment.averaging(self.grid.x.size)
+            return lead + np.concatenate(along), np.hstack(matrices) / len(matrices)
         places, parts = [], []
         for r in self.experiment.repetitions:
             x = np.sort(r.x)
@@ -98,7 +108,7 @@ def _cut(task: Task) -> Prediction:
     reached, wanted = result.outcome.reached_mm, float(task.grid.x[-1])
     if result.outcome.kind == "interrupted":
         raise KeyboardInterrupt
-    if not result.outcome.done and reached < wanted - 1e-6:
+    if not result.outcome.done and (task.of_time or reached < wanted - 1e-6):
         raise ComputationFailed(f"'{task.experiment.id}': {result.outcome}")
     curve = result.curve
     places, average = task.reading
@@ -112,6 +122,8 @@ def _cut(task: Task) -> Prediction:
         shown = case.model.record(
             curve["displacement_mm"].astype(complex), force, curve["time_s"].astype(complex), p
         )
+        if task.of_time:  # at the same time the blade is elsewhere only where a rig says so
+            shown = (curve["time_s"].astype(complex), shown[1])
         columns.append(average @ _read(places, *shown))
     by_name = np.stack(columns, axis=1)[:, 1:].imag / STEP
     if not np.isfinite(by_name).all():

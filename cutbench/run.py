@@ -10,7 +10,7 @@ import numpy as np
 from cutbench.build import Built, build
 from cutbench.case import Case
 from cutbench.checkpoint import Checkpoint
-from cutbench.curve import measures
+from cutbench.curve import forward, measures
 from cutbench.fields import add_slopes, snapshot
 from cutbench.front import Front
 from cutbench.result import SNAP, Outcome, Result, Snapshot
@@ -60,9 +60,9 @@ def run_case(
     if checkpoint is not None and not names:
         if kept := checkpoint.load():
             keeper.restore(kept)
-            wanted = [d for d in wanted if d > built.march.resume.travel + 1e-9]
+            wanted = [d for d in wanted if d > ledger.farthest + 1e-9]
             if on_step is not None:
-                on_step(built.march.resume.travel, ledger.last)
+                on_step(ledger.last["displacement_mm"], ledger.last)
         built.march.at_rest = lambda progress: checkpoint.offer(keeper.state(progress))
     steps = iter(built.march)
     try:
@@ -105,7 +105,12 @@ def run_case(
     }
     found = {}
     if len(curve["displacement_mm"]) > 2:
-        found = measures(curve, window_mm=case.values.get("thickness", 0.7), height_mm=case.values["height"])
+        # Measures are those of the way down until the blade first rests or turns.
+        down = forward(curve["displacement_mm"])
+        way_down = {name: column[:down] for name, column in curve.items()}
+        found = measures(
+            way_down, window_mm=case.values.get("thickness", 0.7), height_mm=case.values["height"]
+        )
         found["closure"] = float(curve["closure"][-1])
         found["reaction_error"] = float(
             abs(curve["reaction_N"][-1] - curve["force_N"][-1]) / max(abs(curve["force_N"][-1]), 1e-12)
@@ -147,13 +152,13 @@ class Ledger:
         row = {
             "displacement_mm": step.travel,
             "force_N": force,
-            "time_s": step.travel / built.march.speed,
+            "time_s": step.way / built.march.speed,
             "cut_length_mm": self._cut_length(step),
         }
         for name in self._names:
             done = step.work.get(name, 0.0) * scale
             self._work[name] = self._work.get(name, 0.0) + done
-            row[f"force_{name}_N"] = done / travelled
+            row[f"force_{name}_N"] = done / travelled if travelled else 0.0
         row |= {f"work_{name}_mJ": self._work[name] for name in self._names}
         row["reaction_N"] = step.reaction * scale
         defect = self._blade - sum(self._work.values())
@@ -174,6 +179,11 @@ class Ledger:
             X = form.faces.X[2]
             cut /= np.ptp(self._built.space.X[2]) if X.size else 1.0
         return cut
+
+    @property
+    def farthest(self) -> float:
+        """The largest travel so far, mm."""
+        return max(row["displacement_mm"] for row in self._rows)
 
     @property
     def last(self) -> dict[str, float]:
@@ -251,6 +261,10 @@ def _outcome(built: Built, reached: float, interrupted: bool) -> Outcome:
             reached,
         )
     if built.march.stopped is None:
+        if built.march.points:
+            deepest = max(travel for _, travel in built.march.points)
+            text = f"went the whole way, {deepest:g} mm deep, to {reached:g} mm at last"
+            return Outcome("done", text, "", reached)
         return Outcome("done", f"reached {depth:g} mm", "", reached)
     reason = built.march.stopped
     advice = next((text for word, text in _ADVICE.items() if word in reason), _ADVICE["residual"])

@@ -43,6 +43,8 @@ def checked(case: Case, names: Sequence[str]) -> tuple[str, ...]:
             )
         if name not in known:
             raise BadInput(key="sensitivities", value=name, expected=one_of(str(name), known))
+        if name == "speed" and case.motion:
+            raise BadInput(key="sensitivities", value=name, expected="a blade without a motion of its own")
     return tuple(dict.fromkeys(names))
 
 

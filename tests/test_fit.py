@@ -10,14 +10,12 @@ import pytest
 from typer.testing import CliRunner
 
 import cutbench.fit as fitting
-from cutbench.campaign import Campaign, FitPlan, load_campaign, start_case
+from cutbench.campaign import FitPlan, load_campaign, start_case
 from cutbench.case import Case, load_case
 from cutbench.cli import app
 from cutbench.errors import BadInput, ComputationFailed
-from cutbench.experiment import Experiment
 from cutbench.fit import fit
 from cutbench.fitreport import summary, to_dict, write_fit
-from cutbench.repetition import Repetition
 from cutbench.synthetic import Noise, Test, campaign
 
 RUBBER = "studies/rubber/treloar.toml"
@@ -173,16 +171,6 @@ def test_plans_that_are_refused(plan, key):
     _, made = stretching(plan=plan)
     with pytest.raises(BadInput, match=key):
         fit(made)
-
-
-def test_a_cut_with_a_hold_is_refused():
-    case = load_case("gelatin").set(depth="2 mm")
-    time = np.linspace(0, 100, 80)
-    x = 0.02 * np.minimum(time, 60) + 1e-9 * time
-    sizes = {"width": 30.0, "length": 30.0, "height": 21.0}
-    hold = Experiment("hold", "cut", (Repetition(x, 0.2 * x, time),), specimen=sizes)
-    with pytest.raises(BadInput, match="one speed"):
-        fit(Campaign("hold", case, (hold,)))
 
 
 def test_a_start_that_cannot_be_computed_is_said(monkeypatch):

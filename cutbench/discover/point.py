@@ -20,7 +20,7 @@ from cutbench.fitted import Fit
 from cutbench.identify import Unknown, information_inverse
 from cutbench.inverse import Inverse
 from cutbench.observe import Predictor
-from cutbench.weights import ADDED, guessed_error, measured_error
+from cutbench.weights import ADDED, along, guessed_error, measured_error
 
 #: Fits without a mesh go to the bottom; with one, as far as it pays.
 SMOOTH = lm.Settings(promise=0.05, evaluations=15, failures=5)
@@ -110,7 +110,7 @@ def baseline(fit: Fit, run: Predictor, grid: int) -> Point:
     computed, shift = {}, {}
     fitted = {c.experiment.id: c.fitted for c in fit.compared}
     for e in campaign.train:
-        x, y = inverse.grids[e.id].x, found[e.id].y
+        x, y = along(inverse.grids[e.id]), found[e.id].y
         shift[e.id] = fitted[e.id] - y if e.kind == "cut" else np.zeros(y.size)
         if e.kind != "cut":
             computed[e.id] = np.zeros((y.size, y.size))

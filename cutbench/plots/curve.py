@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
+from cutbench.curve import forward
 from cutbench.mechanisms import registry
 from cutbench.plots.style import COLOURS, GREY, HATCHES, SINGLE_MM, math_text, new_figure, style
 from cutbench.result import SNAP
@@ -33,8 +34,9 @@ def plot_curve(result: Result, *, window_mm: float | None = None) -> Figure:
         _force(top, result)
         _split(low, result, window_mm)
         low.set_xlabel("blade travel (mm)")
-        reached = float(result.displacement_mm[-1]) if len(result.displacement_mm) else 1.0
-        low.set_xlim(0, max(getattr(result.case.p, "depth", reached), reached))
+        reached = float(np.max(result.displacement_mm, initial=0.0)) or 1.0
+        end = 1.02 * reached if result.case.motion else getattr(result.case.p, "depth", reached)
+        low.set_xlim(0, max(end, reached))
         figure.align_ylabels([top, low])
         figure.suptitle(result.case.name, fontsize=9, fontweight="bold", x=0.02, ha="left")
         top.set_title(_groups(result), loc="left", fontsize=7.5)
@@ -67,7 +69,8 @@ def _force(axes, result: Result) -> None:
     axes.set_ylim(1.12 * low, 1.12 * high)
     onset, peak = (result.measures.get(key, np.nan) for key in ("onset_mm", "peak_mm"))
     if np.isfinite(onset):
-        at = float(np.interp(onset, travel, force))
+        down = forward(travel)
+        at = float(np.interp(onset, travel[:down], force[:down]))
         axes.plot(
             [onset], [at], "o", mfc="white", mec=COLOURS["blue"], label=f"onset of cutting, {onset:.2f} mm"
         )
@@ -99,7 +102,8 @@ def _force(axes, result: Result) -> None:
 def _split(axes, result: Result, window_mm: float) -> None:
     axes.set_ylabel("force by mechanism (N)")
     axes.axhline(0, color="black", lw=0.5, zorder=4)
-    travel = result.displacement_mm
+    count = forward(result.displacement_mm)
+    travel = result.displacement_mm[:count]
     if len(travel) < 2:
         return
     at = np.linspace(travel[0], travel[-1], 800)
@@ -110,25 +114,25 @@ def _split(axes, result: Result, window_mm: float) -> None:
         axes.fill_between(at, up, up + gain, label=label, **look)
         axes.fill_between(at, down, down + loss, **look)
         up, down = up + gain, down + loss
-    total = smooth_force(travel, _integral(travel, result.force_N), window_mm, at)
+    total = smooth_force(travel, _integral(travel, result.force_N[:count]), window_mm, at)
     axes.plot(at, total, color="black", ls="-", lw=1.0, label="force on the blade", zorder=5)
     axes.margins(y=0.05)
-    axes.set_title(
-        f"mean over {window_mm:.2g} mm of travel; below zero: released", loc="left", fontsize=7.5, color=GREY
-    )
+    until = "; until the blade rests" if count < result.displacement_mm.size else "; below zero: released"
+    axes.set_title(f"mean over {window_mm:.2g} mm of travel{until}", loc="left", fontsize=7.5, color=GREY)
 
 
 def _shares(result: Result, window_mm: float, at: np.ndarray) -> list[tuple[str, dict, np.ndarray]]:
     """Label, look and smoothed force (N), in the ledger's order, small ones drawn together at the end."""
-    travel = result.displacement_mm
+    down = forward(result.displacement_mm)
+    travel = result.displacement_mm[:down]
     largest = float(np.max(np.abs(result.force_N)))
     shares = []
     others, rest = [], np.zeros(at.size)
     for i, name in enumerate(result.ledger):
         work = result.curve.get(f"work_{name}_mJ")
         if work is None:
-            work = _integral(travel, result.curve[f"force_{name}_N"])
-        share = smooth_force(travel, np.asarray(work, dtype=float), window_mm, at)
+            work = _integral(travel, result.curve[f"force_{name}_N"][:down])
+        share = smooth_force(travel, np.asarray(work, dtype=float)[:down], window_mm, at)
         if not np.any(share):
             continue
         if np.max(np.abs(share)) < NEGLIGIBLE * largest:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from cutbench.forms.base import Step
+from cutbench.solve.motion import Motion
 from cutbench.solve.newton import NewtonSettings, NoConvergence, newton
 from cutbench.solve.predict import Past
 from cutbench.solve.problem import Evaluation, Problem, damage_growth
@@ -80,9 +81,10 @@ def _drifts(spent: float, left: float, spent_before: float, left_before: float) 
 
 @dataclass
 class Accepted:
-    """A converged step."""
+    """A converged step. ``way`` is its end in mm of time × speed: the travel, where the blade never rests."""
 
     travel: float
+    way: float
     dt: float
     u: np.ndarray
     states: dict[str, dict]
@@ -97,9 +99,9 @@ class Accepted:
 
 @dataclass
 class Progress:
-    """What a march is between two steps: enough to go on from there."""
+    """What a march is between two steps: enough to go on from there. ``way`` as in ``Accepted``."""
 
-    travel: float
+    way: float
     size: float
     u: np.ndarray
     states: dict[str, dict]
@@ -138,14 +140,21 @@ class March:
     at_rest: Callable[[Progress], None] | None = None
     #: Predicts from what happened one element higher, where that is asked for.
     past: Past | None = None
+    #: Times (s) and travels (mm) of a blade that holds, returns or changes its speed.
+    points: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def motion(self) -> Motion:
+        return Motion(self.depth, self.speed, self.points)
 
     def _centre(self, travel: float) -> np.ndarray:
         return self.centre0 - np.array([0.0, travel, 0.0])
 
     def __iter__(self) -> Iterator[Accepted]:
         problem, rules = self.problem, self.rules
+        motion = self.motion
         begin = self.resume or Progress(0.0, rules.first, np.zeros(problem.ndof), problem.start())
-        travel, size, u, states = begin.travel, begin.size, begin.u, begin.states
+        way, size, u, states = begin.way, begin.size, begin.u, begin.states
         u_before, size_before, easy, force = begin.u_before, begin.size_before, begin.easy, begin.force
         spent_before, left_before = begin.spent, begin.left
         if self.past is not None and begin.past is not None:
@@ -154,15 +163,16 @@ class March:
         if damping is not None:
             damping.boost = begin.boost
         plan, chosen = iter(self.schedule or ()), self.schedule is None
-        while travel < self.depth - 1e-9:
+        while way < motion.end - 1e-9:
             if not chosen:
                 size, boost = next(plan, (0.0, 1.0))
                 if size == 0.0:
                     return
                 if damping is not None:
                     damping.boost = boost
-            size = min(size, self.depth - travel)
-            step = Step(size / self.speed, u, self._centre(travel + size), self._centre(travel))
+            size = min(size, motion.room(way))
+            travel, ahead = motion.travel(way), motion.travel(way + size)
+            step = Step(size / self.speed, u, self._centre(ahead), self._centre(travel))
             begun = problem.touched(states)
             straight = None if u_before is None else u + (u - u_before) * (size / size_before)
             try:
@@ -174,8 +184,8 @@ class March:
                 # What the ledger leaves open is the error of the step.
                 spent, left = found.spent, found.left
                 # Against the blade's work over the largest step: within a small jump of a fine step
-                # nothing is gained by closing better than that.
-                whole = spent / size * max(size, rules.largest)
+                # nothing is gained by closing better than that. A blade at rest is taken as one that moves.
+                whole = (abs(force) + abs(found.force)) / 2 * max(size, rules.largest)
                 able = damping is not None and damping.boost < LEAKY_BOOST
                 defect = abs(left) / max(whole, 1e-300)
                 allowed = rules.defect / 4 if _drifts(spent, left, *drift) else rules.defect
@@ -199,15 +209,15 @@ class March:
                 continue
             states = found.result.states
             u_before, size_before = u, size
-            u, travel = found.u, travel + size
+            u, way = found.u, way + size
             force = found.force
             spent_before, left_before = spent_before + spent, left_before + left
             reaction = found.result.residual[self.bottom].sum()
             if self.past is not None:
-                self.past.add(travel, u, np.real(states["cohesion"]["damage"]))
+                self.past.add(ahead, u, np.real(states["cohesion"]["damage"]))
             effort = found.effort
             yield Accepted(
-                travel, step.dt, u, states, force, reaction, found.work, sum(effort), step, found.solves
+                ahead, way, step.dt, u, states, force, reaction, found.work, sum(effort), step, found.solves
             )
             easy = easy + 1
             hardest = max(effort)
@@ -226,11 +236,13 @@ class March:
                 and easy > 1
             ):
                 size = min(size * rules.grow, rules.largest)
+            if motion.turns(way):
+                u_before, size = None, min(size, rules.first)
             if self.at_rest is not None:
                 boost = 1.0 if damping is None else damping.boost
                 past = None if self.past is None else self.past.state()
                 rest = (u_before, size_before, easy, force, boost, spent_before, left_before, past)
-                self.at_rest(Progress(travel, size, u, states, *rest))
+                self.at_rest(Progress(way, size, u, states, *rest))
 
     def _first_that_holds(self, u, straight, states, step, size, force, drift) -> _Found:
         """A step from the better of two predictions: a straight line, and what happened one element higher.
@@ -244,7 +256,7 @@ class March:
             straight, states, step
         ):
             try:
-                found = self._found(repeated, states, step, size, force)
+                found = self._found(repeated, states, step, force)
                 part = CREDIBLE * self.rules.defect
                 if _drifts(found.spent, found.left, *drift):
                     part /= 10
@@ -254,7 +266,7 @@ class March:
                 pass
         for i, guess in enumerate(guesses):
             try:
-                return self._found(guess, states, step, size, force)
+                return self._found(guess, states, step, force)
             except NoConvergence as error:
                 # The last state is a better start only where the prediction itself was unusable.
                 if i == len(guesses) - 1 or "predicted" not in error.reason:
@@ -267,13 +279,14 @@ class March:
         size = float(np.linalg.norm(e.residual[self.problem.free])) / e.scale
         return size if np.isfinite(size) else np.inf
 
-    def _found(self, guess, states, step, size, force) -> _Found:
+    def _found(self, guess, states, step, force) -> _Found:
         u, result, effort, solves = self._solve(guess, states, step)
+        moved = float(np.real(step.centre_old - step.centre)[1])
         work, force_after = (
             self.problem.work(u, states, result.states, step),
             self.problem.force(result.states),
         )
-        spent = (force + force_after) / 2 * size
+        spent = (force + force_after) / 2 * moved
         return _Found(u, result, effort, solves, force_after, work, spent, spent - sum(work.values()))
 
     def _solve(self, u, states, step):

@@ -1,0 +1,215 @@
+"""A blade that holds, returns or changes its speed: in a case, a run, a fit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cutbench.campaign import load_campaign
+from cutbench.case import Case, load_case
+from cutbench.checkpoint import Checkpoint
+from cutbench.errors import BadInput
+from cutbench.fit import fit
+from cutbench.motionfile import read_motion, simplified
+from cutbench.run import run_case
+from cutbench.solve.motion import Motion
+
+SPEED = 0.02  # mm/s
+CASE = load_case(
+    "gelatin",
+    {
+        "h": "0.8 mm",
+        "corner": 0.5,
+        "slender": 1,
+        "depth": "2 mm",
+        "speed": f"{SPEED} mm/s",
+        "with_": "maxwell",
+        "g_1": 0.5,
+        "tau_1": "20 s",
+    },
+)
+#: Down to 1.2 mm, a minute there, back to 0.4 mm at twice the speed.
+THERE = ((0.0, 0.0), (60.0, 1.2), (120.0, 1.2), (140.0, 0.4))
+
+
+# -- the polyline -------------------------------------------------------------------------------------
+def test_without_points_the_way_is_the_travel():
+    plain = Motion(5.0, SPEED)
+    assert plain.end == 5.0 and plain.travel(3.3) == 3.3 and plain.room(2.0) == 3.0 and not plain.turns(2.0)
+
+
+def test_with_points_the_way_is_time_and_corners_are_met():
+    m = Motion(2.0, SPEED, THERE)
+    assert m.end == pytest.approx(140 * SPEED)
+    assert m.travel(30 * SPEED) == pytest.approx(0.6) and m.travel(100 * SPEED) == pytest.approx(1.2)
+    assert m.travel(130 * SPEED) == pytest.approx(0.8)
+    assert m.room(50 * SPEED) == pytest.approx(10 * SPEED) and m.turns(60 * SPEED) and not m.turns(1.0)
+
+
+def test_a_measured_way_is_reduced_to_its_corners():
+    rng = np.random.default_rng(0)
+    t = np.linspace(0, 140, 300)
+    d = np.interp(t, *zip(*THERE, strict=True)) + 1e-4 * rng.standard_normal(t.size)
+    corners = simplified(tuple(zip(t.tolist(), d.tolist(), strict=True)))
+    assert len(corners) <= 6
+    np.testing.assert_allclose(np.interp(t, *zip(*corners, strict=True)), d, atol=0.01)
+
+
+@pytest.mark.parametrize(
+    "raw",
+    [
+        3,
+        "60 s",
+        [1, 2],
+        [["0 s", "0 mm"]],
+        [["1 s", "0 mm"], ["2 s", "1 mm"]],
+        [["0 s", "0 mm"], ["0 s", "1 mm"]],
+        [["0 s", "0 mm"], ["5 mm", "1 s"]],
+        [["0 s", "0 mm"], ["5 s", "9 mm"]],
+        [["0 s", "0 mm"], ["5 s", "-1 mm"]],
+        [["0 s", "0 mm"], ["9 s", "1 mm"], ["8 s", "2 mm"]],
+        [[0, 0], [5, float("nan")]],
+    ],
+)
+def test_what_no_blade_can_follow_is_refused(raw):
+    with pytest.raises(BadInput, match="motion") as caught:
+        CASE.set(motion=raw)
+    assert caught.value.expected
+
+
+def test_a_file_s_motion_is_part_of_the_case(tmp_path):
+    path = tmp_path / "hold.toml"
+    path.write_text(
+        'base = "gelatin"\n[protocol]\nmotion = [["0 s", "0 mm"], ["1 min", "1.2 mm"], ["90 s", "1.2 mm"]]\n'
+    )
+    case = load_case(path)
+    assert case.motion == ((0.0, 0.0), (60.0, 1.2), (90.0, 1.2))
+    plain = load_case("gelatin")
+    assert case.id != plain.id and case.set(G="5 kPa").motion == case.motion
+    assert Case.from_dict(case.to_dict()) == case and Case.from_dict(case.to_dict()).id == case.id
+    assert "motion" not in plain.to_dict()
+    path.write_text(path.read_text().replace('"90 s"', '"50 s"'))
+    with pytest.raises(BadInput, match="line 3"):
+        load_case(path)
+    assert read_motion([[0, 0], ["2 s", 1]]) == ((0.0, 0.0), (2.0, 1.0))
+
+
+# -- the run ------------------------------------------------------------------------------------------
+@pytest.fixture(scope="module")
+def held():
+    return run_case(CASE.set(motion=THERE))
+
+
+def test_one_straight_line_is_the_run_without_it():
+    plain = run_case(CASE.set(depth="0.6 mm"))
+    line = run_case(CASE.set(depth="0.6 mm", motion=[(0, 0), (0.6 / SPEED, 0.6)]))
+    np.testing.assert_allclose(line.displacement_mm, plain.displacement_mm, rtol=1e-9)
+    np.testing.assert_allclose(line.force_N, plain.force_N, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(line.curve["time_s"], plain.curve["time_s"], rtol=1e-9)
+
+
+def test_force_relaxes_while_the_blade_rests_and_falls_on_the_way_back(held):
+    assert held.outcome.done and "1.2 mm deep" in str(held.outcome)
+    t, d, F = held.curve["time_s"], held.displacement_mm, held.force_N
+    rest = (t >= 60 - 1e-9) & (t <= 120 + 1e-9)
+    assert t[-1] == pytest.approx(140) and d[-1] == pytest.approx(0.4)
+    np.testing.assert_allclose(d[rest], 1.2, atol=1e-9)
+    assert (np.diff(F[rest]) < 0).all()
+    # What is left to relax falls by e in 20 s, whatever else the block does.
+    at = np.interp([60, 80, 100, 120], t, F)
+    assert np.diff(at)[1] / np.diff(at)[0] == pytest.approx(np.exp(-1), abs=0.06)
+    assert F[-1] < 0.4 * at[-1]
+    assert abs(held.curve["closure"][-1]) < 0.01
+    work = np.concatenate([[0], np.cumsum(np.diff(d) * (F[1:] + F[:-1]) / 2)])
+    assert work[-1] > 0  # more was done on the way down than came back
+
+
+def test_without_relaxation_a_frictionless_block_gives_all_back():
+    there = [(0, 0), (40, 0.8), (80, 0.8), (120, 0.05)]
+    case = CASE.set(without=["maxwell", "adhesion", "viscous_degraded", "smith_ferrante"], motion=there)
+    r = run_case(case)
+    down, back = (np.interp(x, r.curve["time_s"], r.force_N) for x in (20.0, 80 + 40 * 0.4 / 0.75))
+    assert back == pytest.approx(down, rel=2e-3)
+    rest = (r.curve["time_s"] >= 40) & (r.curve["time_s"] <= 80)
+    # The damping that carries runs through snaps dies down within a step or two.
+    assert np.ptp(r.force_N[rest]) < 2e-3 * r.force_N.max()
+
+
+def test_derivatives_hold_through_hold_and_return(held):
+    case = CASE.set(motion=THERE)
+    names = ("G", "tau_1", "tau_W")
+    run = run_case(case, sensitivities=names)
+    np.testing.assert_allclose(run.force_N, held.force_N, rtol=1e-6, atol=1e-9)
+    for name, unit in (("tau_1", "s"), ("G", "MPa")):
+        by = 1e-4 * case.values[name]
+        ahead, behind = (
+            run_case(case.set(**{name: f"{case.values[name] + way * by!r} {unit}"})) for way in (1, -1)
+        )
+        t = np.linspace(1, 139, 60)
+        slope = [np.interp(t, r.curve["time_s"], r.force_N) for r in (ahead, behind)]
+        slope = (slope[0] - slope[1]) / (2 * by)
+        mine = np.interp(t, run.curve["time_s"], run.sensitivities[name])
+        assert np.abs(mine - slope).max() < 0.02 * np.abs(slope).max(), name
+    with pytest.raises(BadInput, match="speed"):
+        run_case(case, sensitivities=["speed"])
+
+
+def test_a_hold_goes_on_from_a_checkpoint(tmp_path, held):
+    case, file = CASE.set(motion=THERE), tmp_path / "checkpoint.npz"
+
+    def stop(travel, row):
+        if row["time_s"] > 90:
+            raise KeyboardInterrupt
+
+    first = run_case(case, checkpoint=Checkpoint(file, case.id), on_step=stop)
+    assert first.outcome.kind == "interrupted"
+    again = run_case(case, checkpoint=Checkpoint(file, case.id))
+    np.testing.assert_allclose(again.force_N, held.force_N, rtol=1e-5, atol=1e-8)
+
+
+# -- the fit ------------------------------------------------------------------------------------------
+CAMPAIGN = """
+material = "gelatin"
+baseline = [
+    "neo_hookean", "volumetric", "maxwell", "smith_ferrante", "viscous_degraded", "contact", "adhesion"
+]
+[parameters]
+G = "9 kPa"
+g_1 = 0.3
+tau_1 = "35 s"
+[numerics]
+h = "0.8 mm"
+corner = 0.5
+slender = 1
+[fit]
+free = ["G", "g_1", "tau_1"]
+[[experiment]]
+id = "held"
+kind = "cut"
+data = "held.csv"
+specimen = { width = "30 mm", length = "30 mm", height = "21 mm" }
+blade = { thickness = "0.7 mm", tip = "TIP mm" }
+columns = { time = "t [s]", displacement = "u [mm]", force = "F [N]" }
+"""
+
+
+def test_a_fit_follows_the_hold_and_finds_the_relaxation(tmp_path, held):
+    rng = np.random.default_rng(4)
+    t = np.linspace(1.0, 140.0, 120)
+    d = np.interp(t, held.curve["time_s"], held.displacement_mm)
+    F = np.interp(t, held.curve["time_s"], held.force_N) + 0.003 * rng.standard_normal(t.size)
+    lines = [f"{a:.4f},{b:.5f},{c:.6f}" for a, b, c in zip(t, d, F, strict=True)]
+    (tmp_path / "held.csv").write_text("\n".join(["t [s],u [mm],F [N]", *lines]) + "\n")
+    path = tmp_path / "campaign.toml"
+    path.write_text(CAMPAIGN.replace("TIP", f"{CASE.values['tip']!r}"))
+    campaign = load_campaign(path)
+    (experiment,) = campaign.experiments
+    case = campaign.case(experiment)
+    assert not experiment.monotone and 4 <= len(case.motion) <= 8
+    times, travels = zip(*case.motion, strict=True)
+    assert np.abs(np.interp(t, times, travels) - d).max() < 0.03
+    found = fit(campaign, workers=0, refine=False)
+    for name in ("G", "g_1", "tau_1"):
+        estimate = found.estimate(name)
+        assert estimate.low < CASE.values[name] < estimate.high, name
+        assert estimate.value == pytest.approx(CASE.values[name], rel=0.25), name
