@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
+from pathlib import Path
 
 import analytic_runs
 import numpy as np
@@ -274,3 +276,15 @@ def test_levels_are_searched_side_by_side_and_a_second_sweep_computes_nothing(st
 
 def failing(case):
     raise AssertionError("computed again")
+
+
+def test_the_kept_boundary_agrees_with_the_kept_grid():
+    """studies/results: finite-element runs, by ``cutbench sweep`` from the studies of these names."""
+    results = Path(__file__).resolve().parents[1] / "studies" / "results"
+    sought, grid = (load_map(results / name / "map.nc") for name in ("boundary", "boundary-grid"))
+    found = agreement(sought, grid)
+    assert found.runs[0] <= found.runs[1] / 8 and found.points == 33 * 33
+    assert found.wrong_far == 0 and found.far > 0.9 * found.points
+    tolerance = json.loads(sought.attrs["tolerance"])
+    assert tolerance == {"cohesion": 1 / 32, "viscosity": 1 / 32}
+    assert not sought["unsure"].values.any()
