@@ -59,7 +59,7 @@ def test_derivatives_are_those_of_central_differences():
     ("changes", "names"),
     [
         (
-            {"element": "P2P1", "augmentations": 1, "h": "0.7 mm", "depth": "0.45 mm"},
+            {"element": "P2P1", "augmentations": 1, "h": "0.7 mm", "depth": "0.45 mm", "bulk_degree": 2},
             ("nu", "tip", "mu"),
         ),
         ({"normal": "tool", "gap": "ellipse", "depth": "0.3 mm"}, ("G", "nu", "G_c", "tip", "mu")),

@@ -209,7 +209,7 @@ def test_killed_half_way_it_loses_no_finished_run_and_ends_with_the_same_map(sta
 
 def test_ctrl_c_on_a_pool_ends_cleanly_with_a_map(start, log, tmp_path):
     out = tmp_path / "out"
-    process = start(out, 0.2)
+    process = start(out, 0.6)
     wait_for(lambda: len(list(out.glob("runs/??/*"))) >= 4)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the parent and its workers
     said = process.communicate(timeout=20)[0].split()
