@@ -147,9 +147,13 @@ def test_workers_that_die_do_not_end_the_sweep(study, log, tmp_path):
 
 
 SCRIPT = """
+import signal
 import sys
 from analytic_runs import fake_run
 from cutbench.sweep import run_study
+# Where the tests run in the background, Ctrl-C is ignored from the start.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
 if __name__ == "__main__":
     sweep = run_study(sys.argv[1], sys.argv[2], workers=2, run=fake_run, first_picture_s=0.5)
     print("interrupted" if sweep.interrupted else "complete", sweep.status.finished, flush=True)
@@ -209,7 +213,7 @@ def test_killed_half_way_it_loses_no_finished_run_and_ends_with_the_same_map(sta
 
 def test_ctrl_c_on_a_pool_ends_cleanly_with_a_map(start, log, tmp_path):
     out = tmp_path / "out"
-    process = start(out, 0.6)
+    process = start(out, 0.2)
     wait_for(lambda: len(list(out.glob("runs/??/*"))) >= 4)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the parent and its workers
     said = process.communicate(timeout=20)[0].split()
