@@ -70,7 +70,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             before = after
     except (OSError, RuntimeError) as error:
         print(
-            f"--python = '{asked.python}': {error}; expected one that has DOLFINx 0.5 or later",
+            f"--python = '{asked.python}': {error}; expected one that has DOLFINx 0.5",
             file=sys.stderr,
         )
         return 2

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -200,6 +200,11 @@ def read_fields_of(table: Mapping[str, object], folder: Path) -> tuple[tuple[Fie
             value = None if field.travel_mm is None else f"{field.travel_mm:g} mm"
             raise _wrong("fields.travel", value, "blade travels above 0: a column 'travel [mm]', or travel")
     return tuple(thinned(field) for field in fields), noise
+
+
+def laid_out(fields: Sequence[Field]) -> np.ndarray:
+    """Displacements (f,) of several fields, one after the other."""
+    return np.concatenate([field.u.ravel() for field in fields])
 
 
 def thinned(field: Field, points: int = POINTS) -> Field:

@@ -10,8 +10,9 @@ from cutbench.campaign import Campaign
 from cutbench.case import Case
 from cutbench.errors import BadInput, ComputationFailed
 from cutbench.experiment import SLOTS, Experiment
+from cutbench.fieldfile import laid_out
 from cutbench.identify import Unknown
-from cutbench.observe import Prediction, Predictor, Task, laid_out
+from cutbench.observe import Prediction, Predictor, Task
 from cutbench.reading import one_of
 from cutbench.sensitivity import differentiable
 from cutbench.weights import (

@@ -21,7 +21,6 @@ from cutbench.case import Case
 from cutbench.dic import at_travel, sample, sampled_slopes
 from cutbench.errors import BadInput, ComputationFailed
 from cutbench.experiment import Experiment
-from cutbench.fieldfile import Field
 from cutbench.homogeneous import slopes
 from cutbench.mechanisms.base import STEP
 from cutbench.noise import averaging
@@ -71,7 +70,7 @@ class Prediction:
 
     ``onset_mm``: where the cut of a run begins (nan without one); ``steps`` its number of steps.
     ``fields`` (f,), ``field_slopes`` (f, k): displacements in mm at all places of the experiment's fields, as
-    ``laid_out`` has them; nan outside the body.
+    ``cutbench.fieldfile.laid_out`` has them; nan outside the body.
     """
 
     y: np.ndarray
@@ -82,11 +81,6 @@ class Prediction:
     timings: dict[str, float] = field(default_factory=dict)
     fields: np.ndarray = field(default_factory=lambda: np.zeros(0))
     field_slopes: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
-
-
-def laid_out(fields: Sequence[Field]) -> np.ndarray:
-    """Displacements (f,) of several fields, one after the other."""
-    return np.concatenate([np.zeros(0), *(each.u.ravel() for each in fields)])
 
 
 def predict(task: Task) -> Prediction:

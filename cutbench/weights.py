@@ -24,6 +24,7 @@ from scipy.linalg import cholesky, solve_triangular
 
 from cutbench.case import Case
 from cutbench.experiment import Experiment
+from cutbench.fieldfile import laid_out
 from cutbench.noise import matern, scatter_covariance
 from cutbench.repetition import Averaged
 
@@ -132,7 +133,7 @@ class FieldWeights:
     @classmethod
     def of(cls, e: Experiment, computed: np.ndarray, fine: np.ndarray | None = None) -> FieldWeights:
         """``computed`` (f,) displacements in mm, ``fine`` those with finer numerics, once they are known."""
-        measured = np.concatenate([field.u.ravel() for field in e.fields])
+        measured = laid_out(e.fields)
         known = np.isfinite(measured) & np.isfinite(computed)
         if fine is None:
             size = np.where(known, np.abs(computed), 0.0)
