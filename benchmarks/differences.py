@@ -9,7 +9,6 @@ import numpy as np
 from cutbench.build import Built, build
 from cutbench.case import Case
 from cutbench.sensitivity import follow
-from cutbench.solve.geometry import Geometry
 from cutbench.solve.march import Accepted
 
 
@@ -23,20 +22,22 @@ class Marched:
         self,
         case: Case,
         names: Sequence[str] = (),
-        schedule: Sequence[tuple[float, float]] | None = None,
-        geometry: Geometry | None = None,
+        beside: Marched | None = None,
     ):
-        built = build(case, geometry)
-        built.march.schedule = schedule
+        """``beside``: the march whose mesh and steps are taken; states are looked for near its own."""
+        built = build(case, beside.geometry if beside else None)
+        if beside is not None:
+            built.march.schedule, built.march.known = beside.steps, beside.displacements
         follower = follow(built, names) if names else None
         damping = next((f for f in built.problem.forms if f.name == "damping"), None)
         self.geometry = built.geometry
-        self.steps, self.switches = [], []
+        self.steps, self.switches, self.displacements = [], [], []
         forces, slopes = [], []
         for step in built.march:
             forces.append(step.force)
             self.steps.append((step.step.dt * case.p.speed, damping.boost if damping else 1.0))
             self.switches.append(switches(built, step))
+            self.displacements.append(step.u)
             if follower is not None:
                 slopes.append(follower.add(step))
         self.stopped = built.march.stopped
@@ -75,10 +76,7 @@ def differences(case: Case, name: str, middle: Marched, by: float) -> tuple[np.n
 
     Where one of the two marches ends early, n is smaller than in ``middle``.
     """
-    plus, minus = (
-        Marched(moved(case, name, sign * by), schedule=middle.steps, geometry=middle.geometry)
-        for sign in (1, -1)
-    )
+    plus, minus = (Marched(moved(case, name, sign * by), beside=middle) for sign in (1, -1))
     n = min(plus.forces.size, minus.forces.size)
     same = [
         np.array_equal(a, b) and np.array_equal(a, c)

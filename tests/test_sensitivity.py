@@ -123,7 +123,7 @@ def test_the_derivative_at_off_is_that_of_switching_on():
     off = CUTTING.set(tau_W="0 kPa", mu=0.0, depth="0.3 mm")
     middle = Marched(off, ["tau_W", "mu"])
     for i, (name, by) in enumerate({"tau_W": 1e-8, "mu": 1e-5}.items()):
-        on = Marched(moved(off, name, by), schedule=middle.steps, geometry=middle.geometry)
+        on = Marched(moved(off, name, by), beside=middle)
         slope = (on.forces - middle.forces) / by
         np.testing.assert_allclose(middle.slopes[:, i], slope, rtol=2e-3, atol=1e-4 * np.abs(slope).max())
 

@@ -135,6 +135,8 @@ class March:
     stopped: str | None = None
     #: Steps to take instead of choosing them, each with its length in mm and the damping's boost.
     schedule: Sequence[tuple[float, float]] | None = None
+    #: Displacements at the end of each of these steps in a march that hardly differs: looked for from there.
+    known: Sequence[np.ndarray] | None = None
     #: Where to begin, if not at rest; and who is told of each step's end when the next one begins.
     resume: Progress | None = None
     at_rest: Callable[[Progress], None] | None = None
@@ -162,7 +164,7 @@ class March:
         damping = next((f for f in problem.forms if f.name == "damping"), None)
         if damping is not None:
             damping.boost = begin.boost
-        plan, chosen = iter(self.schedule or ()), self.schedule is None
+        plan, chosen, known = iter(self.schedule or ()), self.schedule is None, iter(self.known or ())
         while way < motion.end - 1e-9:
             if not chosen:
                 size, boost = next(plan, (0.0, 1.0))
@@ -175,6 +177,7 @@ class March:
             step = Step(size / self.speed, u, self._centre(ahead), self._centre(travel))
             begun = problem.touched(states)
             straight = None if u_before is None else u + (u - u_before) * (size / size_before)
+            straight = next(known, straight)
             try:
                 drift = (spent_before, left_before)
                 found = self._first_that_holds(u, straight, begun, step, size, force, drift)
