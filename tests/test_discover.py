@@ -11,6 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from benchmarks import discovery as blind
+from benchmarks.hidden import SCATTER, Hidden, Test, make, readings
 from cutbench.campaign import load_campaign
 from cutbench.discover import discover
 from cutbench.discover.page import page
@@ -23,8 +24,8 @@ STUDIES = Path(__file__).parents[1] / "studies"
 SEED = 11
 
 
-def found(effect: str, family: str, many: bool = True, number: int = 3) -> tuple[blind.Hidden, Discovery]:
-    hidden = blind.make(number, effect, family, many, SEED)
+def found(effect: str, family: str, many: bool = True, number: int = 3) -> tuple[Hidden, Discovery]:
+    hidden = make(number, effect, family, many, SEED)
     return hidden, discover(hidden.campaign, workers=0)
 
 
@@ -40,7 +41,7 @@ def gent():
 )  # fmt: skip
 def test_it_names_what_was_hidden(effect, family):
     hidden, d = found(effect, family)
-    assert hidden.change > 1.5 * blind.SCATTER
+    assert hidden.change > 1.5 * SCATTER
     assert d.verdict == "mechanism"
     assert effect in (d.found[0], *d.rounds[0].group)
     assert blind.judge(hidden, d)["heldout_error_cut"] > 0.5
@@ -83,10 +84,10 @@ def test_the_order_of_experiments_does_not_matter():
 def test_nor_does_the_seed_of_the_noise():
     verdicts = set()
     for seed in (1, 2, 3):
-        hidden = blind.make(3, "compact_cohesion", "cut law", False, SEED)
+        hidden = make(3, "compact_cohesion", "cut law", False, SEED)
         rng = np.random.default_rng(seed)
-        tests = [blind.Test("slow", "separation", 0.005, 0.5)]
-        made = tuple(blind.readings(t, hidden.clean[t.id], rng) for t in tests)
+        tests = [Test("slow", "separation", 0.005, 0.5)]
+        made = tuple(readings(t, hidden.clean[t.id], rng) for t in tests)
         d = discover(replace(hidden.campaign, experiments=made), workers=0, seed=seed)
         verdicts.add((d.verdict, d.found))
     assert verdicts == {("mechanism", ("compact_cohesion",))}
@@ -122,7 +123,7 @@ class WaningAdhesion(Blade):
     monkeypatch.setattr(folder, "__path__", [*folder.__path__, str(tmp_path)])
     mechanisms.registry.cache_clear()
     try:
-        hidden = blind.make(4, "waning_adhesion", "blade law", True, SEED)
+        hidden = make(4, "waning_adhesion", "blade law", True, SEED)
         assert "waning_adhesion" in hidden.campaign.candidates
         d = discover(hidden.campaign, workers=0)
         assert d.found[0] == "waning_adhesion"

@@ -7,7 +7,8 @@ Fits without the held-out part are one Gauss–Newton step away from the fit to 
 
 Two losses. The likelihood's, |r|² in standard deviations, decides: its difference between two models is
 linear in the readings, so that its standard error is known, 2 |d| with d the whitened difference of their
-predictions. The plain root mean square error is what a person asks for, and is reported as the gain.
+predictions. The plain root mean square error is what a person asks for, and is reported as the gain; it must
+not contradict, as it is or with each test's own factor between specimens taken out.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ from cutbench.weights import Factors
 LOST = 0.5
 FEWEST_TESTS, FIFTHS = 3, 5
 TESTS = "test experiments"
+#: Predictions that differ by less than a standard deviation in all (2 |d|) tell nothing.
+TELLING = 2.0
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,7 @@ class Heldout:
     """``better``: fall of the whitened squared error by the extension, ``better_se`` its standard error.
 
     ``gain``: fall of the root mean square error, relative, with its standard error; errors in ``unit``.
+    ``gain_of_shape``: the same with the factor that fits each specimen best taken out of both predictions.
     """
 
     how: str
@@ -57,17 +61,19 @@ class Heldout:
     extended_rmse: float
     noise_floor: float
     unit: str
+    gain_of_shape: float = 0.0
 
     @property
     def accepted(self) -> bool:
-        return self.better > self.better_se and self.gain > 0
+        return self.better > self.better_se and max(self.gain, self.gain_of_shape) > 0
 
     @property
     def tells(self) -> bool:
-        """Whether the two models' predictions differ by more than the standard error of the difference, and
-        the likelihood and the plain error do not contradict one another within theirs."""
-        contradict = self.better > 0 >= self.gain > -self.gain_se
-        return abs(self.better) > self.better_se and not contradict
+        """Whether the two models' predictions differ at all and by more than the standard error of the
+        difference, and the likelihood and the plain error do not contradict one another within theirs."""
+        plain = max(self.gain, self.gain_of_shape)
+        contradict = self.better > 0 >= plain > -self.gain_se
+        return self.better_se > TELLING and abs(self.better) > self.better_se and not contradict
 
 
 def decide(before: Point, after: Point) -> Heldout:
@@ -86,6 +92,7 @@ def compare(before: Point, after: Point, *, tests: bool = True) -> Heldout:
         parts, one, other, how = _folds(before, after)
     better = variance = 0.0
     plain = np.zeros(4)  # squared error of both, the variance of their difference, noise
+    shape = np.zeros(2)  # squared error of both with the best factor
     count = 0
     units = {p.experiment.y_unit for p in parts}
     relative = len(units) > 1
@@ -99,6 +106,7 @@ def compare(before: Point, after: Point, *, tests: bool = True) -> Heldout:
             ((y0 - p.measured) ** 2).sum(), ((y1 - p.measured) ** 2).sum(),
             4 * d @ p.covariance @ d / scale**2, np.trace(p.covariance),
         ]) / scale**2  # fmt: skip
+        shape += np.array([_beyond_factor(y, p.measured) for y in (y0, y1)]) / scale**2
         count += p.measured.size
     e0, e1 = np.sqrt(plain[:2] / count)
     gain = 1 - e1 / e0 if e0 > 0 else 0.0
@@ -106,7 +114,13 @@ def compare(before: Point, after: Point, *, tests: bool = True) -> Heldout:
     return Heldout(
         how, float(better), float(np.sqrt(variance)), float(gain), float(se), float(e0), float(e1),
         float(np.sqrt(plain[3] / count)), "1" if relative else units.pop(),
+        float(1 - np.sqrt(shape[1] / shape[0])) if shape[0] > 0 else 0.0,
     )  # fmt: skip
+
+
+def _beyond_factor(y: np.ndarray, measured: np.ndarray) -> float:
+    """Squared error of the prediction ``y`` (m,) times the factor that makes it least."""
+    return float(((measured - y * (y @ measured) / max(y @ y, 1e-300)) ** 2).sum())
 
 
 def _pooled(point: Point) -> dict[str, Factors]:
