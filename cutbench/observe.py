@@ -18,6 +18,7 @@ import numpy as np
 
 from cutbench.campaign import lead_s
 from cutbench.case import Case
+from cutbench.curve import driven
 from cutbench.dic import at_travel, sample, sampled_slopes
 from cutbench.errors import BadInput, ComputationFailed
 from cutbench.experiment import Experiment
@@ -70,7 +71,8 @@ class Prediction:
 
     ``onset_mm``: where the cut of a run begins (nan without one); ``steps`` its number of steps.
     ``fields`` (f,), ``field_slopes`` (f, k): displacements in mm at all places of the experiment's fields, as
-    ``cutbench.fieldfile.laid_out`` has them; nan outside the body.
+    ``cutbench.fieldfile.laid_out`` has them; nan outside the body. ``course`` (3, n): displacement, force and
+    time of the run itself, as no rig has changed them.
     """
 
     y: np.ndarray
@@ -81,6 +83,7 @@ class Prediction:
     timings: dict[str, float] = field(default_factory=dict)
     fields: np.ndarray = field(default_factory=lambda: np.zeros(0))
     field_slopes: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    course: np.ndarray = field(default_factory=lambda: np.zeros((3, 0)))
 
 
 def predict(task: Task) -> Prediction:
@@ -104,21 +107,16 @@ def _cut(task: Task) -> Prediction:
         raise KeyboardInterrupt
     if not result.outcome.done and (task.of_time or reached < wanted - 1e-6):
         raise ComputationFailed(f"'{task.experiment.id}': {result.outcome}")
-    curve = result.curve
-    places, average = task.reading
+    course = np.stack([result.curve[name] for name in ("displacement_mm", "force_N", "time_s")])
+    reading = task.reading
     columns = []
     for name in (None, *names):
-        p, force = case.p, curve["force_N"].astype(complex)
+        p, moved = case.p, course.astype(complex)
         if name in result.sensitivities:
-            force = force + 1j * STEP * result.sensitivities[name]
+            moved[1] += 1j * STEP * result.sensitivities[name]
         if name is not None:
             setattr(p, name, getattr(p, name) + 1j * STEP)
-        shown = case.model.record(
-            curve["displacement_mm"].astype(complex), force, curve["time_s"].astype(complex), p
-        )
-        if task.of_time:  # at the same time the blade is elsewhere only where a rig says so
-            shown = (curve["time_s"].astype(complex), shown[1])
-        columns.append(average @ _read(places, *shown))
+        columns.append(_shown(task, reading, moved, p))
     by_name = np.stack(columns, axis=1)[:, 1:].imag / STEP
     if not np.isfinite(by_name).all():
         raise ComputationFailed(
@@ -127,7 +125,24 @@ def _cut(task: Task) -> Prediction:
     onset = result.measures.get("onset_mm", float("nan"))
     u, u_by_name = _fields(task, result, rig)
     steps = result.counts["steps"]
-    return Prediction(columns[0].real, by_name, names, onset, steps, result.timings, u, u_by_name)
+    return Prediction(columns[0].real, by_name, names, onset, steps, result.timings, u, u_by_name, course)
+
+
+def recorded(task: Task, prediction: Prediction, **values: float) -> np.ndarray:
+    """What a cut would read (m,) with other ``values`` of its rig's parameters (internal units)."""
+    p = task.case.p
+    vars(p).update(values)
+    return _shown(task, task.reading, prediction.course.astype(complex), p).real
+
+
+def _shown(task: Task, reading: tuple[np.ndarray, np.ndarray], course: np.ndarray, p) -> np.ndarray:
+    """The readings (m,) of a run's ``course`` (3, n), complex, through the rig with parameters ``p``."""
+    x, force = task.case.model.record(*course, p)
+    places, average = reading
+    if task.of_time:  # at the same time the blade is elsewhere only where a rig says so
+        return average @ _read(places, course[2], force)
+    seen = driven(x)
+    return average @ _read(places, x[seen], force[seen])
 
 
 def _fields(task: Task, result: Result, rig: set[str]) -> tuple[np.ndarray, np.ndarray]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from cutbench.campaign import Campaign, FitPlan
 from cutbench.case import Case
+from cutbench.curve import driven
 from cutbench.errors import ComputationFailed
 from cutbench.experiment import HOMOGENEOUS, Experiment
 from cutbench.homogeneous import History, respond
@@ -57,7 +58,8 @@ def clean(truth: Case, test: Test) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         curve = result.curve
         d, F = case.model.record(curve["displacement_mm"], curve["force_N"], curve["time_s"], case.p)
         x = np.linspace(0, d[-1], test.readings + 1)[1:]
-        return x, np.interp(x, d, F), x / test.speed
+        seen = driven(d)
+        return x, np.interp(x, d[seen], F[seen]), x / test.speed
     rest = 1.0 if test.kind in HOMOGENEOUS else 0.0
     x = rest + (test.reach - rest) * np.arange(1, test.readings + 1) / test.readings
     time = np.abs(x - rest) / test.speed

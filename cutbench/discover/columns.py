@@ -1,8 +1,9 @@
 """What each candidate would change first, at the fitted point: the derivatives of all readings at "off".
 
 Homogeneous tests are differentiated at all values of the shapes in one pass. A cut is run with all
-candidates at off at once; a second and third run take further values of the shapes and those candidates
-that exclude one another.
+candidates at off at once; a second and third run take further values of the shapes and those candidates that
+exclude one another. What a rig would make of a run is known for any strength without another run: where
+a curve drops, the change by a finite strength is no multiple of the derivative, so some are tried as well.
 """
 
 from __future__ import annotations
@@ -17,11 +18,13 @@ from cutbench.errors import BadInput
 from cutbench.experiment import Experiment
 from cutbench.homogeneous import scan
 from cutbench.inverse import Inverse
-from cutbench.observe import Predictor, Task
+from cutbench.observe import Prediction, Predictor, Task, recorded
 from cutbench.sensitivity import extended
 
 #: Runs of a cut, at the most, for its candidates.
 RUNS = 3
+#: Finite strengths of a rig: such that its derivative would change the readings by this part (rms).
+PARTS = (0.05, 0.1, 0.2, 0.4)
 
 
 @dataclass(frozen=True)
@@ -63,6 +66,7 @@ def sense(inverse: Inverse, q: np.ndarray, chosen: Sequence[Candidate], run: Pre
     plan = _runs(inverse, cuts[0], q, chosen) if cuts else []
     tasks = [_task(inverse, e, q, group) for group in plan for e in cuts]
     answers = _run_all(run, tasks)
+    rigs = {}
     for (i, group), (j, e) in ((g, c) for g in enumerate(plan) for c in enumerate(cuts)):
         p = answers[i * len(cuts) + j]
         if i == 0:
@@ -70,6 +74,8 @@ def sense(inverse: Inverse, q: np.ndarray, chosen: Sequence[Candidate], run: Pre
         for c, k in group:
             numbers = [p.names.index(s.name) for s in c.strengths]
             parts[c.name, k, e.id] = p.slopes[:, numbers]
+            if c.slot == "rig" and len(numbers) == 1:
+                rigs.setdefault(c.name, (c, []))[1].append((tasks[i * len(cuts) + j], p))
     columns = []
     for c in chosen:
         for k, shapes in enumerate(c.grid):
@@ -78,7 +84,26 @@ def sense(inverse: Inverse, q: np.ndarray, chosen: Sequence[Candidate], run: Pre
                 continue
             by = {id: np.zeros((y[id].size, len(c.strengths))) if v is None else v for id, v in by.items()}
             columns.append(Column(c, shapes, by))
+    for c, seen in rigs.values():
+        columns += [Column(c, c.grid[0], {**{id: np.zeros((v.size, 1)) for id, v in y.items()}, **by})
+                    for by in _secants(c, seen)]  # fmt: skip
     return Sensed(y, J, columns, onset)
+
+
+def _secants(c: Candidate, seen: Sequence[tuple[Task, Prediction]]) -> list[dict[str, np.ndarray]]:
+    """Changes (m, 1) of the readings of cuts per strength of a rig, by id, for finite strengths."""
+    (q,) = c.strengths
+    by_slope = [(p.y, p.slopes[:, p.names.index(q.name)]) for _, p in seen]
+    level = np.sqrt(np.mean([np.mean(y**2) for y, _ in by_slope]))
+    steep = np.sqrt(np.mean([np.mean(slope**2) for _, slope in by_slope]))
+    low, high = c.range(q)
+    off, found = q.off * q.factor, []
+    for size in (part * level / max(steep, 1e-300) for part in PARTS):
+        for value in (off + size, off - size):
+            if low <= value <= high:
+                by = {t.experiment.id: (recorded(t, p, **{q.name: value}) - p.y) for t, p in seen}
+                found.append({id: change[:, None] / (value - off) for id, change in by.items()})
+    return found
 
 
 def _run_all(run: Predictor, tasks: Sequence[Task]):

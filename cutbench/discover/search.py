@@ -147,7 +147,10 @@ def discover(
     campaign = _plain(campaign)
     count = cores() if workers is None else workers
     say("fitting the baseline")
-    fitted = fit(campaign, workers=count, refine=refine, grid=grid)
+    fitted = fit(
+        campaign, workers=count, refine=refine, grid=grid,
+        told=lambda stage, minimum: say(f"fitting the baseline, {stage}: χ² {minimum.chi2:.4g}"),
+    )  # fmt: skip
     if fitted.status == "interrupted":
         raise KeyboardInterrupt
     runs = 3 * sum(e.kind == "cut" for e in campaign.experiments)
