@@ -21,7 +21,7 @@ from cutbench.errors import BadInput, ComputationFailed
 from cutbench.experiment import Experiment
 from cutbench.fitted import Compared, Estimate, Fit, Profile
 from cutbench.identify import Unknown, identifiability, information_inverse
-from cutbench.inverse import GRID, Inverse, unknowns
+from cutbench.inverse import GRID, Inverse, field_note, unknowns
 from cutbench.observe import Prediction, cores, predictor
 from cutbench.reading import one_of
 from cutbench.weights import Weights
@@ -84,7 +84,6 @@ class _Fitting:
         best = self._minimise("rough", q, ROUGH)
         if best.message != INTERRUPTED:
             best = self._with_measured_error(best)
-        self.notes += inverse.field_notes(best.q)
         profiles = []
         for label in profile:
             if label in fixed:
@@ -202,6 +201,7 @@ class _Fitting:
         for e in self.campaign.train:
             w, p = inverse.weights[e.id], found[e.id]
             sides[e.id] = self._beside(e, p, p.y + w.shift, np.sqrt(np.diag(w.covariance)), q)
+            self.notes += [field_note(e, p, "fit")] if e.fields else []
         for e in () if status == INTERRUPTED else self.campaign.test:
             try:
                 (p,) = inverse.predicted(q, [e], fine=self.refine)
@@ -209,6 +209,7 @@ class _Fitting:
                 self.notes.append(f"'{e.id}' could not be predicted: {error}")
                 continue
             sides[e.id] = self._beside(e, p, p.y, inverse.grids[e.id].deviation, q)
+            self.notes += [field_note(e, p, "prediction")] if e.fields else []
         return tuple(sides[e.id] for e in self.campaign.experiments if e.id in sides)
 
     def _beside(self, e: Experiment, p: Prediction, y: np.ndarray, sd: np.ndarray, q: np.ndarray) -> Compared:

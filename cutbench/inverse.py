@@ -250,22 +250,6 @@ class Inverse:
                 self.field_weights[e.id] = FieldWeights.of(e, coarse[e.id].fields, p.fields)
         return notes
 
-    def field_notes(self, q: np.ndarray) -> list[str]:
-        """How near the computed displacement fields are to the measured ones, one sentence an experiment."""
-        notes, found = [], self.predictions(q)
-        for e in self.campaign.train:
-            if e.id not in self.field_weights:
-                continue
-            known = self.field_weights[e.id].known
-            measured, off = laid_out(e.fields)[known], (found[e.id].fields - laid_out(e.fields))[known]
-            left, size = (np.sqrt(np.mean(u**2)) for u in (off, measured))
-            fields = f"{len(e.fields)} field{'s' * (len(e.fields) > 1)}"
-            notes.append(
-                f"'{e.id}': of {known.sum()} displacements in {fields} the fit is off by {left:.3g} mm (root"
-                f" mean square), where {size:.3g} mm were measured and {e.field_noise_mm:g} mm are noise."
-            )
-        return notes
-
     def whitened(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residuals (M,), computed less measured, and their derivatives (M, k)."""
         rows, slopes = [], []
@@ -281,3 +265,17 @@ class Inverse:
                 rows.append(w.white(p.fields - laid_out(e.fields)))
                 slopes.append(w.white(self._scaled(e, p, p.field_slopes, q)))
         return np.concatenate(rows), np.concatenate(slopes)
+
+
+def field_note(e: Experiment, prediction: Prediction, whose: str) -> str:
+    """How near computed displacement fields of an experiment are to the measured ones, in a sentence."""
+    measured = laid_out(e.fields)
+    known = np.isfinite(measured) & np.isfinite(prediction.fields)
+    if not known.any():
+        return f"'{e.id}': none of the places of its fields lies in the computed body."
+    left, size = (np.sqrt(np.mean(u[known] ** 2)) for u in (prediction.fields - measured, measured))
+    fields = f"{len(e.fields)} field{'s' * (len(e.fields) > 1)}"
+    return (
+        f"'{e.id}': of {known.sum()} displacements in {fields} the {whose} is off by {left:.3g} mm (root"
+        f" mean square), where {size:.3g} mm were measured and {e.field_noise_mm:g} mm are noise."
+    )
