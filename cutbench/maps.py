@@ -243,7 +243,9 @@ def save_map(data: xr.Dataset, folder: Path) -> None:
     handle, name = tempfile.mkstemp(prefix=".map-", suffix=".nc", dir=folder)
     os.close(handle)
     try:
-        data.to_netcdf(name, engine="h5netcdf")
+        # A map of runs that were sought is mostly empty.
+        packed = {key: {"zlib": True} for key, v in data.variables.items() if v.ndim and v.dtype.kind in "fi"}
+        data.to_netcdf(name, engine="h5netcdf", encoding=packed)
         _move(name, folder / "map.nc")
     finally:
         Path(name).unlink(missing_ok=True)

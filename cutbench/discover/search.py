@@ -15,7 +15,7 @@ from cutbench.discover.heldout import TESTS, Heldout, better_than, compare, deci
 from cutbench.discover.numerical import numerical_columns, with_columns
 from cutbench.discover.point import Point, baseline, extend, undetermined
 from cutbench.discover.protocol import Proposal, cut_proposals, proposals, sentence
-from cutbench.discover.score import Score, Scores, score
+from cutbench.discover.score import Score, Scores, deviations, score
 from cutbench.discover.where import Section, sections
 from cutbench.errors import BadInput, ComputationFailed
 from cutbench.fit import fit
@@ -27,6 +27,8 @@ from cutbench.observe import Predictor, cores, predictor
 CHANCE = 0.01
 #: A candidate on its own is worth a fit if it gains more than chance does this often.
 PROMISING = 0.1
+#: Chances below this are all alike: the draws do not reach so far.
+TOLD = 1e-4
 #: So many are fitted in a round, without a mesh and with one.
 FITS, FITS_MESHED = 6, 3
 #: A mechanism is named only if it explains this part of what is wrong.
@@ -288,9 +290,14 @@ def _worth_a_name(this: Round, first: Round) -> bool:
 
 
 def _simplest(scores: list[Score]) -> list[Score]:
-    """By z; without those that add parameters to another of them and gain less by it than these cost."""
+    """By z, as far as draws can tell, then by gain; without those that add parameters to another of them and
+    gain less by it than these cost."""
+
+    def order(s: Score) -> tuple:
+        return -min(s.z, deviations(TOLD)), PRICE * len(s.column.candidate.parameters) - s.gain, s.name
+
     kept = []
-    for s in sorted(scores, key=lambda s: (-s.z, s.name)):
+    for s in sorted(scores, key=order):
         mine = set(s.column.candidate.parameters)
         for o in scores:
             more = len(mine) - len(o.column.candidate.parameters)

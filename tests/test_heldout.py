@@ -1,0 +1,76 @@
+"""What held-out readings decide, and what of a rig is known without another run."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.discovery import SHOWN, left_over
+from benchmarks.hidden import make
+from cutbench.case import Case, load_case
+from cutbench.curve import driven
+from cutbench.discover.heldout import TESTS, Heldout
+from cutbench.discover.point import baseline
+from cutbench.experiment import Experiment
+from cutbench.fit import fit
+from cutbench.observe import Task, predict, predictor, recorded
+from cutbench.repetition import Repetition
+
+BETTER = Heldout(TESTS, 50.0, 10.0, 0.3, 0.1, 2.0, 1.4, 0.5, "N", 0.4)
+
+
+def test_better_in_both_ways_is_accepted():
+    assert BETTER.accepted and BETTER.tells
+    assert not replace(BETTER, better=5.0).accepted
+    assert not replace(BETTER, gain=-0.3, gain_of_shape=-0.3).accepted
+
+
+def test_a_specimen_that_differs_by_a_factor_does_not_contradict():
+    unlucky = replace(BETTER, gain=-0.2)
+    assert unlucky.accepted and unlucky.tells
+
+
+def test_predictions_that_hardly_differ_tell_nothing():
+    assert not replace(BETTER, better=-0.5, better_se=0.4).tells
+    assert replace(BETTER, better=-50.0).tells
+
+
+def test_a_driven_machine_does_not_go_back():
+    x = np.array([0.0, 1.0, 2.0, 1.5, 1.9, 2.0, 2.1, 3.0])
+    assert x[driven(x)].tolist() == [0.0, 1.0, 2.0, 2.1, 3.0]
+    assert driven(x + 1e-30j).sum() == 5
+
+
+@pytest.mark.parametrize("strength", [0.02, 0.4])
+def test_a_compliance_needs_no_run_of_its_own(strength):
+    small = {
+        "G_c": "0.3 J/m^2", "mu": 0.1, "eta_reg": "8 s", "tip": "2 mm", "width": "8 mm", "height": "5 mm",
+        "depth": "1 mm", "h": "0.7 mm", "penalty": 200, "stick": 100,
+    }  # fmt: skip
+    off = load_case("gelatin", small, dim=2)
+    model, new = off.model.extended("machine_compliance")
+    off = Case(off.name, 2, model.mechanisms, {**off.values, **new}, off.numerics)
+    x = np.linspace(0.1, 0.9, 17)
+    e = Experiment("press", "cut", (Repetition(x, x, x / off.p.speed),), speed=off.p.speed)
+    (task,) = [Task(e, off, e.on_grid(17))]
+    soft = Case(off.name, 2, off.mechanisms, {**off.values, "compliance": strength}, off.numerics)
+    expected = predict(replace(task, case=soft)).y
+    found = predict(task)
+    assert recorded(task, found, compliance=strength) == pytest.approx(expected, rel=1e-12)
+    assert recorded(task, found) == pytest.approx(found.y, rel=1e-12)
+    assert np.abs(expected - found.y).max() > 1e-3 * found.y.max()
+
+
+@pytest.mark.parametrize(("effect", "family", "shown"), [
+    ("gent", "bulk", True), ("adhesion_speed", "blade law", True), ("none", "bulk", False),
+])  # fmt: skip
+def test_what_is_left_of_an_effect_is_beyond_the_free_parameters(effect, family, shown):
+    hidden = make(3, effect, family, True, 11)
+    with predictor(0) as run:
+        point = baseline(fit(hidden.campaign, workers=0), run, 80)
+        assert (left_over(point, hidden.clean) > SHOWN) == shown
+        # A factor of all curves is what the stiffness or the friction can take up.
+        more = {k: (x, 1.01 * y, t) for k, (x, y, t) in hidden.clean.items()}
+        assert left_over(point, more) == pytest.approx(left_over(point, hidden.clean), rel=0.2, abs=0.5)
