@@ -10,6 +10,7 @@ import os
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -233,9 +234,14 @@ def places_of(data: xr.Dataset) -> dict[str, np.ndarray]:
 def case_on(data: xr.Dataset, values: Mapping[str, float]) -> Case:
     """The case at a place of a map (axis name -> value), as its study makes it. Raises BadInput if the
     values do not fit one another."""
-    start = Case.from_dict(json.loads(data.attrs["start_case"]))
+    start = _case(data.attrs["start_case"])
     axes = [axis_of(data, name) for name in axes_of(data)]
     return case_at(start, json.loads(data.attrs["changes"]), axes, [short(values[a.name]) for a in axes])
+
+
+@lru_cache(maxsize=8)
+def _case(text: str) -> Case:
+    return Case.from_dict(json.loads(text))
 
 
 def save_map(data: xr.Dataset, folder: Path) -> None:
@@ -269,13 +275,14 @@ def to_csv(data: xr.Dataset) -> str:
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow([*heads, *columns])
     gridded = list(data["label"].dims) == dims
+    found, ticks = {name: data[name].values for name in columns}, [data[dim].values for dim in dims]
     for index in np.ndindex(data["label"].shape):
-        if not data["run_id"].values[index]:
+        if not found["run_id"][index]:
             continue  # a place of a search at which no run was needed
         at = index if gridded else index * len(dims)
-        line = [f"{data[dim].values[i]:.10g}" for dim, i in zip(dims, at, strict=True)]
+        line = [f"{values[i]:.10g}" for values, i in zip(ticks, at, strict=True)]
         for name in columns:
-            value = data[name].values[index]
+            value = found[name][index]
             if name == "label":
                 line.append(LABELS[int(value)])
             elif name == "outcome":

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 import pint
 
@@ -113,25 +113,37 @@ def parse_quantity(raw: object, unit: str, *, file: str | None = None, key: str 
             file=file, key=key, value=raw, expected=f"a unit beside the number, such as '{raw:g} {unit}'"
         )
     try:
-        number, written = _QUANTITY.fullmatch(str(raw).replace("²", "^2").replace("³", "^3")).groups()
+        return _value(str(raw), unit)
+    except _Unreadable as error:
+        raise BadInput(file=file, key=key, value=raw, expected=error.expected or wanted) from error
+
+
+class _Unreadable(ValueError):
+    """No quantity of this dimension; ``expected`` says more than that, where there is more to say."""
+
+    def __init__(self, expected: str = ""):
+        super().__init__(expected)
+        self.expected = expected
+
+
+@lru_cache(maxsize=20_000)
+def _value(text: str, unit: str) -> float:
+    """Of ``text`` in ``unit``: maps and fits read the same few texts thousands of times."""
+    try:
+        number, written = _QUANTITY.fullmatch(text.replace("²", "^2").replace("³", "^3")).groups()
         # A unit holds no number of its own: parse_units refuses "5 kPa".
         quantity = ureg.Quantity(
             float(number), ureg.parse_units(f"1{written}" if written[:1] == "/" else written)
         )
         magnitude = quantity.magnitude
     except Exception as error:  # pint raises many kinds for malformed text
-        raise BadInput(file=file, key=key, value=raw, expected=wanted) from error
+        raise _Unreadable from error
     if unit != "1" and quantity.dimensionless and quantity.units == ureg.dimensionless:
-        raise BadInput(
-            file=file,
-            key=key,
-            value=raw,
-            expected=f"a unit beside the number, such as '{magnitude:g} {unit}'",
-        )
+        raise _Unreadable(f"a unit beside the number, such as '{magnitude:g} {unit}'")
     try:
         # Through the two factors, so that "7.5 kPa" read in kPa is 7.5 to the last bit.
         if quantity.units == ureg.Unit("" if unit == "1" else unit):
             return magnitude
         return float(f"{quantity.to('' if unit == '1' else unit).magnitude:.15g}")
     except pint.DimensionalityError as error:
-        raise BadInput(file=file, key=key, value=raw, expected=wanted) from error
+        raise _Unreadable from error

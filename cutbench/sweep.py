@@ -36,6 +36,8 @@ from cutbench.worker import Run, begin_worker, failure, one_thread_each, work
 
 #: A run that loses its worker this often with no other run beside it is left alone, until a later sweep.
 LOSSES = 3
+#: Part of the time that may go into writing the map while runs are computed.
+DRAWING = 0.03
 
 
 @dataclass(frozen=True)
@@ -275,8 +277,11 @@ class _Sweep:
     def tick(self) -> None:
         """Write the map if it is time."""
         if time.monotonic() >= self.due:
+            begun = time.monotonic()
             self._write_map()
-            self.due = time.monotonic() + self.pace[1]
+            # The workers wait meanwhile: a large map is written less often.
+            now = time.monotonic()
+            self.due = now + max(self.pace[1], (now - begun) / DRAWING)
             self._report()
 
     def _write_map(self, *, last: bool = False) -> xr.Dataset:
