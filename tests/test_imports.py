@@ -19,7 +19,7 @@ LAYERS = (
     {"errors"},
     {"quantities", "reading", "meshfile", "noise"},
     {"mechanisms", "numerics", "materials", "titles", "repetition"},
-    {"model", "readings", "experiment", "motionfile"},
+    {"model", "readings", "experiment", "motion"},
     {"values", "forms", "conversion", "fieldfile", "plausible", "homogeneous"},
     {"case", "solve", "recorded"},
     {"result", "axes", "models2d", "models3d", "curve", "campaign", "index", "emulator"},

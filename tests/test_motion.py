@@ -10,9 +10,8 @@ from cutbench.case import Case, load_case
 from cutbench.checkpoint import Checkpoint
 from cutbench.errors import BadInput
 from cutbench.fit import fit
-from cutbench.motionfile import read_motion, simplified
+from cutbench.motion import Motion, read_motion, simplified
 from cutbench.run import run_case
-from cutbench.solve.motion import Motion
 
 SPEED = 0.02  # mm/s
 CASE = load_case(

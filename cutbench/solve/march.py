@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from cutbench.forms.base import Step
-from cutbench.solve.motion import Motion
+from cutbench.motion import Motion
 from cutbench.solve.newton import NewtonSettings, NoConvergence, newton
 from cutbench.solve.predict import Past
 from cutbench.solve.problem import Evaluation, Problem, damage_growth
@@ -119,15 +119,14 @@ class Progress:
 
 @dataclass
 class March:
-    """Drive the blade to ``depth``; iterate to get each accepted step.
+    """Drive the blade through its ``motion``; iterate to get each accepted step.
 
     ``centre0`` (3,): the ellipse's centre at zero travel; the blade moves along −y.
     """
 
     problem: Problem
     centre0: np.ndarray
-    depth: float
-    speed: float
+    motion: Motion
     bottom: np.ndarray  # degrees of freedom whose reaction balances the blade's force
     rules: StepRules = field(default_factory=StepRules)
     newton: NewtonSettings = field(default_factory=NewtonSettings)
@@ -140,19 +139,17 @@ class March:
     at_rest: Callable[[Progress], None] | None = None
     #: Predicts from what happened one element higher, where that is asked for.
     past: Past | None = None
-    #: Times (s) and travels (mm) of a blade that holds, returns or changes its speed.
-    points: tuple[tuple[float, float], ...] = ()
 
     @property
-    def motion(self) -> Motion:
-        return Motion(self.depth, self.speed, self.points)
+    def speed(self) -> float:
+        """Way per time, mm/s."""
+        return self.motion.speed
 
     def _centre(self, travel: float) -> np.ndarray:
         return self.centre0 - np.array([0.0, travel, 0.0])
 
     def __iter__(self) -> Iterator[Accepted]:
-        problem, rules = self.problem, self.rules
-        motion = self.motion
+        problem, rules, motion = self.problem, self.rules, self.motion
         begin = self.resume or Progress(0.0, rules.first, np.zeros(problem.ndof), problem.start())
         way, size, u, states = begin.way, begin.size, begin.u, begin.states
         u_before, size_before, easy, force = begin.u_before, begin.size_before, begin.easy, begin.force
