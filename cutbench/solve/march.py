@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -62,16 +63,38 @@ class _Leaky(NoConvergence):
 
 @dataclass
 class _Found:
-    """What was found for a step; ``left`` is what the ledger leaves open of the work ``spent``."""
+    """What was found for a step from ``begun``, where the blade's force was ``force_before``.
 
+    Force and work are computed when they are asked for: many steps are refused before.
+    """
+
+    problem: Problem
+    begun: dict[str, dict]
+    step: Step
+    force_before: float
     u: np.ndarray
     result: Evaluation
     effort: list[int]
     solves: list
-    force: float
-    work: dict[str, float]
-    spent: float
-    left: float
+
+    @cached_property
+    def work(self) -> dict[str, float]:
+        return self.problem.work(self.u, self.begun, self.result.states, self.step)
+
+    @cached_property
+    def force(self) -> float:
+        return self.problem.force(self.result.states)
+
+    @cached_property
+    def spent(self) -> float:
+        """The blade's work."""
+        moved = float(np.real(self.step.centre_old - self.step.centre)[1])
+        return (self.force_before + self.force) / 2 * moved
+
+    @cached_property
+    def left(self) -> float:
+        """What the ledger leaves open of it."""
+        return self.spent - sum(self.work.values())
 
 
 def _drifts(spent: float, left: float, spent_before: float, left_before: float) -> bool:
@@ -277,14 +300,7 @@ class March:
         return size if np.isfinite(size) else np.inf
 
     def _found(self, guess, states, step, force) -> _Found:
-        u, result, effort, solves = self._solve(guess, states, step)
-        moved = float(np.real(step.centre_old - step.centre)[1])
-        work, force_after = (
-            self.problem.work(u, states, result.states, step),
-            self.problem.force(result.states),
-        )
-        spent = (force + force_after) / 2 * moved
-        return _Found(u, result, effort, solves, force_after, work, spent, spent - sum(work.values()))
+        return _Found(self.problem, states, step, force, *self._solve(guess, states, step))
 
     def _solve(self, u, states, step):
         """Newton's method, inside the loops that hold damage or multipliers (none by default).
