@@ -45,7 +45,7 @@ class Built:
 
     @property
     def blades(self) -> list[BladeForm]:
-        return [form for form in self.problem.forms if isinstance(form, BladeForm)]
+        return self.problem.blades
 
 
 def geometry_of(case: Case) -> Geometry:
