@@ -30,7 +30,8 @@ from cutbench.errors import BadInput, CutbenchError
 from cutbench.result import Result
 from cutbench.store import Store
 from cutbench.study import Study, load_study
-from cutbench.worker import begin_worker, one_thread_each, work
+from cutbench.threads import one_thread_each
+from cutbench.worker import begin_worker, work
 
 ROOT = Path(__file__).resolve().parents[1]
 STUDY = ROOT / "studies" / "transition.toml"

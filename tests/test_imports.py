@@ -16,7 +16,7 @@ ROOT = Path(cutbench.__file__).parent
 
 #: From the ground up. A unit (a module or a package of cutbench) imports from lower layers and itself.
 LAYERS = (
-    {"errors"},
+    {"errors", "threads"},
     {"quantities", "reading", "meshfile", "noise"},
     {"mechanisms", "numerics", "materials", "titles", "repetition"},
     {"model", "readings", "experiment", "motion"},

@@ -14,7 +14,8 @@ from cutbench.claims.observed import COLUMNS, block_run, notched, observed_run, 
 from cutbench.errors import ComputationFailed
 from cutbench.result import Result
 from cutbench.store import Store
-from cutbench.worker import Run, begin_worker, one_thread_each, work
+from cutbench.threads import one_thread_each
+from cutbench.worker import Run, begin_worker, work
 
 #: How each kind of test is run.
 RUNS: dict[str, Run] = {CUT: observed_run, BLOCK: block_run, TENSION: pulled, NOTCHED: notched}
