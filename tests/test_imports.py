@@ -98,7 +98,7 @@ def outside(module: str, **how) -> set[str]:
 
 def test_the_reader_of_imports_sees_them():
     assert {"errors", "mechanisms", "quantities"} <= own_imports("model")
-    assert "mechanisms.blade._tool" in own_imports("forms.blade")
+    assert "mechanisms.blade._tool" in own_imports("forms.gap")
     assert "case" in own_imports("__init__") and "case" not in own_imports("__init__", inside_functions=False)
     assert "pint" in outside("quantities")
 
