@@ -18,11 +18,8 @@ from pathlib import Path
 
 from benchmarks.jobs import JOBS, QUICK_MM, Job
 from benchmarks.machine import facts
+from cutbench.threads import ONE_THREAD
 
-#: One thread, whatever BLAS is in use.
-THREADS = {
-    f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "VECLIB_MAXIMUM", "NUMEXPR")
-}  # fmt: skip
 ROOT = Path(__file__).resolve().parents[1]
 
 _COLUMNS = (
@@ -38,7 +35,7 @@ def run(job: Job, repeat: int) -> dict:
     for _ in range(repeat):
         done = subprocess.run(
             [sys.executable, "-m", "benchmarks.measure"], input=json.dumps(asdict(job)), text=True,
-            capture_output=True, env={**os.environ, **THREADS, "PYTHONPATH": path}, check=False,
+            capture_output=True, env={**os.environ, **ONE_THREAD, "PYTHONPATH": path}, check=False,
         )  # fmt: skip
         if done.returncode != 0:
             said = done.stderr.strip().splitlines()
@@ -122,7 +119,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         except RuntimeError as error:
             crashed.append(str(error))
             print(error, file=sys.stderr)
-    machine = facts(THREADS["OMP_NUM_THREADS"])
+    machine = facts(ONE_THREAD["OMP_NUM_THREADS"])
     print(f"{machine['cpu']}, {machine['cores']} cores, {machine['threads_per_run']} thread a run")
     print(machine["system"])
     print(", ".join(f"{k} {v}" for k, v in {"python": machine["python"], **machine["versions"]}.items() if v))

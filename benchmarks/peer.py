@@ -18,9 +18,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.__main__ import THREADS, check_json, run, write_whole
+from benchmarks.__main__ import check_json, run, write_whole
 from benchmarks.jobs import JOBS
 from benchmarks.machine import facts
+from cutbench.threads import ONE_THREAD
 
 #: Iterations that the DOLFINx implementation needed to 14 mm.
 ITERATIONS = 3728
@@ -31,7 +32,7 @@ def iteration_ms(python: str) -> dict:
     """What ``peer_dolfinx.py`` measures. RuntimeError with its last words where it fails."""
     script = Path(__file__).with_name("peer_dolfinx.py")
     done = subprocess.run(
-        [python, str(script)], capture_output=True, text=True, env={**os.environ, **THREADS}, check=False
+        [python, str(script)], capture_output=True, text=True, env={**os.environ, **ONE_THREAD}, check=False
     )
     if done.returncode != 0:
         said = done.stderr.strip().splitlines()

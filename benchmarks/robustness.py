@@ -11,7 +11,6 @@ Exit status 1 if fewer than 99 % reach their depth, 2 for bad input.
 from __future__ import annotations
 
 import argparse
-import json
 import multiprocessing
 import os
 import sys
@@ -24,13 +23,15 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.__main__ import check_json, write_whole
 from cutbench.axes import Axis
 from cutbench.case import Case
-from cutbench.errors import BadInput, CutbenchError
+from cutbench.errors import CutbenchError
 from cutbench.result import Result
 from cutbench.store import Store
 from cutbench.study import Study, load_study
-from cutbench.worker import begin_worker, one_thread_each, work
+from cutbench.threads import one_thread_each
+from cutbench.worker import begin_worker, work
 
 ROOT = Path(__file__).resolve().parents[1]
 STUDY = ROOT / "studies" / "transition.toml"
@@ -182,19 +183,6 @@ def say(found: dict) -> None:
         print(f"  {r['id']} {r['outcome']} at {r['reached_mm']:.3f} mm: {r['message']}\n    {where}")
 
 
-def write_json(path: Path, content: dict) -> None:
-    """Whole or not at all: written beside and renamed."""
-    fresh = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        fresh.write_text(json.dumps(content, indent=1), encoding="utf-8")
-        os.replace(fresh, path)
-    except OSError as error:
-        fresh.unlink(missing_ok=True)
-        raise BadInput(
-            key="--json", value=str(path), expected=f"a file that can be written ({error.strerror})"
-        ) from error
-
-
 def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser("python -m benchmarks.robustness", description=__doc__.split("\n")[0])
     parser.add_argument("--points", type=int, default=200, help="how many (default 200)")
@@ -209,6 +197,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     for name, low in (("points", 1), ("workers", 0), ("seed", 0)):
         if getattr(asked, name) < low:
             parser.error(f"--{name} = {getattr(asked, name)} cannot be used; expected {low} or more")
+    check_json(parser, asked.json)
     return asked
 
 
@@ -234,7 +223,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         say(found)
         if asked.json is not None:
             runs = sorted(records, key=lambda r: r["id"])
-            write_json(asked.json, {**found, "seed": asked.seed, "runs": runs})
+            write_whole(asked.json, {**found, "seed": asked.seed, "runs": runs})
     except CutbenchError as error:
         print(error, file=sys.stderr)
         return error.exit_code

@@ -20,8 +20,9 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.__main__ import ROOT, THREADS, check_json, table, write_whole
+from benchmarks.__main__ import ROOT, check_json, table, write_whole
 from benchmarks.machine import facts
+from cutbench.threads import ONE_THREAD
 
 #: Element sizes in mm and how many thousand tetrahedra they give; the last two only if asked for.
 SIZES = ((0.85, 11), (0.4, 44), (0.25, 114), (0.175, 300))
@@ -97,7 +98,7 @@ def run(job: dict) -> dict:
     path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
     done = subprocess.run(
         [sys.executable, "-m", "benchmarks.solid", "--job", json.dumps(job)], text=True,
-        capture_output=True, env={**os.environ, **THREADS, "PYTHONPATH": path}, check=False,
+        capture_output=True, env={**os.environ, **ONE_THREAD, "PYTHONPATH": path}, check=False,
     )  # fmt: skip
     if done.returncode != 0:
         said = done.stderr.strip().splitlines()
@@ -133,7 +134,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         json.dump(measured(asked.job), sys.stdout)
         return 0
     found, crashed = [], []
-    machine = facts(THREADS["OMP_NUM_THREADS"])
+    machine = facts(ONE_THREAD["OMP_NUM_THREADS"])
     for job in jobs(asked.large, asked.run):
         print(job, "...", file=sys.stderr, flush=True)
         try:

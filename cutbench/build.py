@@ -15,6 +15,7 @@ from cutbench.forms.damping import DampingForm
 from cutbench.forms.mixed import MixedVolumetric
 from cutbench.forms.space import Faces, Space
 from cutbench.forms.support import SupportForm
+from cutbench.motion import Motion
 from cutbench.numerics import Numerics
 from cutbench.solve.geometry import Geometry, paired
 from cutbench.solve.iterative import rigid_motions
@@ -44,7 +45,7 @@ class Built:
 
     @property
     def blades(self) -> list[BladeForm]:
-        return [form for form in self.problem.forms if isinstance(form, BladeForm)]
+        return self.problem.blades
 
 
 def geometry_of(case: Case) -> Geometry:
@@ -139,12 +140,10 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
     march = March(
         problem,
         first_centre(p),
-        p.depth,
-        p.speed,
+        Motion(p.depth, p.speed, case.motion),
         clamped * dim + 1,
         rules,
         NewtonSettings(tolerance=n.tolerance),
         past=Past(space, faces["cut"], ndof) if cut and n.predictor == "repeat" and not case.motion else None,
-        points=case.motion,
     )
     return Built(case, geometry, space, problem, march)

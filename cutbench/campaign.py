@@ -19,7 +19,7 @@ from cutbench.errors import BadInput
 from cutbench.experiment import SLOTS, Experiment
 from cutbench.mechanisms import registry
 from cutbench.model import PAPER, Model, mechanism
-from cutbench.motionfile import Motion, simplified
+from cutbench.motion import Polyline, simplified
 from cutbench.numerics import KEYS
 from cutbench.quantities import Parameter
 from cutbench.reading import located, one_of, read_toml
@@ -138,14 +138,14 @@ def cut_case(experiment: Experiment, base: Case) -> Case:
     return base.set(**sizes, speed=speed, name=f"{base.name}: {experiment.id}")
 
 
-def _uneven(motion: Motion) -> bool:
+def _uneven(motion: Polyline) -> bool:
     """Whether the blade's speed differs between the parts of its way."""
     times, travels = zip(*motion, strict=True)
     speeds = np.diff(travels) / np.diff(times)
     return bool(speeds.max() > SAME_SPEED * speeds.min())
 
 
-def measured_motion(experiment: Experiment) -> Motion:
+def measured_motion(experiment: Experiment) -> Polyline:
     """The way of the blade in a test with holds or returns: that of the repetitions' mean.
 
     It begins in the time that the blade takes from the top to where the first reading found it.

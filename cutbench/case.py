@@ -17,7 +17,7 @@ from types import MappingProxyType, SimpleNamespace
 from cutbench import materials
 from cutbench.errors import BadInput
 from cutbench.model import DEFAULT, Model, section_of
-from cutbench.motionfile import checked_motion, read_motion
+from cutbench.motion import Polyline, checked_motion, read_motion
 from cutbench.numerics import ALIASES, KEYS, Numerics, defaults, preset
 from cutbench.reading import located, read_toml
 from cutbench.values import (
@@ -53,7 +53,7 @@ class Case:
     numerics: Numerics = field(default_factory=Numerics)
     #: Times (s) and travels (mm) from (0, 0) of a blade that holds, returns or changes its speed; without any
     #: it goes down to ``depth`` at ``speed``.
-    motion: tuple[tuple[float, float], ...] = ()
+    motion: Polyline = ()
 
     def __post_init__(self) -> None:
         if self.dim not in (2, 3):
@@ -190,7 +190,7 @@ class _Draft:
     values: Mapping[str, float] = field(default_factory=dict)
     numerics: Numerics = field(default_factory=Numerics)
     dim: int = 2
-    motion: tuple[tuple[float, float], ...] = ()
+    motion: Polyline = ()
 
     def changed(self, changes: Mapping[str, object]) -> _Draft:
         """With ``changes`` as ``Case.set`` takes them. Raises BadInput."""

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 from cutbench.case import Case
 from cutbench.errors import BadInput, ComputationFailed
 from cutbench.result import Result
+from cutbench.threads import ONE_THREAD
 from cutbench.worker import Run, computed, work
 
 if TYPE_CHECKING:
@@ -77,7 +78,7 @@ def run_on_cluster(sweep: _Sweep, scheduler: str, workers: int) -> None:
             if scheduler == "local":
                 cluster = LocalCluster(
                     n_workers=max(1, workers), threads_per_worker=1, dashboard_address=None,
-                    env=dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"),
+                    env={**ONE_THREAD},
                 )  # fmt: skip
             client = Client(cluster or scheduler, timeout=timeout)
         except OSError as error:

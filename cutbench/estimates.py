@@ -190,7 +190,7 @@ def draw_estimates(data: xr.Dataset, compared: Compared) -> Figure:
                 left.plot(compared.axes[x][where], up[where], ls="", marker=marker, mfc=face, mec=edge,
                           ms=4, mew=0.6, label=text)  # fmt: skip
         for axis, name in (("x", x), ("y", y)):
-            if name and is_log(data[name]):
+            if name and is_log(data[name]) and compared.axes[name].size:
                 plain_log(left, axis, compared.axes[name].min() / 1.3, compared.axes[name].max() * 1.3)
         left.set_xlabel(axis_text(data[x]))
         left.set_ylabel(axis_text(data[y]) if y else "relative force drop")

@@ -7,8 +7,10 @@ interrupted (what was reached is kept).
 from __future__ import annotations
 
 import functools
+import inspect
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -108,6 +110,55 @@ def asked(material: str, changes: dict[str, object], out: Path | None, *, dim: i
 
     case = load_case(material, changes, dim=dim)
     return case, check_writable(out if out is not None else Path("runs") / f"{_slug(case.name)}-{case.id}")
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What the options of a run ask for: a case, a folder to write to, seconds between checkpoints."""
+
+    case: Case
+    folder: Path
+    every_s: float
+
+
+def run_options(*, dim: int) -> Callable[[Callable], Callable]:
+    """Give the options of a run to a command that takes what is ``Wanted`` and options of its own."""
+
+    def give(command: Callable) -> Callable:
+        def wrapped(
+            material: Source,
+            sets: Sets = None,
+            h: Size = None,
+            depth: Depth = None,
+            element: Element = None,
+            normal: Normal = None,
+            numerics: Preset = None,
+            without: Without = None,
+            with_: With = None,
+            out: Out = None,
+            checkpoint: Keep = None,
+            **own: object,
+        ) -> None:
+            every_s = seconds("--checkpoint", checkpoint, 60.0)
+            options = {
+                "h": in_mm(h),
+                "depth": in_mm(depth),
+                "element": element,
+                "normal": normal,
+                "numerics": numerics,
+            }
+            case, folder = asked(material, changes(sets, options, with_, without), out, dim=dim)
+            command(Wanted(case, folder, every_s), **own)
+
+        # typer reads a command's options from its signature.
+        shared = [*inspect.signature(wrapped, eval_str=True).parameters.values()][:-1]
+        own = [*inspect.signature(command, eval_str=True).parameters.values()][1:]
+        functools.update_wrapper(wrapped, command)
+        wrapped.__signature__ = inspect.Signature([*shared, *own])
+        wrapped.__annotations__ = {each.name: each.annotation for each in (*shared, *own)}
+        return wrapped
+
+    return give
 
 
 def computed(

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cutbench.build import Built
-from cutbench.forms.base import blend, nodal
+from cutbench.forms.base import blend, gather
 from cutbench.mechanisms.bulk._isotropic import det
 from cutbench.result import SLOPE, Snapshot
 from cutbench.solve.march import Accepted
@@ -92,7 +92,7 @@ def _face(built: Built, form, step: Accepted, name: str, part: slice) -> dict[st
         out[:, : a.shape[0]] = a[..., part].reshape(a.shape[0], -1).T
         return out
 
-    x = f.X + blend(f.N, nodal(step.u, f.nodes, dim))
+    x = f.X + blend(f.N, gather(step.u, form.dofs, dim))
     out = {
         "X": flat(f.X),
         "x": flat(x),

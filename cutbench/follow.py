@@ -184,7 +184,7 @@ def trace(
     """
     built = build(case)
     march = built.march
-    path = Path(built.problem, march.centre0, march.depth, march.bottom, rules or PathRules(), march.newton)
+    path = Path(built.problem, march.centre0, case.p.depth, march.bottom, rules or PathRules(), march.newton)
     scale, thickness = built.geometry.multiplicity, case.p.thickness
     rows: list[dict[str, float]] = []
     work: dict[str, float] = {}

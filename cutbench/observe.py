@@ -28,7 +28,8 @@ from cutbench.noise import averaging
 from cutbench.repetition import Averaged
 from cutbench.result import Result
 from cutbench.run import run_case
-from cutbench.worker import begin_worker, one_thread_each
+from cutbench.threads import one_thread_each
+from cutbench.worker import begin_worker
 
 
 @dataclass(frozen=True)

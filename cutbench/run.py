@@ -252,7 +252,8 @@ class _Keeper:
 
 
 def _outcome(built: Built, reached: float, interrupted: bool) -> Outcome:
-    depth = built.march.depth
+    motion = built.march.motion
+    depth = motion.depth
     if interrupted:
         return Outcome(
             "interrupted",
@@ -261,8 +262,8 @@ def _outcome(built: Built, reached: float, interrupted: bool) -> Outcome:
             reached,
         )
     if built.march.stopped is None:
-        if built.march.points:
-            deepest = max(travel for _, travel in built.march.points)
+        if motion.points:
+            deepest = max(travel for _, travel in motion.points)
             text = f"went the whole way, {deepest:g} mm deep, to {reached:g} mm at last"
             return Outcome("done", text, "", reached)
         return Outcome("done", f"reached {depth:g} mm", "", reached)

@@ -32,7 +32,8 @@ from cutbench.plan import plan_of
 from cutbench.progress import Status, show_progress
 from cutbench.store import Store
 from cutbench.study import Study, load_study
-from cutbench.worker import Run, begin_worker, failure, one_thread_each, work
+from cutbench.threads import one_thread_each
+from cutbench.worker import Run, begin_worker, failure, work
 
 #: A run that loses its worker this often with no other run beside it is left alone, until a later sweep.
 LOSSES = 3

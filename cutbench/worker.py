@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -18,10 +17,6 @@ from cutbench.result import Outcome, Result
 from cutbench.store import Store
 
 Run = Callable[[Case], Result]
-
-#: One thread a process: two cores are busier with two runs than with one run on two threads.
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS",
-            "NUMEXPR_NUM_THREADS")  # fmt: skip
 
 
 def work(run: Run | None, case: Case, root: Path, replace: bool) -> None:
@@ -62,18 +57,3 @@ def begin_worker(lifeline: Connection) -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
-
-
-@contextmanager
-def one_thread_each() -> Iterator[None]:
-    """Children start with these variables set, before they import numpy."""
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value

@@ -2,5 +2,7 @@
 
 import os
 
-for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(name, "1")
+from cutbench.threads import ONE_THREAD
+
+for name, count in ONE_THREAD.items():
+    os.environ.setdefault(name, count)

@@ -16,6 +16,7 @@ from benchmarks.jobs import JOBS
 from benchmarks.measure import PARTS, record
 from cutbench.build import build
 from cutbench.case import load_case
+from cutbench.threads import ONE_THREAD
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -97,7 +98,7 @@ def test_each_run_has_one_thread(monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "8")
     monkeypatch.setattr(bench.subprocess, "run", fake)
     bench.run(JOBS[0], 1)
-    assert {given[name] for name in bench.THREADS} == {"1"}
+    assert {given[name] for name in ONE_THREAD} == {"1"}
 
 
 def shown(job, kind):

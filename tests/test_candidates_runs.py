@@ -6,10 +6,10 @@ from functools import cache
 from itertools import pairwise
 from types import SimpleNamespace
 
+import form_checks
 import numpy as np
 import pytest
-import test_forms
-from test_forms import HEIGHT, P, check_tangent, displacement, space_of, step_between
+from form_checks import HEIGHT, P, check_tangent, displacement, space_of, step_between
 
 from cutbench.build import build
 from cutbench.case import Case, load_case
@@ -169,8 +169,8 @@ def test_blade_tangent_where_strength_depends_on_the_rate(normal, monkeypatch):
     laws = Model(DEFAULT).with_("adhesion_speed", "adhesion_wear", "blunt_tip").laws("blade")
     numerics = ContactNumerics(stiffness=5 * P.G, tangential=20 * P.G, normal=normal)
     form = BladeForm(laws, space.faces("cut", 6), numerics, keep_touched=["cut"], height=HEIGHT)
-    monkeypatch.setattr(test_forms, "P", ON)
-    u, state, step = test_forms.blade_case(space, form)
+    monkeypatch.setattr(form_checks, "P", ON)
+    u, state, step = form_checks.blade_case(space, form)
     new = form.evaluate(u, ON, state, step).state
     strength = sum(law.strength(state["pressure"], ON, state, SimpleNamespace(
         touched=state["touched"], slid=state["slid"], slip_rate=(new["slid"] - state["slid"]) / step.dt,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from cut_files import COARSE, campaign_of, write_readings
 
-from cutbench.campaign import load_campaign
 from cutbench.case import load_case
 from cutbench.dic import at_travel, sample, sampled_slopes
 from cutbench.errors import BadInput
@@ -16,17 +16,7 @@ from cutbench.triangles import gradient, shape
 
 TRAVEL_MM = 1.2
 #: Compressible, so that the displacements tell ν, which the force hardly does.
-CASE = load_case(
-    "gelatin",
-    {
-        "h": "0.8 mm",
-        "corner": 0.5,
-        "slender": 1,
-        "step": "0.2 mm",
-        "depth": f"{TRAVEL_MM} mm",
-        "nu": 0.45,
-    },
-)
+CASE = load_case("gelatin", {**COARSE, "step": "0.2 mm", "depth": f"{TRAVEL_MM} mm", "nu": 0.45})
 NAMES = ("G", "nu")
 
 
@@ -67,28 +57,6 @@ def test_slopes_of_a_sampled_field_are_its_differences(configuration):
         assert np.abs(slopes[..., k] - difference)[both].max() < 5e-3 * scale, name
 
 
-CAMPAIGN = """
-material = "gelatin"
-[parameters]
-G = "4.5 kPa"
-nu = 0.42
-[numerics]
-h = "0.8 mm"
-corner = 0.5
-slender = 1
-step = "0.2 mm"
-[fit]
-free = ["G", "nu"]
-bounds = { nu = [0.3, 0.49] }
-[[experiment]]
-id = "press"
-kind = "cut"
-data = "press.csv"
-specimen = { width = "30 mm", length = "30 mm", height = "21 mm" }
-blade = { thickness = "0.7 mm", tip = "TIP mm" }
-speed = "0.021 mm/s"
-FIELDS
-"""
 FIELDS = 'fields = { data = "dic.csv", noise = "0.002 mm" }'
 
 
@@ -99,22 +67,24 @@ def folder(tmp_path_factory):
     u, result = fields_of(CASE, "deformed")
     x = np.linspace(0.05, TRAVEL_MM, 24)
     F = np.interp(x, result.displacement_mm, result.force_N) * (1 + 0.01 * rng.standard_normal(x.size))
-    lines = [f"{a:.5f},{b:.6f}" for a, b in zip(x, F, strict=True)]
-    (where / "press.csv").write_text("\n".join(["displacement [mm],force [N]", *lines]) + "\n")
+    write_readings(where / "press.csv", "displacement [mm],force [N]", (x, F), (5, 6))
     points = grid("deformed").grid
-    rows = ["x [mm],y [mm],u_x [mm],u_y [mm],travel [mm]"]
     u = u + 0.002 * rng.standard_normal(u.shape)
-    for i, j in np.ndindex(points.shape[1:]):
-        cells = ["" if np.isnan(v) else f"{v:.6f}" for v in u[:, i, j]]
-        rows.append(f"{points[0, i, j]:.5f},{points[1, i, j]:.5f},{cells[0]},{cells[1]},{TRAVEL_MM}")
-    (where / "dic.csv").write_text("\n".join(rows) + "\n")
+    columns = [*points.reshape(2, -1), *u.reshape(2, -1), np.full(u[0].size, TRAVEL_MM)]
+    write_readings(where / "dic.csv", "x [mm],y [mm],u_x [mm],u_y [mm],travel [mm]", columns, (5, 5, 6, 6, 1))
     return where
 
 
 def campaign(folder, fields: str):
-    path = folder / "campaign.toml"
-    path.write_text(CAMPAIGN.replace("TIP", f"{CASE.values['tip']!r}").replace("FIELDS", fields))
-    return load_campaign(path)
+    return campaign_of(
+        folder,
+        "press",
+        CASE,
+        parameters='G = "4.5 kPa"\nnu = 0.42',
+        numerics='step = "0.2 mm"',
+        fit='free = ["G", "nu"]\nbounds = { nu = [0.3, 0.49] }',
+        experiment='speed = "0.021 mm/s"\n' + fields,
+    )
 
 
 def test_a_field_tells_what_the_force_does_not(folder):

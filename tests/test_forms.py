@@ -1,101 +1,35 @@
-"""Weak forms on small meshes in two and three dimensions: tangents, patch tests, forces, work, assembly."""
+"""Weak forms on small meshes in two and three dimensions: tangents, patch tests, forces, work."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import skfem
+from form_checks import (
+    GRADIENT,
+    HEIGHT,
+    LENGTH,
+    SIZE,
+    P,
+    affine,
+    assembled,
+    bulk_form,
+    check_tangent,
+    displacement,
+    matrix,
+    mesh,
+    space_of,
+    spaces,
+    step_between,
+    total,
+)
 
-from cutbench.forms.assembly import Pattern
-from cutbench.forms.base import Step, add_states
-from cutbench.forms.blade import BladeForm, ContactNumerics
-from cutbench.forms.bulk import BulkForm
+from cutbench.forms.base import Step
 from cutbench.forms.cut import CutForm
 from cutbench.forms.damping import DampingForm
 from cutbench.forms.space import Space
 from cutbench.model import DEFAULT, PAPER, Model
-from cutbench.models2d.section import named
-
-SIZE, HEIGHT, LENGTH = 1.0, 2.0, 0.7
-EPS = 1e-30
-spaces = pytest.mark.parametrize("dim, order", [(2, 1), (2, 2), (3, 1), (3, 2)])
-#: Internal units, chosen so that a blade pressed into a 1 mm × 2 mm piece sticks here and slips there.
-P = SimpleNamespace(
-    G=0.025, nu=0.49, G_c=0.01, delta_c=0.07, beta=0.8, eta_reg=0.3, speed=0.5, thickness=0.7, tip=1.05,
-    mu=0.3, tau_W=0.004, tilt=0.0, overhang=0.0,
-)  # fmt: skip
-
-
-def mesh(dim: int) -> skfem.Mesh:
-    """A piece 0 ≤ x ≤ 1, 0 ≤ y ≤ 2 (0 ≤ z ≤ 0.7), its cut plane at x = 0, of unequal elements."""
-    x, y = np.array([0.0, 0.3, 1.0]), np.linspace(0, HEIGHT, 10 if dim == 2 else 4)
-    if dim == 2:
-        return named(skfem.MeshTri.init_tensor(x, y), SIZE, HEIGHT)
-    return skfem.MeshTet.init_tensor(x, y, np.array([0.0, 0.4, LENGTH])).with_boundaries(
-        {
-            "cut": lambda x: np.abs(x[0]) < 1e-9,
-            "top": lambda x: np.abs(x[1] - HEIGHT) < 1e-9,
-            "bottom": lambda x: np.abs(x[1]) < 1e-9,
-        }
-    )
-
-
-def space_of(dim: int, order: int) -> Space:
-    return Space.build(mesh(dim), order)
-
-
-def displacement(space: Space, seed: int = 0, size: float = 0.02, opening: float = 0.3) -> np.ndarray:
-    """Opened near the top, as by the blade, and shaken, so that nothing is by accident zero."""
-    X = space.X
-    u = size * np.random.default_rng(seed).uniform(-1, 1, X.shape)
-    u[0] += opening * np.clip((X[1] - 1.0) / 1.0, 0, None) ** 0.5 * np.exp(-X[0])
-    return u.T.ravel()
-
-
-def step_between(space: Space) -> Step:
-    c = np.array([0.0, 2.3, 0.0])
-    return Step(0.2, displacement(space, 1), c, c + np.array([0.0, 0.1, 0.0]))
-
-
-def assembled(space: Space, form, symmetric: bool = False, fixed=()) -> Pattern:
-    return Pattern(space.ndof, np.asarray(fixed, int), {form.name: form.dofs}, symmetric)
-
-
-def total(pattern: Pattern, form, local) -> np.ndarray:
-    return pattern.vector(form.name, local.vector)
-
-
-def matrix(pattern: Pattern, form, local):
-    data = np.zeros(pattern.indices.size)
-    pattern.add(data, form.name, local.matrix)
-    return pattern.csr(data)
-
-
-def check_tangent(space, form, u, state, step, p=P, rtol: float = 1e-10) -> None:
-    """K v against a complex step and against central differences of the residual, for several v."""
-    pattern = assembled(space, form)
-    K = matrix(pattern, form, form.evaluate(u, p, state, step))
-    assert K.nnz and np.abs(K.data).max() > 0
-
-    def residual(at):
-        return total(pattern, form, form.evaluate(at, p, state, step, tangent=False))
-
-    for seed in range(3):
-        v = np.random.default_rng(seed).normal(size=space.ndof)
-        Kv = K @ v
-        size = np.abs(Kv).max()
-        np.testing.assert_allclose(residual(u + 1j * EPS * v).imag / EPS, Kv, rtol=0, atol=rtol * size)
-        h = 1e-7
-        central = (residual(u + h * v) - residual(u - h * v)) / (2 * h)
-        np.testing.assert_allclose(central, Kv, rtol=0, atol=1e-5 * size)
-
-
-def bulk_form(space: Space, degree: int | None = None, names=DEFAULT) -> BulkForm:
-    degree = 2 * space.order - 1 if degree is None else degree
-    return BulkForm(Model(names).laws("bulk"), space.volume(degree), HEIGHT)
 
 
 # -- bulk ----------------------------------------------------------------------------------------
@@ -106,13 +40,6 @@ def test_bulk_tangent(dim, order):
     u = 2 * displacement(space, size=0.01)
     assert form.smallest_volume_ratio(u) > 0.1
     check_tangent(space, form, u, form.start(P), step_between(space))
-
-
-def affine(space: Space, gradient: np.ndarray) -> np.ndarray:
-    return (gradient[: space.dim, : space.dim] @ space.X).T.ravel()
-
-
-GRADIENT = np.array([[0.2, 0.15, -0.05], [-0.1, 0.1, 0.08], [0.07, -0.12, -0.15]])
 
 
 @spaces
@@ -286,160 +213,6 @@ def test_a_cut_law_that_is_off_is_absent_to_the_bit(dim, order):
     assert np.array_equal(got[0].matrix, got[1].matrix)
 
 
-# -- blade ---------------------------------------------------------------------------------------
-def blade(space: Space, *, face="cut", names=DEFAULT, normal="tool", gap="distance", degree=6) -> BladeForm:
-    numerics = ContactNumerics(stiffness=5 * P.G, tangential=25 * P.G, normal=normal, gap=gap)
-    laws, faces = Model(names).laws("blade"), space.faces(face, degree)
-    return BladeForm(laws, faces, numerics, keep_touched=["cut"], height=HEIGHT)
-
-
-def blade_case(space, form):
-    """Displacements, a step and a state with a past: multipliers, shear and touched points."""
-    c = np.array([0.0, 2.3, 0.0])
-    u_old = displacement(space, 1, 0.03)
-    step = Step(0.2, u_old, c, c + np.array([0.0, 0.01, 0.0]))
-    state = form.start(P)
-    for past in (displacement(space, 2, 0.03), u_old):
-        before = Step(0.2, displacement(space, 3), step.centre_old, step.centre_old)
-        state = form.augment(form.touch(form.evaluate(past, P, state, before, tangent=False).state))
-    return u_old + 0.025 * np.random.default_rng(4).standard_normal(u_old.size), state, step
-
-
-FRICTIONLESS = tuple(name for name in DEFAULT if name not in ("coulomb", "adhesion"))
-
-
-@spaces
-@pytest.mark.parametrize("normal", ["tool", "material", "blended"])
-@pytest.mark.parametrize("gap", ["distance", "ellipse"])
-@pytest.mark.parametrize("names", [FRICTIONLESS, DEFAULT], ids=["frictionless", "friction"])
-def test_blade_tangent(dim, order, normal, gap, names):
-    space = space_of(dim, order)
-    form = blade(space, normal=normal, gap=gap, names=names)
-    u, state, step = blade_case(space, form)
-    new = form.evaluate(u, P, state, step).state
-    pressed = new["pressure"] > 0
-    assert pressed.any() and not pressed.all()
-    assert state["multiplier"].max() > 0
-    check_tangent(space, form, u, state, step, rtol=1e-9)
-
-
-@spaces
-def test_some_points_stick_and_some_slip(dim, order):
-    """The tangents above are tested on both branches of the return mapping."""
-    space = space_of(dim, order)
-    form = blade(space)
-    u, state, step = blade_case(space, form)
-    new = form.evaluate(u, P, state, step).state
-    strength = P.mu * state["pressure"] + P.tau_W * state["touched"]  # of the last step: see the form
-    shear = np.sqrt((new["shear"] ** 2).sum(axis=0))
-    assert np.all(shear <= strength * (1 + 1e-9) + 1e-15), "the slip criterion holds everywhere"
-    carries = strength > 0
-    assert (shear[carries] < 0.99 * strength[carries]).any()
-    assert (shear[carries] > 0.999 * strength[carries]).any()
-
-
-@spaces
-def test_top_face_tangent(dim, order):
-    space = space_of(dim, order)
-    form = blade(space, face="top")
-    u = displacement(space, opening=0.0)
-    c = np.array([0.0, HEIGHT + 0.9, 0.0])
-    step = Step(0.2, displacement(space, 1, opening=0.0), c, c + np.array([0.0, 0.1, 0.0]))
-    state = form.touch(form.start(P))
-    assert form.evaluate(u, P, state, step).state["pressure"].max() > 0
-    check_tangent(space, form, u, state, step, rtol=1e-9)
-
-
-@spaces
-@pytest.mark.parametrize("normal", ["tool", "material", "blended"])
-def test_the_force_reported_is_the_sum_of_the_contact_forces(dim, order, normal):
-    space = space_of(dim, order)
-    form = blade(space, normal=normal)
-    u, state, step = blade_case(space, form)
-    local = form.evaluate(u, P, state, step)
-    nodal_sum = total(assembled(space, form), form, local).reshape(-1, dim).sum(axis=0)
-    force = form.force(local.state)
-    assert np.abs(force).max() > 0
-    np.testing.assert_allclose(nodal_sum, force, rtol=1e-12, atol=1e-15)
-
-
-@spaces
-def test_a_blade_that_comes_down_is_pushed_up(dim, order):
-    space = space_of(dim, order)
-    form = blade(space, face="top")
-    c = np.array([0.0, HEIGHT + 0.95, 0.0])
-    local = form.evaluate(np.zeros(space.ndof), P, form.start(P), Step(1.0, np.zeros(space.ndof), c, c))
-    assert form.force(local.state)[1] > 0
-    assert local.state["pressure"].max() > 0
-    far = c + np.array([0.0, 5.0, 0.0])
-    away = form.evaluate(np.zeros(space.ndof), P, form.start(P), Step(1.0, np.zeros(space.ndof), far, far))
-    assert not away.vector.any() and not away.matrix.any()
-
-
-@spaces
-@pytest.mark.parametrize("normal", ["tool", "material", "blended"])
-def test_a_form_that_calls_itself_symmetric_is(dim, order, normal):
-    """The solver then sees the upper triangle only: an unsymmetric tangent would be cut in silence."""
-    space = space_of(dim, order)
-    for names in (FRICTIONLESS, DEFAULT):
-        form = blade(space, normal=normal, names=names)
-        K = matrix(assembled(space, form), form, form.evaluate(*case_of(space, form)))
-        skew = np.abs((K - K.T).toarray()).max()
-        if form.symmetric:
-            assert skew < 1e-10 * np.abs(K.data).max(), (normal, names)
-    for form in (bulk_form(space), CutForm(Model(DEFAULT).laws("cut"), space.faces("cut", 4), HEIGHT)):
-        u, step = 2 * displacement(space, size=0.01), step_between(space)
-        K = matrix(assembled(space, form), form, form.evaluate(u, P, form.start(P), step))
-        if form.symmetric:
-            assert np.abs((K - K.T).toarray()).max() < 1e-10 * np.abs(K.data).max(), form.name
-
-
-def case_of(space, form):
-    u, state, step = blade_case(space, form)
-    return u, P, state, step
-
-
-@spaces
-@pytest.mark.parametrize("absent, value", [("coulomb", {"mu": 0.0}), ("adhesion", {"tau_W": 0.0})])
-def test_a_blade_law_that_is_off_is_absent_to_the_bit(dim, order, absent, value):
-    space = space_of(dim, order)
-    off = SimpleNamespace(**(vars(P) | value))
-    got = []
-    for model in (Model(DEFAULT), Model(DEFAULT).without(absent)):
-        form = blade(space, names=model.mechanisms)
-        step = step_between(space)
-        past = form.evaluate(displacement(space, 1, 0.03), off, form.start(off), step, tangent=False)
-        got.append(form.evaluate(displacement(space), off, form.touch(past.state), step))
-    assert got[0].vector.any()
-    assert np.array_equal(got[0].vector, got[1].vector)
-    assert np.array_equal(got[0].matrix, got[1].matrix)
-
-
-@spaces
-def test_all_friction_off_is_frictionless_to_the_bit(dim, order):
-    space = space_of(dim, order)
-    off = SimpleNamespace(**(vars(P) | {"mu": 0.0, "tau_W": 0.0}))
-    u, step, got = displacement(space), step_between(space), []
-    for names in (DEFAULT, FRICTIONLESS):
-        form = blade(space, names=names)
-        got.append(form.evaluate(u, off, form.start(off), step))
-    assert got[0].vector.any()
-    assert np.array_equal(got[0].vector, got[1].vector)
-    assert np.array_equal(got[0].matrix, got[1].matrix)
-
-
-def test_touched_is_kept_on_the_cut_and_not_on_the_top():
-    space = space_of(2, 2)
-    for face, kept in (("cut", True), ("top", False)):
-        form = blade(space, face=face)
-        state = form.start(P)
-        shape = state["pressure"].shape
-        once = form.touch({**state, "pressure": np.ones(shape)})
-        assert once["touched"].all()
-        later = form.touch({**once, "pressure": np.zeros(shape)})
-        assert bool(later["touched"].all()) is kept
-
-
 # -- damping -------------------------------------------------------------------------------------
 @spaces
 def test_damping_is_linear_and_dissipates(dim, order):
@@ -485,103 +258,3 @@ def test_bulk_and_cut_work_is_that_of_the_forces(dim, order):
             errors.append(abs(work - mean @ (u - start)) / abs(mean @ (u - start)))
         assert errors[0] < 1e-2
         assert errors[1] < 0.4 * errors[0] or errors[1] < 1e-9
-
-
-@spaces
-@pytest.mark.parametrize("normal", ["tool", "material", "blended"])
-def test_blade_work_is_what_the_blade_gives_less_what_the_material_takes(dim, order, normal):
-    space = space_of(dim, order)
-    form = blade(space, normal=normal)
-    u, state, step = blade_case(space, form)
-    old = form.evaluate(step.u_old, P, state, replace(step, centre=step.centre_old)).state
-    old_vector = form.evaluate(step.u_old, P, state, replace(step, centre=step.centre_old)).vector
-    new = form.evaluate(u, P, old, step)
-    pattern = assembled(space, form)
-    mean = pattern.vector(form.name, (old_vector + new.vector) / 2)
-    force = (form.force(old) + form.force(new.state)) / 2
-    work = form.work(u, P, old, new.state, step)
-    taken = mean @ (u - step.u_old) - force @ (step.centre - step.centre_old)[:dim]
-    assert set(work) == {law.name for law in Model(DEFAULT).laws("blade")}
-    assert sum(work.values()) == pytest.approx(taken, rel=1e-10)
-
-
-# -- space and assembly --------------------------------------------------------------------------
-@spaces
-def test_quadrature_measures_the_piece(dim, order):
-    space = space_of(dim, order)
-    deep = LENGTH if dim == 3 else 1.0
-    v = space.volume(3)
-    assert v.w.sum() == pytest.approx(SIZE * HEIGHT * deep, rel=1e-13)
-    assert (v.w * v.X[0] ** 2 * v.X[1]).sum() == pytest.approx(HEIGHT**2 / 2 * SIZE**3 / 3 * deep, rel=1e-12)
-    across, up = np.eye(dim)[:2]
-    for name, area, outward in (("cut", HEIGHT * deep, -across), ("top", SIZE * deep, up)):
-        f = space.faces(name, 4)
-        assert f.w.sum() == pytest.approx(area, rel=1e-13)
-        np.testing.assert_allclose(f.normal, np.broadcast_to(outward[:, None], f.normal.shape), atol=1e-13)
-        np.testing.assert_allclose(f.N.sum(axis=1), 1, atol=1e-13)
-        np.testing.assert_allclose(f.dN.sum(axis=2), 0, atol=1e-11)
-        at_points = np.einsum("qaf,daf->dqf", f.N, space.X[:, f.nodes])
-        np.testing.assert_allclose(at_points, f.X, atol=1e-13)
-        slope = np.einsum("sqaf,daf->sdqf", f.dN, space.X[:, f.nodes])
-        np.testing.assert_allclose(slope, np.broadcast_to(f.tangents[:, :, None], slope.shape), atol=1e-11)
-
-
-def tables(rng, ndof: int) -> dict[str, np.ndarray]:
-    return {
-        name: np.stack([rng.permutation(ndof)[:nd] for _ in range(n)], axis=1)
-        for name, nd, n in (("bulk", 6, 25), ("faces", 3, 9))
-    }
-
-
-@pytest.mark.parametrize("fixed", [[], [0, 3, 17, 29]], ids=["all free", "some fixed"])
-def test_assembly_equals_the_dense_sum(fixed):
-    rng, ndof = np.random.default_rng(8), 30
-    dofs = tables(rng, ndof)
-    free = np.setdiff1d(np.arange(ndof), fixed)
-    dense = np.zeros((ndof, ndof))
-    vector = np.zeros(ndof, complex)
-    full = Pattern(ndof, np.array(fixed, int), dofs, symmetric=False)
-    upper = Pattern(ndof, np.array(fixed, int), dofs, symmetric=True)
-    data, half, summed = np.zeros(full.indices.size), np.zeros(upper.indices.size), 0
-    for name, table in dofs.items():
-        nd, n = table.shape
-        local = rng.normal(size=(nd, nd, n))
-        local = local + local.transpose(1, 0, 2)
-        force = rng.normal(size=(nd, n)) + 1j * rng.normal(size=(nd, n))
-        for e in range(n):
-            dense[np.ix_(table[:, e], table[:, e])] += local[:, :, e]
-            vector[table[:, e]] += force[:, e]
-        full.add(data, name, local)
-        upper.add(half, name, local)
-        summed = summed + full.vector(name, force)
-    expected = dense[np.ix_(free, free)]
-    np.testing.assert_allclose(summed, vector, atol=1e-13)
-    np.testing.assert_allclose(full.csr(data).toarray(), expected, atol=1e-13)
-    np.testing.assert_allclose(upper.csr(half).toarray(), np.triu(expected), atol=1e-13)
-    assert upper.indices.size < full.indices.size
-    np.testing.assert_array_equal(full.free, free)
-    np.testing.assert_allclose(data[full.diagonal], np.diag(expected), atol=1e-13)
-
-
-def test_unsymmetric_local_matrices_keep_rows_and_columns_apart():
-    rng, ndof = np.random.default_rng(9), 12
-    table = np.stack([rng.permutation(ndof)[:4] for _ in range(5)], axis=1)
-    pattern = Pattern(ndof, np.array([2]), {"only": table}, symmetric=False)
-    local, dense = rng.normal(size=(4, 4, 5)), np.zeros((ndof, ndof))
-    for e in range(5):
-        dense[np.ix_(table[:, e], table[:, e])] += local[:, :, e]
-    data = np.zeros(pattern.indices.size)
-    pattern.add(data, "only", local)
-    free = pattern.free
-    np.testing.assert_allclose(pattern.csr(data).toarray(), dense[np.ix_(free, free)], atol=1e-13)
-
-
-def test_a_diagonal_entry_is_kept_where_nothing_is_assembled():
-    pattern = Pattern(4, np.array([], int), {"only": np.array([[0], [1]])}, symmetric=True)
-    assert pattern.csr(np.ones(pattern.indices.size)).diagonal().tolist() == [1, 1, 1, 1]
-
-
-def test_two_laws_with_one_name_for_their_state_are_refused():
-    assert add_states({"a": 1}, {"b": 2}) == {"a": 1, "b": 2}
-    with pytest.raises(ValueError, match="'a'"):
-        add_states({"a": 1}, {"a": 2})

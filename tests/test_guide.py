@@ -14,7 +14,7 @@ from cutbench.case import load_case
 from cutbench.cli import app
 from cutbench.errors import BadInput
 from cutbench.estimates import classical, compare, save_estimates
-from cutbench.maps import build_map, row_of
+from cutbench.maps import LABELS, build_map, row_of
 from cutbench.store import Store
 from cutbench.study import load_study
 from cutbench.sweep import run_study
@@ -195,3 +195,10 @@ def test_every_run_is_held_against_its_estimate(data, tmp_path):
     paths, text = save_estimates(data, tmp_path)
     assert paths[0].read_bytes()[:4] == b"\x89PNG" and text == compared.text()
     assert np.isfinite(compared.table["steady_estimate_N"]).all()
+
+
+def test_a_map_on_which_nothing_was_cut_has_nothing_to_compare(data, tmp_path):
+    uncut = data.copy(deep=True)
+    uncut["label"].values[:] = LABELS.index("uncut")
+    paths, text = save_estimates(uncut, tmp_path)
+    assert paths[0].is_file() and text.startswith("No run to compare")

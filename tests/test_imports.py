@@ -16,10 +16,10 @@ ROOT = Path(cutbench.__file__).parent
 
 #: From the ground up. A unit (a module or a package of cutbench) imports from lower layers and itself.
 LAYERS = (
-    {"errors"},
+    {"errors", "threads"},
     {"quantities", "reading", "meshfile", "noise"},
     {"mechanisms", "numerics", "materials", "titles", "repetition"},
-    {"model", "readings", "experiment", "motionfile"},
+    {"model", "readings", "experiment", "motion"},
     {"values", "forms", "conversion", "fieldfile", "plausible", "homogeneous"},
     {"case", "solve", "recorded"},
     {"result", "axes", "models2d", "models3d", "curve", "campaign", "index", "emulator"},
@@ -98,7 +98,7 @@ def outside(module: str, **how) -> set[str]:
 
 def test_the_reader_of_imports_sees_them():
     assert {"errors", "mechanisms", "quantities"} <= own_imports("model")
-    assert "mechanisms.blade._tool" in own_imports("forms.blade")
+    assert "mechanisms.blade._tool" in own_imports("forms.gap")
     assert "case" in own_imports("__init__") and "case" not in own_imports("__init__", inside_functions=False)
     assert "pint" in outside("quantities")
 

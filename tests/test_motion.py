@@ -4,23 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from cut_files import COARSE, campaign_of, write_readings
 
-from cutbench.campaign import load_campaign
 from cutbench.case import Case, load_case
 from cutbench.checkpoint import Checkpoint
 from cutbench.errors import BadInput
 from cutbench.fit import fit
-from cutbench.motionfile import read_motion, simplified
+from cutbench.motion import Motion, read_motion, simplified
 from cutbench.run import run_case
-from cutbench.solve.motion import Motion
 
 SPEED = 0.02  # mm/s
 CASE = load_case(
     "gelatin",
     {
-        "h": "0.8 mm",
-        "corner": 0.5,
-        "slender": 1,
+        **COARSE,
         "depth": "2 mm",
         "speed": f"{SPEED} mm/s",
         "with_": "maxwell",
@@ -168,41 +165,21 @@ def test_a_hold_goes_on_from_a_checkpoint(tmp_path, held):
 
 
 # -- the fit ------------------------------------------------------------------------------------------
-CAMPAIGN = """
-material = "gelatin"
-baseline = [
-    "neo_hookean", "volumetric", "maxwell", "smith_ferrante", "viscous_degraded", "contact", "adhesion"
-]
-[parameters]
-G = "9 kPa"
-g_1 = 0.3
-tau_1 = "35 s"
-[numerics]
-h = "0.8 mm"
-corner = 0.5
-slender = 1
-[fit]
-free = ["G", "g_1", "tau_1"]
-[[experiment]]
-id = "held"
-kind = "cut"
-data = "held.csv"
-specimen = { width = "30 mm", length = "30 mm", height = "21 mm" }
-blade = { thickness = "0.7 mm", tip = "TIP mm" }
-columns = { time = "t [s]", displacement = "u [mm]", force = "F [N]" }
-"""
-
-
 def test_a_fit_follows_the_hold_and_finds_the_relaxation(tmp_path, held):
     rng = np.random.default_rng(4)
     t = np.linspace(1.0, 140.0, 120)
     d = np.interp(t, held.curve["time_s"], held.displacement_mm)
     F = np.interp(t, held.curve["time_s"], held.force_N) + 0.003 * rng.standard_normal(t.size)
-    lines = [f"{a:.4f},{b:.5f},{c:.6f}" for a, b, c in zip(t, d, F, strict=True)]
-    (tmp_path / "held.csv").write_text("\n".join(["t [s],u [mm],F [N]", *lines]) + "\n")
-    path = tmp_path / "campaign.toml"
-    path.write_text(CAMPAIGN.replace("TIP", f"{CASE.values['tip']!r}"))
-    campaign = load_campaign(path)
+    write_readings(tmp_path / "held.csv", "t [s],u [mm],F [N]", (t, d, F), (4, 5, 6))
+    campaign = campaign_of(
+        tmp_path,
+        "held",
+        CASE,
+        top=f"baseline = {[*CASE.set(without='coulomb').mechanisms]}",
+        parameters='G = "9 kPa"\ng_1 = 0.3\ntau_1 = "35 s"',
+        fit='free = ["G", "g_1", "tau_1"]',
+        experiment='columns = { time = "t [s]", displacement = "u [mm]", force = "F [N]" }',
+    )
     (experiment,) = campaign.experiments
     case = campaign.case(experiment)
     assert not experiment.monotone and 4 <= len(case.motion) <= 8

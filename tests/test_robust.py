@@ -137,6 +137,13 @@ def test_bad_input_to_the_script_is_one_message(script, capsys, more, named):
     assert named in err and "Traceback" not in err and len(err.splitlines()) == 1
 
 
+def test_a_file_that_cannot_be_written_is_refused_before_any_run(monkeypatch, capsys):
+    monkeypatch.setattr(robustness, "run_all", lambda *_: pytest.fail("ran"))
+    with pytest.raises(SystemExit) as stop:
+        robustness.main(["--json", "none/there/found.json"])
+    assert stop.value.code == 2 and "none/there" in capsys.readouterr().err
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("case", POINTS, ids=[str(i) for i in range(COUNT)])
 def test_a_point_of_the_box_reaches_the_bottom(case):

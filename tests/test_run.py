@@ -1,58 +1,44 @@
-"""Whole runs in plane strain on a coarse mesh: curve, ledger, fields, outcomes, and what must not matter."""
+"""Whole runs in plane strain on a coarse mesh: curve, ledger, outcomes, and what must not matter."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from coarse_runs import (
+    BRIEF,
+    CUTTING,
+    PRESSED,
+    QUICK,
+    blade_work,
+    brief_run,
+    cutting_run,
+    force_at,
+    pressed_run,
+    work,
+)
 
-from cutbench.build import build
 from cutbench.case import load_case
-from cutbench.mechanisms.blade._tool import distance
-from cutbench.mechanisms.bulk._isotropic import det
 from cutbench.result import SNAP
 from cutbench.run import run_case
 from cutbench.solve import march
 
-COARSE = load_case("gelatin").set(h="0.6 mm")
-#: Pressed in, nothing cut yet.
-PRESSED = COARSE.set(depth="1.5 mm")
-#: A weak cut plane and a slender tip: cuts from the first millimetre on, with friction and adhesion.
-CUTTING = COARSE.set(cohesion=1.0, tip="3.5 mm", mu=0.2, depth="2 mm")
-#: The same, fewer steps.
-BRIEF = CUTTING.set(depth="0.9 mm")
-#: For comparisons that hold on any element: the quickest.
-QUICK = BRIEF.set(element="P1")
 #: Mechanisms that a number switches off, with the numbers.
 SWITCHED = {m.name: m.off for m in CUTTING.model.all if m.off and m.slot != "bulk"}
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def pressed():
-    return run_case(PRESSED)
+    return pressed_run()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def cutting():
-    return run_case(CUTTING, snapshots_mm=(0.3, 2.0))
+    return cutting_run()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def brief():
-    return run_case(BRIEF)
-
-
-def force_at(result, travel):
-    return np.interp(travel, result.displacement_mm, result.force_N)
-
-
-def work(result, name):
-    return result.curve[f"work_{name}_mJ"]
-
-
-def blade_work(result):
-    """Work of the blade by the trapezoidal rule, mJ."""
-    d, F = result.displacement_mm, result.force_N
-    return np.concatenate([[0.0], np.cumsum(np.diff(d) * (F[1:] + F[:-1]) / 2)])
+    return brief_run()
 
 
 # -- curve --------------------------------------------------------------------------------------------
@@ -184,196 +170,6 @@ def test_the_undegraded_viscosity_costs_more(cutting):
     other = run_case(CUTTING.set(with_="viscous"))
     assert other.outcome.done
     assert work(other, "viscous")[-1] > 1.2 * work(cutting, "viscous_degraded")[-1]
-
-
-# -- choices of numerics ------------------------------------------------------------------------------
-def test_half_and_full_block_agree(brief):
-    full = run_case(BRIEF.set(symmetry="full"))
-    assert full.curve["cut_length_mm"][-1] > 0.05
-    at = np.linspace(0.05, 0.9, 30)
-    np.testing.assert_allclose(force_at(full, at), force_at(brief, at), rtol=2e-3)
-    virgin = run_case(PRESSED.set(symmetry="full", depth="0.3 mm"))
-    half = run_case(PRESSED.set(depth="0.3 mm"))
-    np.testing.assert_allclose(virgin.force_N, half.force_N, rtol=1e-6)
-    assert virgin.counts["degrees_of_freedom"] > 1.9 * half.counts["degrees_of_freedom"]
-
-
-@pytest.mark.parametrize("normal", ["tool", "material", "blended"])
-def test_elements_from_stiff_to_soft(normal):
-    """While nothing is cut, a richer space is softer: linear triangles lock at ν = 0.49."""
-    case = PRESSED.set(normal=normal, depth="1 mm")
-    linear, quadratic, mixed = (force_at(run_case(case.set(element=e)), 1.0) for e in ("P1", "P2", "P2P1"))
-    assert linear > 1.1 * quadratic
-    assert mixed == pytest.approx(quadratic, rel=0.02)
-    assert mixed <= quadratic
-
-
-def test_linear_triangles_lock_less_where_the_solid_is_compressible():
-    def excess(nu):
-        case = PRESSED.set(nu=nu, depth="0.5 mm")
-        linear, quadratic = (force_at(run_case(case.set(element=e)), 0.5) for e in ("P1", "P2"))
-        return linear / quadratic - 1
-
-    assert excess(0.3) < 0.7 * excess(0.49)
-
-
-def test_normals_and_gaps_are_choices_that_matter_little_before_the_cut(pressed):
-    for change in ({"normal": "tool"}, {"gap": "ellipse"}):
-        other = force_at(run_case(PRESSED.set(**change)), 1.5)
-        assert other != force_at(pressed, 1.5)
-        assert other == pytest.approx(force_at(pressed, 1.5), rel=0.05)
-
-
-def test_the_staggered_scheme_tends_to_the_monolithic_one():
-    """Damage that lags is repeated until it stands still; viscosity then sees it at a step's end."""
-    # Viscous enough that the cut grows steadily: in a snap, what a step meets depends on the step.
-    case = BRIEF.set(mu=0.0, viscosity=8.0, depth="0.8 mm", element="P1")
-    at = np.linspace(0.05, 0.8, 40)
-    apart = []
-    for step in ("0.2 mm", "0.02 mm"):
-        whole, lagged = (run_case(case.set(step=step, scheme=s)) for s in ("monolithic", "staggered"))
-        assert lagged.outcome.done
-        assert lagged.curve["cut_length_mm"][-1] > 0.01
-        assert lagged.counts["iterations"] > whole.counts["iterations"]
-        apart.append(np.abs(force_at(lagged, at) / force_at(whole, at) - 1).max())
-    # First order in the step: a tenth of it leaves a tenth, or a little more, of the difference.
-    assert apart[1] < 0.2 * apart[0] < 0.02
-
-
-def test_errors_of_the_ledger_do_not_add_up(monkeypatch):
-    """Beyond half a per cent of the work, steps that would add to what is open are held tighter."""
-    case = COARSE.set(element="P1", h="0.8 mm", depth="6 mm", energy_step=0.1, cohesion=5.0)
-    held, allowed = run_case(case), march.DRIFT
-    monkeypatch.setattr(march, "DRIFT", 1.0)
-    free = run_case(case)
-    most = [np.abs(run.curve["closure"]).max() for run in (held, free)]
-    assert most[0] < 1.2 * allowed < most[1]
-
-
-def test_stepping_of_the_paper_reaches_the_same_force(pressed):
-    result = run_case(PRESSED.set(stepping="paper"))
-    assert result.outcome.done
-    assert force_at(result, 1.5) == pytest.approx(force_at(pressed, 1.5), rel=1e-3)
-    assert result.counts["steps"] != pressed.counts["steps"]
-
-
-def seen_by_blade(face, p, travel):
-    """Gap (m,) and its gradient (2, m) at a face's points. Beyond the mid-plane the gap goes on linearly."""
-    x, y = face["x"][:, 0], face["x"][:, 1] - (p.height + p.tip - travel)
-    over = np.minimum(x, 0)
-    g, n, H = distance(x - over, y, p.thickness / 2, p.tip)
-    n[1] += over * H[0, 1]
-    return g + over * n[0], n
-
-
-def deepest(case):
-    """Largest penetration of the blade by quadrature points in contact, mm."""
-    picture = run_case(case, snapshots_mm=(case.p.depth,)).snapshots[-1]
-    p = case.p
-    found = 0.0
-    for face in picture.faces.values():
-        g, _ = seen_by_blade(face, p, picture.displacement_mm)
-        assert (g[face["contact_state"] == 0] > -1e-9).all(), "whoever is inside is in contact"
-        found = max(found, -g[face["contact_state"] == 1].min(initial=0.0))
-    return found
-
-
-def test_augmentation_reduces_the_penetration():
-    case = PRESSED.set(depth="0.3 mm", normal="tool", penalty=20)
-    penalty, once, thrice = (deepest(case.set(augmentations=n)) for n in (0, 1, 3))
-    assert penalty > 1e-4
-    assert once < 0.7 * penalty
-    assert thrice < once
-
-
-def test_a_larger_penalty_reduces_the_penetration():
-    soft, stiff = (deepest(PRESSED.set(depth="0.3 mm", penalty=k)) for k in (20, 100))
-    assert stiff < 0.5 * soft
-
-
-# -- fields -------------------------------------------------------------------------------------------
-def test_snapshots_are_taken_where_they_were_asked_for(cutting):
-    travels = [s.displacement_mm for s in cutting.snapshots]
-    assert len(travels) == 2
-    for asked, got in zip((0.3, 2.0), travels, strict=True):
-        steps = cutting.displacement_mm
-        assert got == steps[steps >= asked - 1e-9][0], "the first step at or past it"
-
-
-def test_a_snapshot_holds_the_promised_fields(cutting):
-    picture = cutting.snapshots[-1]
-    n = len(picture.points)
-    assert picture.cell_type == "triangle6"
-    assert picture.cells.max() == n - 1
-    sizes = {"displacement": (n, 3), "piola": (n, 9), "cauchy": (n, 9), "von_mises": (n,)}
-    assert {name: field.shape for name, field in picture.point_data.items()} == sizes
-    for name, field in picture.point_data.items():
-        assert np.isfinite(field).all(), name
-    assert set(picture.faces) == {"cut", "top"}
-    for face in picture.faces.values():
-        m = len(face["X"])
-        assert {name: values.shape for name, values in face.items()} == {
-            "X": (m, 3), "x": (m, 3), "opening_mm": (m,), "damage": (m,), "contact_pressure_MPa": (m,),
-            "tangential_traction_MPa": (m, 3), "contact_state": (m,), "touched": (m,),
-        }  # fmt: skip
-        assert all(np.isfinite(values).all() for values in face.values())
-
-
-def test_stresses_are_symmetric_and_plane(cutting):
-    sigma = cutting.snapshots[-1].point_data["cauchy"].reshape(-1, 3, 3)
-    scale = np.abs(sigma).max()
-    assert scale > 0
-    np.testing.assert_allclose(sigma, sigma.transpose(0, 2, 1), atol=1e-12 * scale)
-    assert np.abs(sigma[:, 2, :2]).max() < 1e-12 * scale
-    assert np.abs(sigma[:, 2, 2]).max() > 0, "plane strain holds the thickness by a stress"
-    assert cutting.snapshots[-1].point_data["von_mises"].min() >= 0
-
-
-def test_no_element_is_turned_inside_out_and_the_bottom_stays(cutting):
-    built = build(CUTTING)
-    for picture in cutting.snapshots:
-        u = np.zeros(built.problem.ndof)
-        u[: built.space.ndof] = picture.point_data["displacement"][:, :2].ravel()
-        np.testing.assert_allclose(picture.points[:, :2].T, built.space.X)
-        assert det(built.form("bulk").deformation(u)).min() > 0
-    bottom = picture.points[:, 1] < 1e-9
-    assert bottom.any()
-    assert (picture.point_data["displacement"][bottom] == 0).all()
-
-
-def test_the_cut_opens_from_the_top(cutting):
-    cut = cutting.snapshots[-1].faces["cut"]
-    damage, depth = cut["damage"], CUTTING.p.height - cut["X"][:, 1]
-    assert ((damage >= 0) & (damage <= 1)).all()
-    assert damage[depth < 0.5].min() > 0.9
-    assert damage[depth > 6].max() < 0.5
-    # The opening is twice the distance of one side from the plane.
-    np.testing.assert_allclose(cut["opening_mm"], 2 * cut["x"][:, 0], atol=1e-12)
-    assert cut["opening_mm"].max() <= CUTTING.p.thickness + 0.05
-
-
-@pytest.mark.parametrize("case", [PRESSED.set(normal="tool", mu=0.3), BRIEF.set(normal="tool")])
-def test_tractions_on_the_faces_add_up_to_the_force(case):
-    """Pressure along the blade's normal and shear, summed over the faces by hand."""
-    result = run_case(case, snapshots_mm=(case.p.depth,))
-    picture, p = result.snapshots[-1], case.p
-    built = build(case)
-    total = np.zeros(2)
-    (form,) = built.blades
-    for name, part in form.faces.parts.items():
-        face = picture.faces[name]
-        _, normal = seen_by_blade(face, p, picture.displacement_mm)
-        traction = face["contact_pressure_MPa"] * normal + face["tangential_traction_MPa"][:, :2].T
-        total -= traction @ form.faces.w[:, part].ravel()
-        pressure = face["contact_pressure_MPa"]
-        assert (pressure >= 0).all()
-        assert ((pressure > 0) == (face["contact_state"] == 1)).all()
-        # Shear lies in the face of the blade.
-        shear = face["tangential_traction_MPa"][:, :2].T
-        right = face["x"][:, 0] >= 0
-        assert np.abs((shear * normal).sum(axis=0)[right]).max() < 1e-9
-        assert shear.any()
-    assert total[1] * 2 * p.length == pytest.approx(result.force_N[-1], rel=1e-9)
 
 
 # -- outcomes -----------------------------------------------------------------------------------------

@@ -75,13 +75,6 @@ def _behind(cut: dict[str, np.ndarray], above: float) -> float:
     return float(np.trapezoid(pressure[there], y[there]) / np.ptp(y[there]))
 
 
-def block_run(case: Case) -> Result:
-    """A block in three dimensions; its measures tell of the front (``cutbench.front``)."""
-    from cutbench.run import run_case
-
-    return run_case(case)
-
-
 def pulled(case: Case) -> Result:
     """The strip ``case`` in tension, without a notch, as a result: the travel is its elongation."""
     return _pulled(case, 0.0)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from cutbench.face import Workers, exits, whole
+from cutbench.threads import leave_cores_to_workers
 
 
 @exits
@@ -20,7 +20,7 @@ def converge(
     workers: Workers = None,
 ) -> None:
     """Change the numerics one by one and say how far each measure moves; start it again to go on."""
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    leave_cores_to_workers()
     from cutbench.convergence import compute, load_plan, markdown, write
     from cutbench.output import check_writable
 

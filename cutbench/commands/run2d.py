@@ -7,28 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cutbench.face import (
-    Depth,
-    Element,
-    Keep,
-    Normal,
-    Out,
-    Preset,
-    Sets,
-    Size,
-    Source,
-    With,
-    Without,
-    asked,
-    changes,
-    computed,
-    exits,
-    finish,
-    in_mm,
-    seconds,
-    show,
-    travel,
-)
+from cutbench.face import Wanted, computed, exits, finish, run_options, show, travel
 
 if TYPE_CHECKING:
     from cutbench.result import Result
@@ -40,18 +19,9 @@ _FOLLOWED = ("follow.json", "path.csv", "follow.png")
 
 
 @exits
+@run_options(dim=2)
 def run2d(
-    material: Source,
-    sets: Sets = None,
-    h: Size = None,
-    depth: Depth = None,
-    element: Element = None,
-    normal: Normal = None,
-    numerics: Preset = None,
-    without: Without = None,
-    with_: With = None,
-    out: Out = None,
-    checkpoint: Keep = None,
+    wanted: Wanted,
     follow: Annotated[
         bool,
         typer.Option(
@@ -60,22 +30,14 @@ def run2d(
     ] = False,
 ) -> None:
     """Cut a block in plane strain: force curve, energy by mechanism, fields, pictures."""
-    every_s = seconds("--checkpoint", checkpoint, 60.0)
-    options = {
-        "h": in_mm(h),
-        "depth": in_mm(depth),
-        "element": element,
-        "normal": normal,
-        "numerics": numerics,
-    }
-    case, folder = asked(material, changes(sets, options, with_, without), out, dim=2)
+    case, folder = wanted.case, wanted.folder
     for name in _FOLLOWED:
         (folder / name).unlink(missing_ok=True)
     if follow:
         from cutbench.follow import timeless
 
         timeless(case)  # what cannot be followed is refused before anything is computed
-    result = computed(case, _SNAPSHOTS, folder, every_s)
+    result = computed(case, _SNAPSHOTS, folder, wanted.every_s)
     try:
         finish(result, folder)
     finally:

@@ -7,26 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cutbench.face import (
-    Depth,
-    Element,
-    Keep,
-    Normal,
-    Out,
-    Preset,
-    Sets,
-    Size,
-    Source,
-    With,
-    Without,
-    asked,
-    changes,
-    computed,
-    exits,
-    finish,
-    in_mm,
-    seconds,
-)
+from cutbench.face import Wanted, computed, exits, finish, run_options
 
 if TYPE_CHECKING:
     from cutbench.case import Case
@@ -37,33 +18,16 @@ _SNAPSHOTS = tuple(i / 12 for i in range(1, 13))
 
 
 @exits
+@run_options(dim=3)
 def run3d(
-    material: Source,
-    sets: Sets = None,
-    h: Size = None,
-    depth: Depth = None,
-    element: Element = None,
-    normal: Normal = None,
-    numerics: Preset = None,
-    without: Without = None,
-    with_: With = None,
-    out: Out = None,
-    checkpoint: Keep = None,
+    wanted: Wanted,
     plane_strain: Annotated[
         bool, typer.Option(help="Compute the same case in plane strain too, for the end effect.")
     ] = True,
 ) -> None:
     """Cut a block in three dimensions: as run2d, with the front of the cut along the blade."""
-    every_s = seconds("--checkpoint", checkpoint, 60.0)
-    options = {
-        "h": in_mm(h),
-        "depth": in_mm(depth),
-        "element": element,
-        "normal": normal,
-        "numerics": numerics,
-    }
-    case, folder = asked(material, changes(sets, options, with_, without), out, dim=3)
-    result = computed(case, _SNAPSHOTS, folder, every_s)
+    case, folder = wanted.case, wanted.folder
+    result = computed(case, _SNAPSHOTS, folder, wanted.every_s)
     plane = None
     if plane_strain and result.outcome.kind != "interrupted":
         from cutbench.front import end_effect

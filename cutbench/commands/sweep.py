@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from cutbench.face import exits, whole
+from cutbench.threads import leave_cores_to_workers
 
 
 @exits
@@ -28,8 +28,7 @@ def sweep(
     retry_failed: Annotated[bool, typer.Option(help="Compute again what fell short before.")] = False,
 ) -> None:
     """Compute a map; what is finished is never computed twice, so start it again to go on."""
-    # This process watches and decides: its linear algebra is small, and the cores belong to the runs.
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    leave_cores_to_workers()
     from cutbench.output import check_writable
     from cutbench.study import load_study
     from cutbench.sweep import run_study

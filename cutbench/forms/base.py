@@ -57,13 +57,8 @@ def component_major(nodes: np.ndarray, dim: int) -> np.ndarray:
     return (nodes[None] * dim + np.arange(dim)[:, None, None]).reshape(dim * nodes.shape[0], -1)
 
 
-def nodal(u: np.ndarray, nodes: np.ndarray, dim: int) -> np.ndarray:
-    """Values (dim, nn, n) at the nodes of each element or face."""
-    return np.take(u, nodes * dim + np.arange(dim)[:, None, None])
-
-
 def gather(u: np.ndarray, places: np.ndarray, dim: int) -> np.ndarray:
-    """As ``nodal``, from numbers that ``component_major`` has found once."""
+    """Values (dim, nn, n) at the nodes of each element or face, from its numbers by ``component_major``."""
     return np.take(u, places).reshape(dim, -1, places.shape[-1])
 
 

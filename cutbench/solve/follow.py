@@ -8,9 +8,8 @@ plane, the equations are
 
 Damage never heals, so C grows along the whole path, the blade going forward or back (a dissipation-driven
 control as of Gutiérrez, Comm. Numer. Meth. Eng. 20 (2004), 10.1002/cnm.649, and Verhoosel et al., Int. J.
-Numer. Meth. Eng. 77 (2009), 10.1002/nme.2447). Each iteration factorizes the tangent K once and solves twice:
-K w = −R and K v = −∂R/∂travel; then δtravel = (ΔC − [C(u) − C(u_old)] − C'·w)/(C'·v), δu = w + δtravel v.
-While nothing breaks the travel is given instead.
+Numer. Meth. Eng. 77 (2009), 10.1002/nme.2447). ``solve.bordered`` solves them. While nothing breaks the
+travel is given instead.
 
 Contact that shifts by an element, or an element that opens at once, can end a branch altogether: then no
 equilibrium is near, whatever is given. There the body is let go under a still blade and creeps to rest; such
@@ -27,8 +26,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cutbench.forms.base import Step
-from cutbench.mechanisms.base import STEP
-from cutbench.solve.linear import SingularMatrix
+from cutbench.solve.bordered import Bordered, step_to
 from cutbench.solve.newton import NewtonSettings, NoConvergence, newton
 from cutbench.solve.problem import Problem, damage_growth
 
@@ -125,8 +123,7 @@ class Path:
     def __post_init__(self):
         forms = {form.name: form for form in self.problem.forms}
         self._cut, self._damping = forms.get("cohesion"), forms.get("damping")
-        zero = np.zeros(self.problem.ndof)
-        self._local, self._slopes = True, {True: zero, False: zero}
+        self._bordered = Bordered(self.problem, self._cut, self.centre0, self.newton, self.rules.iterations)
         if self._damping is not None:
             self._damping.viscosity = 0.0  # equilibria are at rest
 
@@ -220,7 +217,7 @@ class Path:
 
     def _by_travel(self, amount, at, begun, before):
         amount = min(amount, self.depth - at.travel)
-        step = self._at(at.travel + amount, at.travel, at.u)
+        step = step_to(self.centre0, at.travel + amount, at.travel, at.u)
         guesses = [at.u]
         if before is not None and before.travel > 0:
             guesses.insert(0, at.u + before.u * min(amount / before.travel, 1.5))
@@ -232,80 +229,20 @@ class Path:
                     raise
 
     def _by_cut(self, by, amount, at, begun, before):
-        self._local = by == CUT
-        start = (
-            at.broken
-            if self._local
-            else self._broken_by(at.u, begun, self._at(at.travel, at.travel, at.u))[0]
-        )
+        self._bordered.local = by == CUT
+        start = at.broken
+        if by != CUT:
+            start = self._bordered.broken(at.u, begun, step_to(self.centre0, at.travel, at.travel, at.u))[0]
         guesses = [(at.u, at.travel)]
         if before is not None and before.broken > 0:
             ratio = min(amount / before.broken, 2.0)
             guesses.insert(0, (at.u + ratio * before.u, at.travel + ratio * before.travel))
         for i, (u, travel) in enumerate(guesses):
             try:
-                return self._bordered(amount, at.u, at.travel, begun, start, u, travel)
+                return self._bordered.solve(amount, at.u, at.travel, begun, start, u, travel)
             except NoConvergence:
                 if i == len(guesses) - 1:
                     raise
-
-    def _bordered(self, amount, old, travel, states, broken, u, reached):
-        problem, settings, free = self.problem, self.newton, self.problem.free
-        moving = problem.displacements
-        floor = settings.smallest_ratio * min(1.0, problem.bulk.smallest_volume_ratio(old))
-        if problem.bulk.smallest_volume_ratio(u) < floor:
-            raise NoConvergence("the predicted state has inverted elements")
-        current, C, slope, step = self._look(u, reached, travel, states, old)
-        for iteration in range(self.rules.iterations + 1):
-            gap = amount - (C - broken)
-            size = float(np.linalg.norm(current.residual[free]))
-            if not np.isfinite(size):
-                raise NoConvergence("the residual is not finite")
-            worst = size / current.scale
-            near = settings.tolerance if iteration < self.rules.iterations else settings.stagnant
-            if worst <= near and abs(gap) <= 1e-6 * amount:
-                return step, u, current, iteration
-            if iteration == self.rules.iterations:
-                break
-            try:
-                problem.factorize(current.data)
-                w = problem.back_substitute(current.residual)
-                v = problem.back_substitute(self._pushed(u, states, step))
-            except SingularMatrix as error:
-                raise NoConvergence(f"singular tangent: {error}") from error
-            speed = float(slope @ v)
-            if speed == 0.0:
-                raise NoConvergence("nothing breaks here")
-            way = (gap - float(slope @ w)) / speed
-            du = w + way * v
-            largest = max(np.abs(du[moving]).max(), abs(way))
-            if not np.isfinite(largest):
-                raise NoConvergence("the linear solution is not finite")
-            alpha = min(1.0, settings.reach / largest) if largest > 0 else 1.0
-            while problem.bulk.smallest_volume_ratio(u + alpha * du) <= floor:
-                alpha /= 2
-                if alpha < 1e-3:
-                    raise NoConvergence("elements invert along the Newton direction")
-            # A step may raise the residual at first; later that is contact or damage switching to and fro.
-            allowed = 2.0 if iteration < 3 else 0.9
-            best = None
-            for part in (1.0, 0.5, 0.25, 0.1, 0.03):
-                trial = (u + part * alpha * du, reached + part * alpha * way)
-                seen = self._look(*trial, travel, states, old)
-                r = float(np.linalg.norm(seen[0].residual[free]))
-                if np.isfinite(r) and (best is None or r < best[0]):
-                    best = (r, trial, seen)
-                if r <= allowed * max(size, settings.tolerance * current.scale):
-                    break
-            if best is None:
-                raise NoConvergence("the residual is not finite")
-            (u, reached), (current, C, slope, step) = best[1:]
-        raise NoConvergence(f"{iteration} iterations, residual {worst:.1e} of the forces")
-
-    def _look(self, u, reached, travel, states, old):
-        step = self._at(reached, travel, old)
-        current = self.problem.evaluate(u, states, step)
-        return current, *self._broken_by(u, states, step), step
 
     def _release(self, at: _State, nudge: float) -> Iterator[PathPoint]:
         """States of a creep to rest under a still blade; sets ``stopped`` where it does not come to rest."""
@@ -315,7 +252,7 @@ class Path:
         rules, drag = self.rules, self.rules.drag
         for _ in range(rules.creeps):
             begun = self.problem.touched(at.states)
-            step = self._at(at.travel + nudge, at.travel, at.u)
+            step = step_to(self.centre0, at.travel + nudge, at.travel, at.u)
             self._damping.viscosity = drag * self.problem.p.G  # over a step of 1 s
             try:
                 u, result, iterations = newton(self.problem, at.u, begun, step, self.newton)
@@ -349,28 +286,3 @@ class Path:
 
     def _travel(self, step: Step) -> float:
         return float(self.centre0[1] - step.centre[1])
-
-    def _at(self, travel: float, before: float, u_old: np.ndarray) -> Step:
-        down = np.array([0.0, 1.0, 0.0])
-        return Step(1.0, u_old, self.centre0 - travel * down, self.centre0 - before * down)
-
-    def _pushed(self, u, states, step) -> np.ndarray:
-        """∂R/∂travel (ndof,): the blade moves against a body that stands still."""
-        moving = Step(
-            step.dt, step.u_old, step.centre - 1j * STEP * np.array([0.0, 1.0, 0.0]), step.centre_old
-        )
-        out = np.zeros(self.problem.ndof)
-        for form in self.problem.blades:
-            local = form.evaluate(u, self.problem.p, states[form.name], moving, False)
-            out += self.problem.pattern.vector(form.name, local.vector).imag / STEP
-        return out
-
-    def _broken_by(self, u, states, step) -> tuple[float, np.ndarray]:
-        C, local = self._cut.broken(u, self.problem.p, states["cohesion"], step, self._local)
-        slope = self.problem.pattern.vector("cohesion", local)
-        slope[self.problem.fixed] = 0.0
-        if slope.any():
-            self._slopes[self._local] = slope
-        # At the start of a step, and where a trial has unloaded all, nothing grows: what grew last will do.
-        own = self._slopes[self._local]
-        return C, own if own.any() else self._slopes[not self._local]

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from cutbench.forms.base import Step
-from cutbench.solve.motion import Motion
+from cutbench.motion import Motion
 from cutbench.solve.newton import NewtonSettings, NoConvergence, newton
 from cutbench.solve.predict import Past
 from cutbench.solve.problem import Evaluation, Problem, damage_growth
@@ -62,16 +63,38 @@ class _Leaky(NoConvergence):
 
 @dataclass
 class _Found:
-    """What was found for a step; ``left`` is what the ledger leaves open of the work ``spent``."""
+    """What was found for a step from ``begun``, where the blade's force was ``force_before``.
 
+    Force and work are computed when they are asked for: many steps are refused before.
+    """
+
+    problem: Problem
+    begun: dict[str, dict]
+    step: Step
+    force_before: float
     u: np.ndarray
     result: Evaluation
     effort: list[int]
     solves: list
-    force: float
-    work: dict[str, float]
-    spent: float
-    left: float
+
+    @cached_property
+    def work(self) -> dict[str, float]:
+        return self.problem.work(self.u, self.begun, self.result.states, self.step)
+
+    @cached_property
+    def force(self) -> float:
+        return self.problem.force(self.result.states)
+
+    @cached_property
+    def spent(self) -> float:
+        """The blade's work."""
+        moved = float(np.real(self.step.centre_old - self.step.centre)[1])
+        return (self.force_before + self.force) / 2 * moved
+
+    @cached_property
+    def left(self) -> float:
+        """What the ledger leaves open of it."""
+        return self.spent - sum(self.work.values())
 
 
 def _drifts(spent: float, left: float, spent_before: float, left_before: float) -> bool:
@@ -119,15 +142,14 @@ class Progress:
 
 @dataclass
 class March:
-    """Drive the blade to ``depth``; iterate to get each accepted step.
+    """Drive the blade through its ``motion``; iterate to get each accepted step.
 
     ``centre0`` (3,): the ellipse's centre at zero travel; the blade moves along −y.
     """
 
     problem: Problem
     centre0: np.ndarray
-    depth: float
-    speed: float
+    motion: Motion
     bottom: np.ndarray  # degrees of freedom whose reaction balances the blade's force
     rules: StepRules = field(default_factory=StepRules)
     newton: NewtonSettings = field(default_factory=NewtonSettings)
@@ -142,19 +164,17 @@ class March:
     at_rest: Callable[[Progress], None] | None = None
     #: Predicts from what happened one element higher, where that is asked for.
     past: Past | None = None
-    #: Times (s) and travels (mm) of a blade that holds, returns or changes its speed.
-    points: tuple[tuple[float, float], ...] = ()
 
     @property
-    def motion(self) -> Motion:
-        return Motion(self.depth, self.speed, self.points)
+    def speed(self) -> float:
+        """Way per time, mm/s."""
+        return self.motion.speed
 
     def _centre(self, travel: float) -> np.ndarray:
         return self.centre0 - np.array([0.0, travel, 0.0])
 
     def __iter__(self) -> Iterator[Accepted]:
-        problem, rules = self.problem, self.rules
-        motion = self.motion
+        problem, rules, motion = self.problem, self.rules, self.motion
         begin = self.resume or Progress(0.0, rules.first, np.zeros(problem.ndof), problem.start())
         way, size, u, states = begin.way, begin.size, begin.u, begin.states
         u_before, size_before, easy, force = begin.u_before, begin.size_before, begin.easy, begin.force
@@ -283,14 +303,7 @@ class March:
         return size if np.isfinite(size) else np.inf
 
     def _found(self, guess, states, step, force) -> _Found:
-        u, result, effort, solves = self._solve(guess, states, step)
-        moved = float(np.real(step.centre_old - step.centre)[1])
-        work, force_after = (
-            self.problem.work(u, states, result.states, step),
-            self.problem.force(result.states),
-        )
-        spent = (force + force_after) / 2 * moved
-        return _Found(u, result, effort, solves, force_after, work, spent, spent - sum(work.values()))
+        return _Found(self.problem, states, step, force, *self._solve(guess, states, step))
 
     def _solve(self, u, states, step):
         """Newton's method, inside the loops that hold damage or multipliers (none by default).

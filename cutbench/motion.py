@@ -1,19 +1,59 @@
-"""``motion`` of a case: times and travels of a blade that holds, returns or changes its speed."""
+"""How the blade moves over time: at one speed, or along a polyline with holds, returns and other speeds."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from cutbench.errors import BadInput
 from cutbench.quantities import parse_quantity
 
-Motion = tuple[tuple[float, float], ...]
+#: From (0, 0): times in s and travels in mm.
+Polyline = tuple[tuple[float, float], ...]
 
 
-def read_motion(raw: object) -> Motion:
+@dataclass(frozen=True)
+class Motion:
+    """Blade travel over time; steps are counted in time × ``speed``, a way in mm.
+
+    Without ``points`` the blade goes to ``depth`` at ``speed``, and the way is the travel.
+    """
+
+    depth: float
+    speed: float
+    points: Polyline = ()
+
+    @cached_property
+    def _columns(self) -> tuple[np.ndarray, np.ndarray]:
+        times, travels = np.array(self.points).T
+        return times, travels
+
+    @property
+    def end(self) -> float:
+        """The way at which it is over."""
+        return self.points[-1][0] * self.speed if self.points else self.depth
+
+    def travel(self, way: float) -> float:
+        """Blade travel, mm."""
+        return float(np.interp(way / self.speed, *self._columns)) if self.points else way
+
+    def room(self, way: float) -> float:
+        """Way to the next corner, or to the end: no step goes across."""
+        for time, _ in self.points:
+            if time * self.speed > way + 1e-9:
+                return time * self.speed - way
+        return self.end - way
+
+    def turns(self, way: float) -> bool:
+        """Whether there is a corner here, so that nothing goes on as it did."""
+        return any(abs(time * self.speed - way) < 1e-9 for time, _ in self.points)
+
+
+def read_motion(raw: object) -> Polyline:
     """From pairs of a time and a travel with their units, or of numbers in s and mm. Raises BadInput."""
     pairs = isinstance(raw, Sequence) and not isinstance(raw, str)
     if not pairs or not all(isinstance(p, Sequence) and not isinstance(p, str) and len(p) == 2 for p in raw):
@@ -28,7 +68,7 @@ def _number(raw: object, unit: str) -> float:
     return float(raw) if type(raw) in (int, float) else parse_quantity(raw, unit, key="motion")
 
 
-def simplified(motion: Motion, part: float = 0.005) -> Motion:
+def simplified(motion: Polyline, part: float = 0.005) -> Polyline:
     """The corners of a measured ``motion``: what is left out lies on straight lines within ``part`` of the
     largest travel (Ramer, Douglas and Peucker)."""
     times, travels = (np.array(column, dtype=float) for column in zip(*motion, strict=True))
@@ -45,7 +85,7 @@ def simplified(motion: Motion, part: float = 0.005) -> Motion:
     return tuple((float(times[i]), float(travels[i])) for i in sorted(kept))
 
 
-def checked_motion(motion: Motion, depth: float) -> Motion:
+def checked_motion(motion: Polyline, depth: float) -> Polyline:
     """``motion`` if a blade can follow it to no more than ``depth``. Raises BadInput."""
     for i, (time, travel) in enumerate(motion):
         if not (math.isfinite(time) and math.isfinite(travel)):

@@ -1,0 +1,70 @@
+"""Directions in which a blade pushes: along the tool's normal, the material's, or from one to the other.
+
+The traction may act along the tool's normal (that of the obstacle: frictionless contact then has a
+potential) or along the material's, n = F⁻ᵀN/|F⁻ᵀN| (the paper's: on the cut faces it is a wedge). A face that
+has folded inside the blade is held there by its own normal: "blended" turns to the tool's with the depth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+#: Depths in units of the blade's half-thickness between which the push turns from the material's normal to
+#: the tool's.
+SHALLOW, DEEP = 0.05, 0.2
+
+
+def unit(n: np.ndarray, H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normal and its derivative, for a gap whose gradient may not have length 1."""
+    size = np.sqrt((n * n).sum(axis=0))
+    e = n / size
+    He = np.einsum("ikqf,kqf->iqf", H, e)
+    return e, (H - e[:, None] * He[None]) / size
+
+
+def inward(slopes: Sequence[np.ndarray], sign: np.ndarray, tangent: bool):
+    """Inward material normal (dim, q, f) to the tangents ``slopes`` of the moved faces, and its derivative by
+    each of them (dim, dim, q, f)."""
+    c = cross(slopes) * sign
+    size = np.sqrt((c * c).sum(axis=0))
+    n = c / size
+    if not tangent:
+        return -n, ()
+    scale = sign / size
+    turn = []
+    for dc in _cross_slopes(slopes):
+        along = (n[:, None] * dc).sum(axis=0)
+        turn.append(scale * (n[:, None] * along[None] - dc))
+    return -n, turn
+
+
+def turned(gap: np.ndarray, a):
+    """Share of the tool's normal in the push (q, f), 0 to 1, and its derivative by the gap."""
+    span = (DEEP - SHALLOW) * a
+    s = (-gap - SHALLOW * a) / span
+    s = np.where(s.real <= 0, 0, np.where(s.real >= 1, 1, s))
+    return s * s * (3 - 2 * s), -6 * s * (1 - s) / span
+
+
+def cross(tangents: Sequence[np.ndarray]) -> np.ndarray:
+    """A normal (dim, q, f) to one (2D) or two (3D) tangents, not of unit length."""
+    if len(tangents) == 1:
+        return np.stack([tangents[0][1], -tangents[0][0]])
+    a, b = tangents
+    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+def _cross_slopes(tangents: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Derivative of ``cross`` by each tangent, (dim, dim, q, f) or broadcast to it."""
+    if len(tangents) == 1:
+        return [np.array([[0.0, 1.0], [-1.0, 0.0]])[:, :, None, None]]
+    a, b = tangents
+    return [-_skew(b), _skew(a)]
+
+
+def _skew(a: np.ndarray) -> np.ndarray:
+    """The matrix (3, 3, …) of the cross product a × ·."""
+    o = np.zeros_like(a[0])
+    return np.stack([np.stack([o, -a[2], a[1]]), np.stack([a[2], o, -a[0]]), np.stack([-a[1], a[0], o])])

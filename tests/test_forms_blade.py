@@ -1,0 +1,179 @@
+"""The blade's form on small meshes: tangents, forces, what is off, work."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from form_checks import (
+    FRICTIONLESS,
+    HEIGHT,
+    P,
+    assembled,
+    blade,
+    blade_case,
+    bulk_form,
+    check_tangent,
+    displacement,
+    matrix,
+    space_of,
+    spaces,
+    step_between,
+    total,
+)
+
+from cutbench.forms.base import Step
+from cutbench.forms.cut import CutForm
+from cutbench.model import DEFAULT, Model
+
+
+@spaces
+@pytest.mark.parametrize("normal", ["tool", "material", "blended"])
+@pytest.mark.parametrize("gap", ["distance", "ellipse"])
+@pytest.mark.parametrize("names", [FRICTIONLESS, DEFAULT], ids=["frictionless", "friction"])
+def test_blade_tangent(dim, order, normal, gap, names):
+    space = space_of(dim, order)
+    form = blade(space, normal=normal, gap=gap, names=names)
+    u, state, step = blade_case(space, form)
+    new = form.evaluate(u, P, state, step).state
+    pressed = new["pressure"] > 0
+    assert pressed.any() and not pressed.all()
+    assert state["multiplier"].max() > 0
+    check_tangent(space, form, u, state, step, rtol=1e-9)
+
+
+@spaces
+def test_some_points_stick_and_some_slip(dim, order):
+    """The tangents above are tested on both branches of the return mapping."""
+    space = space_of(dim, order)
+    form = blade(space)
+    u, state, step = blade_case(space, form)
+    new = form.evaluate(u, P, state, step).state
+    strength = P.mu * state["pressure"] + P.tau_W * state["touched"]  # of the last step: see the form
+    shear = np.sqrt((new["shear"] ** 2).sum(axis=0))
+    assert np.all(shear <= strength * (1 + 1e-9) + 1e-15), "the slip criterion holds everywhere"
+    carries = strength > 0
+    assert (shear[carries] < 0.99 * strength[carries]).any()
+    assert (shear[carries] > 0.999 * strength[carries]).any()
+
+
+@spaces
+def test_top_face_tangent(dim, order):
+    space = space_of(dim, order)
+    form = blade(space, face="top")
+    u = displacement(space, opening=0.0)
+    c = np.array([0.0, HEIGHT + 0.9, 0.0])
+    step = Step(0.2, displacement(space, 1, opening=0.0), c, c + np.array([0.0, 0.1, 0.0]))
+    state = form.touch(form.start(P))
+    assert form.evaluate(u, P, state, step).state["pressure"].max() > 0
+    check_tangent(space, form, u, state, step, rtol=1e-9)
+
+
+@spaces
+@pytest.mark.parametrize("normal", ["tool", "material", "blended"])
+def test_the_force_reported_is_the_sum_of_the_contact_forces(dim, order, normal):
+    space = space_of(dim, order)
+    form = blade(space, normal=normal)
+    u, state, step = blade_case(space, form)
+    local = form.evaluate(u, P, state, step)
+    nodal_sum = total(assembled(space, form), form, local).reshape(-1, dim).sum(axis=0)
+    force = form.force(local.state)
+    assert np.abs(force).max() > 0
+    np.testing.assert_allclose(nodal_sum, force, rtol=1e-12, atol=1e-15)
+
+
+@spaces
+def test_a_blade_that_comes_down_is_pushed_up(dim, order):
+    space = space_of(dim, order)
+    form = blade(space, face="top")
+    c = np.array([0.0, HEIGHT + 0.95, 0.0])
+    local = form.evaluate(np.zeros(space.ndof), P, form.start(P), Step(1.0, np.zeros(space.ndof), c, c))
+    assert form.force(local.state)[1] > 0
+    assert local.state["pressure"].max() > 0
+    far = c + np.array([0.0, 5.0, 0.0])
+    away = form.evaluate(np.zeros(space.ndof), P, form.start(P), Step(1.0, np.zeros(space.ndof), far, far))
+    assert not away.vector.any() and not away.matrix.any()
+
+
+@spaces
+@pytest.mark.parametrize("normal", ["tool", "material", "blended"])
+def test_a_form_that_calls_itself_symmetric_is(dim, order, normal):
+    """The solver then sees the upper triangle only: an unsymmetric tangent would be cut in silence."""
+    space = space_of(dim, order)
+    for names in (FRICTIONLESS, DEFAULT):
+        form = blade(space, normal=normal, names=names)
+        K = matrix(assembled(space, form), form, form.evaluate(*case_of(space, form)))
+        skew = np.abs((K - K.T).toarray()).max()
+        if form.symmetric:
+            assert skew < 1e-10 * np.abs(K.data).max(), (normal, names)
+    for form in (bulk_form(space), CutForm(Model(DEFAULT).laws("cut"), space.faces("cut", 4), HEIGHT)):
+        u, step = 2 * displacement(space, size=0.01), step_between(space)
+        K = matrix(assembled(space, form), form, form.evaluate(u, P, form.start(P), step))
+        if form.symmetric:
+            assert np.abs((K - K.T).toarray()).max() < 1e-10 * np.abs(K.data).max(), form.name
+
+
+def case_of(space, form):
+    u, state, step = blade_case(space, form)
+    return u, P, state, step
+
+
+@spaces
+@pytest.mark.parametrize("absent, value", [("coulomb", {"mu": 0.0}), ("adhesion", {"tau_W": 0.0})])
+def test_a_blade_law_that_is_off_is_absent_to_the_bit(dim, order, absent, value):
+    space = space_of(dim, order)
+    off = SimpleNamespace(**(vars(P) | value))
+    got = []
+    for model in (Model(DEFAULT), Model(DEFAULT).without(absent)):
+        form = blade(space, names=model.mechanisms)
+        step = step_between(space)
+        past = form.evaluate(displacement(space, 1, 0.03), off, form.start(off), step, tangent=False)
+        got.append(form.evaluate(displacement(space), off, form.touch(past.state), step))
+    assert got[0].vector.any()
+    assert np.array_equal(got[0].vector, got[1].vector)
+    assert np.array_equal(got[0].matrix, got[1].matrix)
+
+
+@spaces
+def test_all_friction_off_is_frictionless_to_the_bit(dim, order):
+    space = space_of(dim, order)
+    off = SimpleNamespace(**(vars(P) | {"mu": 0.0, "tau_W": 0.0}))
+    u, step, got = displacement(space), step_between(space), []
+    for names in (DEFAULT, FRICTIONLESS):
+        form = blade(space, names=names)
+        got.append(form.evaluate(u, off, form.start(off), step))
+    assert got[0].vector.any()
+    assert np.array_equal(got[0].vector, got[1].vector)
+    assert np.array_equal(got[0].matrix, got[1].matrix)
+
+
+def test_touched_is_kept_on_the_cut_and_not_on_the_top():
+    space = space_of(2, 2)
+    for face, kept in (("cut", True), ("top", False)):
+        form = blade(space, face=face)
+        state = form.start(P)
+        shape = state["pressure"].shape
+        once = form.touch({**state, "pressure": np.ones(shape)})
+        assert once["touched"].all()
+        later = form.touch({**once, "pressure": np.zeros(shape)})
+        assert bool(later["touched"].all()) is kept
+
+
+@spaces
+@pytest.mark.parametrize("normal", ["tool", "material", "blended"])
+def test_blade_work_is_what_the_blade_gives_less_what_the_material_takes(dim, order, normal):
+    space = space_of(dim, order)
+    form = blade(space, normal=normal)
+    u, state, step = blade_case(space, form)
+    old = form.evaluate(step.u_old, P, state, replace(step, centre=step.centre_old)).state
+    old_vector = form.evaluate(step.u_old, P, state, replace(step, centre=step.centre_old)).vector
+    new = form.evaluate(u, P, old, step)
+    pattern = assembled(space, form)
+    mean = pattern.vector(form.name, (old_vector + new.vector) / 2)
+    force = (form.force(old) + form.force(new.state)) / 2
+    work = form.work(u, P, old, new.state, step)
+    taken = mean @ (u - step.u_old) - force @ (step.centre - step.centre_old)[:dim]
+    assert set(work) == {law.name for law in Model(DEFAULT).laws("blade")}
+    assert sum(work.values()) == pytest.approx(taken, rel=1e-10)

@@ -1,0 +1,123 @@
+"""Whole runs in plane strain: what changes, and what does not, with the numerical choices."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from coarse_runs import (
+    BRIEF,
+    COARSE,
+    PRESSED,
+    brief_run,
+    force_at,
+    pressed_run,
+    seen_by_blade,
+)
+
+from cutbench.run import run_case
+from cutbench.solve import march
+
+
+@pytest.fixture
+def pressed():
+    return pressed_run()
+
+
+@pytest.fixture
+def brief():
+    return brief_run()
+
+
+def test_half_and_full_block_agree(brief):
+    full = run_case(BRIEF.set(symmetry="full"))
+    assert full.curve["cut_length_mm"][-1] > 0.05
+    at = np.linspace(0.05, 0.9, 30)
+    np.testing.assert_allclose(force_at(full, at), force_at(brief, at), rtol=2e-3)
+    virgin = run_case(PRESSED.set(symmetry="full", depth="0.3 mm"))
+    half = run_case(PRESSED.set(depth="0.3 mm"))
+    np.testing.assert_allclose(virgin.force_N, half.force_N, rtol=1e-6)
+    assert virgin.counts["degrees_of_freedom"] > 1.9 * half.counts["degrees_of_freedom"]
+
+
+@pytest.mark.parametrize("normal", ["tool", "material", "blended"])
+def test_elements_from_stiff_to_soft(normal):
+    """While nothing is cut, a richer space is softer: linear triangles lock at ν = 0.49."""
+    case = PRESSED.set(normal=normal, depth="1 mm")
+    linear, quadratic, mixed = (force_at(run_case(case.set(element=e)), 1.0) for e in ("P1", "P2", "P2P1"))
+    assert linear > 1.1 * quadratic
+    assert mixed == pytest.approx(quadratic, rel=0.02)
+    assert mixed <= quadratic
+
+
+def test_linear_triangles_lock_less_where_the_solid_is_compressible():
+    def excess(nu):
+        case = PRESSED.set(nu=nu, depth="0.5 mm")
+        linear, quadratic = (force_at(run_case(case.set(element=e)), 0.5) for e in ("P1", "P2"))
+        return linear / quadratic - 1
+
+    assert excess(0.3) < 0.7 * excess(0.49)
+
+
+def test_normals_and_gaps_are_choices_that_matter_little_before_the_cut(pressed):
+    for change in ({"normal": "tool"}, {"gap": "ellipse"}):
+        other = force_at(run_case(PRESSED.set(**change)), 1.5)
+        assert other != force_at(pressed, 1.5)
+        assert other == pytest.approx(force_at(pressed, 1.5), rel=0.05)
+
+
+def test_the_staggered_scheme_tends_to_the_monolithic_one():
+    """Damage that lags is repeated until it stands still; viscosity then sees it at a step's end."""
+    # Viscous enough that the cut grows steadily: in a snap, what a step meets depends on the step.
+    case = BRIEF.set(mu=0.0, viscosity=8.0, depth="0.8 mm", element="P1")
+    at = np.linspace(0.05, 0.8, 40)
+    apart = []
+    for step in ("0.2 mm", "0.02 mm"):
+        whole, lagged = (run_case(case.set(step=step, scheme=s)) for s in ("monolithic", "staggered"))
+        assert lagged.outcome.done
+        assert lagged.curve["cut_length_mm"][-1] > 0.01
+        assert lagged.counts["iterations"] > whole.counts["iterations"]
+        apart.append(np.abs(force_at(lagged, at) / force_at(whole, at) - 1).max())
+    # First order in the step: a tenth of it leaves a tenth, or a little more, of the difference.
+    assert apart[1] < 0.2 * apart[0] < 0.02
+
+
+def test_errors_of_the_ledger_do_not_add_up(monkeypatch):
+    """Beyond half a per cent of the work, steps that would add to what is open are held tighter."""
+    case = COARSE.set(element="P1", h="0.8 mm", depth="6 mm", energy_step=0.1, cohesion=5.0)
+    held, allowed = run_case(case), march.DRIFT
+    monkeypatch.setattr(march, "DRIFT", 1.0)
+    free = run_case(case)
+    most = [np.abs(run.curve["closure"]).max() for run in (held, free)]
+    assert most[0] < 1.2 * allowed < most[1]
+
+
+def test_stepping_of_the_paper_reaches_the_same_force(pressed):
+    result = run_case(PRESSED.set(stepping="paper"))
+    assert result.outcome.done
+    assert force_at(result, 1.5) == pytest.approx(force_at(pressed, 1.5), rel=1e-3)
+    assert result.counts["steps"] != pressed.counts["steps"]
+
+
+def deepest(case):
+    """Largest penetration of the blade by quadrature points in contact, mm."""
+    picture = run_case(case, snapshots_mm=(case.p.depth,)).snapshots[-1]
+    p = case.p
+    found = 0.0
+    for face in picture.faces.values():
+        g, _ = seen_by_blade(face, p, picture.displacement_mm)
+        assert (g[face["contact_state"] == 0] > -1e-9).all(), "whoever is inside is in contact"
+        found = max(found, -g[face["contact_state"] == 1].min(initial=0.0))
+    return found
+
+
+def test_augmentation_reduces_the_penetration():
+    case = PRESSED.set(depth="0.3 mm", normal="tool", penalty=20)
+    penalty, once, thrice = (deepest(case.set(augmentations=n)) for n in (0, 1, 3))
+    assert penalty > 1e-4
+    assert once < 0.7 * penalty
+    assert thrice < once
+
+
+def test_a_larger_penalty_reduces_the_penetration():
+    soft, stiff = (deepest(PRESSED.set(depth="0.3 mm", penalty=k)) for k in (20, 100))
+    assert stiff < 0.5 * soft
