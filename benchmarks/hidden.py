@@ -42,6 +42,8 @@ class Test:
     pressure: float = 0.0
     role: str = "train"
     sizes: dict = field(default_factory=dict)
+    #: pytest takes a class of this name for tests.
+    __test__ = False
 
 
 @dataclass(frozen=True)
