@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from cut_files import COARSE, campaign_of, write_readings
@@ -89,13 +91,17 @@ def campaign(folder, fields: str):
 
 def test_a_field_tells_what_the_force_does_not(folder):
     alone = fit(campaign(folder, ""), workers=0)
-    both = fit(campaign(folder, FIELDS), workers=0)
+    seen = campaign(folder, FIELDS)
+    (press,) = seen.experiments
+    again = replace(press, id="again", role="test")
+    both = fit(replace(seen, experiments=(press, again)), workers=0)
     a, b = (found.estimate("nu") for found in (alone, both))
     assert b.sd < 0.3 * a.sd
     assert b.low < CASE.values["nu"] < b.high
     assert both.estimate("G").low < CASE.values["G"] < both.estimate("G").high
-    (note,) = [note for note in both.notes if "displacements" in note]
-    assert "'press'" in note and "1 field the" in note
+    fitted, predicted = sorted((note for note in both.notes if "displacements" in note), reverse=True)
+    assert "'press'" in fitted and "1 field the fit is off" in fitted
+    assert "'again'" in predicted and "1 field the prediction is off" in predicted
 
 
 @pytest.mark.parametrize(
