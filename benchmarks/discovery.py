@@ -16,15 +16,20 @@ import math
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.hidden import FAMILIES, OUTSIDE, SCATTER, VISIBLE, Hidden, make
 from cutbench.discover import Discovery, discover
-from cutbench.discover.point import Point
+from cutbench.discover.point import Point, baseline
 from cutbench.errors import CutbenchError
 from cutbench.experiment import Experiment
+from cutbench.fit import fit
+from cutbench.inverse import GRID
+from cutbench.observe import predictor
+from cutbench.output import write_json
 
 #: What is left of an effect in the fitted tests counts as shown by so many standard deviations: chance among
 #: all candidates takes some three of them.
@@ -47,32 +52,42 @@ def _truth(point: Point, e: Experiment, clean: Mapping[str, tuple]) -> np.ndarra
     return np.interp(grid.x, x, y) if e.monotone else np.interp(grid.time_s, t, y)
 
 
-def judge(hidden: Hidden, d: Discovery) -> dict:
+def held_out_error(point: Point, truth: Mapping[str, tuple]) -> float:
+    """Relative squared error of the prediction of the test experiments (of all, where there are none) against
+    their clean curves, the mean of each summed."""
+    tests, total = [e for e in point.campaign.experiments if e.id in point.tests], 0.0
+    for e in tests or point.campaign.train:
+        y, true = point.tests.get(e.id, point.y.get(e.id)), _truth(point, e, truth)
+        total += ((y - true) ** 2).mean() / np.abs(true).max() ** 2
+    return float(total)
+
+
+def uneventful(hidden: Hidden, d: Discovery, workers: int = 0) -> Point:
+    """The baseline fitted to the same specimens and noise with nothing hidden: how far off it is then is
+    none of the effect's doing."""
+    fitted = fit(replace(d.campaign, experiments=hidden.without.experiments), workers=workers)
+    with predictor(workers) as run:
+        return baseline(fitted, run, GRID)
+
+
+def judge(hidden: Hidden, d: Discovery, workers: int = 0) -> dict:
     """What the search said, beside what was hidden."""
     first = d.rounds[0]
     named = d.found[0] if d.found else (first.tried[0].name if first.tried else None)
     group = list(first.group)
     right = hidden.effect in (d.found[:1] or ()) or (bool(d.found) and hidden.effect in group)
-    cut = None
-    tests = [e for e in d.campaign.experiments if e.id in d.final.tests]
+    cut = caused = None
     if d.found:
-
-        def error(point):
-            total = 0.0
-            for e in d.campaign.experiments:
-                y = point.tests.get(e.id, point.y.get(e.id))
-                if y is None or (tests and e.role != "test"):
-                    continue
-                truth = _truth(point, e, hidden.clean)
-                total += ((y - truth) ** 2).mean() / np.abs(truth).max() ** 2
-            return total
-
-        cut = 1 - error(d.final) / max(error(d.first), 1e-30)
+        before, after = (held_out_error(point, hidden.clean) for point in (d.first, d.final))
+        anyway = held_out_error(uneventful(hidden, d, workers), hidden.plain)
+        cut, caused = 1 - after / max(before, 1e-30), before - anyway
+        # Where chance alone is off by as much, the effect caused no error that could be cut.
+        caused = (before - after) / caused if caused > 0 else None
     return {
         "case": hidden.number, "effect": hidden.effect, "family": hidden.family, "design": hidden.design,
         "change": hidden.change, "left_over": left_over(d.first, hidden.clean), "values": hidden.values,
         "verdict": d.verdict, "found": list(d.found), "named_first": named, "group": group, "right": right,
-        "seconds": d.seconds, "heldout_error_cut": cut,
+        "seconds": d.seconds, "heldout_error_cut": cut, "of_what_the_effect_caused": caused,
         "p_residual": first.scores.p_residual,
         "best": [{"name": t.name, "p_any": t.p_any, "share": t.share, "behind": t.behind, "se": t.behind_se,
                   "better": t.heldout.better, "better_se": t.heldout.better_se, "gain": t.heldout.gain}
@@ -137,8 +152,11 @@ def summary(rows: Sequence[dict]) -> dict:
         "a cause named where there is none": part(nothing, lambda r: bool(r["found"])),
         "'none' where there is none": part(nothing, lambda r: r["verdict"] == "none"),
         "'unexplained' for outside effects": part(alien, lambda r: r["verdict"] == "unexplained"),
-        "held-out error cut by 80 % or more where the cause was found":
-            part(right, lambda r: (r["heldout_error_cut"] or 0) >= 0.8),
+        "held-out squared error cut by 80 % or more where the cause was found":
+            part(right, lambda r: r["heldout_error_cut"] >= 0.8),
+        "the same of the error that the effect caused":
+            part([r for r in right if r["of_what_the_effect_caused"] is not None],
+                 lambda r: r["of_what_the_effect_caused"] >= 0.8),
         "seconds a case, median and largest": f"{np.median([r['seconds'] for r in rows]):.1f},"
             f" {max(r['seconds'] for r in rows):.1f}",
     }  # fmt: skip
@@ -156,6 +174,10 @@ def _known(args) -> list[dict]:
     return data["rows"] if {k: data[k] for k in _asked(args)} == _asked(args) else []
 
 
+def _told(text: str) -> None:
+    print(f"    {text}", flush=True)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.discovery", description=__doc__.splitlines()[0]
@@ -164,18 +186,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--kinds", default="homogeneous")
     parser.add_argument("--only", help="one effect")
+    parser.add_argument("--case", type=int, help="the case of this number alone")
+    parser.add_argument("--workers", type=int, default=0, help="processes of a search; default: this one")
     parser.add_argument("--limit", type=float, default=math.inf, help="seconds after which no case begins")
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--told", action="store_const", const=_told, help="show what the search does")
     args = parser.parse_args(arguments)
     rows, began = _known(args), time.perf_counter()
     for number, (effect, family, many) in enumerate(plan(args.cases, args.seed, args.kinds.split(","))):
         if (args.only and effect != args.only) or number in [r["case"] for r in rows]:
             continue
+        if args.case is not None and number != args.case:
+            continue
         if time.perf_counter() - began > args.limit:
             break
         hidden = make(number, effect, family, many, args.seed)
         try:
-            rows.append(judge(hidden, discover(hidden.campaign, workers=0)))
+            found = discover(hidden.campaign, workers=args.workers, told=args.told)
+            rows.append(judge(hidden, found, args.workers))
         except CutbenchError as error:
             print(f"{number} {effect}: {error}", flush=True)
             continue
@@ -183,18 +211,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(
             f"{number:3d} {effect:20s} {family:9s} {hidden.design:18s} change {hidden.change:.2f}"
             f" ({r['left_over']:.0f} sd)  {r['verdict']:11s} {','.join(r['found']):22s} group {r['group']}"
-            f" {'right' if r['right'] else ''} cut {r['heldout_error_cut']} {r['seconds']:.0f} s",
+            f" {'right' if r['right'] else ''} cut {r['heldout_error_cut']} {r['of_what_the_effect_caused']}"
+            f" {r['seconds']:.0f} s",
             flush=True,
         )
         if args.json:
-            args.json.write_text(json.dumps({**_asked(args), "rows": rows}, default=float, indent=1))
+            write_json({**_asked(args), "rows": rows}, args.json)
     print(confusion(rows))
     figures = summary(rows)
     for key, value in figures.items():
         print(f"{key}: {value}")
     if args.json:
-        text = json.dumps({**_asked(args), "summary": figures, "rows": rows}, default=float, indent=1)
-        args.json.write_text(text)
+        write_json({**_asked(args), "summary": figures, "rows": rows}, args.json)
     return 0
 
 

@@ -7,19 +7,20 @@ factor, noise that is partly correlated along the curve, strength and shape of t
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from copy import deepcopy
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cutbench.campaign import Campaign, FitPlan, all_candidates, start_case
 from cutbench.case import Case, load_case
-from cutbench.curve import driven
 from cutbench.errors import CutbenchError
 from cutbench.experiment import HOMOGENEOUS, Experiment
 from cutbench.homogeneous import History, respond
 from cutbench.homogeneous.stretching import nominal_stress
 from cutbench.repetition import Repetition
-from cutbench.run import run_case
+from cutbench.synthetic import Test as Plain
+from cutbench.synthetic import clean as computed
 
 #: An effect counts as visible if it changes the curve by this many times the scatter.
 VISIBLE = 2.0
@@ -30,25 +31,20 @@ OUTSIDE = ("swing", "jump", "softening with time")
 
 
 @dataclass(frozen=True)
-class Test:
+class Test(Plain):
     """``program``: monotone, cycle (there and back), hold, or steps (four parts, slow and fast by turns, the
-    last two of a sliding test at another pressure); ``speed`` in mm/s or 1/s; ``reach`` in mm or stretch."""
+    last two of a sliding test at another pressure)."""
 
-    id: str
-    kind: str
-    speed: float
-    reach: float
+    readings: int = READINGS
     program: str = "monotone"
     pressure: float = 0.0
-    role: str = "train"
-    sizes: dict = field(default_factory=dict)
-    #: pytest takes a class of this name for tests.
-    __test__ = False
 
 
 @dataclass(frozen=True)
 class Hidden:
-    """One case: what was done, and what was hidden in it."""
+    """One case: what was done, and what was hidden in it; ``without`` has the same specimens and noise, and
+    nothing hidden. ``clean``, ``plain``: the curves without specimens and noise, with the effect and
+    without."""
 
     number: int
     effect: str
@@ -57,7 +53,9 @@ class Hidden:
     change: float
     values: dict
     campaign: Campaign
+    without: Campaign
     clean: dict
+    plain: dict
 
 
 def designs(family: str, many: bool, rng) -> list[Test]:
@@ -66,14 +64,16 @@ def designs(family: str, many: bool, rng) -> list[Test]:
     alone = "steps" if not many and rng.random() < 0.5 else "monotone"
     if family == "bulk":
         reach = rng.uniform(1.8, 3.0)
-        first = Test("tension", "uniaxial", slow, reach, "cycle" if rng.random() < 0.5 else "monotone")
+        first = Test(
+            "tension", "uniaxial", slow, reach, program="cycle" if rng.random() < 0.5 else "monotone"
+        )
         if not many:
             return [first]
         if rng.random() < 0.5:
             return [
                 first,
-                Test("fast", "uniaxial", 30 * slow, reach, first.program),
-                Test("hold", "uniaxial", 10 * slow, reach, "hold", role="test"),
+                Test("fast", "uniaxial", 30 * slow, reach, program=first.program),
+                Test("hold", "uniaxial", 10 * slow, reach, program="hold", role="test"),
             ]
         return [
             first,
@@ -166,14 +166,7 @@ def pressure(test: Test, n: int) -> np.ndarray:
 def clean(case: Case, test: Test) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Abscissa, ordinate, time (n,) as the truth has them."""
     if test.kind == "cut":
-        values = {**case.values, **test.sizes, "depth": test.reach, "speed": test.speed}
-        result = run_case(Case(case.name, case.dim, case.mechanisms, values, case.numerics))
-        c = result.curve
-        d, F = case.model.record(c["displacement_mm"], c["force_N"], c["time_s"], result.case.p)
-        seen = driven(d)
-        d, F, t = d[seen], F[seen], c["time_s"][seen]
-        x = np.linspace(0, d[-1], READINGS + 1)[1:]
-        return x, np.interp(x, d, F), np.interp(x, d, t)
+        return computed(case, test)
     x, t = way(test)
     history = History.along(x, t, 1.0 if test.kind in HOMOGENEOUS else 0.0, pressure(test, x.size))
     if test.kind in HOMOGENEOUS:
@@ -207,7 +200,7 @@ def readings(test: Test, curve, rng) -> Experiment:
         for i in range(REPETITIONS)
     ]  # fmt: skip
     cut = test.kind == "cut"
-    return Experiment(test.id, test.kind, tuple(made), test.role, test.sizes if cut else {},
+    return Experiment(test.id, test.kind, tuple(made), test.role, dict(test.sizes) if cut else {},
                       {"thickness": 0.7} if cut else {}, test.speed, test.pressure)  # fmt: skip
 
 
@@ -231,7 +224,7 @@ def make(number: int, effect: str, family: str, many: bool, seed: int) -> Hidden
     rng = np.random.default_rng([seed, number])
     tests = cuts(many, rng) if family == "cut" else designs(family, many, rng)
     if effect == "mullins":
-        tests = [Test(**{**vars(t), "program": "cycle"}) if t.kind == "uniaxial" else t for t in tests]
+        tests = [replace(t, program="cycle") if t.kind == "uniaxial" else t for t in tests]
     start = base_case(family, rng)
     true = start
     if family == "cut":
@@ -250,7 +243,9 @@ def make(number: int, effect: str, family: str, many: bool, seed: int) -> Hidden
         values = how
     elif effect != "none":
         curves, values = _with(true, effect, tests, plain, wanted, rng)
+    same = deepcopy(rng)
     experiments = tuple(readings(t, curves[t.id], rng) for t in tests)
+    uneventful = tuple(readings(t, plain[t.id], same) for t in tests)
     # The fit starts elsewhere than the truth.
     off = {n: v * rng.uniform(0.8, 1.25) for n, v in start.values.items() if n in ("G", "G_c", "tau_W", "mu")}
     begin = Case("start", start.dim, start.mechanisms, {**start.values, **off}, start.numerics)
@@ -259,7 +254,8 @@ def make(number: int, effect: str, family: str, many: bool, seed: int) -> Hidden
     campaign = Campaign(f"case {number}", begin, experiments, all_candidates(begin.model, kinds), plan_)
     shown = _beside(curves, plain)
     return Hidden(number, effect, family, "several conditions" if many else "one condition",
-                  changed(curves, shown), values, campaign, curves)  # fmt: skip
+                  changed(curves, shown), values, campaign, replace(campaign, experiments=uneventful), curves,
+                  plain)  # fmt: skip
 
 
 def _beside(curves: dict, plain: dict) -> dict:

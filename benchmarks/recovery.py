@@ -20,12 +20,12 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.__main__ import write_whole
 from benchmarks.machine import facts
 from cutbench.campaign import FitPlan
 from cutbench.case import Case, load_case
 from cutbench.errors import ComputationFailed
 from cutbench.fit import fit
+from cutbench.output import write_json
 from cutbench.synthetic import Noise, Test, campaign
 
 NAMES = ("G", "G_c", "delta_c", "eta_reg", "tau_W")
@@ -91,7 +91,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             print(_line(found[-1]), flush=True)
         if asked.json is not None:
             report = {"machine": facts("1"), "cases": found, "failed": failed, **summary(found)}
-            write_whole(asked.json, report)
+            write_json(report, asked.json)
     if not found:
         return 1
     total = summary(found)

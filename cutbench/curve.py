@@ -95,16 +95,6 @@ def forward(travel_mm: np.ndarray) -> int:
     return int(back[0]) + 1 if back.size else travel_mm.size
 
 
-def driven(shown_mm: np.ndarray) -> np.ndarray:
-    """Which of the points (n,) a machine shows that is driven forward at a steady rate.
-
-    Where its compliance would take the record back, while the force falls faster than the blade moves, it
-    stands still until the record is beyond where it was: the specimen has snapped meanwhile.
-    """
-    x = np.real(shown_mm)
-    return x > np.append(-np.inf, np.maximum.accumulate(x)[:-1])
-
-
 def label(
     drop_rel: float, surge: float = math.nan, *, drop: float = 0.1, surge_min: float | None = None
 ) -> str:

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from types import SimpleNamespace
 
+import numpy as np
+
 from cutbench.errors import BadInput
 from cutbench.mechanisms import Mechanism, registry
 from cutbench.quantities import Parameter
@@ -201,6 +203,16 @@ class Model:
         for law in self.laws("rig"):
             displacement, force = law.record(displacement, force, time, p)
         return displacement, force
+
+    def shown(self, course: np.ndarray, p: SimpleNamespace) -> np.ndarray:
+        """What the rig shows (3, k) of a ``course`` (3, n) of displacement, force and time that is driven on.
+
+        Where its compliance would take the record back, while the force falls faster than the blade moves,
+        it stands still until the record is beyond where it was: the specimen has snapped meanwhile.
+        """
+        x, force = self.record(*course, p)
+        on = np.real(x) > np.append(-np.inf, np.maximum.accumulate(np.real(x))[:-1])
+        return np.stack([x[on], force[on], course[2][on]])
 
     def settable_groups(self) -> dict[str, Group]:
         """The groups that can be set in this model, in the order in which they are applied."""

@@ -18,7 +18,6 @@ import numpy as np
 
 from cutbench.campaign import lead_s
 from cutbench.case import Case
-from cutbench.curve import driven
 from cutbench.dic import at_travel, sample, sampled_slopes
 from cutbench.errors import BadInput, ComputationFailed
 from cutbench.experiment import Experiment
@@ -138,12 +137,11 @@ def recorded(task: Task, prediction: Prediction, **values: float) -> np.ndarray:
 
 def _shown(task: Task, reading: tuple[np.ndarray, np.ndarray], course: np.ndarray, p) -> np.ndarray:
     """The readings (m,) of a run's ``course`` (3, n), complex, through the rig with parameters ``p``."""
-    x, force = task.case.model.record(*course, p)
-    places, average = reading
+    model, (places, average) = task.case.model, reading
     if task.of_time:  # at the same time the blade is elsewhere only where a rig says so
-        return average @ _read(places, course[2], force)
-    seen = driven(x)
-    return average @ _read(places, x[seen], force[seen])
+        return average @ _read(places, course[2], model.record(*course, p)[1])
+    x, force, _ = model.shown(course, p)
+    return average @ _read(places, x, force)
 
 
 def _fields(task: Task, result: Result, rig: set[str]) -> tuple[np.ndarray, np.ndarray]:

@@ -12,7 +12,6 @@ import numpy as np
 
 from cutbench.campaign import Campaign, FitPlan
 from cutbench.case import Case
-from cutbench.curve import driven
 from cutbench.errors import ComputationFailed
 from cutbench.experiment import HOMOGENEOUS, Experiment
 from cutbench.homogeneous import History, respond
@@ -55,11 +54,10 @@ def clean(truth: Case, test: Test) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         result = run_case(case)
         if not result.outcome.done:
             raise ComputationFailed(f"'{test.id}': {result.outcome}", result)
-        curve = result.curve
-        d, F = case.model.record(curve["displacement_mm"], curve["force_N"], curve["time_s"], case.p)
+        course = np.stack([result.curve[name] for name in ("displacement_mm", "force_N", "time_s")])
+        d, F, t = case.model.shown(course, case.p)
         x = np.linspace(0, d[-1], test.readings + 1)[1:]
-        seen = driven(d)
-        return x, np.interp(x, d[seen], F[seen]), x / test.speed
+        return x, np.interp(x, d, F), np.interp(x, d, t)
     rest = 1.0 if test.kind in HOMOGENEOUS else 0.0
     x = rest + (test.reach - rest) * np.arange(1, test.readings + 1) / test.readings
     time = np.abs(x - rest) / test.speed

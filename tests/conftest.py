@@ -1,8 +1,35 @@
-"""One thread a process: the suite runs several at once, and threads that wait for each other would spin."""
+"""One thread a process: the suite runs several at once, and threads that wait for each other would spin.
+
+Runs that several files read.
+"""
 
 import os
+
+import pytest
 
 from cutbench.threads import ONE_THREAD
 
 for name, count in ONE_THREAD.items():
     os.environ.setdefault(name, count)
+
+
+# Coarse runs that several files read; computed once a process, and only where they are asked for.
+@pytest.fixture
+def pressed():
+    import coarse_runs
+
+    return coarse_runs.pressed_run()
+
+
+@pytest.fixture
+def cutting():
+    import coarse_runs
+
+    return coarse_runs.cutting_run()
+
+
+@pytest.fixture
+def brief():
+    import coarse_runs
+
+    return coarse_runs.brief_run()

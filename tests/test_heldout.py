@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,11 +11,11 @@ import pytest
 from benchmarks.discovery import SHOWN, left_over
 from benchmarks.hidden import make
 from cutbench.case import Case, load_case
-from cutbench.curve import driven
 from cutbench.discover.heldout import TESTS, Heldout
 from cutbench.discover.point import baseline
 from cutbench.experiment import Experiment
 from cutbench.fit import fit
+from cutbench.model import DEFAULT, Model
 from cutbench.observe import Task, predict, predictor, recorded
 from cutbench.repetition import Repetition
 
@@ -39,8 +40,11 @@ def test_predictions_that_hardly_differ_tell_nothing():
 
 def test_a_driven_machine_does_not_go_back():
     x = np.array([0.0, 1.0, 2.0, 1.5, 1.9, 2.0, 2.1, 3.0])
-    assert x[driven(x)].tolist() == [0.0, 1.0, 2.0, 2.1, 3.0]
-    assert driven(x + 1e-30j).sum() == 5
+    model, course = Model(DEFAULT), np.stack([x, 2 * x, np.arange(8.0)])
+    shown = model.shown(course, SimpleNamespace())
+    assert shown[0].tolist() == [0.0, 1.0, 2.0, 2.1, 3.0]
+    assert np.array_equal(shown[1], 2 * shown[0]) and shown[2].tolist() == [0, 1, 2, 6, 7]
+    assert model.shown(course + 1e-30j, SimpleNamespace()).shape == (3, 5)
 
 
 @pytest.mark.parametrize("strength", [0.02, 0.4])

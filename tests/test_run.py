@@ -10,10 +10,7 @@ from coarse_runs import (
     PRESSED,
     QUICK,
     blade_work,
-    brief_run,
-    cutting_run,
     force_at,
-    pressed_run,
     work,
 )
 
@@ -24,21 +21,6 @@ from cutbench.solve import march
 
 #: Mechanisms that a number switches off, with the numbers.
 SWITCHED = {m.name: m.off for m in CUTTING.model.all if m.off and m.slot != "bulk"}
-
-
-@pytest.fixture
-def pressed():
-    return pressed_run()
-
-
-@pytest.fixture
-def cutting():
-    return cutting_run()
-
-
-@pytest.fixture
-def brief():
-    return brief_run()
 
 
 # -- curve --------------------------------------------------------------------------------------------

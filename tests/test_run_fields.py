@@ -8,18 +8,12 @@ from coarse_runs import (
     BRIEF,
     CUTTING,
     PRESSED,
-    cutting_run,
     seen_by_blade,
 )
 
 from cutbench.build import build
 from cutbench.mechanisms.bulk._isotropic import det
 from cutbench.run import run_case
-
-
-@pytest.fixture
-def cutting():
-    return cutting_run()
 
 
 def test_snapshots_are_taken_where_they_were_asked_for(cutting):

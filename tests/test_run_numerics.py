@@ -8,24 +8,12 @@ from coarse_runs import (
     BRIEF,
     COARSE,
     PRESSED,
-    brief_run,
     force_at,
-    pressed_run,
     seen_by_blade,
 )
 
 from cutbench.run import run_case
 from cutbench.solve import march
-
-
-@pytest.fixture
-def pressed():
-    return pressed_run()
-
-
-@pytest.fixture
-def brief():
-    return brief_run()
 
 
 def test_half_and_full_block_agree(brief):

@@ -149,3 +149,20 @@ def test_they_are_written_in_units_a_person_uses(tmp_path):
     np.testing.assert_allclose(table[:, 1], 1e-3 * result.sensitivities["G_c"], rtol=1e-12)
     write_run(run_case(QUICK), tmp_path)
     assert not paths["sensitivities"].exists()
+
+
+def test_differences_are_read_where_they_agree():
+    """Far ones have left a snap's branch, near ones have no digits, and one may have ended early."""
+    from benchmarks.sensitivities import settled
+
+    true, same = np.array([2.0, 3.0, 5.0]), np.ones(3, dtype=bool)
+    tried = {
+        1e-5: (true[:2] * [1.0, 1.5], same[:2]),
+        1e-6: (true * (1 + 1e-6), same),
+        1e-7: (true * [1.2, 1 + 2e-6, 1 + 3e-6], np.array([True, False, True])),
+    }
+    found, kept, doubt = settled(tried)
+    np.testing.assert_allclose(found, true, rtol=4e-6)
+    assert kept.tolist() == [True, False, True] and doubt.max() < 2e-6
+    del tried[1e-7]
+    assert settled(tried)[0].size == 2, "of the last reading there is only one difference left"

@@ -270,7 +270,8 @@ def _round(point: Point, run: Predictor, seed: int, say: Callable[[str], None]) 
             continue
         after, held, kept = _shaped(point, s, after, scores, run)
         gain = max(scores.chi2 - after.chi2, 0.0)
-        share = gain / scores.excess if scores.excess > 0 else 0.0
+        # Where chance made the residual as small as noise, what gains anything gains all of it.
+        share = gain / scores.excess if scores.excess > 0 else 1.0
         tried.append(Tried(s, after, held, gain, scores.p_any(s.name, gain), share, shapes_open=kept))
     tried, group = _ordered(tried, scores, meshed)
     # A residual that is not significant as a whole needs a candidate that explains most of it.
