@@ -59,14 +59,15 @@ def test_the_staggered_scheme_tends_to_the_monolithic_one():
     case = BRIEF.set(mu=0.0, viscosity=8.0, depth="0.8 mm", element="P1")
     at = np.linspace(0.05, 0.8, 40)
     apart = []
-    for step in ("0.2 mm", "0.02 mm"):
+    for step in ("0.02 mm", "0.005 mm"):
         whole, lagged = (run_case(case.set(step=step, scheme=s)) for s in ("monolithic", "staggered"))
         assert lagged.outcome.done
         assert lagged.curve["cut_length_mm"][-1] > 0.01
-        assert lagged.counts["iterations"] > whole.counts["iterations"]
+        assert lagged.counts["iterations"] >= whole.counts["iterations"]
+        assert lagged.counts["steps"] < 1.3 * whole.counts["steps"], "nothing snaps"
         apart.append(np.abs(force_at(lagged, at) / force_at(whole, at) - 1).max())
-    # First order in the step: a tenth of it leaves a tenth, or a little more, of the difference.
-    assert apart[1] < 0.2 * apart[0] < 0.02
+    # First order in the step: a quarter of it leaves a quarter, or a little more, of the difference.
+    assert apart[1] < 0.4 * apart[0] < 0.4 * 0.01
 
 
 def test_errors_of_the_ledger_do_not_add_up(monkeypatch):

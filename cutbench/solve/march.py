@@ -44,12 +44,13 @@ class StepRules:
     iterations: int = 6
     grow: float = 1.5
     shrink: float = 0.5
+    tenth: float = 0.1
     augmentations: int = 0
     #: Largest part of the blade's work in a step that the ledger may leave open.
     defect: float = 0.05
-    #: Below these steps, in mm, the damping is raised where Newton's method fails, and where the energy does
-    #: not close: the second a smaller step cures, the first seldom.
+    #: Below this step, in mm, where Newton's method fails the next one is a tenth: a snap has begun.
     gentle: float = 0.03
+    #: Below this step, in mm, one whose energy does not close is taken where damping has been raised in vain.
     finest: float = 5e-3
     #: Damage is held during Newton's method and updated until it stands still (the paper's scheme).
     staggered: bool = False
@@ -217,16 +218,17 @@ class March:
             except NoConvergence as error:
                 self.failures.append(f"{travel:.4f} mm, step {size:.2g} mm: {error.reason}")
                 easy = 0
-                size *= rules.shrink
                 if not chosen:
                     self.stopped = error.reason
                     return
-                gentle = rules.finest if isinstance(error, _Leaky) else rules.gentle
-                if damping is not None and size < gentle and damping.boost < LARGEST_BOOST:
-                    # Slower than the smallest step lets it be, instead of a smaller step.
+                if size > rules.smallest:
+                    # To a jump a smaller step is what more damping is. But the blade drags what it moves
+                    # against raised damping, a force of the method's own: it goes a short way then.
+                    snaps = size <= rules.gentle and not isinstance(error, _Leaky)
+                    size = max(size * (rules.tenth if snaps else rules.shrink), rules.smallest)
+                elif damping is not None and damping.boost < LARGEST_BOOST:
                     damping.boost = max(10.0, damping.boost * 10)
-                    size = max(size, rules.smallest)
-                elif size < rules.smallest:
+                else:
                     self.stopped = error.reason
                     return
                 continue
