@@ -47,14 +47,14 @@ class Numerics:
     """Every choice that is numerical; part of a case's identity."""
 
     h_mm: float = 0.25  # element size along the cut plane
-    corner: float = 0.03125  # the same under the tip, in units of h
+    corner: float = 0.015625  # the same under the tip, in units of h
     slender: float = 8.0  # elements at the cut plane are this many times taller than wide
     along: float = 4.0  # and this many times longer along the blade than tall, at the most (3D)
     element: str = "P2"  # P1 | P2 | P2P1 (mixed)
     normal: str = "blended"  # material's, turning to the tool's where deep | material | tool
     gap: str = "distance"  # distance | ellipse (the paper's dimensionless one)
     penalty: float = 1000.0  # contact stiffness, in G per mm of penetration
-    stick: float = 10.0  # stiffness of sticking, G per mm of slip: friction builds up over τ/(stick G)
+    stick: float = 400.0  # stiffness of sticking, G per mm of slip
     augmentations: int = 0  # Uzawa updates a step at the most
     facet_degree: int = 6  # quadrature degree on faces
     bulk_degree: int = 0  # 0: what the element needs
@@ -95,7 +95,7 @@ class Numerics:
 
 
 #: Where a solid's defaults differ: its elements are as few as a run in minutes allows.
-_SOLID = {"h_mm": 1.0, "corner": 0.25, "facet_degree": 4}
+_SOLID = {"h_mm": 1.0, "corner": 0.25, "facet_degree": 4, "bulk_degree": 2}
 
 
 def defaults(dim: int) -> Numerics:
@@ -105,8 +105,6 @@ def defaults(dim: int) -> Numerics:
 
 #: The paper's mean edge in mm, of 47,801 tetrahedra in 30 × 30 × 21 mm, and its penalty ε_N in N/mm².
 PAPER_EDGE, PAPER_PENALTY = 1.5, 1.0
-#: It gives none for sticking: stiff, so that friction is what Coulomb's law says, in G per mm.
-PAPER_STICK = 400.0
 #: In three dimensions elements grow away from the cut plane: this size on it gives as many as the paper's.
 PAPER_SOLID = {"h_mm": 0.85, "along": 1.25}
 #: Sets of choices under one word.
@@ -136,7 +134,6 @@ def preset(name: object, values: Mapping[str, float], dim: int) -> Numerics:
         normal="material",
         gap="ellipse",
         penalty=penalty,
-        stick=PAPER_STICK,
         scheme="staggered",
         stepping="paper",
         step_mm=0.2,
