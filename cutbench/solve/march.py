@@ -224,7 +224,7 @@ class March:
                 if size > rules.smallest:
                     # To a jump a smaller step is what more damping is. But the blade drags what it moves
                     # against raised damping, a force of the method's own: it goes a short way then.
-                    snaps = size <= rules.gentle and not isinstance(error, _Leaky)
+                    snaps = 0 < way and size <= rules.gentle and not isinstance(error, _Leaky)
                     size = max(size * (rules.tenth if snaps else rules.shrink), rules.smallest)
                 elif damping is not None and damping.boost < LARGEST_BOOST:
                     damping.boost = max(10.0, damping.boost * 10)
@@ -253,7 +253,7 @@ class March:
                     max(size / 10, rules.smallest) if growth > rules.damage else min(5 * size, rules.largest)
                 )
             elif hardest > rules.iterations + 3 or growth > rules.damage or defect > 0.7 * allowed:
-                size *= 0.7
+                size = max(0.7 * size, min(size, rules.smallest))
             elif (
                 hardest <= rules.iterations
                 and defect < 0.35 * allowed
