@@ -8,6 +8,7 @@ from coarse_runs import (
     BRIEF,
     COARSE,
     PRESSED,
+    QUICK,
     force_at,
     seen_by_blade,
 )
@@ -78,6 +79,23 @@ def test_errors_of_the_ledger_do_not_add_up(monkeypatch):
     free = run_case(case)
     most = [np.abs(run.curve["closure"]).max() for run in (held, free)]
     assert most[0] < 1.2 * allowed < most[1]
+
+
+def test_a_march_does_not_crawl(monkeypatch):
+    """Where only raised damping helps, over a way that the smallest steps would take a thousand for."""
+    case, newton = QUICK.set(depth="0.6 mm"), march.newton
+
+    def stubborn(problem, u, states, step, settings, **options):
+        damping = next(form for form in problem.forms if form.name == "damping")
+        travel = case.p.height + case.p.tip - step.centre[1]
+        if 0.3 < travel < 0.4 and damping.boost < 100:
+            raise march.NoConvergence("stubborn")
+        return newton(problem, u, states, step, settings, **options)
+
+    monkeypatch.setattr(march, "newton", stubborn)
+    result = run_case(case)
+    assert result.outcome.done
+    assert result.counts["steps"] < 150 and result.counts["rejected_steps"] < 150
 
 
 def test_stepping_of_the_paper_reaches_the_same_force(pressed):

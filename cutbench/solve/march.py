@@ -50,6 +50,9 @@ class StepRules:
     defect: float = 0.05
     #: Below this step, in mm, where Newton's method fails the next one is a tenth: a snap has begun.
     gentle: float = 0.03
+    #: After so many refused steps since the last one as long as that it is no snap, and damping is raised at
+    #: any step below it until one is as long again.
+    patience: int = 40
     #: Below this step, in mm, one whose energy does not close is taken where damping has been raised in vain.
     finest: float = 5e-3
     #: Damage is held during Newton's method and updated until it stands still (the paper's scheme).
@@ -139,6 +142,8 @@ class Progress:
     left: float = 0.0
     #: Steps that predictions are made from.
     past: dict[str, np.ndarray] | None = None
+    #: Refused steps since the last one as long as ``StepRules.gentle``.
+    refused: int = 0
 
 
 @dataclass
@@ -179,7 +184,7 @@ class March:
         begin = self.resume or Progress(0.0, rules.first, np.zeros(problem.ndof), problem.start())
         way, size, u, states = begin.way, begin.size, begin.u, begin.states
         u_before, size_before, easy, force = begin.u_before, begin.size_before, begin.easy, begin.force
-        spent_before, left_before = begin.spent, begin.left
+        spent_before, left_before, refused = begin.spent, begin.left, begin.refused
         if self.past is not None and begin.past is not None:
             self.past.restore(begin.past)
         damping = next((f for f in problem.forms if f.name == "damping"), None)
@@ -221,11 +226,16 @@ class March:
                 if not chosen:
                     self.stopped = error.reason
                     return
-                if size > rules.smallest:
-                    # To a jump a smaller step is what more damping is. But the blade drags what it moves
-                    # against raised damping, a force of the method's own: it goes a short way then.
-                    snaps = 0 < way and size <= rules.gentle and not isinstance(error, _Leaky)
+                # To a jump a smaller step is what more damping is. But the blade drags what it moves against
+                # raised damping, a force of the method's own: it goes a short way then.
+                refused += 1
+                crawls, leaky = refused > rules.patience, isinstance(error, _Leaky)
+                least = rules.smallest if not crawls else rules.finest if leaky else rules.gentle
+                if size > least:
+                    snaps = way > 0 and size <= rules.gentle and not leaky
                     size = max(size * (rules.tenth if snaps else rules.shrink), rules.smallest)
+                elif crawls and damping is not None and size < rules.finest:
+                    size, damping.boost = rules.finest, 10.0
                 elif damping is not None and damping.boost < LARGEST_BOOST:
                     damping.boost = max(10.0, damping.boost * 10)
                 else:
@@ -261,12 +271,14 @@ class March:
                 and easy > 1
             ):
                 size = min(size * rules.grow, rules.largest)
+            if size_before >= rules.gentle:
+                refused = 0
             if motion.turns(way):
                 u_before, size = None, min(size, rules.first)
             if self.at_rest is not None:
                 boost = 1.0 if damping is None else damping.boost
                 past = None if self.past is None else self.past.state()
-                rest = (u_before, size_before, easy, force, boost, spent_before, left_before, past)
+                rest = (u_before, size_before, easy, force, boost, spent_before, left_before, past, refused)
                 self.at_rest(Progress(way, size, u, states, *rest))
 
     def _first_that_holds(self, u, straight, states, step, size, force, drift) -> _Found:
