@@ -37,7 +37,9 @@ def check(case: Case, names, *, most_flips: int = 3):
     middle = Marched(case, names)
     assert middle.stopped is None and middle.lost is None and middle.unresolved == 0
     for i, name in enumerate(names):
-        expected, same = differences(case, name, middle, STEP * abs(case.values[name]))
+        # The bulk modulus has a pole at ν = 1/2.
+        size = 0.5 - case.values["nu"] if name == "nu" else abs(case.values[name])
+        expected, same = differences(case, name, middle, STEP * size)
         size = np.abs(expected).max()
         # Below that the differences are those of rounding.
         assert size * abs(case.values[name]) > 1e-3 * middle.forces.max(), name
@@ -59,7 +61,7 @@ def test_derivatives_are_those_of_central_differences():
     ("changes", "names"),
     [
         (
-            {"element": "P2P1", "augmentations": 1, "h": "0.7 mm", "depth": "0.45 mm", "bulk_degree": 2},
+            {"element": "P2P1", "augmentations": 1, "h": "0.7 mm", "depth": "0.6 mm"},
             ("nu", "tip", "mu"),
         ),
         ({"normal": "tool", "gap": "ellipse", "depth": "0.3 mm"}, ("G", "nu", "G_c", "tip", "mu")),

@@ -18,7 +18,7 @@ from cutbench.verify.base import Check, Reference
 #: A small block, so that the cut opens on the way and the force falls.
 CASE = {
     "element": "P1", "h": "0.8 mm", "width": "12 mm", "height": "8 mm", "depth": "2.4 mm", "mu": 0.2,
-    "G_c": "2 J/m^2", "eta_v": "0.02 mm", "energy_step": 0.1,
+    "G_c": "2 J/m^2", "eta_v": "0.02 mm", "energy_step": 0.1, "corner": 0.0625,
 }  # fmt: skip
 THICKNESS = 0.5
 
