@@ -9,7 +9,7 @@ from cutbench.claims.base import CONVERGED, PAPER
 from cutbench.claims.cases import CHANGES
 from cutbench.claims.judgement import Judged, Scan
 from cutbench.claims.runner import Runner
-from cutbench.plots.style import COLOURS, DOUBLE_MM, GREY, LINES, new_figure, replacing, style
+from cutbench.plots.style import COLOURS, DOUBLE_MM, GREY, LINE_COLOURS, LINES, new_figure, replacing, style
 from cutbench.result import Result
 
 #: The claims whose first run is a material's curve, with what was published of it: travel, mm.
@@ -39,9 +39,7 @@ def _save(figure, path: Path) -> list[Path]:
 
 
 def _curve(axes, result: Result, label: str, place: int, colour: str) -> None:
-    axes.plot(
-        result.displacement_mm, result.force_N, color=COLOURS[colour], ls=LINES[place], lw=1.1, label=label
-    )
+    axes.plot(result.displacement_mm, result.force_N, color=colour, ls=LINES[place], lw=1.1, label=label)
 
 
 def _panels(by_id, height_mm: float):
@@ -64,7 +62,7 @@ def _curves(by_id: Mapping[str, Judged], runner: Runner):
         for place, (word, colour) in enumerate(shown):
             if word in one.ids:
                 text = _NAMES.get(word) or CHANGES[word].text
-                _curve(ax, runner.results[one.ids[word]["base"]], text, place, colour)
+                _curve(ax, runner.results[one.ids[word]["base"]], text, place, COLOURS[colour])
         ax.set_ylim(bottom=0)
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3)
@@ -74,14 +72,14 @@ def _curves(by_id: Mapping[str, Judged], runner: Runner):
 def _one_at_a_time(by_id: Mapping[str, Judged], runner: Runner):
     figure, axes = _panels(by_id, 82)
     names = [name for name, change in CHANGES.items() if change.start == PAPER]
-    colours = [c for c in COLOURS if c not in ("black", "yellow")]
+    colours = [*LINE_COLOURS[1:], GREY]
     for ax, one in zip(axes, by_id.values(), strict=True):
         base = runner.results[one.ids[PAPER]["base"]]
         for place, name in enumerate(names):
             if name in one.ids:
                 result = runner.results[one.ids[name]["base"]]
                 _curve(ax, result, CHANGES[name].text, place + 1, colours[place % len(colours)])
-        _curve(ax, base, _NAMES[PAPER], 0, "black")
+        _curve(ax, base, _NAMES[PAPER], 0, COLOURS["black"])
         # A run that never cuts grows without bound and would hide the rest.
         ax.set_ylim(0, 1.6 * float(base.force_N.max(initial=1e-9)))
     handles, labels = axes[0].get_legend_handles_labels()
