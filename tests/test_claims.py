@@ -322,7 +322,10 @@ def test_the_page_shows_what_claims_json_holds():
     for line in markdown(record).splitlines():
         shown = re.sub(r"\[([^\]]*)\]\(runs/.*?\)", r"\1", line)
         assert shown in page, shown
-    assert [claim["id"] for claim in record["claims"]] == list(claims())
+    there = [claim["id"] for claim in record["claims"]]
+    lacking = [id for id in claims() if id not in there]
+    assert there == [id for id in claims() if id in there]
+    assert not lacking or f"Not in the table yet: {', '.join(lacking)}." in page
     for image in re.findall(r"\]\((figures/.*?\.png)\)", page):
         assert (DOCS / image).stat().st_size < 150_000
     assert _plain(record) == record
