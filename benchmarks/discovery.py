@@ -52,14 +52,20 @@ def _truth(point: Point, e: Experiment, clean: Mapping[str, tuple]) -> np.ndarra
     return np.interp(grid.x, x, y) if e.monotone else np.interp(grid.time_s, t, y)
 
 
-def held_out_error(point: Point, truth: Mapping[str, tuple]) -> float:
-    """Relative squared error of the prediction of the test experiments (of all, where there are none) against
-    their clean curves, the mean of each summed."""
-    tests, total = [e for e in point.campaign.experiments if e.id in point.tests], 0.0
-    for e in tests or point.campaign.train:
-        y, true = point.tests.get(e.id, point.y.get(e.id)), _truth(point, e, truth)
-        total += ((y - true) ** 2).mean() / np.abs(true).max() ** 2
-    return float(total)
+def held_out_errors(pairs: Sequence[tuple[Point, Mapping[str, tuple]]]) -> list[float]:
+    """Relative squared error of each point's prediction of the test experiments that all of them predict (of
+    the fitted ones, where there are none) against its clean curves, the mean of each summed."""
+    first = pairs[0][0].campaign
+    tests = [e for e in first.test if all(e.id in point.tests for point, _ in pairs)]
+
+    def error(point: Point, clean: Mapping[str, tuple]) -> float:
+        total = 0.0
+        for e in tests or first.train:
+            y, true = (point.tests if tests else point.y)[e.id], _truth(point, e, clean)
+            total += ((y - true) ** 2).mean() / np.abs(true).max() ** 2
+        return float(total)
+
+    return [error(*pair) for pair in pairs]
 
 
 def uneventful(hidden: Hidden, d: Discovery, workers: int = 0) -> Point:
@@ -78,11 +84,13 @@ def judge(hidden: Hidden, d: Discovery, workers: int = 0) -> dict:
     right = hidden.effect in (d.found[:1] or ()) or (bool(d.found) and hidden.effect in group)
     cut = caused = None
     if d.found:
-        before, after = (held_out_error(point, hidden.clean) for point in (d.first, d.final))
-        anyway = held_out_error(uneventful(hidden, d, workers), hidden.plain)
-        cut, caused = 1 - after / max(before, 1e-30), before - anyway
+        without = uneventful(hidden, d, workers)
+        before, after, anyway = held_out_errors(
+            [(d.first, hidden.clean), (d.final, hidden.clean), (without, hidden.plain)]
+        )
+        cut = 1 - after / max(before, 1e-30)
         # Where chance alone is off by as much, the effect caused no error that could be cut.
-        caused = (before - after) / caused if caused > 0 else None
+        caused = (before - after) / (before - anyway) if before > anyway else None
     return {
         "case": hidden.number, "effect": hidden.effect, "family": hidden.family, "design": hidden.design,
         "change": hidden.change, "left_over": left_over(d.first, hidden.clean), "values": hidden.values,
@@ -190,19 +198,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--workers", type=int, default=0, help="processes of a search; default: this one")
     parser.add_argument("--limit", type=float, default=math.inf, help="seconds after which no case begins")
     parser.add_argument("--json", type=Path)
-    parser.add_argument("--told", action="store_const", const=_told, help="show what the search does")
+    parser.add_argument("--told", action="store_true", help="show what the search does")
     args = parser.parse_args(arguments)
     rows, began = _known(args), time.perf_counter()
     for number, (effect, family, many) in enumerate(plan(args.cases, args.seed, args.kinds.split(","))):
-        if (args.only and effect != args.only) or number in [r["case"] for r in rows]:
-            continue
-        if args.case is not None and number != args.case:
+        asked = args.only in (None, effect) and args.case in (None, number)
+        if not asked or number in [r["case"] for r in rows]:
             continue
         if time.perf_counter() - began > args.limit:
             break
         hidden = make(number, effect, family, many, args.seed)
         try:
-            found = discover(hidden.campaign, workers=args.workers, told=args.told)
+            found = discover(hidden.campaign, workers=args.workers, told=_told if args.told else None)
             rows.append(judge(hidden, found, args.workers))
         except CutbenchError as error:
             print(f"{number} {effect}: {error}", flush=True)
