@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 _COLUMNS = (
     "job", "solver", "mm", "dofs", "s", "steps", "given up", "iterations", "solves",
-    "ms/it", "assembly", "factor.", "solve", "rest", "peak MB",
+    "ms/it", "window", "assembly", "factor.", "solve", "rest", "peak MB",
 )  # fmt: skip
 
 
@@ -57,7 +57,7 @@ def row(r: dict) -> list[str]:
     return [
         r["name"], r["solver"], reached, str(r["degrees_of_freedom"]), f"{r['seconds']['total']:.2f}",
         str(r["steps"]), str(r["rejected_steps"]), str(r["iterations"]), str(r["solves"]),
-        ms("total"), ms("assembly"), ms("factorization"), ms("solve"), ms("rest"), peak,
+        ms("total"), ms("window"), ms("assembly"), ms("factorization"), ms("solve"), ms("rest"), peak,
     ]  # fmt: skip
 
 

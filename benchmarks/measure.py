@@ -9,7 +9,7 @@ import json
 import sys
 
 #: Parts of a run that its timer names; what is left of the total is "rest".
-PARTS = ("setup", "assembly", "residual", "factorization", "solve")
+PARTS = ("setup", "window", "assembly", "residual", "factorization", "solve")
 
 
 def record(result, peak_MB: float | None) -> dict:
@@ -25,6 +25,7 @@ def record(result, peak_MB: float | None) -> dict:
     counts = result.counts
     iterations = counts.get("factorization_calls", 0)
     shown = {
+        "window": seconds["window"],
         "assembly": seconds["assembly"] + seconds["residual"],
         "factorization": seconds["factorization"],
         "solve": seconds["solve"],

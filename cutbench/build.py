@@ -23,6 +23,7 @@ from cutbench.solve.march import March, StepRules
 from cutbench.solve.newton import NewtonSettings
 from cutbench.solve.predict import Past
 from cutbench.solve.problem import Problem
+from cutbench.solve.window import Window
 
 #: Polynomial order of the displacements.
 ORDER = {"P1": 1, "P2": 2, "P2P1": 2}
@@ -138,6 +139,7 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
         staggered=n.scheme == "staggered",
         paper=n.stepping == "paper",
     )
+    looks_ahead = bool(cut) and n.predictor == "front" and n.scheme == "monolithic"
     march = March(
         problem,
         first_centre(p),
@@ -146,5 +148,6 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
         rules,
         NewtonSettings(tolerance=n.tolerance),
         past=Past(space, faces["cut"], ndof) if cut and n.predictor == "repeat" and not case.motion else None,
+        window=Window(problem, space, faces["cut"], p.thickness) if looks_ahead else None,
     )
     return Built(case, geometry, space, problem, march)

@@ -17,7 +17,7 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "scheme": ("monolithic", "staggered"),
     "symmetry": ("auto", "quarter", "half", "full"),
     "stepping": ("adaptive", "paper"),
-    "predictor": ("line", "repeat"),
+    "predictor": ("front", "line", "repeat"),
     "solver": ("auto", "superlu", "pardiso", "kept", "multigrid"),
 }
 #: Smallest and largest value of each number (None: no bound); ``h`` and steps are in mm.
@@ -60,7 +60,7 @@ class Numerics:
     bulk_degree: int = 0  # 0: what the element needs
     scheme: str = "monolithic"  # monolithic | staggered (damage lags, repeated until it stands still)
     stepping: str = "adaptive"  # adaptive | paper (a tenth when damage jumps, else five times)
-    predictor: str = "line"  # line | repeat (what happened one element higher)
+    predictor: str = "front"  # front (solved there first) | line | repeat (what was one element higher)
     step_mm: float = 0.1  # largest step
     step_min_mm: float = 1e-4
     damage_step: float = 0.5  # the step shrinks if damage grows by more in one
@@ -136,6 +136,7 @@ def preset(name: object, values: Mapping[str, float], dim: int) -> Numerics:
         penalty=penalty,
         scheme="staggered",
         stepping="paper",
+        predictor="line",
         step_mm=0.2,
         step_min_mm=1e-4,
         damage_step=0.1,

@@ -230,6 +230,8 @@ def test_one_layer_with_plane_strain_constraints_gives_the_plane_strain_curve(no
         "depth": "2.6 mm",
         "normal": normal,
         "with": law,
+        # The window's iterations differ by rounding, and with them the steps.
+        "predictor": "line",
     }
     flat = load_case("gelatin", changes, dim=2)
     section = plane_strain.geometry(flat.values, flat.numerics)

@@ -17,8 +17,10 @@ from cutbench.run import run_case
 from cutbench.solve import march
 
 
-def test_half_and_full_block_agree(brief):
-    full = run_case(BRIEF.set(symmetry="full"))
+def test_half_and_full_block_agree():
+    # The window's iterations differ by rounding, and with them the steps through a snap: without it.
+    brief = run_case(BRIEF.set(predictor="line"))
+    full = run_case(BRIEF.set(symmetry="full", predictor="line"))
     assert full.curve["cut_length_mm"][-1] > 0.05
     at = np.linspace(0.05, 0.9, 30)
     np.testing.assert_allclose(force_at(full, at), force_at(brief, at), rtol=2e-3)
@@ -73,7 +75,8 @@ def test_the_staggered_scheme_tends_to_the_monolithic_one():
 
 def test_errors_of_the_ledger_do_not_add_up(monkeypatch):
     """Beyond half a per cent of the work, steps that would add to what is open are held tighter."""
-    case = COARSE.set(element="P1", h="0.8 mm", depth="6 mm", energy_step=0.1, cohesion=5.0)
+    # A run whose steps leave enough open to be held.
+    case = COARSE.set(element="P1", h="0.8 mm", depth="6 mm", energy_step=0.1, cohesion=5.0, predictor="line")
     held, allowed = run_case(case), march.DRIFT
     monkeypatch.setattr(march, "DRIFT", 1.0)
     free = run_case(case)

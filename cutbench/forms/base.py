@@ -47,6 +47,24 @@ class Form:
         """Residual contribution at displacements u; nothing is stored."""
         raise NotImplementedError
 
+    def part(self, columns: np.ndarray) -> Form | None:
+        """The same on some of its elements or faces, in rising order; None where it is not to be had."""
+        return None
+
+    def pick(self, state: dict, columns: np.ndarray) -> dict[str, Any]:
+        """What ``part(columns)`` has of a state, whose arrays end with columns, or points of all columns."""
+        n = self.dofs.shape[1]
+
+        def picked(value):
+            if np.ndim(value) == 0:
+                return value
+            if value.shape[-1] == n:
+                return value[..., columns]
+            some = value.reshape(*value.shape[:-1], -1, n)[..., columns]
+            return some.reshape(*value.shape[:-1], -1)
+
+        return {name: picked(value) for name, value in state.items()}
+
     def work(self, u, p, old: dict, new: dict, step: Step) -> dict[str, float]:
         """Work taken up by each mechanism over the step, in mJ per mm of length (2D) or mJ (3D)."""
         return {}

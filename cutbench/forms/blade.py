@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -42,6 +42,8 @@ class BladeForm(Form):
         self.contact = next(law for law in laws if law.role == "contact")
         self.frictions = tuple(law for law in laws if law.role != "contact")
         self.faces, self.dim = faces, faces.X.shape[0]
+        self._laws, self._numerics, self._height = tuple(laws), numerics, height
+        self._kept = tuple(keep_touched)
         self._keeps = np.zeros(faces.size.size)
         for name, part in faces.parts.items():
             self._keeps[part] = name in keep_touched
@@ -65,9 +67,14 @@ class BladeForm(Form):
     def with_numerics(self, numerics: ContactNumerics) -> BladeForm:
         """The same faces and laws with other stiffnesses, which may be complex."""
         other = copy(self)
+        other._numerics = numerics
         other._stiffness = numerics.stiffness
         other._tangential = numerics.tangential
         return other
+
+    def part(self, columns):
+        faces = self.faces.some(columns)
+        return BladeForm(self._laws, faces, self._numerics, keep_touched=self._kept, height=self._height)
 
     # -- state ----------------------------------------------------------------------------------
     def start(self, p):
@@ -199,10 +206,7 @@ class _Patch:
 
     @classmethod
     def of(cls, faces: Faces, dofs: np.ndarray, near: np.ndarray) -> _Patch:
-        names = ("nodes", "N", "dN", "w", "X", "normal", "tangents", "size")
-        # A selection along the last axis is not contiguous by itself, and every product would pay for it.
-        arrays = {name: np.ascontiguousarray(getattr(faces, name)[..., near]) for name in names}
-        some = replace(faces, **arrays)
+        some = faces.some(near)
         N = some.N[:, :, None]
         return cls(
             near,

@@ -19,6 +19,7 @@ class BulkForm(Form):
 
     def __init__(self, laws, volume: Volume, height: float, skins=()):
         self.laws, self.volume, self.skins = tuple(laws), volume, tuple(skins)
+        self._height = height
         # Isotropic laws are summed as factors, before any tensor is built; others give whole tensors.
         self._isotropic = tuple(law for law in self.laws if _by_factors(law))
         self._others = tuple(law for law in self.laws if not _by_factors(law))
@@ -35,6 +36,9 @@ class BulkForm(Form):
         X = np.zeros((3, volume.w.size))
         X[:dim] = volume.X.reshape(dim, -1)
         self._X, self._depth = X, height - X[1]
+
+    def part(self, columns):
+        return BulkForm(self.laws, self.volume.some(columns), self._height, self.skins)
 
     def points(self, step) -> Points:
         """Without a step, internal variables are taken as they are."""

@@ -25,6 +25,7 @@ class CutForm(Form):
     def __init__(self, laws, plus: Faces, height: float, minus: Faces | None = None, skins=()):
         """``plus`` is the side at x > 0; ``minus`` its partner, face by face and node by node."""
         self.laws, self.skins = tuple(laws), tuple(skins)
+        self._minus, self._height = minus, height
         dim = plus.X.shape[0]
         self.dim, self.faces = dim, plus
         self.share = 1.0 if minus is not None else 0.5
@@ -49,6 +50,10 @@ class CutForm(Form):
         X = np.zeros((3, nq * nf))
         X[:dim] = plus.X.reshape(dim, -1)
         self._X, self._depth = X, height - X[1]
+
+    def part(self, columns):
+        minus = None if self._minus is None else self._minus.some(columns)
+        return CutForm(self.laws, self.faces.some(columns), self._height, minus, self.skins)
 
     def start(self, p):
         n = self.faces.w.size

@@ -7,6 +7,8 @@ snap sets free, and stands in the ledger under its own name.
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 
 from cutbench.forms.base import Form, Local, component_major, gather
@@ -33,6 +35,13 @@ class DampingForm(Form):
             matrix[i, :, i] = laplace
         #: ∫ ∇₀δu : ∇₀u dV: local matrices that a problem assembles once.
         self.unit_matrix = matrix.reshape(self.dim * nn, self.dim * nn, ne)
+
+    def part(self, columns):
+        some = copy(self)
+        some.dofs = np.ascontiguousarray(self.dofs[:, columns])
+        some._laplace = np.ascontiguousarray(self._laplace[..., columns])
+        some.unit_matrix = np.ascontiguousarray(self.unit_matrix[..., columns])
+        return some
 
     def factor(self, step) -> float:
         """What the tangent is in units of ``unit_matrix``."""

@@ -12,6 +12,8 @@ residuals come from one potential, so the tangent is symmetric for every U. p̂ 
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 
 from cutbench.forms.base import Local
@@ -39,10 +41,19 @@ class MixedVolumetric(BulkForm):
             raise ValueError(f"a linear pressure needs quadratic displacements, not order {space.order}")
         super().__init__((law,), space.volume(degree), height, skins)
         linear = space.volume(degree, order=1)
-        self._phi = linear.phi  # (nq, nv)
-        self.pressure_dofs = space.ndof + linear.nodes  # (nv, ne)
-        self.dofs = np.concatenate([self.dofs, self.pressure_dofs])
+        self._press(linear.phi, space.ndof + linear.nodes)
         self.ndof = space.ndof + space.mesh.p.shape[1]
+
+    def _press(self, phi: np.ndarray, dofs: np.ndarray) -> None:
+        """Shape functions (nq, nv) and numbers (nv, ne) of the pressures."""
+        self._phi, self.pressure_dofs = phi, dofs
+        self.dofs = np.concatenate([self.dofs, dofs])
+
+    def part(self, columns):
+        some = copy(self)
+        BulkForm.__init__(some, self.laws, self.volume.some(columns), self._height, self.skins)
+        some._press(self._phi, self.pressure_dofs[:, columns])
+        return some
 
     def pressure(self, u: np.ndarray) -> np.ndarray:
         """p̂ (nq·ne,) in MPa at the quadrature points."""

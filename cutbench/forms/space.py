@@ -8,7 +8,7 @@ with the reference gradients constant, K_ij = D (A pushed to the reference eleme
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import skfem
@@ -21,6 +21,9 @@ KINDS = {
     (3, 2): skfem.ElementTetP2,
 }
 
+#: Arrays of ``Faces`` that have one column a face.
+FACE_ARRAYS = ("nodes", "N", "dN", "w", "X", "normal", "tangents", "size")
+
 
 @dataclass(frozen=True)
 class Volume:
@@ -32,6 +35,10 @@ class Volume:
     jinv: np.ndarray  # (dim, dim, ne): dξ_M/dX_J
     w: np.ndarray  # (nq, ne) weights in mm^dim
     X: np.ndarray  # (dim, nq, ne) reference positions
+
+    def some(self, which: np.ndarray) -> Volume:
+        """Of the elements ``which`` alone."""
+        return _selected(self, ("nodes", "jinv", "w", "X"), which)
 
 
 @dataclass(frozen=True)
@@ -54,16 +61,21 @@ class Faces:
         """Which faces belong to which named set of the mesh."""
         return dict(self.sets or ((self.name, slice(0, self.size.size)),))
 
+    def some(self, which: np.ndarray) -> Faces:
+        """Of the faces ``which``, in rising order, alone."""
+        ends = ((name, np.searchsorted(which, (at.start, at.stop))) for name, at in self.parts.items())
+        sets = tuple((name, slice(int(a), int(b))) for name, (a, b) in ends)
+        return replace(_selected(self, FACE_ARRAYS, which), sets=sets)
+
     @classmethod
     def joined(cls, sets: Sequence[Faces]) -> Faces:
         """Several sets as one, in their order: forms then work on all of them at once."""
         if len(sets) == 1:
             return sets[0]
         ends = np.cumsum([0, *(each.size.size for each in sets)])
-        names = ("nodes", "N", "dN", "w", "X", "normal", "tangents", "size")
         return cls(
             "+".join(each.name for each in sets),
-            *(np.concatenate([getattr(each, name) for each in sets], axis=-1) for name in names),
+            *(np.concatenate([getattr(each, name) for each in sets], axis=-1) for name in FACE_ARRAYS),
             tuple(
                 (each.name, slice(int(a), int(b))) for each, a, b in zip(sets, ends, ends[1:], strict=False)
             ),
@@ -158,6 +170,12 @@ class Space:
     def nodes_on(self, name: str) -> np.ndarray:
         """Node numbers on the boundary called ``name``."""
         return np.unique(self.faces(name, 2).nodes)
+
+
+def _selected(parts, names: Sequence[str], which: np.ndarray):
+    """``parts`` with the columns ``which`` of its arrays ``names``."""
+    # A selection along the last axis is not contiguous by itself, and every product would pay for it.
+    return replace(parts, **{name: np.ascontiguousarray(getattr(parts, name)[..., which]) for name in names})
 
 
 def face_quadrature(dim: int, degree: int) -> tuple[np.ndarray, np.ndarray]:

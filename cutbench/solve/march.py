@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -13,6 +14,7 @@ from cutbench.motion import Motion
 from cutbench.solve.newton import NewtonSettings, NoConvergence, newton
 from cutbench.solve.predict import Past
 from cutbench.solve.problem import Evaluation, Problem, damage_growth
+from cutbench.solve.window import Window
 
 #: Staggered scheme: repetitions at the most, and the change of damage at which it stands still.
 STAGGERED_LOOPS = 200
@@ -170,6 +172,8 @@ class March:
     at_rest: Callable[[Progress], None] | None = None
     #: Predicts from what happened one element higher, where that is asked for.
     past: Past | None = None
+    #: Looks for the next state around the front first.
+    window: Window | None = None
 
     @property
     def speed(self) -> float:
@@ -203,9 +207,17 @@ class March:
             step = Step(size / self.speed, u, self._centre(ahead), self._centre(travel))
             begun = problem.touched(states)
             straight = None if u_before is None else u + (u - u_before) * (size / size_before)
-            straight = next(known, straight)
+            known_end = next(known, None)
             try:
                 drift = (spent_before, left_before)
+                if known_end is not None:
+                    straight = known_end
+                elif straight is not None and self.window is not None:
+                    began = time.perf_counter()
+                    try:
+                        straight = self.window.solved(straight, u, begun, step, self.newton)
+                    finally:
+                        problem.timer.add("window", began)
                 found = self._first_that_holds(u, straight, begun, step, size, force, drift)
                 growth = damage_growth(states, found.result.states)
                 if chosen and not rules.paper and growth > 2 * rules.damage and size > 4 * rules.smallest:

@@ -10,7 +10,6 @@ between the ends of each facet.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from importlib import resources
 from types import SimpleNamespace
 
@@ -19,7 +18,7 @@ import skfem
 
 from cutbench.forms.bulk import BulkForm
 from cutbench.forms.cut import CutForm
-from cutbench.forms.space import Space, Volume
+from cutbench.forms.space import Space
 from cutbench.mechanisms.base import Bulk, Cut
 from cutbench.solve.geometry import paired
 from cutbench.solve.problem import Problem
@@ -104,7 +103,7 @@ def curve() -> np.ndarray:
     space = Space.build(mesh, 1)
     volume = space.volume(1)
     bodies = [
-        BulkForm((LinearElastic(*constants),), some_elements(volume, which), 1.0)
+        BulkForm((LinearElastic(*constants),), volume.some(which), 1.0)
         for constants, which in ((MATRIX, ~inside), (INCLUSIONS, inside))
     ]
     bodies[1].name = "inclusions"
@@ -141,12 +140,6 @@ def fixed_point(problem: Problem, cut: CutForm, u, states: dict, step, right):
         if change < STANDSTILL:
             return u, held, float(result.residual[2 * right].sum())
     raise ArithmeticError("the fixed-point iteration does not stand still")
-
-
-def some_elements(volume: Volume, which: np.ndarray) -> Volume:
-    """The quadrature on some of the elements."""
-    names = ("nodes", "jinv", "w", "X")
-    return replace(volume, **{n: np.ascontiguousarray(getattr(volume, n)[..., which]) for n in names})
 
 
 def compute() -> Iterator[Check]:

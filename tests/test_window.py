@@ -1,0 +1,120 @@
+"""The predictor that solves around the front of the cut first, and the parts of forms that it needs."""
+
+from __future__ import annotations
+
+from itertools import islice
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from coarse_runs import BRIEF, PRESSED, brief_run, force_at
+from form_checks import HEIGHT, P, blade, blade_case, bulk_form, displacement, space_of, spaces, step_between
+
+from cutbench.build import build
+from cutbench.forms.cut import CutForm
+from cutbench.forms.damping import DampingForm
+from cutbench.forms.mixed import MixedVolumetric
+from cutbench.forms.space import Faces
+from cutbench.model import DEFAULT, Model
+from cutbench.run import run_case
+
+
+def check_part(form, u, state, step, p=P) -> None:
+    """A part has the columns of the whole: residuals, matrices, new states."""
+    columns = np.flatnonzero(np.random.default_rng(0).random(form.dofs.shape[1]) < 0.6)
+    part, some = form.part(columns), form.pick(state, columns)
+    np.testing.assert_array_equal(part.dofs, form.dofs[:, columns])
+    whole, found = form.evaluate(u, p, state, step), part.evaluate(u, p, some, step)
+    size = np.abs(whole.matrix).max()
+    np.testing.assert_allclose(
+        found.vector, whole.vector[:, columns], atol=1e-12 * np.abs(whole.vector).max()
+    )
+    np.testing.assert_allclose(found.matrix, whole.matrix[:, :, columns], atol=1e-12 * size)
+    expected = form.pick(whole.state, columns)
+    assert found.state.keys() == expected.keys()
+    for name, value in found.state.items():
+        np.testing.assert_allclose(value, expected[name], rtol=1e-9, atol=1e-12)
+
+
+@spaces
+def test_parts_of_bulk_and_damping(dim, order):
+    space = space_of(dim, order)
+    step, u = step_between(space), displacement(space)
+    names = ("neo_hookean", "volumetric", "maxwell", "mullins")
+    typical = {name: q.typical * q.factor for name, q in Model(names).parameters().items()}
+    p = SimpleNamespace(**(typical | vars(P)))
+    for form in (bulk_form(space, names=names), DampingForm(space.volume(2 * order - 1), 0.03)):
+        check_part(form, u, form.evaluate(step.u_old, p, form.start(p), step).state, step, p)
+
+
+@spaces
+def test_parts_of_the_cut_and_the_blade(dim, order):
+    space = space_of(dim, order)
+    step, u = step_between(space), displacement(space)
+    cut = CutForm(Model(DEFAULT).laws("cut"), space.faces("cut", 4), HEIGHT)
+    check_part(cut, u, cut.evaluate(step.u_old, P, cut.start(P), step).state, step)
+    form = blade(space, normal="blended")
+    u, state, step = blade_case(space, form)
+    check_part(form, u, state, step)
+
+
+def test_a_part_of_a_mixed_form():
+    space = space_of(2, 2)
+    law = next(law for law in Model(DEFAULT).laws("bulk") if law.role == "volumetric")
+    form = MixedVolumetric(law, space, 4, HEIGHT)
+    u = np.zeros(form.ndof)
+    u[: space.ndof] = displacement(space)
+    u[space.ndof :] = 0.01 * np.random.default_rng(1).standard_normal(form.ndof - space.ndof)
+    check_part(form, u, {}, None)
+
+
+def test_some_faces_keep_their_names():
+    space = space_of(2, 2)
+    both = Faces.joined([space.faces("top", 4), space.faces("cut", 4)])
+    first = both.parts["top"].stop
+    some = both.some(np.array([0, first, first + 2]))
+    assert some.parts == {"top": slice(0, 1), "cut": slice(1, 3)}
+    np.testing.assert_array_equal(some.nodes[:, 1:], space.faces("cut", 4).nodes[:, [0, 2]])
+
+
+def test_the_window_is_in_balance_and_the_rest_stays():
+    built = build(BRIEF)
+    before, last = islice((step for step in built.march if step.travel > 0.15), 2)
+    window, problem, step = built.march.window, built.problem, last.step
+    states = last.solves[0][0]
+    straight = before.u + (before.u - before.step.u_old) * (last.dt / before.dt)
+    found = window.solved(straight, before.u, states, step, built.march.newton)
+    moved = np.abs(found - straight).reshape(-1, 2).max(axis=1) > 0
+    X = built.space.X
+    assert moved.any()
+    assert np.ptp(X[1, moved]) < 8 * BRIEF.p.thickness and np.abs(X[0, moved]).max() < 3 * BRIEF.p.thickness
+
+    def residual(u):
+        out = problem.evaluate(u, states, step, tangent=False).residual
+        out[problem.fixed] = 0.0
+        return np.abs(out.reshape(-1, 2)[moved]).max()
+
+    assert residual(found) < 0.02 * residual(straight)
+
+
+BOND = {"with_": "imperfect_bond", "bond_compliance": "0.3 mm/kPa"}
+
+
+@pytest.mark.parametrize("changes", [{}, {"element": "P2P1", "mu": 0.0, "step": "0.02 mm"}, BOND])
+def test_it_finds_the_same_curve_with_fewer_factorizations_of_the_whole(changes):
+    case = BRIEF.set(**changes)
+    front = run_case(case) if changes else brief_run()
+    line = run_case(case.set(predictor="line"))
+    assert front.outcome.done and line.outcome.done
+    assert front.counts["factorization_calls"] < 0.5 * line.counts["factorization_calls"]
+    # As long as nothing snaps there is one curve; behind that the steps decide when.
+    smooth = np.linspace(0.05, 0.35, 30)
+    np.testing.assert_allclose(force_at(front, smooth), force_at(line, smooth), rtol=2e-3)
+    assert front.measures["onset_mm"] == pytest.approx(line.measures["onset_mm"], rel=0.03)
+    assert abs(front.curve["closure"][-1]) < 0.01
+
+
+def test_the_staggered_scheme_and_a_block_without_a_cut_do_without():
+    assert build(BRIEF).march.window is not None
+    assert build(BRIEF.set(scheme="staggered")).march.window is None
+    assert build(PRESSED.set(predictor="line")).march.window is None
