@@ -19,8 +19,9 @@ from cutbench.motion import Motion
 from cutbench.numerics import Numerics
 from cutbench.solve.geometry import Geometry, paired
 from cutbench.solve.iterative import rigid_motions
-from cutbench.solve.march import March, StepRules
+from cutbench.solve.march import March
 from cutbench.solve.newton import NewtonSettings
+from cutbench.solve.pace import StepRules
 from cutbench.solve.predict import Past
 from cutbench.solve.problem import Problem
 from cutbench.solve.window import Window

@@ -22,7 +22,7 @@ from cutbench.experiment import Experiment
 from cutbench.fitted import Compared, Estimate, Fit, Profile
 from cutbench.identify import Unknown, identifiability, information_inverse
 from cutbench.inverse import GRID, Inverse, field_note, unknowns
-from cutbench.observe import Prediction, cores, predictor
+from cutbench.observe import Prediction, Predictor, cores, predictor
 from cutbench.reading import one_of
 from cutbench.weights import Weights
 
@@ -47,13 +47,14 @@ def fit(
     profile: Sequence[str] = (),
     told: Callable[[str, lm.Minimum], None] | None = None,
     grid: int = GRID,
+    run: Predictor | None = None,
 ) -> Fit:
     """Fit what ``campaign.plan`` leaves free to all train experiments; predict the test experiments.
 
-    ``workers`` processes compute the cuts (default: one a core; 0: this process). ``refine``: measure the
-    computation's own error. ``profile``: labels whose profile likelihood is computed, at several fits
-    each. ``told(stage, minimum)`` hears of each point taken. Ctrl-C ends with what is there. Raises
-    BadInput, and ComputationFailed if the start values cannot be computed.
+    ``workers`` processes compute the cuts (default: one a core; 0: this process), or those of ``run``.
+    ``refine``: measure the computation's own error. ``profile``: labels whose profile likelihood is
+    computed, at several fits each. ``told(stage, minimum)`` hears of each point taken. Ctrl-C ends with what
+    is there. Raises BadInput, and ComputationFailed if the start values cannot be computed.
     """
     began = time.perf_counter()
     looked_for = unknowns(campaign)
@@ -61,6 +62,8 @@ def fit(
         if label not in (known := [u.label for u in looked_for]):
             raise BadInput(key="profile", value=label, expected=one_of(label, known))
     runs = sum(e.kind == "cut" for e in campaign.experiments)
+    if run is not None:
+        return _Fitting(campaign, Inverse(campaign, looked_for, run, grid), told, refine).go(profile, began)
     with predictor(min(cores() if workers is None else workers, runs)) as run:
         return _Fitting(campaign, Inverse(campaign, looked_for, run, grid), told, refine).go(profile, began)
 

@@ -21,8 +21,8 @@ from cutbench.forms.base import Step
 from cutbench.models3d.strip import strip
 from cutbench.quantities import Parameter
 from cutbench.result import Outcome
-from cutbench.solve.march import LARGEST_BOOST
 from cutbench.solve.newton import NewtonSettings, NoConvergence, newton
+from cutbench.solve.pace import LARGEST_BOOST
 from cutbench.solve.problem import damage_growth
 
 #: The strip, and the speed at which its clamps part: those of the paper.

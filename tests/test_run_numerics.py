@@ -14,7 +14,7 @@ from coarse_runs import (
 )
 
 from cutbench.run import run_case
-from cutbench.solve import march
+from cutbench.solve import march, pace
 
 
 def test_half_and_full_block_agree():
@@ -77,8 +77,8 @@ def test_errors_of_the_ledger_do_not_add_up(monkeypatch):
     """Beyond half a per cent of the work, steps that would add to what is open are held tighter."""
     # A run whose steps leave enough open to be held.
     case = COARSE.set(element="P1", h="0.8 mm", depth="6 mm", energy_step=0.1, cohesion=5.0, predictor="line")
-    held, allowed = run_case(case), march.DRIFT
-    monkeypatch.setattr(march, "DRIFT", 1.0)
+    held, allowed = run_case(case), pace.DRIFT
+    monkeypatch.setattr(pace, "DRIFT", 1.0)
     free = run_case(case)
     most = [np.abs(run.curve["closure"]).max() for run in (held, free)]
     assert most[0] < 1.2 * allowed < most[1]

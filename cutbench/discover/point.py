@@ -3,19 +3,20 @@ by."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cutbench import lm
-from cutbench.campaign import Campaign
+from cutbench.campaign import Campaign, FitPlan
 from cutbench.case import Case
 from cutbench.discover.candidates import Candidate
 from cutbench.discover.score import Score
 from cutbench.discover.whiten import Whitening, whitening
 from cutbench.errors import BadInput, ComputationFailed
 from cutbench.experiment import Experiment
+from cutbench.fit import fit
 from cutbench.fitted import Fit
 from cutbench.identify import Unknown, information_inverse
 from cutbench.inverse import Inverse
@@ -100,18 +101,18 @@ def _gathered(
     return Point(inverse, q, w, y, J, tests, tuple(trouble), onset, shift, converged)
 
 
-def baseline(fit: Fit, run: Predictor, grid: int) -> Point:
+def baseline(fitted: Fit, run: Predictor, grid: int) -> Point:
     """The baseline where the fit left it."""
-    campaign = replace(fit.campaign, base=fit.case)
-    unknowns = [replace(e.unknown, start=e.value) for e in fit.estimates]
+    campaign = replace(fitted.campaign, base=fitted.case)
+    unknowns = [replace(e.unknown, start=e.value) for e in fitted.estimates]
     inverse = Inverse(campaign, unknowns, run, grid)
     q = np.zeros(len(unknowns))
     found = inverse.predictions(q)
     computed, shift = {}, {}
-    fitted = {c.experiment.id: c.fitted for c in fit.compared}
+    curves = {c.experiment.id: c.fitted for c in fitted.compared}
     for e in campaign.train:
         x, y = along(inverse.grids[e.id]), found[e.id].y
-        shift[e.id] = fitted[e.id] - y if e.kind == "cut" else np.zeros(y.size)
+        shift[e.id] = curves[e.id] - y if e.kind == "cut" else np.zeros(y.size)
         if e.kind != "cut":
             computed[e.id] = np.zeros((y.size, y.size))
         elif np.abs(shift[e.id]).max() > 1e-6 * np.abs(y).max():
@@ -129,9 +130,9 @@ def baseline(fit: Fit, run: Predictor, grid: int) -> Point:
     test_shift = {}
     if any(e.kind == "cut" for e in campaign.test):
         for e in campaign.test:
-            if e.kind == "cut" and e.id in fitted:
+            if e.kind == "cut" and e.id in curves:
                 (p,) = inverse.predicted(q, [e], fine=False)
-                test_shift[e.id] = fitted[e.id] - p.y
+                test_shift[e.id] = curves[e.id] - p.y
     return _gathered(inverse, q, w, test_shift, converged, run)
 
 
@@ -199,6 +200,38 @@ def extend(point: Point, score: Score, run: Predictor, *, shapes: bool = True) -
     if found.message == "interrupted":
         raise KeyboardInterrupt
     return _gathered(inverse, found.q, point.w, point.test_shift, found.converged, run)
+
+
+def _extended_plan(point: Point) -> FitPlan:
+    """The plan of a fit of all that was looked for at ``point``, within the same bounds."""
+    plan, unknowns = point.campaign.plan, point.inverse.unknowns
+    free = dict.fromkeys(u.name for u in unknowns if u.name not in plan.own)
+    return replace(
+        plan, free=tuple(free), bounds={**plan.bounds, **{u.name: (u.low, u.high) for u in unknowns}}
+    )
+
+
+def settled(point: Point, run: Predictor, refine: bool, grid: int, say: Callable[[str], None]) -> Point:
+    """An extended model of cuts fitted as the baseline was: until nothing is gained, with the mesh's error
+    measured anew; for choosing between candidates a few steps were enough. Others are as they are.
+
+    Raises KeyboardInterrupt.
+    """
+    if not any(e.kind == "cut" for e in point.campaign.train):
+        return point
+    say("fitting the extended model")
+    campaign = replace(point.campaign, base=point.case, plan=_extended_plan(point))
+    try:
+        fitted = fit(
+            campaign, refine=refine, grid=grid, run=run,
+            told=lambda stage, minimum: say(f"fitting the extended model, {stage}: χ² {minimum.chi2:.4g}"),
+        )  # fmt: skip
+        if fitted.status == "interrupted":
+            raise KeyboardInterrupt
+        return baseline(fitted, run, grid)
+    except (ComputationFailed, BadInput) as error:
+        say(f"not fitted further: {error}")
+        return point
 
 
 def undetermined(point: Point, c: Candidate) -> bool:

@@ -13,7 +13,7 @@ from cutbench.discover.candidates import candidates
 from cutbench.discover.columns import Sensed, sense
 from cutbench.discover.heldout import TESTS, Heldout, better_than, compare, decide
 from cutbench.discover.numerical import numerical_columns, with_columns
-from cutbench.discover.point import Point, baseline, extend, undetermined
+from cutbench.discover.point import Point, baseline, extend, settled, undetermined
 from cutbench.discover.protocol import Proposal, cut_proposals, proposals, sentence
 from cutbench.discover.score import Score, Scores, deviations, score
 from cutbench.discover.where import Section, sections
@@ -179,6 +179,11 @@ def discover(
                 break
             found.append(this.accepted)
             point = next(t.point for t in this.tried if t.name == this.accepted)
+            try:
+                point = settled(point, run, refine, grid, say)
+            except KeyboardInterrupt:
+                interrupted = True
+                break
         gain = compare(rounds[0].point, point) if found else None
         verdict = "mechanism" if interrupted else _verdict(rounds)
         proposed, text = [], "Not asked: interrupted."

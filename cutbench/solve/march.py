@@ -12,6 +12,7 @@ import numpy as np
 from cutbench.forms.base import Step
 from cutbench.motion import Motion
 from cutbench.solve.newton import NewtonSettings, NoConvergence, newton
+from cutbench.solve.pace import Pace, StepRules, drifts
 from cutbench.solve.predict import Past
 from cutbench.solve.problem import Evaluation, Problem, damage_growth
 from cutbench.solve.window import Window
@@ -21,50 +22,11 @@ STAGGERED_LOOPS = 200
 STAGGERED_TOLERANCE = 1e-4
 #: Residual over the forces at which a loop ends whose damage is not yet the last.
 STAGGERED_INNER = 1e-5
-#: The damping is raised to this many times its value before a run gives up.
-LARGEST_BOOST = 1e7
-#: And to this before a step is taken whose energy does not close: within a jump it then spreads over several.
-LEAKY_BOOST = 1e4
-#: Where the ledger has left more than this part of the blade's whole work open, steps that add to it are held
-#: to a quarter of what they may leave open otherwise: errors of one sign must not add up.
-DRIFT = 0.005
 #: What the ledger may leave open in a step that was foreseen from an element higher: of the step's own work,
 #: and in units of what is allowed otherwise; where the ledger drifts, a tenth of it.
 CREDIBLE = 2.0
 #: Such a prediction is tried where it leaves less than this part of the residual of a straight one.
 BETTER = 0.5
-
-
-@dataclass(frozen=True)
-class StepRules:
-    """Blade travel per step in mm: largest, smallest, first; targets that change it."""
-
-    largest: float = 0.1
-    smallest: float = 1e-4
-    first: float = 0.02
-    damage: float = 0.2
-    iterations: int = 6
-    grow: float = 1.5
-    shrink: float = 0.5
-    tenth: float = 0.1
-    augmentations: int = 0
-    #: Largest part of the blade's work in a step that the ledger may leave open.
-    defect: float = 0.05
-    #: Below this step, in mm, where Newton's method fails the next one is a tenth: a snap has begun.
-    gentle: float = 0.03
-    #: After so many refused steps since the last one as long as that it is no snap, and damping is raised at
-    #: any step below it until one is as long again.
-    patience: int = 40
-    #: Below this step, in mm, one whose energy does not close is taken where damping has been raised in vain.
-    finest: float = 5e-3
-    #: Damage is held during Newton's method and updated until it stands still (the paper's scheme).
-    staggered: bool = False
-    #: A tenth of the step when damage grew by more than ``damage``, else five times (the paper's rule).
-    paper: bool = False
-
-
-class _Leaky(NoConvergence):
-    """A step that converged, but whose energy does not close."""
 
 
 @dataclass
@@ -101,11 +63,6 @@ class _Found:
     def left(self) -> float:
         """What the ledger leaves open of it."""
         return self.spent - sum(self.work.values())
-
-
-def _drifts(spent: float, left: float, spent_before: float, left_before: float) -> bool:
-    """Whether a step adds to what the ledger has left open so far, and that is too much already."""
-    return left * left_before > 0 and abs(left_before + left) > DRIFT * (spent_before + spent)
 
 
 @dataclass
@@ -186,71 +143,44 @@ class March:
     def __iter__(self) -> Iterator[Accepted]:
         problem, rules, motion = self.problem, self.rules, self.motion
         begin = self.resume or Progress(0.0, rules.first, np.zeros(problem.ndof), problem.start())
-        way, size, u, states = begin.way, begin.size, begin.u, begin.states
-        u_before, size_before, easy, force = begin.u_before, begin.size_before, begin.easy, begin.force
-        spent_before, left_before, refused = begin.spent, begin.left, begin.refused
+        way, u, states, force = begin.way, begin.u, begin.states, begin.force
+        u_before, size_before = begin.u_before, begin.size_before
+        spent_before, left_before = begin.spent, begin.left
         if self.past is not None and begin.past is not None:
             self.past.restore(begin.past)
         damping = next((f for f in problem.forms if f.name == "damping"), None)
         if damping is not None:
             damping.boost = begin.boost
+        pace = Pace(rules, damping, begin.size, begin.easy, begin.refused)
         plan, chosen, known = iter(self.schedule or ()), self.schedule is None, iter(self.known or ())
         while way < motion.end - 1e-9:
             if not chosen:
-                size, boost = next(plan, (0.0, 1.0))
-                if size == 0.0:
+                pace.size, boost = next(plan, (0.0, 1.0))
+                if pace.size == 0.0:
                     return
                 if damping is not None:
                     damping.boost = boost
-            size = min(size, motion.room(way))
+            pace.size = size = min(pace.size, motion.room(way))
             travel, ahead = motion.travel(way), motion.travel(way + size)
             step = Step(size / self.speed, u, self._centre(ahead), self._centre(travel))
             begun = problem.touched(states)
             straight = None if u_before is None else u + (u - u_before) * (size / size_before)
-            known_end = next(known, None)
             try:
+                straight = self._improved(straight, next(known, None), u, begun, step)
                 drift = (spent_before, left_before)
-                if known_end is not None:
-                    straight = known_end
-                elif straight is not None and self.window is not None:
-                    began = time.perf_counter()
-                    try:
-                        straight = self.window.solved(straight, u, begun, step, self.newton)
-                    finally:
-                        problem.timer.add("window", began)
                 found = self._first_that_holds(u, straight, begun, step, size, force, drift)
                 growth = damage_growth(states, found.result.states)
-                if chosen and not rules.paper and growth > 2 * rules.damage and size > 4 * rules.smallest:
-                    raise NoConvergence(f"damage grew by {growth:.2f}")
-                # What the ledger leaves open is the error of the step.
-                spent, left = found.spent, found.left
-                # Against the blade's work over the largest step: within a small jump of a fine step
-                # nothing is gained by closing better than that. A blade at rest is taken as one that moves.
+                # What the ledger leaves open is the error of the step, against the blade's work over the
+                # largest step: within a small jump of a fine step nothing is gained by closing better than
+                # that. A blade at rest is taken as one that moves.
                 whole = (abs(force) + abs(found.force)) / 2 * max(size, rules.largest)
-                able = damping is not None and damping.boost < LEAKY_BOOST
-                defect = abs(left) / max(whole, 1e-300)
-                allowed = rules.defect / 4 if _drifts(spent, left, *drift) else rules.defect
-                if chosen and not rules.paper and defect > allowed and (size > rules.finest or able):
-                    raise _Leaky(f"the energy of the step closes only to {defect:.0%}")
+                defect = abs(found.left) / max(whole, 1e-300)
+                allowed = pace.allowed(drifts(found.spent, found.left, *drift))
+                if chosen:
+                    pace.check(growth, defect, allowed)
             except NoConvergence as error:
                 self.failures.append(f"{travel:.4f} mm, step {size:.2g} mm: {error.reason}")
-                easy = 0
-                if not chosen:
-                    self.stopped = error.reason
-                    return
-                # To a jump a smaller step is what more damping is. But the blade drags what it moves against
-                # raised damping, a force of the method's own: it goes a short way then.
-                refused += 1
-                crawls, leaky = refused > rules.patience, isinstance(error, _Leaky)
-                least = rules.smallest if not crawls else rules.finest if leaky else rules.gentle
-                if size > least:
-                    snaps = way > 0 and size <= rules.gentle and not leaky
-                    size = max(size * (rules.tenth if snaps else rules.shrink), rules.smallest)
-                elif crawls and damping is not None and size < rules.finest:
-                    size, damping.boost = rules.finest, 10.0
-                elif damping is not None and damping.boost < LARGEST_BOOST:
-                    damping.boost = max(10.0, damping.boost * 10)
-                else:
+                if not chosen or not pace.shorten(error, way > 0):
                     self.stopped = error.reason
                     return
                 continue
@@ -258,7 +188,7 @@ class March:
             u_before, size_before = u, size
             u, way = found.u, way + size
             force = found.force
-            spent_before, left_before = spent_before + spent, left_before + left
+            spent_before, left_before = spent_before + found.spent, left_before + found.left
             reaction = found.result.residual[self.bottom].sum()
             if self.past is not None:
                 self.past.add(ahead, u, np.real(states["cohesion"]["damage"]))
@@ -266,32 +196,25 @@ class March:
             yield Accepted(
                 ahead, way, step.dt, u, states, force, reaction, found.work, sum(effort), step, found.solves
             )
-            easy = easy + 1
-            hardest = max(effort)
-            if damping is not None:
-                damping.boost = max(1.0, damping.boost * 0.6)
-            if rules.paper:
-                size = (
-                    max(size / 10, rules.smallest) if growth > rules.damage else min(5 * size, rules.largest)
-                )
-            elif hardest > rules.iterations + 3 or growth > rules.damage or defect > 0.7 * allowed:
-                size = max(0.7 * size, min(size, rules.smallest))
-            elif (
-                hardest <= rules.iterations
-                and defect < 0.35 * allowed
-                and growth < 0.7 * rules.damage
-                and easy > 1
-            ):
-                size = min(size * rules.grow, rules.largest)
-            if size_before >= rules.gentle:
-                refused = 0
+            pace.taken(max(effort), growth, defect, allowed)
             if motion.turns(way):
-                u_before, size = None, min(size, rules.first)
+                u_before, pace.size = None, min(pace.size, rules.first)
             if self.at_rest is not None:
-                boost = 1.0 if damping is None else damping.boost
                 past = None if self.past is None else self.past.state()
-                rest = (u_before, size_before, easy, force, boost, spent_before, left_before, past, refused)
-                self.at_rest(Progress(way, size, u, states, *rest))
+                rest = (pace.easy, force, pace.boost, spent_before, left_before, past, pace.refused)
+                self.at_rest(Progress(way, pace.size, u, states, u_before, size_before, *rest))
+
+    def _improved(self, straight, known, last, states, step) -> np.ndarray | None:
+        """A better prediction than ``straight``: what is ``known``, or what the front's own solution says."""
+        if known is not None:
+            return known
+        if straight is None or self.window is None:
+            return straight
+        began = time.perf_counter()
+        try:
+            return self.window.solved(straight, last, states, step, self.newton)
+        finally:
+            self.problem.timer.add("window", began)
 
     def _first_that_holds(self, u, straight, states, step, size, force, drift) -> _Found:
         """A step from the better of two predictions: a straight line, and what happened one element higher.
@@ -307,7 +230,7 @@ class March:
             try:
                 found = self._found(repeated, states, step, force)
                 part = CREDIBLE * self.rules.defect
-                if _drifts(found.spent, found.left, *drift):
+                if drifts(found.spent, found.left, *drift):
                     part /= 10
                 if abs(found.left) <= part * abs(found.spent):
                     return found

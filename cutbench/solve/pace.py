@@ -1,0 +1,127 @@
+"""How long the next step is, and how much damping it has, after one that was taken or refused.
+
+To a jump of the cut a smaller step is what more damping is. But the blade drags what it moves against raised
+damping, a force of the method's own: damping is raised where the blade goes a short way only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from cutbench.solve.newton import NoConvergence
+
+#: The damping is raised to this many times its value before a run gives up.
+LARGEST_BOOST = 1e7
+#: And to this before a step is taken whose energy does not close: within a jump it then spreads over several.
+LEAKY_BOOST = 1e4
+#: Where the ledger has left more than this part of the blade's whole work open, steps that add to it are held
+#: to a quarter of what they may leave open otherwise: errors of one sign must not add up.
+DRIFT = 0.005
+
+
+@dataclass(frozen=True)
+class StepRules:
+    """Blade travel per step in mm: largest, smallest, first; targets that change it."""
+
+    largest: float = 0.1
+    smallest: float = 1e-4
+    first: float = 0.02
+    damage: float = 0.2
+    iterations: int = 6
+    grow: float = 1.5
+    shrink: float = 0.5
+    tenth: float = 0.1
+    augmentations: int = 0
+    #: Largest part of the blade's work in a step that the ledger may leave open.
+    defect: float = 0.05
+    #: Below this step, in mm, where Newton's method fails the next one is a tenth: a snap has begun.
+    gentle: float = 0.03
+    #: After so many refused steps since the last one as long as that it is no snap, and damping is raised at
+    #: any step below it until one is as long again.
+    patience: int = 40
+    #: Below this step, in mm, one whose energy does not close is taken where damping has been raised in vain.
+    finest: float = 5e-3
+    #: Damage is held during Newton's method and updated until it stands still (the paper's scheme).
+    staggered: bool = False
+    #: A tenth of the step when damage grew by more than ``damage``, else five times (the paper's rule).
+    paper: bool = False
+
+
+class Leaky(NoConvergence):
+    """A step that converged, but whose energy does not close."""
+
+
+def drifts(spent: float, left: float, spent_before: float, left_before: float) -> bool:
+    """Whether a step adds to what the ledger has left open so far, and that is too much already."""
+    return left * left_before > 0 and abs(left_before + left) > DRIFT * (spent_before + spent)
+
+
+@dataclass
+class Pace:
+    """``size`` of the next step in mm; ``easy`` steps since the last one that was refused; ``refused`` ones
+    since the last as long as ``StepRules.gentle``. ``damping``: the form whose boost it sets, or None."""
+
+    rules: StepRules
+    damping: object | None
+    size: float
+    easy: int
+    refused: int
+
+    @property
+    def boost(self) -> float:
+        return 1.0 if self.damping is None else self.damping.boost
+
+    def allowed(self, drifting: bool) -> float:
+        """Part of the blade's work over the largest step that a step may leave open."""
+        return self.rules.defect / 4 if drifting else self.rules.defect
+
+    def check(self, growth: float, defect: float, allowed: float) -> None:
+        """Raises NoConvergence where damage grew by too much, or too much of the energy is left open."""
+        rules, size = self.rules, self.size
+        if rules.paper:
+            return
+        if growth > 2 * rules.damage and size > 4 * rules.smallest:
+            raise NoConvergence(f"damage grew by {growth:.2f}")
+        able = self.damping is not None and self.boost < LEAKY_BOOST
+        if defect > allowed and (size > rules.finest or able):
+            raise Leaky(f"the energy of the step closes only to {defect:.0%}")
+
+    def shorten(self, error: NoConvergence, moves: bool) -> bool:
+        """After a refused step; False if nothing is left to try. ``moves``: the blade has gone some way."""
+        rules = self.rules
+        self.easy, self.refused = 0, self.refused + 1
+        leaky, crawls = isinstance(error, Leaky), self.refused > rules.patience
+        slowest = rules.finest if leaky else rules.gentle
+        if self.size > (slowest if crawls else rules.smallest):
+            snaps = moves and self.size <= rules.gentle and not leaky
+            self.size = max(self.size * (rules.tenth if snaps else rules.shrink), rules.smallest)
+        elif self.damping is None:
+            return False
+        elif crawls and self.size < rules.finest:
+            self.size, self.damping.boost = rules.finest, 10.0
+        elif self.boost < LARGEST_BOOST:
+            self.damping.boost = max(10.0, self.boost * 10)
+        else:
+            return False
+        return True
+
+    def taken(self, hardest: int, growth: float, defect: float, allowed: float) -> None:
+        """After a step of ``size`` that needed ``hardest`` iterations at the most."""
+        rules, size = self.rules, self.size
+        self.easy += 1
+        if self.damping is not None:
+            self.damping.boost = max(1.0, self.boost * 0.6)
+        if rules.paper:
+            less = max(size / 10, rules.smallest)
+            self.size = less if growth > rules.damage else min(5 * size, rules.largest)
+        elif hardest > rules.iterations + 3 or growth > rules.damage or defect > 0.7 * allowed:
+            self.size = max(0.7 * size, min(size, rules.smallest))
+        elif (
+            hardest <= rules.iterations
+            and defect < 0.35 * allowed
+            and growth < 0.7 * rules.damage
+            and self.easy > 1
+        ):
+            self.size = min(size * rules.grow, rules.largest)
+        if size >= rules.gentle:
+            self.refused = 0
