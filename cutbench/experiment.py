@@ -309,15 +309,18 @@ class Experiment:
         return grid, along, [noise.averaging(s, grid, sharp) for s in along]
 
     def _grid(self, along: list[np.ndarray], n: int) -> tuple[np.ndarray, np.ndarray]:
-        """Grid (m,) and where on it the way turns (m,)."""
+        """Grid (m,) and where on it the way turns, or its speed changes (m,)."""
         low, high = max(s[0] for s in along), min(s[-1] for s in along)
         count = max(FEWEST, min(n, int(np.median([s.size for s in along]))))
         grid = np.linspace(low, high, count)
-        if self.monotone:
-            return grid, np.zeros(count, dtype=bool)
-        corners = along[0][turning_points(self.repetitions[0].x)]
+        first, corners = self.repetitions[0], np.zeros(0)
+        if not self.monotone:
+            corners = along[0][turning_points(first.x)]
+        elif first.time_s is not None:
+            corners = along[0][turning_points(first.time_s[order(first)])]
         corners = corners[(corners > low) & (corners < high)]
-        # The nearest grid value moves onto each corner, so that peaks are met exactly.
+        # The nearest grid value moves onto each corner, so that peaks are met exactly, and no mean is taken
+        # of readings at two speeds.
         sharp = np.zeros(count, dtype=bool)
         for corner in corners:
             i = int(np.argmin(np.abs(grid - corner)))
