@@ -13,6 +13,22 @@ import numpy as np
 
 from cutbench.result import Outcome, Result
 
+#: Axes of a study: 24 points, both regimes among them.
+AXES = """[[axis]]
+name = "cohesion"
+from = 1.0
+to = 30.0
+points = 4
+scale = "log"
+[[axis]]
+name = "viscosity"
+values = [0.01, 0.2, 5.0]
+scale = "log"
+[[axis]]
+name = "adhesion"
+values = [0.0, 0.187]
+"""
+
 
 def drop_of(case) -> float:
     """Relative drop of the stand-in: large for little cohesion, viscosity and adhesion."""

@@ -33,3 +33,12 @@ def brief():
     import coarse_runs
 
     return coarse_runs.brief_run()
+
+
+@pytest.fixture
+def log(tmp_path, monkeypatch):
+    """The file in which stand-in runs (``analytic_runs``) leave their ids."""
+    path = tmp_path / "log"
+    path.touch()
+    monkeypatch.setenv("FAKE_RUN_LOG", str(path))
+    return path

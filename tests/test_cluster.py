@@ -45,13 +45,10 @@ def study(tmp_path):
 
 
 @pytest.fixture
-def log(tmp_path, monkeypatch):
-    path = tmp_path / "log"
-    path.touch()
-    monkeypatch.setenv("FAKE_RUN_LOG", str(path))
+def slow_log(log, monkeypatch):
     monkeypatch.setenv("FAKE_RUN_S", "0.1")
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(HERE), str(HERE.parent)]))
-    return path
+    return log
 
 
 @pytest.fixture
@@ -109,7 +106,7 @@ def test_without_dask_it_says_what_to_install(monkeypatch):
         check_scheduler("local")
 
 
-def test_a_worker_that_does_not_see_the_store_sends_the_run_back(study, log, tmp_path):
+def test_a_worker_that_does_not_see_the_store_sends_the_run_back(study, slow_log, tmp_path):
     case, store = study.grid[0], Store(tmp_path / "runs")
     sent = remote(analytic_runs.fake_run, case, str(tmp_path / "elsewhere"), store.mark(), False)
     assert sent.case.id == case.id and not store.has(case.id)
@@ -118,17 +115,17 @@ def test_a_worker_that_does_not_see_the_store_sends_the_run_back(study, log, tmp
 
 
 @pytest.mark.slow
-def test_a_local_cluster_gives_the_same_map_and_computes_each_run_once(study, log, tmp_path):
+def test_a_local_cluster_gives_the_same_map_and_computes_each_run_once(study, slow_log, tmp_path):
     pytest.importorskip("distributed")
     done = run_study(study, tmp_path / "out", workers=2, scheduler="local", run=analytic_runs.fake_run)
-    ids = log.read_text().split()
+    ids = slow_log.read_text().split()
     assert done.complete and sorted(ids) == sorted(case.id for case in study.cases())
     here = run_study(study, tmp_path / "here", workers=0, run=analytic_runs.computed)
     assert done.map.equals(here.map)
 
 
 @pytest.mark.slow
-def test_workers_come_and_go_and_lost_runs_are_done_again(study, log, tmp_path, cluster):
+def test_workers_come_and_go_and_lost_runs_are_done_again(study, slow_log, tmp_path, cluster):
     cluster("scheduler")
     workers = [cluster("worker"), cluster("worker")]
     killed = []
@@ -143,7 +140,7 @@ def test_workers_come_and_go_and_lost_runs_are_done_again(study, log, tmp_path, 
         study, tmp_path / "out", scheduler=cluster.address, run=analytic_runs.fake_run, progress=on_status
     )
     assert len(killed) == 3 and done.complete and done.status.failed == 0
-    ids = log.read_text().split()
+    ids = slow_log.read_text().split()
     assert set(ids) == {case.id for case in study.cases()}
     assert len(ids) - len(set(ids)) <= 3, "only a run that was lost with its worker may be computed again"
     here = run_study(study, tmp_path / "here", workers=0, run=analytic_runs.computed)
@@ -151,7 +148,7 @@ def test_workers_come_and_go_and_lost_runs_are_done_again(study, log, tmp_path, 
 
 
 @pytest.mark.slow
-def test_a_lost_scheduler_loses_no_finished_run(study, log, tmp_path, cluster, monkeypatch):
+def test_a_lost_scheduler_loses_no_finished_run(study, slow_log, tmp_path, cluster, monkeypatch):
     monkeypatch.setattr("cutbench.cluster.PATIENCE_S", 6.0)
     scheduler = cluster("scheduler")
     cluster("worker")
@@ -170,7 +167,7 @@ def test_a_lost_scheduler_loses_no_finished_run(study, log, tmp_path, cluster, m
     time.sleep(0.5)
     kept = {result.case.id for result in Store(tmp_path / "out" / "runs")}
     assert len(kept) >= after
-    begun = log.read_text().split()
+    begun = slow_log.read_text().split()
     done = run_study(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run)
-    again = log.read_text().split()[len(begun) :]
+    again = slow_log.read_text().split()[len(begun) :]
     assert done.complete and not set(again) & kept

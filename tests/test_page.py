@@ -17,22 +17,9 @@ from cutbench.store import Store
 from cutbench.study import load_study
 from cutbench.sweep import run_study
 
-GRID = """title = "Cohesion </script> & viscosity"
+GRID = f"""title = "Cohesion </script> & viscosity"
 base = "gelatin"
-[[axis]]
-name = "cohesion"
-from = 1.0
-to = 30.0
-points = 4
-scale = "log"
-[[axis]]
-name = "viscosity"
-values = [0.01, 0.2, 5.0]
-scale = "log"
-[[axis]]
-name = "adhesion"
-values = [0.0, 0.187]
-[plot]
+{analytic_runs.AXES}[plot]
 mark = ["gelatin"]
 """
 SOUGHT = GRID.replace("points = 4\n", "").replace("base", 'mode = "boundary"\nbase').replace(

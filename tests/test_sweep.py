@@ -26,21 +26,8 @@ from cutbench.store import Store
 from cutbench.study import load_study
 from cutbench.sweep import run_study
 
-STUDY = """base = "gelatin"
-[[axis]]
-name = "cohesion"
-from = 1.0
-to = 30.0
-points = 4
-scale = "log"
-[[axis]]
-name = "viscosity"
-values = [0.01, 0.2, 5.0]
-scale = "log"
-[[axis]]
-name = "adhesion"
-values = [0.0, 0.187]
-[plot]
+STUDY = f"""base = "gelatin"
+{analytic_runs.AXES}[plot]
 mark = ["gelatin", "meat"]
 """
 
@@ -50,15 +37,6 @@ def study(tmp_path):
     path = tmp_path / "study.toml"
     path.write_text(STUDY)
     return load_study(path)
-
-
-@pytest.fixture
-def log(tmp_path, monkeypatch):
-    """The file in which stand-in runs leave their ids; counted by ``computed``."""
-    path = tmp_path / "log"
-    path.touch()
-    monkeypatch.setenv("FAKE_RUN_LOG", str(path))
-    return path
 
 
 def computed(log) -> Counter:
