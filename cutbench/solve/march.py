@@ -166,7 +166,8 @@ class March:
             begun = problem.touched(states)
             straight = None if u_before is None else u + (u - u_before) * (size / size_before)
             try:
-                straight = self._improved(straight, next(known, None), u, begun, step)
+                desperate = pace.boost > 1 or size <= 2 * rules.smallest
+                straight = self._improved(straight, next(known, None), u, begun, step, desperate)
                 drift = (spent_before, left_before)
                 found = self._first_that_holds(u, straight, begun, step, size, force, drift)
                 growth = damage_growth(states, found.result.states)
@@ -204,7 +205,7 @@ class March:
                 rest = (pace.easy, force, pace.boost, spent_before, left_before, past, pace.refused)
                 self.at_rest(Progress(way, pace.size, u, states, u_before, size_before, *rest))
 
-    def _improved(self, straight, known, last, states, step) -> np.ndarray | None:
+    def _improved(self, straight, known, last, states, step, desperate) -> np.ndarray | None:
         """A better prediction than ``straight``: what is ``known``, or what the front's own solution says."""
         if known is not None:
             return known
@@ -214,9 +215,9 @@ class March:
         try:
             return self.window.solved(straight, last, states, step, self.newton)
         except NoConvergence as error:
-            # Where elements around the front turn inside out before it begins, and no smaller step is left,
-            # the last state may still do.
-            if "predicted" not in error.reason or step.dt * self.speed > 2 * self.rules.smallest:
+            # Where elements around the front turn inside out before it begins, and no smaller step will be
+            # tried, the last state may still do.
+            if "predicted" not in error.reason or not desperate:
                 raise
             return straight
         finally:
