@@ -56,7 +56,7 @@ def clean(truth: Case, test: Test) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             raise ComputationFailed(f"'{test.id}': {result.outcome}", result)
         course = np.stack([result.curve[name] for name in ("displacement_mm", "force_N", "time_s")])
         d, F, t = case.model.shown(course, case.p)
-        # Where the contact point is set too late, the record begins with it: before, no time goes by.
+        # Where the zero was set before the blade touched, the record begins at contact.
         x = np.linspace(max(d[0], 0.0), d[-1], test.readings + 1)[1:]
         return x, np.interp(x, d, F), np.interp(x, d, t)
     rest = 1.0 if test.kind in HOMOGENEOUS else 0.0

@@ -329,6 +329,21 @@ def test_a_history_keeps_its_corners():
         assert grid.x[i] == pytest.approx(stretch, abs=5e-3)
 
 
+def test_no_mean_is_taken_over_a_change_of_speed():
+    # Thirty times as fast in the second half, and twice the force there.
+    x = np.linspace(0, 10, 121)[1:]
+    fast = x > 5
+    t = np.cumsum(np.where(fast, 1.0, 30.0))
+    test = Experiment("steps", "separation", (Repetition(x, np.where(fast, 2.0, 1.0), t),) * 2)
+    grid = test.on_grid(40)
+    assert test.monotone
+    np.testing.assert_allclose(grid.mean, np.where(grid.x > 5, 2.0, 1.0), atol=1e-9)
+    speed = np.diff(grid.x) / np.diff(grid.time_s)
+    assert (np.abs(speed / speed.max() - 1) < 1e-6).sum() + (
+        np.abs(speed / speed.min() - 1) < 1e-6
+    ).sum() == 39
+
+
 def test_a_hold_is_no_monotone_test():
     t = np.linspace(1, 100, 100)
     rising = Experiment("a", "uniaxial", (Repetition(1 + 0.01 * t, 0.01 * t, t),))

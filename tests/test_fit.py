@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
+import analytic_runs
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 import cutbench.fit as fitting
+from cutbench import synthetic
 from cutbench.campaign import FitPlan, load_campaign, start_case
 from cutbench.case import Case, load_case
 from cutbench.cli import app
@@ -54,6 +56,15 @@ def test_a_homogeneous_campaign_gives_its_truth_back():
         assert abs(e.value / truth.values[e.label] - 1) < 0.1
         assert not e.at_bound and e.moved
     assert 0.5 < found.reduced_chi2 < 2
+
+
+@pytest.mark.parametrize("offset", [-0.3, 0.0, 0.4])
+def test_a_cut_with_a_wrong_zero_is_made_up_from_contact_on(offset, monkeypatch):
+    monkeypatch.setattr(synthetic, "run_case", analytic_runs.computed)
+    case = load_case("gelatin", {"with": "contact_offset", "offset": f"{offset} mm"})
+    x, y, t = synthetic.clean(case, Test("cut", reach=6.0, readings=50))
+    assert x.size == 50 and x[0] > max(offset, 0.0)
+    assert np.all(np.diff(t) > 0) and np.all(np.isfinite(y))
 
 
 def test_without_noise_it_is_exact():
