@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from cutbench.forms.damping import DampingForm
 from cutbench.solve.newton import NoConvergence
 
 #: The damping is raised to this many times its value before a run gives up.
@@ -62,7 +63,7 @@ class Pace:
     since the last as long as ``StepRules.gentle``. ``damping``: the form whose boost it sets, or None."""
 
     rules: StepRules
-    damping: object | None
+    damping: DampingForm | None
     size: float
     easy: int
     refused: int
