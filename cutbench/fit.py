@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 
 import numpy as np
 from scipy import stats
@@ -62,9 +63,8 @@ def fit(
         if label not in (known := [u.label for u in looked_for]):
             raise BadInput(key="profile", value=label, expected=one_of(label, known))
     runs = sum(e.kind == "cut" for e in campaign.experiments)
-    if run is not None:
-        return _Fitting(campaign, Inverse(campaign, looked_for, run, grid), told, refine).go(profile, began)
-    with predictor(min(cores() if workers is None else workers, runs)) as run:
+    own = predictor(min(cores() if workers is None else workers, runs)) if run is None else nullcontext(run)
+    with own as run:
         return _Fitting(campaign, Inverse(campaign, looked_for, run, grid), told, refine).go(profile, began)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from cutbench.forms.base import Step
 from cutbench.motion import Motion
-from cutbench.solve.newton import NewtonSettings, NoConvergence, newton
+from cutbench.solve.newton import BadGuess, NewtonSettings, NoConvergence, newton
 from cutbench.solve.pace import Pace, StepRules, drifts
 from cutbench.solve.predict import Past
 from cutbench.solve.problem import Evaluation, Problem, damage_growth
@@ -214,10 +214,9 @@ class March:
         began = time.perf_counter()
         try:
             return self.window.solved(straight, last, states, step, self.newton)
-        except NoConvergence as error:
-            # Where elements around the front turn inside out before it begins, and no smaller step will be
-            # tried, the last state may still do.
-            if "predicted" not in error.reason or not desperate:
+        except BadGuess:
+            # Where no smaller step will be tried, the last state may still do.
+            if not desperate:
                 raise
             return straight
         finally:
@@ -248,7 +247,7 @@ class March:
                 return self._found(guess, states, step, force)
             except NoConvergence as error:
                 # The last state is a better start only where the prediction itself was unusable.
-                if i == len(guesses) - 1 or "predicted" not in error.reason:
+                if i == len(guesses) - 1 or not isinstance(error, BadGuess):
                     raise
         raise AssertionError("a march always has its last state to begin from")
 

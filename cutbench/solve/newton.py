@@ -19,6 +19,10 @@ class NoConvergence(ArithmeticError):
         self.reason = reason
 
 
+class BadGuess(NoConvergence):
+    """The state to begin from has inverted elements: another may do."""
+
+
 @dataclass(frozen=True)
 class NewtonSettings:
     """Lengths in mm. ``tolerance`` is relative to the forces in balance."""
@@ -63,7 +67,7 @@ def newton(
     # Elements may lose volume, but not most of what the last step left them.
     floor = settings.smallest_ratio * min(1.0, problem.bulk.smallest_volume_ratio(step.u_old))
     if problem.bulk.smallest_volume_ratio(u) < floor:
-        raise NoConvergence("the predicted state has inverted elements")
+        raise BadGuess("the predicted state has inverted elements")
     current = problem.evaluate(u, states, step, tangent=not near)
     size = norm(current)
     if near:

@@ -15,7 +15,7 @@ import numpy as np
 
 from cutbench.forms.base import Form
 from cutbench.forms.space import Faces, Space
-from cutbench.solve.newton import NewtonSettings, NoConvergence, newton
+from cutbench.solve.newton import BadGuess, NewtonSettings, newton
 from cutbench.solve.problem import Problem
 
 #: Half of the window's width, and how far it reaches ahead of the front and behind, in blade thicknesses.
@@ -53,9 +53,8 @@ class Window:
         near = replace(settings, tolerance=max(ENOUGH, settings.tolerance), iterations=ITERATIONS)
         try:
             return newton(part.problem, u, states, step, near)[0]
-        except NoConvergence as error:
-            if "predicted" not in error.reason:
-                raise
+        except BadGuess:
+            pass
         # A straight line turns elements inside out: the window then begins as it was.
         free = part.problem.free
         u = u.copy()
