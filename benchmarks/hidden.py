@@ -25,15 +25,19 @@ from cutbench.synthetic import clean as computed
 #: An effect counts as visible if it changes the curve by this many times the scatter.
 VISIBLE = 2.0
 SCATTER, NOISE, REPETITIONS, READINGS = 0.03, 0.01, 3, 120
-#: Of a test in steps: the second speed over the first, and the second pressure.
-FASTER, PRESSED = 30.0, 4.0
+#: Of a test in steps: the second speed over the first, and the pressures of its parts. Friction and
+#: adhesion fit any two pressures, so there are more.
+FASTER, PRESSED = 30.0, np.array([1.0, 4.0, 2.0, 0.5])
 OUTSIDE = ("swing", "jump", "softening with time")
+#: Effects of a speed or a pressure: a single test shows them if it is done at several, in steps. At one speed
+#: and one pressure they are another strength, toughness or friction, and nothing is hidden.
+STEPPED = ("rate_toughness", "adhesion_speed", "coulomb_saturating")
 
 
 @dataclass(frozen=True)
 class Test(Plain):
-    """``program``: monotone, cycle (there and back), hold, or steps (four parts, slow and fast by turns, the
-    last two of a sliding test at another pressure)."""
+    """``program``: monotone, cycle (there and back), hold, or steps (four parts, slow and fast by turns,
+    those of a sliding test each at its own pressure)."""
 
     readings: int = READINGS
     program: str = "monotone"
@@ -58,10 +62,10 @@ class Hidden:
     plain: dict
 
 
-def designs(family: str, many: bool, rng) -> list[Test]:
+def designs(effect: str, family: str, many: bool, rng) -> list[Test]:
     """The tests of a campaign: one condition, or several."""
     slow = 10 ** rng.uniform(-3, -2)
-    alone = "steps" if not many and rng.random() < 0.5 else "monotone"
+    alone = "steps" if not many and (rng.random() < 0.5 or effect in STEPPED) else "monotone"
     if family == "bulk":
         reach = rng.uniform(1.8, 3.0)
         first = Test(
@@ -160,7 +164,7 @@ def _quarter(n: int) -> np.ndarray:
 def pressure(test: Test, n: int) -> np.ndarray:
     """Contact pressure (n,) in MPa."""
     pressed = test.program == "steps" and test.kind == "sliding"
-    return test.pressure * np.where(pressed & (_quarter(n) >= 2), PRESSED, 1.0)
+    return test.pressure * (PRESSED[_quarter(n)] if pressed else np.ones(n))
 
 
 def clean(case: Case, test: Test) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -212,7 +216,7 @@ def changed(one: dict, other: dict) -> float:
 
 FAMILIES = {
     "bulk": ("gent", "yeoh", "compressible", "maxwell", "maxwell2", "mullins"),
-    "cut law": ("compact_cohesion", "rate_toughness"),
+    "cut law": ("compact_cohesion", "rate_toughness", "viscous_degraded"),
     "blade law": ("adhesion_speed", "adhesion_wear", "coulomb_saturating"),
     "cut": ("machine_compliance", "contact_offset", "force_drift", "stiff_skin", "blunt_tip", "gent"),
 }
@@ -222,7 +226,7 @@ def make(number: int, effect: str, family: str, many: bool, seed: int) -> Hidden
     """A campaign with a hidden effect whose strength is drawn so that the curves change by 2 to 8
     scatters."""
     rng = np.random.default_rng([seed, number])
-    tests = cuts(many, rng) if family == "cut" else designs(family, many, rng)
+    tests = cuts(many, rng) if family == "cut" else designs(effect, family, many, rng)
     if effect == "mullins":
         tests = [replace(t, program="cycle") if t.kind == "uniaxial" else t for t in tests]
     start = base_case(family, rng)

@@ -47,7 +47,7 @@ class Numerics:
     """Every choice that is numerical; part of a case's identity."""
 
     h_mm: float = 0.25  # element size along the cut plane
-    corner: float = 0.015625  # the same under the tip, in units of h
+    corner: float = 0.03125  # the same under the tip, in units of h
     slender: float = 8.0  # elements at the cut plane are this many times taller than wide
     along: float = 4.0  # and this many times longer along the blade than tall, at the most (3D)
     element: str = "P2"  # P1 | P2 | P2P1 (mixed)

@@ -24,7 +24,7 @@ from cutbench.inverse import GRID
 from cutbench.observe import Predictor, cores, predictor
 
 #: Chance of naming something where there is nothing, of all candidates together.
-CHANCE = 0.01
+CHANCE = 0.005
 #: A candidate on its own is worth a fit if it gains more than chance does this often.
 PROMISING = 0.1
 #: Chances below this are all alike: the draws do not reach so far.

@@ -14,7 +14,9 @@ GRADING = 0.7
 #: Elements at the cut plane are this many times taller than wide: under the tip, and beside a cut that it
 #: forces open, the material is stretched sideways several times, so that they end up nearly equilateral.
 SLENDER = 8.0
-#: Distance from the cut plane over which they become as wide as tall, in units of the blade's half-thickness.
+#: Distance from the cut plane over which they become as wide as tall, in units of the blade's half-thickness;
+#: and how far down elements are as small as under the tip. Material that sticks to a blunt tip holds the cut
+#: plane shut for about half of that. Where it opens below, it is squeezed to half its height, and may fold.
 REACH = 6 / 7
 
 
@@ -24,14 +26,16 @@ def half_block(
     h: float,
     *,
     corner: float | None = None,
+    under: float = 0.0,
     slender: float = SLENDER,
     reach: float = 0.3,
     grading: float = GRADING,
 ) -> skfem.MeshTri:
     """Right half of the block, 0 ≤ x ≤ width/2, with faces "cut", "top", "bottom", "side".
 
-    Element edges on the cut plane are the largest H/(n 2^k) not above ``h``; under the blade, where the
-    top face meets the cut plane, they shrink to ``corner``: there the tip indents before anything is cut.
+    Element edges on the cut plane are the largest H/(n 2^k) not above ``h``; under the blade, from where the
+    top face meets the cut plane down to ``under``, they shrink to ``corner``: there the tip indents before
+    anything is cut, and the cut begins.
     Across the cut plane they are ``slender`` times smaller, growing to the same size over ``reach``.
     """
 
@@ -53,7 +57,8 @@ def half_block(
         nearest = corners[0].min(axis=0)
         size = np.ptp(corners, axis=1).max(axis=0)
         wanted = np.maximum(h + grading * np.maximum(nearest - h, 0), edge)
-        away = np.hypot(nearest, height - corners[1].max(axis=0))
+        below = np.maximum(height - corners[1].max(axis=0) - under, 0)
+        away = np.hypot(nearest, below)
         wanted = np.minimum(wanted, corner + grading * np.maximum(away - 2 * corner, 0))
         marked = np.flatnonzero(size > 1.5 * wanted)
         if marked.size == 0:

@@ -12,8 +12,9 @@ import numpy as np
 from cutbench.mechanisms.base import Cut
 from cutbench.quantities import Parameter
 
-#: Interpenetration, in units of δ_c, at which closing meets twice the undamaged stiffness.
-CLOSING = 0.05
+#: Pressure in G at which faces would overlap by δ_c: with G they overlap by δ_c/70 at the most. A softer
+#: cut plane gives way under a blunt tip and wrinkles, and the onset of cutting then follows the mesh.
+CLOSING = 5000.0
 #: Points (5, 1) and weights (5,) on (0, 1) for means over a step.
 _x, _w = np.polynomial.legendre.leggauss(5)
 POINTS, WEIGHTS = (1 + _x[:, None]) / 2, _w / 2
@@ -69,9 +70,10 @@ class SmithFerrante(Cut):
         delta_max = np.where(grows, np.sqrt(np.where(grows, square, 1.0)), state["delta_max"])
         keep = self.keep(delta_max / p.delta_c, p)
         K = self.stiffness(p)
-        T = K * keep * np.stack([jump[0], p.beta**2 * jump[1], p.beta**2 * jump[2]])
         # Closing: undamaged, and stiffening smoothly, so that the faces touch instead of sinking in.
-        T[0] = np.where(jump[0].real > 0, T[0], K * jump[0] * (1 - jump[0] / (CLOSING * p.delta_c)))
+        closed = jump[0] * (K - CLOSING * p.G / p.delta_c**2 * jump[0])
+        opening = np.where(jump[0].real > 0, K * keep * jump[0], closed)
+        T = np.stack([opening, *(K * keep * p.beta**2 * jump[1:])])
         start = state["delta_max"]
         mean = WEIGHTS @ self.keep((start + POINTS * (delta_max - start)) / p.delta_c, p)
         at.shared.update(damage=1 - keep, mean_damage=1 - mean, stiffness=K, cohesive=T)
@@ -84,5 +86,5 @@ class SmithFerrante(Cut):
         K = self.stiffness(p)
         unloaded = K / 2 * keep * (state["delta_max"] ** 2 - squared_opening(jump, p))
         shut = np.where(jump[0].real < 0, jump[0], 0)
-        closing = K * shut**2 * (1 / 2 - shut / (3 * CLOSING * p.delta_c))
+        closing = shut**2 * (K / 2 - CLOSING * p.G / p.delta_c**2 * shut / 3)
         return p.G_c * self.spent(s, keep, p) - unloaded + closing
