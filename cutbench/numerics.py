@@ -48,7 +48,7 @@ class Numerics:
 
     h_mm: float = 0.25  # element size along the cut plane
     corner: float = 0.03125  # the same under the tip, in units of h
-    slender: float = 8.0  # elements at the cut plane are this many times taller than wide
+    slender: float = 2.0  # elements at the cut plane are this many times taller than wide
     along: float = 4.0  # and this many times longer along the blade than tall, at the most (3D)
     element: str = "P2"  # P1 | P2 | P2P1 (mixed)
     normal: str = "blended"  # material's, turning to the tool's where deep | material | tool
@@ -95,7 +95,7 @@ class Numerics:
 
 
 #: Where a solid's defaults differ: its elements are as few as a run in minutes allows.
-_SOLID = {"h_mm": 1.0, "corner": 0.25, "facet_degree": 4, "bulk_degree": 2}
+_SOLID = {"h_mm": 1.0, "corner": 0.25, "slender": 8.0, "facet_degree": 4, "bulk_degree": 2}
 
 
 def defaults(dim: int) -> Numerics:

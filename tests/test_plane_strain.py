@@ -15,7 +15,7 @@ from cutbench.case import load_case
 from cutbench.errors import BadInput
 from cutbench.forms.space import Space
 from cutbench.models2d.plane_strain import geometry, mirrored
-from cutbench.models2d.section import REACH, half_block
+from cutbench.models2d.section import REACH, SLENDER, half_block
 from cutbench.models2d.usermesh import read_mesh
 from cutbench.numerics import Numerics
 from cutbench.run import run_case
@@ -99,8 +99,8 @@ def test_elements_at_the_cut_plane_have_the_size_asked_for(width, height, h):
 @block
 def test_triangles_are_well_shaped(width, height, h):
     assert angles(half_block(width, height, h, corner=h / 4, slender=1)).min() > 30
-    # Eight times taller than wide at the cut plane: a right angle's thin end is atan(1/8).
-    assert angles(made(width, height, h)).min() > 0.9 * np.degrees(np.arctan(1 / 8))
+    # Twice as tall as wide at the cut plane: a half right angle's thin end is atan(1/2).
+    assert angles(made(width, height, h)).min() > 0.9 * np.degrees(np.arctan(1 / SLENDER))
 
 
 def test_elements_grow_away_from_the_cut():

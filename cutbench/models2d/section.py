@@ -12,8 +12,8 @@ from scipy.optimize import brentq
 #: Growth of the element size with the distance from the cut plane.
 GRADING = 0.7
 #: Elements at the cut plane are this many times taller than wide: under the tip, and beside a cut that it
-#: forces open, the material is stretched sideways several times, so that they end up nearly equilateral.
-SLENDER = 8.0
+#: forces open, the material is stretched sideways several times. Small ones slenderer than that fold.
+SLENDER = 2.0
 #: Distance from the cut plane over which they become as wide as tall, in units of the blade's half-thickness;
 #: and how far down elements are as small as under the tip. Material that sticks to a blunt tip holds the cut
 #: plane shut for about half of that. Where it opens below, it is squeezed to half its height, and may fold.

@@ -21,7 +21,7 @@ ALONG = 4.0
 #: ... and longer than tall only up to this part of the block's length.
 LONGEST = 1 / 12
 #: Elements at the cut plane are this many times taller than wide, growing as wide as tall over ``REACH`` mm:
-#: the material is stretched sideways several times there. The same as in the plane-strain section.
+#: the material is stretched sideways several times there. Elements of a section are smaller, and need less.
 SLENDER, REACH = 8.0, 0.3
 
 
