@@ -258,7 +258,7 @@ def test_speed_counts_only_with_the_viscous_time(brief):
     assert force_at(faster, 0.9) > 1.2 * force_at(brief, 0.9)
 
 
-SMALL = BRIEF.set(depth="0.4 mm", step="0.02 mm")
+SMALL = BRIEF.set(depth="0.4 mm", step="0.02 mm", corner=0.5)
 
 
 def compare(one, other, *, length, stress):

@@ -37,7 +37,9 @@ def softest(problem: Problem, point: PathPoint, of: int = 4) -> float:
         problem.factorize(current.data)
         K, L = whole(current.data), problem.p.G * whole(problem.metric)
         inverted = spla.LinearOperator((free.size, free.size), inverse, dtype=float)
-        how = {"k": min(of, free.size - 2), "ncv": min(20, free.size), "v0": np.ones(free.size), "tol": 1e-3}
+        # L does not see a body that moves as a whole: begin with something that has none of that.
+        v0 = inverted @ (L @ np.cos(np.arange(free.size)))
+        how = {"k": min(of, free.size - 2), "ncv": min(20, free.size), "v0": v0, "tol": 1e-3}
         values = spla.eigs(K, M=L, sigma=0.0, OPinv=inverted, return_eigenvectors=False, **how)
     except (SingularMatrix, spla.ArpackError, RuntimeError):
         return np.nan
