@@ -15,7 +15,7 @@ from cutbench.case import load_case
 from cutbench.errors import BadInput
 from cutbench.forms.space import Space
 from cutbench.models2d.plane_strain import geometry, mirrored
-from cutbench.models2d.section import REACH, SLENDER, half_block
+from cutbench.models2d.section import SLENDER, half_block
 from cutbench.models2d.usermesh import read_mesh
 from cutbench.numerics import Numerics
 from cutbench.run import run_case
@@ -229,7 +229,7 @@ def write_vtu(mesh: skfem.MeshTri, path: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def section():
-    return half_block(W, H, 0.6, corner=0.6 * Numerics().corner, under=REACH * 0.35)
+    return half_block(W, H, 0.6, corner=0.6 * Numerics().corner)
 
 
 @pytest.fixture(scope="module")

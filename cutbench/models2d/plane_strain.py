@@ -30,15 +30,13 @@ def geometry(values, numerics) -> Geometry:
         mesh = read_mesh(numerics.mesh, values["width"], height)
         return Geometry(mesh, height, 2 * length)
     h = numerics.h_mm
-    reach = REACH * values["thickness"] / 2
     mesh = half_block(
         values["width"],
         height,
         h,
         corner=numerics.corner * h,
-        under=reach,
         slender=numerics.slender,
-        reach=reach,
+        reach=REACH * values["thickness"] / 2,
     )
     if numerics.symmetry == "full":
         return Geometry(mirrored(mesh), height, length, split=True)

@@ -26,7 +26,6 @@ def half_block(
     h: float,
     *,
     corner: float | None = None,
-    under: float = 0.0,
     slender: float = SLENDER,
     reach: float = 0.3,
     grading: float = GRADING,
@@ -34,7 +33,7 @@ def half_block(
     """Right half of the block, 0 ≤ x ≤ width/2, with faces "cut", "top", "bottom", "side".
 
     Element edges on the cut plane are the largest H/(n 2^k) not above ``h``; under the blade, from where the
-    top face meets the cut plane down to ``under``, they shrink to ``corner``: there the tip indents before
+    top face meets the cut plane down to ``reach``, they shrink to ``corner``: there the tip indents before
     anything is cut, and the cut begins.
     Across the cut plane they are ``slender`` times smaller, growing to the same size over ``reach``.
     """
@@ -57,7 +56,7 @@ def half_block(
         nearest = corners[0].min(axis=0)
         size = np.ptp(corners, axis=1).max(axis=0)
         wanted = np.maximum(h + grading * np.maximum(nearest - h, 0), edge)
-        below = np.maximum(height - corners[1].max(axis=0) - under, 0)
+        below = np.maximum(height - corners[1].max(axis=0) - reach, 0)
         away = np.hypot(nearest, below)
         wanted = np.minimum(wanted, corner + grading * np.maximum(away - 2 * corner, 0))
         marked = np.flatnonzero(size > 1.5 * wanted)

@@ -60,6 +60,10 @@ class SmithFerrante(Cut):
         """Of the undamaged interface, MPa/mm; ∫ T dδ is G_c."""
         return p.G_c / p.delta_c**2
 
+    def hardening(self, p):
+        """By which the stiffness grows with the overlap of closed faces, MPa/mm²."""
+        return CLOSING * p.G / p.delta_c**2
+
     def start(self, n, p):
         return {"delta_max": np.zeros(n)}
 
@@ -71,7 +75,7 @@ class SmithFerrante(Cut):
         keep = self.keep(delta_max / p.delta_c, p)
         K = self.stiffness(p)
         # Closing: undamaged, and stiffening smoothly, so that the faces touch instead of sinking in.
-        closed = jump[0] * (K - CLOSING * p.G / p.delta_c**2 * jump[0])
+        closed = jump[0] * (K - self.hardening(p) * jump[0])
         opening = np.where(jump[0].real > 0, K * keep * jump[0], closed)
         T = np.stack([opening, *(K * keep * p.beta**2 * jump[1:])])
         start = state["delta_max"]
@@ -86,5 +90,5 @@ class SmithFerrante(Cut):
         K = self.stiffness(p)
         unloaded = K / 2 * keep * (state["delta_max"] ** 2 - squared_opening(jump, p))
         shut = np.where(jump[0].real < 0, jump[0], 0)
-        closing = shut**2 * (K / 2 - CLOSING * p.G / p.delta_c**2 * shut / 3)
+        closing = shut**2 * (K / 2 - self.hardening(p) * shut / 3)
         return p.G_c * self.spent(s, keep, p) - unloaded + closing
