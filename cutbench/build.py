@@ -102,7 +102,7 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
     faces = {name: space.faces(name, n.facet_degree) for name in geometry.blade_faces}
     if cut := model.laws("cut"):
         minus = paired(faces["cut"], faces["cut_minus"], space.X) if geometry.split else None
-        forms.append(CutForm(cut, faces["cut"], p.height, minus, skins))
+        forms.append(CutForm(cut, faces["cut"], p.height, minus, skins, n.closing))
     elif geometry.split:
         raise BadInput(
             key="symmetry", value="full", expected="'half' where no law holds the cut plane together"

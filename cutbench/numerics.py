@@ -28,6 +28,7 @@ _RANGES: dict[str, tuple[float | None, float | None]] = {
     "along": (1.0, 20.0),
     "penalty": (1e-3, 1e6),
     "stick": (1e-3, 1e6),
+    "closing": (0.0, 1e6),
     "augmentations": (0, 50),
     "damping_mm": (0.0, 1.0),
     "facet_degree": (1, 20),
@@ -55,6 +56,7 @@ class Numerics:
     gap: str = "distance"  # distance | ellipse (the paper's dimensionless one)
     penalty: float = 1000.0  # contact stiffness, in G per mm of penetration
     stick: float = 400.0  # stiffness of sticking, G per mm of slip
+    closing: float = 5000.0  # pressure at which the closed cut plane would overlap by delta_c, in G
     augmentations: int = 0  # Uzawa updates a step at the most
     facet_degree: int = 6  # quadrature degree on faces
     bulk_degree: int = 0  # 0: what the element needs
@@ -115,7 +117,8 @@ def preset(name: object, values: Mapping[str, float], dim: int) -> Numerics:
     """The numerics called ``name``; ``values`` give G and the blade. BadInput for an unknown name.
 
     ``converged``: the defaults. ``paper``: linear elements of the paper's size, the material's normal, its
-    dimensionless gap 1 − (x−c)ᵀA(x−c) with ε_N = 1 N/mm², damage and adhesion staggered, its steps.
+    dimensionless gap 1 − (x−c)ᵀA(x−c) with ε_N = 1 N/mm², a cut plane that resists closing as it resists
+    opening, damage and adhesion staggered, its steps.
     """
     if name not in PRESETS:
         raise BadInput(key="numerics", value=name, expected=one_of(str(name), PRESETS))
@@ -134,6 +137,7 @@ def preset(name: object, values: Mapping[str, float], dim: int) -> Numerics:
         normal="material",
         gap="ellipse",
         penalty=penalty,
+        closing=0.0,
         scheme="staggered",
         stepping="paper",
         predictor="line",

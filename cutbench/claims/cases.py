@@ -26,7 +26,10 @@ CHANGES: dict[str, Change] = {
     "size": Change("elements of 0.5 mm", PAPER, {"h": "0.5 mm"}),
     "order": Change("quadratic elements", PAPER, {"element": "P2"}),
     "viscous": Change("viscosity that fades with damage", PAPER, {"with_": "viscous_degraded"}),
-    "contact": Change("hard contact, distance as gap", PAPER, {"gap": "distance", "penalty": 1000}),
+    "contact": Change(
+        "hard contact, of the cut's faces too; distance as gap", PAPER,
+        {"gap": "distance", "penalty": 1000, "closing": 5000},
+    ),
     "steps": Change(
         "damage solved with the displacements, steps by their error", PAPER,
         {"scheme": "monolithic", "stepping": "adaptive", "step": "0.1 mm", "damage_step": 0.5},

@@ -22,9 +22,12 @@ class CutForm(Form):
     #: True while the staggered scheme keeps the damage where it is.
     held = False
 
-    def __init__(self, laws, plus: Faces, height: float, minus: Faces | None = None, skins=()):
-        """``plus`` is the side at x > 0; ``minus`` its partner, face by face and node by node."""
-        self.laws, self.skins = tuple(laws), tuple(skins)
+    def __init__(
+        self, laws, plus: Faces, height: float, minus: Faces | None = None, skins=(), closing=Points.closing
+    ):
+        """``plus`` is the side at x > 0; ``minus`` its partner, face by face and node by node. ``closing`` as
+        in ``Points``."""
+        self.laws, self.skins, self.closing = tuple(laws), tuple(skins), closing
         self._minus, self._height = minus, height
         dim = plus.X.shape[0]
         self.dim, self.faces = dim, plus
@@ -53,7 +56,7 @@ class CutForm(Form):
 
     def part(self, columns):
         minus = None if self._minus is None else self._minus.some(columns)
-        return CutForm(self.laws, self.faces.some(columns), self._height, minus, self.skins)
+        return CutForm(self.laws, self.faces.some(columns), self._height, minus, self.skins, self.closing)
 
     def start(self, p):
         n = self.faces.w.size
@@ -71,7 +74,10 @@ class CutForm(Form):
 
     def points(self, step: object) -> Points:
         jump_old = self.jump(step.u_old)
-        return Points(X=self._X, depth=self._depth, dt=step.dt, jump_old=jump_old, shared={}, held=self.held)
+        return Points(
+            X=self._X, depth=self._depth, dt=step.dt, jump_old=jump_old, shared={}, held=self.held,
+            closing=self.closing,
+        )  # fmt: skip
 
     def _weights(self, p, at) -> np.ndarray:
         """Quadrature weights times this side's share and the skins' factor (nq, nf)."""

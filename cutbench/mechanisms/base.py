@@ -22,6 +22,11 @@ State = dict[str, np.ndarray]
 Params = Any  # attribute access by parameter name: p.G, p.nu
 
 
+#: With a pressure of G closed faces overlap by δ_c/70. A softer cut plane gives way under a blunt tip and
+#: wrinkles, and the onset of cutting then follows the mesh.
+CLOSING = 5000.0
+
+
 class Points(SimpleNamespace):
     """What a law may know about the points it is evaluated at, besides its kinematics.
 
@@ -30,10 +35,11 @@ class Points(SimpleNamespace):
     (``jump_old``, ``slip_rate``, …). ``shared`` carries what laws of one slot tell each other, in
     the order of ``Mechanism.rank``. ``laws`` (slot bulk): all bulk laws of the model, for one that
     scales what others answer. ``held``: internal variables keep their old values, and ``dt`` is not
-    needed.
+    needed. ``closing`` (slot cut): pressure in G at which closed faces would overlap by δ_c.
     """
 
     held = False
+    closing = CLOSING
 
 
 class Mechanism:

@@ -36,6 +36,8 @@ class NewtonSettings:
     reach: float = 0.3
     trust: float = 0.2
     largest_shift: float = 300.0
+    #: Part of a Newton step that has to be free of inverted elements, or the tangent is regularised.
+    whole: float = 0.5
     #: Line search: evaluations at the most, and the part of the work that may be left.
     cuts: int = 6
     slack: float = 0.8
@@ -58,7 +60,6 @@ def newton(
     Steps with that come first; they may suffice, and then no tangent is assembled.
     """
     free = problem.free
-    moving = problem.displacements
 
     def norm(e: Evaluation) -> float:
         value = float(np.linalg.norm(e.residual[free]))
@@ -82,13 +83,7 @@ def newton(
             break
         if current.data is None:
             current = problem.evaluate(u, states, step)
-        du = _direction(problem, current, settings, shift)
-        largest = np.abs(du[moving]).max()
-        alpha = min(1.0, settings.reach / largest) if largest > 0 else 1.0
-        while problem.bulk.smallest_volume_ratio(u + alpha * du) <= floor:
-            alpha /= 2
-            if alpha < 1e-3:
-                raise NoConvergence("elements invert along the Newton direction")
+        du, alpha = _direction(problem, u, current, settings, shift, floor)
         before, base = size, (u, current)
         u, current = _search(problem, u, du, alpha, current, states, step, settings, floor, eager)
         eager = current.data is not None or np.array_equal(u, base[0] + alpha * du)
@@ -154,35 +149,44 @@ class Shift:
         return value if value > 0.05 else 0.0
 
 
-def _direction(problem, current, settings, shift):
-    """Newton direction; ``shift`` keeps the regularisation it needed.
+def _direction(problem, u, current, settings, shift, floor):
+    """Newton direction, and the part of it that inverts no element; ``shift`` keeps the regularisation it
+    needed.
 
     Where softening makes the tangent indefinite or nearly singular, the direction leads uphill or far
-    away. A multiple of the Laplacian added to the tangent shortens and turns it (Levenberg, Marquardt).
+    away: further than ``trust``, or than small elements bear. A multiple of the Laplacian added to the
+    tangent shortens and turns it (Levenberg, Marquardt).
     """
     free, moving = problem.free, problem.displacements
     shift.now = shift.relaxed()
+    best = None
     for attempt in range(8):
         data = current.data if shift.now == 0 else current.data + shift.now * problem.p.G * problem.metric
+        fault = None
         try:
             problem.factorize(data)
             du = problem.back_substitute(current.residual, how="direction")
             largest = np.abs(du[moving]).max()
-            downhill = du[free] @ current.residual[free] < 0
-            if np.isfinite(largest) and downhill and largest <= settings.trust:
-                shift.raised = attempt > 0
-                return du
+            if np.isfinite(largest):
+                alpha = min(1.0, settings.reach / largest) if largest > 0 else 1.0
+                while alpha > 1e-3 and problem.bulk.smallest_volume_ratio(u + alpha * du) <= floor:
+                    alpha /= 2
+                downhill = du[free] @ current.residual[free] < 0
+                if downhill and largest <= settings.trust and alpha >= settings.whole:
+                    shift.raised = attempt > 0
+                    return du, alpha
+                if alpha > 1e-3 and (best is None or (downhill and largest <= settings.trust)):
+                    best = du, alpha
+            else:
+                fault = "the linear solution is not finite"
         except SingularMatrix as error:
-            largest, downhill, fault = np.inf, False, error
-            du = None
+            fault = f"singular tangent: {error}"
         if problem.metric is None or shift.now > settings.largest_shift:
             break
         shift.now = max(1.0, 4 * shift.now)
-    if du is None:
-        raise NoConvergence(f"singular tangent: {fault}")
-    if not np.isfinite(largest):
-        raise NoConvergence("the linear solution is not finite")
-    return du
+    if best is None:
+        raise NoConvergence(fault or "elements invert along the Newton direction")
+    return best
 
 
 def _shorter(problem, u, du, alpha, states, step):

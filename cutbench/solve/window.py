@@ -15,6 +15,7 @@ import numpy as np
 
 from cutbench.forms.base import Form
 from cutbench.forms.space import Faces, Space
+from cutbench.solve.linear import make_solver
 from cutbench.solve.newton import BadGuess, NewtonSettings, newton
 from cutbench.solve.problem import Problem
 
@@ -55,11 +56,8 @@ class Window:
             return newton(part.problem, u, states, step, near)[0]
         except BadGuess:
             pass
-        # A straight line turns elements inside out: the window then begins as it was.
-        free = part.problem.free
-        u = u.copy()
-        u[free] = last[free]
-        return newton(part.problem, u, states, step, near)[0]
+        # A straight line turns elements inside out: the window then begins as it was, and yields to its edge.
+        return newton(part.problem, last + part.extended(u - last), states, step, near)[0]
 
     def _around(self, states: dict) -> _Part:
         """The part around the lowest point that is half broken. Of the state alone: a run may resume."""
@@ -100,3 +98,23 @@ class _Part:
         solver = "superlu" if whole.solver.name == "superlu" else "auto"
         self.problem = Problem(parts, whole.ndof, np.flatnonzero(~free), whole.p, solver=solver)
         self.damping = next((form for form in parts if form.name == "damping"), None)
+        self._smooth = None
+
+    def extended(self, du: np.ndarray) -> np.ndarray:
+        """``du`` (ndof,) where it is held, and a harmonic function of that where it is free."""
+        problem, du = self.problem, du.copy()
+        free = problem.free
+        du[free] = 0.0
+        if self.damping is None:
+            return du
+        if self._smooth is None:
+            data = problem.metric.copy()
+            diagonal = problem.pattern.diagonal  # zero where no displacement stands
+            data[diagonal[data[diagonal] == 0]] = 1.0
+            pattern = problem.pattern
+            name = problem.solver.name
+            self._smooth = make_solver(name, pattern.indptr, pattern.indices, free.size, problem.symmetric)
+            self._smooth.refactor(data)
+        local = np.einsum("ije,je->ie", self.damping.unit_matrix, np.take(du, self.damping.dofs))
+        du[free] = self._smooth.solve(-problem.pattern.vectors({"damping": local}).sum(axis=0)[free])
+        return du

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from cutbench.forms.cut import CutForm
-from cutbench.mechanisms.cut.smith_ferrante import CLOSING
+from cutbench.mechanisms.base import CLOSING
 from cutbench.solve.geometry import paired
 from cutbench.verify._parts import law, parameters, space_of, split_block, stay
 from cutbench.verify.base import Check, Reference

@@ -12,9 +12,6 @@ import numpy as np
 from cutbench.mechanisms.base import Cut
 from cutbench.quantities import Parameter
 
-#: Pressure in G at which faces would overlap by δ_c: with G they overlap by δ_c/70 at the most. A softer
-#: cut plane gives way under a blunt tip and wrinkles, and the onset of cutting then follows the mesh.
-CLOSING = 5000.0
 #: Points (5, 1) and weights (5,) on (0, 1) for means over a step.
 _x, _w = np.polynomial.legendre.leggauss(5)
 POINTS, WEIGHTS = (1 + _x[:, None]) / 2, _w / 2
@@ -60,9 +57,9 @@ class SmithFerrante(Cut):
         """Of the undamaged interface, MPa/mm; ∫ T dδ is G_c."""
         return p.G_c / p.delta_c**2
 
-    def hardening(self, p):
+    def hardening(self, p, at):
         """By which the stiffness grows with the overlap of closed faces, MPa/mm²."""
-        return CLOSING * p.G / p.delta_c**2
+        return at.closing * p.G / p.delta_c**2
 
     def start(self, n, p):
         return {"delta_max": np.zeros(n)}
@@ -75,7 +72,7 @@ class SmithFerrante(Cut):
         keep = self.keep(delta_max / p.delta_c, p)
         K = self.stiffness(p)
         # Closing: undamaged, and stiffening smoothly, so that the faces touch instead of sinking in.
-        closed = jump[0] * (K - self.hardening(p) * jump[0])
+        closed = jump[0] * (K - self.hardening(p, at) * jump[0])
         opening = np.where(jump[0].real > 0, K * keep * jump[0], closed)
         T = np.stack([opening, *(K * keep * p.beta**2 * jump[1:])])
         start = state["delta_max"]
@@ -90,5 +87,5 @@ class SmithFerrante(Cut):
         K = self.stiffness(p)
         unloaded = K / 2 * keep * (state["delta_max"] ** 2 - squared_opening(jump, p))
         shut = np.where(jump[0].real < 0, jump[0], 0)
-        closing = shut**2 * (K / 2 - self.hardening(p) * shut / 3)
+        closing = shut**2 * (K / 2 - self.hardening(p, at) * shut / 3)
         return p.G_c * self.spent(s, keep, p) - unloaded + closing
