@@ -62,7 +62,7 @@ def geometry_of(case: Case) -> Geometry:
 
 def contact_numerics(p, n: Numerics) -> ContactNumerics:
     """Stiffnesses of the contact for parameters ``p``, which may be complex."""
-    return ContactNumerics(n.penalty * p.G, n.stick * p.G, n.normal, n.gap)
+    return ContactNumerics(n.penalty * p.G, n.stick * p.G, n.normal, n.gap, n.multiplier == "carried")
 
 
 def damping_viscosity(p, n: Numerics):

@@ -14,6 +14,7 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "element": ("P1", "P2", "P2P1"),
     "normal": ("blended", "material", "tool"),
     "gap": ("distance", "ellipse"),
+    "multiplier": ("none", "carried"),
     "scheme": ("monolithic", "staggered"),
     "symmetry": ("auto", "quarter", "half", "full"),
     "stepping": ("adaptive", "paper"),
@@ -57,6 +58,7 @@ class Numerics:
     penalty: float = 1000.0  # contact stiffness, in G per mm of penetration
     stick: float = 400.0  # stiffness of sticking, G per mm of slip
     closing: float = 5000.0  # pressure at which the closed cut plane would overlap by delta_c, in G
+    multiplier: str = "none"  # none | carried: a step begins with the last one's contact pressure
     augmentations: int = 0  # Uzawa updates a step at the most
     facet_degree: int = 6  # quadrature degree on faces
     bulk_degree: int = 0  # 0: what the element needs

@@ -56,6 +56,16 @@ def test_normals_and_gaps_are_choices_that_matter_little_before_the_cut(pressed)
         assert other == pytest.approx(force_at(pressed, 1.5), rel=0.05)
 
 
+def test_a_carried_multiplier_does_what_repeated_ones_do(pressed):
+    """Material gives way by what the pressure changes in a step, not by all of it: no loop is needed."""
+    soft = force_at(pressed, 1.5)
+    hard = force_at(run_case(PRESSED.set(augmentations=3)), 1.5)
+    carried = run_case(PRESSED.set(multiplier="carried"))
+    assert hard > 1.005 * soft
+    assert abs(force_at(carried, 1.5) - hard) < 0.1 * (hard - soft)
+    assert abs(carried.curve["closure"][-1]) < 0.01
+
+
 def test_the_staggered_scheme_tends_to_the_monolithic_one():
     """Damage that lags is repeated until it stands still; viscosity then sees it at a step's end."""
     # Viscous enough that the cut grows steadily: in a snap, what a step meets depends on the step.

@@ -66,9 +66,10 @@ def test_derivatives_are_those_of_central_differences():
             STEP / 5,  # the force is bent by tip: with STEP differences are off by their truncation
         ),
         ({"normal": "tool", "gap": "ellipse", "depth": "0.8 mm"}, ("G", "nu", "G_c", "tip", "mu"), STEP),
+        ({"multiplier": "carried", "depth": "0.5 mm"}, ("G", "tip", "mu"), STEP),
         ({"damping_mm": 0.0, "without": "adhesion", "depth": "0.3 mm"}, ("G", "G_c", "tip", "mu"), STEP),
     ],
-    ids=["mixed, augmented", "tool's normal", "no damping"],
+    ids=["mixed, augmented", "tool's normal", "carried", "no damping"],
 )
 def test_they_are_for_other_numerics(changes, names, step):
     check(CUTTING.set(**changes), names, step=step)

@@ -28,6 +28,8 @@ class ContactNumerics:
     tangential: float
     normal: str = "tool"
     gap: str = "distance"
+    #: A step begins with the last one's pressure as its multiplier.
+    carried: bool = False
 
 
 class BladeForm(Form):
@@ -93,9 +95,17 @@ class BladeForm(Form):
         }
 
     def touch(self, state: dict) -> dict:
-        """Θ for the next step (paper: from the last known pressure, kept on the cut faces)."""
+        """Θ for the next step (paper: from the last known pressure, kept on the cut faces); and its
+        multiplier, where that is carried: material then gives way by what the pressure changes in a step.
+        """
         now = (state["pressure"] > 0).astype(float)
+        state = self.augment(state) if self.carries else state
         return {**state, "touched": np.maximum(now, self._keeps * state["touched"])}
+
+    @property
+    def carries(self) -> bool:
+        """Whether a step begins with the last one's pressure as its multiplier."""
+        return self._numerics.carried
 
     def augment(self, state: dict) -> dict:
         """Uzawa update: the multiplier takes over the pressure (paper, eq. update:ALN)."""

@@ -97,6 +97,8 @@ class Sensitivities:
             {name: {k: v for k, v in rates.items() if k != "touched"} for name, rates in old.states.items()}
             for old in self._rates
         ]
+        if self._rates and self._rates[0].states:
+            begun = [self._augmented(old, old, carried=True) for old in begun]
         after = self._rates
         try:
             for number, (states, u) in enumerate(accepted.solves):
@@ -115,9 +117,12 @@ class Sensitivities:
         """du/dθ (ndof,) by parameter at the last step; nan where the tangent was singular on the way."""
         return [rates.u * (1.0 if self.lost is None else np.nan) for rates in self._rates]
 
-    def _augmented(self, begun: dict, found: dict) -> dict:
+    def _augmented(self, begun: dict, found: dict, *, carried: bool = False) -> dict:
+        """``carried``: of the forms alone that begin a step so."""
         parts = {}
         for form in self._blades:
+            if carried and not form.carries:
+                continue
             parts[form.name] = {**begun.get(form.name, {}), "multiplier": found[form.name]["pressure"]}
         return {**begun, **parts}
 
