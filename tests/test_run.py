@@ -100,8 +100,11 @@ def test_halving_the_step_improves_the_closure():
 
 
 def test_what_dissipates_only_takes(cutting):
+    # What sticks is held by springs of 400 G per mm: where it turns back they return what they hold.
+    springs = {"coulomb": 1e-5, "adhesion": 1e-5}
     for entry in ("viscous_degraded", "coulomb", "adhesion", SNAP):
-        assert np.diff(work(cutting, entry)).min() >= -1e-9 * blade_work(cutting)[-1], entry
+        least = -springs.get(entry, 1e-9) * blade_work(cutting)[-1]
+        assert np.diff(work(cutting, entry)).min() >= least, entry
         assert work(cutting, entry)[-1] > 0, entry
 
 
@@ -232,7 +235,7 @@ def test_a_run_that_stalls_says_where_and_what_to_try(monkeypatch, brief, reason
 # -- what must not matter -----------------------------------------------------------------------------
 def test_the_same_case_gives_the_same_bits(brief):
     again = run_case(load_case("gelatin").set(
-        h="0.6 mm", cohesion=1.0, tip="3.5 mm", mu=0.2, depth="0.9 mm"
+        h="0.6 mm", corner=0.0625, cohesion=1.0, tip="3.5 mm", mu=0.2, depth="0.9 mm"
     ))  # fmt: skip
     assert again.case.id == brief.case.id
     for name, column in brief.curve.items():
