@@ -54,7 +54,7 @@ def test_a_state_is_written_no_more_often_than_asked(tmp_path):
 
 @pytest.mark.parametrize(("dim", "h", "depth"), [(2, "0.6 mm", "3 mm"), (3, "1.5 mm", "1.2 mm")])
 def test_an_interrupted_run_goes_on_and_ends_on_the_same_curve(tmp_path, dim, h, depth):
-    case = load_case("gelatin", {**SMALL, "h": h, "element": "P1", "depth": depth}, dim=dim)
+    case = load_case("gelatin", {**SMALL, "h": h, "corner": 0.25, "element": "P1", "depth": depth}, dim=dim)
     marks = [0.3 * case.p.depth, 0.6 * case.p.depth, case.p.depth]
     whole = run_case(case, snapshots_mm=marks)
     seen = []
