@@ -100,7 +100,7 @@ def test_halving_the_step_improves_the_closure():
 
 
 def test_what_dissipates_only_takes(cutting):
-    # What sticks is held by springs of 400 G per mm: where it turns back they return what they hold.
+    # Friction not to the last digit: what sticks is held by springs, its work a trapezoid over a step.
     springs = {"coulomb": 1e-5, "adhesion": 1e-5}
     for entry in ("viscous_degraded", "coulomb", "adhesion", SNAP):
         least = -springs.get(entry, 1e-9) * blade_work(cutting)[-1]

@@ -13,8 +13,14 @@ from coarse_runs import (
     seen_by_blade,
 )
 
+from cutbench.mechanisms.base import Points
+from cutbench.numerics import Numerics
 from cutbench.run import run_case
 from cutbench.solve import march, pace
+
+
+def test_a_law_by_itself_closes_as_it_does_in_a_run():
+    assert Points.closing == Numerics().closing
 
 
 def test_half_and_full_block_agree():

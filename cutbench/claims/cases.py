@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from cutbench.case import Case, load_case
 from cutbench.claims.base import BLOCK, CONVERGED, NOTCH_MM, NOTCHED, PAPER, TENSION, Ask
 from cutbench.claims.reading import end_of_indentation
-from cutbench.numerics import PAPER_EDGE
+from cutbench.numerics import PAPER_EDGE, Numerics
 from cutbench.result import Result
 
 
@@ -29,7 +29,7 @@ CHANGES: dict[str, Change] = {
     "viscous": Change("viscosity that fades with damage", PAPER, {"with_": "viscous_degraded"}),
     "contact": Change(
         "hard contact, of the cut's faces too; distance as gap", PAPER,
-        {"gap": "distance", "penalty": 1000, "closing": 5000},
+        {"gap": "distance", "penalty": Numerics.penalty, "closing": Numerics.closing},
     ),
     "steps": Change(
         "damage solved with the displacements, steps by their error", PAPER,

@@ -22,11 +22,6 @@ State = dict[str, np.ndarray]
 Params = Any  # attribute access by parameter name: p.G, p.nu
 
 
-#: With a pressure of G closed faces overlap by δ_c/70. A softer cut plane gives way under a blunt tip and
-#: wrinkles, and the onset of cutting then follows the mesh.
-CLOSING = 5000.0
-
-
 class Points(SimpleNamespace):
     """What a law may know about the points it is evaluated at, besides its kinematics.
 
@@ -39,7 +34,9 @@ class Points(SimpleNamespace):
     """
 
     held = False
-    closing = CLOSING
+    #: With a pressure of G closed faces overlap by δ_c/70. A softer cut plane gives way under a blunt tip and
+    #: wrinkles, and the onset of cutting then follows the mesh.
+    closing = 5000.0
 
 
 class Mechanism:

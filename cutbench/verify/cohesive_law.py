@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from cutbench.forms.cut import CutForm
-from cutbench.mechanisms.base import CLOSING
+from cutbench.mechanisms.base import Points
 from cutbench.solve.geometry import paired
 from cutbench.verify._parts import law, parameters, space_of, split_block, stay
 from cutbench.verify.base import Check, Reference
@@ -76,7 +76,7 @@ def compute() -> Iterator[Check]:
             1e3 * K * np.exp(-3) * part * delta, 1e3 * T, 1e-9,
         )  # fmt: skip
     (T, _), _ = interface.move(-0.01 * delta)
-    closed = K * 0.01 * delta + CLOSING * p.G * 0.01**2
+    closed = K * 0.01 * delta + Points.closing * p.G * 0.01**2
     yield Check("T closed by δ_c/100: undamaged", "kPa", -1e3 * closed, 1e3 * T, 1e-9)
     (T, _), work = interface.move(0.0)
     yield Check("T at 0 after a cycle", "kPa", 0.0, 1e3 * T, 1e-12)
