@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.linalg as sl
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from cutbench.solve.follow import PathPoint
 from cutbench.solve.linear import SingularMatrix
 from cutbench.solve.problem import Problem
+
+SMALL = 200  # unknowns: as dense matrices below. Arnoldi breaks down where it spans nearly all there is.
 
 
 def softest(problem: Problem, point: PathPoint, of: int = 4) -> float:
@@ -17,7 +20,8 @@ def softest(problem: Problem, point: PathPoint, of: int = 4) -> float:
     L is the Laplacian ∫ ∇₀u : ∇₀u dV, so λ is the stiffness of the softest motion against that of a body of
     shear modulus G, whatever the mesh. Below zero the state is unstable; one eigenvalue passes zero where a
     path turns smoothly. Looked for among the ``of`` eigenvalues nearest to zero; real part, as friction and
-    the material's normal make K unsymmetric. Shift-invert Arnoldi (scipy's eigs).
+    the material's normal make K unsymmetric. Shift-invert Arnoldi (scipy's eigs), or all eigenvalues of dense
+    matrices where there are fewer than ``SMALL`` unknowns.
     """
     if problem.metric is None:
         return np.nan
@@ -33,9 +37,13 @@ def softest(problem: Problem, point: PathPoint, of: int = 4) -> float:
         b[free] = -x
         return problem.back_substitute(b)[free]
 
+    K, L = whole(current.data), problem.p.G * whole(problem.metric)
+    if free.size < SMALL:
+        values = sl.eigvals(K.toarray(), L.toarray())
+        values = values[np.isfinite(values)]  # L does not see a body that moves as a whole
+        return float(np.real(values[np.argsort(abs(values))[:of]]).min())
     try:
         problem.factorize(current.data)
-        K, L = whole(current.data), problem.p.G * whole(problem.metric)
         inverted = spla.LinearOperator((free.size, free.size), inverse, dtype=float)
         # L does not see a body that moves as a whole: begin with something that has none of that.
         v0 = inverted @ (L @ np.cos(np.arange(free.size)))
