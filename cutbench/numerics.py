@@ -14,7 +14,7 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "element": ("P1", "P2", "P2P1"),
     "normal": ("blended", "material", "tool"),
     "gap": ("distance", "ellipse"),
-    "multiplier": ("none", "carried"),
+    "multiplier": ("carried", "none"),
     "scheme": ("monolithic", "staggered"),
     "symmetry": ("auto", "quarter", "half", "full"),
     "stepping": ("adaptive", "paper"),
@@ -48,17 +48,17 @@ ALIASES = {"h": "h_mm", "step": "step_mm", "step_min": "step_min_mm"}
 class Numerics:
     """Every choice that is numerical; part of a case's identity."""
 
-    h_mm: float = 0.25  # element size along the cut plane
-    corner: float = 0.03125  # the same under the tip, in units of h
+    h_mm: float = 0.125  # element size along the cut plane
+    corner: float = 0.0625  # the same under the tip, in units of h
     slender: float = 2.0  # elements at the cut plane are this many times taller than wide
     along: float = 4.0  # and this many times longer along the blade than tall, at the most (3D)
     element: str = "P2"  # P1 | P2 | P2P1 (mixed)
     normal: str = "blended"  # material's, turning to the tool's where deep | material | tool
     gap: str = "distance"  # distance | ellipse (the paper's dimensionless one)
-    penalty: float = 1000.0  # contact stiffness, in G per mm of penetration
-    stick: float = 400.0  # stiffness of sticking, G per mm of slip
+    penalty: float = 16000.0  # contact stiffness, in G per mm of penetration
+    stick: float = 6400.0  # stiffness of sticking, G per mm of slip
     closing: float = 5000.0  # pressure at which the closed cut plane would overlap by delta_c, in G
-    multiplier: str = "none"  # none | carried: a step begins with the last one's contact pressure
+    multiplier: str = "carried"  # a step begins with the last one's contact pressure | none
     augmentations: int = 0  # Uzawa updates a step at the most
     facet_degree: int = 6  # quadrature degree on faces
     bulk_degree: int = 0  # 0: what the element needs
@@ -109,6 +109,8 @@ def defaults(dim: int) -> Numerics:
 
 #: The paper's mean edge in mm, of 47,801 tetrahedra in 30 × 30 × 21 mm, and its penalty ε_N in N/mm².
 PAPER_EDGE, PAPER_PENALTY = 1.5, 1.0
+#: The paper does not give its stiffness of sticking; in G per mm.
+PAPER_STICK = 400.0
 #: In three dimensions elements grow away from the cut plane: this size on it gives as many as the paper's.
 PAPER_SOLID = {"h_mm": 0.85, "along": 1.25}
 #: Sets of choices under one word.
@@ -119,8 +121,8 @@ def preset(name: object, values: Mapping[str, float], dim: int) -> Numerics:
     """The numerics called ``name``; ``values`` give G and the blade. BadInput for an unknown name.
 
     ``converged``: the defaults. ``paper``: linear elements of the paper's size, the material's normal, its
-    dimensionless gap 1 − (x−c)ᵀA(x−c) with ε_N = 1 N/mm², a cut plane that resists closing as it resists
-    opening, damage and adhesion staggered, its steps.
+    dimensionless gap 1 − (x−c)ᵀA(x−c) with ε_N = 1 N/mm² and no multiplier, a cut plane that resists closing
+    as it resists opening, damage and adhesion staggered, its steps.
     """
     if name not in PRESETS:
         raise BadInput(key="numerics", value=name, expected=one_of(str(name), PRESETS))
@@ -139,6 +141,8 @@ def preset(name: object, values: Mapping[str, float], dim: int) -> Numerics:
         normal="material",
         gap="ellipse",
         penalty=penalty,
+        stick=PAPER_STICK,
+        multiplier="none",
         closing=0.0,
         scheme="staggered",
         stepping="paper",

@@ -75,7 +75,9 @@ OPTIONS = {
     "element size in kPa": (["--h", "3 kPa"], "h", "3 kPa", "1 mm"),
     "element size nan": (["--h", "nan"], "h", "nan", "mm <= h"),
     "element coarser than the blade": (["--h", "2.5"], "h", "2.5 mm", "thickness (0.7 mm), 2.1 mm"),
-    "tip too sharp for the mesh": (["--set", "tip=12 mm"], "tip", "12 mm", "h = '0.2 mm' would do"),
+    "tip too sharp for the mesh": (
+        ["--set", "tip=12 mm", "--h", "0.25"], "tip", "12 mm", "h = '0.2 mm' would do"
+    ),
     "tip of no length": (["--set", "tip=0 mm"], "tip", "0 mm", "0 mm < tip"),
     "blade wider than the block": (["--set", "thickness=40 mm"], "thickness", "40 mm", "30 mm"),
     "depth beyond the block": (["--depth", "40"], "depth", "40 mm", "31.5 mm"),
@@ -143,7 +145,9 @@ FILES = {
     "depth beyond the block": (
         GOOD + 'depth = "50 mm"\n', 14, "depth", "50 mm", "31.5 mm"
     ),
-    "tip too sharp": (GOOD + '[blade]\ntip = "12 mm"\n', 15, "tip", "12 mm", "a^2/b"),
+    "tip too sharp": (
+        GOOD + '[numerics]\nh = "0.25 mm"\n[blade]\ntip = "12 mm"\n', 17, "tip", "12 mm", "a^2/b"
+    ),
     "unknown element": (GOOD + '[numerics]\nelement = "P3"\n', 15, "element", "P3", "P2P1"),
     "bare element size": (GOOD + "[numerics]\nh = 0.4\n", 15, "h", "0.4", "0.4 mm"),
     "text for a whole number": (GOOD + '[numerics]\npenalty = "two"\n', 15, "penalty", "two", "number"),

@@ -29,7 +29,7 @@ CANDIDATES = [name for name, law in LAW.items() if law.off and name not in (*DEF
 #: A small, weak block under a long tip: it is cut from 0.4 mm on.
 SMALL = {
     "G_c": "0.3 J/m^2", "mu": 0.1, "eta_reg": "8 s", "tip": "2 mm", "width": "8 mm", "height": "5 mm",
-    "depth": "1 mm", "h": "0.7 mm", "penalty": 200, "stick": 100, "corner": 0.25,
+    "depth": "1 mm", "h": "0.7 mm", "penalty": 200, "stick": 100, "multiplier": "none", "corner": 0.25,
 }  # fmt: skip
 
 

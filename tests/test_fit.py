@@ -215,7 +215,15 @@ def test_an_interruption_keeps_what_was_reached(monkeypatch, tmp_path):
 
 #: Cut from the first tenths of a millimetre on, on a mesh for tests.
 SOLID = load_case("gelatin").set(
-    tip="3 mm", cohesion=2.0, tau_W="2 kPa", eta_reg="5 s", h="0.8 mm", corner=0.125, penalty=200, stick=80
+    tip="3 mm",
+    cohesion=2.0,
+    tau_W="2 kPa",
+    eta_reg="5 s",
+    h="0.8 mm",
+    corner=0.125,
+    penalty=200,
+    stick=80,
+    multiplier="none",
 )
 
 

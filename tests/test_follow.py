@@ -24,7 +24,7 @@ from cutbench.forms.damping import DampingForm
 from cutbench.result import Outcome, Result
 from cutbench.solve.follow import Path, PathRules
 from cutbench.solve.problem import Problem
-from cutbench.solve.softest import softest
+from cutbench.solve.softest import SMALL, softest
 from cutbench.verify._parts import bulk_forms, law, parameters, piola, space_of
 
 SPRING = 0.1  # N/mm for each mm of depth
@@ -57,13 +57,11 @@ class Spring(Form):
         return {"spring": float(((before + new["pull"]) / 2 * change).sum())}
 
 
-@pytest.fixture(scope="module")
-def bar():
-    """A bar that can only stretch, held by a cohesive face and pulled by a soft spring."""
+def bar_of(along, across):
+    """A bar that can only stretch, held by a cohesive face and pulled by a soft spring: problem and path."""
     p = parameters("gelatin", G=0.1, nu=0.3)
-    mesh = skfem.MeshTri.init_tensor(np.array([0.0, 1.0, LONG]), np.array([0.0, SECTION])).with_boundaries(
-        {"cut": lambda x: x[0] < 1e-9, "end": lambda x: x[0] > LONG - 1e-9}
-    )
+    mesh = skfem.MeshTri.init_tensor(np.linspace(0, LONG, along + 1), np.linspace(0, SECTION, across + 1))
+    mesh = mesh.with_boundaries({"cut": lambda x: x[0] < 1e-9, "end": lambda x: x[0] > LONG - 1e-9})
     space = space_of(mesh, "P1")
     forms, ndof = bulk_forms(space, "P1")
     forms += [
@@ -73,12 +71,17 @@ def bar():
     forms.append(DampingForm(space.volume(1), 1.0))
     problem = Problem(forms, ndof, np.arange(1, ndof, 2), p)
     rules = PathRules(travel=0.05, growth=0.01, first=1e-3)
-    path = Path(problem, np.zeros(3), 0.7, np.array([], int), rules)
+    return problem, Path(problem, np.zeros(3), 0.7, np.array([], int), rules)
+
+
+@pytest.fixture(scope="module")
+def bar():
+    problem, path = bar_of(2, 1)
     points, soft = [], []
     for point in path:
         points.append(point)
         soft.append(softest(problem, point))
-    return SimpleNamespace(p=p, path=path, points=points, soft=np.array(soft))
+    return SimpleNamespace(p=problem.p, path=path, points=points, soft=np.array(soft))
 
 
 def traction(opening, p):
@@ -164,6 +167,16 @@ def test_the_lowest_eigenvalue_passes_zero_where_the_path_turns(bar):
     # The bar is free to move along itself, so the motion that loses its hold comes down from infinity.
     # The turning point lies on one side of the farthest point or the other.
     assert (bar.soft[:top] > 0).all() and -5 < bar.soft[top : top + 2].min() < 0
+
+
+def test_small_and_large_bodies_have_the_same_lowest_eigenvalue(monkeypatch):
+    """Dense matrices and Arnoldi's method, on a body that both can do."""
+    problem, path = bar_of(10, 4)
+    point = next(iter(path))
+    assert 40 < problem.free.size < SMALL
+    dense = softest(problem, point)
+    monkeypatch.setattr("cutbench.solve.softest.SMALL", 0)
+    assert softest(problem, point) == pytest.approx(dense, rel=1e-3)
 
 
 # -- what is jumped over -----------------------------------------------------------------------------------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from coarse_runs import SOFT
 
 from cutbench.build import build
 from cutbench.case import load_case
@@ -21,6 +22,7 @@ COARSE = load_case(
         "energy_step": 1,
         "normal": "material",
         "with_": "viscous",
+        **SOFT,
     },
 )
 #: Three millimetres behind the onset the states repeat.

@@ -9,6 +9,7 @@ from coarse_runs import (
     COARSE,
     PRESSED,
     QUICK,
+    SOFT,
     force_at,
     seen_by_blade,
 )
@@ -64,9 +65,9 @@ def test_normals_and_gaps_are_choices_that_matter_little_before_the_cut(pressed)
 
 def test_a_carried_multiplier_does_what_repeated_ones_do(pressed):
     """Material gives way by what the pressure changes in a step, not by all of it: no loop is needed."""
-    soft = force_at(pressed, 1.5)
-    hard = force_at(run_case(PRESSED.set(augmentations=3)), 1.5)
-    carried = run_case(PRESSED.set(multiplier="carried"))
+    bare = PRESSED.set(**SOFT)
+    soft, hard = (force_at(run_case(bare.set(augmentations=n)), 1.5) for n in (0, 3))
+    carried = run_case(bare.set(multiplier="carried"))
     assert hard > 1.005 * soft
     assert abs(force_at(carried, 1.5) - hard) < 0.1 * (hard - soft)
     assert abs(carried.curve["closure"][-1]) < 0.01
@@ -75,7 +76,7 @@ def test_a_carried_multiplier_does_what_repeated_ones_do(pressed):
 def test_the_staggered_scheme_tends_to_the_monolithic_one():
     """Damage that lags is repeated until it stands still; viscosity then sees it at a step's end."""
     # Viscous enough that the cut grows steadily: in a snap, what a step meets depends on the step.
-    case = BRIEF.set(mu=0.0, viscosity=8.0, depth="0.8 mm", element="P1")
+    case = BRIEF.set(mu=0.0, viscosity=8.0, depth="0.8 mm", element="P1", **SOFT)
     at = np.linspace(0.05, 0.8, 40)
     apart = []
     for step in ("0.02 mm", "0.005 mm"):
@@ -92,7 +93,9 @@ def test_the_staggered_scheme_tends_to_the_monolithic_one():
 def test_errors_of_the_ledger_do_not_add_up(monkeypatch):
     """Beyond half a per cent of the work, steps that would add to what is open are held tighter."""
     # A run whose steps leave enough open to be held.
-    case = COARSE.set(element="P1", h="0.8 mm", depth="6 mm", energy_step=0.1, cohesion=5.0, predictor="line")
+    case = COARSE.set(
+        element="P1", h="0.8 mm", depth="6 mm", energy_step=0.1, cohesion=5.0, predictor="line", **SOFT
+    )
     held, allowed = run_case(case), pace.DRIFT
     monkeypatch.setattr(pace, "DRIFT", 1.0)
     free = run_case(case)
@@ -137,7 +140,7 @@ def deepest(case):
 
 
 def test_augmentation_reduces_the_penetration():
-    case = PRESSED.set(depth="0.3 mm", normal="tool", penalty=20)
+    case = PRESSED.set(depth="0.3 mm", normal="tool", penalty=20, multiplier="none")
     penalty, once, thrice = (deepest(case.set(augmentations=n)) for n in (0, 1, 3))
     assert penalty > 1e-4
     assert once < 0.7 * penalty
@@ -145,5 +148,5 @@ def test_augmentation_reduces_the_penetration():
 
 
 def test_a_larger_penalty_reduces_the_penetration():
-    soft, stiff = (deepest(PRESSED.set(depth="0.3 mm", penalty=k)) for k in (20, 100))
+    soft, stiff = (deepest(PRESSED.set(depth="0.3 mm", penalty=k, multiplier="none")) for k in (20, 100))
     assert stiff < 0.5 * soft

@@ -25,6 +25,7 @@ CUTTING = load_case("gelatin").set(
     depth="0.6 mm",
     penalty=100,
     stick=40,
+    multiplier="none",
     tolerance=1e-11,
 )
 #: Coarser than any run that is meant, for what holds on any mesh.
@@ -61,9 +62,9 @@ def test_derivatives_are_those_of_central_differences():
     ("changes", "names", "step"),
     [
         (
-            {"element": "P2P1", "augmentations": 1, "h": "0.7 mm", "depth": "0.6 mm"},
+            {"element": "P2P1", "augmentations": 1, "h": "0.7 mm", "depth": "0.8 mm"},
             ("nu", "tip", "mu"),
-            STEP / 5,  # the force is bent by tip: with STEP differences are off by their truncation
+            STEP / 80,  # the force is bent by tip: with longer ones differences are off by their truncation
         ),
         ({"normal": "tool", "gap": "ellipse", "depth": "0.8 mm"}, ("G", "nu", "G_c", "tip", "mu"), STEP),
         ({"multiplier": "carried", "depth": "0.5 mm"}, ("G", "tip", "mu"), STEP),
@@ -78,7 +79,8 @@ def test_they_are_for_other_numerics(changes, names, step):
 @pytest.mark.slow
 @pytest.mark.parametrize("material", ["gelatin", "elastomer"])
 def test_over_a_whole_transition(material):
-    case = load_case(material).set(h="0.6 mm", depth="3 mm", penalty=100, stick=40, tolerance=1e-11)
+    soft = {"penalty": 100, "stick": 40, "multiplier": "none"}
+    case = load_case(material).set(h="0.6 mm", depth="3 mm", tolerance=1e-11, **soft)
     check(case, [n for n in NAMES if case.values[n] > 0], most_flips=8)
 
 

@@ -22,6 +22,8 @@ class Change:
     values: Mapping[str, object]
 
 
+#: The choices that say how hard the blade and the closed cut are.
+HARD = ("penalty", "stick", "multiplier", "closing")
 #: What tells the paper's numerics from the converged ones, one by one; and from there, its viscous term.
 CHANGES: dict[str, Change] = {
     "size": Change("elements of 0.5 mm", PAPER, {"h": "0.5 mm"}),
@@ -29,7 +31,7 @@ CHANGES: dict[str, Change] = {
     "viscous": Change("viscosity that fades with damage", PAPER, {"with_": "viscous_degraded"}),
     "contact": Change(
         "hard contact, of the cut's faces too; distance as gap", PAPER,
-        {"gap": "distance", "penalty": Numerics.penalty, "closing": Numerics.closing},
+        {"gap": "distance", **{key: getattr(Numerics, key) for key in HARD}},
     ),
     "steps": Change(
         "damage solved with the displacements, steps by their error", PAPER,

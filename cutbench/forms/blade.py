@@ -96,20 +96,26 @@ class BladeForm(Form):
 
     def touch(self, state: dict) -> dict:
         """Θ for the next step (paper: from the last known pressure, kept on the cut faces); and its
-        multiplier, where that is carried: material then gives way by what the pressure changes in a step.
+        multiplier.
         """
         now = (state["pressure"] > 0).astype(float)
-        state = self.augment(state) if self.carries else state
-        return {**state, "touched": np.maximum(now, self._keeps * state["touched"])}
+        return {**self.begun(state), "touched": np.maximum(now, self._keeps * state["touched"])}
 
-    @property
-    def carries(self) -> bool:
-        """Whether a step begins with the last one's pressure as its multiplier."""
-        return self._numerics.carried
+    def begun(self, state: dict) -> dict:
+        """With the multiplier of the next step: where the last one's pressure is carried, material gives way
+        by what the pressure changes in a step. ``state`` or its derivatives.
+        """
+        return self.augment(state) if self._numerics.carried else state
 
     def augment(self, state: dict) -> dict:
-        """Uzawa update: the multiplier takes over the pressure (paper, eq. update:ALN)."""
-        return {**state, "multiplier": state["pressure"]}
+        """Uzawa update: the multiplier takes over the pressure (paper, eq. update:ALN), a face's mean of it.
+
+        With one for each quadrature point there are more of them than a face has unknowns. Those that no
+        displacement answers to grow from step to step, until the force jumps to several times its size.
+        """
+        w, pressure = self.faces.w, state["pressure"]
+        mean = (w * pressure).sum(axis=0) / w.sum(axis=0)
+        return {**state, "multiplier": np.broadcast_to(mean, pressure.shape)}
 
     # -- evaluation -----------------------------------------------------------------------------
     def _patch_of(self, near: np.ndarray) -> _Patch:

@@ -92,13 +92,7 @@ class Sensitivities:
         forces = np.full(len(self._directions), np.nan)
         if self.lost is not None:
             return forces
-        # Θ is a switch: it has no derivative of its own.
-        begun = [
-            {name: {k: v for k, v in rates.items() if k != "touched"} for name, rates in old.states.items()}
-            for old in self._rates
-        ]
-        if self._rates and self._rates[0].states:
-            begun = [self._augmented(old, old, carried=True) for old in begun]
+        begun = [self._begun(old.states) for old in self._rates]
         after = self._rates
         try:
             for number, (states, u) in enumerate(accepted.solves):
@@ -117,13 +111,17 @@ class Sensitivities:
         """du/dθ (ndof,) by parameter at the last step; nan where the tangent was singular on the way."""
         return [rates.u * (1.0 if self.lost is None else np.nan) for rates in self._rates]
 
-    def _augmented(self, begun: dict, found: dict, *, carried: bool = False) -> dict:
-        """``carried``: of the forms alone that begin a step so."""
+    def _begun(self, ended: dict) -> dict:
+        """Rates of the states that a step begins from. Θ is a switch: it has no derivative of its own."""
+        begun = {name: {k: v for k, v in rates.items() if k != "touched"} for name, rates in ended.items()}
+        blades = {form.name: form.begun(begun[form.name]) for form in self._blades if form.name in begun}
+        return {**begun, **blades}
+
+    def _augmented(self, begun: dict, found: dict) -> dict:
         parts = {}
         for form in self._blades:
-            if carried and not form.carries:
-                continue
-            parts[form.name] = {**begun.get(form.name, {}), "multiplier": found[form.name]["pressure"]}
+            multiplier = form.augment(found[form.name])["multiplier"]
+            parts[form.name] = {**begun.get(form.name, {}), "multiplier": multiplier}
         return {**begun, **parts}
 
     def _differentiate(self, u, states, begun, step) -> list[_Rates]:

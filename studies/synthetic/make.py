@@ -19,6 +19,7 @@ TRUTH = load_case("gelatin").set(
     step="0.05 mm",
     penalty=800,
     stick=320,
+    multiplier="none",
 )
 TESTS = (Test("slow", speed=0.021, reach=2.0), Test("fast", speed=0.1, reach=2.0))
 
