@@ -45,6 +45,18 @@ def test_blade_tangent(dim, order, normal, gap, names):
 
 
 @spaces
+def test_what_is_carried_is_one_pressure_a_face_and_its_force(dim, order):
+    space = space_of(dim, order)
+    form = blade(space)
+    u, state, step = blade_case(space, form)
+    new = form.evaluate(u, P, state, step).state
+    carried = form.augment(new)["multiplier"]
+    assert np.ptp(new["pressure"], axis=0).max() > 0 == np.ptp(carried, axis=0).max()
+    w = form.faces.w
+    np.testing.assert_allclose((w * carried).sum(axis=0), (w * new["pressure"]).sum(axis=0), atol=1e-15)
+
+
+@spaces
 def test_some_points_stick_and_some_slip(dim, order):
     """The tangents above are tested on both branches of the return mapping."""
     space = space_of(dim, order)

@@ -62,7 +62,7 @@ def test_derivatives_are_those_of_central_differences():
     ("changes", "names", "step"),
     [
         (
-            {"element": "P2P1", "augmentations": 1, "h": "0.7 mm", "depth": "0.8 mm"},
+            {"element": "P2P1", "augmentations": 1, "h": "0.7 mm", "depth": "0.7 mm"},
             ("nu", "tip", "mu"),
             STEP / 80,  # the force is bent by tip: with longer ones differences are off by their truncation
         ),
