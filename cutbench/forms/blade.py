@@ -22,7 +22,8 @@ class ContactNumerics:
     """Numerical choices of the contact. ``stiffness`` ε_N in MPa per unit of the gap (mm, or 1 for the
     ellipse), ``tangential`` in MPa/mm; ``normal``: tool or material; ``gap``: distance or ellipse.
 
-    Neither depends on the mesh: material gives way by p/ε_N, and results have a limit under refinement."""
+    Neither depends on the mesh: material gives way by p/ε_N, where ``carried`` by what a step adds to p, and
+    results have a limit under refinement."""
 
     stiffness: float
     tangential: float
