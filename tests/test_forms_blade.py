@@ -44,12 +44,17 @@ def test_blade_tangent(dim, order, normal, gap, names):
     check_tangent(space, form, u, state, step, rtol=1e-9)
 
 
-@spaces
-def test_what_is_carried_is_one_pressure_a_face_and_its_force(dim, order):
+def evaluated(dim, order):
+    """A blade's form, the state at the start of a step and the one that it finds."""
     space = space_of(dim, order)
     form = blade(space)
     u, state, step = blade_case(space, form)
-    new = form.evaluate(u, P, state, step).state
+    return form, state, form.evaluate(u, P, state, step).state
+
+
+@spaces
+def test_what_is_carried_is_one_pressure_a_face_and_its_force(dim, order):
+    form, _, new = evaluated(dim, order)
     carried = form.augment(new)["multiplier"]
     assert np.ptp(new["pressure"], axis=0).max() > 0 == np.ptp(carried, axis=0).max()
     w = form.faces.w
@@ -59,10 +64,7 @@ def test_what_is_carried_is_one_pressure_a_face_and_its_force(dim, order):
 @spaces
 def test_some_points_stick_and_some_slip(dim, order):
     """The tangents above are tested on both branches of the return mapping."""
-    space = space_of(dim, order)
-    form = blade(space)
-    u, state, step = blade_case(space, form)
-    new = form.evaluate(u, P, state, step).state
+    _, state, new = evaluated(dim, order)
     strength = P.mu * state["pressure"] + P.tau_W * state["touched"]  # of the last step: see the form
     shear = np.sqrt((new["shear"] ** 2).sum(axis=0))
     assert np.all(shear <= strength * (1 + 1e-9) + 1e-15), "the slip criterion holds everywhere"

@@ -111,8 +111,8 @@ class BladeForm(Form):
     def augment(self, state: dict) -> dict:
         """Uzawa update: the multiplier takes over the pressure (paper, eq. update:ALN), a face's mean of it.
 
-        With one for each quadrature point there are more of them than a face has unknowns. Those that no
-        displacement answers to grow from step to step, until the force jumps to several times its size.
+        One for each quadrature point would be more than a face has unknowns: some answer to no displacement,
+        and runs that carried them ended in folds.
         """
         w, pressure = self.faces.w, state["pressure"]
         mean = (w * pressure).sum(axis=0) / w.sum(axis=0)

@@ -41,7 +41,8 @@ def softest(problem: Problem, point: PathPoint, of: int = 4) -> float:
     if free.size < SMALL:
         values = sl.eigvals(K.toarray(), L.toarray())
         values = values[np.isfinite(values)]  # L does not see a body that moves as a whole
-        return float(np.real(values[np.argsort(abs(values))[:of]]).min())
+        nearest = values[np.argsort(abs(values))[:of]]
+        return float(np.real(nearest).min()) if nearest.size else np.nan
     try:
         problem.factorize(current.data)
         inverted = spla.LinearOperator((free.size, free.size), inverse, dtype=float)
