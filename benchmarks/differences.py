@@ -32,10 +32,11 @@ class Marched:
         damping = next((f for f in built.problem.forms if f.name == "damping"), None)
         self.geometry = built.geometry
         self.steps, self.switches, self.displacements = [], [], []
-        forces, slopes = [], []
+        forces, slopes, way = [], [], 0.0
         for step in built.march:
             forces.append(step.force)
-            self.steps.append((step.step.dt * case.p.speed, damping.boost if damping else 1.0))
+            self.steps.append((step.way - way, damping.boost if damping else 1.0))
+            way = step.way
             self.switches.append(switches(built, step))
             self.displacements.append(step.u)
             if follower is not None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from cutbench.case import Case
 from cutbench.errors import BadInput
+from cutbench.forms.bending import BendingForm
 from cutbench.forms.blade import BladeForm, ContactNumerics
 from cutbench.forms.bulk import BulkForm
 from cutbench.forms.cut import CutForm
@@ -103,6 +104,10 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
     if cut := model.laws("cut"):
         minus = paired(faces["cut"], faces["cut_minus"], space.X) if geometry.split else None
         forms.append(CutForm(cut, faces["cut"], p.height, minus, skins, n.closing))
+        if n.layer > 0:
+            mirrors = [(space.nodes_on(name), i) for name, i in geometry.held]
+            sides = {"bending": faces["cut"]} | ({"bending_minus": minus} if geometry.split else {})
+            forms += [BendingForm(side, space.X, n.layer, mirrors, name) for name, side in sides.items()]
     elif geometry.split:
         raise BadInput(
             key="symmetry", value="full", expected="'half' where no law holds the cut plane together"

@@ -32,6 +32,7 @@ _RANGES: dict[str, tuple[float | None, float | None]] = {
     "closing": (0.0, 1e6),
     "augmentations": (0, 50),
     "damping_mm": (0.0, 1.0),
+    "layer": (0.0, 100.0),
     "facet_degree": (1, 20),
     "bulk_degree": (0, 10),
     "step_mm": (1e-6, 5.0),
@@ -70,6 +71,7 @@ class Numerics:
     damage_step: float = 0.5  # the step shrinks if damage grows by more in one
     energy_step: float = 0.05  # a step is refused if its energy closes worse than this
     damping_mm: float = 3e-4  # bulk viscosity over G, times the speed: carries the run through snaps
+    layer: float = 1.0  # the cut plane's faces resist bending as a layer that many delta_c thick
     tolerance: float = 1e-8
     symmetry: str = "auto"  # auto (the smallest part) | quarter (3D) | half | full
     solver: str = "auto"  # auto | superlu | pardiso | kept | multigrid
@@ -144,6 +146,7 @@ def preset(name: object, values: Mapping[str, float], dim: int) -> Numerics:
         stick=PAPER_STICK,
         multiplier="none",
         closing=0.0,
+        layer=0.0,
         scheme="staggered",
         stepping="paper",
         predictor="line",

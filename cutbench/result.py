@@ -17,8 +17,9 @@ OUTCOMES: Final = ("done", "stalled", "interrupted", "failed")
 _LEADING = ("displacement_mm", "force_N", "time_s", "cut_length_mm")
 _TRAILING = ("reaction_N", "closure")
 
-#: Entry of the energy ledger that is no mechanism: energy lost in jumps that no step resolved.
+#: Entries of the energy ledger that are no mechanisms: energy lost in jumps, and in bending of the cut plane.
 SNAP: Final = "snap"
+BENDING: Final = "bending"
 
 
 #: Before a parameter's name: the derivative of the displacements by it.

@@ -13,7 +13,7 @@ from cutbench.checkpoint import Checkpoint
 from cutbench.curve import forward, measures
 from cutbench.fields import add_slopes, snapshot
 from cutbench.front import Front
-from cutbench.result import SNAP, Outcome, Result, Snapshot
+from cutbench.result import BENDING, SNAP, Outcome, Result, Snapshot
 from cutbench.sensitivity import checked, follow
 from cutbench.solve.march import Accepted, Progress
 
@@ -69,9 +69,13 @@ def run_case(
         for last in steps:
             if follower is not None:
                 since = time.perf_counter()
-                slopes.append(follower.add(last))
+                slope = follower.add(last)
                 built.problem.timer.add("sensitivities", since)
             row = ledger.add(last)
+            if last.between:
+                continue
+            if follower is not None:
+                slopes.append(slope)
             if front is not None:
                 front.add(last)
             if wanted and last.travel >= wanted[0] - 1e-9:
@@ -133,32 +137,42 @@ class Ledger:
         self._built, self._rows, self.iterations = built, [], 0
         self._work: dict[str, float] = {}
         self._blade = 0.0
+        # Since the last row: where the blade is, its force, and what each mechanism took up.
+        self._now, self._since = (0.0, 0.0), {}
         # A curve starts at the origin: nothing touched, nothing spent.
         model = built.case.model
         names = [law.name for slot in ("bulk", "cut", "blade", "support") for law in model.laws(slot)]
-        names += [SNAP] if any(form.name == "damping" for form in built.problem.forms) else []
+        forms = {form.name for form in built.problem.forms}
+        names += [work for work, form in ((BENDING, "bending"), (SNAP, "damping")) if form in forms]
         self._names = names
         row = {"displacement_mm": 0.0, "force_N": 0.0, "time_s": 0.0, "cut_length_mm": 0.0}
         row |= {f"force_{name}_N": 0.0 for name in names} | {f"work_{name}_mJ": 0.0 for name in names}
         self._rows.append(row | {"reaction_N": 0.0, "closure": 0.0})
 
     def add(self, step: Accepted) -> dict[str, float]:
-        built, last = self._built, self._rows[-1]
-        scale = built.geometry.multiplicity
+        """The last row: that of ``step``, unless it is between two points of the curve."""
+        built, scale = self._built, self._built.geometry.multiplicity
         force = step.force * scale
-        travelled = step.travel - last["displacement_mm"]
-        self._blade += (last["force_N"] + force) / 2 * travelled
+        travel, before = self._now
+        self._blade += (before + force) / 2 * (step.travel - travel)
+        self._now = (step.travel, force)
         self.iterations += step.iterations
+        for name in self._names:
+            done = step.work.get(name, 0.0) * scale
+            self._work[name] = self._work.get(name, 0.0) + done
+            self._since[name] = self._since.get(name, 0.0) + done
+        if step.between:
+            return self.last
         row = {
             "displacement_mm": step.travel,
             "force_N": force,
             "time_s": step.way / built.march.speed,
             "cut_length_mm": self._cut_length(step),
         }
+        travelled = step.travel - self.last["displacement_mm"]
         for name in self._names:
-            done = step.work.get(name, 0.0) * scale
-            self._work[name] = self._work.get(name, 0.0) + done
-            row[f"force_{name}_N"] = done / travelled if travelled else 0.0
+            row[f"force_{name}_N"] = self._since[name] / travelled if travelled else 0.0
+        self._since = {}
         row |= {f"work_{name}_mJ": self._work[name] for name in self._names}
         row["reaction_N"] = step.reaction * scale
         defect = self._blade - sum(self._work.values())
@@ -197,12 +211,15 @@ class Ledger:
             "rows": np.array([list(row.values()) for row in self._rows]),
             "work": {**self._work},
             "blade": self._blade,
+            "now": self._now,
+            "since": {**self._since},
             "iterations": self.iterations,
         }
 
     def restore(self, state: dict) -> None:
         self._rows = [dict(zip(state["names"], map(float, row), strict=True)) for row in state["rows"]]
         self._work, self._blade = state["work"], state["blade"]
+        self._now, self._since = tuple(map(float, state["now"])), state["since"]
         self.iterations = state["iterations"]
 
     def columns(self) -> dict[str, np.ndarray]:

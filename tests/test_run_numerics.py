@@ -94,7 +94,7 @@ def test_errors_of_the_ledger_do_not_add_up(monkeypatch):
     """Beyond half a per cent of the work, steps that would add to what is open are held tighter."""
     # A run whose steps leave enough open to be held.
     case = COARSE.set(
-        element="P1", h="0.8 mm", depth="6 mm", energy_step=0.1, cohesion=5.0, predictor="line", **SOFT
+        element="P1", h="0.8 mm", depth="6 mm", energy_step=0.1, cohesion=8.0, predictor="line", **SOFT
     )
     held, allowed = run_case(case), pace.DRIFT
     monkeypatch.setattr(pace, "DRIFT", 1.0)
@@ -118,6 +118,27 @@ def test_a_march_does_not_crawl(monkeypatch):
     result = run_case(case)
     assert result.outcome.done
     assert result.counts["steps"] < 150 and result.counts["rejected_steps"] < 150
+
+
+def test_raised_damping_leaves_no_force_on_the_curve(monkeypatch):
+    """The blade drags what it moves against it: so it rests until the damping is back."""
+    case, newton = QUICK.set(depth="0.6 mm"), march.newton
+    free = run_case(case)
+
+    def stubborn(problem, u, states, step, settings, **options):
+        damping = next(form for form in problem.forms if form.name == "damping")
+        before, travel = (case.p.height + case.p.tip - c[1] for c in (step.centre_old, step.centre))
+        if before < 0.35 < travel and damping.boost < 1e4:
+            raise march.NoConvergence("stubborn")
+        return newton(problem, u, states, step, settings, **options)
+
+    monkeypatch.setattr(march, "newton", stubborn)
+    held = run_case(case)
+    assert held.outcome.done and held.counts["rejected_steps"] > free.counts["rejected_steps"]
+    assert (np.diff(held.displacement_mm) > 0).all()
+    there = np.interp(held.displacement_mm, free.displacement_mm, free.force_N)
+    assert held.force_N == pytest.approx(there, abs=2e-3 * free.force_N.max())
+    assert abs(held.measures["closure"]) < 0.01
 
 
 def test_stepping_of_the_paper_reaches_the_same_force(pressed):

@@ -10,13 +10,14 @@ from matplotlib.figure import Figure
 from cutbench.curve import forward
 from cutbench.mechanisms import registry
 from cutbench.plots.style import COLOURS, GREY, HATCHES, SINGLE_MM, math_text, new_figure, style
-from cutbench.result import SNAP
+from cutbench.result import BENDING, SNAP
 
 if TYPE_CHECKING:
     from cutbench.result import Result
 
 #: Entries that never reach this share of the largest force are drawn together.
 NEGLIGIBLE = 0.005
+NO_MECHANISM = {SNAP: "unresolved jumps", BENDING: "bending of the cut plane"}
 
 
 def plot_curve(result: Result, *, window_mm: float | None = None) -> Figure:
@@ -163,8 +164,8 @@ def _integral(travel: np.ndarray, force: np.ndarray) -> np.ndarray:
 
 
 def _label(name: str) -> str:
-    if name == SNAP:
-        return "unresolved jumps"
+    if name in NO_MECHANISM:
+        return NO_MECHANISM[name]
     mechanism = registry().get(name)
     return mechanism.title if mechanism else name.replace("_", " ")
 

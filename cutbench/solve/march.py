@@ -81,6 +81,8 @@ class Accepted:
     step: Step
     #: Each inner solve: the states it began from and the displacements it found (one without augmentations).
     solves: list[tuple[dict[str, dict], np.ndarray]]
+    #: The blade has been held meanwhile, and damping raised: a state between two points of the curve.
+    between: bool = False
 
 
 @dataclass
@@ -103,6 +105,10 @@ class Progress:
     past: dict[str, np.ndarray] | None = None
     #: Refused steps since the last one as long as ``StepRules.gentle``.
     refused: int = 0
+    #: As in ``Pace``.
+    rests: bool = False
+    drags: bool = False
+    vain: int = 0
 
 
 @dataclass
@@ -120,7 +126,7 @@ class March:
     newton: NewtonSettings = field(default_factory=NewtonSettings)
     failures: list[str] = field(default_factory=list)
     stopped: str | None = None
-    #: Steps to take instead of choosing them, each with its length in mm and the damping's boost.
+    #: Steps to take instead of choosing them, each with its length in mm, 0 at rest, and the damping's boost.
     schedule: Sequence[tuple[float, float]] | None = None
     #: Displacements at the end of each of these steps in a march that hardly differs: looked for from there.
     known: Sequence[np.ndarray] | None = None
@@ -151,20 +157,27 @@ class March:
         damping = next((f for f in problem.forms if f.name == "damping"), None)
         if damping is not None:
             damping.boost = begin.boost
-        pace = Pace(rules, damping, begin.size, begin.easy, begin.refused)
+        pace = Pace(
+            rules, damping, begin.size, begin.easy, begin.refused, begin.rests, begin.drags, begin.vain
+        )
         plan, chosen, known = iter(self.schedule or ()), self.schedule is None, iter(self.known or ())
-        while way < motion.end - 1e-9:
+        while pace.rests or way < motion.end - 1e-9:
             if not chosen:
-                pace.size, boost = next(plan, (0.0, 1.0))
-                if pace.size == 0.0:
+                pace.size, boost = next(plan, (None, 1.0))
+                if pace.size is None:
                     return
+                pace.rests = pace.size == 0
                 if damping is not None:
                     damping.boost = boost
-            pace.size = size = min(pace.size, motion.room(way))
+            if not pace.rests:
+                pace.size = min(pace.size, motion.room(way))
+            size = pace.advance
             travel, ahead = motion.travel(way), motion.travel(way + size)
-            step = Step(size / self.speed, u, self._centre(ahead), self._centre(travel))
+            step = Step(pace.duration / self.speed, u, self._centre(ahead), self._centre(travel))
             begun = problem.touched(states)
             straight = None if u_before is None else u + (u - u_before) * (size / size_before)
+            if pace.rests:
+                straight = u
             try:
                 desperate = pace.boost > 1 or size <= 2 * rules.smallest
                 straight = self._improved(straight, next(known, None), u, begun, step, desperate)
@@ -186,7 +199,7 @@ class March:
                     return
                 continue
             states = found.result.states
-            u_before, size_before = u, size
+            u_before, size_before = (None, None) if pace.rests else (u, size)
             u, way = found.u, way + size
             force = found.force
             spent_before, left_before = spent_before + found.spent, left_before + found.left
@@ -195,15 +208,31 @@ class March:
                 self.past.add(ahead, u, np.real(states["cohesion"]["damage"]))
             effort = found.effort
             yield Accepted(
-                ahead, way, step.dt, u, states, force, reaction, found.work, sum(effort), step, found.solves
-            )
+                ahead, way, step.dt, u, states, force, reaction, found.work, sum(effort), step, found.solves,
+                between=pace.between,
+            )  # fmt: skip
             pace.taken(max(effort), growth, defect, allowed)
             if motion.turns(way):
                 u_before, pace.size = None, min(pace.size, rules.first)
             if self.at_rest is not None:
                 past = None if self.past is None else self.past.state()
-                rest = (pace.easy, force, pace.boost, spent_before, left_before, past, pace.refused)
-                self.at_rest(Progress(way, pace.size, u, states, u_before, size_before, *rest))
+                kept = {
+                    name: getattr(pace, name)
+                    for name in ("size", "easy", "boost", "refused", "rests", "drags", "vain")
+                }
+                ledger = {"force": force, "spent": spent_before, "left": left_before}
+                self.at_rest(
+                    Progress(
+                        way=way,
+                        u=u,
+                        states=states,
+                        u_before=u_before,
+                        size_before=size_before,
+                        past=past,
+                        **kept,
+                        **ledger,
+                    )
+                )
 
     def _improved(self, straight, known, last, states, step, desperate) -> np.ndarray | None:
         """A better prediction than ``straight``: what is ``known``, or what the front's own solution says."""

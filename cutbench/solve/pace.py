@@ -1,7 +1,8 @@
 """How long the next step is, and how much damping it has, after one that was taken or refused.
 
 To a jump of the cut a smaller step is what more damping is. But the blade drags what it moves against raised
-damping, a force of the method's own: damping is raised where the blade goes a short way only.
+damping, a force of the method's own. So damping is raised where the blade goes a short way only, and then the
+blade rests until it is back: states on the way there belong to no blade position, and no curve shows them.
 """
 
 from __future__ import annotations
@@ -42,6 +43,10 @@ class StepRules:
     patience: int = 40
     #: Below this step, in mm, one whose energy does not close is taken where damping has been raised in vain.
     finest: float = 5e-3
+    #: Steps at rest that may be refused before the blade goes on against raised damping.
+    tries: int = 30
+    #: What is left of raised damping after a step at rest that was easy.
+    calm: float = 0.2
     #: Damage is held during Newton's method and updated until it stands still (the paper's scheme).
     staggered: bool = False
     #: A tenth of the step when damage grew by more than ``damage``, else five times (the paper's rule).
@@ -67,6 +72,26 @@ class Pace:
     size: float
     easy: int
     refused: int
+    #: Whether the blade rests until raised damping is back; or goes on against it, where that was in vain.
+    rests: bool = False
+    drags: bool = False
+    #: Refused steps since the blade rests.
+    vain: int = 0
+
+    @property
+    def advance(self) -> float:
+        """Blade travel of the next step, mm."""
+        return 0.0 if self.rests else self.size
+
+    @property
+    def duration(self) -> float:
+        """Its time times the speed: short where the blade rests, so that nothing creeps."""
+        return self.rules.smallest if self.rests else self.size
+
+    @property
+    def between(self) -> bool:
+        """Whether a step taken now ends between two points of the curve."""
+        return self.boost > 1 and not self.drags
 
     @property
     def boost(self) -> float:
@@ -92,13 +117,19 @@ class Pace:
         rules = self.rules
         self.easy, self.refused = 0, self.refused + 1
         leaky, crawls = isinstance(error, Leaky), self.refused > rules.patience
+        if self.rests:
+            self.vain += 1
+            if self.vain > rules.tries:
+                self.rests, self.drags = False, True
+                self.damping.boost = max(10.0, self.boost * self.size / rules.smallest)
+                return True
         slowest = rules.finest if leaky else rules.gentle
-        if self.size > (slowest if crawls else rules.smallest):
+        if not self.rests and self.size > (slowest if crawls else rules.smallest):
             snaps = moves and self.size <= rules.gentle and not leaky
             self.size = max(self.size * (rules.tenth if snaps else rules.shrink), rules.smallest)
         elif self.damping is None:
             return False
-        elif crawls and self.size < rules.finest:
+        elif not self.rests and crawls and self.size < rules.finest:
             self.size, self.damping.boost = rules.finest, 10.0
         elif self.boost < LARGEST_BOOST:
             self.damping.boost = max(10.0, self.boost * 10)
@@ -110,8 +141,16 @@ class Pace:
         """After a step of ``size`` that needed ``hardest`` iterations at the most."""
         rules, size = self.rules, self.size
         self.easy += 1
-        if self.damping is not None:
+        if self.rests:
+            self._calm(hardest <= rules.iterations and defect < 0.35 * allowed)
+            return
+        if self.drags:
             self.damping.boost = max(1.0, self.boost * 0.6)
+            self.drags = self.boost > 1
+        elif self.boost > 1:
+            # What the damping is over a step, a force per displacement, stays the same.
+            self.rests, self.vain = True, 0
+            self.damping.boost = max(1.0, self.boost * rules.smallest / size)
         if rules.paper:
             less = max(size / 10, rules.smallest)
             self.size = less if growth > rules.damage else min(5 * size, rules.largest)
@@ -126,3 +165,10 @@ class Pace:
             self.size = min(size * rules.grow, rules.largest)
         if size >= rules.gentle:
             self.refused = 0
+
+    def _calm(self, easily: bool) -> None:
+        """After a step at rest: damping goes back, and once it has been at its value the blade goes on."""
+        if self.boost == 1:
+            self.rests = False
+        else:
+            self.damping.boost = max(1.0, self.boost * (self.rules.calm if easily else self.rules.shrink))

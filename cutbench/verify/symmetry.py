@@ -42,7 +42,7 @@ def compute() -> Iterator[Check]:
 
 def curve(built: Built) -> tuple[np.ndarray, np.ndarray]:
     """Travel in mm and force in N of the whole block."""
-    rows = np.array([(step.travel, step.force) for step in built.march])
+    rows = np.array([(step.travel, step.force) for step in built.march if not step.between])
     if built.march.stopped is not None:
         raise ArithmeticError(f"the run stopped at {rows[-1, 0]:.3f} mm: {built.march.stopped}")
     return rows[:, 0], rows[:, 1] * built.geometry.multiplicity
