@@ -42,8 +42,12 @@ class BendingForm(Form):
         component that is zero there; ``name`` tells the sides of the cut plane apart."""
         self.name = name or self.name
         dim = X.shape[0]
-        symmetric = np.unique(np.concatenate([at for at, _ in mirrors])) if mirrors else np.zeros(0, int)
-        nodes, self._unit = _squared_laplacian(_pieces(faces.nodes, X), X, symmetric)
+        # The whole plane lies in the mirrors of a layer: they continue nothing.
+        ends = [at for at, _ in mirrors if not np.isin(faces.nodes, at).all()]
+        symmetric = np.unique(np.concatenate(ends)) if ends else np.zeros(0, int)
+        nodes, unit, area = _squared_laplacian(_pieces(faces.nodes, X), X, symmetric)
+        # Lines in space are strips of which nothing varies across: the faces say how wide they are.
+        self._unit = unit * (faces.w.sum() / area)
         # Beyond a mirror the component across it is odd: its second derivatives are zero there.
         self._has = np.ones((dim, nodes.shape[1]))
         for at, component in mirrors:
@@ -104,9 +108,9 @@ def _pieces(nodes: np.ndarray, X: np.ndarray) -> np.ndarray:
     return np.hstack([np.stack(t) for t in ((c[0], d, b), (c[1], a, d), (c[2], b, a), (a, b, d))])
 
 
-def _squared_laplacian(pieces, X, symmetric) -> tuple[np.ndarray, np.ndarray]:
+def _squared_laplacian(pieces, X, symmetric) -> tuple[np.ndarray, np.ndarray, float]:
     """For each node inside the plane or in a mirror (``symmetric``): it and its neighbours (nn, n), some more
-    than once, and the matrix (nn, nn, n) of the Laplacian's square times the node's part of the plane.
+    than once; the matrix (nn, nn, n) of the Laplacian's square times the node's part of the plane; its area.
     """
     corners = pieces.shape[0]
     edges = np.moveaxis(X[:, pieces[1:]] - X[:, pieces[:1]], 2, 0)  # (n, dim, m)
@@ -133,4 +137,4 @@ def _squared_laplacian(pieces, X, symmetric) -> tuple[np.ndarray, np.ndarray]:
         first = ring == node
         nodes[: ring.size, column] = np.concatenate([ring[first], ring[~first]])
         row[: ring.size, column] = np.concatenate([values[first], values[~first]])
-    return nodes, row[:, None] * row[None] / area[kept]
+    return nodes, row[:, None] * row[None] / area[kept], float(volume.sum())
