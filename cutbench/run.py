@@ -66,14 +66,15 @@ def run_case(
         built.march.at_rest = lambda progress: checkpoint.offer(keeper.state(progress))
     steps = iter(built.march)
     try:
-        for last in steps:
+        for step in steps:
             if follower is not None:
                 since = time.perf_counter()
-                slope = follower.add(last)
+                slope = follower.add(step)
                 built.problem.timer.add("sensitivities", since)
-            row = ledger.add(last)
-            if last.between:
+            row = ledger.add(step)
+            if step.between:
                 continue
+            last = step
             if follower is not None:
                 slopes.append(slope)
             if front is not None:

@@ -16,7 +16,7 @@ PRESSED = COARSE.set(depth="1.5 mm")
 #: A weak cut plane and a slender tip: cuts from the first millimetre on, with friction and adhesion.
 CUTTING = COARSE.set(cohesion=1.0, tip="3.5 mm", mu=0.2, depth="2 mm")
 #: The same, fewer steps.
-BRIEF = CUTTING.set(depth="0.9 mm")
+BRIEF = CUTTING.set(depth="1.1 mm")
 #: A contact that gives way by 1 µm where the pressure is G: onsets come early.
 SOFT = {"penalty": 1000, "stick": 400, "multiplier": "none"}
 #: For comparisons that hold on any element: the quickest.

@@ -29,7 +29,7 @@ def test_half_and_full_block_agree():
     brief = run_case(BRIEF.set(predictor="line"))
     full = run_case(BRIEF.set(symmetry="full", predictor="line"))
     assert full.curve["cut_length_mm"][-1] > 0.05
-    at = np.linspace(0.05, 0.9, 30)
+    at = np.linspace(0.05, 1.1, 30)
     np.testing.assert_allclose(force_at(full, at), force_at(brief, at), rtol=2e-3)
     virgin = run_case(PRESSED.set(symmetry="full", depth="0.3 mm"))
     half = run_case(PRESSED.set(depth="0.3 mm"))
@@ -94,7 +94,14 @@ def test_errors_of_the_ledger_do_not_add_up(monkeypatch):
     """Beyond half a per cent of the work, steps that would add to what is open are held tighter."""
     # A run whose steps leave enough open to be held.
     case = COARSE.set(
-        element="P1", h="0.8 mm", depth="6 mm", energy_step=0.1, cohesion=8.0, predictor="line", **SOFT
+        element="P1",
+        h="0.8 mm",
+        depth="6 mm",
+        energy_step=0.1,
+        cohesion=8.0,
+        layer=0.0,
+        predictor="line",
+        **SOFT,
     )
     held, allowed = run_case(case), pace.DRIFT
     monkeypatch.setattr(pace, "DRIFT", 1.0)
