@@ -104,7 +104,7 @@ BOND = {"with_": "imperfect_bond", "bond_compliance": "0.3 mm/kPa"}
 MIXED = {"element": "P2P1", "mu": 0.0, "step": "0.02 mm"}
 
 
-@pytest.mark.parametrize("changes", [{"step": "0.04 mm"}, MIXED, BOND])
+@pytest.mark.parametrize("changes", [{"step": "0.04 mm"}, MIXED, {**BOND, "step": "0.04 mm"}])
 def test_it_finds_the_same_curve_with_fewer_factorizations_of_the_whole(changes):
     case = BRIEF.set(**changes)
     front = run_case(case)
