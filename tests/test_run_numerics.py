@@ -14,6 +14,7 @@ from coarse_runs import (
     seen_by_blade,
 )
 
+from cutbench.build import build
 from cutbench.mechanisms.base import Points
 from cutbench.numerics import Numerics
 from cutbench.run import run_case
@@ -127,25 +128,48 @@ def test_a_march_does_not_crawl(monkeypatch):
     assert result.counts["steps"] < 150 and result.counts["rejected_steps"] < 150
 
 
-def test_raised_damping_leaves_no_force_on_the_curve(monkeypatch):
-    """The blade drags what it moves against it: so it rests until the damping is back."""
-    case, newton = QUICK.set(depth="0.6 mm"), march.newton
-    free = run_case(case)
+def stubborn(case):
+    """Newton's method, but for a step across 0.35 mm without much damping."""
+    newton = march.newton
 
-    def stubborn(problem, u, states, step, settings, **options):
+    def found(problem, u, states, step, settings, **options):
         damping = next(form for form in problem.forms if form.name == "damping")
         before, travel = (case.p.height + case.p.tip - c[1] for c in (step.centre_old, step.centre))
         if before < 0.35 < travel and damping.boost < 1e4:
             raise march.NoConvergence("stubborn")
         return newton(problem, u, states, step, settings, **options)
 
-    monkeypatch.setattr(march, "newton", stubborn)
+    return found
+
+
+def test_raised_damping_leaves_no_force_on_the_curve(monkeypatch):
+    """The blade drags what it moves against it: so it rests until the damping is back."""
+    case = QUICK.set(depth="0.6 mm")
+    free = run_case(case)
+    monkeypatch.setattr(march, "newton", stubborn(case))
     held = run_case(case)
     assert held.outcome.done and held.counts["rejected_steps"] > free.counts["rejected_steps"]
     assert (np.diff(held.displacement_mm) > 0).all()
     there = np.interp(held.displacement_mm, free.displacement_mm, free.force_N)
     assert held.force_N == pytest.approx(there, abs=2e-3 * free.force_N.max())
     assert abs(held.measures["closure"]) < 0.01
+
+
+def test_a_march_goes_on_where_the_blade_rests(monkeypatch):
+    case = QUICK.set(depth="0.4 mm")
+    monkeypatch.setattr(march, "newton", stubborn(case))
+    whole, kept = build(case).march, []
+    whole.at_rest = kept.append
+    steps = list(whole)
+    number = next(i for i, progress in enumerate(kept) if progress.rests)
+    assert steps[number].between
+    again = build(case).march
+    again.resume = kept[number]
+    rest, same = list(again), steps[number + 1 :]
+    assert [s.between for s in rest] == [s.between for s in same]
+    # Solvers have seen other matrices before.
+    for one in ("travel", "force"):
+        assert [getattr(s, one) for s in rest] == pytest.approx([getattr(s, one) for s in same], rel=1e-9)
 
 
 def test_stepping_of_the_paper_reaches_the_same_force(pressed):
