@@ -82,7 +82,7 @@ def _direction(built: Built, name: str) -> Direction:
     contact = contact_numerics(p, n)
     if isinstance(contact.stiffness, complex):
         forms |= {form.name: form.with_numerics(contact) for form in built.blades}
-    volume = n.layer > 0 and name in ("G", "delta_c")
+    volume = any(name in form.reads for form in built.problem.forms)
     volume |= any(
         name in (*law.reads, *(q.name for q in law.parameters))
         for law in case.model.all

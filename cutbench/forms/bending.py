@@ -29,6 +29,7 @@ class BendingForm(Form):
     """On the faces of one side of the cut plane, for a layer ``layer`` times δ_c thick."""
 
     name = "bending"
+    reads = ("G", "delta_c")
 
     def __init__(
         self,
@@ -47,19 +48,22 @@ class BendingForm(Form):
         symmetric = np.unique(np.concatenate(ends)) if ends else np.zeros(0, int)
         nodes, unit, area = _squared_laplacian(_pieces(faces.nodes, X), X, symmetric)
         # Lines in space are strips of which nothing varies across: the faces say how wide they are.
-        self._unit = unit * (faces.w.sum() / area)
+        unit = unit * (faces.w.sum() / area)
+        nn, n = nodes.shape
+        matrix = np.zeros((dim, nn, dim, nn, n))
+        for i in range(dim):
+            matrix[i, :, i] = unit
         # Beyond a mirror the component across it is odd: its second derivatives are zero there.
-        self._has = np.ones((dim, nodes.shape[1]))
         for at, component in mirrors:
-            self._has[component, np.isin(nodes[0], at)] = 0.0
-        self.dim, self.layer = dim, layer
+            matrix[component, ..., np.isin(nodes[0], at)] = 0.0
+        self._matrix = matrix.reshape(dim * nn, dim * nn, n)  # for B = 1
+        self.layer = layer
         self.dofs = component_major(nodes, dim)
 
     def part(self, columns):
         some = copy(self)
         some.dofs = np.ascontiguousarray(self.dofs[:, columns])
-        some._unit = np.ascontiguousarray(self._unit[..., columns])
-        some._has = self._has[:, columns]
+        some._matrix = np.ascontiguousarray(self._matrix[..., columns])
         return some
 
     def stiffness(self, p):
@@ -67,18 +71,10 @@ class BendingForm(Form):
         return p.G * (self.layer * p.delta_c) ** 3 / 3
 
     def _force(self, u, p):
-        v = np.take(u, self.dofs).reshape(self.dim, -1, self.dofs.shape[1])
-        force = self.stiffness(p) * np.einsum("abn,ibn,in->ian", self._unit, v, self._has)
-        return force.reshape(self.dofs.shape)
+        return self.stiffness(p) * np.einsum("ijn,jn->in", self._matrix, np.take(u, self.dofs))
 
     def evaluate(self, u, p, state, step, tangent=True):
-        matrix = None
-        if tangent:
-            nn, _, n = self._unit.shape
-            matrix = np.zeros((self.dim, nn, self.dim, nn, n))
-            for i in range(self.dim):
-                matrix[i, :, i] = np.real(self.stiffness(p)) * self._unit * self._has[i]
-            matrix = matrix.reshape(self.dim * nn, self.dim * nn, n)
+        matrix = np.real(self.stiffness(p)) * self._matrix if tangent else None
         return Local(self._force(u, p), matrix, {})
 
     def energy(self, u: np.ndarray, p) -> float:
