@@ -106,8 +106,10 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
         forms.append(CutForm(cut, faces["cut"], p.height, minus, skins, n.closing))
         if n.layer > 0:
             mirrors = [(space.nodes_on(name), i) for name, i in geometry.held]
-            sides = {"bending": faces["cut"]} | ({"bending_minus": minus} if geometry.split else {})
-            forms += [BendingForm(side, space.X, n.layer, mirrors, name) for name, side in sides.items()]
+            stiff = {"bending": faces["cut"], "bending_top": faces["top"]}
+            if geometry.split:
+                stiff["bending_minus"] = minus
+            forms += [BendingForm(side, space.X, n.layer, mirrors, name) for name, side in stiff.items()]
     elif geometry.split:
         raise BadInput(
             key="symmetry", value="full", expected="'half' where no law holds the cut plane together"

@@ -50,7 +50,7 @@ Size = Annotated[str | None, typer.Option("--h", metavar="MM", help="Element siz
 Depth = Annotated[str | None, typer.Option(metavar="MM", help="Blade travel.")]
 Element = Annotated[str | None, typer.Option(metavar="P1|P2|P2P1", help="Finite element.")]
 Normal = Annotated[
-    str | None, typer.Option(metavar="blended|material|tool", help="Direction of the contact pressure.")
+    str | None, typer.Option(metavar="tool|material", help="Direction of the contact pressure.")
 ]
 Preset = Annotated[
     str | None,

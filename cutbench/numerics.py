@@ -12,7 +12,7 @@ from cutbench.reading import one_of
 
 CHOICES: dict[str, tuple[str, ...]] = {
     "element": ("P1", "P2", "P2P1"),
-    "normal": ("blended", "material", "tool"),
+    "normal": ("tool", "material"),
     "gap": ("distance", "ellipse"),
     "multiplier": ("carried", "none"),
     "scheme": ("monolithic", "staggered"),
@@ -54,7 +54,7 @@ class Numerics:
     slender: float = 2.0  # elements at the cut plane are this many times taller than wide
     along: float = 4.0  # and this many times longer along the blade than tall, at the most (3D)
     element: str = "P2"  # P1 | P2 | P2P1 (mixed)
-    normal: str = "blended"  # material's, turning to the tool's where deep | material | tool
+    normal: str = "tool"  # tool | material
     gap: str = "distance"  # distance | ellipse (the paper's dimensionless one)
     penalty: float = 16000.0  # contact stiffness, in G per mm of penetration
     stick: float = 6400.0  # stiffness of sticking, G per mm of slip
@@ -71,7 +71,7 @@ class Numerics:
     damage_step: float = 0.5  # the step shrinks if damage grows by more in one
     energy_step: float = 0.05  # a step is refused if its energy closes worse than this
     damping_mm: float = 3e-4  # bulk viscosity over G, times the speed: carries the run through snaps
-    layer: float = 1.0  # the cut plane's faces resist bending as a layer that many delta_c thick
+    layer: float = 1.0  # the surfaces at the blade resist bending as a layer that many delta_c thick
     tolerance: float = 1e-8
     symmetry: str = "auto"  # auto (the smallest part) | quarter (3D) | half | full
     solver: str = "auto"  # auto | superlu | pardiso | kept | multigrid
@@ -100,8 +100,16 @@ class Numerics:
         return made
 
 
-#: Where a solid's defaults differ: its elements are as few as a run in minutes allows.
-_SOLID = {"h_mm": 1.0, "corner": 0.25, "slender": 8.0, "facet_degree": 4, "bulk_degree": 2}
+#: Where a solid's defaults differ: its elements are as few as a run in minutes allows. Faces larger than the
+#: tip is round meet its apex alone: along the tool's normal they would be pushed down, not apart.
+_SOLID = {
+    "h_mm": 1.0,
+    "corner": 0.25,
+    "slender": 8.0,
+    "facet_degree": 4,
+    "bulk_degree": 2,
+    "normal": "material",
+}
 
 
 def defaults(dim: int) -> Numerics:

@@ -17,7 +17,7 @@ OUTCOMES: Final = ("done", "stalled", "interrupted", "failed")
 _LEADING = ("displacement_mm", "force_N", "time_s", "cut_length_mm")
 _TRAILING = ("reaction_N", "closure")
 
-#: Entries of the energy ledger that are no mechanisms: energy lost in jumps, and in bending of the cut plane.
+#: Entries of the energy ledger that are no mechanisms: energy lost in jumps, and in bending of surfaces.
 SNAP: Final = "snap"
 BENDING: Final = "bending"
 

@@ -146,7 +146,7 @@ def curve_of(case, geometry=None):
 @pytest.mark.parametrize("element", ["P1", "P2"])
 def test_quarter_half_and_full_block_agree_through_the_onset(element):
     # Weak enough for the cut to open abruptly half way.
-    values = {**SMALL, **SOFT, "element": element, "G_c": "1 J/m^2", "depth": "1.2 mm"}
+    values = {**SMALL, **SOFT, "element": element, "G_c": "1.2 J/m^2", "depth": "1.2 mm"}
     case = load_case("gelatin", values, dim=3)
     mesh = quarter(6.0, 6.0, 8.0, 2.0)
     curves = {part: curve_of(case, block(mesh, part)) for part in PARTS}

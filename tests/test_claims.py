@@ -105,7 +105,7 @@ def test_a_change_is_one_difference_towards_the_other_numerics(name):
     different = {k for k, v in vars(changed.numerics).items() if v != vars(base.numerics)[k]}
     if changed.mechanisms != base.mechanisms:
         assert not different and set(changed.mechanisms) == set(other.mechanisms)
-    elif name not in ("size", "tool"):  # a size between the two; a normal that neither has
+    elif name != "size":  # a size between the two
         assert {vars(changed.numerics)[k] == vars(other.numerics)[k] for k in different} == {True}
 
 

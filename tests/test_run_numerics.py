@@ -32,13 +32,13 @@ def test_half_and_full_block_agree():
     assert full.curve["cut_length_mm"][-1] > 0.05
     at = np.linspace(0.05, 1.1, 30)
     np.testing.assert_allclose(force_at(full, at), force_at(brief, at), rtol=2e-3)
-    virgin = run_case(PRESSED.set(symmetry="full", depth="0.3 mm"))
-    half = run_case(PRESSED.set(depth="0.3 mm"))
+    short = PRESSED.set(depth="0.3 mm", step="0.01 mm")  # one length of step: effort does not choose it
+    virgin, half = run_case(short.set(symmetry="full")), run_case(short)
     np.testing.assert_allclose(virgin.force_N, half.force_N, rtol=1e-6)
     assert virgin.counts["degrees_of_freedom"] > 1.9 * half.counts["degrees_of_freedom"]
 
 
-@pytest.mark.parametrize("normal", ["tool", "material", "blended"])
+@pytest.mark.parametrize("normal", ["tool", "material"])
 def test_elements_from_stiff_to_soft(normal):
     """While nothing is cut, a richer space is softer: linear triangles lock at ν = 0.49."""
     case = PRESSED.set(normal=normal, depth="1 mm")
@@ -58,7 +58,7 @@ def test_linear_triangles_lock_less_where_the_solid_is_compressible():
 
 
 def test_normals_and_gaps_are_choices_that_matter_little_before_the_cut(pressed):
-    for change in ({"normal": "tool"}, {"gap": "ellipse"}):
+    for change in ({"normal": "material"}, {"gap": "ellipse"}):
         other = force_at(run_case(PRESSED.set(**change)), 1.5)
         assert other != force_at(pressed, 1.5)
         assert other == pytest.approx(force_at(pressed, 1.5), rel=0.05)
@@ -101,6 +101,7 @@ def test_errors_of_the_ledger_do_not_add_up(monkeypatch):
         energy_step=0.1,
         cohesion=8.0,
         layer=0.0,
+        normal="material",
         predictor="line",
         **SOFT,
     )

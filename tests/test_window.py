@@ -53,7 +53,7 @@ def test_parts_of_the_cut_and_the_blade(dim, order):
     step, u = step_between(space), displacement(space)
     cut = CutForm(Model(DEFAULT).laws("cut"), space.faces("cut", 4), HEIGHT)
     check_part(cut, u, cut.evaluate(step.u_old, P, cut.start(P), step).state, step)
-    form = blade(space, normal="blended")
+    form = blade(space, normal="material")
     u, state, step = blade_case(space, form)
     check_part(form, u, state, step)
 

@@ -37,8 +37,7 @@ CHANGES: dict[str, Change] = {
         "damage solved with the displacements, steps by their error", PAPER,
         {"scheme": "monolithic", "stepping": "adaptive", "step": "0.1 mm", "damage_step": 0.5},
     ),
-    "normal": Change("the blended normal", PAPER, {"normal": "blended"}),
-    "tool": Change("the tool's normal", PAPER, {"normal": "tool"}),
+    "normal": Change("the tool's normal", PAPER, {"normal": "tool"}),
     "printed_viscous": Change("viscosity as printed, else converged", CONVERGED, {"with_": "viscous"}),
 }  # fmt: skip
 

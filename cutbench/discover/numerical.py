@@ -58,7 +58,7 @@ def _otherwise(case: Case, name: str) -> Case:
     n = case.numerics
     if name == "locking":
         return case.set(element="P2" if n.element == "P2P1" else "P2P1")
-    return case.set(normal="blended" if n.normal == "material" else "material")
+    return case.set(normal="tool" if n.normal == "material" else "material")
 
 
 def _column(name: str, by: Mapping[str, np.ndarray], point: Point) -> Column:

@@ -1,11 +1,13 @@
-"""Bending stiffness of the cut plane's faces, ½ B ∫ |Δ₀φ|² dA, as a layer of thickness t has it: B = G t³/3.
+"""Bending stiffness of the surfaces at the blade, ½ B ∫ |Δ₀φ|² dA, as a layer of thickness t has it: B = G t³/3.
 
-The cohesive zone stands for a layer that fails. A plane without thickness has no resistance to folds.
+They are the faces of the cut plane and the top face. The cohesive zone stands for a layer that fails; a
+surface without thickness has no resistance to folds.
 
 Squeezed along itself to about half its height a soft surface folds, at all wavelengths at once (Biot, Appl.
 Sci. Res. A 12, 1963), and a cut plane that resists opening by G_c/δ_c² at first does so at all that are short
-enough: what a mesh shows then hangs on its elements. With a stiffness that grows with the fourth power of the
-wave number short ones cost more than they free.
+enough: what a mesh shows then hangs on its elements. So does the edge where both surfaces meet: pressed by the
+tip, it crumples one element at a time. With a stiffness that grows with the fourth power of the wave number
+short folds cost more than they free.
 
 Zero for rigid motions and homogeneous deformations, quadratic, the same in 2D and 3D: Δ₀ on the flat pieces
 between neighbouring nodes, with lumped mass (Ciarlet, Raviart, in: Mathematical Aspects of Finite Elements,
@@ -26,7 +28,7 @@ from cutbench.forms.space import Faces
 
 
 class BendingForm(Form):
-    """On the faces of one side of the cut plane, for a layer ``layer`` times δ_c thick."""
+    """On one surface, the top or a side of the cut plane, for a layer ``layer`` times δ_c thick."""
 
     name = "bending"
     reads = ("G", "delta_c")
@@ -40,7 +42,7 @@ class BendingForm(Form):
         name: str | None = None,
     ):
         """``X`` (dim, nnode) positions of all nodes; ``mirrors``: nodes on planes of symmetry, each with the
-        component that is zero there; ``name`` tells the sides of the cut plane apart."""
+        component that is zero there; ``name`` tells the surfaces apart."""
         self.name = name or self.name
         dim = X.shape[0]
         # The whole plane lies in the mirrors of a layer: they continue nothing.

@@ -12,7 +12,7 @@ import numpy as np
 
 from cutbench.forms.base import Form, Local, blend, component_major, gather
 from cutbench.forms.gap import ToolGap
-from cutbench.forms.normals import cross, inward, turned, unit
+from cutbench.forms.normals import cross, inward, unit
 from cutbench.forms.sliding import shear
 from cutbench.forms.space import Faces
 
@@ -52,8 +52,7 @@ class BladeForm(Form):
             self._keeps[part] = name in keep_touched
         self.dofs = component_major(faces.nodes, self.dim)
         self._gap = ToolGap(numerics.gap, self.contact, faces, height)
-        self._material = numerics.normal in ("material", "blended")
-        self._blended = numerics.normal == "blended"
+        self._material = numerics.normal == "material"
         self._stiffness = numerics.stiffness
         self._tangential = numerics.tangential
         # Only the tool's normal without shear has a potential: friction is unsymmetric where the blade
@@ -150,15 +149,10 @@ class BladeForm(Form):
         direction, dn = (gradient, H) if self._gap.unit_gradient else unit(gradient, H)
         stiffness = np.full((nq, count), self._stiffness)
         t_N, dp = self.contact.pressure(g, state["multiplier"][:, near], stiffness, p)
-        push, turn, along_tool = direction, (), 1.0
+        push, turn = direction, ()
         if self._material:
             slopes = [f.tangents[s][:, None] + blend(f.dN[s], U) for s in range(dim - 1)]
             push, turn = inward(slopes, self._sign[:, near], tangent)
-            along_tool, by_gap = 0.0, 0.0
-            if self._blended:
-                along_tool, by_gap = turned(g, p.thickness / 2)
-                by_gap = by_gap * (direction - push)
-                push = push + along_tool * (direction - push)
         normal_traction = t_N * push
         total = normal_traction
         slid = None
@@ -181,13 +175,11 @@ class BladeForm(Form):
             D = dp * push[:, None] * gradient[None]
             if not self._material:
                 D += t_N * dn
-            elif self._blended:
-                D += t_N * (along_tool * dn + by_gap[:, None] * gradient[None])
             if slid is not None:
                 D += slid["D"]
             K = _sandwich(D * f.w, patch.NN)
             for dt, NdN in zip(turn, patch.NdN, strict=False):
-                K += _sandwich(dt * (t_N * (1 - along_tool) * f.w), NdN)
+                K += _sandwich(dt * (t_N * f.w), NdN)
             matrix[:, :, near] = -K.reshape(nd, nd, count)
         return Local(vector, matrix, new)
 

@@ -1,8 +1,7 @@
-"""Directions in which a blade pushes: along the tool's normal, the material's, or from one to the other.
+"""Directions in which a blade pushes: along the tool's normal or the material's.
 
-The traction may act along the tool's normal (that of the obstacle: frictionless contact then has a
-potential) or along the material's, n = F⁻ᵀN/|F⁻ᵀN| (the paper's: on the cut faces it is a wedge). A face that
-has folded inside the blade is held there by its own normal: "blended" turns to the tool's with the depth.
+The tool's is that of the obstacle: frictionless contact then has a potential. The material's,
+n = F⁻ᵀN/|F⁻ᵀN|, is the paper's. On smooth surfaces under a hard blade both are one.
 """
 
 from __future__ import annotations
@@ -10,10 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-
-#: Depths in units of the blade's half-thickness between which the push turns from the material's normal to
-#: the tool's.
-SHALLOW, DEEP = 0.05, 0.2
 
 
 def unit(n: np.ndarray, H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -38,14 +33,6 @@ def inward(slopes: Sequence[np.ndarray], sign: np.ndarray, tangent: bool):
         along = (n[:, None] * dc).sum(axis=0)
         turn.append(scale * (n[:, None] * along[None] - dc))
     return -n, turn
-
-
-def turned(gap: np.ndarray, a):
-    """Share of the tool's normal in the push (q, f), 0 to 1, and its derivative by the gap."""
-    span = (DEEP - SHALLOW) * a
-    s = (-gap - SHALLOW * a) / span
-    s = np.where(s.real <= 0, 0, np.where(s.real >= 1, 1, s))
-    return s * s * (3 - 2 * s), -6 * s * (1 - s) / span
 
 
 def cross(tangents: Sequence[np.ndarray]) -> np.ndarray:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 #: Entries that never reach this share of the largest force are drawn together.
 NEGLIGIBLE = 0.005
 #: Labels of entries that are not in the registry.
-NO_MECHANISM = {SNAP: "unresolved jumps", BENDING: "bending of the cut plane"}
+NO_MECHANISM = {SNAP: "unresolved jumps", BENDING: "bending of surfaces"}
 
 
 def plot_curve(result: Result, *, window_mm: float | None = None) -> Figure:
