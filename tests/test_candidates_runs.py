@@ -26,10 +26,12 @@ from cutbench.run import run_case
 LAW = registry()
 CANDIDATES = [name for name, law in LAW.items() if law.off and name not in (*DEFAULT, "viscous")]
 
-#: A small, weak block under a long tip: it is cut from 0.4 mm on.
+#: A small, weak block under a long tip: it is cut from 0.4 mm on. Its elements are larger than the tip
+#: is round: pressure along the tool's normal would push them down, not apart.
 SMALL = {
     "G_c": "0.3 J/m^2", "mu": 0.1, "eta_reg": "8 s", "tip": "2 mm", "width": "8 mm", "height": "5 mm",
     "depth": "1 mm", "h": "0.7 mm", "penalty": 200, "stick": 100, "multiplier": "none", "corner": 0.25,
+    "normal": "material",
 }  # fmt: skip
 
 

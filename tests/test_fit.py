@@ -224,6 +224,7 @@ SOLID = load_case("gelatin").set(
     penalty=200,
     stick=80,
     multiplier="none",
+    normal="material",  # elements larger than the tip is round
 )
 
 

@@ -1,13 +1,13 @@
-"""Bending stiffness of the surfaces at the blade, ½ B ∫ |Δ₀φ|² dA, as a layer of thickness t has it: B = G t³/3.
+"""Bending stiffness of the surfaces at the blade, ½ B ∫ |Δ₀φ|² dA, as of a layer of thickness t: B = G t³/3.
 
 They are the faces of the cut plane and the top face. The cohesive zone stands for a layer that fails; a
 surface without thickness has no resistance to folds.
 
 Squeezed along itself to about half its height a soft surface folds, at all wavelengths at once (Biot, Appl.
 Sci. Res. A 12, 1963), and a cut plane that resists opening by G_c/δ_c² at first does so at all that are short
-enough: what a mesh shows then hangs on its elements. So does the edge where both surfaces meet: pressed by the
-tip, it crumples one element at a time. With a stiffness that grows with the fourth power of the wave number
-short folds cost more than they free.
+enough: what a mesh shows then hangs on its elements. So does the edge where both surfaces meet: pressed by
+the tip, it crumples one element at a time. With a stiffness that grows with the fourth power of the wave
+number short folds cost more than they free.
 
 Zero for rigid motions and homogeneous deformations, quadratic, the same in 2D and 3D: Δ₀ on the flat pieces
 between neighbouring nodes, with lumped mass (Ciarlet, Raviart, in: Mathematical Aspects of Finite Elements,

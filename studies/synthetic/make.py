@@ -20,6 +20,7 @@ TRUTH = load_case("gelatin").set(
     penalty=800,
     stick=320,
     multiplier="none",
+    normal="material",
 )
 TESTS = (Test("slow", speed=0.021, reach=2.0), Test("fast", speed=0.1, reach=2.0))
 
