@@ -7,6 +7,7 @@ import pytest
 import skfem
 from form_checks import P, check_tangent, displacement, space_of, spaces, step_between
 
+from cutbench.build import build
 from cutbench.case import load_case
 from cutbench.forms.bending import BendingForm
 from cutbench.forms.space import Space
@@ -97,11 +98,31 @@ def test_a_part_has_its_share():
     assert sum(parts) == pytest.approx(form.energy(u, P), rel=1e-12)
 
 
+@pytest.mark.parametrize("part", ["half", "full"])
+def test_all_surfaces_at_the_blade_have_it(part):
+    case = load_case("gelatin").set(h="1 mm", symmetry=part)
+
+    def stiff(case):
+        return {form.name for form in build(case).problem.forms if isinstance(form, BendingForm)}
+
+    assert stiff(case) == {"bending", "bending_top"} | ({"bending_minus"} if part == "full" else set())
+    assert stiff(case.set(layer=0.0)) == set()
+
+
 @pytest.mark.slow
 def test_with_it_the_onset_has_a_limit():
-    """Elements of 8 and 4 µm below the tip: without it gelatin folds on the finer ones alone."""
+    """Elements of 8 and 4 µm below the tip; and whichever normal the pressure has, where none is a fold's."""
     case = load_case("gelatin").set(depth="3.4 mm")
-    onset = [run_case(case.set(corner=corner)).measures["onset_mm"] for corner in (1 / 16, 1 / 32)]
-    assert onset[1] == pytest.approx(onset[0], rel=0.02)
-    folds = run_case(case.set(corner=1 / 32, layer=0.0)).measures["onset_mm"]
-    assert folds < 0.95 * onset[0]
+    onset, finer, along_the_material = (
+        run_case(case.set(**change)).measures["onset_mm"]
+        for change in ({}, {"corner": 1 / 32}, {"normal": "material"})
+    )
+    assert finer == pytest.approx(onset, rel=0.02)
+    assert along_the_material == pytest.approx(onset, rel=0.02)
+
+
+@pytest.mark.slow
+def test_without_it_the_elastomer_is_cut_in_a_fold():
+    case = load_case("elastomer").set(depth="2.6 mm")
+    stiff, folds = (run_case(case.set(layer=layer)).measures["onset_mm"] for layer in (1.0, 0.0))
+    assert folds < 0.8 * stiff
