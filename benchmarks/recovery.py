@@ -31,15 +31,10 @@ from cutbench.synthetic import Noise, Test, campaign
 NAMES = ("G", "G_c", "delta_c", "eta_reg", "tau_W")
 #: Gelatin with a slender blade and a weak cut plane, which is cut from the first millimetre on.
 SOLID = {"tip": "3 mm", "cohesion": 2.0, "tau_W": "2 kPa", "eta_reg": "5 s"}
-FINE = {"h": "0.35 mm", "step": "0.05 mm", "penalty": 800, "stick": 320, "multiplier": "none"}
-COARSE = {
-    "h": "0.8 mm",
-    "step": "0.1 mm",
-    "penalty": 200,
-    "stick": 80,
-    "multiplier": "none",
-    "normal": "material",
-}
+#: In both, so that the normal is no part of what the coarse model gets wrong.
+_BOTH = {"multiplier": "none", "normal": "material"}
+FINE = {**_BOTH, "h": "0.35 mm", "step": "0.05 mm", "penalty": 800, "stick": 320}
+COARSE = {**_BOTH, "h": "0.8 mm", "step": "0.1 mm", "penalty": 200, "stick": 80}
 TESTS = (Test("slow", speed=0.021, reach=2.0), Test("fast", speed=0.1, reach=2.0))
 NOISE = Noise(repetitions=3, scatter=0.03, reading=0.01)
 #: Standard deviations of the logarithms of the true values about the solid's, and of the starts about those.
