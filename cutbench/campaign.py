@@ -249,6 +249,8 @@ def load_campaign(path: str | Path) -> Campaign:
     for number, made in enumerate(experiments):
         with placed(path, text, number):
             _check(made, base)
+    cuts = (cut_case(e, base) for e in experiments if e.kind == "cut")
+    notes += tuple(dict.fromkeys(sentence for cut in cuts for sentence in cut.doubts))
     with located(path, text):
         return Campaign(title, base, tuple(experiments), candidates, plan, path, notes)
 

@@ -24,6 +24,7 @@ from cutbench.values import (
     SECTIONS,
     brief,
     check_fit,
+    doubts,
     misplaced,
     names,
     parse_values,
@@ -126,6 +127,11 @@ class Case:
             content["motion"] = [[f"{number:.14g}" for number in point] for point in self.motion]
         text = json.dumps(content, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What to know before its run is believed: sentences, none for most."""
+        return doubts(self.values, self.numerics)
 
     def groups(self) -> dict[str, float]:
         """The dimensionless groups of all its mechanisms."""

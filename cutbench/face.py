@@ -103,12 +103,19 @@ def changes(
     return changes
 
 
+def doubted(*cases: Case) -> None:
+    """Say once what there is to know before runs of these ``cases`` are believed."""
+    for sentence in dict.fromkeys(each for case in cases for each in case.doubts):
+        typer.echo(f"cutbench: note: {sentence}", err=True)
+
+
 def asked(material: str, changes: dict[str, object], out: Path | None, *, dim: int) -> tuple[Case, Path]:
     """The case and a folder that can be written to."""
     from cutbench.case import load_case
     from cutbench.output import check_writable
 
     case = load_case(material, changes, dim=dim)
+    doubted(case)
     return case, check_writable(out if out is not None else Path("runs") / f"{_slug(case.name)}-{case.id}")
 
 

@@ -202,3 +202,17 @@ def check_fit(v: Mapping[str, float], numerics: Numerics, dim: int = 2) -> None:
                     f" or a tip of at most {_below((thickness / 2) ** 2 / (h * TIP_PER_ELEMENT)):g} mm"
                 ),
             )
+
+
+def doubts(v: Mapping[str, float], numerics: Numerics) -> tuple[str, ...]:
+    """What can be computed, but says more of the elements than of the cut; sentences for a person."""
+    if "tip" not in v or "thickness" not in v or numerics.normal != "tool" or numerics.mesh is not None:
+        return ()
+    radius, under = (v["thickness"] / 2) ** 2 / v["tip"], numerics.h_mm * numerics.corner
+    if under <= radius * (1 + 1e-12):
+        return ()
+    return (
+        f"elements under the tip ({under:.3g} mm) are larger than it is round (a^2/b = {radius:.3g} mm): along"
+        " the tool's normal it pushes them down and cuts too late;"
+        f" corner = {_below(radius / numerics.h_mm):g} or normal = 'material' would do",
+    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import pickle
+import re
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -132,6 +133,17 @@ def test_pseudo_time_is_a_conversion(gelatin):
 def test_depth_follows_the_height_until_it_is_chosen(gelatin):
     assert gelatin.set(height="30 mm").p.depth == 30
     assert gelatin.set(depth="14 mm").set(height="30 mm").p.depth == 14
+
+
+def test_elements_larger_than_the_tip_is_round_are_doubted_along_its_normal(gelatin):
+    assert not gelatin.doubts
+    assert not gelatin.set(h="1 mm", corner=0.11).doubts
+    coarse = gelatin.set(h="1 mm", corner=0.25)
+    (said,) = coarse.doubts
+    assert "0.25 mm" in said and "0.117 mm" in said
+    advised = re.search(r"corner = (\S+) or normal = '(\w+)'", said)
+    assert not coarse.set(corner=float(advised[1])).doubts
+    assert not coarse.set(normal=advised[2]).doubts
 
 
 def test_a_case_does_not_change(gelatin):

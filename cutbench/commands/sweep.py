@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from cutbench.face import exits, whole
+from cutbench.face import doubted, exits, whole
 from cutbench.threads import leave_cores_to_workers
 
 
@@ -35,6 +35,7 @@ def sweep(
 
     plan, processes = load_study(study), whole("--workers", workers)
     check_writable(out)
+    doubted(plan.base, *plan.cases)
     done = run_study(
         plan, out, workers=processes, progress=True, retry_failed=retry_failed, scheduler=scheduler,
         store=store,
