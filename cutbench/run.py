@@ -63,7 +63,7 @@ def run_case(
             wanted = [d for d in wanted if d > ledger.farthest + 1e-9]
             if on_step is not None:
                 on_step(ledger.last["displacement_mm"], ledger.last)
-        built.march.at_rest = lambda progress: checkpoint.offer(keeper.state(progress))
+        built.march.between_steps = lambda progress: checkpoint.offer(keeper.state(progress))
     steps = iter(built.march)
     try:
         for step in steps:

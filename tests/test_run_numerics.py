@@ -160,9 +160,9 @@ def test_a_march_goes_on_where_the_blade_rests(monkeypatch):
     case = QUICK.set(depth="0.4 mm")
     monkeypatch.setattr(march, "newton", stubborn(case))
     whole, kept = build(case).march, []
-    whole.at_rest = kept.append
+    whole.between_steps = kept.append
     steps = list(whole)
-    number = next(i for i, progress in enumerate(kept) if progress.rests)
+    number = next(i for i, progress in enumerate(kept) if progress.pace["rests"])
     assert steps[number].between
     again = build(case).march
     again.resume = kept[number]

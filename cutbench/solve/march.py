@@ -90,25 +90,18 @@ class Progress:
     """What a march is between two steps: enough to go on from there. ``way`` as in ``Accepted``."""
 
     way: float
-    size: float
     u: np.ndarray
     states: dict[str, dict]
     u_before: np.ndarray | None = None
     size_before: float | None = None
-    easy: int = 0
     force: float = 0.0
-    boost: float = 1.0
     #: The blade's work so far, and what of it the ledger has left open.
     spent: float = 0.0
     left: float = 0.0
     #: Steps that predictions are made from.
     past: dict[str, np.ndarray] | None = None
-    #: Refused steps since the last one as long as ``StepRules.gentle``.
-    refused: int = 0
-    #: As in ``Pace``.
-    rests: bool = False
-    drags: bool = False
-    vain: int = 0
+    #: That of ``Pace``.
+    pace: dict[str, float] | None = None
 
 
 @dataclass
@@ -132,7 +125,7 @@ class March:
     known: Sequence[np.ndarray] | None = None
     #: Where to begin, if not at rest; and who is told of each step's end when the next one begins.
     resume: Progress | None = None
-    at_rest: Callable[[Progress], None] | None = None
+    between_steps: Callable[[Progress], None] | None = None
     #: Predicts from what happened one element higher, where that is asked for.
     past: Past | None = None
     #: Looks for the next state around the front first.
@@ -148,27 +141,24 @@ class March:
 
     def __iter__(self) -> Iterator[Accepted]:
         problem, rules, motion = self.problem, self.rules, self.motion
-        begin = self.resume or Progress(0.0, rules.first, np.zeros(problem.ndof), problem.start())
+        begin = self.resume or Progress(0.0, np.zeros(problem.ndof), problem.start())
         way, u, states, force = begin.way, begin.u, begin.states, begin.force
         u_before, size_before = begin.u_before, begin.size_before
         spent_before, left_before = begin.spent, begin.left
         if self.past is not None and begin.past is not None:
             self.past.restore(begin.past)
         damping = next((f for f in problem.forms if f.name == "damping"), None)
-        if damping is not None:
-            damping.boost = begin.boost
-        pace = Pace(
-            rules, damping, begin.size, begin.easy, begin.refused, begin.rests, begin.drags, begin.vain
-        )
+        pace = Pace(rules, damping, rules.first)
+        pace.boost = 1.0
+        if begin.pace is not None:
+            pace.restore(begin.pace)
         plan, chosen, known = iter(self.schedule or ()), self.schedule is None, iter(self.known or ())
         while pace.rests or way < motion.end - 1e-9:
             if not chosen:
-                pace.size, boost = next(plan, (None, 1.0))
+                pace.size, pace.boost = next(plan, (None, 1.0))
                 if pace.size is None:
                     return
                 pace.rests = pace.size == 0
-                if damping is not None:
-                    damping.boost = boost
             if not pace.rests:
                 pace.size = min(pace.size, motion.room(way))
             size = pace.advance
@@ -214,25 +204,14 @@ class March:
             pace.taken(max(effort), growth, defect, allowed)
             if motion.turns(way):
                 u_before, pace.size = None, min(pace.size, rules.first)
-            if self.at_rest is not None:
+            if self.between_steps is not None:
                 past = None if self.past is None else self.past.state()
-                kept = {
-                    name: getattr(pace, name)
-                    for name in ("size", "easy", "boost", "refused", "rests", "drags", "vain")
-                }
-                ledger = {"force": force, "spent": spent_before, "left": left_before}
-                self.at_rest(
+                self.between_steps(
                     Progress(
-                        way=way,
-                        u=u,
-                        states=states,
-                        u_before=u_before,
-                        size_before=size_before,
-                        past=past,
-                        **kept,
-                        **ledger,
+                        way, u, states, u_before, size_before, force,
+                        spent=spent_before, left=left_before, past=past, pace=pace.state(),
                     )
-                )
+                )  # fmt: skip
 
     def _improved(self, straight, known, last, states, step, desperate) -> np.ndarray | None:
         """A better prediction than ``straight``: what is ``known``, or what the front's own solution says."""

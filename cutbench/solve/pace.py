@@ -7,6 +7,7 @@ blade rests until it is back: states on the way there belong to no blade positio
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from cutbench.forms.damping import DampingForm
@@ -53,6 +54,10 @@ class StepRules:
     paper: bool = False
 
 
+#: What a pace is between two steps.
+_STATE = ("size", "easy", "refused", "rests", "drags", "vain", "boost")
+
+
 class Leaky(NoConvergence):
     """A step that converged, but whose energy does not close."""
 
@@ -70,13 +75,22 @@ class Pace:
     rules: StepRules
     damping: DampingForm | None
     size: float
-    easy: int
-    refused: int
+    easy: int = 0
+    refused: int = 0
     #: Whether the blade rests until raised damping is back; or goes on against it, where that was in vain.
     rests: bool = False
     drags: bool = False
     #: Refused steps since the blade rests.
     vain: int = 0
+
+    def state(self) -> dict[str, float]:
+        """What ``restore`` needs."""
+        return {name: getattr(self, name) for name in _STATE}
+
+    def restore(self, state: Mapping[str, float]) -> None:
+        """Go on as the pace whose ``state`` this was."""
+        for name in _STATE:
+            setattr(self, name, state[name])
 
     @property
     def advance(self) -> float:
@@ -96,6 +110,11 @@ class Pace:
     @property
     def boost(self) -> float:
         return 1.0 if self.damping is None else self.damping.boost
+
+    @boost.setter
+    def boost(self, value: float) -> None:
+        if self.damping is not None:
+            self.damping.boost = value
 
     def allowed(self, drifting: bool) -> float:
         """Part of the blade's work over the largest step that a step may leave open."""
