@@ -212,7 +212,7 @@ def doubts(v: Mapping[str, float], numerics: Numerics) -> tuple[str, ...]:
     if under <= radius * (1 + 1e-12):
         return ()
     return (
-        f"elements under the tip ({under:.3g} mm) are larger than it is round (a^2/b = {radius:.3g} mm): along"
-        " the tool's normal it pushes them down and cuts too late;"
+        f"elements under the tip ({under:.3g} mm) are larger than it is round (a^2/b = {radius:.3g} mm):"
+        " along the tool's normal it pushes them down and cuts too late;"
         f" corner = {_below(radius / numerics.h_mm):g} or normal = 'material' would do",
     )
