@@ -15,11 +15,13 @@ from cutbench.result import Result
 
 @dataclass(frozen=True)
 class Change:
-    """One difference from the numerics ``start``; ``text`` says what a run with it has."""
+    """One difference from the numerics ``start``; ``text`` says what a run with it has. It is tried for
+    ``claims``, for all unless given."""
 
     text: str
     start: str
     values: Mapping[str, object]
+    claims: tuple[str, ...] = ()
 
 
 #: The choices that say how hard the blade and the closed cut are.
@@ -39,6 +41,10 @@ CHANGES: dict[str, Change] = {
     ),
     "normal": Change("the tool's normal", PAPER, {"normal": "tool"}),
     "printed_viscous": Change("viscosity as printed, else converged", CONVERGED, {"with_": "viscous"}),
+    "folds": Change(
+        "surfaces without bending stiffness, else converged", CONVERGED, {"layer": 0.0},
+        claims=("C1", "C2", "C3", "C4"),
+    ),
 }  # fmt: skip
 
 #: Of blocks with the defaults: a drop that closes better than this takes hours.

@@ -85,7 +85,7 @@ def judge(runner: Runner, chosen: Sequence[Claim], scans: Mapping[str, Scan]) ->
     rows = {claim.id: _compared(claim, cases[claim.id], runner) for claim in chosen}
     for claim in chosen:
         if claim.asks and (claim.dissect or any(row.verdict != REPRODUCED for row in rows[claim.id])):
-            for name in CHANGES if claim.changes is None else claim.changes:
+            for name in changes_for(claim):
                 cases[claim.id][name] = _cases(claim, CHANGES[name].start, scans, name)
     runner.go(_pairs(chosen, cases))
     return [
@@ -96,6 +96,12 @@ def judge(runner: Runner, chosen: Sequence[Claim], scans: Mapping[str, Scan]) ->
         )
         for claim in chosen
     ]
+
+
+def changes_for(claim: Claim) -> list[str]:
+    """The names of the changes that are tried for ``claim``."""
+    names = CHANGES if claim.changes is None else claim.changes
+    return [name for name in names if claim.id in (CHANGES[name].claims or (claim.id,))]
 
 
 def verdict(paper: bool | None, converged: bool | None) -> str:
