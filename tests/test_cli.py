@@ -118,3 +118,20 @@ def test_advice_about_the_tip_holds_when_it_is_followed(tip, solver, tmp_path):
     h, longest = re.search(r"h = '(.+?) mm' would do, or a tip of at most (\S+) mm", refused.output).groups()
     assert invoke("run2d", "gelatin", "--set", f"tip={tip}", "--h", h, "--out", tmp_path).exit_code == 0
     assert invoke("run2d", "gelatin", "--set", f"tip={longest} mm", *coarse, "--out", tmp_path).exit_code == 0
+
+
+@pytest.mark.parametrize("corner", [0.1, 0.5])
+def test_a_sweep_says_once_what_its_runs_are_to_be_doubted_for(corner, tmp_path, monkeypatch):
+    def no_sweep(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("cutbench.sweep.run_study", no_sweep)
+    study = tmp_path / "coarse.toml"
+    study.write_text(
+        f'base = "gelatin"\n[numerics]\nh = "1 mm"\ncorner = {corner}\n'
+        '[[axis]]\nname = "cohesion"\nvalues = [5.0, 9.0]\n',
+        encoding="utf-8",
+    )
+    said = invoke("sweep", study, "--out", tmp_path / "maps")
+    assert said.exit_code == 130, said.output
+    assert said.output.count("larger than it is round") == (corner == 0.5)

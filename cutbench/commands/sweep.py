@@ -35,7 +35,7 @@ def sweep(
 
     plan, processes = load_study(study), whole("--workers", workers)
     check_writable(out)
-    doubted(plan.base, *plan.cases)
+    doubted(plan.base, *plan.cases())
     done = run_study(
         plan, out, workers=processes, progress=True, retry_failed=retry_failed, scheduler=scheduler,
         store=store,
