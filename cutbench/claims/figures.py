@@ -56,16 +56,18 @@ def _panels(by_id, height_mm: float):
 
 
 def _curves(by_id: Mapping[str, Judged], runner: Runner):
-    figure, axes = _panels(by_id, 62)
+    figure, axes = _panels(by_id, 66)
     for ax, one in zip(axes, by_id.values(), strict=True):
-        shown = ((PAPER, "black"), (CONVERGED, "blue"), ("printed_viscous", "vermilion"))
+        shown = (
+            (PAPER, "black"), (CONVERGED, "blue"), ("printed_viscous", "vermilion"), ("folds", "green"),
+        )  # fmt: skip
         for place, (word, colour) in enumerate(shown):
             if word in one.ids:
                 text = _NAMES.get(word) or CHANGES[word].text
                 _curve(ax, runner.results[one.ids[word]["base"]], text, place, COLOURS[colour])
         ax.set_ylim(bottom=0)
     handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3)
+    figure.legend(handles, labels, loc="outside lower center", ncols=2)
     return figure
 
 
