@@ -101,8 +101,8 @@ class Numerics:
 
 
 #: Where a solid's defaults differ: its elements are as few as a run in minutes allows. Faces larger than the
-#: tip is round meet its apex alone: along the tool's normal they would be pushed down, not apart. And hard
-#: contact on them holds up a snap for hours.
+#: tip is round meet its apex alone: along the tool's normal they would be pushed down, not apart. Their
+#: contact is the soft one that blocks were measured with.
 _SOLID = {
     "h_mm": 1.0,
     "corner": 0.25,

@@ -165,6 +165,11 @@ def _below(value: float) -> float:
     return rounded(math.floor(value / digit) * digit, 2)
 
 
+def _tip_radius(v: Mapping[str, float]) -> float:
+    """Radius of curvature of the blade's tip, a²/b in mm."""
+    return (v["thickness"] / 2) ** 2 / v["tip"]
+
+
 def check_fit(v: Mapping[str, float], numerics: Numerics, dim: int = 2) -> None:
     """Raise BadInput where one value rules out another: travel, blade in block, tip on mesh, symmetry."""
     if v["depth"] > 1.5 * v["height"]:
@@ -191,7 +196,7 @@ def check_fit(v: Mapping[str, float], numerics: Numerics, dim: int = 2) -> None:
             f" thickness ({thickness:g} mm), {ELEMENTS_PER_BLADE * thickness:g} mm",
         )
     if "tip" in v:
-        radius = (thickness / 2) ** 2 / v["tip"]
+        radius = _tip_radius(v)
         if radius < h * TIP_PER_ELEMENT:
             raise BadInput(
                 key="tip",
@@ -208,7 +213,7 @@ def doubts(v: Mapping[str, float], numerics: Numerics) -> tuple[str, ...]:
     """What can be computed, but says more of the elements than of the cut; sentences for a person."""
     if "tip" not in v or "thickness" not in v or numerics.normal != "tool" or numerics.mesh is not None:
         return ()
-    radius, under = (v["thickness"] / 2) ** 2 / v["tip"], numerics.h_mm * numerics.corner
+    radius, under = _tip_radius(v), numerics.h_mm * numerics.corner
     if under <= radius * (1 + 1e-12):
         return ()
     return (

@@ -240,6 +240,7 @@ def test_an_investigation_judges_links_and_is_not_computed_twice(tmp_path, log):
     assert {row.verdict for row in by_id["C13"].rows} <= set(VERDICTS)
     record = json.loads((out / "claims.json").read_text(encoding="utf-8"))
     store = Store(out / "runs")
+    assert {claim["id"] for claim in record["claims"] if "folds" in claim["runs"]} == {"C1"}
     for claim in record["claims"]:
         for ids in claim["runs"].values():
             for id in ids.values():

@@ -101,7 +101,7 @@ def judge(runner: Runner, chosen: Sequence[Claim], scans: Mapping[str, Scan]) ->
 def changes_for(claim: Claim) -> list[str]:
     """The names of the changes that are tried for ``claim``."""
     names = CHANGES if claim.changes is None else claim.changes
-    return [name for name in names if claim.id in (CHANGES[name].claims or (claim.id,))]
+    return [name for name in names if not CHANGES[name].claims or claim.id in CHANGES[name].claims]
 
 
 def verdict(paper: bool | None, converged: bool | None) -> str:
