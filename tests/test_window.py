@@ -17,6 +17,8 @@ from cutbench.forms.mixed import MixedVolumetric
 from cutbench.forms.space import Faces
 from cutbench.model import DEFAULT, Model
 from cutbench.run import run_case
+from cutbench.solve import window
+from cutbench.solve.newton import NoConvergence
 
 
 def check_part(form, u, state, step, p=P) -> None:
@@ -80,10 +82,10 @@ def test_some_faces_keep_their_names():
 def test_the_window_is_in_balance_and_the_rest_stays():
     built = build(BRIEF)
     before, last = islice((step for step in built.march if step.travel > 0.15), 2)
-    window, problem, step = built.march.window, built.problem, last.step
+    problem, step = built.problem, last.step
     states = last.solves[0][0]
     straight = before.u + (before.u - before.step.u_old) * (last.dt / before.dt)
-    found = window.solved(straight, before.u, states, step, built.march.newton)
+    found = built.march.window.solved(straight, before.u, states, step, built.march.newton)
     moved = np.abs(found - straight).reshape(-1, 2).max(axis=1) > 0
     X = built.space.X
     assert moved.any()
@@ -95,6 +97,31 @@ def test_the_window_is_in_balance_and_the_rest_stays():
         return np.abs(out.reshape(-1, 2)[moved]).max()
 
     assert residual(found) < 0.02 * residual(straight)
+
+
+def test_a_window_that_is_nearly_solved_will_do(monkeypatch):
+    built = build(BRIEF)
+    before, last = islice((step for step in built.march if step.travel > 0.15), 2)
+    march, problem, step = built.march, built.problem, last.step
+    states = last.solves[0][0]
+    straight = before.u + (before.u - before.step.u_old) * (last.dt / before.dt)
+
+    def found():
+        return march.window.solved(straight, before.u, states, step, march.newton)
+
+    def misses(u):
+        e = problem.evaluate(u, states, step, tangent=False)
+        return np.linalg.norm(e.residual[problem.free]) / e.scale
+
+    # Three iterations do not solve it.
+    monkeypatch.setattr(window, "ITERATIONS", 3)
+    monkeypatch.setattr(window, "ENOUGH", 1e-10)
+    with monkeypatch.context() as strict:
+        strict.setattr(window, "USABLE", 0.0)
+        with pytest.raises(NoConvergence, match="3 iterations") as error:
+            found()
+    assert 0 < error.value.nearest[0] < window.USABLE
+    assert misses(found()) < 0.2 * misses(straight)
 
 
 BOND = {"with_": "imperfect_bond", "bond_compliance": "0.3 mm/kPa"}

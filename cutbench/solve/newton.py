@@ -12,11 +12,12 @@ from cutbench.solve.problem import Evaluation, Problem
 
 
 class NoConvergence(ArithmeticError):
-    """Newton's method gave up; ``reason`` says how."""
+    """Newton's method gave up; ``reason`` says how. ``nearest``: the smallest residual that it came to, over
+    the forces, and the displacements there."""
 
-    def __init__(self, reason: str):
+    def __init__(self, reason: str, nearest: tuple[float, np.ndarray | None] = (np.inf, None)):
         super().__init__(reason)
-        self.reason = reason
+        self.reason, self.nearest = reason, nearest
 
 
 class BadGuess(NoConvergence):
@@ -74,6 +75,7 @@ def newton(
     if near:
         u, current, size = _chords(problem, u, current, size, states, step, settings)
     shift, history = Shift(), []
+    nearest = (np.inf, None)
     # A tangent is assembled on the way only where a full step is likely to stand.
     eager = True
     for iteration in range(settings.iterations + 1):
@@ -102,16 +104,18 @@ def newton(
         if not np.isfinite(size):
             raise NoConvergence("the residual is not finite")
         history.append(size / current.scale)
+        nearest = min(nearest, (history[-1], u), key=lambda item: item[0])
         if iteration >= 2 * settings.patience and min(history[-settings.patience :]) > 0.5 * min(
             history[: -settings.patience]
         ):
             if size <= settings.stagnant * current.scale:
                 return u, current, iteration
             raise NoConvergence(
-                f"residual stays at {history[-1]:.1e} of the forces after {iteration} iterations"
+                f"residual stays at {history[-1]:.1e} of the forces after {iteration} iterations",
+                nearest,
             )
     raise NoConvergence(
-        f"{settings.iterations} iterations, residual {size / current.scale:.1e} of the forces"
+        f"{settings.iterations} iterations, residual {size / current.scale:.1e} of the forces", nearest
     )
 
 

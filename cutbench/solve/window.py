@@ -16,7 +16,7 @@ import numpy as np
 from cutbench.forms.base import Form
 from cutbench.forms.space import Faces, Space
 from cutbench.solve.linear import make_solver
-from cutbench.solve.newton import BadGuess, NewtonSettings, newton
+from cutbench.solve.newton import BadGuess, NewtonSettings, NoConvergence, newton
 from cutbench.solve.problem import Problem
 
 #: Half of the window's width, and how far it reaches ahead of the front and behind, in blade thicknesses.
@@ -27,6 +27,8 @@ ELEMENTS = 3
 FOLLOWS = 0.25
 #: The window's residual, over its own forces, that is small enough; and iterations, at the most.
 ENOUGH, ITERATIONS = 1e-3, 15
+#: Where it stays above that, what is still a better beginning than a shorter step.
+USABLE = 0.02
 
 
 class Window:
@@ -45,7 +47,8 @@ class Window:
     def solved(self, u: np.ndarray, last: np.ndarray, states: dict, step, settings: NewtonSettings):
         """``u``, which predicts the end of ``step`` from ``last``, with the window's unknowns solved for.
 
-        Raises NoConvergence where there is no solution near it.
+        Where Newton's method stops short of that, the state nearest to it will do, if it is near. Raises
+        NoConvergence where none is.
         """
         part = self._around(states)
         states = {form.name: form.pick(states[form.name], columns) for form, columns in part.chosen}
@@ -53,11 +56,17 @@ class Window:
             part.damping.boost = next(form.boost for form in self._problem.forms if form.name == "damping")
         near = replace(settings, tolerance=max(ENOUGH, settings.tolerance), iterations=ITERATIONS)
         try:
-            return newton(part.problem, u, states, step, near)[0]
-        except BadGuess:
-            pass
-        # A straight line turns elements inside out: the window then begins as it was, and yields to its edge.
-        return newton(part.problem, last + part.extended(u - last), states, step, near)[0]
+            try:
+                return newton(part.problem, u, states, step, near)[0]
+            except BadGuess:
+                # A straight line turns elements inside out: begin as it was, and yield to the edge.
+                begin = last + part.extended(u - last)
+                return newton(part.problem, begin, states, step, near)[0]
+        except NoConvergence as error:
+            left, nearest = error.nearest
+            if left > USABLE:
+                raise
+            return nearest
 
     def _around(self, states: dict) -> _Part:
         """The part around the lowest point that is half broken. Of the state alone: a run may resume."""
