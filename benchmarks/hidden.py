@@ -120,7 +120,15 @@ def cuts(many: bool, rng) -> list[Test]:
 def base_case(family: str, rng) -> Case:
     if family == "cut":
         # Viscous and sticky enough for a smooth transition, coarse enough for runs of seconds.
-        coarse = {"h": "1 mm", "corner": 0.25, "tip": "1.5 mm", "eta_v": "0.2 mm", "tau_W": "2 kPa"}
+        coarse = {
+            "h": "1 mm",
+            "corner": 0.25,
+            "shallow": 1,
+            "step": "0.1 mm",
+            "tip": "1.5 mm",
+            "eta_v": "0.2 mm",
+            "tau_W": "2 kPa",
+        }
         coarse |= {"penalty": 1000, "stick": 400, "multiplier": "none", "normal": "material"}
         return load_case("gelatin", coarse)
     kinds = {"bulk": ("uniaxial",), "cut law": ("separation",), "blade law": ("sliding",)}[family]

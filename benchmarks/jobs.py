@@ -22,13 +22,15 @@ class Job:
     changes: dict[str, object] = field(default_factory=dict)
 
 
-_COARSE = {"element": "P2", "corner": 0.25, "h": f"{COARSE_MM:g} mm"}
+_COARSE = {"element": "P2", "corner": 0.25, "shallow": 1, "step": "0.1 mm", "h": f"{COARSE_MM:g} mm"}
 #: As the source computed: viscosity as printed, the material's normal, elements as wide as tall.
 _PRINTED = {
     "element": "P2",
     "h": f"{PRINTED_MM:g} mm",
     "slender": 1,
     "corner": 1,
+    "shallow": 1,
+    "step": "0.1 mm",
     "normal": "material",
     "with_": "viscous",
     "predictor": "repeat",

@@ -25,6 +25,7 @@ CHOICES: dict[str, tuple[str, ...]] = {
 _RANGES: dict[str, tuple[float | None, float | None]] = {
     "h_mm": (1e-3, 10.0),
     "corner": (0.005, 1.0),
+    "shallow": (0.02, 1.0),
     "slender": (1.0, 50.0),
     "along": (1.0, 20.0),
     "penalty": (1e-3, 1e6),
@@ -51,6 +52,7 @@ class Numerics:
 
     h_mm: float = 0.125  # element size along the cut plane
     corner: float = 0.0625  # the same under the tip, in units of h
+    shallow: float = 0.25  # and where the cut surges, down to 4 blade thicknesses; growing to h with depth
     slender: float = 2.0  # elements at the cut plane are this many times taller than wide
     along: float = 4.0  # and this many times longer along the blade than tall, at the most (3D)
     element: str = "P2"  # P1 | P2 | P2P1 (mixed)
@@ -66,7 +68,7 @@ class Numerics:
     scheme: str = "monolithic"  # monolithic | staggered (damage lags, repeated until it stands still)
     stepping: str = "adaptive"  # adaptive | paper (a tenth when damage jumps, else five times)
     predictor: str = "front"  # front (solved there first) | line | repeat (what was one element higher)
-    step_mm: float = 0.1  # largest step
+    step_mm: float = 0.05  # largest step
     step_min_mm: float = 1e-4
     damage_step: float = 0.5  # the step shrinks if damage grows by more in one
     energy_step: float = 0.05  # a step is refused if its energy closes worse than this
@@ -106,6 +108,8 @@ class Numerics:
 _SOLID = {
     "h_mm": 1.0,
     "corner": 0.25,
+    "shallow": 1.0,
+    "step_mm": 0.1,
     "slender": 8.0,
     "facet_degree": 4,
     "bulk_degree": 2,
@@ -150,6 +154,7 @@ def preset(name: object, values: Mapping[str, float], dim: int) -> Numerics:
         start,
         **size,
         corner=1.0,
+        shallow=1.0,
         slender=1.0,
         element="P1",
         normal="material",

@@ -11,7 +11,7 @@ from cutbench.campaign import Campaign, load_campaign
 from cutbench.case import Case
 
 #: The mesh of such a cut, as ``Case.set`` takes it.
-COARSE = {"h": "0.8 mm", "corner": 0.5, "slender": 1}
+COARSE = {"h": "0.8 mm", "corner": 0.5, "shallow": 1, "slender": 1, "step": "0.1 mm"}
 
 
 def write_readings(path: Path, head: str, columns: Sequence[np.ndarray], digits: Sequence[int]) -> None:
@@ -37,6 +37,8 @@ material = "gelatin"
 [numerics]
 h = "{COARSE["h"]}"
 corner = {COARSE["corner"]}
+shallow = {COARSE["shallow"]}
+step = "{COARSE["step"]}"
 slender = {COARSE["slender"]}
 {numerics}
 [fit]

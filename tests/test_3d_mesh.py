@@ -14,7 +14,7 @@ from cutbench.models3d.block import block, geometry
 from cutbench.models3d.mesh import quarter
 from cutbench.numerics import Numerics
 
-VALUES = {"width": 6.0, "height": 6.0, "length": 8.0}
+VALUES = {"width": 6.0, "height": 6.0, "length": 8.0, "thickness": 0.7}
 SMALL = {"width": "6 mm", "height": "6 mm", "length": "8 mm", "element": "P1", "depth": "0.5 mm"}
 NAMED = {
     "quarter": ("cut", "top", "bottom", "middle"),
@@ -49,7 +49,7 @@ def written(path, points, tets, faces, kind="tetra"):
 def test_a_gmsh_file_gives_what_the_own_mesh_gives(tmp_path, part):
     path = written(tmp_path / "block.msh", *raw(part))
     read = geometry(VALUES, Numerics(mesh=path))
-    own = geometry(VALUES, Numerics(h_mm=2.0, corner=1.0, symmetry=part))
+    own = geometry(VALUES, Numerics(h_mm=2.0, corner=1.0, shallow=1.0, symmetry=part))
     assert (read.multiplicity, read.split, read.held) == (own.multiplicity, own.split, own.held)
     case = load_case("gelatin", SMALL, dim=3)
     forces = []

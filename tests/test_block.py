@@ -29,6 +29,7 @@ from cutbench.run import run_case
 from cutbench.solve.geometry import Geometry
 
 WIDTH, HEIGHT, LENGTH = 30.0, 21.0, 30.0
+VALUES = {"width": WIDTH, "height": HEIGHT, "length": LENGTH, "thickness": 0.7}
 #: A block so small that a run of it takes seconds.
 SMALL = {"width": "6 mm", "height": "6 mm", "length": "8 mm", "element": "P1"}
 
@@ -87,15 +88,24 @@ def test_the_corner_under_the_blade_is_finer_and_only_it():
     assert height[deep].min() > h / 2
 
 
+def test_where_the_cut_surges_elements_are_finer():
+    h, surge = 1.0, 3.0
+    mesh = quarter(WIDTH, HEIGHT, LENGTH, h, shallow=0.5, surge=surge)
+    corners = mesh.p[:, mesh.t]
+    tall, deep = np.ptp(corners[1], axis=0), HEIGHT - corners[1].max(axis=0)
+    on_plane = corners[0].min(axis=0) < 1e-9
+    assert tall[on_plane & (deep < surge)].max() <= h / 2
+    assert tall[on_plane & (deep > 2.5 * surge)].min() > h / 2
+
+
 def test_a_mesh_as_coarse_as_published_ones_is_possible():
-    values = {"width": WIDTH, "height": HEIGHT, "length": LENGTH}
-    mesh = geometry(values, Numerics(h_mm=0.85, corner=1.0, slender=1.0, along=1.25)).mesh
+    mesh = geometry(VALUES, Numerics(h_mm=0.85, corner=1.0, shallow=1.0, slender=1.0, along=1.25)).mesh
     assert 10_000 < mesh.t.shape[1] < 12_000
 
 
 @pytest.mark.parametrize("h", [0.75, 0.7, 0.65, 0.35])
 def test_no_size_needs_far_more_elements_than_its_neighbours(h):
-    mesh = geometry({"width": WIDTH, "height": HEIGHT, "length": LENGTH}, Numerics(h, 1.0, 1.0, 1.25)).mesh
+    mesh = geometry(VALUES, Numerics(h_mm=h, corner=1.0, shallow=1.0, slender=1.0, along=1.25)).mesh
     # Elements lie densest on the cut plane, so their number goes with its area over h².
     assert mesh.t.shape[1] * h**2 < 13_000
 
@@ -115,7 +125,7 @@ def test_mirrored_halves_share_nodes_only_where_joined():
 
 
 def test_symmetry_is_taken_from_the_numerics():
-    values = {"width": 6.0, "height": 6.0, "length": 8.0}
+    values = {"width": 6.0, "height": 6.0, "length": 8.0, "thickness": 0.7}
     assert geometry(values, Numerics(h_mm=2.0)).multiplicity == 4
     assert geometry(values, Numerics(h_mm=2.0)).held == (("middle", 2),)
     assert geometry(values, Numerics(h_mm=2.0, symmetry="half")).multiplicity == 2

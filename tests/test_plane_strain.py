@@ -97,6 +97,19 @@ def test_elements_at_the_cut_plane_have_the_size_asked_for(width, height, h):
 
 
 @block
+def test_where_the_cut_surges_they_are_smaller_and_grow_with_depth(width, height, h):
+    surge = height / 8
+    length, middle = edges_on(half_block(width, height, h, shallow=1 / 4, surge=surge), "cut")
+    deep = height - middle[1]
+    assert length[deep < surge].max() <= h / 4 * (1 + 1e-12)
+    assert length[deep > 4.5 * surge].min() > 0.7 * h
+    # From elements of one size to the next it is half, or twice.
+    assert length.max() / length.min() == pytest.approx(4)
+    # Depth over size: nowhere less than where the growth begins, but for the rounding to halves.
+    assert (length / np.maximum(deep + length / 2, surge)).max() <= 1.5 * h / 4 / surge * (1 + 1e-9)
+
+
+@block
 def test_triangles_are_well_shaped(width, height, h):
     assert angles(half_block(width, height, h, corner=h / 4, slender=1)).min() > 30
     # Twice as tall as wide at the cut plane: a half right angle's thin end is atan(1/2).
@@ -229,13 +242,13 @@ def write_vtu(mesh: skfem.MeshTri, path: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def section():
-    return half_block(W, H, 0.6, corner=0.6 * Numerics().corner)
+    return half_block(W, H, 0.6, corner=0.6 * Numerics().corner)  # shallow = 1
 
 
 @pytest.fixture(scope="module")
 def small():
     """A case on the section's block, short enough for a test, long enough for the blade to press in."""
-    return load_case("gelatin").set(width=f"{W} mm", height=f"{H} mm", h="0.6 mm", depth="0.4 mm")
+    return load_case("gelatin").set(width=f"{W} mm", height=f"{H} mm", h="0.6 mm", shallow=1, depth="0.4 mm")
 
 
 @pytest.fixture(scope="module")

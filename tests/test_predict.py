@@ -17,6 +17,8 @@ COARSE = load_case(
     {
         "h": "0.6 mm",
         "corner": 0.5,
+        "shallow": 1.0,
+        "step": "0.1 mm",
         "slender": 1,
         "depth": "10 mm",
         "energy_step": 1,

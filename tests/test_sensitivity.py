@@ -19,6 +19,8 @@ from cutbench.sensitivity import differentiable, extended
 CUTTING = load_case("gelatin").set(
     h="0.6 mm",
     corner=0.125,
+    shallow=1.0,
+    step="0.1 mm",
     cohesion=1.0,
     tip="3.5 mm",
     mu=0.2,

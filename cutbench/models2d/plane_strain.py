@@ -6,6 +6,7 @@ import numpy as np
 import skfem
 
 from cutbench.errors import BadInput
+from cutbench.grading import SURGE
 from cutbench.models2d.section import REACH, half_block
 from cutbench.models2d.usermesh import read_mesh
 from cutbench.solve.geometry import Geometry
@@ -37,6 +38,8 @@ def geometry(values, numerics) -> Geometry:
         corner=numerics.corner * h,
         slender=numerics.slender,
         reach=REACH * values["thickness"] / 2,
+        shallow=numerics.shallow,
+        surge=SURGE * values["thickness"],
     )
     if numerics.symmetry == "full":
         return Geometry(mirrored(mesh), height, length, split=True)

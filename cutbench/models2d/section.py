@@ -9,8 +9,8 @@ import numpy as np
 import skfem
 from scipy.optimize import brentq
 
-#: Growth of the element size with the distance from the cut plane.
-GRADING = 0.7
+from cutbench.grading import GRADING, wanted
+
 #: Elements at the cut plane are this many times taller than wide: under the tip, and beside a cut that it
 #: forces open, the material is stretched sideways several times. Small ones slenderer than that fold.
 SLENDER = 2.0
@@ -28,13 +28,16 @@ def half_block(
     corner: float | None = None,
     slender: float = SLENDER,
     reach: float = 0.3,
+    shallow: float = 1.0,
+    surge: float = 1.0,
     grading: float = GRADING,
 ) -> skfem.MeshTri:
     """Right half of the block, 0 ≤ x ≤ width/2, with faces "cut", "top", "bottom", "side".
 
-    Element edges on the cut plane are the largest H/(n 2^k) not above ``h``; under the blade, from where the
-    top face meets the cut plane down to ``reach``, they shrink to ``corner``: there the tip indents before
-    anything is cut, and the cut begins.
+    Element edges on the cut plane are the largest H/(n 2^k) not above ``h``. Where the cut surges, down to
+    ``surge``, they are ``shallow`` times as tall, and grow with depth from there. Under the blade, from
+    where the top face meets the cut plane down to ``reach``, they shrink to ``corner``: there the tip indents
+    before anything is cut, and the cut begins.
     Across the cut plane they are ``slender`` times smaller, growing to the same size over ``reach``.
     """
 
@@ -51,15 +54,14 @@ def half_block(
     mesh = skfem.MeshTri(mesh.p * np.array([[-1.0], [1.0]]), mesh.t)
     edge = height / ny / 2**levels
     corner = edge if corner is None else min(corner, edge)
-    for _ in range(levels + int(np.ceil(np.log2(edge / corner) - 1e-9))):
+    for _ in range(levels + int(np.ceil(np.log2(edge / min(corner, shallow * edge)) - 1e-9))):
         corners = mesh.p[:, mesh.t]
-        nearest = corners[0].min(axis=0)
         size = np.ptp(corners, axis=1).max(axis=0)
-        wanted = np.maximum(h + grading * np.maximum(nearest - h, 0), edge)
-        below = np.maximum(height - corners[1].max(axis=0) - reach, 0)
-        away = np.hypot(nearest, below)
-        wanted = np.minimum(wanted, corner + grading * np.maximum(away - 2 * corner, 0))
-        marked = np.flatnonzero(size > 1.5 * wanted)
+        nearest, deep = corners[0].min(axis=0), height - corners[1].max(axis=0)
+        most = wanted(
+            nearest, deep, h, corner=corner, reach=reach, shallow=shallow, surge=surge, grading=grading
+        )
+        marked = np.flatnonzero(size > 1.5 * most)
         if marked.size == 0:
             break
         mesh = mesh.refined(marked)

@@ -6,6 +6,7 @@ import numpy as np
 import skfem
 
 from cutbench.errors import BadInput
+from cutbench.grading import SURGE
 from cutbench.models3d.mesh import length_along, mirrored, quarter
 from cutbench.models3d.usermesh import read_mesh
 from cutbench.solve.geometry import Geometry
@@ -38,6 +39,8 @@ def geometry(values, numerics) -> Geometry:
         h_z=length_along(values["length"], h, numerics.along),
         corner=numerics.corner * h,
         slender=numerics.slender,
+        shallow=numerics.shallow,
+        surge=SURGE * values["thickness"],
     )
     return block(mesh, part)
 

@@ -14,8 +14,8 @@ import numpy as np
 import skfem
 from scipy.optimize import brentq
 
-#: Growth of the element size with the distance from the cut plane.
-GRADING = 0.7
+from cutbench.grading import GRADING, wanted
+
 #: Along the blade things change slowly: elements are longer there, by this factor at the most ...
 ALONG = 4.0
 #: ... and longer than tall only up to this part of the block's length.
@@ -40,13 +40,16 @@ def quarter(
     corner: float | None = None,
     slender: float = SLENDER,
     reach: float = REACH,
+    shallow: float = 1.0,
+    surge: float = 1.0,
     grading: float = GRADING,
 ) -> skfem.MeshTet:
     """The part 0 ≤ x ≤ width/2, 0 ≤ z ≤ length/2 of a block, without names, all lengths in mm.
 
     On the cut plane edges across the blade are the largest H/(n 2^k) not above ``h``; along the blade they
     are ``h_z`` (``length_along``) at the most. Away from it they grow by ``grading`` times the distance.
-    Under the blade, where the top face meets the cut plane, they shrink to ``corner``, and by as much
+    Where the cut surges, down to ``surge``, they are ``shallow`` times as large, and grow with depth from
+    there; under the blade, where the top face meets the cut plane, they shrink to ``corner``, and by as much
     along the blade. Across the cut plane they are ``slender`` times smaller, growing to the same size over
     ``reach``.
     """
@@ -56,6 +59,7 @@ def quarter(
 
     half = brentq(lambda xi: across(xi) - width / 2, width / 2, width / 2 + reach)
     h_z = length_along(length, h) if h_z is None else h_z
+    corner = None if corner is None or corner >= h else corner
     # Lengths along the blade in units of h_z / h: there the wanted mesh is isotropic.
     stretch = h_z / h
     sides = np.array([half, height, length / 2 / stretch])
@@ -66,15 +70,13 @@ def quarter(
     with _quiet():
         mesh = skfem.MeshTet.init_tensor(*(np.arange(n + 1.0) for n in counts))
         # Three bisections halve an element.
-        finer = 0 if corner is None else max(0, int(np.ceil(np.log2(h / corner) - 1e-9)))
+        finer = int(np.ceil(np.log2(h / min(corner or h, shallow * h, h)) - 1e-9))
         for _ in range(3 * (levels + finer)):
             corners = brick * mesh.p[:, mesh.t]
             size = np.ptp(corners, axis=1).max(axis=0)
-            wanted = h + grading * np.maximum(corners[0].min(axis=0) - h, 0)
-            if finer:
-                away = np.hypot(corners[0].min(axis=0), height - corners[1].max(axis=0))
-                wanted = np.minimum(wanted, corner + grading * np.maximum(away - 2 * corner, 0))
-            marked = np.flatnonzero(size > wanted * (1 + 1e-6))
+            nearest, deep = corners[0].min(axis=0), height - corners[1].max(axis=0)
+            most = wanted(nearest, deep, h, corner=corner, shallow=shallow, surge=surge, grading=grading)
+            marked = np.flatnonzero(size > most * (1 + 1e-6))
             if marked.size == 0:
                 break
             mesh = mesh.refined(marked)

@@ -19,8 +19,8 @@ from cutbench.verify.base import Check, Reference
 #: what it is through the fall.
 CASE = {
     "element": "P1", "h": "0.8 mm", "width": "12 mm", "height": "8 mm", "depth": "2.4 mm", "mu": 0.2,
-    "G_c": "2 J/m^2", "eta_v": "0.02 mm", "energy_step": 0.1, "corner": 0.0625,
-    "penalty": 1000, "stick": 400, "multiplier": "none",
+    "G_c": "2 J/m^2", "eta_v": "0.02 mm", "energy_step": 0.1, "corner": 0.0625, "shallow": 1,
+    "step": "0.1 mm", "penalty": 1000, "stick": 400, "multiplier": "none",
 }  # fmt: skip
 THICKNESS = 0.5
 
