@@ -24,7 +24,7 @@ from form_checks import (
     total,
 )
 
-from cutbench.forms.base import Step
+from cutbench.forms.base import Step, blend, gather
 from cutbench.forms.cut import CutForm
 from cutbench.model import DEFAULT, Model
 
@@ -190,4 +190,31 @@ def test_blade_work_is_what_the_blade_gives_less_what_the_material_takes(dim, or
     work = form.work(u, P, old, new.state, step)
     taken = mean @ (u - step.u_old) - force @ (step.centre - step.centre_old)[:dim]
     assert set(work) == {law.name for law in Model(DEFAULT).laws("blade")}
+    if normal == "tool":
+        # It is pressure times the gap's change: the same, but for how far things turn.
+        N, w = form.faces.N, form.faces.w
+        slip = blend(N, gather(u - step.u_old, form.dofs, dim))
+        slip = slip - (step.centre - step.centre_old)[:dim, None, None]
+        pushed = -((old["normal_traction"] + new.state["normal_traction"]) / 2 * slip * w).sum()
+        assert work["contact"] == pytest.approx(pushed, rel=0.05)
+        work["contact"] = pushed
     assert sum(work.values()) == pytest.approx(taken, rel=1e-10)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_what_slides_round_the_tip_takes_nothing(dim):
+    space = space_of(dim, 2)
+    form = blade(space, face="top")
+    p = SimpleNamespace(**vars(P) | {"tip": P.thickness / 2})  # round: a turn about its centre keeps gaps
+    centre = np.array([0.0, HEIGHT + 1.0, 0.0])
+    c, s = np.cos(0.3), np.sin(0.3)
+    arm = space.X[:2] - centre[:2, None]
+    u = np.zeros_like(space.X)
+    u[:2] = np.array([[c, -s], [s, c]]) @ arm - arm
+    step = Step(0.1, np.zeros(space.ndof), centre, centre)
+    state = form.start(p)
+    old, new = ({**state, "pressure": state["pressure"] + much} for much in (1.0, 3.0))
+    sunk = np.zeros_like(space.X)
+    sunk[1] = 0.01
+    assert form.work(sunk.T.ravel(), p, old, new, step)["contact"] > 1e-3
+    assert form.work(u.T.ravel(), p, old, new, step)["contact"] == pytest.approx(0, abs=1e-12)
