@@ -128,9 +128,11 @@ def test_errors_name_what_would_be_right(study, old, new, key, value, hint):
     assert key in text and value in text and hint in text
 
 
-def test_the_study_that_is_shipped_can_be_read_and_the_command_refuses_what_is_not_there(tmp_path):
-    shipped = load_plan(Path(__file__).parent.parent / "studies" / "convergence.toml")
-    assert set(shipped.cases) == {"gelatin", "elastomer", "meat"}
-    assert {"h/2", "step/2", "quadrature × 2"} <= {c.name for c in shipped.changes if c.refinement}
+def test_the_studies_that_are_shipped_can_be_read_and_the_command_refuses_what_is_not_there(tmp_path):
+    studies = Path(__file__).parent.parent / "studies"
+    shipped, choices = (load_plan(studies / f"{name}.toml") for name in ("convergence", "choices"))
+    assert set(shipped.cases) == set(choices.cases) == {"gelatin", "elastomer", "meat"}
+    assert {"h/2", "step/2", "quadrature × 2"} <= {c.name for c in shipped.changes}
+    assert all(c.refinement for c in shipped.changes) and not any(c.refinement for c in choices.changes)
     done = CliRunner().invoke(app, ["converge", str(tmp_path / "no.toml"), "--out", str(tmp_path / "out")])
     assert done.exit_code == 2 and "no.toml" in done.output

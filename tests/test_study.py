@@ -370,8 +370,9 @@ def damages(line):
         yield f'{name} = [{{}}, "nonsense"]'
 
 
-#: Files of `cutbench sweep`; `convergence.toml` is read by `cutbench converge` (test_convergence.py).
-STUDIES = sorted(p for p in Path(__file__).parents[1].glob("studies/*.toml") if p.stem != "convergence")
+#: Files of `cutbench sweep`; the others are read by `cutbench converge` (test_convergence.py).
+CONVERGE = ("convergence", "choices")
+STUDIES = sorted(p for p in Path(__file__).parents[1].glob("studies/*.toml") if p.stem not in CONVERGE)
 
 
 @pytest.mark.parametrize(
