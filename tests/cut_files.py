@@ -29,6 +29,7 @@ def campaign_of(
     """A campaign of the cut ``id`` on the readings ID.csv with the blade of ``truth``; the texts are lines of
     its sections."""
     path = folder / "campaign.toml"
+    step = "" if "step = " in numerics else 'step = "' + COARSE["step"] + '"'
     path.write_text(f"""
 material = "gelatin"
 {top}
@@ -38,7 +39,7 @@ material = "gelatin"
 h = "{COARSE["h"]}"
 corner = {COARSE["corner"]}
 shallow = {COARSE["shallow"]}
-step = "{COARSE["step"]}"
+{step}
 slender = {COARSE["slender"]}
 {numerics}
 [fit]

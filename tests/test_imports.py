@@ -18,7 +18,7 @@ ROOT = Path(cutbench.__file__).parent
 LAYERS = (
     {"errors", "threads"},
     {"quantities", "reading", "meshfile", "noise"},
-    {"mechanisms", "numerics", "materials", "titles", "repetition"},
+    {"mechanisms", "numerics", "materials", "titles", "repetition", "grading"},
     {"model", "readings", "experiment", "motion"},
     {"values", "forms", "conversion", "fieldfile", "plausible", "homogeneous"},
     {"case", "solve", "recorded"},

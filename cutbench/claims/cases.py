@@ -26,6 +26,8 @@ class Change:
 
 #: The choices that say how hard the blade and the closed cut are.
 HARD = ("penalty", "stick", "multiplier", "closing")
+#: And how long steps are.
+STEPS = ("step_mm", "damage_step")
 #: What tells the paper's numerics from the converged ones, one by one; and from there, its viscous term.
 CHANGES: dict[str, Change] = {
     "size": Change("elements of 0.5 mm", PAPER, {"h": "0.5 mm"}),
@@ -37,7 +39,7 @@ CHANGES: dict[str, Change] = {
     ),
     "steps": Change(
         "damage solved with the displacements, steps by their error", PAPER,
-        {"scheme": "monolithic", "stepping": "adaptive", "step": "0.1 mm", "damage_step": 0.5},
+        {"scheme": "monolithic", "stepping": "adaptive", **{key: getattr(Numerics, key) for key in STEPS}},
     ),
     "normal": Change("the tool's normal", PAPER, {"normal": "tool"}),
     "printed_viscous": Change("viscosity as printed, else converged", CONVERGED, {"with_": "viscous"}),
