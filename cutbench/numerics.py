@@ -52,7 +52,7 @@ class Numerics:
 
     h_mm: float = 0.125  # element size along the cut plane
     corner: float = 0.0625  # the same under the tip, in units of h
-    shallow: float = 0.25  # and where the cut surges, down to 4 blade thicknesses; growing to h with depth
+    shallow: float = 0.25  # and where the cut surges, down to 3 blade thicknesses; growing to h with depth
     slender: float = 2.0  # elements at the cut plane are this many times taller than wide
     along: float = 4.0  # and this many times longer along the blade than tall, at the most (3D)
     element: str = "P2"  # P1 | P2 | P2P1 (mixed)
