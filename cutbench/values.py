@@ -213,7 +213,7 @@ def doubts(v: Mapping[str, float], numerics: Numerics) -> tuple[str, ...]:
     """What can be computed, but says more of the elements than of the cut; sentences for a person."""
     if "tip" not in v or "thickness" not in v or numerics.normal != "tool" or numerics.mesh is not None:
         return ()
-    radius, under = _tip_radius(v), numerics.h_mm * numerics.corner
+    radius, under = _tip_radius(v), numerics.h_mm * min(numerics.corner, numerics.shallow)
     if under <= radius * (1 + 1e-12):
         return ()
     return (

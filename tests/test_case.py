@@ -138,6 +138,7 @@ def test_depth_follows_the_height_until_it_is_chosen(gelatin):
 def test_elements_larger_than_the_tip_is_round_are_doubted_along_its_normal(gelatin):
     assert not gelatin.doubts
     assert not gelatin.set(h="1 mm", corner=0.11).doubts
+    assert not gelatin.set(h="1 mm", corner=0.25, shallow=0.11).doubts
     coarse = gelatin.set(h="1 mm", corner=0.25)
     (said,) = coarse.doubts
     assert "0.25 mm" in said and "0.117 mm" in said
