@@ -11,15 +11,15 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cutbench.build import build
 from cutbench.case import Case
 from cutbench.errors import BadInput
 from cutbench.numerics import Numerics
 from cutbench.quantities import ureg
+from cutbench.remesh import Following
 from cutbench.result import Result
 from cutbench.run import Ledger, run_case
 from cutbench.solve.follow import RELEASE, Path, PathRules
@@ -182,7 +182,8 @@ def trace(
     It ends a blade thickness behind its first jump of more than ``ELEMENTS`` elements, at the case's depth,
     or where a cut without one is ``LONG`` thicknesses long.
     """
-    built = build(case)
+    meshes = Following(replace(case, numerics=replace(case.numerics, around=0.0)))
+    built = meshes.built
     march = built.march
     path = Path(built.problem, march.centre0, case.p.depth, march.bottom, rules or PathRules(), march.newton)
     scale, thickness = built.geometry.multiplicity, case.p.thickness
@@ -190,7 +191,7 @@ def trace(
     work: dict[str, float] = {}
     farthest, turned, after = 0.0, None, 0
     interrupted = False
-    names = {name: 0.0 for name in Ledger(built).last if name.startswith("work_")}
+    names = {name: 0.0 for name in Ledger(meshes).last if name.startswith("work_")}
     rows.append({"displacement_mm": 0.0, "force_N": 0.0, "cut_length_mm": 0.0, "released": 0.0,
                  "softest": math.nan, **names})  # fmt: skip
     try:

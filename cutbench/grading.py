@@ -8,6 +8,15 @@ import numpy as np
 GRADING = 0.7
 #: The cut surges this many blade thicknesses down, in each of the paper's materials.
 SURGE = 3.0
+#: Where no size is chosen, it is this part of h under the tip, but not below this part of the blade's
+#: thickness: 8 µm for 0.7 mm. And the same where the cut surges.
+UNDER_TIP = (1 / 16, 1 / 89.6)
+AT_SURGE = (1 / 4, 1 / 22.4)
+
+
+def chosen(part: float, h: float, thickness: float, rule: tuple[float, float]) -> float:
+    """``part``, or where it is 0 what ``rule`` says, in units of ``h``; both in mm."""
+    return part or min(1.0, max(rule[0], rule[1] * thickness / h))
 
 
 def wanted(
@@ -20,13 +29,15 @@ def wanted(
     shallow: float = 1.0,
     surge: float = 1.0,
     grading: float = GRADING,
+    outside: np.ndarray | float = 0.0,
 ) -> np.ndarray:
     """Size of the elements that are ``nearest`` to the cut plane and ``deep`` below the top, all lengths.
 
     On the cut plane ``h`` times ``shallow`` down to ``surge``, from there in proportion to the depth, ``h``
     at the most; and ``corner`` under the blade, down to ``reach``. Away from each it grows by ``grading``
-    times the distance.
+    times the distance; so it does where they are that far ``outside`` of what is to be fine, above or below.
     """
+    nearest = np.hypot(nearest, outside)
     own = h * np.clip(shallow * deep / surge, shallow, 1.0)
     size = own + grading * np.maximum(nearest - own, 0)
     if corner is None:

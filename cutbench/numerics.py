@@ -26,6 +26,7 @@ _RANGES: dict[str, tuple[float | None, float | None]] = {
     "h_mm": (1e-3, 10.0),
     "corner": (0.005, 1.0),
     "shallow": (0.02, 1.0),
+    "around": (0.0, 100.0),
     "slender": (1.0, 50.0),
     "along": (1.0, 20.0),
     "penalty": (1e-3, 1e6),
@@ -42,6 +43,8 @@ _RANGES: dict[str, tuple[float | None, float | None]] = {
     "energy_step": (1e-4, 1.0),
     "tolerance": (1e-14, 1e-2),
 }
+#: Sizes that are chosen where they are 0.
+_CHOSEN = ("corner", "shallow")
 #: A length may be written with its unit under the short name (h = "0.4 mm") or bare under the long (h_mm).
 ALIASES = {"h": "h_mm", "step": "step_mm", "step_min": "step_min_mm"}
 
@@ -50,9 +53,12 @@ ALIASES = {"h": "h_mm", "step": "step_mm", "step_min": "step_min_mm"}
 class Numerics:
     """Every choice that is numerical; part of a case's identity."""
 
-    h_mm: float = 0.125  # element size along the cut plane
-    corner: float = 0.0625  # the same under the tip, in units of h
-    shallow: float = 0.25  # and where the cut surges, down to 3 blade thicknesses; growing to h with depth
+    h_mm: float = 0.03125  # element size along the cut plane
+    corner: float = 0.0  # the same under the tip, in units of h; 0: h/16, but not below 1/90 of the blade
+    shallow: float = 0.0  # and where the cut surges, in units of h; 0: h/4, but not below 1/22 of the blade
+    around: float = (
+        1.25  # where they are small: blade thicknesses about the front, going with it; 0: all (2D)
+    )
     slender: float = 2.0  # elements at the cut plane are this many times taller than wide
     along: float = 4.0  # and this many times longer along the blade than tall, at the most (3D)
     element: str = "P2"  # P1 | P2 | P2P1 (mixed)
@@ -109,6 +115,7 @@ _SOLID = {
     "h_mm": 1.0,
     "corner": 0.25,
     "shallow": 1.0,
+    "around": 0.0,
     "step_mm": 0.1,
     "slender": 8.0,
     "facet_degree": 4,
@@ -155,6 +162,7 @@ def preset(name: object, values: Mapping[str, float], dim: int) -> Numerics:
         **size,
         corner=1.0,
         shallow=1.0,
+        around=0.0,
         slender=1.0,
         element="P1",
         normal="material",
@@ -193,7 +201,11 @@ def _read(name: str, key: str, raw: object) -> object:
     low, high = _RANGES[name]
     unit = " mm" if name.endswith("_mm") else ""
     wanted = f"{low:g}{unit} <= {key} <= {high:g}{unit}"
+    if name in _CHOSEN:
+        wanted = f"0 or {wanted}"
     value = _number(name, key, raw, wanted)
+    if value == 0 and name in _CHOSEN:
+        return 0.0
     if not math.isfinite(value) or not low <= value <= high:
         raise BadInput(key=key, value=raw, expected=wanted)
     if _KINDS[name] == "int":

@@ -7,14 +7,15 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from cutbench.build import Built, build
+from cutbench.build import Built
 from cutbench.case import Case
 from cutbench.checkpoint import Checkpoint
 from cutbench.curve import forward, measures
 from cutbench.fields import add_slopes, snapshot
 from cutbench.front import Front
+from cutbench.remesh import Following
 from cutbench.result import BENDING, SNAP, Outcome, Result, Snapshot
-from cutbench.sensitivity import checked, follow
+from cutbench.sensitivity import checked, directions, follow
 from cutbench.solve.march import Accepted, Progress
 
 #: What to try when a run stalls, by a word of the reason.
@@ -47,26 +48,32 @@ def run_case(
     """
     began = time.perf_counter()
     names = checked(case, sensitivities)
-    built = build(case)
+    meshes = Following(case)
+    built = meshes.built
     slopes = [np.zeros(len(names))]
-    follower = follow(built, names) if names else None
-    ledger = Ledger(built)
+    follower = None
+    if names:
+        follower = follow(built, names)
+        meshes.renewed = lambda transfer: follower.go_on(
+            transfer.new.problem, directions(transfer.new, names), transfer.displacements, transfer.states
+        )
+    ledger = Ledger(meshes)
     front = Front(built) if built.space.dim == 3 else None
     wanted = sorted(snapshots_mm)
     pictures: list[Snapshot] = []
     interrupted = False
-    last: Accepted | None = None
-    keeper = _Keeper(built, ledger, front, pictures, began)
+    last: tuple[Built, Accepted] | None = None
+    keeper = _Keeper(meshes, ledger, front, pictures, began)
     if checkpoint is not None and not names:
         if kept := checkpoint.load():
             keeper.restore(kept)
             wanted = [d for d in wanted if d > ledger.farthest + 1e-9]
             if on_step is not None:
                 on_step(ledger.last["displacement_mm"], ledger.last)
-        built.march.between_steps = lambda progress: checkpoint.offer(keeper.state(progress))
-    steps = iter(built.march)
+        meshes.built.march.between_steps = lambda progress: checkpoint.offer(keeper.state(progress))
     try:
-        for step in steps:
+        for step in meshes:
+            built = meshes.built
             if follower is not None:
                 since = time.perf_counter()
                 slope = follower.add(step)
@@ -74,20 +81,21 @@ def run_case(
             row = ledger.add(step)
             if step.between:
                 continue
-            last = step
+            last = built, step
             if follower is not None:
                 slopes.append(slope)
             if front is not None:
-                front.add(last)
-            if wanted and last.travel >= wanted[0] - 1e-9:
-                pictures.append(snapshot(built, last))
+                front.add(step)
+            if wanted and step.travel >= wanted[0] - 1e-9:
+                pictures.append(snapshot(built, step))
                 if follower is not None:
                     add_slopes(pictures[-1], built, names, follower.displacements())
-                wanted = [d for d in wanted if d > last.travel + 1e-9]
+                wanted = [d for d in wanted if d > step.travel + 1e-9]
             if on_step is not None:
-                on_step(last.travel, row)
+                on_step(step.travel, row)
     except KeyboardInterrupt:
         interrupted = True
+    built = meshes.built
     if checkpoint is not None and (interrupted or keeper.seconds() > checkpoint.every_s):
         checkpoint.write()
     curve = ledger.columns()
@@ -98,7 +106,7 @@ def run_case(
     reached = float(curve["displacement_mm"][-1])
     outcome = _outcome(built, reached, interrupted)
     if last is not None and wanted and not outcome.done:
-        pictures.append(snapshot(built, last))
+        pictures.append(snapshot(*last))
     timer = built.problem.timer
     timings = {**timer.seconds, "total": keeper.seconds()}
     counts = {
@@ -134,8 +142,9 @@ def run_case(
 class Ledger:
     """Curve and energy balance, a row a step: the blade's work against what each mechanism took up."""
 
-    def __init__(self, built: Built):
-        self._built, self._rows, self.iterations = built, [], 0
+    def __init__(self, meshes: Following):
+        self._meshes, self._rows, self.iterations = meshes, [], 0
+        built = meshes.built
         self._work: dict[str, float] = {}
         self._blade = 0.0
         # Since the last row: where the blade is, its force, and what each mechanism took up.
@@ -152,7 +161,8 @@ class Ledger:
 
     def add(self, step: Accepted) -> dict[str, float]:
         """The last row: that of ``step``, unless it is between two points of the curve."""
-        built, scale = self._built, self._built.geometry.multiplicity
+        built = self._meshes.built
+        scale = built.geometry.multiplicity
         force = step.force * scale
         travel, before = self._now
         self._blade += (before + force) / 2 * (step.travel - travel)
@@ -188,11 +198,12 @@ class Ledger:
         """
         if "cohesion" not in step.states:
             return 0.0
-        form = self._built.form("cohesion")
+        built = self._meshes.built
+        form = built.form("cohesion")
         cut = float(form.faces.w.ravel() @ np.clip(2 * step.states["cohesion"]["damage"] - 1, 0, 1))
         if form.dim == 3:
             X = form.faces.X[2]
-            cut /= np.ptp(self._built.space.X[2]) if X.size else 1.0
+            cut /= np.ptp(built.space.X[2]) if X.size else 1.0
         return cut
 
     @property
@@ -231,9 +242,9 @@ class _Keeper:
     """All of a run's state between two steps, as a tree of arrays, and back."""
 
     def __init__(
-        self, built: Built, ledger: Ledger, front: Front | None, pictures: list[Snapshot], began: float
+        self, meshes: Following, ledger: Ledger, front: Front | None, pictures: list[Snapshot], began: float
     ):
-        self._built, self._ledger, self._front, self._pictures = built, ledger, front, pictures
+        self._meshes, self._ledger, self._front, self._pictures = meshes, ledger, front, pictures
         self._began, self._before = began, 0.0
 
     def seconds(self) -> float:
@@ -242,8 +253,10 @@ class _Keeper:
 
     def state(self, progress: Progress) -> Callable[[], dict]:
         """The tree of this moment; made when it is asked for, of what no later step changes."""
-        march, timer = self._built.march, self._built.problem.timer
+        built = self._meshes.built
+        march, timer = built.march, built.problem.timer
         parts = {
+            "mesh": self._meshes.state(),
             "progress": vars(progress),
             "failures": list(march.failures),
             "ledger": self._ledger.state(),
@@ -256,7 +269,9 @@ class _Keeper:
         return lambda: {**parts, "snapshots": [vars(picture) for picture in pictures]}
 
     def restore(self, tree: dict) -> None:
-        march, timer = self._built.march, self._built.problem.timer
+        self._meshes.restore(tree["mesh"])
+        built = self._meshes.built
+        march, timer = built.march, built.problem.timer
         march.resume = Progress(**tree["progress"])
         march.failures[:] = tree["failures"]
         self._ledger.restore(tree["ledger"])

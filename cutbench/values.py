@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 
 from cutbench.errors import BadInput
+from cutbench.grading import AT_SURGE, UNDER_TIP, chosen
 from cutbench.model import GROUPS, PROTOCOL, SPECIMEN, Model, apply_groups, owners, section_of
 from cutbench.numerics import KEYS, Numerics
 from cutbench.quantities import Parameter
@@ -213,7 +214,12 @@ def doubts(v: Mapping[str, float], numerics: Numerics) -> tuple[str, ...]:
     """What can be computed, but says more of the elements than of the cut; sentences for a person."""
     if "tip" not in v or "thickness" not in v or numerics.normal != "tool" or numerics.mesh is not None:
         return ()
-    radius, under = _tip_radius(v), numerics.h_mm * min(numerics.corner, numerics.shallow)
+    h, thickness = numerics.h_mm, v["thickness"]
+    parts = (
+        chosen(numerics.corner, h, thickness, UNDER_TIP),
+        chosen(numerics.shallow, h, thickness, AT_SURGE),
+    )
+    radius, under = _tip_radius(v), h * min(parts)
     if under <= radius * (1 + 1e-12):
         return ()
     return (

@@ -67,6 +67,12 @@ class Form:
 
         return {name: picked(value) for name, value in state.items()}
 
+    def carried(self, other: Form, state: dict, p) -> dict[str, Any]:
+        """The state that ``other``, the same form on another mesh of the same block, has, at our points. The
+        virgin one where that is no matter.
+        """
+        return self.start(p)
+
     def work(self, u, p, old: dict, new: dict, step: Step) -> dict[str, float]:
         """Work taken up by each mechanism over the step, in mJ per mm of length (2D) or mJ (3D)."""
         return {}

@@ -94,6 +94,15 @@ class BladeForm(Form):
             "shares": np.zeros((laws, nq, nf)),
         }
 
+    def carried(self, other, state, p):
+        shape, new = self.faces.w.shape, {}
+        for name, value in state.items():
+            found = self.faces.from_others(other.faces, value.reshape(*value.shape[:-2], -1))
+            new[name] = found.reshape(*value.shape[:-2], *shape)
+        for name in new.keys() & {"touched", "active"}:
+            new[name] = np.round(new[name])
+        return new
+
     def touch(self, state: dict) -> dict:
         """Θ for the next step (paper: from the last known pressure, kept on the cut faces); and its
         multiplier.

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.interpolate import LinearNDInterpolator
+from scipy.spatial import Delaunay, cKDTree
 
 from cutbench.forms.base import Form, Local, add_states, component_major, gather
 from cutbench.forms.space import Volume
@@ -57,6 +59,21 @@ class BulkForm(Form):
 
     def start(self, p):
         return add_states(*(law.start(self.volume.w.size, p) for law in self.laws))
+
+    def carried(self, other, state, p):
+        if not state:
+            return {}
+        # On a straight line between points of the other mesh; beyond the last of them the nearest holds.
+        there, here = (form._X[: self.dim].T for form in (other, self))
+        triangles = Delaunay(there)
+        nearest = cKDTree(there).query(here)[1]
+        new = {}
+        for name, value in state.items():
+            columns = value.reshape(-1, value.shape[-1]).T
+            found = LinearNDInterpolator(triangles, columns)(here)
+            found = np.where(np.isnan(found), columns[nearest], found)
+            new[name] = found.T.reshape(*value.shape[:-1], -1)
+        return new
 
     def _in_plane(self, u: np.ndarray) -> np.ndarray:
         """The components of F that vary (dim, dim, nq·ne)."""

@@ -63,6 +63,9 @@ class CutForm(Form):
         state = add_states(*(law.start(n, p) for law in self.laws))
         return {**state, "damage": np.zeros(n), "tractions": np.zeros((len(self.laws), 3, n))}
 
+    def carried(self, other, state, p):
+        return {name: self.faces.from_others(other.faces, value) for name, value in state.items()}
+
     def jump(self, u: np.ndarray) -> np.ndarray:
         """⟦u⟧ (3, nq·nf) in the local frame: opening, then sliding."""
         values = blend(self._N, gather(u, self.dofs, self.dim))  # (dim, nq, nf)

@@ -9,9 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
 import skfem
+from scipy.spatial import cKDTree
 from skfem.quadrature import get_quadrature
 
 KINDS = {
@@ -20,6 +23,12 @@ KINDS = {
     (3, 1): skfem.ElementTetP1,
     (3, 2): skfem.ElementTetP2,
 }
+
+#: Part of the way to the middle of its element by which a node is moved to find it.
+INWARD = 1e-6
+#: Elements among which a point is looked for, by their centres; and how far outside, in units of an element,
+#: it may be.
+NEAREST, OUTSIDE = 16, 1e-6
 
 #: Arrays of ``Faces`` that have one column a face.
 FACE_ARRAYS = ("nodes", "N", "dN", "w", "X", "normal", "tangents", "size")
@@ -60,6 +69,21 @@ class Faces:
     def parts(self) -> dict[str, slice]:
         """Which faces belong to which named set of the mesh."""
         return dict(self.sets or ((self.name, slice(0, self.size.size)),))
+
+    def from_others(self, others: Faces, values: np.ndarray) -> np.ndarray:
+        """``values`` (…, nq·nf) at the points of ``others``, on another mesh of the same block, at ours: on a
+        line between two neighbours. Of two dimensions only.
+        """
+        out = np.empty((*values.shape[:-1], self.w.size))
+        numbers, old_numbers = (np.arange(f.w.size).reshape(f.w.shape) for f in (self, others))
+        for name, part in self.parts.items():
+            old, new = old_numbers[:, others.parts[name]].ravel(), numbers[:, part].ravel()
+            axis = int(np.argmax(np.ptp(self.X[:, :, part], axis=(1, 2))))
+            s_old, s = others.X[axis].ravel()[old], self.X[axis].ravel()[new]
+            order = np.argsort(s_old, kind="stable")
+            for row in np.ndindex(*values.shape[:-1]):
+                out[row][new] = np.interp(s, s_old[order], values[row][old[order]])
+        return out
 
     def some(self, which: np.ndarray) -> Faces:
         """Of the faces ``which``, in rising order, alone."""
@@ -104,6 +128,52 @@ class Space:
     def build(cls, mesh: skfem.Mesh, order: int) -> Space:
         basis = skfem.Basis(mesh, KINDS[mesh.dim(), order](), intorder=1)
         return cls(mesh, order, basis.doflocs, basis.element_dofs, basis.dofs)
+
+    @property
+    def inside(self) -> np.ndarray:
+        """The nodes (dim, nnode), a little into an element of their own side: on a split plane two are at one
+        place.
+        """
+        mesh, nodes = self.mesh, self.element_nodes
+        element = np.zeros(self.X.shape[1], int)
+        element[nodes] = np.arange(nodes.shape[1])
+        return self.X + INWARD * (mesh.p[:, mesh.t].mean(axis=1)[:, element] - self.X)
+
+    def probes(self, points: np.ndarray) -> sp.csr_matrix:
+        """Matrix (n, nnode) from nodal values to those at ``points`` (dim, n). Raises ValueError for a point
+        that is in no element.
+        """
+        centres, origin, jinv = self._finder
+
+        def found(points, near):
+            """Of the elements ``near`` (k, n) the one that each point is deepest in; where, and how deep."""
+            xi = np.einsum("mjkn,jkn->mkn", jinv[:, :, near], points[:, None] - origin[:, near])
+            depth = np.minimum(xi.min(axis=0), 1 - xi.sum(axis=0))
+            best = depth.argmax(axis=0), np.arange(points.shape[1])
+            return near[best], xi[:, *best], depth[best]
+
+        count = origin.shape[1]
+        element, xi, depth = found(points, centres.query(points.T, min(NEAREST, count))[1].T)
+        # Beside a large element there are many small ones, with nearer centres.
+        for i in np.flatnonzero(depth < -OUTSIDE):
+            element[i], xi[:, i], depth[i] = (
+                a[..., 0] for a in found(points[:, [i]], np.arange(count)[:, None])
+            )
+        if depth.min(initial=0.0) < -OUTSIDE:
+            raise ValueError("a point is in no element")
+        shape, nodes = KINDS[self.dim, self.order](), self.element_nodes[:, element]
+        values = np.stack([shape.lbasis(xi, i)[0] for i in range(nodes.shape[0])])
+        rows = np.broadcast_to(np.arange(points.shape[1]), nodes.shape)
+        size = (points.shape[1], self.X.shape[1])
+        return sp.csr_matrix((values.ravel(), (rows.ravel(), nodes.ravel())), shape=size)
+
+    @cached_property
+    def _finder(self) -> tuple[cKDTree, np.ndarray, np.ndarray]:
+        """Of the elements: their centres, first corners (dim, ne), and dξ/dX (dim, dim, ne)."""
+        corners = self.mesh.p[:, self.mesh.t]
+        jac = np.moveaxis(corners[:, 1:] - corners[:, :1], 2, 0)
+        jinv = np.moveaxis(np.linalg.inv(jac), 0, 2)
+        return cKDTree(corners.mean(axis=1).T), corners[:, 0], jinv
 
     def volume(self, degree: int, order: int | None = None) -> Volume:
         """Quadrature exact to ``degree``; ``order`` evaluates another Lagrange order (the pressure's)."""

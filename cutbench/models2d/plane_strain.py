@@ -6,14 +6,17 @@ import numpy as np
 import skfem
 
 from cutbench.errors import BadInput
-from cutbench.grading import SURGE
+from cutbench.grading import AT_SURGE, SURGE, UNDER_TIP, chosen
 from cutbench.models2d.section import REACH, half_block
 from cutbench.models2d.usermesh import read_mesh
 from cutbench.solve.geometry import Geometry
 
 
-def geometry(values, numerics) -> Geometry:
-    """The section of a case: ``values`` have width, height, length in mm. Raises BadInput for a bad mesh."""
+def geometry(values, numerics, fine: tuple[float, float] = (0.0, np.inf), kept=None) -> Geometry:
+    """The section of a case: ``values`` have width, height, length in mm. Raises BadInput for a bad mesh.
+
+    ``fine``: the depths in mm between which a built-in mesh has small elements; ``kept``: places elsewhere.
+    """
     length, height = values["length"], values["height"]
     if numerics.symmetry == "quarter":
         raise BadInput(
@@ -35,11 +38,13 @@ def geometry(values, numerics) -> Geometry:
         values["width"],
         height,
         h,
-        corner=numerics.corner * h,
+        corner=chosen(numerics.corner, h, values["thickness"], UNDER_TIP) * h,
         slender=numerics.slender,
         reach=REACH * values["thickness"] / 2,
-        shallow=numerics.shallow,
+        shallow=chosen(numerics.shallow, h, values["thickness"], AT_SURGE),
         surge=SURGE * values["thickness"],
+        fine=fine,
+        kept=kept,
     )
     if numerics.symmetry == "full":
         return Geometry(mirrored(mesh), height, length, split=True)

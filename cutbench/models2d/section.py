@@ -31,6 +31,8 @@ def half_block(
     shallow: float = 1.0,
     surge: float = 1.0,
     grading: float = GRADING,
+    fine: tuple[float, float] = (0.0, np.inf),
+    kept: np.ndarray | None = None,
 ) -> skfem.MeshTri:
     """Right half of the block, 0 ≤ x ≤ width/2, with faces "cut", "top", "bottom", "side".
 
@@ -38,12 +40,17 @@ def half_block(
     ``surge``, they are ``shallow`` times as tall, and grow with depth from there. Under the blade, from
     where the top face meets the cut plane down to ``reach``, they shrink to ``corner``: there the tip indents
     before anything is cut, and the cut begins.
+    All this between the two depths ``fine``, and at the places ``kept`` (2, n); elsewhere they grow with the
+    distance from there.
     Across the cut plane they are ``slender`` times smaller, growing to the same size over ``reach``.
     """
 
     def across(xi):
         return xi - (1 - 1 / slender) * reach * -np.expm1(-xi / reach)
 
+    if kept is not None:
+        line = np.linspace(0, width / 2 + reach, 4000)
+        kept_at = np.stack([np.interp(kept[0], across(line), line), kept[1]])
     half = brentq(lambda xi: across(xi) - width / 2, width / 2, width / 2 + reach)
     levels = max(0, int(np.floor(np.log2(min(half, height) / 4 / h))))
     coarse = h * 2**levels
@@ -58,9 +65,13 @@ def half_block(
         corners = mesh.p[:, mesh.t]
         size = np.ptp(corners, axis=1).max(axis=0)
         nearest, deep = corners[0].min(axis=0), height - corners[1].max(axis=0)
+        outside = np.maximum(np.maximum(fine[0] - (height - corners[1].min(axis=0)), deep - fine[1]), 0)
+        if kept is not None:
+            outside = np.minimum(outside, _away(corners, kept_at))
         most = wanted(
-            nearest, deep, h, corner=corner, reach=reach, shallow=shallow, surge=surge, grading=grading
-        )
+            nearest, deep, h, corner=corner, reach=reach, shallow=shallow, surge=surge, grading=grading,
+            outside=outside,
+        )  # fmt: skip
         marked = np.flatnonzero(size > 1.5 * most)
         if marked.size == 0:
             break
@@ -68,6 +79,13 @@ def half_block(
     p = np.array([across(mesh.p[0]), mesh.p[1]])
     p[0, mesh.p[0] > half * (1 - 1e-12)] = width / 2
     return named(skfem.MeshTri(p, mesh.t), width / 2, height)
+
+
+def _away(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Distance (ne,) of the nearest point (2, n) from the box around each of ``corners`` (2, 3, ne)."""
+    low, high = corners.min(axis=1)[..., None], corners.max(axis=1)[..., None]
+    apart = np.maximum(np.maximum(low - points[:, None], points[:, None] - high), 0)
+    return np.hypot(*apart).min(axis=1, initial=np.inf)
 
 
 def named(mesh: skfem.MeshTri, half: float, height: float) -> skfem.MeshTri:

@@ -6,7 +6,7 @@ import numpy as np
 import skfem
 
 from cutbench.errors import BadInput
-from cutbench.grading import SURGE
+from cutbench.grading import AT_SURGE, SURGE, UNDER_TIP, chosen
 from cutbench.models3d.mesh import length_along, mirrored, quarter
 from cutbench.models3d.usermesh import read_mesh
 from cutbench.solve.geometry import Geometry
@@ -37,9 +37,9 @@ def geometry(values, numerics) -> Geometry:
         values["length"],
         h,
         h_z=length_along(values["length"], h, numerics.along),
-        corner=numerics.corner * h,
+        corner=chosen(numerics.corner, h, values["thickness"], UNDER_TIP) * h,
         slender=numerics.slender,
-        shallow=numerics.shallow,
+        shallow=chosen(numerics.shallow, h, values["thickness"], AT_SURGE),
         surge=SURGE * values["thickness"],
     )
     return block(mesh, part)

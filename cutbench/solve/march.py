@@ -130,6 +130,9 @@ class March:
     past: Past | None = None
     #: Looks for the next state around the front first.
     window: Window | None = None
+    #: Says of a step's end that another march goes on from there; this one ends, and keeps it in ``left``.
+    leaves: Callable[[Progress], bool] | None = None
+    left: Progress | None = None
 
     @property
     def speed(self) -> float:
@@ -189,7 +192,11 @@ class March:
                     return
                 continue
             states = found.result.states
-            u_before, size_before = (None, None) if pace.rests else (u, size)
+            if pace.settles:
+                # Another mesh, the same way: what the last step did goes on.
+                u_before = None if u_before is None else u_before + found.u - u
+            else:
+                u_before, size_before = (None, None) if pace.rests else (u, size)
             u, way = found.u, way + size
             force = found.force
             spent_before, left_before = spent_before + found.spent, left_before + found.left
@@ -204,14 +211,17 @@ class March:
             pace.taken(max(effort), growth, defect, allowed)
             if motion.turns(way):
                 u_before, pace.size = None, min(pace.size, rules.first)
-            if self.between_steps is not None:
+            if self.between_steps is not None or self.leaves is not None:
                 past = None if self.past is None else self.past.state()
-                self.between_steps(
-                    Progress(
-                        way, u, states, u_before, size_before, force,
-                        spent=spent_before, left=left_before, past=past, pace=pace.state(),
-                    )
+                now = Progress(
+                    way, u, states, u_before, size_before, force,
+                    spent=spent_before, left=left_before, past=past, pace=pace.state(),
                 )  # fmt: skip
+                if self.leaves is not None and self.leaves(now):
+                    self.left = now
+                    return
+                if self.between_steps is not None:
+                    self.between_steps(now)
 
     def _improved(self, straight, known, last, states, step, desperate) -> np.ndarray | None:
         """A better prediction than ``straight``: what is ``known``, or what the front's own solution says."""

@@ -37,6 +37,11 @@ class NewtonSettings:
     reach: float = 0.3
     trust: float = 0.2
     largest_shift: float = 300.0
+    #: What it begins with, in units of G, where the guess leaves more than ``far`` of the forces.
+    cautious: float = 0.0
+    far: float = 0.2
+    #: How much less the next iteration has, where a direction was found at once.
+    relax: float = 4.0
     #: Part of a Newton step that has to be free of inverted elements, or the tangent is regularised.
     whole: float = 0.5
     #: Line search: evaluations at the most, and the part of the work that may be left.
@@ -74,7 +79,8 @@ def newton(
     size = norm(current)
     if near:
         u, current, size = _chords(problem, u, current, size, states, step, settings)
-    shift, history = Shift(), []
+    wrong = size > settings.far * current.scale and problem.metric is not None
+    shift, history = Shift(settings.relax, settings.cautious if wrong else 0.0), []
     nearest = (np.inf, None)
     # A tangent is assembled on the way only where a full step is likely to stand.
     eager = True
@@ -144,12 +150,13 @@ def _chords(problem, u, current, size, states, step, settings):
 class Shift:
     """Regularisation in units of the shear modulus, and whether the last iteration had to raise it."""
 
+    relax: float
     now: float = 0.0
     raised: bool = False
 
     def relaxed(self) -> float:
         """What to try next: little less where less has just failed."""
-        value = self.now / (2.0 if self.raised else 4.0)
+        value = self.now / (2.0 if self.raised else self.relax)
         return value if value > 0.05 else 0.0
 
 

@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from cutbench.forms.damping import DampingForm
 from cutbench.solve.newton import NoConvergence
 
@@ -32,6 +34,8 @@ class StepRules:
     damage: float = 0.2
     iterations: int = 6
     grow: float = 1.5
+    #: By less than this it does not grow at all.
+    least: float = 1.0
     shrink: float = 0.5
     tenth: float = 0.1
     augmentations: int = 0
@@ -55,7 +59,11 @@ class StepRules:
 
 
 #: What a pace is between two steps.
-_STATE = ("size", "easy", "refused", "rests", "drags", "vain", "boost")
+_STATE = ("size", "easy", "refused", "rests", "drags", "vain", "settles", "boost")
+
+
+#: Part of what damage and the ledger may do in a step that the next one is made for.
+TARGET = 0.9
 
 
 class Leaky(NoConvergence):
@@ -82,6 +90,8 @@ class Pace:
     drags: bool = False
     #: Refused steps since the blade rests.
     vain: int = 0
+    #: Whether it rests for forces to balance on a new mesh.
+    settles: bool = False
 
     def state(self) -> dict[str, float]:
         """What ``restore`` needs."""
@@ -105,7 +115,7 @@ class Pace:
     @property
     def between(self) -> bool:
         """Whether a step taken now ends between two points of the curve."""
-        return self.boost > 1 and not self.drags
+        return (self.boost > 1 or self.settles) and not self.drags
 
     @property
     def boost(self) -> float:
@@ -123,7 +133,7 @@ class Pace:
     def check(self, growth: float, defect: float, allowed: float) -> None:
         """Raises NoConvergence where damage grew by too much, or too much of the energy is left open."""
         rules, size = self.rules, self.size
-        if rules.paper:
+        if rules.paper or self.settles:
             return
         if growth > 2 * rules.damage and size > 4 * rules.smallest:
             raise NoConvergence(f"damage grew by {growth:.2f}")
@@ -139,7 +149,7 @@ class Pace:
         if self.rests:
             self.vain += 1
             if self.vain > rules.tries:
-                self.rests, self.drags = False, True
+                self.rests, self.drags, self.settles = False, True, False
                 self.damping.boost = max(10.0, self.boost * self.size / rules.smallest)
                 return True
         slowest = rules.finest if leaky else rules.gentle
@@ -175,19 +185,19 @@ class Pace:
             self.size = less if growth > rules.damage else min(5 * size, rules.largest)
         elif hardest > rules.iterations + 3 or growth > rules.damage or defect > 0.7 * allowed:
             self.size = max(0.7 * size, min(size, rules.smallest))
-        elif (
-            hardest <= rules.iterations
-            and defect < 0.35 * allowed
-            and growth < 0.7 * rules.damage
-            and self.easy > 1
-        ):
-            self.size = min(size * rules.grow, rules.largest)
+        elif hardest <= rules.iterations and self.easy > 1:
+            # Damage grows with the step, and what the ledger leaves open with its square.
+            room = min(
+                TARGET * rules.damage / max(growth, 1e-9), np.sqrt(TARGET * 0.7 * allowed / max(defect, 1e-9))
+            )
+            if room > rules.least:
+                self.size = min(size * min(room, rules.grow), rules.largest)
         if size >= rules.gentle:
             self.refused = 0
 
     def _calm(self, easily: bool) -> None:
         """After a step at rest: damping goes back, and once it has been at its value the blade goes on."""
         if self.boost == 1:
-            self.rests = False
+            self.rests = self.settles = False
         else:
             self.damping.boost = max(1.0, self.boost * (self.rules.calm if easily else self.rules.shrink))

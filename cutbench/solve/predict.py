@@ -13,12 +13,9 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-import skfem
 
-from cutbench.forms.space import KINDS, Faces, Space
+from cutbench.forms.space import Faces, Space
 
-#: Part of the way to the middle of its element by which a point is moved to find it.
-INWARD = 1e-6
 #: Length of the cut in elements from which on the past is asked.
 BEGUN = 1.5
 #: Steps that are remembered, at the most, for the growth of the cut by one element.
@@ -73,21 +70,14 @@ class Past:
         """Matrix (ndof, ndof) that takes displacements down by an element; None if points are not found."""
         if not self._sought:
             self._sought = True
-            space, mesh = self._space, self._space.mesh
-            nodes = space.element_nodes
-            element = np.zeros(space.X.shape[1], int)
-            element[nodes] = np.arange(nodes.shape[1])
-            # A little into an element of their own side: on a split cut plane two points are at one place.
-            points = space.X + INWARD * (mesh.p[:, mesh.t].mean(axis=1)[:, element] - space.X)
+            space = self._space
+            points = space.inside
             points[1] = np.minimum(points[1] + self.fall, points[1].max())
-            basis = skfem.Basis(mesh, KINDS[mesh.dim(), space.order](), intorder=1)
-            if not np.array_equal(basis.element_dofs, nodes):  # nodes of the space are not the mesh's own
-                return None
             try:
-                probes = basis.probes(points)
+                probes = space.probes(points)
             except ValueError:
                 return None
-            whole = sp.kron(probes, sp.identity(mesh.dim()), format="csr")
+            whole = sp.kron(probes, sp.identity(space.dim), format="csr")
             rest = sp.csr_matrix((self._ndof - space.ndof,) * 2)
             self._down = sp.block_diag([whole, rest], format="csr")
         return self._down

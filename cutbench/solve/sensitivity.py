@@ -67,8 +67,21 @@ class Sensitivities:
     """
 
     def __init__(self, problem: Problem, speed: float, centre0: np.ndarray, directions: Sequence[Direction]):
-        self._problem, self._directions = problem, tuple(directions)
         self._speed, self._centre0 = speed, centre0
+        self._take(problem, directions)
+        self._rates = [_Rates(np.zeros(problem.ndof), {}) for _ in directions]
+        self.lost: float | None = None
+        self.unresolved = 0
+
+    def go_on(self, problem: Problem, directions: Sequence[Direction], displacements, states) -> None:
+        """On another mesh: ``problem`` and ``directions`` there, and what takes ``displacements`` (ndof,) and
+        ``states`` by form from the last one.
+        """
+        self._take(problem, directions)
+        self._rates = [_Rates(displacements(rates.u), states(rates.states)) for rates in self._rates]
+
+    def _take(self, problem: Problem, directions: Sequence[Direction]) -> None:
+        self._problem, self._directions = problem, tuple(directions)
         start = problem.start()
         forms = [form for form in problem.forms if form.name != "damping"]
         self._damping = next((form for form in problem.forms if form.name == "damping"), None)
@@ -83,9 +96,6 @@ class Sensitivities:
         if self._damping is not None:
             metric = pattern.csr(problem.metric)
             self._metric = metric + sp.triu(metric, 1).T if problem.symmetric else metric
-        self._rates = [_Rates(np.zeros(problem.ndof), {}) for _ in directions]
-        self.lost: float | None = None
-        self.unresolved = 0
 
     def add(self, accepted: Accepted) -> np.ndarray:
         """dF/dθ (n,) of the meshed part at this step, by parameter in internal units."""

@@ -2,9 +2,10 @@
 
 From one step to the next the tip meets other faces and the front opens other points. Newton's method spends
 most of its iterations on finding which, and solves the whole block each time. So they are found on the
-elements around the front alone, with the rest of the block held where a straight line has it. What is left
-then is smooth, and takes one or two iterations of the whole (nonlinear elimination: Lanzkron, Rose, Wilkes,
-SIAM J. Sci. Comput. 17, 1996; Cai, Li, SIAM J. Sci. Comput. 33, 2011).
+elements around the front alone, with the rest of the block held where a straight line has it; and then
+around the node with the largest residual, where that is elsewhere. What is left then is smooth, and takes
+one or two iterations of the whole (nonlinear elimination: Lanzkron, Rose, Wilkes, SIAM J. Sci. Comput. 17,
+1996; Cai, Li, SIAM J. Sci. Comput. 33, 2011).
 """
 
 from __future__ import annotations
@@ -13,117 +14,193 @@ from dataclasses import replace
 
 import numpy as np
 
-from cutbench.forms.base import Form
 from cutbench.forms.space import Faces, Space
-from cutbench.solve.linear import make_solver
 from cutbench.solve.newton import BadGuess, NewtonSettings, NoConvergence, newton
+from cutbench.solve.part import Part
 from cutbench.solve.problem import Problem
 
 #: Half of the window's width, and how far it reaches ahead of the front and behind, in blade thicknesses.
-REACH = 2.0
+REACH = 1.0
 #: And at least this many elements of the cut plane.
 ELEMENTS = 3
 #: The window follows the front in steps of this part of that length.
 FOLLOWS = 0.25
-#: The window's residual, over its own forces, that is small enough; and iterations, at the most.
+#: A part's residual, over its own forces, that is small enough; and iterations, at the most.
 ENOUGH, ITERATIONS = 1e-3, 15
 #: Where it stays above that, what is still a better beginning than a shorter step.
 USABLE = 0.02
+#: Regularisation that Newton's method begins with where the front has been moved, in units of G, and how much
+#: less each iteration has.
+CAUTIOUS, RELAX = 64.0, 8.0
+#: Parts of the front's expected advance that are tried where all of it inverts elements.
+CAUTION = (1.0, 0.75, 0.5)
+#: How often, and how near to the front in blade thicknesses, what a moved state lacks is smoothed.
+SMOOTHINGS, NEAR = 4, 0.15
+#: Where else the whole problem's residual is above this part of the forces a part is solved too: so many,
+#: each of so many nodes at least.
+WRONG, SPOTS, FEWEST = 0.01, 2, 60
+
+
+def front_depth(height: np.ndarray, top: float, states: dict) -> float:
+    """How far below ``top`` the lowest point of the cut plane is that is half broken, 0 if there is none.
+
+    ``height`` (n,) of its points.
+    """
+    broken = height[np.real(states["cohesion"]["damage"]) > 0.5]
+    return top - float(broken.min(initial=top))
 
 
 class Window:
-    """The part of a problem around the front of its cut."""
+    """Parts of a problem: around the front of its cut, and where else a prediction is wrong."""
 
     def __init__(self, problem: Problem, space: Space, cut: Faces, thickness: float):
         """``cut``: the faces of the cut plane; ``thickness`` of the blade in mm."""
         self._problem, self._space = problem, space
+        self._cut = next(form for form in problem.forms if form.name == "cohesion")
         self._height = cut.X[1].ravel()
         self._top = float(space.X[1].max())
-        tall = float(np.median(np.ptp(space.X[1, cut.nodes], axis=0)))
-        self._reach = max(REACH * thickness, ELEMENTS * tall)
+        # In blocks, whose elements are large against what the front goes in a step, neither a moved front nor
+        # other parts saved anything.
+        self._flat = space.dim == 2
+        self._tall = float(np.median(np.ptp(space.X[1, cut.nodes], axis=0)))
+        #: Of the cut plane, mm; 1 in two dimensions.
+        self._wide = float(cut.w.sum() / np.ptp(cut.X[1]))
+        self._reach = max(REACH * thickness, ELEMENTS * self._tall)
+        self._smoothed = max(NEAR * thickness, self._tall)
         self._place: int | None = None
-        self._part: _Part | None = None
+        self._part: Part | None = None
+        self._spot: tuple[np.ndarray, Part] | None = None
 
     def solved(self, u: np.ndarray, last: np.ndarray, states: dict, step, settings: NewtonSettings):
-        """``u``, which predicts the end of ``step`` from ``last``, with the window's unknowns solved for.
+        """``u``, which predicts the end of ``step`` from ``last``, with the unknowns of the parts solved for.
 
         Where Newton's method stops short of that, the state nearest to it will do, if it is near. Raises
-        NoConvergence where none is.
+        NoConvergence where none is at the front.
         """
         part = self._around(states)
-        states = {form.name: form.pick(states[form.name], columns) for form, columns in part.chosen}
+        of_part = part.picked(states)
+        begin = self._begun(u, last, np.real(states["cohesion"]["damage"]), part, of_part, step, settings)
+        # What has been moved is wrong by little, but by much in the element at the front: without
+        # regularisation the first directions invert elements.
+        moved = settings if begin is u else replace(settings, cautious=CAUTIOUS, relax=RELAX)
+        try:
+            u = self._newton(part, begin, of_part, step, moved)
+        except BadGuess:
+            # All turn elements inside out: begin as it was, and yield to the edge.
+            u = self._newton(part, last + part.extended(u - last), of_part, step, settings)
+        for _ in range(SPOTS if self._flat else 0):
+            part = self._worst(u, states, step)
+            if part is None:
+                break
+            try:
+                u = self._newton(part, u, part.picked(states), step, settings)
+            except NoConvergence:
+                break
+        return u
+
+    def _newton(self, part: Part, u, states, step, settings: NewtonSettings) -> np.ndarray:
         if part.damping is not None:
             part.damping.boost = next(form.boost for form in self._problem.forms if form.name == "damping")
-        near = replace(settings, tolerance=max(ENOUGH, settings.tolerance), iterations=ITERATIONS)
+        tolerance = max(ENOUGH, settings.tolerance)
+        near = replace(settings, tolerance=tolerance, iterations=ITERATIONS)
         try:
-            try:
-                return newton(part.problem, u, states, step, near)[0]
-            except BadGuess:
-                # A straight line turns elements inside out: begin as it was, and yield to the edge.
-                begin = last + part.extended(u - last)
-                return newton(part.problem, begin, states, step, near)[0]
+            return newton(part.problem, u, states, step, near)[0]
         except NoConvergence as error:
             left, nearest = error.nearest
             if left > USABLE:
                 raise
             return nearest
 
-    def _around(self, states: dict) -> _Part:
-        """The part around the lowest point that is half broken. Of the state alone: a run may resume."""
-        broken = self._height[np.real(states["cohesion"]["damage"]) > 0.5]
-        depth = self._top - float(broken.min(initial=self._top))
+    # -- at the front -----------------------------------------------------------------------------
+    def _around(self, states: dict) -> Part:
+        """The part around the front. Of the state alone: a run may resume."""
+        depth = front_depth(self._height, self._top, states)
         place = int(depth / (FOLLOWS * self._reach))
         if place != self._place:
             front = self._top - place * FOLLOWS * self._reach
             X = self._space.X
             near = (np.abs(X[0]) < self._reach) & (X[1] < front + self._reach)
             inside = near & (X[1] > front - (1 + FOLLOWS) * self._reach)
-            self._place, self._part = place, _Part(self._problem, X.shape[0], inside)
+            self._place, self._part = place, Part(self._problem, X.shape[0], inside)
         return self._part
 
+    def _begun(self, u, last, damage, part: Part, states, step, settings) -> np.ndarray:
+        """The better beginning: ``u``, or that with the front moved on. ``states`` of the part."""
+        advance = self._advance(u, last, damage) if self._flat and (damage > 0.5).any() else 0.0
+        if advance <= 0:
+            return u
+        floor = settings.smallest_ratio * min(1.0, part.problem.bulk.smallest_volume_ratio(last))
+        best, begin = _misses(part.problem, u, states, step, floor), u
+        for caution in CAUTION:
+            guess = self._moved(u, last, damage, part, caution * advance)
+            misses = _misses(part.problem, guess, states, step, floor)
+            if misses < best:
+                best, begin = misses, guess
+            if np.isfinite(best):
+                break
+        return begin
 
-class _Part:
-    """A problem on some of the elements and faces; unknowns of others are held."""
+    def _advance(self, u: np.ndarray, last: np.ndarray, damage: np.ndarray) -> float:
+        """How far the front goes down, mm, while displacements go on from ``last`` to ``u``."""
+        broken = damage > 0.5
+        now, before = (self._cut.jump(v)[0] for v in (last, 2 * last - u))
+        at_front = broken & (self._height < self._height[broken].min() + self._tall)
+        scale = float(now[at_front].mean())
+        if scale <= 0:
+            return 0.0
+        weights = self._cut.faces.w.ravel()
+        opened = weights @ (np.exp(-np.maximum(before, 0) / scale) - np.exp(-np.maximum(now, 0) / scale))
+        return float(opened) / self._wide
 
-    def __init__(self, whole: Problem, dim: int, inside: np.ndarray):
-        """``inside`` (nnode,): the nodes that may move."""
-        moving = np.repeat(inside, dim)
-        free = np.concatenate([moving, np.ones(whole.ndof - moving.size, bool)])
-        free[whole.fixed] = False
-        able = [form for form in whole.forms if type(form).part is not Form.part]
-        for form in whole.forms:
-            if form not in able:
-                free[form.dofs] = False
-        #: The forms that have a part here, each with which of its columns that is.
-        self.chosen = []
-        for form in able:
-            met = (free[form.dofs] & (form.dofs < moving.size)).any(axis=0)
-            # What stands behind the displacements belongs to elements, all of which have to be here.
-            others = form.dofs[:, ~met]
-            free[others[others >= moving.size]] = False
-            if met.any():
-                self.chosen.append((form, np.flatnonzero(met)))
-        parts = [form.part(columns) for form, columns in self.chosen]
-        solver = "superlu" if whole.solver.name == "superlu" else "auto"
-        self.problem = Problem(parts, whole.ndof, np.flatnonzero(~free), whole.p, solver=solver)
-        self.damping = next((form for form in parts if form.name == "damping"), None)
-        self._smooth = None
+    def _moved(self, u, last, damage, part: Part, advance: float) -> np.ndarray:
+        """``u``, which goes on from ``last`` on a straight line, but with the front ``advance`` mm lower.
 
-    def extended(self, du: np.ndarray) -> np.ndarray:
-        """``du`` (ndof,) where it is held, and a harmonic function of that where it is free."""
-        problem, du = self.problem, du.copy()
-        free = problem.free
-        du[free] = 0.0
-        if self.damping is None:
-            return du
-        if self._smooth is None:
-            data = problem.metric.copy()
-            diagonal = problem.pattern.diagonal  # zero where no displacement stands
-            data[diagonal[data[diagonal] == 0]] = 1.0
-            pattern = problem.pattern
-            name = problem.solver.name
-            self._smooth = make_solver(name, pattern.indptr, pattern.indices, free.size, problem.symmetric)
-            self._smooth.refactor(data)
-        local = np.einsum("ije,je->ie", self.damping.unit_matrix, np.take(du, self.damping.dofs))
-        du[free] = self._smooth.solve(-problem.pattern.vectors({"damping": local}).sum(axis=0)[free])
-        return du
+        What surrounds the front moves with it, by about an element in a step; a straight line opens a point
+        that is open already by as much again. So the last state comes from above, u_n(X + a), with what that
+        lacked in the last step, Δu(X + a) − (u_n(X + a) − u_n(X)). This is smooth, and is smoothed near the
+        front, where it holds differences between places in an element.
+        """
+        space, nodes, dim = self._space, part.nodes, self._space.dim
+        points = space.inside[:, nodes]
+        points[1] = np.minimum(points[1] + advance, self._top * (1 - 1e-12))
+        above = space.probes(points)
+        now, change = (v[: space.ndof].reshape(-1, dim) for v in (last, u - last))
+        moved = above @ now
+        lacked = above @ change - (moved - now[nodes])
+        depth = self._top - self._height[damage > 0.5].min()
+        near = np.hypot(space.X[0, nodes], self._top - space.X[1, nodes] - depth) < self._smoothed
+        for _ in range(SMOOTHINGS):
+            lacked[near] = (part.average @ lacked)[near]
+        guess = u.copy()
+        places = nodes[:, None] * dim + np.arange(dim)
+        free = np.isin(places, part.problem.free)
+        guess[places[free]] = (moved + lacked)[free]
+        return guess
+
+    # -- elsewhere --------------------------------------------------------------------------------
+    def _worst(self, u: np.ndarray, states: dict, step) -> Part | None:
+        """The part around the node with the largest residual; None where that is small, or at the front."""
+        problem, space = self._problem, self._space
+        found = problem.evaluate(u, states, step, tangent=False)
+        forces = np.zeros(problem.ndof)
+        forces[problem.free] = found.residual[problem.free]
+        if not WRONG * found.scale < np.linalg.norm(forces) < np.inf:
+            return None
+        node = int(np.linalg.norm(forces[: space.ndof].reshape(-1, space.dim), axis=1).argmax())
+        if node in self._part.inside:
+            return None
+        if self._spot is None or node not in self._spot[0]:
+            away = np.linalg.norm(space.X - space.X[:, [node]], axis=0)
+            least = min(FEWEST, away.size) - 1
+            reach = max(self._reach, float(np.partition(away, least)[least]))
+            core = np.flatnonzero(away < reach / 2)
+            self._spot = core, Part(problem, space.dim, away <= reach)
+        return self._spot[1]
+
+
+def _misses(problem: Problem, u: np.ndarray, states: dict, step, floor: float) -> float:
+    """Residual over the forces in balance; infinite where an element's volume ratio is below ``floor``."""
+    if problem.bulk.smallest_volume_ratio(u) <= floor:
+        return np.inf
+    e = problem.evaluate(u, states, step, tangent=False)
+    return float(np.linalg.norm(e.residual[problem.free])) / max(e.scale, np.finfo(float).tiny)

@@ -11,7 +11,7 @@ from cutbench.run import run_case
 from cutbench.verify.base import Check, Reference
 
 #: The elastomer, whose process zone of 1.2 mm is resolved at this element size.
-COARSE = {"mu": 0, "h": "0.6 mm", "shallow": 1, "step": "0.1 mm", "depth": "13.5 mm"}
+COARSE = {"mu": 0, "h": "0.6 mm", "corner": 0.0625, "shallow": 1, "step": "0.1 mm", "depth": "13.5 mm"}
 #: Blade travel over which cutting is steady, mm: its start, the block's base and its end are far.
 FROM, TO = 5.0, 13.0
 

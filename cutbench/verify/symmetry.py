@@ -28,24 +28,36 @@ THICKNESS = 0.5
 def compute() -> Iterator[Check]:
     flat = load_case("gelatin", CASE)
     half = build(flat)
-    travel, force = curve(half)
+    travel, force, steps, found = curve(half)
+    right = [u.reshape(-1, 2) for u in found]
+    both = [np.concatenate([u, u * [-1, 1]]).ravel() for u in right]
+    in_space = [np.pad(u, ((0, 0), (0, 1))).ravel() for u in right]
     top = force.max()
-    for name, built in (
-        ("whole section", build(flat.set(symmetry="full"))),
-        ("one layer", layer(flat, half)),
+    for name, built, known in (
+        ("whole section", build(flat.set(symmetry="full")), both),
+        ("one layer", layer(flat, half), in_space),
     ):
-        d, F = curve(built)
+        # Both begin each step from the half's solution: it has to be theirs.
+        built.march.schedule, built.march.known = steps, known
+        d, F, *_ = curve(built)
         yield Check(f"{name}: largest force", "mN", 1e3 * top, 1e3 * F.max(), 1e-6)
         off = np.abs(np.interp(travel, d, F) - force).max()
         yield Check(f"{name}: largest difference of the curves, over it", "1", 0.0, off / top, 1e-6)
 
 
-def curve(built: Built) -> tuple[np.ndarray, np.ndarray]:
-    """Travel in mm and force in N of the whole block."""
-    rows = np.array([(step.travel, step.force) for step in built.march if not step.between])
+def curve(built: Built) -> tuple[np.ndarray, np.ndarray, list[tuple[float, float]], list[np.ndarray]]:
+    """Travel in mm and force in N of the whole block; steps (way in mm, boost of damping), and their ends."""
+    damping, rows, steps, found, way = built.form("damping"), [], [], [], 0.0
+    for step in built.march:
+        steps.append((step.way - way, damping.boost))
+        found.append(step.u)
+        way = step.way
+        if not step.between:
+            rows.append((step.travel, step.force))
     if built.march.stopped is not None:
-        raise ArithmeticError(f"the run stopped at {rows[-1, 0]:.3f} mm: {built.march.stopped}")
-    return rows[:, 0], rows[:, 1] * built.geometry.multiplicity
+        raise ArithmeticError(f"the run stopped at {rows[-1][0]:.3f} mm: {built.march.stopped}")
+    travel, force = np.array(rows).T
+    return travel, force * built.geometry.multiplicity, steps, found
 
 
 @dataclass(frozen=True)
