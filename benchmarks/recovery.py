@@ -32,7 +32,7 @@ NAMES = ("G", "G_c", "delta_c", "eta_reg", "tau_W")
 #: Gelatin with a slender blade and a weak cut plane, which is cut from the first millimetre on.
 SOLID = {"tip": "3 mm", "cohesion": 2.0, "tau_W": "2 kPa", "eta_reg": "5 s"}
 #: In both, so that the normal is no part of what the coarse model gets wrong.
-_BOTH = {"multiplier": "none", "normal": "material", "shallow": 1}
+_BOTH = {"multiplier": "none", "normal": "material", "corner": 0.0625, "shallow": 1}
 FINE = {**_BOTH, "h": "0.35 mm", "step": "0.05 mm", "penalty": 800, "stick": 320}
 COARSE = {**_BOTH, "h": "0.8 mm", "step": "0.1 mm", "penalty": 200, "stick": 80}
 TESTS = (Test("slow", speed=0.021, reach=2.0), Test("fast", speed=0.1, reach=2.0))

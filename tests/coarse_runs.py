@@ -10,7 +10,7 @@ from cutbench.case import load_case
 from cutbench.mechanisms.blade._tool import distance
 from cutbench.run import run_case
 
-COARSE = load_case("gelatin").set(h="0.6 mm", shallow=1.0, step="0.1 mm")
+COARSE = load_case("gelatin").set(h="0.6 mm", corner=0.0625, shallow=1.0, step="0.1 mm")
 #: Pressed in, nothing cut yet.
 PRESSED = COARSE.set(depth="1.5 mm")
 #: A weak cut plane and a slender tip: cuts from the first millimetre on, with friction and adhesion.

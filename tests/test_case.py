@@ -137,7 +137,7 @@ def test_depth_follows_the_height_until_it_is_chosen(gelatin):
 
 def test_elements_larger_than_the_tip_is_round_are_doubted_along_its_normal(gelatin):
     assert not gelatin.doubts
-    assert not gelatin.set(h="1 mm", corner=0.11).doubts
+    assert not gelatin.set(h="1 mm", corner=0.11, shallow=1).doubts
     assert not gelatin.set(h="1 mm", corner=0.25, shallow=0.11).doubts
     coarse = gelatin.set(h="1 mm", corner=0.25)
     (said,) = coarse.doubts
@@ -145,6 +145,13 @@ def test_elements_larger_than_the_tip_is_round_are_doubted_along_its_normal(gela
     advised = re.search(r"corner = (\S+) or normal = '(\w+)'", said)
     assert not coarse.set(corner=float(advised[1])).doubts
     assert not coarse.set(normal=advised[2]).doubts
+
+
+@pytest.mark.parametrize("name", ["corner", "shallow"])
+def test_sizes_that_are_chosen_are_0_and_no_mesh_is_endless(gelatin, name):
+    assert getattr(gelatin.set(**{name: 0}).numerics, name) == 0
+    with pytest.raises(BadInput, match=r"0 or 0\.0"):
+        gelatin.set(**{name: 1e-4})
 
 
 def test_a_case_does_not_change(gelatin):

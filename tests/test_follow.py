@@ -231,7 +231,7 @@ def result(case, drop):
     ],
 )
 def test_the_verdict(d, c, stopped, verdict):
-    case = load_case("gelatin")
+    case = load_case("gelatin", {"h": "0.125 mm"})
     curve = shape(d, [0, 2, 1, 1.5], c)
     found = Followed(case, curve, tuple(jumps_of(curve, 0.7)), stopped, (), result(case, 0.16))
     assert found.verdict == verdict

@@ -52,7 +52,7 @@ def test_a_compliance_needs_no_run_of_its_own(strength):
     small = {
         "G_c": "0.3 J/m^2", "mu": 0.1, "eta_reg": "8 s", "tip": "2 mm", "width": "8 mm", "height": "5 mm",
         "depth": "1 mm", "h": "0.7 mm", "penalty": 200, "stick": 100, "multiplier": "none",
-        "shallow": 1.0, "step": "0.1 mm",
+        "corner": 0.0625, "shallow": 1.0, "step": "0.1 mm",
     }  # fmt: skip
     off = load_case("gelatin", small, dim=2)
     model, new = off.model.extended("machine_compliance")

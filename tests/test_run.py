@@ -236,7 +236,8 @@ def test_a_run_that_stalls_says_where_and_what_to_try(monkeypatch, brief, reason
 # -- what must not matter -----------------------------------------------------------------------------
 def test_the_same_case_gives_the_same_bits(brief):
     again = run_case(load_case("gelatin").set(
-        h="0.6 mm", shallow=1.0, step="0.1 mm", cohesion=1.0, tip="3.5 mm", mu=0.2, depth="1.1 mm"
+        h="0.6 mm", corner=0.0625, shallow=1.0, step="0.1 mm", cohesion=1.0, tip="3.5 mm", mu=0.2,
+        depth="1.1 mm",
     ))  # fmt: skip
     assert again.case.id == brief.case.id
     for name, column in brief.curve.items():

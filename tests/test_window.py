@@ -79,7 +79,8 @@ def test_some_faces_keep_their_names():
     np.testing.assert_array_equal(some.nodes[:, 1:], space.faces("cut", 4).nodes[:, [0, 2]])
 
 
-def test_the_window_is_in_balance_and_the_rest_stays():
+def test_the_window_is_in_balance_and_the_rest_stays(monkeypatch):
+    monkeypatch.setattr(window, "SPOTS", 0)
     built = build(BRIEF)
     before, last = islice((step for step in built.march if step.travel > 0.15), 2)
     problem, step = built.problem, last.step
@@ -97,6 +98,55 @@ def test_the_window_is_in_balance_and_the_rest_stays():
         return np.abs(out.reshape(-1, 2)[moved]).max()
 
     assert residual(found) < 0.02 * residual(straight)
+
+
+@pytest.fixture(scope="module")
+def at_rest():
+    """A block that nothing has touched, and its state, cut for 3 mm."""
+    built = build(BRIEF)
+    states = built.problem.start()
+    cut = built.form("cohesion").faces
+    states["cohesion"]["damage"] = (cut.X[1].ravel() > built.geometry.height - 3).astype(float)
+    return built, states
+
+
+def test_where_else_a_prediction_is_wrong_it_is_solved_too():
+    built = build(BRIEF)
+    pressed = next(step for step in built.march if step.travel > 0.15)
+    problem, space, states = built.problem, built.space, pressed.solves[0][0]
+    wrong = pressed.u.copy()
+    node = np.hypot(space.X[0] - 5, space.X[1] - 10).argmin()
+    wrong[2 * node] += 0.05
+    old = pressed.step.u_old
+    found = built.march.window.solved(wrong, old, states, pressed.step, built.march.newton)
+
+    def misses(u):
+        e = problem.evaluate(u, states, pressed.step, tangent=False)
+        return np.linalg.norm(e.residual[problem.free]) / e.scale
+
+    assert misses(wrong) > 0.1
+    assert misses(found) < 0.05 * misses(wrong)
+    assert np.abs(found - pressed.u)[2 * node] < 0.02 * 0.05
+
+
+def test_a_state_that_moves_with_the_front_is_foreseen(at_rest):
+    """A field that goes down in a step goes on, exactly where elements hold it; a straight line does not."""
+    built, states = at_rest
+    window_, space, a = built.march.window, built.space, 0.05
+    part, damage = window_._around(states), states["cohesion"]["damage"]
+
+    def field(fall):
+        x, y = space.X[0], space.X[1] + fall - 18
+        return np.stack([0.01 * x + 0.03 * y**2, 0.02 * x * y - 0.01 * y**2], axis=1).ravel()
+
+    before, last, then = field(0), field(a), field(2 * a)
+    straight = 2 * last - before
+    found = window_._moved(straight, last, damage, part, a)
+    moving = np.isin(np.arange(then.size), part.problem.free)
+    inner = moving & np.repeat(space.X[1] < built.geometry.height - 2 * a, 2)
+    np.testing.assert_allclose(found[inner], then[inner], atol=1e-6)
+    np.testing.assert_array_equal(found[~moving], straight[~moving])
+    assert np.abs(straight - then)[inner].max() > 1e-4
 
 
 def test_a_window_that_is_nearly_solved_will_do(monkeypatch):

@@ -1,0 +1,184 @@
+"""Meshes that follow the front: where they are fine, what is carried over, what it changes."""
+
+import numpy as np
+import pytest
+
+from cutbench.build import build
+from cutbench.case import load_case
+from cutbench.checkpoint import NAME, Checkpoint
+from cutbench.forms.space import Space
+from cutbench.models2d.section import half_block
+from cutbench.remesh import Following, Transfer, follows, lengths
+from cutbench.run import run_case
+from cutbench.sensitivity import directions, follow
+
+H = 21.0
+
+
+@pytest.fixture(scope="module")
+def case():
+    """A thin low block that is cut at once: its front passes several meshes within a second or two."""
+    return load_case("gelatin").set(
+        h="0.12 mm", shallow=1, corner=0.5, around=1.0, step="0.1 mm", thickness="0.4 mm", delta_c="0.1 mm",
+        width="10 mm", height="8 mm", depth="2 mm", G_c="2 J/m^2", eta_v="0.02 mm", energy_step=0.2,
+    )  # fmt: skip
+
+
+def sizes_on_plane(mesh):
+    ends = mesh.p[1, mesh.facets[:, mesh.boundaries["cut"]]]
+    return ends.mean(axis=0), np.ptp(ends, axis=0)
+
+
+def test_elements_are_small_where_asked_alone():
+    whole = half_block(30, H, 0.125)
+    part = half_block(30, H, 0.125, fine=(6.0, 8.0))
+    height, size = sizes_on_plane(part)
+    within = (H - height > 6) & (H - height < 8)
+    assert size[within].max() <= 0.126
+    assert size[np.abs(H - height - 7) > 4].min() > 1.0
+    assert part.nelements < whole.nelements / 3
+    kept = half_block(30, H, 0.125, fine=(6.0, 8.0), kept=np.array([[0.0], [H - 1.0]]))
+    height, size = sizes_on_plane(kept)
+    assert size[np.abs(H - height - 1) < 0.2].max() <= 0.126
+    assert part.nelements < kept.nelements < whole.nelements / 2
+
+
+def test_points_are_found_in_large_and_small_elements(case):
+    space = Space.build(half_block(30, H, 0.25, fine=(6.0, 8.0)), 2)
+    rng = np.random.default_rng(0)
+    points = np.stack([15 * rng.random(300) ** 3, H * rng.random(300)])
+    x, y = space.X
+    np.testing.assert_allclose(
+        space.probes(points) @ (x**2 - 3 * x * y + y), points[0] ** 2 - 3 * points[0] * points[1] + points[1],
+        atol=1e-9,
+    )  # fmt: skip
+    with pytest.raises(ValueError, match="no element"):
+        space.probes(np.array([[-1.0], [3.0]]))
+
+
+def test_what_one_mesh_serves_is_not_followed(case):
+    assert follows(case)
+    stride, around = lengths(case)
+    assert (stride, around) == (pytest.approx(0.96), pytest.approx(0.96))
+    for change in ({"around": 0}, {"h": "0.3 mm"}, {"element": "P2P1"}, {"predictor": "repeat"}):
+        assert not follows(case.set(**change))
+
+
+@pytest.fixture(scope="module")
+def followed(case):
+    return run_case(case)
+
+
+def test_followed_meshes_change_little(case, followed):
+    alone = run_case(case.set(around=0))
+    assert followed.outcome.done
+    assert followed.counts["degrees_of_freedom"] < 0.7 * alone.counts["degrees_of_freedom"]
+    assert np.diff(followed.displacement_mm).min() > 0
+    at = np.linspace(0.2, 2, 60)
+    forces = [np.interp(at, r.displacement_mm, r.force_N) for r in (followed, alone)]
+    assert np.abs(forces[0] - forces[1]).max() < 0.03 * forces[1].max()
+    for name in ("smith_ferrante", "neo_hookean"):
+        ends = [r.curve[f"work_{name}_mJ"][-1] for r in (followed, alone)]
+        assert ends[0] == pytest.approx(ends[1], rel=0.03)
+    assert abs(followed.measures["closure"] - alone.measures["closure"]) < 0.01
+
+
+def test_a_state_on_the_same_mesh_is_itself(case):
+    meshes = Following(case.set(depth="0.9 mm"))
+    *_, last = meshes
+    old = meshes.built
+    new = build(old.case, old.geometry, old.space)
+    transfer = Transfer(old, new)
+    np.testing.assert_allclose(transfer.displacements(last.u), last.u, atol=1e-6)
+    carried = transfer.states(last.states)
+    for name in ("damage", "delta_max"):
+        np.testing.assert_allclose(carried["cohesion"][name], last.states["cohesion"][name], atol=1e-6)
+    for name in ("touched", "pressure", "slid"):
+        was = last.states["blade"][name]
+        # Points of two faces at one place may differ, and either's value is right.
+        assert np.mean(np.abs(carried["blade"][name] - was) > 1e-6 * max(np.abs(was).max(), 1)) < 0.05
+
+
+def test_internal_variables_are_carried_on_straight_lines():
+    case = load_case("gelatin").set(
+        with_="maxwell", g_1=0.5, tau_1="1 s", h="0.5 mm", shallow=1, corner=1, depth="1 mm"
+    )  # fmt: skip
+    coarse = build(case)
+    fine = build(case.set(h="0.3 mm"))
+    name = next(name for name in coarse.problem.start()["bulk"])
+    old, new = coarse.form("bulk"), fine.form("bulk")
+
+    def field(form):
+        x, y = form.volume.X.reshape(2, -1)
+        return np.eye(3)[:, :, None] * (1 + 0.1 * x - 0.02 * y)
+
+    found = new.carried(old, {name: field(old)}, fine.problem.p)[name]
+    inner = np.abs(new.volume.X.reshape(2, -1)[0] - 7) < 6
+    np.testing.assert_allclose(found[..., inner], field(new)[..., inner], atol=0.02)
+
+
+def test_derivatives_go_on_from_mesh_to_mesh(case):
+    """dF/dη along marches of the same steps on the same meshes, against a difference."""
+    case = case.set(depth="1.5 mm")
+    names = ("eta_reg",)
+    meshes = Following(case)
+    follower = follow(meshes.built, names)
+    meshes.renewed = lambda t: follower.go_on(
+        t.new.problem, directions(t.new, names), t.displacements, t.states
+    )
+    forces, slopes, steps = [], [], []
+    for step in meshes:
+        slopes.append(follower.add(step)[0])
+        forces.append(step.force)
+        moved = float(np.real(step.step.centre_old - step.step.centre)[1])
+        boost = next(f for f in meshes.built.problem.forms if f.name == "damping").boost
+        steps.append((meshes.place, (moved, boost)))
+    assert meshes.place > 0
+
+    def again(eta):
+        replay = Replayed(case.set(eta_reg=f"{eta:.15g} s"), steps)
+        return np.array([step.force for step in replay])
+
+    eta = case.values["eta_reg"]
+    h = 1e-5 * eta
+    difference = (again(eta + h) - forces) / h
+    off = np.abs(difference - slopes) / np.abs(slopes).max()
+    assert np.median(off) < 1e-4 and np.quantile(off, 0.9) < 0.01
+
+
+class Replayed(Following):
+    """The steps of another march, each on the mesh that it had there."""
+
+    def __init__(self, case, steps):
+        self._steps = steps
+        self._order = list(dict.fromkeys(place for place, _ in steps))
+        self._left = 0
+        super().__init__(case)
+
+    def _build(self, *mesh):
+        built = super()._build(*mesh)
+        built.march.schedule = [step for place, step in self._steps if place == self.place]
+        self._left = len(built.march.schedule)
+        return built
+
+    def _place_of(self, states):
+        later = self._order[self._order.index(self.place) + 1 :]
+        return self.place if self._left or not later else later[0]
+
+    def __iter__(self):
+        for step in super().__iter__():
+            self._left -= 1
+            yield step
+
+
+def test_a_killed_run_goes_on_on_its_mesh(case, followed, tmp_path):
+    def stop(displacement_mm, row):
+        if displacement_mm > 1.7:
+            raise KeyboardInterrupt
+
+    path = tmp_path / NAME
+    first = run_case(case, on_step=stop, checkpoint=Checkpoint(path, case.id))
+    assert first.outcome.kind == "interrupted"
+    second = run_case(case, checkpoint=Checkpoint(path, case.id))
+    np.testing.assert_allclose(second.displacement_mm, followed.displacement_mm, rtol=1e-9)
+    np.testing.assert_allclose(second.force_N, followed.force_N, rtol=1e-5)
