@@ -25,7 +25,7 @@ from cutbench.solve.newton import NewtonSettings
 from cutbench.solve.pace import StepRules
 from cutbench.solve.predict import Past
 from cutbench.solve.problem import Problem
-from cutbench.solve.window import Window
+from cutbench.solve.window import REMEMBERED, Window
 
 #: Polynomial order of the displacements.
 ORDER = {"P1": 1, "P2": 2, "P2P1": 2}
@@ -150,6 +150,11 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
         paper=n.stepping == "paper",
     )
     looks_ahead = bool(cut) and n.predictor == "front" and n.scheme == "monolithic"
+    past = None
+    if cut and n.predictor == "repeat" and not case.motion:
+        past = Past(space, faces["cut"], ndof)
+    elif looks_ahead and dim == 2:
+        past = Past(space, faces["cut"], ndof, REMEMBERED)
     march = March(
         problem,
         first_centre(p),
@@ -157,7 +162,7 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
         clamped * dim + 1,
         rules,
         NewtonSettings(tolerance=n.tolerance),
-        past=Past(space, faces["cut"], ndof) if cut and n.predictor == "repeat" and not case.motion else None,
-        window=Window(problem, space, faces["cut"], p.thickness) if looks_ahead else None,
+        past=past,
+        window=Window(problem, space, faces["cut"], p.thickness, past) if looks_ahead else None,
     )
     return Built(case, geometry, space, problem, march)

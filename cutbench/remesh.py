@@ -170,6 +170,7 @@ class Transfer:
     def progress(self, now: Progress) -> Progress:
         """With the blade at rest until forces balance; what the last step did then goes on."""
         before = None if now.u_before is None else self.displacements(now.u_before)
+        past = now.past and now.past | {"u": np.array([self.displacements(u) for u in now.past["u"]])}
         pace = dict(now.pace)
         if pace["boost"] == 1 and not pace["rests"]:
             pace |= {"rests": True, "vain": 0, "settles": True}
@@ -179,5 +180,5 @@ class Transfer:
             states=self.states(now.states),
             u_before=before,
             pace=pace,
-            past=None,
+            past=past,
         )

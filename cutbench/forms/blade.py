@@ -197,6 +197,18 @@ class BladeForm(Form):
         x = self.faces.X + blend(self.faces.N, gather(u, self.dofs, self.dim))
         return self._gap.at(x, np.arange(self.faces.size.size), p, replace(step, centre=centre))[0]
 
+    def gap_of_nodes(self, X, u, state, p, step) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Gap (n,), its gradient (dim, n) and numbers (n,) of the nodes of faces that touch in ``state``.
+
+        ``X`` (dim, nnode): where all nodes are before loading.
+        """
+        near = np.flatnonzero(state["active"].max(axis=0) > 0)
+        all_nodes = self.faces.nodes[:, near]
+        x = (X + u[: X.size].reshape(-1, self.dim).T)[:, all_nodes]
+        g, gradient, _ = self._gap.at(x, near, p, step)
+        nodes, first = np.unique(all_nodes.ravel(), return_index=True)
+        return g.ravel()[first], gradient.reshape(self.dim, -1)[:, first], nodes
+
     # -- results --------------------------------------------------------------------------------
     def force(self, state: dict) -> np.ndarray:
         """Force (dim,) of the material on the blade, per mm of length in 2D."""

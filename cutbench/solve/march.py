@@ -126,7 +126,7 @@ class March:
     #: Where to begin, if not at rest; and who is told of each step's end when the next one begins.
     resume: Progress | None = None
     between_steps: Callable[[Progress], None] | None = None
-    #: Predicts from what happened one element higher, where that is asked for.
+    #: What happened some elements higher: the window's guesses, or, without one, predictions themselves.
     past: Past | None = None
     #: Looks for the next state around the front first.
     window: Window | None = None
@@ -246,7 +246,8 @@ class March:
         Where the second leads to a state that energy does not lead to, it has jumped ahead of a snap: then
         the first decides. It stays with a state for as long as there is equilibrium near it.
         """
-        repeated = None if self.past is None or straight is None else self.past.guess(size, u)
+        repeats = self.past is not None and self.window is None and straight is not None
+        repeated = self.past.guess(size, u) if repeats else None
         guesses = [guess for guess in (straight, u) if guess is not None]
         if repeated is not None and self._misses(repeated, states, step) < BETTER * self._misses(
             straight, states, step

@@ -57,6 +57,11 @@ class NewtonSettings:
     smallest_ratio: float = 0.25
 
 
+#: A full step from below this part of the forces is likely to be followed by steps with its factorization:
+#: no tangent is assembled on the way.
+NEARLY = 0.02
+
+
 def newton(
     problem: Problem, u: np.ndarray, states: dict, step: Step, settings: NewtonSettings, *, near: bool = False
 ):
@@ -93,8 +98,9 @@ def newton(
             current = problem.evaluate(u, states, step)
         du, alpha = _direction(problem, u, current, settings, shift, floor)
         before, base = size, (u, current)
-        u, current = _search(problem, u, du, alpha, current, states, step, settings, floor, eager)
-        eager = current.data is not None or np.array_equal(u, base[0] + alpha * du)
+        wants = eager and (size > NEARLY * current.scale or shift.now > 0)
+        u, current = _search(problem, u, du, alpha, current, states, step, settings, floor, wants)
+        eager = np.array_equal(u, base[0] + alpha * du)
         size = norm(current)
         if shift.now == 0 and settings.tolerance * current.scale < size < settings.close * before:
             u, current, size = _chords(problem, u, current, size, states, step, settings)

@@ -138,7 +138,8 @@ class Pace:
         if growth > 2 * rules.damage and size > 4 * rules.smallest:
             raise NoConvergence(f"damage grew by {growth:.2f}")
         able = self.damping is not None and self.boost < LEAKY_BOOST
-        if defect > allowed and (size > rules.finest or able):
+        # Where errors add up, it is their mean over some steps that has to be small.
+        if defect > min(2 * allowed, rules.defect) and (size > rules.finest or able):
             raise Leaky(f"the energy of the step closes only to {defect:.0%}")
 
     def shorten(self, error: NoConvergence, moves: bool) -> bool:

@@ -11,23 +11,25 @@ equilibrium near it, and close the ledger better where the mesh is finer.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import scipy.sparse as sp
 
 from cutbench.forms.space import Faces, Space
 
-#: Length of the cut in elements from which on the past is asked.
-BEGUN = 1.5
+#: Length of the cut in elements, beyond those that it reaches back, from which on the past is asked.
+BEGUN = 0.5
 #: Steps that are remembered, at the most, for the growth of the cut by one element.
 REMEMBERED = 300
 
 
 class Past:
-    """Displacements since the cut was one element shorter, and the way down by one element."""
+    """Displacements since the cut was some elements shorter, and the way down by one element."""
 
-    def __init__(self, space: Space, cut: Faces, ndof: int):
+    def __init__(self, space: Space, cut: Faces, ndof: int, elements: int = 1):
         """``cut``: the faces of the cut plane. Unknowns behind the displacements are not foreseen."""
-        self._space, self._ndof = space, ndof
+        self._space, self._ndof, self._elements = space, ndof, elements
         self._weights = cut.w.ravel() / (cut.w.sum() / np.ptp(cut.X[1]))
         #: Height of an element of the cut plane, mm.
         self.fall = float(np.median(np.ptp(space.X[1, cut.nodes], axis=0)))
@@ -39,6 +41,10 @@ class Past:
 
     def add(self, travel: float, u: np.ndarray, damage: np.ndarray) -> None:
         """A step's end: its displacements and the damage (n,) at the points of the cut plane."""
+        if self.travel and travel < self.travel[-1]:
+            self.travel, self._u, self._length = [], [], []  # the way back is another one
+        if self.travel and travel == self.travel[-1]:
+            del self.travel[-1], self._u[-1], self._length[-1]  # the blade has rested: what it came to counts
         length = float(self._weights @ damage)
         if len(self.travel) > 2 and length - self._length[-2] < self.fall / REMEMBERED:
             # What is between two so near is not needed.
@@ -47,19 +53,31 @@ class Past:
             self.travel.append(travel)
             self._u.append(u)
             self._length.append(length)
-        reach = length - self.fall
+        reach = length - self._elements * self.fall
         while len(self.travel) > 2 and (self._length[1] <= reach or len(self.travel) > 2 * REMEMBERED):
             del self.travel[0], self._u[0], self._length[0]
 
+    def guesses(self, size: float, u: np.ndarray) -> Iterator[np.ndarray]:
+        """u one step of ``size`` mm later, from when the cut was one element shorter, two, and so on; none
+        from where the past does not reach back to, or not on for so long a step."""
+        for n in range(1, self._elements + 1):
+            length = self._length[-1] if self.travel else 0.0
+            if length < (n + BEGUN) * self.fall or self._length[0] > length - n * self.fall:
+                return
+            then = np.interp(length - n * self.fall, self._length, self.travel)
+            if then + size > self.travel[-1]:
+                continue
+            down = self._translation()
+            if down is None:
+                return
+            du = self._at(then + size) - self._at(then)
+            for _ in range(n):
+                du = down @ du
+            yield u + du
+
     def guess(self, size: float, u: np.ndarray) -> np.ndarray | None:
-        """u one step of ``size`` mm later; None where the past does not reach back so far."""
-        if not self.travel or self._length[-1] < BEGUN * self.fall:
-            return None
-        then = np.interp(self._length[-1] - self.fall, self._length, self.travel)
-        if then + size > self.travel[-1] or self._length[0] > self._length[-1] - self.fall:
-            return None
-        down = self._translation()
-        return None if down is None else u + down @ (self._at(then + size) - self._at(then))
+        """The first of ``guesses``, if there is one."""
+        return next(self.guesses(size, u), None)
 
     def _at(self, travel: float) -> np.ndarray:
         i = min(max(int(np.searchsorted(self.travel, travel)), 1), len(self.travel) - 1)

@@ -55,6 +55,9 @@ class Problem:
         start = time.perf_counter()
         self.pattern = Pattern(ndof, fixed, {form.name: form.dofs for form in forms}, self.symmetric)
         self.free = self.pattern.free
+        #: The same as a mask (ndof,).
+        self.is_free = np.zeros(ndof, bool)
+        self.is_free[self.free] = True
         #: Where forces count as in balance; a specimen that is pulled has its largest where it is held.
         self.in_balance = self.free
         self.solver = solver_for(

@@ -10,6 +10,7 @@ one or two iterations of the whole (nonlinear elimination: Lanzkron, Rose, Wilke
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +18,7 @@ import numpy as np
 from cutbench.forms.space import Faces, Space
 from cutbench.solve.newton import BadGuess, NewtonSettings, NoConvergence, newton
 from cutbench.solve.part import Part
+from cutbench.solve.predict import Past
 from cutbench.solve.problem import Problem
 
 #: Half of the window's width, and how far it reaches ahead of the front and behind, in blade thicknesses.
@@ -39,6 +41,10 @@ SMOOTHINGS, NEAR = 4, 0.15
 #: Where else the whole problem's residual is above this part of the forces a part is solved too: so many,
 #: each of so many nodes at least.
 WRONG, SPOTS, FEWEST = 0.01, 2, 60
+#: Nodes nearer to the blade than this keep their distance in a prediction, mm.
+TOUCH = 0.01
+#: Elements of the cut plane that the past is remembered for.
+REMEMBERED = 3
 
 
 def front_depth(height: np.ndarray, top: float, states: dict) -> float:
@@ -53,9 +59,10 @@ def front_depth(height: np.ndarray, top: float, states: dict) -> float:
 class Window:
     """Parts of a problem: around the front of its cut, and where else a prediction is wrong."""
 
-    def __init__(self, problem: Problem, space: Space, cut: Faces, thickness: float):
-        """``cut``: the faces of the cut plane; ``thickness`` of the blade in mm."""
-        self._problem, self._space = problem, space
+    def __init__(self, problem: Problem, space: Space, cut: Faces, thickness: float, past: Past | None):
+        """``cut``: the faces of the cut plane; ``thickness`` of the blade in mm; ``past``: what the march
+        remembers."""
+        self._problem, self._space, self._past = problem, space, past
         self._cut = next(form for form in problem.forms if form.name == "cohesion")
         self._height = cut.X[1].ravel()
         self._top = float(space.X[1].max())
@@ -79,6 +86,8 @@ class Window:
         """
         part = self._around(states)
         of_part = part.picked(states)
+        if self._flat and self._place:
+            u = self._beside(u, last, states, step, part)
         begin = self._begun(u, last, np.real(states["cohesion"]["damage"]), part, of_part, step, settings)
         # What has been moved is wrong by little, but by much in the element at the front: without
         # regularisation the first directions invert elements.
@@ -125,20 +134,52 @@ class Window:
         return self._part
 
     def _begun(self, u, last, damage, part: Part, states, step, settings) -> np.ndarray:
-        """The better beginning: ``u``, or that with the front moved on. ``states`` of the part."""
+        """The best beginning: ``u``, or that with what happened some elements higher, or with the front moved
+        on. ``states`` of the part."""
         advance = self._advance(u, last, damage) if self._flat and (damage > 0.5).any() else 0.0
         if advance <= 0:
             return u
         floor = settings.smallest_ratio * min(1.0, part.problem.bulk.smallest_volume_ratio(last))
         best, begin = _misses(part.problem, u, states, step, floor), u
-        for caution in CAUTION:
-            guess = self._moved(u, last, damage, part, caution * advance)
-            misses = _misses(part.problem, guess, states, step, floor)
-            if misses < best:
-                best, begin = misses, guess
-            if np.isfinite(best):
+        moved = (self._moved(u, last, damage, part, caution * advance) for caution in CAUTION)
+        for guesses in (self._repeated(u, last, part, step), moved):
+            for guess in guesses:
+                misses = _misses(part.problem, guess, states, step, floor)
+                if misses < best:
+                    best, begin = misses, guess
+                if np.isfinite(misses):
+                    break
+            if begin is not u:
                 break
         return begin
+
+    def _repeated(self, u, last, part: Part, step) -> Iterator[np.ndarray]:
+        """``u``, but around the front with what ``last`` led to when that was some elements higher."""
+        size = float(step.centre_old[1] - step.centre[1])
+        free = part.problem.free
+        for repeated in self._past.guesses(size, last) if self._past is not None and size > 0 else ():
+            guess = u.copy()
+            guess[free] = repeated[free]
+            yield guess
+
+    def _beside(self, u, last, states: dict, step, part: Part) -> np.ndarray:
+        """``u`` with nodes that touch the blade as far from it as they were in ``last``, but for the part.
+
+        A straight line lets them leave the flanks, or press into them, by micrometres: contacts then change
+        all along the blade.
+        """
+        problem, dim, u = self._problem, self._space.dim, u.copy()
+        before = replace(step, centre=step.centre_old)
+        for form in problem.blades:
+            (gap, normal, nodes), was = (
+                form.gap_of_nodes(self._space.X, v, states[form.name], problem.p, at)
+                for v, at in ((u, step), (last, before))
+            )
+            for i in range(dim):
+                places = nodes * dim + i
+                held = (was[0] < TOUCH) & problem.is_free[places] & ~part.problem.is_free[places]
+                u[places[held]] -= ((gap - was[0]) * normal[i])[held]
+        return u
 
     def _advance(self, u: np.ndarray, last: np.ndarray, damage: np.ndarray) -> float:
         """How far the front goes down, mm, while displacements go on from ``last`` to ``u``."""
@@ -187,7 +228,7 @@ class Window:
         if not WRONG * found.scale < np.linalg.norm(forces) < np.inf:
             return None
         node = int(np.linalg.norm(forces[: space.ndof].reshape(-1, space.dim), axis=1).argmax())
-        if node in self._part.inside:
+        if node in self._part.nodes:
             return None
         if self._spot is None or node not in self._spot[0]:
             away = np.linalg.norm(space.X - space.X[:, [node]], axis=0)
