@@ -64,8 +64,8 @@ class Numerics:
     element: str = "P2"  # P1 | P2 | P2P1 (mixed)
     normal: str = "tool"  # tool | material
     gap: str = "distance"  # distance | ellipse (the paper's dimensionless one)
-    penalty: float = 16000.0  # contact stiffness, in G per mm of penetration
-    stick: float = 6400.0  # stiffness of sticking, G per mm of slip
+    penalty: float = 64000.0  # contact stiffness, in G per mm of penetration
+    stick: float = 25600.0  # stiffness of sticking, G per mm of slip
     closing: float = 5000.0  # pressure at which the closed cut plane would overlap by delta_c, in G
     multiplier: str = "carried"  # a step begins with the last one's contact pressure | none
     augmentations: int = 0  # Uzawa updates a step at the most
