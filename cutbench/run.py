@@ -10,6 +10,7 @@ import numpy as np
 from cutbench.build import Built
 from cutbench.case import Case
 from cutbench.checkpoint import Checkpoint
+from cutbench.crossing import crosses
 from cutbench.curve import forward, measures
 from cutbench.fields import add_slopes, snapshot
 from cutbench.front import Front
@@ -27,6 +28,9 @@ _ADVICE = {
     "singular": "The equations lost their solution: try a smaller h, or damping_mm = 1e-3.",
     "residual": "Newton's method does not converge: try a smaller h or penalty, or damping_mm = 1e-3.",
 }
+
+#: Said of a run whose surface passes through itself.
+CROSSED = "(Beside the blade the surface passes through itself: nothing keeps one part of it off another.)"
 
 
 def run_case(
@@ -104,7 +108,8 @@ def run_case(
         shown = case.model.record(curve["displacement_mm"], curve["force_N"], curve["time_s"], case.p)
         curve["recorded_displacement_mm"], curve["recorded_force_N"] = shown
     reached = float(curve["displacement_mm"][-1])
-    outcome = _outcome(built, reached, interrupted)
+    crossed = last is not None and crosses(last[0], last[1].u)
+    outcome = _outcome(built, reached, interrupted, crossed)
     if last is not None and wanted and not outcome.done:
         pictures.append(snapshot(*last))
     timer = built.problem.timer
@@ -284,7 +289,7 @@ class _Keeper:
         self._pictures[:] = [Snapshot(**picture) for picture in tree["snapshots"]]
 
 
-def _outcome(built: Built, reached: float, interrupted: bool) -> Outcome:
+def _outcome(built: Built, reached: float, interrupted: bool, crossed: bool) -> Outcome:
     motion = built.march.motion
     depth = motion.depth
     if interrupted:
@@ -295,11 +300,12 @@ def _outcome(built: Built, reached: float, interrupted: bool) -> Outcome:
             reached,
         )
     if built.march.stopped is None:
+        caution = CROSSED if crossed else ""
         if motion.points:
             deepest = max(travel for _, travel in motion.points)
             text = f"went the whole way, {deepest:g} mm deep, to {reached:g} mm at last"
-            return Outcome("done", text, "", reached)
-        return Outcome("done", f"reached {depth:g} mm", "", reached)
+            return Outcome("done", text, caution, reached)
+        return Outcome("done", f"reached {depth:g} mm", caution, reached)
     reason = built.march.stopped
     advice = next((text for word, text in _ADVICE.items() if word in reason), _ADVICE["residual"])
     return Outcome(

@@ -25,7 +25,7 @@ LAYERS = (
     {"result", "axes", "models2d", "models3d", "curve", "campaign", "index", "emulator"},
     {"build", "checkpoint", "identify", "triangles", "boundary", "sampling", "sections"},
     {"fields", "dic"},
-    {"front", "sensitivity", "remesh"},
+    {"crossing", "front", "sensitivity", "remesh"},
     {"run", "study", "plots"},
     {"store", "output", "maps", "lm"},
     {"coordinates"},
