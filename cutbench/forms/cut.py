@@ -53,6 +53,12 @@ class CutForm(Form):
         X = np.zeros((3, nq * nf))
         X[:dim] = plus.X.reshape(dim, -1)
         self._X, self._depth = X, height - X[1]
+        #: Of the cut plane, mm; 1 in two dimensions.
+        self.width = float(plus.w.sum() / np.ptp(plus.X[1]))
+
+    def growth(self, before: dict, after: dict) -> float:
+        """How much longer the cut is ``after`` than ``before``, mm: ∫ Δd dA over the plane's width."""
+        return float(self.faces.w.ravel() @ np.real(after["damage"] - before["damage"])) / self.width
 
     def part(self, columns):
         minus = None if self._minus is None else self._minus.some(columns)

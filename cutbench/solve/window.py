@@ -70,8 +70,6 @@ class Window:
         # other parts saved anything.
         self._flat = space.dim == 2
         self._tall = float(np.median(np.ptp(space.X[1, cut.nodes], axis=0)))
-        #: Of the cut plane, mm; 1 in two dimensions.
-        self._wide = float(cut.w.sum() / np.ptp(cut.X[1]))
         self._reach = max(REACH * thickness, ELEMENTS * self._tall)
         self._smoothed = max(NEAR * thickness, self._tall)
         self._place: int | None = None
@@ -191,7 +189,7 @@ class Window:
             return 0.0
         weights = self._cut.faces.w.ravel()
         opened = weights @ (np.exp(-np.maximum(before, 0) / scale) - np.exp(-np.maximum(now, 0) / scale))
-        return float(opened) / self._wide
+        return float(opened) / self._cut.width
 
     def _moved(self, u, last, damage, part: Part, advance: float) -> np.ndarray:
         """``u``, which goes on from ``last`` on a straight line, but with the front ``advance`` mm lower.
