@@ -69,10 +69,31 @@ def test_nothing_is_foreseen_before_the_cut_is_an_element_long():
     assert past.guess(1.0, np.zeros(built.problem.ndof)) is None
 
 
+def test_a_long_step_is_foreseen_from_further_up():
+    """The cut grows by an element a millimetre: only two elements up there is room for 1.5 mm."""
+    built = build(COARSE)
+    past, y = built.march.past, built.space.X[1]
+    field = np.column_stack([0 * y, y]).ravel()
+    damage = np.ones(built.form("cohesion").faces.w.size) * past.fall / COARSE.p.height
+    for travel in range(6):
+        past.add(float(travel), travel * field, travel * damage)
+    assert [len(list(past.guesses(size, field))) for size in (0.5, 1.5, 2.5, 3.5)] == [3, 2, 1, 0]
+    first = next(past.guesses(1.5, 5 * field)) - 5 * field
+    inside = y + 3 * past.fall < COARSE.p.height
+    np.testing.assert_allclose(first[1::2][inside], 1.5 * (y + 2 * past.fall)[inside], rtol=1e-6)
+    # Where the blade has rested, what it came to counts; and the way back is another one.
+    past.add(5.0, 7 * field, 5 * damage)
+    assert past.travel == [2.0, 3.0, 4.0, 5.0]
+    np.testing.assert_array_equal(past._at(5.0), 7 * field)
+    past.add(4.5, field, 5 * damage)
+    assert past.travel == [4.5]
+
+
 def test_it_takes_fewer_iterations_to_the_same_curve(runs):
     line, repeat = runs["line"], runs["repeat"]
     assert line.outcome.done and repeat.outcome.done
-    assert repeat.counts["factorization_calls"] < 0.8 * line.counts["factorization_calls"]
+    # A third less where nothing surges, less where steps are short for it.
+    assert repeat.counts["factorization_calls"] < 0.85 * line.counts["factorization_calls"]
     assert repeat.measures["onset_mm"] == pytest.approx(line.measures["onset_mm"], rel=1e-6)
     means = [np.mean(r.force_N[r.displacement_mm > STEADY_MM]) for r in (line, repeat)]
     assert means[1] == pytest.approx(means[0], rel=0.05)

@@ -11,6 +11,7 @@ from coarse_runs import BRIEF, PRESSED, force_at
 from form_checks import HEIGHT, P, blade, blade_case, bulk_form, displacement, space_of, spaces, step_between
 
 from cutbench.build import build
+from cutbench.forms.base import Step
 from cutbench.forms.cut import CutForm
 from cutbench.forms.damping import DampingForm
 from cutbench.forms.mixed import MixedVolumetric
@@ -147,6 +148,38 @@ def test_a_state_that_moves_with_the_front_is_foreseen(at_rest):
     np.testing.assert_allclose(found[inner], then[inner], atol=1e-6)
     np.testing.assert_array_equal(found[~moving], straight[~moving])
     assert np.abs(straight - then)[inner].max() > 1e-4
+
+
+def test_nodes_beside_the_blade_keep_their_distance(at_rest):
+    """A prediction that lets the flanks go keeps them, but for the part around the front."""
+    built, states = at_rest
+    problem, space, form = built.problem, built.space, built.form("blade")
+    march = built.march
+    rng = np.random.default_rng(2)
+    part = march.window._around(states)
+    touching = states | {"blade": states["blade"] | {"active": np.ones_like(states["blade"]["active"])}}
+    last = np.zeros(problem.ndof)
+    # The blade stands 3 mm deep in material that lies along it to a micrometre.
+    centre = march._centre(3.0)
+    step = Step(1.0, last, centre - [0, 0.05, 0], centre)
+    before = Step(1.0, last, centre, centre)
+    for _ in range(30):
+        gap, normal, nodes = form.gap_of_nodes(space.X, last, touching["blade"], problem.p, before)
+        pressed = gap < 0.001
+        for i in range(2):
+            last[nodes[pressed] * 2 + i] -= ((gap - 0.001) * normal[i])[pressed]
+    guess = last + 1e-3 * rng.normal(size=last.size)
+    found = march.window._beside(guess, last, touching, step, part)
+    was, now, loose = (
+        form.gap_of_nodes(space.X, u, touching["blade"], problem.p, at)[0]
+        for u, at in ((last, before), (found, step), (guess, step))
+    )
+    nodes = form.gap_of_nodes(space.X, last, touching["blade"], problem.p, before)[2]
+    held = problem.is_free[2 * nodes] & problem.is_free[2 * nodes + 1]
+    held &= ~part.problem.is_free[2 * nodes] & (was < window.TOUCH)
+    assert held.sum() > 3
+    assert np.abs(now - was)[held].max() < 0.1 * np.abs(loose - was)[held].max()
+    np.testing.assert_array_equal(found[part.problem.free], guess[part.problem.free])
 
 
 def test_a_window_that_is_nearly_solved_will_do(monkeypatch):

@@ -5,6 +5,8 @@ On a symmetry plane only one side is meshed: ⟦u⟧ = 2 u_n and half of the wor
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from cutbench.forms.base import Form, Local, add_states, blend, component_major, gather
@@ -53,8 +55,11 @@ class CutForm(Form):
         X = np.zeros((3, nq * nf))
         X[:dim] = plus.X.reshape(dim, -1)
         self._X, self._depth = X, height - X[1]
-        #: Of the cut plane, mm; 1 in two dimensions.
-        self.width = float(plus.w.sum() / np.ptp(plus.X[1]))
+
+    @cached_property
+    def width(self) -> float:
+        """Of the cut plane, mm; 1 in two dimensions."""
+        return float(self.faces.w.sum() / np.ptp(self.faces.X[1]))
 
     def growth(self, before: dict, after: dict) -> float:
         """How much longer the cut is ``after`` than ``before``, mm: ∫ Δd dA over the plane's width."""

@@ -1,0 +1,51 @@
+"""How long the next step is: what is refused, and what the next one is made for."""
+
+import numpy as np
+import pytest
+from coarse_runs import BRIEF
+
+from cutbench.build import build
+from cutbench.solve.newton import NoConvergence
+from cutbench.solve.pace import Leaky, Pace, StepRules
+
+
+def test_where_errors_add_up_their_mean_counts():
+    """A step may leave twice as much open as steps are to on average, but never more than any step may."""
+    pace = Pace(StepRules(defect=0.04), None, 0.05)
+    drifting, allowed = pace.allowed(True), pace.allowed(False)
+    assert (drifting, allowed) == (0.01, 0.04)
+    pace.check(0.1, 0.019, drifting)
+    pace.check(0.1, 0.039, allowed)
+    for defect, limit in ((0.021, drifting), (0.041, allowed)):
+        with pytest.raises(Leaky):
+            pace.check(0.1, defect, limit)
+
+
+def test_the_next_step_is_shorter_where_the_cut_hastens():
+    sizes = []
+    for growth in (0.3, 0.9):
+        pace = Pace(StepRules(largest=1.0, damage=0.5), None, 0.02, easy=3)
+        pace.taken(2, growth, 0.0, 0.05)
+        sizes.append(pace.size)
+    assert sizes[0] > 0.02 > sizes[1]
+
+
+def test_haste_is_the_cut_over_the_travel():
+    """Damage that grows by 0.1 on a plane of 21 mm is a cut longer by 2.1 mm."""
+    march = build(BRIEF).march
+    cut = next(form for form in march.problem.forms if form.name == "cohesion")
+    whole = np.ones(cut.faces.w.size)
+    states = [{"cohesion": {"damage": d * whole}} for d in (0.2, 0.3)]
+    assert cut.growth(*(each["cohesion"] for each in states)) == pytest.approx(2.1)
+    assert march._haste(*states, 2.1 / 1.5) == pytest.approx(1.5)
+    assert march._haste(*states, 0.01) == march.rules.haste == 3
+    assert march._haste(*states, 10.0) == march._haste(*states, 0.0) == 1
+
+
+def test_the_papers_steps_and_blocks_do_without():
+    assert build(BRIEF.set(stepping="paper")).march.rules.haste == 1
+
+
+def test_a_refused_step_says_why():
+    with pytest.raises(NoConvergence, match=r"damage grew by 1\.10"):
+        Pace(StepRules(damage=0.5), None, 0.05).check(1.1, 0.0, 0.05)
