@@ -82,7 +82,7 @@ def test_tractions_on_the_faces_add_up_to_the_force(case):
     result = run_case(case, snapshots_mm=(case.p.depth,))
     picture, p = result.snapshots[-1], case.p
     built = build(case)
-    total = np.zeros(2)
+    total, sheared = np.zeros(2), False
     (form,) = built.blades
     for name, part in form.faces.parts.items():
         face = picture.faces[name]
@@ -96,5 +96,7 @@ def test_tractions_on_the_faces_add_up_to_the_force(case):
         shear = face["tangential_traction_MPa"][:, :2].T
         right = face["x"][:, 0] >= 0
         assert np.abs((shear * normal).sum(axis=0)[right]).max() < 1e-9
-        assert shear.any()
+        # What has just met the blade has none: strengths are those of the last pressure.
+        sheared |= bool(shear.any())
+    assert sheared
     assert total[1] * 2 * p.length == pytest.approx(result.force_N[-1], rel=1e-9)

@@ -96,7 +96,7 @@ def test_errors_of_the_ledger_do_not_add_up(monkeypatch):
     # A run whose steps leave enough open to be held.
     case = COARSE.set(
         element="P1",
-        h="0.8 mm",
+        h="1 mm",
         depth="6 mm",
         energy_step=0.1,
         cohesion=8.0,
@@ -109,7 +109,7 @@ def test_errors_of_the_ledger_do_not_add_up(monkeypatch):
     monkeypatch.setattr(pace, "DRIFT", 1.0)
     free = run_case(case)
     most = [np.abs(run.curve["closure"]).max() for run in (held, free)]
-    assert most[0] < 1.2 * allowed < most[1]
+    assert most[0] < 1.3 * allowed and most[1] > 2 * allowed
 
 
 def test_a_march_does_not_crawl(monkeypatch):
