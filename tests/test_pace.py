@@ -31,15 +31,19 @@ def test_the_next_step_is_shorter_where_the_cut_hastens():
 
 
 def test_haste_is_the_cut_over_the_travel():
-    """Damage that grows by 0.1 on a plane of 21 mm is a cut longer by 2.1 mm."""
+    """Over its last element: within one it runs and waits."""
     march = build(BRIEF).march
+    past, none = march.past, np.zeros(march.problem.ndof)
     cut = next(form for form in march.problem.forms if form.name == "cohesion")
-    whole = np.ones(cut.faces.w.size)
-    states = [{"cohesion": {"damage": d * whole}} for d in (0.2, 0.3)]
-    assert cut.growth(*(each["cohesion"] for each in states)) == pytest.approx(2.1)
-    assert march._haste(*states, 2.1 / 1.5) == pytest.approx(1.5)
-    assert march._haste(*states, 0.01) == march.rules.haste == 3
-    assert march._haste(*states, 10.0) == march._haste(*states, 0.0) == 1
+    assert march._haste() == 1
+    for travel, length in ((0.0, 0.0), (1.0, 0.1), (1.4, 0.9), (1.5, 1.5), (2.0, 2.1)):
+        damage = np.full(cut.faces.w.size, length * past.fall / BRIEF.p.height)
+        past.add(travel * 1.6 * past.fall, none, damage)
+    # From 1.1 elements, at 1.4 + 0.1/3, to 2.1 at 2.
+    assert past.speed() == pytest.approx(1 / (1.6 * (0.6 - 0.1 / 3)))
+    assert march._haste() == pytest.approx(past.speed())
+    past.add(2.01 * 1.6 * past.fall, none, 9 * damage)
+    assert march._haste() == march.rules.haste == 3
 
 
 def test_the_papers_steps_and_blocks_do_without():

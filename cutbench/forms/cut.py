@@ -61,10 +61,6 @@ class CutForm(Form):
         """Of the cut plane, mm; 1 in two dimensions."""
         return float(self.faces.w.sum() / np.ptp(self.faces.X[1]))
 
-    def growth(self, before: dict, after: dict) -> float:
-        """How much longer the cut is ``after`` than ``before``, mm: ∫ Δd dA over the plane's width."""
-        return float(self.faces.w.ravel() @ np.real(after["damage"] - before["damage"])) / self.width
-
     def part(self, columns):
         minus = None if self._minus is None else self._minus.some(columns)
         return CutForm(self.laws, self.faces.some(columns), self._height, minus, self.skins, self.closing)

@@ -191,7 +191,7 @@ class March:
                     self.stopped = error.reason
                     return
                 continue
-            before, states = states, found.result.states
+            states = found.result.states
             if pace.settles:
                 # Another mesh, the same way: what the last step did goes on.
                 u_before = None if u_before is None else u_before + found.u - u
@@ -208,7 +208,7 @@ class March:
                 ahead, way, step.dt, u, states, force, reaction, found.work, sum(effort), step, found.solves,
                 between=pace.between,
             )  # fmt: skip
-            pace.taken(max(effort), growth * self._haste(before, states, size), defect, allowed)
+            pace.taken(max(effort), growth * self._haste(), defect, allowed)
             if motion.turns(way):
                 u_before, pace.size = None, min(pace.size, rules.first)
             if self.between_steps is not None or self.leaves is not None:
@@ -223,13 +223,11 @@ class March:
                 if self.between_steps is not None:
                     self.between_steps(now)
 
-    def _haste(self, before: dict, states: dict, size: float) -> float:
-        """How many times faster than the blade the cut grew in a step of ``size`` mm, within the rules."""
-        if self.rules.haste == 1 or size == 0 or "cohesion" not in states:
+    def _haste(self) -> float:
+        """How many times faster than the blade the cut grows, within the rules."""
+        if self.past is None:
             return 1.0
-        cut = next(form for form in self.problem.forms if form.name == "cohesion")
-        grown = cut.growth(before["cohesion"], states["cohesion"])
-        return float(np.clip(grown / size, 1.0, self.rules.haste))
+        return min(max(1.0, self.past.speed()), self.rules.haste)
 
     def _improved(self, straight, known, last, states, step, desperate) -> np.ndarray | None:
         """A better prediction than ``straight``: what is ``known``, or what the front's own solution says."""
