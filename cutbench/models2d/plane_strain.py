@@ -6,7 +6,7 @@ import numpy as np
 import skfem
 
 from cutbench.errors import BadInput
-from cutbench.grading import AT_SURGE, SURGE, UNDER_TIP, chosen
+from cutbench.grading import AT_SURGE, RIM, SURGE, UNDER_TIP, chosen
 from cutbench.models2d.section import REACH, half_block
 from cutbench.models2d.usermesh import read_mesh
 from cutbench.solve.geometry import Geometry
@@ -43,6 +43,7 @@ def geometry(values, numerics, fine: tuple[float, float] = (0.0, np.inf), kept=N
         reach=REACH * values["thickness"] / 2,
         shallow=chosen(numerics.shallow, h, values["thickness"], AT_SURGE),
         surge=SURGE * values["thickness"],
+        rim=RIM * values["thickness"],
         fine=fine,
         kept=kept,
     )

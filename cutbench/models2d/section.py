@@ -30,6 +30,7 @@ def half_block(
     reach: float = 0.3,
     shallow: float = 1.0,
     surge: float = 1.0,
+    rim: float = 0.0,
     grading: float = GRADING,
     fine: tuple[float, float] = (0.0, np.inf),
     kept: np.ndarray | None = None,
@@ -39,7 +40,8 @@ def half_block(
     Element edges on the cut plane are the largest H/(n 2^k) not above ``h``. Where the cut surges, down to
     ``surge``, they are ``shallow`` times as tall, and grow with depth from there. Under the blade, from
     where the top face meets the cut plane down to ``reach``, they shrink to ``corner``: there the tip indents
-    before anything is cut, and the cut begins.
+    before anything is cut, and the cut begins. On the top they are as small as where the cut surges, out to
+    ``rim``.
     All this between the two depths ``fine``, and at the places ``kept`` (2, n); elsewhere they grow with the
     distance from there.
     Across the cut plane they are ``slender`` times smaller, growing to the same size over ``reach``.
@@ -69,8 +71,8 @@ def half_block(
         if kept is not None:
             outside = np.minimum(outside, _away(corners, kept_at))
         most = wanted(
-            nearest, deep, h, corner=corner, reach=reach, shallow=shallow, surge=surge, grading=grading,
-            outside=outside,
+            nearest, deep, h, corner=corner, reach=reach, shallow=shallow, surge=surge, rim=rim,
+            grading=grading, outside=outside,
         )  # fmt: skip
         marked = np.flatnonzero(size > 1.5 * most)
         if marked.size == 0:

@@ -6,7 +6,7 @@ import numpy as np
 import skfem
 
 from cutbench.errors import BadInput
-from cutbench.grading import AT_SURGE, SURGE, UNDER_TIP, chosen
+from cutbench.grading import AT_SURGE, RIM, SURGE, UNDER_TIP, chosen
 from cutbench.models3d.mesh import length_along, mirrored, quarter
 from cutbench.models3d.usermesh import read_mesh
 from cutbench.solve.geometry import Geometry
@@ -41,6 +41,7 @@ def geometry(values, numerics) -> Geometry:
         slender=numerics.slender,
         shallow=chosen(numerics.shallow, h, values["thickness"], AT_SURGE),
         surge=SURGE * values["thickness"],
+        rim=RIM * values["thickness"],
     )
     return block(mesh, part)
 

@@ -42,6 +42,7 @@ def quarter(
     reach: float = REACH,
     shallow: float = 1.0,
     surge: float = 1.0,
+    rim: float = 0.0,
     grading: float = GRADING,
 ) -> skfem.MeshTet:
     """The part 0 ≤ x ≤ width/2, 0 ≤ z ≤ length/2 of a block, without names, all lengths in mm.
@@ -49,9 +50,9 @@ def quarter(
     On the cut plane edges across the blade are the largest H/(n 2^k) not above ``h``; along the blade they
     are ``h_z`` (``length_along``) at the most. Away from it they grow by ``grading`` times the distance.
     Where the cut surges, down to ``surge``, they are ``shallow`` times as large, and grow with depth from
-    there; under the blade, where the top face meets the cut plane, they shrink to ``corner``, and by as much
-    along the blade. Across the cut plane they are ``slender`` times smaller, growing to the same size over
-    ``reach``.
+    there, and on the top out to ``rim``; under the blade, where the top face meets the cut plane, they shrink
+    to ``corner``, and by as much along the blade. Across the cut plane they are ``slender`` times smaller,
+    growing to the same size over ``reach``.
     """
 
     def across(xi):
@@ -75,7 +76,9 @@ def quarter(
             corners = brick * mesh.p[:, mesh.t]
             size = np.ptp(corners, axis=1).max(axis=0)
             nearest, deep = corners[0].min(axis=0), height - corners[1].max(axis=0)
-            most = wanted(nearest, deep, h, corner=corner, shallow=shallow, surge=surge, grading=grading)
+            most = wanted(
+                nearest, deep, h, corner=corner, shallow=shallow, surge=surge, rim=rim, grading=grading
+            )
             marked = np.flatnonzero(size > most * (1 + 1e-6))
             if marked.size == 0:
                 break

@@ -31,7 +31,7 @@ class NewtonSettings:
     tolerance: float = 1e-8
     #: Accepted where rounding keeps the residual from falling further.
     stagnant: float = 1e-7
-    iterations: int = 30
+    iterations: int = 60
     #: Largest change of a displacement in one iteration, and the one beyond which the tangent is
     #: regularised, at most with ``largest_shift`` times G.
     reach: float = 0.3
@@ -48,7 +48,7 @@ class NewtonSettings:
     cuts: int = 6
     slack: float = 0.8
     #: Iterations before a residual that does not fall counts as cycling.
-    patience: int = 6
+    patience: int = 20
     #: A Newton step that leaves less than ``close`` of the residual is followed by steps with its
     #: factorization, as long as each leaves less than ``chord``.
     close: float = 0.1
