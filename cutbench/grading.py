@@ -8,9 +8,10 @@ import numpy as np
 GRADING = 0.7
 #: The cut surges this many blade thicknesses down, in each of the paper's materials.
 SURGE = 3.0
-#: So far from the cut plane, in blade thicknesses, the top is as fine as that: it goes over the tip and then
-#: folds in beside the blade.
+#: So far from the cut plane, in blade thicknesses, the top is finer still, by this: it goes over the tip and
+#: then folds in beside the blade.
 RIM = 4 / 7
+ON_RIM = 0.8
 #: Where no size is chosen, it is this part of h under the tip, but not below this part of the blade's
 #: thickness: 8 µm for 0.7 mm. And the same where the cut surges.
 UNDER_TIP = (1 / 16, 1 / 89.6)
@@ -38,16 +39,16 @@ def wanted(
     """Size of the elements that are ``nearest`` to the cut plane and ``deep`` below the top, all lengths.
 
     On the cut plane ``h`` times ``shallow`` down to ``surge``, from there in proportion to the depth, ``h``
-    at the most; on the top ``h`` times ``shallow``, out to ``rim`` and a quarter of that down; and ``corner``
-    under the blade, down to ``reach``. Away from each it grows by ``grading`` times the distance; so it does
-    where they are that far ``outside`` of what is to be fine, above or below.
+    at the most; and ``corner`` under the blade, down to ``reach``. Away from each it grows by ``grading``
+    times the distance; so it does where they are that far ``outside`` of what is to be fine, above or below.
+    And in any case 0.8 times ``h`` times ``shallow`` on the top, out to ``rim`` and a quarter of that down.
     """
-    beside = np.hypot(np.hypot(np.maximum(nearest - rim, 0), np.maximum(deep - rim / 4, 0)), outside)
+    beside = np.hypot(np.maximum(nearest - rim, 0), np.maximum(deep - rim / 4, 0))
     nearest = np.hypot(nearest, outside)
     own = h * np.clip(shallow * deep / surge, shallow, 1.0)
     size = own + grading * np.maximum(nearest - own, 0)
     if rim > 0:
-        size = np.minimum(size, h * shallow + grading * beside)
+        size = np.minimum(size, ON_RIM * h * shallow + grading * beside)
     if corner is None:
         return size
     away = np.hypot(nearest, np.maximum(deep - reach, 0))

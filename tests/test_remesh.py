@@ -99,6 +99,15 @@ def test_a_state_on_the_same_mesh_is_itself(case):
         assert np.mean(np.abs(carried["blade"][name] - was) > 1e-6 * max(np.abs(was).max(), 1)) < 0.05
 
 
+def test_a_blade_without_friction_is_carried(case):
+    """Its laws' shares of the shear are those of none."""
+    alone = case.set(without=["adhesion", "coulomb"], depth="1.4 mm")
+    meshes = Following(alone)
+    *_, last = meshes
+    assert meshes.place > 0
+    assert last.states["blade"]["shares"].shape[0] == 0
+
+
 def test_internal_variables_are_carried_on_straight_lines():
     case = load_case("gelatin").set(
         with_="maxwell", g_1=0.5, tau_1="1 s", h="0.5 mm", shallow=1, corner=1, depth="1 mm"

@@ -97,7 +97,8 @@ class BladeForm(Form):
     def carried(self, other, state, p):
         shape, new = self.faces.w.shape, {}
         for name, value in state.items():
-            found = self.faces.from_others(other.faces, value.reshape(*value.shape[:-2], -1))
+            points = value.reshape(*value.shape[:-2], other.faces.size.size * other.faces.w.shape[0])
+            found = self.faces.from_others(other.faces, points)
             new[name] = found.reshape(*value.shape[:-2], *shape)
         for name in new.keys() & {"touched", "active"}:
             new[name] = np.round(new[name])

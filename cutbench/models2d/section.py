@@ -40,8 +40,8 @@ def half_block(
     Element edges on the cut plane are the largest H/(n 2^k) not above ``h``. Where the cut surges, down to
     ``surge``, they are ``shallow`` times as tall, and grow with depth from there. Under the blade, from
     where the top face meets the cut plane down to ``reach``, they shrink to ``corner``: there the tip indents
-    before anything is cut, and the cut begins. On the top they are as small as where the cut surges, out to
-    ``rim``.
+    before anything is cut, and the cut begins. On the top they are smaller than where the cut surges, out to
+    ``rim``, until the front has left, and as long as something is kept there.
     All this between the two depths ``fine``, and at the places ``kept`` (2, n); elsewhere they grow with the
     distance from there.
     Across the cut plane they are ``slender`` times smaller, growing to the same size over ``reach``.
@@ -53,6 +53,9 @@ def half_block(
     if kept is not None:
         line = np.linspace(0, width / 2 + reach, 4000)
         kept_at = np.stack([np.interp(kept[0], across(line), line), kept[1]])
+        folded = ((kept_at[0] < rim) & (kept_at[1] > height - rim / 4)).any()
+        # Of a fold it is all or nothing: on elements of many sizes it rolls in jumps.
+        rim = rim if folded or fine[0] <= 0 else 0.0
     half = brentq(lambda xi: across(xi) - width / 2, width / 2, width / 2 + reach)
     levels = max(0, int(np.floor(np.log2(min(half, height) / 4 / h))))
     coarse = h * 2**levels
