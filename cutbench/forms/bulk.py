@@ -10,8 +10,8 @@ from scipy.spatial import Delaunay, cKDTree
 
 from cutbench.forms.base import Form, Local, add_states, component_major, gather
 from cutbench.forms.space import Volume
-from cutbench.mechanisms.base import Points
-from cutbench.mechanisms.bulk._isotropic import Isotropic, Kinematics, tangent_blocks
+from cutbench.mechanisms.base import Bulk, Points
+from cutbench.mechanisms.bulk._isotropic import Isochoric, Isotropic, Kinematics, Volumetric, tangent_blocks
 
 
 class BulkForm(Form):
@@ -38,6 +38,7 @@ class BulkForm(Form):
         X = np.zeros((3, volume.w.size))
         X[:dim] = volume.X.reshape(dim, -1)
         self._X, self._depth = X, height - X[1]
+        self._known = None, {}  # the last energies, and what they are of
 
     def part(self, columns):
         return BulkForm(self.laws, self.volume.some(columns), self._height, self.skins)
@@ -172,14 +173,23 @@ class BulkForm(Form):
 
     def energies(self, u, p, state) -> dict[str, float]:
         """Work taken up so far by each law of whose F and state it is a function."""
-        F, at = self.deformation(u), self.points(None)
-        w = self.weights(p).ravel()
-        taken = {law.name: law.work(F, p, state, at) for law in self.laws}
+        k, at = Kinematics(self._in_plane(u)), self.points(None)
+        w, whole, taken = self.weights(p).ravel(), None, {}
+        for law in self.laws:
+            if _by_density(law):
+                taken[law.name] = law.density(k, p, at)
+            else:
+                whole = self._padded(k.F) if whole is None else whole
+                taken[law.name] = law.work(whole, p, state, at)
         return {name: float(w @ density) for name, density in taken.items() if density is not None}
 
     def work(self, u, p, old, new, step):
-        before = self.energies(step.u_old, p, old)
+        of, known = self._known
+        # A step begins where the last one ended.
+        same = of is not None and all(a is b for a, b in zip(of, (step.u_old, p, old), strict=True))
+        before = known if same else self.energies(step.u_old, p, old)
         after = self.energies(u, p, new)
+        self._known = (u, p, new), after
         out = {name: after[name] - before[name] for name in after}
         if rest := [law for law in self.laws if law.name not in out]:
             at, w = self.points(None), self.weights(p).ravel()
@@ -188,6 +198,12 @@ class BulkForm(Form):
                 mean = (law.stress(F_old, p, old, at)[0] + law.stress(F, p, new, at)[0]) / 2
                 out[law.name] = float(w @ (mean * (F - F_old)).sum(axis=(0, 1)))
         return out
+
+
+def _by_density(law) -> bool:
+    """Whether the energy of a law is that of its family, and all the work that it takes up."""
+    own = getattr(type(law), "energy", None) in (Isochoric.energy, Volumetric.energy)
+    return own and law.conservative and type(law).work is Bulk.work
 
 
 def _by_factors(law) -> bool:

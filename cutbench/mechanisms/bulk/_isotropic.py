@@ -139,7 +139,10 @@ class Isochoric(Isotropic):
         raise NotImplementedError(self.name)
 
     def energy(self, F, p, state, at):
-        return self.W(Kinematics(F).I1, p, at)
+        return self.density(Kinematics(F), p, at)
+
+    def density(self, k, p, at):
+        return self.W(k.I1, p, at)
 
     def stress_factors(self, k, p, at):
         s = 2 * self.dW_dI1(k.I1, p, at) * k.j
@@ -164,7 +167,10 @@ class Volumetric(Isotropic):
         raise NotImplementedError(self.name)
 
     def energy(self, F, p, state, at):
-        return self.U(det(F), p)
+        return self.density(Kinematics(F), p, at)
+
+    def density(self, k, p, at):
+        return self.U(k.J, p)
 
     def stress_factors(self, k, p, at):
         return 0.0, self.dU_dJ(k.J, p)
