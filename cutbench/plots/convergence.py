@@ -13,7 +13,7 @@ from cutbench.plots.style import DOUBLE_MM, GREY, LINE_COLOURS, style
 if TYPE_CHECKING:
     from cutbench.convergence import Row
 
-#: Beyond this a mark sits at the edge as an arrow, %.
+#: Beyond this, at the most, a mark sits at the edge as an arrow, %.
 EDGE = 30.0
 _TITLES = {
     "onset_mm": ("onset", "o"),
@@ -28,6 +28,10 @@ def plot_convergence(rows: Sequence[Row], tolerance: float = 3.0) -> Figure:
     """Relative changes in per cent, refinements above other choices; the band is the tolerance."""
     materials = list(dict.fromkeys(row.material for row in rows))
     changed = [row for row in rows if row.change]
+    largest = max(
+        (100 * abs(v) for row in changed for v in row.moved.values() if not math.isnan(v)), default=0
+    )
+    edge = min(EDGE, max(2 * tolerance, 1.1 * largest))
     names = list(dict.fromkeys(r.change for r in sorted(changed, key=lambda r: not r.refinement)))
     with style():
         figure = Figure(figsize=(DOUBLE_MM / 25.4, (24 + 5.2 * len(names)) / 25.4), layout="constrained")
@@ -42,16 +46,16 @@ def plot_convergence(rows: Sequence[Row], tolerance: float = 3.0) -> Figure:
                     for row in changed
                     if row.material == material and not math.isnan(row.moved[key])
                 ]
-                inside = [p for p in points if abs(p[0]) <= EDGE]
+                inside = [p for p in points if abs(p[0]) <= edge]
                 ax.plot(
                     [p[0] for p in inside], [p[1] for p in inside], marker, color=colours[k],
                     mfc="white" if k % 2 else colours[k], ms=3.6, mew=0.9, ls="", label=title,
                 )  # fmt: skip
                 for side, marker_out in ((1, ">"), (-1, "<")):
-                    beyond = [p[1] for p in points if side * p[0] > EDGE]
-                    ax.plot([side * EDGE] * len(beyond), beyond, marker_out, color=colours[k], ms=4, ls="")
+                    beyond = [p[1] for p in points if side * p[0] > edge]
+                    ax.plot([side * edge] * len(beyond), beyond, marker_out, color=colours[k], ms=4, ls="")
             ax.set_title(material)
-            ax.set_xlim(-1.08 * EDGE, 1.08 * EDGE)
+            ax.set_xlim(-1.08 * edge, 1.08 * edge)
             ax.set_xlabel("change of the measure (%)")
         axes[0].set_yticks(range(len(names)), names)
         axes[0].set_ylim(len(names) - 0.5, -0.5)
