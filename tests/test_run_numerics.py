@@ -109,7 +109,9 @@ def test_errors_of_the_ledger_do_not_add_up(monkeypatch):
     monkeypatch.setattr(pace, "DRIFT", 1.0)
     free = run_case(case)
     most = [np.abs(run.curve["closure"]).max() for run in (held, free)]
-    assert most[0] < 1.25 * allowed and most[1] > 1.5 * allowed
+    # What one step leaves open before that much is, it may; two in a row it may not.
+    assert most[1] > 1.5 * allowed, "nothing to hold"
+    assert most[0] < 0.6 * most[1]
 
 
 def test_a_march_does_not_crawl(monkeypatch):
