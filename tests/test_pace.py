@@ -1,5 +1,7 @@
 """How long the next step is: what is refused, and what the next one is made for."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from coarse_runs import BRIEF
@@ -53,3 +55,16 @@ def test_the_papers_steps_and_blocks_do_without():
 def test_a_refused_step_says_why():
     with pytest.raises(NoConvergence, match=r"damage grew by 1\.10"):
         Pace(StepRules(damage=0.5), None, 0.05).check(1.1, 0.0, 0.05)
+
+
+def test_refused_steps_come_to_an_end_before_the_end_of_the_way():
+    """The rest of the way may be shorter than the shortest step of a crawl: damping is raised all the same."""
+    damping = SimpleNamespace(boost=1.0)
+    pace, room, tried = Pace(StepRules(), damping, 0.05), 0.0036, []
+    for _ in range(200):
+        pace.size = min(pace.size, room)
+        tried.append(damping.boost)
+        if not pace.shorten(Leaky("the energy of the step closes only to 9%"), True):
+            break
+    assert len(tried) < 100
+    assert tried[-1] == 1e7

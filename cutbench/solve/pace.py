@@ -162,7 +162,8 @@ class Pace:
             self.size = max(self.size * (rules.tenth if snaps else rules.shrink), rules.smallest)
         elif self.damping is None:
             return False
-        elif not self.rests and crawls and self.size < rules.finest:
+        elif not self.rests and crawls and self.size < rules.finest and self.boost == 1:
+            # Once: near the end of its way a step stays as short, and only damping is left to try.
             self.size, self.damping.boost = rules.finest, 10.0
         elif self.boost < LARGEST_BOOST:
             self.damping.boost = max(10.0, self.boost * 10)
