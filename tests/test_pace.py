@@ -58,9 +58,9 @@ def test_a_refused_step_says_why():
 
 
 def test_refused_steps_come_to_an_end_before_the_end_of_the_way():
-    """The rest of the way may be shorter than the shortest step of a crawl: damping is raised all the same."""
+    """After a crawl, whose steps are not shortened: the rest of the way may be shorter than they are."""
     damping = SimpleNamespace(boost=1.0)
-    pace, room, tried = Pace(StepRules(), damping, 0.05), 0.0036, []
+    pace, room, tried = Pace(StepRules(), damping, 0.05, refused=50), 0.0036, []
     for _ in range(200):
         pace.size = min(pace.size, room)
         tried.append(damping.boost)
