@@ -13,6 +13,7 @@ from coarse_runs import (
 
 from cutbench.build import build
 from cutbench.mechanisms.bulk._isotropic import det
+from cutbench.plots.section import _Half
 from cutbench.run import run_case
 
 
@@ -100,3 +101,12 @@ def test_tractions_on_the_faces_add_up_to_the_force(case):
         sheared |= bool(shear.any())
     assert sheared
     assert total[1] * 2 * p.length == pytest.approx(result.force_N[-1], rel=1e-9)
+
+
+def test_colours_end_by_area_not_by_nodes(cutting):
+    """Stress at the many nodes of the tip stands for little of the section."""
+    half = _Half(cutting.snapshots[-1])
+    a, b, c = (half.x[half.triangles[:, k]] for k in range(3))
+    area = np.abs(np.linalg.det(np.stack([b - a, c - a], axis=2))) / 2
+    above = half.stress_kPa[half.triangles].mean(axis=1) > half.top_kPa
+    assert 0 < area[above].sum() < 0.002 * area.sum()

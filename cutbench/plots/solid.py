@@ -16,7 +16,6 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import TriAnalyzer, Triangulation
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from cutbench.plots.section import TOP_PERCENTILE
 from cutbench.plots.style import (
     COLOURS,
     DOUBLE_MM,
@@ -33,6 +32,8 @@ from cutbench.plots.style import (
 if TYPE_CHECKING:
     from cutbench.result import Result, Snapshot
 
+#: Colours end at this percentile of the nodes' stress; the few nodes at the tip would flatten the rest.
+TOP_PERCENTILE = 99.5
 #: The front is where half of the cohesion is lost.
 FRONT_DAMAGE = 0.5
 
