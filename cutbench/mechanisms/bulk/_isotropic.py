@@ -142,6 +142,7 @@ class Isochoric(Isotropic):
         return self.density(Kinematics(F), p, at)
 
     def density(self, k, p, at):
+        """``energy`` from the kinematics ``k``, in the plane as well."""
         return self.W(k.I1, p, at)
 
     def stress_factors(self, k, p, at):
@@ -170,6 +171,7 @@ class Volumetric(Isotropic):
         return self.density(Kinematics(F), p, at)
 
     def density(self, k, p, at):
+        """``energy`` from the kinematics ``k``, in the plane as well."""
         return self.U(k.J, p)
 
     def stress_factors(self, k, p, at):
