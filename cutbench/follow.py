@@ -19,7 +19,7 @@ from cutbench.case import Case
 from cutbench.errors import BadInput
 from cutbench.numerics import Numerics
 from cutbench.quantities import ureg
-from cutbench.remesh import Following
+from cutbench.remesh import Following, follows
 from cutbench.result import Result
 from cutbench.run import Ledger, run_case
 from cutbench.solve.follow import RELEASE, Path, PathRules
@@ -182,7 +182,9 @@ def trace(
     It ends a blade thickness behind its first jump of more than ``ELEMENTS`` elements, at the case's depth,
     or where a cut without one is ``LONG`` thicknesses long.
     """
-    meshes = Following(replace(case, numerics=replace(case.numerics, around=0.0)))
+    # One mesh, with small elements as far down as a path goes.
+    around = LONG + BEHIND if follows(case) else 0.0
+    meshes = Following(replace(case, numerics=replace(case.numerics, around=around)))
     built = meshes.built
     march = built.march
     path = Path(built.problem, march.centre0, case.p.depth, march.bottom, rules or PathRules(), march.newton)

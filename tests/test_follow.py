@@ -306,3 +306,22 @@ def test_following_a_law_of_time_is_one_message(tmp_path):
     args = ["run2d", "gelatin", "--with", "maxwell", "--follow", "--out", str(tmp_path)]
     done = CliRunner().invoke(app, args)
     assert done.exit_code == 2 and "maxwell" in done.stderr and done.stderr.count("\n") == 1
+
+
+def test_a_path_has_small_elements_as_far_down_as_it_goes(monkeypatch):
+    """Not down all of the plane: it ends a few blade thicknesses down."""
+    meshes = []
+
+    class Seen(Exception):
+        pass
+
+    def path(problem, *rest):
+        meshes.append(problem.ndof)
+        raise Seen
+
+    monkeypatch.setattr("cutbench.follow.Path", path)
+    case = timeless(load_case("gelatin").set(h="0.125 mm", depth="5 mm"))
+    for around in (1.25, 0):
+        with pytest.raises(Seen):
+            trace(case.set(around=around))
+    assert meshes[0] < 0.8 * meshes[1]
