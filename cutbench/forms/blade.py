@@ -97,7 +97,8 @@ class BladeForm(Form):
     def carried(self, other, state, p):
         shape, new = self.faces.w.shape, {}
         for name, value in state.items():
-            points = value.reshape(*value.shape[:-2], other.faces.size.size * other.faces.w.shape[0])
+            # Not −1: without friction there are no shares.
+            points = value.reshape(*value.shape[:-2], other.faces.w.size)
             found = self.faces.from_others(other.faces, points)
             new[name] = found.reshape(*value.shape[:-2], *shape)
         for name in new.keys() & {"touched", "active"}:
