@@ -261,7 +261,7 @@ def make(number: int, effect: str, family: str, many: bool, seed: int) -> Hidden
     uneventful = tuple(readings(t, plain[t.id], same) for t in tests)
     # The fit starts elsewhere than the truth.
     off = {n: v * rng.uniform(0.8, 1.25) for n, v in start.values.items() if n in ("G", "G_c", "tau_W", "mu")}
-    begin = Case("start", start.dim, start.mechanisms, {**start.values, **off}, start.numerics)
+    begin = replace(start, name="start", values={**start.values, **off})
     kinds = [t.kind for t in tests]
     plan_ = FitPlan(free=("G", "G_c", "tau_W")) if family == "cut" else FitPlan()
     campaign = Campaign(f"case {number}", begin, experiments, all_candidates(begin.model, kinds), plan_)
@@ -306,7 +306,7 @@ def _with(true: Case, effect: str, tests, plain, wanted, rng) -> tuple[dict, dic
                 value = q.typical * q.factor * size * (sign if both else 1)
                 strong[name] = float(np.clip(value, low_, high_))
         values = {**shapes, **strong}
-        case = Case(true.name, true.dim, model.mechanisms, {**true.values, **new, **values}, true.numerics)
+        case = replace(true, mechanisms=model.mechanisms, values={**true.values, **new, **values})
         return {t.id: clean(case, t) for t in tests}, values
 
     def size_of(curves: dict) -> float:

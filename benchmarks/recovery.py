@@ -16,6 +16,7 @@ import argparse
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -46,7 +47,7 @@ def scattered(case: Case, spread: float, rng: np.random.Generator) -> Case:
     """The case with other values of the parameters that are looked for."""
     factors = np.exp(spread * rng.standard_normal(len(NAMES)))
     values = {**case.values, **{n: case.values[n] * f for n, f in zip(NAMES, factors, strict=True)}}
-    return Case(case.name, case.dim, case.mechanisms, values, case.numerics)
+    return replace(case, values=values)
 
 
 def recover(seed: int) -> dict:

@@ -204,7 +204,8 @@ def start_case(
             notes += ("'volumetric' added to the baseline: it has no law for volume change",)
     if material is not None:
         return load_case(material, {"mechanisms": model.mechanisms, **(parameters or {})}), notes
-    return Case(name, 2, model.mechanisms, resolve({}, dict(parameters or {}), model)), notes
+    values = resolve({}, dict(parameters or {}), model)
+    return Case(name=name, dim=2, mechanisms=model.mechanisms, values=values), notes
 
 
 def all_candidates(baseline: Model, kinds: Iterable[str]) -> tuple[str, ...]:

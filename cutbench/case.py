@@ -9,8 +9,8 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field
-from functools import cached_property
+from dataclasses import asdict, dataclass, field, fields, replace
+from functools import cached_property, partial
 from pathlib import Path
 from types import MappingProxyType, SimpleNamespace
 
@@ -40,7 +40,7 @@ SCHEMA = 1
 _TOP = ("material", "base", "mechanisms", *SECTIONS, "numerics")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Case:
     """A complete, checked description of one run; ``values`` are in internal units.
 
@@ -91,9 +91,8 @@ class Case:
         object.__setattr__(self, "motion", checked_motion(self.motion, full["depth"]))
 
     def __reduce__(self):
-        return Case, (
-            self.name, self.dim, self.mechanisms, dict(self.values), self.numerics, self.motion
-        )  # fmt: skip
+        given = {f.name: getattr(self, f.name) for f in fields(self)}
+        return partial(Case, **given | {"values": dict(self.values)}), ()  # a MappingProxyType has no pickle
 
     def __hash__(self) -> int:
         return hash(self.id)
@@ -150,8 +149,8 @@ class Case:
         time and travel of a blade that holds, returns or changes its speed), ``name``. Groups are solved
         after the parameters. Raises BadInput.
         """
-        draft = _Draft(self.name, self.model, self.values, self.numerics, self.dim, self.motion)
-        return draft.changed(changes).case(self.dim)
+        given = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "mechanisms"}
+        return _Draft(model=self.model, **given).changed(changes).case()
 
     def to_dict(self) -> dict:
         """Plain data with units, for JSON; ``from_dict`` gives the same case and id."""
@@ -179,15 +178,16 @@ class Case:
                 for key, entry in data["values"].items()
             }
             changes = {**written, **data["numerics"]}
-            draft = _Draft(data["name"], model, motion=read_motion(data.get("motion", ())))
-            return draft.changed(changes).case(data["dim"])
+            motion = read_motion(data.get("motion", ()))
+            draft = _Draft(name=data["name"], model=model, dim=data["dim"], motion=motion)
+            return draft.changed(changes).case()
         except (KeyError, TypeError, AttributeError) as error:
             raise BadInput(
                 key="case", value=str(error), expected="a case as Case.to_dict() writes it"
             ) from error
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Draft:
     """A case in the making: values may still be missing, and are not yet checked to fit."""
 
@@ -217,10 +217,11 @@ class _Draft:
         numerics = start.set({k: v for k, v in rest.items() if k in KEYS})
         if numerics.mesh is not None:
             _digest(numerics.mesh)  # a mesh that cannot be read is refused here, not in the middle of a run
-        return _Draft(name, model, values, numerics, self.dim, motion)
+        return replace(self, name=name, model=model, values=values, numerics=numerics, motion=motion)
 
-    def case(self, dim: int) -> Case:
-        return Case(self.name, dim, self.model.mechanisms, self.values, self.numerics, self.motion)
+    def case(self) -> Case:
+        given = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "model"}
+        return Case(mechanisms=self.model.mechanisms, **given)
 
 
 def load_case(
@@ -236,7 +237,7 @@ def load_case(
     draft = draft.changed(changes)
     written = {ALIASES.get(key, key) for key in changes}
     try:
-        return draft.case(dim)
+        return draft.case()
     except BadInput as error:
         if ALIASES.get(error.key, error.key) in written:
             raise
@@ -283,7 +284,7 @@ def _load(source: str | Path, seen: tuple[Path, ...], dim: int) -> tuple[_Draft,
                 )
             base = _load(origin, (*seen, here), dim)[0]
         listed = names("mechanisms", table["mechanisms"]) if "mechanisms" in table else None
-        start = base or _Draft(path.stem, Model(DEFAULT), numerics=defaults(dim), dim=dim)
+        start = base or _Draft(name=path.stem, model=Model(DEFAULT), numerics=defaults(dim), dim=dim)
         model = Model(listed) if listed else start.model
     changes: dict[str, object] = {}
     for section in (*SECTIONS, "numerics"):

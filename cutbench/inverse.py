@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -145,7 +146,7 @@ class Inverse:
                 if u.experiment is None or (experiment and u.experiment == experiment.id)
             ]
             values[name] = float(np.mean([u.value(x) for u, x in of or mine]))
-        return Case(case.name, case.dim, case.mechanisms, values, case.numerics)
+        return replace(case, values=values)
 
     def case(self, e: Experiment, q: np.ndarray) -> Case:
         base = self.base(q, e)

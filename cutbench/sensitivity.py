@@ -8,6 +8,7 @@ says what the mechanism would change first.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -59,7 +60,7 @@ def extended(case: Case, mechanisms: Sequence[str], values: Mapping[str, float] 
     for q in model.parameters().values():
         if q.name in new and q.off is None:
             new[q.name] = (values or {}).get(q.name, new[q.name])
-    return Case(case.name, case.dim, model.mechanisms, {**case.values, **new}, case.numerics)
+    return replace(case, mechanisms=model.mechanisms, values={**case.values, **new})
 
 
 def directions(built: Built, names: Sequence[str]) -> list[Direction]:

@@ -6,7 +6,7 @@ For finding out what a fit or a discovery is worth: the truth is known. Never to
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -50,7 +50,7 @@ def clean(truth: Case, test: Test) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Abscissa, ordinate and time (n,) of a test without noise. Raises ComputationFailed."""
     if test.kind == "cut":
         values = {**truth.values, **(test.sizes or {}), "depth": test.reach, "speed": test.speed}
-        case = Case(truth.name, truth.dim, truth.mechanisms, values, truth.numerics)
+        case = replace(truth, values=values, motion=())
         result = run_case(case)
         if not result.outcome.done:
             raise ComputationFailed(f"'{test.id}': {result.outcome}", result)

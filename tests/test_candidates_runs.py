@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from types import SimpleNamespace
@@ -39,7 +40,7 @@ def extended(base: Case, *names: str, on: bool) -> Case:
     model, new = base.model.extended(*names)
     if on:
         new = {k: q.typical * q.factor for k, q in model.parameters().items() if k in new}
-    return Case(base.name, base.dim, model.mechanisms, {**base.values, **new}, base.numerics)
+    return replace(base, mechanisms=model.mechanisms, values={**base.values, **new})
 
 
 @cache

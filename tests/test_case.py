@@ -62,7 +62,7 @@ def test_round_trip(G, speed, h):
 def test_id_sees_what_matters_and_nothing_else(gelatin):
     values = dict(reversed(gelatin.values.items()))
     mechanisms = tuple(reversed(gelatin.mechanisms))
-    same = Case("another name", 2, mechanisms, values, Numerics())
+    same = Case(name="another name", dim=2, mechanisms=mechanisms, values=values, numerics=Numerics())
     assert same.id == gelatin.id
     others = [
         gelatin.set(G="7.500001 kPa"),

@@ -25,7 +25,7 @@ RUBBER = "studies/rubber/treloar.toml"
 
 def moved(case: Case, **factors: float) -> Case:
     values = {**case.values, **{name: case.values[name] * f for name, f in factors.items()}}
-    return Case(case.name, case.dim, case.mechanisms, values, case.numerics)
+    return replace(case, values=values)
 
 
 def stretching(seed: int = 0, readings: int = 60, **options):

@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.discovery import SHOWN, left_over
 from benchmarks.hidden import make
-from cutbench.case import Case, load_case
+from cutbench.case import load_case
 from cutbench.discover.heldout import TESTS, Heldout
 from cutbench.discover.point import baseline
 from cutbench.experiment import Experiment
@@ -56,11 +56,11 @@ def test_a_compliance_needs_no_run_of_its_own(strength):
     }  # fmt: skip
     off = load_case("gelatin", small, dim=2)
     model, new = off.model.extended("machine_compliance")
-    off = Case(off.name, 2, model.mechanisms, {**off.values, **new}, off.numerics)
+    off = replace(off, mechanisms=model.mechanisms, values={**off.values, **new})
     x = np.linspace(0.1, 0.9, 17)
     e = Experiment("press", "cut", (Repetition(x, x, x / off.p.speed),), speed=off.p.speed)
     (task,) = [Task(e, off, e.on_grid(17))]
-    soft = Case(off.name, 2, off.mechanisms, {**off.values, "compliance": strength}, off.numerics)
+    soft = replace(off, values={**off.values, "compliance": strength})
     expected = predict(replace(task, case=soft)).y
     found = predict(task)
     assert recorded(task, found, compliance=strength) == pytest.approx(expected, rel=1e-12)

@@ -8,10 +8,14 @@ from cut_files import COARSE, campaign_of, write_readings
 
 from cutbench.case import Case, load_case
 from cutbench.checkpoint import Checkpoint
-from cutbench.errors import BadInput
+from cutbench.discover.candidates import candidates
+from cutbench.discover.columns import sense
+from cutbench.errors import BadInput, ComputationFailed
 from cutbench.fit import fit
+from cutbench.inverse import Inverse, unknowns
 from cutbench.motion import Motion, read_motion, simplified
 from cutbench.run import run_case
+from cutbench.sensitivity import extended
 
 SPEED = 0.02  # mm/s
 CASE = load_case(
@@ -164,6 +168,36 @@ def test_a_hold_goes_on_from_a_checkpoint(tmp_path, held):
     assert first.outcome.kind == "interrupted"
     again = run_case(case, checkpoint=Checkpoint(file, case.id))
     np.testing.assert_allclose(again.force_N, held.force_N, rtol=1e-5, atol=1e-8)
+
+
+def test_a_candidate_is_looked_at_in_the_run_that_was_held():
+    case = extended(CASE.set(motion=THERE, without="maxwell"), ["maxwell", "gent"])
+    assert case.motion == THERE and {"maxwell", "gent"} <= {*case.mechanisms}
+    with pytest.raises(TypeError):  # in the order of its fields one was forgotten
+        Case("held", 2, case.mechanisms, case.values, case.numerics)
+
+
+def test_discovery_computes_what_was_measured(tmp_path):
+    t = np.linspace(1.0, 140.0, 40)
+    d = np.interp(t, *zip(*THERE, strict=True))
+    write_readings(tmp_path / "held.csv", "t [s],u [mm],F [N]", (t, d, t / 99), (4, 5, 6))
+    campaign = campaign_of(
+        tmp_path, "held", CASE, parameters='G = "9 kPa"', fit='free = ["G"]',
+        experiment='columns = { time = "t [s]", displacement = "u [mm]", force = "F [N]" }',
+    )  # fmt: skip
+    (experiment,) = campaign.experiments
+    asked = []
+
+    def run(tasks):
+        asked.extend(task.case for task in tasks)
+        raise ComputationFailed("seen")
+
+    inverse, q = Inverse(campaign, unknowns(campaign), run), np.zeros(1)
+    chosen, _ = candidates(campaign, campaign.base)
+    for look in (lambda: inverse.predictions(q), lambda: sense(inverse, q, chosen, run)):
+        with pytest.raises(ComputationFailed):
+            look()
+    assert asked and all(case.motion == campaign.case(experiment).motion for case in asked)
 
 
 # -- the fit ------------------------------------------------------------------------------------------

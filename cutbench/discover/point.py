@@ -170,7 +170,7 @@ def extend(point: Point, score: Score, run: Predictor, *, shapes: bool = True) -
     model = point.campaign.base.model.extended(c.name)
     here = point.case
     values = {**here.values, **model[1], **score.column.shapes, **new}
-    base = Case(here.name, here.dim, model[0].mechanisms, values, here.numerics)
+    base = replace(here, mechanisms=model[0].mechanisms, values=values)
     inverse = Inverse(replace(point.campaign, base=base), unknowns, run, len(next(iter(point.y.values()))))
     inverse.grids, inverse.weights = point.inverse.grids, dict(point.w.weights)
     low, high = inverse.bounds
