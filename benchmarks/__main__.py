@@ -18,7 +18,7 @@ from pathlib import Path
 
 from benchmarks.jobs import JOBS, QUICK_MM, Job
 from benchmarks.machine import facts
-from cutbench.threads import ONE_THREAD
+from cutbench.base.threads import ONE_THREAD
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cutbench.build import Built, build
-from cutbench.case import Case
-from cutbench.sensitivity import follow
-from cutbench.solve.march import Accepted
+from cutbench.case.case import Case
+from cutbench.run.build import Built, build
+from cutbench.run.sensitivity import follow
+from cutbench.solver.march import Accepted
 
 
 class Marched:

@@ -22,14 +22,14 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.hidden import FAMILIES, OUTSIDE, SCATTER, VISIBLE, Hidden, make
-from cutbench.discover import Discovery, discover
-from cutbench.discover.point import Point, baseline
-from cutbench.errors import CutbenchError
-from cutbench.experiment import Experiment
-from cutbench.fit import fit
-from cutbench.inverse import GRID
-from cutbench.observe import predictor
-from cutbench.output import write_json
+from cutbench.base.errors import CutbenchError
+from cutbench.calibration.fitting import fit
+from cutbench.calibration.inverse import GRID
+from cutbench.calibration.prediction import predictor
+from cutbench.data.experiment import Experiment
+from cutbench.discovery import Discovery, discover
+from cutbench.discovery.point import Point, baseline
+from cutbench.run.files import write_json
 
 #: What is left of an effect in the fitted tests counts as shown by so many standard deviations: chance among
 #: all candidates takes some three of them.

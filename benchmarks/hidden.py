@@ -12,15 +12,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cutbench.campaign import Campaign, FitPlan, all_candidates, start_case
-from cutbench.case import Case, load_case
-from cutbench.errors import CutbenchError
-from cutbench.experiment import HOMOGENEOUS, Experiment
-from cutbench.homogeneous import History, respond
-from cutbench.homogeneous.stretching import nominal_stress
-from cutbench.repetition import Repetition
-from cutbench.synthetic import Test as Plain
-from cutbench.synthetic import clean as computed
+from cutbench.base.errors import CutbenchError
+from cutbench.calibration.homogeneous import History, respond
+from cutbench.calibration.homogeneous.stretching import nominal_stress
+from cutbench.case.case import Case, load_case
+from cutbench.data.campaign import Campaign, FitPlan, all_candidates, start_case
+from cutbench.data.experiment import HOMOGENEOUS, Experiment
+from cutbench.data.repetition import Repetition
+from cutbench.discovery.synthetic import Test as Plain
+from cutbench.discovery.synthetic import clean as computed
 
 #: An effect counts as visible if it changes the curve by this many times the scatter.
 VISIBLE = 2.0

@@ -62,9 +62,9 @@ def peak_MB() -> float | None:
 
 
 def main() -> None:
-    from cutbench.build import build
-    from cutbench.case import load_case
-    from cutbench.run import run_case
+    from cutbench.case.case import load_case
+    from cutbench.run.build import build
+    from cutbench.run.runner import run_case
 
     job = json.load(sys.stdin)
     case = load_case(job["material"], {**job["changes"], "depth": f"{job['depth_mm']!r} mm"})

@@ -21,7 +21,7 @@ from pathlib import Path
 from benchmarks.__main__ import check_json, run, write_whole
 from benchmarks.jobs import JOBS
 from benchmarks.machine import facts
-from cutbench.threads import ONE_THREAD
+from cutbench.base.threads import ONE_THREAD
 
 #: Iterations that the DOLFINx implementation needed to 14 mm.
 ITERATIONS = 3728

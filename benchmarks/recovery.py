@@ -22,12 +22,12 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.machine import facts
-from cutbench.campaign import FitPlan
-from cutbench.case import Case, load_case
-from cutbench.errors import ComputationFailed
-from cutbench.fit import fit
-from cutbench.output import write_json
-from cutbench.synthetic import Noise, Test, campaign
+from cutbench.base.errors import ComputationFailed
+from cutbench.calibration.fitting import fit
+from cutbench.case.case import Case, load_case
+from cutbench.data.campaign import FitPlan
+from cutbench.discovery.synthetic import Noise, Test, campaign
+from cutbench.run.files import write_json
 
 NAMES = ("G", "G_c", "delta_c", "eta_reg", "tau_W")
 #: Gelatin with a slender blade and a weak cut plane, which is cut from the first millimetre on.

@@ -24,14 +24,14 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.__main__ import check_json, write_whole
-from cutbench.axes import Axis
-from cutbench.case import Case
-from cutbench.errors import CutbenchError
-from cutbench.result import Result
-from cutbench.store import Store
-from cutbench.study import Study, load_study
-from cutbench.threads import one_thread_each
-from cutbench.worker import begin_worker, work
+from cutbench.base.errors import CutbenchError
+from cutbench.base.threads import one_thread_each
+from cutbench.case.case import Case
+from cutbench.maps.axes import Axis
+from cutbench.maps.study import Study, load_study
+from cutbench.run.pool.worker import begin_worker, work
+from cutbench.run.result import Result
+from cutbench.run.store.runs import Store
 
 ROOT = Path(__file__).resolve().parents[1]
 STUDY = ROOT / "studies" / "transition.toml"

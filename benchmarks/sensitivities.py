@@ -25,10 +25,10 @@ import numpy as np
 
 from benchmarks.differences import Marched, differences
 from benchmarks.machine import facts
-from cutbench.case import Case, load_case
-from cutbench.errors import BadInput
-from cutbench.output import write_json
-from cutbench.run import run_case
+from cutbench.base.errors import BadInput
+from cutbench.case.case import Case, load_case
+from cutbench.run.files import write_json
+from cutbench.run.runner import run_case
 
 MATERIALS = ("gelatin", "elastomer")
 NAMES = ("G", "nu", "G_c", "delta_c", "eta_reg", "thickness", "tip", "tau_W", "mu", "speed")

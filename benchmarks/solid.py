@@ -22,7 +22,7 @@ from pathlib import Path
 
 from benchmarks.__main__ import ROOT, check_json, table, write_whole
 from benchmarks.machine import facts
-from cutbench.threads import ONE_THREAD
+from cutbench.base.threads import ONE_THREAD
 
 #: Element sizes in mm and how many thousand tetrahedra they give; the last two only if asked for.
 SIZES = ((0.85, 11), (0.4, 44), (0.25, 114), (0.175, 300))
@@ -46,8 +46,8 @@ def jobs(large: bool, run: bool) -> list[dict]:
 def measured(job: dict) -> dict:
     """Compute ``job`` in this process. Raises BadInput for a solver that is not installed."""
     from benchmarks.measure import peak_MB
-    from cutbench.build import build
-    from cutbench.case import load_case
+    from cutbench.case.case import load_case
+    from cutbench.run.build import build
 
     changes = {"numerics": "paper", "depth": f"{job['depth_mm']!r} mm"}
     if "h" in job:
@@ -88,7 +88,7 @@ def measured(job: dict) -> dict:
 
 
 def _has_pardiso() -> bool:
-    from cutbench.solve.linear import available
+    from cutbench.solver.linear import available
 
     return "pardiso" in available()
 

@@ -15,26 +15,36 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from cutbench.case import Case, load_case
-    from cutbench.errors import BadInput, ComputationFailed, CutbenchError
-    from cutbench.model import DEFAULT, PAPER, Model
-    from cutbench.numerics import Numerics
-    from cutbench.result import Outcome, Result
-    from cutbench.run import run_case
-    from cutbench.study import Study, load_study
-    from cutbench.sweep import run_study
+    from cutbench.base.errors import BadInput, ComputationFailed, CutbenchError
+    from cutbench.calibration.fitted import Fit
+    from cutbench.calibration.fitting import fit
+    from cutbench.case.case import Case, load_case
+    from cutbench.case.model import DEFAULT, PAPER, Model
+    from cutbench.case.numerics import Numerics
+    from cutbench.data.campaign import Campaign, load_campaign
+    from cutbench.discovery.search import Discovery, discover
+    from cutbench.maps.dataset import load_map
+    from cutbench.maps.study import Study, load_study
+    from cutbench.maps.sweep import run_study
+    from cutbench.run.result import Outcome, Result
+    from cutbench.run.runner import run_case
 
 __version__ = "0.1.0"
 
 _WHERE = {
-    "case": ("Case", "load_case"),
-    "errors": ("BadInput", "ComputationFailed", "CutbenchError"),
-    "model": ("DEFAULT", "PAPER", "Model"),
-    "numerics": ("Numerics",),
-    "result": ("Outcome", "Result"),
-    "run": ("run_case",),
-    "study": ("Study", "load_study"),
-    "sweep": ("run_study",),
+    "base.errors": ("BadInput", "ComputationFailed", "CutbenchError"),
+    "calibration.fitted": ("Fit",),
+    "calibration.fitting": ("fit",),
+    "case.case": ("Case", "load_case"),
+    "case.model": ("DEFAULT", "PAPER", "Model"),
+    "case.numerics": ("Numerics",),
+    "data.campaign": ("Campaign", "load_campaign"),
+    "discovery.search": ("Discovery", "discover"),
+    "maps.dataset": ("load_map",),
+    "maps.study": ("Study", "load_study"),
+    "maps.sweep": ("run_study",),
+    "run.result": ("Outcome", "Result"),
+    "run.runner": ("run_case",),
 }
 _MODULE_OF = {name: module for module, names in _WHERE.items() for name in names}
 
@@ -42,17 +52,24 @@ __all__ = [
     "DEFAULT",
     "PAPER",
     "BadInput",
+    "Campaign",
     "Case",
     "ComputationFailed",
     "CutbenchError",
+    "Discovery",
+    "Fit",
     "Model",
     "Numerics",
     "Outcome",
     "Result",
     "Study",
+    "discover",
+    "fit",
     "known_materials",
     "known_mechanisms",
+    "load_campaign",
     "load_case",
+    "load_map",
     "load_study",
     "run2d",
     "run3d",
@@ -100,8 +117,8 @@ def _cut(
 ) -> Result:
     from dataclasses import replace
 
-    from cutbench.case import Case, load_case
-    from cutbench.run import run_case
+    from cutbench.case.case import Case, load_case
+    from cutbench.run.runner import run_case
 
     if isinstance(source, Case):
         case = replace(source.set(**changes), dim=dim)
@@ -112,8 +129,8 @@ def _cut(
 
 def known_materials() -> dict[str, Case]:
     """The known materials by name, each as the case that ``run2d`` would compute."""
-    from cutbench.case import load_case
-    from cutbench.materials import names
+    from cutbench.case.case import load_case
+    from cutbench.case.materials import names
 
     return {name: load_case(name) for name in names()}
 

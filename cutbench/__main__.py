@@ -1,6 +1,6 @@
 """``python -m cutbench`` is ``cutbench``."""
 
-from cutbench.cli import main
+from cutbench.cli.main import main
 
 if __name__ == "__main__":
     main()

@@ -11,7 +11,7 @@ import time
 
 import numpy as np
 
-from cutbench.result import Outcome, Result
+from cutbench.run.result import Outcome, Result
 
 #: Axes of a study: 24 points, both regimes among them.
 AXES = """[[axis]]

@@ -6,8 +6,8 @@ import os
 
 import numpy as np
 
-from cutbench.claims.observed import COLUMNS
-from cutbench.result import Outcome, Result
+from cutbench.run.result import Outcome, Result
+from cutbench.verification.paper.observed import COLUMNS
 
 
 def cut(case) -> Result:

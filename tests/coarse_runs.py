@@ -6,9 +6,9 @@ from functools import cache
 
 import numpy as np
 
-from cutbench.case import load_case
+from cutbench.case.case import load_case
 from cutbench.mechanisms.blade._tool import distance
-from cutbench.run import run_case
+from cutbench.run.runner import run_case
 
 COARSE = load_case("gelatin").set(h="0.6 mm", corner=0.0625, shallow=1.0, step="0.1 mm")
 #: Pressed in, nothing cut yet.

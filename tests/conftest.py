@@ -7,7 +7,7 @@ import os
 
 import pytest
 
-from cutbench.threads import ONE_THREAD
+from cutbench.base.threads import ONE_THREAD
 
 for name, count in ONE_THREAD.items():
     os.environ.setdefault(name, count)

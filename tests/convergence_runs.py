@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cutbench.result import Outcome, Result
+from cutbench.run.result import Outcome, Result
 
 
 def converging(case) -> Result:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cutbench.campaign import Campaign, load_campaign
-from cutbench.case import Case
+from cutbench.case.case import Case
+from cutbench.data.campaign import Campaign, load_campaign
 
 #: The mesh of such a cut, as ``Case.set`` takes it.
 COARSE = {"h": "0.8 mm", "corner": 0.5, "shallow": 1, "slender": 1, "step": "0.1 mm"}

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import skfem
 
+from cutbench.case.model import DEFAULT, Model
 from cutbench.forms.assembly import Pattern
 from cutbench.forms.base import Step
 from cutbench.forms.blade import BladeForm, ContactNumerics
 from cutbench.forms.bulk import BulkForm
 from cutbench.forms.space import Space
-from cutbench.model import DEFAULT, Model
 from cutbench.models2d.section import named
 
 SIZE, HEIGHT, LENGTH = 1.0, 2.0, 0.7

@@ -11,10 +11,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from cutbench.base.units import Parameter, ureg
+from cutbench.case.model import DEFAULT, PROTOCOL, SPECIMEN, Model
 from cutbench.mechanisms import registry
 from cutbench.mechanisms.base import Mechanism, Points
-from cutbench.model import DEFAULT, PROTOCOL, SPECIMEN, Model
-from cutbench.quantities import Parameter, ureg
 
 LAWS = registry()
 DECLARED: dict[str, Parameter] = {q.name: q for q in SPECIMEN + PROTOCOL} | {

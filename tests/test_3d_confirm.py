@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cutbench import maps
-from cutbench.boundary import margin
-from cutbench.cli import app
-from cutbench.confirm import confirm, least_certain, marked, solid
-from cutbench.confirmed import FOLDER, RECORD, read_confirmed
-from cutbench.errors import BadInput
-from cutbench.maps import Row, build_map, save_map
-from cutbench.phase import draw_phase, save_phase
-from cutbench.result import Outcome, Result
-from cutbench.study import load_study
+from cutbench.base.errors import BadInput
+from cutbench.cli.main import app
+from cutbench.maps import dataset as maps
+from cutbench.maps.boundary import margin
+from cutbench.maps.confirmation import confirm, least_certain, marked, solid
+from cutbench.maps.confirmed_points import FOLDER, RECORD, read_confirmed
+from cutbench.maps.dataset import Row, build_map, save_map
+from cutbench.maps.phase import draw_phase, save_phase
+from cutbench.maps.study import load_study
+from cutbench.run.result import Outcome, Result
 
 STUDY = """
 title = "small"
@@ -107,7 +107,7 @@ def test_agreement_is_by_label_and_what_is_there_is_not_computed_again(data, tmp
     calls = []
 
     def run(case, folder):
-        from cutbench.output import write_run
+        from cutbench.run.files import write_run
 
         calls.append(case.dim)
         result = Result(case, curve(drops[case.dim]), Outcome("done", "", "", 1.0), {"total": 2.0})

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-import cutbench.solve.iterative as iterative
-from cutbench.build import build
-from cutbench.case import load_case
-from cutbench.errors import BadInput
-from cutbench.solve.iterative import Kept, Multigrid, Stagnation, gmres, rigid_motions, solver_for
-from cutbench.solve.linear import SingularMatrix, make_solver
+import cutbench.solver.iterative as iterative
+from cutbench.base.errors import BadInput
+from cutbench.case.case import load_case
+from cutbench.run.build import build
+from cutbench.solver.iterative import Kept, Multigrid, Stagnation, gmres, rigid_motions, solver_for
+from cutbench.solver.linear import SingularMatrix, make_solver
 
 pyamg = pytest.importorskip("pyamg")
 

@@ -6,13 +6,13 @@ import meshio
 import numpy as np
 import pytest
 
-from cutbench.build import build
-from cutbench.case import load_case
-from cutbench.errors import BadInput
+from cutbench.base.errors import BadInput
+from cutbench.case.case import load_case
+from cutbench.case.numerics import Numerics
 from cutbench.forms.base import Step
 from cutbench.models3d.block import block, geometry
 from cutbench.models3d.mesh import quarter
-from cutbench.numerics import Numerics
+from cutbench.run.build import build
 
 VALUES = {"width": 6.0, "height": 6.0, "length": 8.0, "thickness": 0.7}
 SMALL = {"width": "6 mm", "height": "6 mm", "length": "8 mm", "element": "P1", "depth": "0.5 mm"}

@@ -9,11 +9,11 @@ import pytest
 from scipy.optimize import brentq
 from typer.testing import CliRunner
 
-from cutbench.case import load_case
-from cutbench.cli import app
-from cutbench.errors import BadInput
+from cutbench.base.errors import BadInput
+from cutbench.case.case import load_case
+from cutbench.cli.main import app
 from cutbench.models3d.strip import strip
-from cutbench.tension import run_tension, strip_case
+from cutbench.run.tension import run_tension, strip_case
 
 
 def test_faces_of_a_notched_strip():

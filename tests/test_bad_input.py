@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from cutbench.cli import app
+from cutbench.cli.main import app
 
 STUDY = Path(__file__).parents[1] / "studies" / "transition.toml"
 
@@ -172,7 +172,7 @@ def test_files(case, tmp_path):
 
 
 def test_the_file_that_the_others_spoil_is_good(tmp_path):
-    from cutbench.case import load_case
+    from cutbench.case.case import load_case
 
     (tmp_path / "case.toml").write_text(GOOD, encoding="utf-8")
     assert load_case(tmp_path / "case.toml").id == load_case("gelatin").id

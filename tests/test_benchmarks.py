@@ -14,9 +14,9 @@ import pytest
 from benchmarks import __main__ as bench
 from benchmarks.jobs import JOBS
 from benchmarks.measure import PARTS, record
-from cutbench.build import build
-from cutbench.case import load_case
-from cutbench.threads import ONE_THREAD
+from cutbench.base.threads import ONE_THREAD
+from cutbench.case.case import load_case
+from cutbench.run.build import build
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -7,11 +7,11 @@ import pytest
 import skfem
 from form_checks import P, check_tangent, displacement, space_of, spaces, step_between
 
-from cutbench.build import build
-from cutbench.case import load_case
+from cutbench.case.case import load_case
 from cutbench.forms.bending import BendingForm
 from cutbench.forms.space import Space
-from cutbench.run import run_case
+from cutbench.run.build import build
+from cutbench.run.runner import run_case
 
 LAYER = 2.0  # in δ_c
 

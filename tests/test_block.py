@@ -13,20 +13,20 @@ import skfem
 from coarse_runs import SOFT
 from typer.testing import CliRunner
 
-import cutbench.build
-from cutbench.build import build
-from cutbench.case import load_case
-from cutbench.cli import app
-from cutbench.errors import BadInput
+import cutbench.run.build
+from cutbench.base.errors import BadInput
+from cutbench.case.case import load_case
+from cutbench.case.numerics import Numerics
+from cutbench.cli.main import app
 from cutbench.forms import space as spaces
-from cutbench.front import FRONT, ONSET_MM, Front, end_effect
+from cutbench.forms.geometry import Geometry
 from cutbench.models2d import plane_strain
 from cutbench.models3d.block import PARTS, block, geometry
 from cutbench.models3d.mesh import length_along, mirrored, quarter, tetrahedra
-from cutbench.numerics import Numerics
-from cutbench.plots.solid import plot_block, plot_cut_plane, plot_front
-from cutbench.run import run_case
-from cutbench.solve.geometry import Geometry
+from cutbench.run.build import build
+from cutbench.run.figures.solid import plot_block, plot_cut_plane, plot_front
+from cutbench.run.front import FRONT, ONSET_MM, Front, end_effect
+from cutbench.run.runner import run_case
 
 WIDTH, HEIGHT, LENGTH = 30.0, 21.0, 30.0
 VALUES = {"width": WIDTH, "height": HEIGHT, "length": LENGTH, "thickness": 0.7}
@@ -255,7 +255,7 @@ def test_one_layer_with_plane_strain_constraints_gives_the_plane_strain_curve(no
         extruded(section.mesh, thickness), section.height, section.multiplicity / thickness, (("front", 2),)
     )
     plane = curve_of(flat)
-    monkeypatch.setattr(cutbench.build, "Space", TiedSpace)
+    monkeypatch.setattr(cutbench.run.build, "Space", TiedSpace)
     solid = curve_of(replace(flat, dim=3), layer)
     assert len(solid) == len(plane)
     assert plane[:, 1].max() > 0.3

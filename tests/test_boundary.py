@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from scipy.ndimage import distance_transform_edt
 
-from cutbench.agreement import agreement
-from cutbench.boundary import Seeker, distances, margin, softened
-from cutbench.emulator import Emulator, Kernel, _cost
-from cutbench.errors import BadInput
-from cutbench.maps import build_map, load_map, row_of
-from cutbench.study import load_study
-from cutbench.sweep import run_study
+from cutbench.base.errors import BadInput
+from cutbench.maps.agreement import agreement
+from cutbench.maps.boundary import Seeker, distances, margin, softened
+from cutbench.maps.dataset import build_map, load_map, row_of
+from cutbench.maps.emulator import Emulator, Kernel, _cost
+from cutbench.maps.study import load_study
+from cutbench.maps.sweep import run_study
 
 
 def squashed(steepness):

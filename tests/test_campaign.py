@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cutbench import noise
-from cutbench.campaign import Campaign, FitPlan, load_campaign, start_case
-from cutbench.cli import app
-from cutbench.errors import BadInput
-from cutbench.experiment import Experiment
-from cutbench.model import PAPER
-from cutbench.repetition import Repetition, turning_points
+from cutbench.base.errors import BadInput
+from cutbench.case.model import PAPER
+from cutbench.cli.main import app
+from cutbench.data import noise
+from cutbench.data.campaign import Campaign, FitPlan, load_campaign, start_case
+from cutbench.data.experiment import Experiment
+from cutbench.data.repetition import Repetition, turning_points
 
 STUDIES = Path(__file__).parents[1] / "studies"
 

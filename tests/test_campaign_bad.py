@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from cutbench.cli import app
+from cutbench.cli.main import app
 
 CAMPAIGN = """title = "two tests"
 material = "elastomer"

@@ -8,12 +8,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cutbench.errors import BadInput
+from cutbench.base.errors import BadInput
+from cutbench.case.model import DEFAULT, PAPER, Model
 from cutbench.mechanisms import registry
 from cutbench.mechanisms.base import STEP, Points
 from cutbench.mechanisms.bulk._isotropic import cofactor, det
 from cutbench.mechanisms.cut.compact_cohesion import BELL
-from cutbench.model import DEFAULT, PAPER, Model
 
 LAW = registry()
 G = 0.025

@@ -12,17 +12,17 @@ import numpy as np
 import pytest
 from form_checks import HEIGHT, P, check_tangent, displacement, space_of, step_between
 
-from cutbench.build import build
-from cutbench.case import Case, load_case
-from cutbench.fields import snapshot
+from cutbench.case.case import Case, load_case
+from cutbench.case.model import DEFAULT, Model
 from cutbench.forms.blade import BladeForm, ContactNumerics
 from cutbench.forms.bulk import BulkForm
 from cutbench.forms.cut import CutForm
 from cutbench.forms.mixed import MixedVolumetric
 from cutbench.forms.support import SupportForm
 from cutbench.mechanisms import registry
-from cutbench.model import DEFAULT, Model
-from cutbench.run import run_case
+from cutbench.run.build import build
+from cutbench.run.fields import snapshot
+from cutbench.run.runner import run_case
 
 LAW = registry()
 CANDIDATES = [name for name, law in LAW.items() if law.off and name not in (*DEFAULT, "viscous")]

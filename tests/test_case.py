@@ -14,10 +14,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import cutbench
-from cutbench.case import Case, Numerics, load_case
-from cutbench.errors import BadInput
+from cutbench.base.errors import BadInput
+from cutbench.case.case import Case, Numerics, load_case
+from cutbench.case.model import DEFAULT, GROUPS, PAPER, Model
 from cutbench.mechanisms import registry
-from cutbench.model import DEFAULT, GROUPS, PAPER, Model
 
 positive = st.floats(1e-3, 1e3)
 
@@ -250,6 +250,6 @@ def test_api():
 
 def test_importing_is_light():
     heavy = ("numpy", "scipy", "matplotlib", "pint", "skfem")
-    code = f"import sys, cutbench, cutbench.cli; print([m for m in {heavy} if m in sys.modules])"
+    code = f"import sys, cutbench, cutbench.cli.main; print([m for m in {heavy} if m in sys.modules])"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.strip() == "[]"

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cutbench.case import load_case
-from cutbench.checkpoint import NAME, Checkpoint
-from cutbench.cli import app
-from cutbench.output import read_curve
-from cutbench.run import run_case
+from cutbench.case.case import load_case
+from cutbench.cli.main import app
+from cutbench.run.checkpoint import NAME, Checkpoint
+from cutbench.run.files import read_curve
+from cutbench.run.runner import run_case
 
 SMALL = {"width": "6 mm", "height": "6 mm", "length": "8 mm"}
 

@@ -12,13 +12,19 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cutbench.case import load_case
-from cutbench.claims import cases as cases_of_claims
-from cutbench.claims import claims
-from cutbench.claims.base import CONVERGED, PAPER, Ask, Finding, at_least, below, near
-from cutbench.claims.cases import CHANGES, TARGETS, TIPS, best_tip, case_of, scan
-from cutbench.claims.investigation import investigate, select
-from cutbench.claims.judgement import (
+from cutbench.base.errors import BadInput
+from cutbench.case.case import load_case
+from cutbench.case.numerics import Numerics
+from cutbench.cli.main import app
+from cutbench.run.files import _plain
+from cutbench.run.result import Outcome, Result, Snapshot
+from cutbench.run.store.runs import Store
+from cutbench.verification.paper import cases as cases_of_claims
+from cutbench.verification.paper import claims
+from cutbench.verification.paper.base import CONVERGED, PAPER, Ask, Finding, at_least, below, near
+from cutbench.verification.paper.cases import CHANGES, TARGETS, TIPS, best_tip, case_of, scan
+from cutbench.verification.paper.investigation import investigate, select
+from cutbench.verification.paper.judgement import (
     COARSE,
     NOT,
     REPRODUCED,
@@ -29,15 +35,9 @@ from cutbench.claims.judgement import (
     reason,
     verdict,
 )
-from cutbench.claims.observed import COLUMNS, looked_at, observed_run
-from cutbench.claims.reading import end_of_indentation, mean_force, share, straightness
-from cutbench.claims.report import markdown
-from cutbench.cli import app
-from cutbench.errors import BadInput
-from cutbench.numerics import Numerics
-from cutbench.output import _plain
-from cutbench.result import Outcome, Result, Snapshot
-from cutbench.store import Store
+from cutbench.verification.paper.observed import COLUMNS, looked_at, observed_run
+from cutbench.verification.paper.reading import end_of_indentation, mean_force, share, straightness
+from cutbench.verification.paper.report import markdown
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 STAND_INS = {

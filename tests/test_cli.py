@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cutbench.cli import app
-from cutbench.errors import ComputationFailed
-from cutbench.result import Outcome, Result
+from cutbench.base.errors import ComputationFailed
+from cutbench.cli.main import app
+from cutbench.run.result import Outcome, Result
 
 
 def invoke(*args: object):
@@ -47,7 +47,7 @@ def solver(monkeypatch):
             case, curve, Outcome(asked.kind, "made up", "", case.p.depth), {"total": 0.1}, {"steps": 21}
         )
 
-    monkeypatch.setitem(sys.modules, "cutbench.run", SimpleNamespace(run_case=run_case))
+    monkeypatch.setitem(sys.modules, "cutbench.run.runner", SimpleNamespace(run_case=run_case))
     return asked
 
 
@@ -125,7 +125,7 @@ def test_a_sweep_says_once_what_its_runs_are_to_be_doubted_for(corner, tmp_path,
     def no_sweep(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("cutbench.sweep.run_study", no_sweep)
+    monkeypatch.setattr("cutbench.maps.sweep.run_study", no_sweep)
     study = tmp_path / "coarse.toml"
     study.write_text(
         f'base = "gelatin"\n[numerics]\nh = "1 mm"\ncorner = {corner}\n'

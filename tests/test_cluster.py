@@ -14,11 +14,11 @@ from pathlib import Path
 import analytic_runs
 import pytest
 
-from cutbench.cluster import check_scheduler, remote
-from cutbench.errors import BadInput, ComputationFailed
-from cutbench.store import Store
-from cutbench.study import load_study
-from cutbench.sweep import run_study
+from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.maps.study import load_study
+from cutbench.maps.sweep import run_study
+from cutbench.run.pool.cluster import check_scheduler, remote
+from cutbench.run.store.runs import Store
 
 HERE = Path(__file__).parent
 STUDY = """base = "gelatin"
@@ -149,7 +149,7 @@ def test_workers_come_and_go_and_lost_runs_are_done_again(study, slow_log, tmp_p
 
 @pytest.mark.slow
 def test_a_lost_scheduler_loses_no_finished_run(study, slow_log, tmp_path, cluster, monkeypatch):
-    monkeypatch.setattr("cutbench.cluster.PATIENCE_S", 6.0)
+    monkeypatch.setattr("cutbench.run.pool.cluster.PATIENCE_S", 6.0)
     scheduler = cluster("scheduler")
     cluster("worker")
     rng = random.Random(5)

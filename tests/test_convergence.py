@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cutbench.cli import app
-from cutbench.convergence import COMPARED, compute, load_plan, markdown, moved, write
-from cutbench.errors import BadInput
-from cutbench.plots.convergence import plot_convergence
+from cutbench.base.errors import BadInput
+from cutbench.cli.main import app
+from cutbench.verification.convergence import COMPARED, compute, load_plan, markdown, moved, write
+from cutbench.verification.convergence_figure import plot_convergence
 
 STUDY = """materials = ["gelatin", "meat"]
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from coarse_runs import BRIEF
 
-from cutbench.build import build
-from cutbench.case import load_case
-from cutbench.crossing import _crosses, crosses
-from cutbench.run import CROSSED, run_case
+from cutbench.case.case import load_case
+from cutbench.run.build import build
+from cutbench.run.crossing import _crosses, crosses
+from cutbench.run.runner import CROSSED, run_case
 
 
 @pytest.mark.parametrize(
@@ -40,7 +40,7 @@ def test_a_section_is_looked_at_where_the_top_meets_the_cut(symmetry):
 
 def test_a_run_says_so(monkeypatch):
     assert CROSSED not in str(run_case(BRIEF).outcome)
-    monkeypatch.setattr("cutbench.run.crosses", lambda built, u: True)
+    monkeypatch.setattr("cutbench.run.runner.crosses", lambda built, u: True)
     outcome = run_case(BRIEF).outcome
     assert outcome.done and CROSSED in str(outcome)
 

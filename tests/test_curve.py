@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cutbench.curve import MEASURES, label, measures
+from cutbench.run.measures import MEASURES, label, measures
 
 WINDOW = 0.7
 

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cutbench.case import load_case
-from cutbench.cli import app
-from cutbench.dic import Comparison, at_travel, compare, sample
-from cutbench.errors import BadInput
-from cutbench.fieldfile import Field, read_fields
-from cutbench.plots.dic import plot_dic
-from cutbench.result import Snapshot
-from cutbench.run import run_case
-from cutbench.triangles import located, shape, surface
+from cutbench.base.errors import BadInput
+from cutbench.case.case import load_case
+from cutbench.cli.main import app
+from cutbench.data.field_comparison import Comparison, at_travel, compare, sample
+from cutbench.data.field_figure import plot_dic
+from cutbench.data.fields import Field, read_fields
+from cutbench.data.triangles import located, shape, surface
+from cutbench.run.result import Snapshot
+from cutbench.run.runner import run_case
 
 
 def bent(X: np.ndarray) -> np.ndarray:

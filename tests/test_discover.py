@@ -12,13 +12,13 @@ from typer.testing import CliRunner
 
 from benchmarks import discovery as blind
 from benchmarks.hidden import SCATTER, Hidden, Test, make, readings
-from cutbench.campaign import load_campaign
-from cutbench.discover import discover
-from cutbench.discover.page import page
-from cutbench.discover.report import summary, to_dict, write_discovery
-from cutbench.discover.score import tail
-from cutbench.discover.search import Discovery
-from cutbench.output import write_json
+from cutbench.data.campaign import load_campaign
+from cutbench.discovery import discover
+from cutbench.discovery.page import page
+from cutbench.discovery.report import summary, to_dict, write_discovery
+from cutbench.discovery.score import tail
+from cutbench.discovery.search import Discovery
+from cutbench.run.files import write_json
 
 STUDIES = Path(__file__).parents[1] / "studies"
 SEED = 11
@@ -99,9 +99,9 @@ def test_a_new_mechanism_is_a_candidate_without_a_line_changed(tmp_path, monkeyp
 
     (tmp_path / "waning_adhesion.py").write_text('''"""Adhesion that wanes with the distance slid."""
 import numpy as np
-from cutbench.output import write_json
+from cutbench.run.files import write_json
 from cutbench.mechanisms.base import Blade
-from cutbench.quantities import Parameter
+from cutbench.base.units import Parameter
 
 
 class WaningAdhesion(Blade):
@@ -181,7 +181,7 @@ def test_the_page_stands_alone(gent):
 
 
 def test_the_command_writes_both_and_refuses_nonsense(tmp_path):
-    from cutbench.cli import app
+    from cutbench.cli.main import app
 
     runner = CliRunner()
     done = runner.invoke(
@@ -261,7 +261,7 @@ def test_without_candidates_a_failing_baseline_is_unexplained(gent, tmp_path):
 
 
 def test_ctrl_c_keeps_what_was_found(gent, monkeypatch, tmp_path):
-    from cutbench.discover import search
+    from cutbench.discovery import search
 
     hidden, _ = gent
     whole, calls = search._round, []

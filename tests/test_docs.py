@@ -17,9 +17,9 @@ from typing import NamedTuple
 
 import pytest
 
-from cutbench.case import load_case
-from cutbench.materials import names as material_names
-from cutbench.numerics import ALIASES, CHOICES, KEYS, Numerics
+from cutbench.case.case import load_case
+from cutbench.case.materials import names as material_names
+from cutbench.case.numerics import ALIASES, CHOICES, KEYS, Numerics
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -136,7 +136,7 @@ def test_ci_runs_the_test_command_of_the_readme():
 def test_the_main_command_names_a_study_that_is_there():
     words = shlex.split(set_up("main"))
     study = ROOT / words[words.index("sweep") + 1]
-    from cutbench.study import load_study
+    from cutbench.maps.study import load_study
 
     runs = len(load_study(study).grid)
     assert f"the {runs} runs of [studies/transition.toml]" in (ROOT / "README.md").read_text(encoding="utf-8")

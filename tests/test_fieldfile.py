@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from cut_files import COARSE, campaign_of, write_readings
 
-from cutbench.case import load_case
-from cutbench.dic import at_travel, sample, sampled_slopes
-from cutbench.errors import BadInput
-from cutbench.fieldfile import Field, read_fields_of, thinned
-from cutbench.fit import fit
-from cutbench.run import run_case
-from cutbench.triangles import gradient, shape
+from cutbench.base.errors import BadInput
+from cutbench.calibration.fitting import fit
+from cutbench.case.case import load_case
+from cutbench.data.field_comparison import at_travel, sample, sampled_slopes
+from cutbench.data.fields import Field, read_fields_of, thinned
+from cutbench.data.triangles import gradient, shape
+from cutbench.run.runner import run_case
 
 TRAVEL_MM = 1.2
 #: Compressible, so that the displacements tell ν, which the force hardly does. With the tool's normal

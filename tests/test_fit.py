@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-import cutbench.fit as fitting
-from cutbench import synthetic
-from cutbench.campaign import FitPlan, load_campaign, start_case
-from cutbench.case import Case, load_case
-from cutbench.cli import app
-from cutbench.errors import BadInput, ComputationFailed
-from cutbench.fit import fit
-from cutbench.fitreport import summary, to_dict, write_fit
-from cutbench.synthetic import Noise, Test, campaign
+import cutbench.calibration.fitting as fitting
+from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.calibration.fitting import fit
+from cutbench.calibration.report import summary, to_dict, write_fit
+from cutbench.case.case import Case, load_case
+from cutbench.cli.main import app
+from cutbench.data.campaign import FitPlan, load_campaign, start_case
+from cutbench.discovery import synthetic
+from cutbench.discovery.synthetic import Noise, Test, campaign
 
 RUBBER = "studies/rubber/treloar.toml"
 
@@ -190,7 +190,7 @@ def test_a_start_that_cannot_be_computed_is_said(monkeypatch):
     def broken(task):
         raise ComputationFailed("'tension': no answer")
 
-    monkeypatch.setattr("cutbench.observe.predict", broken)
+    monkeypatch.setattr("cutbench.calibration.prediction.predict", broken)
     with pytest.raises(ComputationFailed, match="no answer"):
         fit(made)
 

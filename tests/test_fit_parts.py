@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cutbench import lm
-from cutbench.errors import ComputationFailed
-from cutbench.identify import Unknown, identifiability, information_inverse
+from cutbench.base.errors import ComputationFailed
+from cutbench.base.units import Parameter
+from cutbench.calibration import lm
+from cutbench.calibration.identifiability import Unknown, identifiability, information_inverse
+from cutbench.calibration.weights import Factors, Weights, correction, measured_error, smooth
+from cutbench.data.noise import matern
+from cutbench.data.repetition import Averaged
 from cutbench.mechanisms import registry
-from cutbench.noise import matern
-from cutbench.quantities import Parameter
-from cutbench.repetition import Averaged
-from cutbench.weights import Factors, Weights, correction, measured_error, smooth
 
 TIGHT = lm.Settings(promise=1e-14, evaluations=200, failures=20, reach=np.inf, jags=1.0)
 FREE = np.array([-np.inf, -np.inf]), np.array([np.inf, np.inf])

@@ -13,19 +13,30 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 from typer.testing import CliRunner
 
-from cutbench.case import load_case
-from cutbench.cli import app
-from cutbench.errors import BadInput
-from cutbench.follow import MESH, OPEN, PHYSICAL, STABLE, Followed, fading, forward, jumps_of, timeless, trace
-from cutbench.followreport import describe_followed, sentence
+from cutbench.base.errors import BadInput
+from cutbench.case.case import load_case
+from cutbench.cli.main import app
 from cutbench.forms.base import Form, Local
 from cutbench.forms.cut import CutForm
 from cutbench.forms.damping import DampingForm
-from cutbench.result import Outcome, Result
-from cutbench.solve.follow import Path, PathRules
-from cutbench.solve.problem import Problem
-from cutbench.solve.softest import SMALL, softest
-from cutbench.verify._parts import bulk_forms, law, parameters, piola, space_of
+from cutbench.run.result import Outcome, Result
+from cutbench.run.snap_back import (
+    MESH,
+    OPEN,
+    PHYSICAL,
+    STABLE,
+    Followed,
+    fading,
+    forward,
+    jumps_of,
+    timeless,
+    trace,
+)
+from cutbench.run.snap_back_report import describe_followed, sentence
+from cutbench.solver.arc_length import Path, PathRules
+from cutbench.solver.problem import Problem
+from cutbench.solver.stability import SMALL, softest
+from cutbench.verification.reference._parts import bulk_forms, law, parameters, piola, space_of
 
 SPRING = 0.1  # N/mm for each mm of depth
 LONG = 2.0  # mm
@@ -175,7 +186,7 @@ def test_small_and_large_bodies_have_the_same_lowest_eigenvalue(monkeypatch):
     point = next(iter(path))
     assert 40 < problem.free.size < SMALL
     dense = softest(problem, point)
-    monkeypatch.setattr("cutbench.solve.softest.SMALL", 0)
+    monkeypatch.setattr("cutbench.solver.stability.SMALL", 0)
     assert softest(problem, point) == pytest.approx(dense, rel=1e-3)
 
 
@@ -288,7 +299,7 @@ def test_the_path_of_a_cut_passes_its_turning_point(cut):
 
 
 def test_the_command_writes_what_it_found(cut, tmp_path, monkeypatch):
-    from cutbench import follow
+    from cutbench.run import snap_back as follow
 
     _, curve, stopped, _ = cut
     monkeypatch.setattr(follow, "trace", lambda *_: (curve, stopped, False))
@@ -319,7 +330,7 @@ def test_a_path_has_small_elements_as_far_down_as_it_goes(monkeypatch):
         meshes.append(problem.ndof)
         raise Seen
 
-    monkeypatch.setattr("cutbench.follow.Path", path)
+    monkeypatch.setattr("cutbench.run.snap_back.Path", path)
     case = timeless(load_case("gelatin").set(h="0.125 mm", depth="5 mm"))
     for around in (1.25, 0):
         with pytest.raises(Seen):

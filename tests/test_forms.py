@@ -25,11 +25,11 @@ from form_checks import (
     total,
 )
 
+from cutbench.case.model import DEFAULT, PAPER, Model
 from cutbench.forms.base import Step
 from cutbench.forms.cut import CutForm
 from cutbench.forms.damping import DampingForm
 from cutbench.forms.space import Space
-from cutbench.model import DEFAULT, PAPER, Model
 
 
 # -- bulk ----------------------------------------------------------------------------------------

@@ -24,9 +24,9 @@ from form_checks import (
     total,
 )
 
+from cutbench.case.model import DEFAULT, Model
 from cutbench.forms.base import Step, blend, gather
 from cutbench.forms.cut import CutForm
-from cutbench.model import DEFAULT, Model
 
 
 @spaces

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cutbench.grading import GRADING, ON_RIM, wanted
+from cutbench.case.mesh_sizes import GRADING, ON_RIM, wanted
 from cutbench.models2d.section import half_block
 from cutbench.models3d.mesh import quarter
 

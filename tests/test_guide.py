@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cutbench import guide as guides
-from cutbench.case import load_case
-from cutbench.cli import app
-from cutbench.errors import BadInput
-from cutbench.estimates import classical, compare, save_estimates
-from cutbench.maps import LABELS, build_map, row_of
-from cutbench.store import Store
-from cutbench.study import load_study
-from cutbench.sweep import run_study
+from cutbench.base.errors import BadInput
+from cutbench.case.case import load_case
+from cutbench.cli.main import app
+from cutbench.maps import guidance as guides
+from cutbench.maps.dataset import LABELS, build_map, row_of
+from cutbench.maps.estimates import classical, compare, save_estimates
+from cutbench.maps.study import load_study
+from cutbench.maps.sweep import run_study
+from cutbench.run.store.runs import Store
 
 GRID = """base = "gelatin"
 [[axis]]
@@ -149,7 +149,7 @@ def test_the_command_says_it_and_checks_it(tmp_path, monkeypatch):
     path = tmp_path / "study.toml"
     path.write_text(GRID.replace("[0.0, 0.0106, 0.06, 0.187, 0.5]", "[0.0, 0.0106]"))
     run_study(path, tmp_path / "out", workers=0, run=analytic_runs.computed)
-    monkeypatch.setattr("cutbench.run.run_case", analytic_runs.computed)
+    monkeypatch.setattr("cutbench.run.runner.run_case", analytic_runs.computed)
     out = CliRunner().invoke(app, ["guide", str(tmp_path / "out"), "--material", "gelatin", "--check"])
     assert out.exit_code == 0, out.output
     assert "soonest first" in out.output and "it crosses" in out.output

@@ -10,14 +10,14 @@ import pytest
 
 from benchmarks.discovery import SHOWN, left_over
 from benchmarks.hidden import make
-from cutbench.case import load_case
-from cutbench.discover.heldout import TESTS, Heldout
-from cutbench.discover.point import baseline
-from cutbench.experiment import Experiment
-from cutbench.fit import fit
-from cutbench.model import DEFAULT, Model
-from cutbench.observe import Task, predict, predictor, recorded
-from cutbench.repetition import Repetition
+from cutbench.calibration.fitting import fit
+from cutbench.calibration.prediction import Task, predict, predictor, recorded
+from cutbench.case.case import load_case
+from cutbench.case.model import DEFAULT, Model
+from cutbench.data.experiment import Experiment
+from cutbench.data.repetition import Repetition
+from cutbench.discovery.heldout import TESTS, Heldout
+from cutbench.discovery.point import baseline
 
 BETTER = Heldout(TESTS, 50.0, 10.0, 0.3, 0.1, 2.0, 1.4, 0.5, "N", 0.4)
 

@@ -8,16 +8,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cutbench.campaign import load_campaign
-from cutbench.errors import BadInput, ComputationFailed
-from cutbench.experiment import HOMOGENEOUS, Experiment
-from cutbench.homogeneous import History, predict, respond, slopes
-from cutbench.homogeneous.stretching import nominal_stress
+from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.calibration.homogeneous import History, predict, respond, slopes
+from cutbench.calibration.homogeneous.stretching import nominal_stress
+from cutbench.case.model import Model
+from cutbench.data.campaign import load_campaign
+from cutbench.data.experiment import HOMOGENEOUS, Experiment
+from cutbench.data.plausible import NEO_HOOKE, modulus
+from cutbench.data.repetition import Repetition
 from cutbench.mechanisms import registry
 from cutbench.mechanisms.base import STEP
-from cutbench.model import Model
-from cutbench.plausible import NEO_HOOKE, modulus
-from cutbench.repetition import Repetition
 
 STUDIES = Path(__file__).parents[1] / "studies"
 ELASTIC = Model(("neo_hookean", "volumetric"))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cutbench.solve.linear import SingularMatrix, available, make_solver
+from cutbench.solver.linear import SingularMatrix, available, make_solver
 
 solvers = pytest.mark.parametrize("name", available())
 

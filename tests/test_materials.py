@@ -7,9 +7,10 @@ import math
 import pytest
 from typer.testing import CliRunner
 
-from cutbench import __version__, materials
-from cutbench.case import load_case
-from cutbench.cli import app
+from cutbench import __version__
+from cutbench.case import materials
+from cutbench.case.case import load_case
+from cutbench.cli.main import app
 from cutbench.mechanisms import registry
 
 # (G_c/delta_c)/G, tau_W/(G_c/delta_c), eta_reg v in mm, G kPa, G_c J/m², mu, width mm
@@ -62,7 +63,7 @@ def test_every_material_says_where_its_numbers_come_from(name):
 
 @pytest.mark.parametrize("name", EXPECTED)
 def test_corrections_agree_with_the_values(name):
-    from cutbench.quantities import parse_quantity
+    from cutbench.base.units import parse_quantity
 
     p = load_case(name).p
     read = {row["quantity"]: row["read"] for row in materials.about(name)["corrections"]}

@@ -40,10 +40,10 @@ from law_checks import (
     switched_off,
 )
 
+from cutbench.base.units import Parameter, unit_factor, ureg
+from cutbench.case.model import DEFAULT, Model
 from cutbench.mechanisms import SLOTS
 from cutbench.mechanisms.base import STEP, Mechanism
-from cutbench.model import DEFAULT, Model
-from cutbench.quantities import Parameter, unit_factor, ureg
 
 
 # -- what a person sees --------------------------------------------------------------------------

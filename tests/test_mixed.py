@@ -14,9 +14,9 @@ from cutbench.forms.mixed import MixedVolumetric
 from cutbench.forms.space import Space
 from cutbench.mechanisms import registry
 from cutbench.mechanisms.bulk._isotropic import Volumetric
-from cutbench.solve.linear import available
-from cutbench.verify._parts import nu_of
-from cutbench.verify.cook import KAPPA, G, membrane
+from cutbench.solver.linear import available
+from cutbench.verification.reference._parts import nu_of
+from cutbench.verification.reference.cook import KAPPA, G, membrane
 
 ISOCHORIC, QUADRATIC = registry()["neo_hookean"], registry()["volumetric"]
 

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from cut_files import COARSE, campaign_of, write_readings
 
-from cutbench.case import Case, load_case
-from cutbench.checkpoint import Checkpoint
-from cutbench.discover.candidates import candidates
-from cutbench.discover.columns import sense
-from cutbench.errors import BadInput, ComputationFailed
-from cutbench.fit import fit
-from cutbench.inverse import Inverse, unknowns
-from cutbench.motion import Motion, read_motion, simplified
-from cutbench.run import run_case
-from cutbench.sensitivity import extended
+from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.calibration.fitting import fit
+from cutbench.calibration.inverse import Inverse, unknowns
+from cutbench.case.case import Case, load_case
+from cutbench.case.motion import Motion, read_motion, simplified
+from cutbench.discovery.candidates import candidates
+from cutbench.discovery.columns import sense
+from cutbench.run.checkpoint import Checkpoint
+from cutbench.run.runner import run_case
+from cutbench.run.sensitivity import extended
 
 SPEED = 0.02  # mm/s
 CASE = load_case(

@@ -13,9 +13,13 @@ import numpy as np
 import pytest
 from skfem import MeshTri
 
-from cutbench.case import load_case
-from cutbench.errors import BadInput
-from cutbench.output import (
+from cutbench.base.errors import BadInput
+from cutbench.base.figure_style import math_text, replacing
+from cutbench.case.case import load_case
+from cutbench.run.figures import plot_curve, plot_section, save
+from cutbench.run.figures.curve import smooth_force
+from cutbench.run.figures.section import blade_outline, split
+from cutbench.run.files import (
     check_writable,
     describe,
     read_curve,
@@ -24,11 +28,7 @@ from cutbench.output import (
     write_fields,
     write_run,
 )
-from cutbench.plots import plot_curve, plot_section, save
-from cutbench.plots.curve import smooth_force
-from cutbench.plots.section import blade_outline, split
-from cutbench.plots.style import math_text, replacing
-from cutbench.result import Outcome, Result, Snapshot, ledger_entries, ordered_columns
+from cutbench.run.result import Outcome, Result, Snapshot, ledger_entries, ordered_columns
 
 
 def made_up_curve(n=600, depth=21.0, seed=1):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from coarse_runs import BRIEF
 
-from cutbench.build import build
-from cutbench.solve.newton import NoConvergence
-from cutbench.solve.pace import Leaky, Pace, StepRules
+from cutbench.run.build import build
+from cutbench.solver.newton import NoConvergence
+from cutbench.solver.step_control import Leaky, Pace, StepRules
 
 
 def test_where_errors_add_up_their_mean_counts():

@@ -11,11 +11,11 @@ import analytic_runs
 import numpy as np
 import pytest
 
-from cutbench.maps import load_map
-from cutbench.page import contents, page, save_page, thinned
-from cutbench.store import Store
-from cutbench.study import load_study
-from cutbench.sweep import run_study
+from cutbench.maps.dataset import load_map
+from cutbench.maps.page import contents, page, save_page, thinned
+from cutbench.maps.study import load_study
+from cutbench.maps.sweep import run_study
+from cutbench.run.store.runs import Store
 
 GRID = f"""title = "Cohesion </script> & viscosity"
 base = "gelatin"

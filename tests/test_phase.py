@@ -10,11 +10,11 @@ import pytest
 import xarray as xr
 from matplotlib.contour import QuadContourSet
 
-from cutbench.coordinates import PANELS, between, nearest_level
-from cutbench.maps import Row, build_map, row_of
-from cutbench.phase import DROPS, draw_phase, save_phase
-from cutbench.plan import plan_of
-from cutbench.study import load_study
+from cutbench.maps.coordinates import PANELS, between, nearest_level
+from cutbench.maps.dataset import Row, build_map, row_of
+from cutbench.maps.phase import DROPS, draw_phase, save_phase
+from cutbench.maps.plan import plan_of
+from cutbench.maps.study import load_study
 
 AXES = {
     "cohesion": "from = 1.0\nto = 30.0\npoints = 5\nscale = 'log'",

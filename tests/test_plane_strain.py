@@ -11,14 +11,14 @@ import pytest
 import skfem
 from skfem.io.meshio import to_file
 
-from cutbench.case import load_case
-from cutbench.errors import BadInput
+from cutbench.base.errors import BadInput
+from cutbench.case.case import load_case
+from cutbench.forms.geometry import paired
 from cutbench.forms.space import Space
 from cutbench.models2d.plane_strain import geometry, mirrored
 from cutbench.models2d.section import SLENDER, half_block
 from cutbench.models2d.usermesh import read_mesh
-from cutbench.run import run_case
-from cutbench.solve.geometry import paired
+from cutbench.run.runner import run_case
 
 #: Width, height and element size at the cut plane, mm: defaults, meat, wide, narrow, tall, flat, coarse, odd.
 BLOCKS = [

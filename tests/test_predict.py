@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from coarse_runs import SOFT
 
-from cutbench.build import build
-from cutbench.case import load_case
-from cutbench.checkpoint import Checkpoint
-from cutbench.errors import BadInput
-from cutbench.run import run_case
+from cutbench.base.errors import BadInput
+from cutbench.case.case import load_case
+from cutbench.run.build import build
+from cutbench.run.checkpoint import Checkpoint
+from cutbench.run.runner import run_case
 
 COARSE = load_case(
     "gelatin",

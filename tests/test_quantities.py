@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cutbench.errors import BadInput
-from cutbench.quantities import Parameter, parse_quantity, unit_factor
+from cutbench.base.errors import BadInput
+from cutbench.base.units import Parameter, parse_quantity, unit_factor
 
 G = Parameter("G", "kPa", "G", "shear modulus", low=0, open_low=True)
 NU = Parameter("nu", "1", "ν", "Poisson's ratio", low=0, high=0.5, open_high=True)

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from cutbench.build import build
-from cutbench.case import load_case
-from cutbench.checkpoint import NAME, Checkpoint
+from cutbench.case.case import load_case
 from cutbench.forms.space import Space
 from cutbench.models2d.section import half_block
-from cutbench.remesh import Following, Transfer, follows, lengths
-from cutbench.run import run_case
-from cutbench.sensitivity import directions, follow
+from cutbench.run.build import build
+from cutbench.run.checkpoint import NAME, Checkpoint
+from cutbench.run.remeshing import Following, Transfer, follows, lengths
+from cutbench.run.runner import run_case
+from cutbench.run.sensitivity import directions, follow
 
 H = 21.0
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from benchmarks import robustness
-from cutbench.run import run_case
-from cutbench.study import load_study
+from cutbench.maps.study import load_study
+from cutbench.run.runner import run_case
 
 STUDY = load_study(robustness.STUDY)
 COUNT = 24
@@ -108,7 +108,7 @@ def test_the_script_goes_on_where_it_was_stopped(script, monkeypatch, capsys):
 
 
 def test_a_run_that_falls_short_is_listed_with_its_reason(script, monkeypatch, capsys):
-    monkeypatch.setattr("cutbench.run.run_case", unlucky)
+    monkeypatch.setattr("cutbench.run.runner.run_case", unlucky)
     status, found = script(points=2)
     assert status == 1
     assert found["reached"] == 0

@@ -16,10 +16,10 @@ from coarse_runs import (
     work,
 )
 
-from cutbench.case import load_case
-from cutbench.result import BENDING, SNAP
-from cutbench.run import run_case
-from cutbench.solve import march
+from cutbench.case.case import load_case
+from cutbench.run.result import BENDING, SNAP
+from cutbench.run.runner import run_case
+from cutbench.solver import march
 
 #: Mechanisms that a number switches off, with the numbers.
 SWITCHED = {m.name: m.off for m in CUTTING.model.all if m.off and m.slot != "bulk"}

@@ -11,10 +11,10 @@ from coarse_runs import (
     seen_by_blade,
 )
 
-from cutbench.build import build
 from cutbench.mechanisms.bulk._isotropic import det
-from cutbench.plots.section import _Half
-from cutbench.run import run_case
+from cutbench.run.build import build
+from cutbench.run.figures.section import _Half
+from cutbench.run.runner import run_case
 
 
 def test_snapshots_are_taken_where_they_were_asked_for(cutting):

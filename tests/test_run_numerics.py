@@ -14,11 +14,12 @@ from coarse_runs import (
     seen_by_blade,
 )
 
-from cutbench.build import build
+from cutbench.case.numerics import Numerics
 from cutbench.mechanisms.base import Points
-from cutbench.numerics import Numerics
-from cutbench.run import run_case
-from cutbench.solve import march, pace
+from cutbench.run.build import build
+from cutbench.run.runner import run_case
+from cutbench.solver import march
+from cutbench.solver import step_control as pace
 
 
 def test_a_law_by_itself_closes_as_it_does_in_a_run():

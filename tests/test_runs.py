@@ -13,14 +13,14 @@ import pytest
 from analytic_runs import computed
 from typer.testing import CliRunner
 
-from cutbench.case import load_case
-from cutbench.cli import app
-from cutbench.curve import measures
-from cutbench.errors import BadInput
-from cutbench.index import NAME
-from cutbench.listing import parse_condition, row_of, table_of, to_csv
-from cutbench.output import read_run
-from cutbench.store import Store
+from cutbench.base.errors import BadInput
+from cutbench.case.case import load_case
+from cutbench.cli.main import app
+from cutbench.run.files import read_run
+from cutbench.run.measures import measures
+from cutbench.run.store.index import NAME
+from cutbench.run.store.listing import parse_condition, row_of, table_of, to_csv
+from cutbench.run.store.runs import Store
 
 
 def result_of(**changes):

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from benchmarks.differences import Marched, differences, moved
-from cutbench.case import Case, load_case
-from cutbench.errors import BadInput
+from cutbench.base.errors import BadInput
+from cutbench.case.case import Case, load_case
 from cutbench.mechanisms import registry
-from cutbench.output import write_run
-from cutbench.run import run_case
-from cutbench.sensitivity import differentiable, extended
+from cutbench.run.files import write_run
+from cutbench.run.runner import run_case
+from cutbench.run.sensitivity import differentiable, extended
 
 #: A weak cut plane and a slender tip: contact, friction, adhesion and damage from the first tenths on.
 CUTTING = load_case("gelatin").set(

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from analytic_runs import fake_run
 
-from cutbench.case import load_case
-from cutbench.errors import BadInput
-from cutbench.result import Outcome
-from cutbench.store import Store
+from cutbench.base.errors import BadInput
+from cutbench.case.case import load_case
+from cutbench.run.result import Outcome
+from cutbench.run.store.runs import Store
 
 
 @pytest.fixture

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutbench.errors import BadInput
-from cutbench.model import GROUPS
-from cutbench.study import coarse_to_fine, load_study
+from cutbench.base.errors import BadInput
+from cutbench.case.model import GROUPS
+from cutbench.maps.study import coarse_to_fine, load_study
 
 TRANSITION = Path(__file__).parents[1] / "studies" / "transition.toml"
 

@@ -19,12 +19,12 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from cutbench.errors import BadInput
-from cutbench.maps import LABELS, case_on, load_map
-from cutbench.progress import show_progress
-from cutbench.store import Store
-from cutbench.study import load_study
-from cutbench.sweep import run_study
+from cutbench.base.errors import BadInput
+from cutbench.cli.progress import show_progress
+from cutbench.maps.dataset import LABELS, case_on, load_map
+from cutbench.maps.study import load_study
+from cutbench.maps.sweep import run_study
+from cutbench.run.store.runs import Store
 
 STUDY = f"""base = "gelatin"
 {analytic_runs.AXES}[plot]
@@ -128,7 +128,7 @@ SCRIPT = """
 import signal
 import sys
 from analytic_runs import fake_run
-from cutbench.sweep import run_study
+from cutbench.maps.sweep import run_study
 # Where the tests run in the background, Ctrl-C is ignored from the start.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 

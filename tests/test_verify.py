@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from cutbench.cli import app
+from cutbench.case.model import DEFAULT, PAPER
+from cutbench.cli.main import app
 from cutbench.mechanisms import registry
-from cutbench.model import DEFAULT, PAPER
-from cutbench.verify import FIRST, Check, Reference, Verified, references, run
-from cutbench.verify.report import describe, markdown, write
+from cutbench.verification.reference import FIRST, Check, Reference, Verified, references, run
+from cutbench.verification.reference.report import describe, markdown, write
 
 #: Laws of the default and of the paper's model, with what carries their flux.
 FLUX = {
@@ -198,7 +198,7 @@ def test_incomplete_is_not_passed():
 
 
 def test_problems_are_found_by_being_there():
-    folder = Path(__import__("cutbench.verify", fromlist=["x"]).__file__).parent
+    folder = Path(__import__("cutbench.verification.reference", fromlist=["x"]).__file__).parent
     found = references()
     assert tuple(found)[: len(FIRST)] == FIRST
     for name, one in found.items():
@@ -241,7 +241,7 @@ def test_a_failed_check_is_exit_status_1(monkeypatch, tmp_path):
     def one_bad():
         return {"made_up": reference(lambda: iter([check(), check(obtained=3.0)]))}
 
-    monkeypatch.setattr("cutbench.verify.references", one_bad)
+    monkeypatch.setattr("cutbench.verification.reference.references", one_bad)
     done = invoke("--out", str(tmp_path))
     assert done.exit_code == 1
     assert "FAILED" in done.stdout and "1 of 2 checks passed" in done.stdout
@@ -254,7 +254,7 @@ def test_what_was_computed_before_an_interruption_is_kept(monkeypatch, tmp_path)
         yield
 
     both = {"a": reference(lambda: iter([check()]), "a"), "b": reference(interrupted, "b")}
-    monkeypatch.setattr("cutbench.verify.references", lambda: both)
+    monkeypatch.setattr("cutbench.verification.reference.references", lambda: both)
     done = invoke("--out", str(tmp_path))
     assert done.exit_code == 130
     record = json.loads((tmp_path / "verify.json").read_text(encoding="utf-8"))

@@ -10,16 +10,16 @@ import pytest
 from coarse_runs import BRIEF, PRESSED, force_at
 from form_checks import HEIGHT, P, blade, blade_case, bulk_form, displacement, space_of, spaces, step_between
 
-from cutbench.build import build
+from cutbench.case.model import DEFAULT, Model
 from cutbench.forms.base import Step
 from cutbench.forms.cut import CutForm
 from cutbench.forms.damping import DampingForm
 from cutbench.forms.mixed import MixedVolumetric
 from cutbench.forms.space import Faces
-from cutbench.model import DEFAULT, Model
-from cutbench.run import run_case
-from cutbench.solve import window
-from cutbench.solve.newton import NoConvergence
+from cutbench.run.build import build
+from cutbench.run.runner import run_case
+from cutbench.solver.newton import NoConvergence
+from cutbench.solver.predictor import window
 
 
 def check_part(form, u, state, step, p=P) -> None:

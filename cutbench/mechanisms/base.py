@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cutbench.quantities import Parameter
+from cutbench.base.units import Parameter
 
 #: Length of the complex step: far below rounding of the real part, so no cancellation.
 STEP = 1e-30

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import skfem
 
-from cutbench.errors import BadInput
-from cutbench.grading import AT_SURGE, RIM, SURGE, UNDER_TIP, chosen
+from cutbench.base.errors import BadInput
+from cutbench.case.mesh_sizes import AT_SURGE, RIM, SURGE, UNDER_TIP, chosen
+from cutbench.forms.geometry import Geometry
 from cutbench.models2d.section import REACH, half_block
 from cutbench.models2d.usermesh import read_mesh
-from cutbench.solve.geometry import Geometry
 
 
 def geometry(values, numerics, fine: tuple[float, float] = (0.0, np.inf), kept=None) -> Geometry:

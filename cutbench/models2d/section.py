@@ -9,7 +9,7 @@ import numpy as np
 import skfem
 from scipy.optimize import brentq
 
-from cutbench.grading import GRADING, wanted
+from cutbench.case.mesh_sizes import GRADING, wanted
 
 #: Elements at the cut plane are this many times taller than wide: under the tip, and beside a cut that it
 #: forces open, the material is stretched sideways several times. Small ones slenderer than that fold.

@@ -9,7 +9,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from skfem.io.meshio import from_meshio
 
-from cutbench.meshfile import Refuse, compact, read_file, refusal
+from cutbench.base.mesh_files import Refuse, compact, read_file, refusal
 
 #: Boundary lines that the file must name, with the coordinate (0: x, 1: y) that is constant on them.
 LINES = {"cut": 0, "bottom": 1, "top": 1}

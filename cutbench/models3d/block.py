@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import skfem
 
-from cutbench.errors import BadInput
-from cutbench.grading import AT_SURGE, RIM, SURGE, UNDER_TIP, chosen
+from cutbench.base.errors import BadInput
+from cutbench.case.mesh_sizes import AT_SURGE, RIM, SURGE, UNDER_TIP, chosen
+from cutbench.forms.geometry import Geometry
 from cutbench.models3d.mesh import length_along, mirrored, quarter
 from cutbench.models3d.usermesh import read_mesh
-from cutbench.solve.geometry import Geometry
 
 #: Mirror images that each part of the block stands for.
 PARTS = {"quarter": 4.0, "half": 2.0, "full": 1.0}

@@ -14,7 +14,7 @@ import numpy as np
 import skfem
 from scipy.optimize import brentq
 
-from cutbench.grading import GRADING, wanted
+from cutbench.case.mesh_sizes import GRADING, wanted
 
 #: Along the blade things change slowly: elements are longer there, by this factor at the most ...
 ALONG = 4.0

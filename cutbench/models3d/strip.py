@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 import skfem
 
+from cutbench.forms.geometry import Geometry
 from cutbench.models3d.mesh import tetrahedra
-from cutbench.solve.geometry import Geometry
 
 #: Growth of the element size with the distance from the notch's tip.
 GROWTH = 0.3

@@ -11,8 +11,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from skfem.io.meshio import from_meshio
 
-from cutbench.errors import BadInput
-from cutbench.meshfile import Refuse, compact, read_file, refusal
+from cutbench.base.errors import BadInput
+from cutbench.base.mesh_files import Refuse, compact, read_file, refusal
 from cutbench.models3d.mesh import tetrahedra
 
 #: Faces that the file must name: the axis that is constant on them, and the parts that have them.

@@ -3,8 +3,8 @@
 Θ is 1 under contact and stays 1 on a cut face that has touched once.
 """
 
+from cutbench.base.units import Parameter
 from cutbench.mechanisms.base import Blade
-from cutbench.quantities import Parameter
 
 
 class Adhesion(Blade):

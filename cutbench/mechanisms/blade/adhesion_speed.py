@@ -6,8 +6,8 @@ Schallamach's and Grosch's curves (Grosch, Proc. R. Soc. Lond. A 274 (1963) 21, 
 
 import numpy as np
 
+from cutbench.base.units import Parameter
 from cutbench.mechanisms.base import Blade
-from cutbench.quantities import Parameter
 
 
 class AdhesionSpeed(Blade):

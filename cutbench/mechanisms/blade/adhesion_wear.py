@@ -3,8 +3,8 @@
 A face that is roughened or wears as it is rubbed; Θ is that of the law ``adhesion``.
 """
 
+from cutbench.base.units import Parameter
 from cutbench.mechanisms.base import Blade
-from cutbench.quantities import Parameter
 
 
 class AdhesionWear(Blade):

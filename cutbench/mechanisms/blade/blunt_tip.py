@@ -3,8 +3,8 @@
 The radius of the tip grows from a²/b to (1 + w) a²/b. w = 0 is the law ``contact``.
 """
 
+from cutbench.base.units import Parameter
 from cutbench.mechanisms.blade.contact import Contact
-from cutbench.quantities import Parameter
 
 
 class BluntTip(Contact):

@@ -6,8 +6,8 @@ under a band of thickness 2a. The paper never gives b.
 
 import numpy as np
 
+from cutbench.base.units import Parameter
 from cutbench.mechanisms.base import Blade
-from cutbench.quantities import Parameter
 
 #: Half-width of the rounded bracket, in units of the blade's half-thickness.
 SKIN = 0.01

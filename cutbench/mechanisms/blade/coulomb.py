@@ -1,7 +1,7 @@
 """Coulomb friction on the blade (paper, eq. flow_potential): strength μ t_N."""
 
+from cutbench.base.units import Parameter
 from cutbench.mechanisms.base import Blade
-from cutbench.quantities import Parameter
 
 
 class Coulomb(Blade):

@@ -4,8 +4,8 @@ The real contact area cannot outgrow the apparent one: at t_N ≫ p_s the streng
 and Tabor's argument for soft solids). 1/p_s = 0 is the law ``coulomb``.
 """
 
+from cutbench.base.units import Parameter
 from cutbench.mechanisms.blade.coulomb import Coulomb
-from cutbench.quantities import Parameter
 
 
 class CoulombSaturating(Coulomb):

@@ -4,8 +4,8 @@ For a material whose ν is taken from a book but that holds pores or loses solve
 adds to its compliance to volume change. c = 0 is the law ``volumetric`` (paper, eq. for Ψ_vol).
 """
 
+from cutbench.base.units import Parameter
 from cutbench.mechanisms.bulk.volumetric import QuadraticVolumetric
-from cutbench.quantities import Parameter
 
 
 class Compressible(QuadraticVolumetric):

@@ -6,9 +6,9 @@ the locking stretch on the stress grows with the slope it has there: a trial sta
 
 import numpy as np
 
+from cutbench.base.units import Parameter
 from cutbench.mechanisms.bulk._isotropic import Isochoric
 from cutbench.mechanisms.bulk.neo_hookean import NeoHookean
-from cutbench.quantities import Parameter
 
 #: Part of the locking invariant from which the law goes on linearly.
 LOCKED = 0.98

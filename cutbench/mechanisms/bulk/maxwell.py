@@ -4,9 +4,9 @@ Finite strain, isochoric, objective, dissipation ≥ 0 (see ``_branch``); Reese 
 Solids Struct. 35 (1998) 3455, 10.1016/S0020-7683(97)00217-5. G is the modulus of slow loading.
 """
 
+from cutbench.base.units import Parameter
 from cutbench.mechanisms.base import Bulk
 from cutbench.mechanisms.bulk import _branch
-from cutbench.quantities import Parameter
 
 
 def branch_parameters(number: str, time: float, ratio: float) -> tuple[Parameter, Parameter]:

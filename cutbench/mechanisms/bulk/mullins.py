@@ -9,9 +9,9 @@ of its stress on any path is ς m G ln cosh((W_max − W)/(m G)), of which only 
 
 import numpy as np
 
+from cutbench.base.units import Parameter
 from cutbench.mechanisms.base import Bulk
 from cutbench.mechanisms.bulk._isotropic import Isochoric, Kinematics, whole_tangent
-from cutbench.quantities import Parameter
 
 
 def _ln_cosh(z):

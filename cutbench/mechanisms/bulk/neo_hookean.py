@@ -1,7 +1,7 @@
 """Neo-Hooke, isochoric part (paper, eq. for Ψ_iso): Ψ = G/2 (Ī₁ − 3)."""
 
+from cutbench.base.units import Parameter
 from cutbench.mechanisms.bulk._isotropic import Isochoric
-from cutbench.quantities import Parameter
 
 
 class NeoHookean(Isochoric):

@@ -1,7 +1,7 @@
 """Resistance to volume change (paper, eq. for Ψ_vol): U = κ/2 (J − 1)², κ = 2G(1+ν)/(3(1−2ν))."""
 
+from cutbench.base.units import Parameter
 from cutbench.mechanisms.bulk._isotropic import Volumetric
-from cutbench.quantities import Parameter
 
 
 class QuadraticVolumetric(Volumetric):

@@ -3,9 +3,9 @@
 c₂ = c₃ = 0 is neo-Hooke. Yeoh, Rubber Chem. Technol. 66 (1993) 754, 10.5254/1.3538343.
 """
 
+from cutbench.base.units import Parameter
 from cutbench.mechanisms.bulk._isotropic import Isochoric
 from cutbench.mechanisms.bulk.neo_hookean import NeoHookean
-from cutbench.quantities import Parameter
 
 
 class Yeoh(Isochoric):

@@ -8,8 +8,8 @@ every q. The peak traction rises from 0.37 to 0.57 G_c/δ_c. Compare the shape p
 
 import numpy as np
 
+from cutbench.base.units import Parameter
 from cutbench.mechanisms.cut.smith_ferrante import SmithFerrante
-from cutbench.quantities import Parameter
 
 #: Positive root of 1 + λ + λ²/2 + λ³/6 = λ⁴/6, where s Q(λ s) peaks at s = 1.
 BELL = float(max(r.real for r in np.roots([1 / 6, -1 / 6, -1 / 2, -1, -1]) if abs(r.imag) < 1e-9))

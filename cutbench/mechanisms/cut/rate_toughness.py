@@ -7,9 +7,9 @@ viscous term, which is linear in the rate, it spans decades of speed.
 
 import numpy as np
 
+from cutbench.base.units import Parameter
 from cutbench.mechanisms.base import Cut
 from cutbench.mechanisms.cut.smith_ferrante import squared_opening
-from cutbench.quantities import Parameter
 
 
 class RateToughness(Cut):

@@ -9,8 +9,8 @@ the undamaged stiffness: the two faces touch, whatever broke before.
 
 import numpy as np
 
+from cutbench.base.units import Parameter
 from cutbench.mechanisms.base import Cut
-from cutbench.quantities import Parameter
 
 #: Points (5, 1) and weights (5,) on (0, 1) for means over a step.
 _x, _w = np.polynomial.legendre.leggauss(5)

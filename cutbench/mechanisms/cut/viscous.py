@@ -6,8 +6,8 @@ admits it). With an elliptic tip and faces that follow it, ∫(dδ/dz)² dz grow
 refinement: the steady force has no limit. ``viscous_degraded`` has one.
 """
 
+from cutbench.base.units import Parameter
 from cutbench.mechanisms.base import Cut
-from cutbench.quantities import Parameter
 
 ETA = Parameter(
     "eta_reg",

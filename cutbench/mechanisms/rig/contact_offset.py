@@ -3,8 +3,8 @@
 u₀ > 0 where the zero was set before the blade touched, u₀ < 0 where it was set late.
 """
 
+from cutbench.base.units import Parameter
 from cutbench.mechanisms.base import Rig
-from cutbench.quantities import Parameter
 
 
 class ContactOffset(Rig):

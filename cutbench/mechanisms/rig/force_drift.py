@@ -1,7 +1,7 @@
 """Drift of the load cell: the recorded force is the true one plus D t, t from the first contact."""
 
+from cutbench.base.units import Parameter
 from cutbench.mechanisms.base import Rig
-from cutbench.quantities import Parameter
 
 
 class ForceDrift(Rig):

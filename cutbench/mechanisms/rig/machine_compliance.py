@@ -1,7 +1,7 @@
 """Compliance of frame, load cell and grips: the crosshead records the blade's travel plus C F."""
 
+from cutbench.base.units import Parameter
 from cutbench.mechanisms.base import Rig
-from cutbench.quantities import Parameter
 
 
 class MachineCompliance(Rig):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cutbench.quantities import Parameter
+from cutbench.base.units import Parameter
 
 THICKNESS = Parameter(
     "skin_thickness",

@@ -4,9 +4,9 @@ Drying, oxidation or a mould's wall leave gels and elastomers with such a layer.
 relaxation times stay what they are below.
 """
 
+from cutbench.base.units import Parameter
 from cutbench.mechanisms.base import Skin
 from cutbench.mechanisms.skin._layer import THICKNESS, fading
-from cutbench.quantities import Parameter
 
 
 class StiffSkin(Skin):

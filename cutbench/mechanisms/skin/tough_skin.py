@@ -1,8 +1,8 @@
 """A tougher surface layer: cohesive tractions, and so G_c, times 1 + s e^(−depth/ℓ_s) at equal δ_c."""
 
+from cutbench.base.units import Parameter
 from cutbench.mechanisms.base import Skin
 from cutbench.mechanisms.skin._layer import THICKNESS, fading
-from cutbench.quantities import Parameter
 
 
 class ToughSkin(Skin):

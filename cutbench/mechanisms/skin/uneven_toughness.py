@@ -5,8 +5,8 @@ Fibres, layers or a coarse network make the force saw with the period Λ, at equ
 
 import numpy as np
 
+from cutbench.base.units import Parameter
 from cutbench.mechanisms.base import Skin
-from cutbench.quantities import Parameter
 
 
 class UnevenToughness(Skin):

@@ -3,8 +3,8 @@
 A specimen that is glued through a soft layer, held by friction or by suction. c = 0 is the clamped base.
 """
 
+from cutbench.base.units import Parameter
 from cutbench.mechanisms.base import Support
-from cutbench.quantities import Parameter
 
 
 class ImperfectBond(Support):

@@ -1,0 +1,108 @@
+"""What every TOML reader of cutbench needs: the table, the line of a key, the name that was meant."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import tomllib
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from cutbench.base.errors import BadInput
+
+
+def read_toml(path: str | Path) -> tuple[dict, str]:
+    """The table in ``path`` and its text. BadInput if there is no such file or it is not TOML."""
+    path = Path(path)
+    name = str(path)
+    try:
+        text = path.read_bytes().decode("utf-8")
+    except FileNotFoundError as error:
+        raise BadInput(key="file", value=name, expected="a TOML file that exists") from error
+    except UnicodeDecodeError as error:
+        line = path.read_bytes()[: error.start].count(b"\n") + 1
+        raise BadInput(
+            file=name,
+            line=line,
+            key="text",
+            value="bytes that are not UTF-8",
+            expected="TOML, saved as UTF-8",
+        ) from error
+    except OSError as error:
+        raise BadInput(
+            key="file", value=name, expected=f"a TOML file that can be read ({error.strerror})"
+        ) from error
+    try:
+        return tomllib.loads(text), text
+    except tomllib.TOMLDecodeError as error:
+        lines = text.splitlines() or [""]
+        at = re.search(r"at line (\d+)", str(error))
+        line = int(at[1]) if at else len(lines)
+        shown = lines[min(line, len(lines)) - 1].strip()
+        reason = re.sub(r"\s*\(at [^)]*\)", "", str(error)).rstrip(".")
+        raise BadInput(
+            file=name,
+            line=line,
+            key="TOML",
+            value=shown,
+            expected=f"readable TOML, such as 'G = \"7.5 kPa\"' ({reason})",
+        ) from error
+
+
+def line_of(text: str, key: str, section: str | None = None) -> int | None:
+    """Line number of ``key`` (below ``[section]`` if given), or of ``[key]``; None if it is not there."""
+    name = rf"[\"']?{re.escape(key)}[\"']?"
+    assigns = re.compile(rf"\s*{name}\s*(=|\.)")
+    opens = re.compile(rf"\s*\[\[?\s*{name}\s*\]")
+    here, elsewhere = None, None
+    for number, line in enumerate(text.splitlines(), start=1):
+        head = re.match(r"\s*\[\[?\s*([^\]]+?)\s*\]", line)
+        if head:
+            here = head[1]
+        if opens.match(line) or assigns.match(line):
+            if section is None or here == section:
+                return number
+            elsewhere = elsewhere or number
+    return elsewhere
+
+
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """The known name closest to ``name``, or None if none is close."""
+    known = list(known)
+    lower = {k.lower(): k for k in reversed(known)}
+    close = difflib.get_close_matches(name.lower(), list(lower), n=1, cutoff=0.5)
+    return lower[close[0]] if close else None
+
+
+def one_of(name: str, known: Iterable[str]) -> str:
+    """``"one of a, b, c; did you mean 'b'?"``: the text of what was expected."""
+    known = list(known)
+    guess = nearest(name, known)
+    return f"one of {', '.join(known)}" + (f"; did you mean '{guess}'?" if guess else "")
+
+
+@contextmanager
+def located(
+    file: str | Path,
+    text: str,
+    section: str | None = None,
+    *,
+    find: Callable[[str], int | None] | None = None,
+) -> Iterator[None]:
+    """Errors raised inside without a file get this one, and the line of their key where it is written.
+
+    ``find`` gives the line of a key where ``line_of`` would not know which of several is meant.
+    """
+    try:
+        yield
+    except BadInput as error:
+        if error.file is not None:
+            raise
+        raise BadInput(
+            file=str(file),
+            line=find(error.key) if find else line_of(text, error.key, section),
+            key=error.key,
+            value=error.value,
+            expected=error.expected,
+        ) from error

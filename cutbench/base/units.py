@@ -1,0 +1,149 @@
+"""Units at the edges, one consistent system inside: mm, N, s (so MPa and mJ).
+
+A person writes ``"7.5 kPa"``; a law computes with ``0.0075``. Nothing between the two carries
+units, and nothing a person writes or reads lacks them.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from functools import cache, lru_cache
+
+import pint
+
+from cutbench.base.errors import BadInput
+
+ureg = pint.UnitRegistry()
+
+#: One number, then a unit or nothing. Pint alone would read "7,5 kPa" as 75 kPa and "7 5 kPa" as 35 kPa.
+_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf))\s*(.*?)\s*")
+
+#: The consistent unit of each base dimension; every derived unit follows from these.
+_BASE = {"[length]": "mm", "[time]": "s", "[mass]": "tonne"}
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of a mechanism, as a person sees it.
+
+    ``unit`` is the unit shown and expected at the edges; ``low``/``high`` bound the value in that
+    unit (``None``: unbounded; bounds are inclusive unless ``open_low``/``open_high``). ``off`` is
+    the value that removes the mechanism's effect, ``None`` where no value does. ``typical`` is a
+    value in the middle of the field's experience: a start for fits and tests.
+    """
+
+    name: str
+    unit: str
+    symbol: str
+    doc: str
+    low: float | None = None
+    high: float | None = None
+    off: float | None = None
+    default: float | None = None
+    typical: float = 1.0
+    open_low: bool = False
+    open_high: bool = False
+
+    @property
+    def factor(self) -> float:
+        """Multiply a value in ``unit`` by this to have it in the consistent system."""
+        return unit_factor(self.unit)
+
+    def range_text(self) -> str:
+        """The admissible range in words, for error messages: ``"0 kPa < G"``."""
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        left = "" if self.low is None else f"{self.low:g}{unit} {'<' if self.open_low else '<='} "
+        right = "" if self.high is None else f" {'<' if self.open_high else '<='} {self.high:g}{unit}"
+        return f"{left}{self.name}{right}"
+
+    def check(self, value: float, *, file: str | None = None, key: str | None = None) -> float:
+        """Return ``value`` (in ``unit``) if it lies within the bounds, else raise BadInput."""
+        bad = not math.isfinite(value)
+        if self.low is not None:
+            bad |= value < self.low or (self.open_low and value == self.low)
+        if self.high is not None:
+            bad |= value > self.high or (self.open_high and value == self.high)
+        if bad:
+            shown = f"{value:g}" if self.unit == "1" else f"{value:g} {self.unit}"
+            raise BadInput(file=file, key=key or self.name, value=shown, expected=self.range_text())
+        return value
+
+    def parse(self, raw: object, *, file: str | None = None, key: str | None = None) -> float:
+        """Read what a person wrote (``"7.5 kPa"``) into the consistent system.
+
+        Raises BadInput for a bare number where a unit is due, a unit of the wrong dimension, or a
+        value outside the bounds.
+        """
+        value = parse_quantity(raw, self.unit, file=file, key=key or self.name)
+        return self.check(value, file=file, key=key) * self.factor
+
+    def show(self, internal: float) -> str:
+        """The value as a person reads it: ``"7.5 kPa"``."""
+        value = internal / self.factor
+        return f"{value:.6g}" if self.unit == "1" else f"{value:.6g} {self.unit}"
+
+
+@cache
+def unit_factor(unit: str) -> float:
+    """Size of ``unit`` in the consistent system (mm, N, s): kPa -> 1e-3, J/m^2 -> 1e-3."""
+    if unit == "1":
+        return 1.0
+    quantity = ureg.Quantity(1.0, unit)
+    target = ureg.Unit("")
+    for dim, power in quantity.dimensionality.items():
+        target = target * ureg.Unit(_BASE[dim]) ** power
+    # Rounded to 15 digits: 1 kPa must be 1e-3, not 1.0000000000000002e-3.
+    return float(f"{quantity.to(target).magnitude:.15g}")
+
+
+def parse_quantity(raw: object, unit: str, *, file: str | None = None, key: str = "") -> float:
+    """Value of ``raw`` in ``unit``. ``"1"`` stands for a dimensionless number.
+
+    Raises BadInput when the unit is missing, unknown, or of the wrong dimension.
+    """
+    wanted = "a number without unit" if unit == "1" else f"a value with a unit, such as '1 {unit}'"
+    if isinstance(raw, bool) or raw is None or isinstance(raw, (list, dict, tuple)):
+        raise BadInput(file=file, key=key, value=raw, expected=wanted)
+    if isinstance(raw, (int, float)):
+        if unit == "1":
+            return float(raw)
+        raise BadInput(
+            file=file, key=key, value=raw, expected=f"a unit beside the number, such as '{raw:g} {unit}'"
+        )
+    try:
+        return _value(str(raw), unit)
+    except _Unreadable as error:
+        raise BadInput(file=file, key=key, value=raw, expected=error.expected or wanted) from error
+
+
+class _Unreadable(ValueError):
+    """No quantity of this dimension; ``expected`` says more than that, where there is more to say."""
+
+    def __init__(self, expected: str = ""):
+        super().__init__(expected)
+        self.expected = expected
+
+
+@lru_cache(maxsize=20_000)
+def _value(text: str, unit: str) -> float:
+    """Of ``text`` in ``unit``: maps and fits read the same few texts thousands of times."""
+    try:
+        number, written = _QUANTITY.fullmatch(text.replace("²", "^2").replace("³", "^3")).groups()
+        # A unit holds no number of its own: parse_units refuses "5 kPa".
+        quantity = ureg.Quantity(
+            float(number), ureg.parse_units(f"1{written}" if written[:1] == "/" else written)
+        )
+        magnitude = quantity.magnitude
+    except Exception as error:  # pint raises many kinds for malformed text
+        raise _Unreadable from error
+    if unit != "1" and quantity.dimensionless and quantity.units == ureg.dimensionless:
+        raise _Unreadable(f"a unit beside the number, such as '{magnitude:g} {unit}'")
+    try:
+        # Through the two factors, so that "7.5 kPa" read in kPa is 7.5 to the last bit.
+        if quantity.units == ureg.Unit("" if unit == "1" else unit):
+            return magnitude
+        return float(f"{quantity.to('' if unit == '1' else unit).magnitude:.15g}")
+    except pint.DimensionalityError as error:
+        raise _Unreadable from error

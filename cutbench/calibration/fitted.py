@@ -1,0 +1,138 @@
+"""What a fit leaves: estimates with intervals, each experiment beside its computed curve, profiles."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cutbench.base.errors import BadInput
+from cutbench.base.toml import one_of
+from cutbench.calibration.identifiability import Identifiability, Unknown, correlations
+from cutbench.case.case import Case
+from cutbench.data.campaign import Campaign
+from cutbench.data.experiment import Experiment
+from cutbench.run.measures import TRANSITION
+
+#: Parts of a cut, in the order in which they come.
+REGIMES = ("indentation", "onset", "transition", "steady")
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One parameter after the fit, internal units. ``low``/``high``: 95 % interval; ``sd`` of the value."""
+
+    unknown: Unknown
+    value: float
+    low: float
+    high: float
+    sd: float
+    dof: float
+    at_bound: bool
+    moved: bool
+
+    @property
+    def label(self) -> str:
+        return self.unknown.label
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One experiment beside the fit, on its grid: ``fitted`` (m,) is the computed curve, corrected for its
+    mesh; ``sd`` (m,) the measurement's and the computation's together."""
+
+    experiment: Experiment
+    x: np.ndarray
+    mean: np.ndarray
+    sd: np.ndarray
+    fitted: np.ndarray
+    onset_mm: float
+    thickness_mm: float
+
+    @property
+    def residual(self) -> np.ndarray:
+        """Measured less computed."""
+        return self.mean - self.fitted
+
+    @property
+    def rmse(self) -> float:
+        return float(np.sqrt(np.mean(self.residual**2)))
+
+    def regimes(self) -> dict[str, np.ndarray]:
+        """Which grid values (m,) lie in which regime of a cut, by the onset that was computed.
+
+        ``onset`` is one blade thickness before it, ``transition`` four after it. Regimes without a value
+        are left out; a test that is no cut has none.
+        """
+        if self.experiment.kind != "cut":
+            return {}
+        onset = self.onset_mm if math.isfinite(self.onset_mm) else math.inf
+        w = self.thickness_mm
+        edges = (-math.inf, onset - w, onset, onset + TRANSITION * w, math.inf)
+        masks = {
+            name: (self.x > low) & (self.x <= high)
+            for name, low, high in zip(REGIMES, edges[:-1], edges[1:], strict=True)
+        }
+        return {name: mask for name, mask in masks.items() if mask.any()}
+
+
+@dataclass(frozen=True)
+class Profile:
+    """χ² above its minimum (n,) at ``values`` (n,) of one parameter (internal units), all others fitted
+    again; ``low``/``high`` where it reaches the level of the interval (nan: not within what was tried)."""
+
+    label: str
+    values: np.ndarray
+    rise: np.ndarray
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What a fit leaves. ``covariance`` (k, k) of the scaled parameters, widened by the reduced χ² where that
+    is above 1; ``case``: the model with the values found; ``before``/``after``: what the data can tell at
+    the start and at the end; ``fixed``: what the fit left at its start, with the reason. ``status``:
+    ``converged``, ``stopped`` or ``interrupted``.
+    """
+
+    campaign: Campaign
+    case: Case
+    estimates: tuple[Estimate, ...]
+    fixed: Mapping[str, str]
+    covariance: np.ndarray
+    chi2: float
+    readings: int
+    status: str
+    message: str
+    compared: tuple[Compared, ...]
+    before: Identifiability
+    after: Identifiability
+    notes: tuple[str, ...]
+    evaluations: int
+    history: tuple[float, ...]
+    seconds: float
+    profiles: tuple[Profile, ...] = field(default=())
+
+    @property
+    def values(self) -> dict[str, float]:
+        """By label, in internal units."""
+        return {e.label: e.value for e in self.estimates}
+
+    @property
+    def correlation(self) -> np.ndarray:
+        return correlations(self.covariance)
+
+    @property
+    def reduced_chi2(self) -> float:
+        return self.chi2 / max(self.readings - len(self.estimates), 1)
+
+    def estimate(self, label: str) -> Estimate:
+        """Raises BadInput for a label that was not fitted."""
+        for e in self.estimates:
+            if e.label == label:
+                return e
+        labels = [e.label for e in self.estimates]
+        raise BadInput(key="parameter", value=label, expected=one_of(label, labels))

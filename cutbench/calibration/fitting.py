@@ -1,0 +1,302 @@
+"""Calibration: the parameters of one model from all experiments of a campaign at once.
+
+Gauss–Newton steps with Marquardt's damping on exact sensitivities; residuals whitened by the measured
+covariance of the mean curves and by the computation's own error, which is measured on a finer mesh on the
+way. Intervals come from (JᵀC⁻¹J)⁻¹ with Student's t: what stems from the scatter between R specimens is
+known with R − 1 degrees of freedom, and the parts are combined after Welch (1947,
+10.1093/biomet/34.1-2.28) and Satterthwaite (1946, 10.2307/3002019).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+
+import numpy as np
+from scipy import stats
+
+from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.base.toml import one_of
+from cutbench.calibration import lm
+from cutbench.calibration.fitted import Compared, Estimate, Fit, Profile
+from cutbench.calibration.identifiability import Unknown, identifiability, information_inverse
+from cutbench.calibration.inverse import GRID, Inverse, field_note, unknowns
+from cutbench.calibration.prediction import Prediction, Predictor, cores, predictor
+from cutbench.calibration.weights import Weights
+from cutbench.data.campaign import Campaign
+from cutbench.data.experiment import Experiment
+
+#: A parameter that the fit may choose is left at its start where the data know it worse than this.
+HOPELESS = 3.0
+LEVEL = 0.95
+INTERRUPTED = "interrupted"
+#: First with guessed weights, only as far as it pays; then with measured ones.
+ROUGH = lm.Settings(promise=0.5, failures=2)
+FINAL = lm.Settings()
+#: Tests without a mesh cost next to nothing and have no jags.
+SMOOTH = lm.Settings(promise=1e-8, jags=1.0, evaluations=100, failures=10)
+#: Weights are made again if a parameter has moved this far since, so often at the most.
+AGAIN, ROUNDS = 0.25, 3
+
+
+def fit(
+    campaign: Campaign,
+    *,
+    workers: int | None = None,
+    refine: bool = True,
+    profile: Sequence[str] = (),
+    told: Callable[[str, lm.Minimum], None] | None = None,
+    grid: int = GRID,
+    run: Predictor | None = None,
+) -> Fit:
+    """Fit what ``campaign.plan`` leaves free to all train experiments; predict the test experiments.
+
+    ``workers`` processes compute the cuts (default: one a core; 0: this process), or those of ``run``.
+    ``refine``: measure the computation's own error. ``profile``: labels whose profile likelihood is
+    computed, at several fits each. ``told(stage, minimum)`` hears of each point taken. Ctrl-C ends with what
+    is there. Raises BadInput, and ComputationFailed if the start values cannot be computed.
+    """
+    began = time.perf_counter()
+    looked_for = unknowns(campaign)
+    for label in profile:
+        if label not in (known := [u.label for u in looked_for]):
+            raise BadInput(key="profile", value=label, expected=one_of(label, known))
+    runs = sum(e.kind == "cut" for e in campaign.experiments)
+    own = predictor(min(cores() if workers is None else workers, runs)) if run is None else nullcontext(run)
+    with own as run:
+        return _Fitting(campaign, Inverse(campaign, looked_for, run, grid), told, refine).go(profile, began)
+
+
+class _Fitting:
+    def __init__(self, campaign: Campaign, inverse: Inverse, told, refine: bool):
+        self.campaign, self.inverse, self.refine = campaign, inverse, refine
+        self._told = told or (lambda stage, minimum: None)
+        self.notes = list(campaign.notes)
+        self.evaluations, self.history = 0, []
+
+    def go(self, profile: Sequence[str], began: float) -> Fit:
+        inverse = self.inverse
+        q = np.zeros(len(inverse.unknowns))
+        inverse.guess_weights(q)
+        before = identifiability(inverse.whitened(q)[1], inverse.unknowns)
+        fixed = {}
+        if self.campaign.plan.free is None:
+            kept, fixed = _worth_it(inverse.whitened(q)[1], inverse.unknowns, self.campaign.plan.own)
+            q = inverse.keep(kept)
+        best = self._minimise("rough", q, ROUGH)
+        if best.message != INTERRUPTED:
+            best = self._with_measured_error(best)
+        profiles = []
+        for label in profile:
+            if label in fixed:
+                self.notes.append(f"No profile of {label}: it was left at its start.")
+            elif best.message != INTERRUPTED:
+                try:
+                    profiles.append(self._profile(label, best))
+                except KeyboardInterrupt:
+                    best.message = INTERRUPTED
+        status = INTERRUPTED if best.message == INTERRUPTED else "converged" if best.converged else "stopped"
+        for grid in inverse.grids.values():
+            self.notes += [grid.note] if grid.note else []
+        covariance, estimates = self._estimates(best)
+        return Fit(
+            self.campaign,
+            inverse.base(best.q),
+            estimates,
+            fixed,
+            covariance,
+            best.chi2,
+            best.r.size,
+            status,
+            best.message,
+            self._compared(best.q, status),
+            before,
+            identifiability(best.J, inverse.unknowns),
+            tuple(dict.fromkeys(self.notes)),
+            self.evaluations,
+            tuple(self.history),
+            time.perf_counter() - began,
+            tuple(profiles),
+        )
+
+    def _minimise(self, stage: str, q: np.ndarray, settings: lm.Settings) -> lm.Minimum:
+        low, high = self.inverse.bounds
+        best = lm.minimise(
+            self.inverse.whitened, q, low, high, settings, lambda m: self._told(stage, m),
+            first=self.inverse.whitened(q),
+        )  # fmt: skip
+        self.evaluations += best.evaluations
+        self.history += best.history
+        return best
+
+    def _with_measured_error(self, best: lm.Minimum) -> lm.Minimum:
+        """The final stage: weights are made where the rough one ended, and again if it moved far."""
+        inverse, notes = self.inverse, []
+        settings = FINAL if any(e.kind == "cut" for e in self.campaign.train) else SMOOTH
+        for _ in range(ROUNDS):
+            before = dict(inverse.weights)
+            try:
+                notes = inverse.measure_error(best.q) if self.refine else inverse.guess_weights(best.q) or []
+            except KeyboardInterrupt:
+                inverse.weights, best.message = before, INTERRUPTED
+                break
+            at = best.q
+            best = self._minimise("final", at, settings)
+            if best.message == INTERRUPTED or np.abs(best.q - at).max(initial=0.0) < AGAIN:
+                break
+        self.notes += notes
+        return best
+
+    # -- intervals -------------------------------------------------------------------------------
+    def _estimates(self, best: lm.Minimum) -> tuple[np.ndarray, tuple[Estimate, ...]]:
+        covariance = information_inverse(best.J)
+        dof = self._degrees_of_freedom(best, covariance)
+        low, high = self.inverse.bounds
+        # Where the model does not describe the data, what is wrong with it counts as noise.
+        covariance = covariance * _excess(best)
+        # What was left to do: next to nothing, or what the jags of the computed curves hide.
+        covariance = covariance + np.outer(best.outstanding, best.outstanding)
+        found = []
+        for k, u in enumerate(self.inverse.unknowns):
+            q, sd = best.q[k], float(np.sqrt(covariance[k, k]))
+            t = stats.t.ppf((1 + LEVEL) / 2, dof[k])
+            at_bound = bool(min(q - low[k], high[k] - q) < 1e-6)
+            found.append(
+                Estimate(
+                    u,
+                    u.value(q),
+                    u.value(q - t * sd) if u.logarithmic else u.value(max(q - t * sd, low[k])),
+                    u.value(q + t * sd),
+                    sd * u.slope(q),
+                    float(dof[k]),
+                    at_bound,
+                    bool(abs(q) > 1e-6),
+                )
+            )
+        return covariance, tuple(found)
+
+    def _degrees_of_freedom(self, best: lm.Minimum, covariance: np.ndarray) -> np.ndarray:
+        """Welch and Satterthwaite's (k,): of the factors, of each test's other scatter, of the rest."""
+        gain = covariance @ best.J.T
+        rest = np.diag(covariance).copy()
+        by_factor = {kind: np.zeros(rest.size) for kind in self.inverse.factors}
+        parts, first = [], 0
+        for e in self.campaign.train:
+            w = self.inverse.weights[e.id]
+            mine = gain[:, first : first + w.shift.size]
+            first += w.shift.size
+            by_factor[e.kind] += _share(mine, w, w.by_factor)
+            parts.append((_share(mine, w, w.other), w.dof))
+        parts += [(by_factor[kind], pooled.dof) for kind, pooled in self.inverse.factors.items()]
+        uncertain = np.zeros(rest.size)
+        for part, dof in parts:
+            if dof > 0:
+                rest -= part
+                uncertain += part**2 / dof
+        uncertain += np.clip(rest, 0, None) ** 2 / max(best.r.size - best.q.size, 1)
+        return np.maximum(np.diag(covariance) ** 2 / np.maximum(uncertain, 1e-300), 1.0)
+
+    # -- beside the data -------------------------------------------------------------------------
+    def _compared(self, q: np.ndarray, status: str) -> tuple[Compared, ...]:
+        inverse, found = self.inverse, self.inverse.predictions(q)
+        sides = {}
+        for e in self.campaign.train:
+            w, p = inverse.weights[e.id], found[e.id]
+            sides[e.id] = self._beside(e, p, p.y + w.shift, np.sqrt(np.diag(w.covariance)), q)
+            self.notes += [field_note(e, p, "fit")] if e.fields else []
+        for e in () if status == INTERRUPTED else self.campaign.test:
+            try:
+                (p,) = inverse.predicted(q, [e], fine=self.refine)
+            except (ComputationFailed, BadInput) as error:
+                self.notes.append(f"'{e.id}' could not be predicted: {error}")
+                continue
+            sides[e.id] = self._beside(e, p, p.y, inverse.grids[e.id].deviation, q)
+            self.notes += [field_note(e, p, "prediction")] if e.fields else []
+        return tuple(sides[e.id] for e in self.campaign.experiments if e.id in sides)
+
+    def _beside(self, e: Experiment, p: Prediction, y: np.ndarray, sd: np.ndarray, q: np.ndarray) -> Compared:
+        grid, case = self.inverse.grids[e.id], self.inverse.case(e, q)
+        return Compared(e, grid.x, grid.mean, sd, y, p.onset_mm, case.values.get("thickness", np.nan))
+
+    # -- profile likelihood ----------------------------------------------------------------------
+    def _profile(self, label: str, best: lm.Minimum) -> Profile:
+        """χ² along one parameter, on each side until it has risen by t² (times the excess of χ² over what
+        noise explains) or three tries are spent."""
+        inverse = self.inverse
+        k = [u.label for u in inverse.unknowns].index(label)
+        u = inverse.unknowns[k]
+        covariance = information_inverse(best.J)
+        t = stats.t.ppf((1 + LEVEL) / 2, self._degrees_of_freedom(best, covariance)[k])
+        t, sd = t * np.sqrt(_excess(best)), np.sqrt(covariance[k, k])
+        low, high = inverse.bounds
+        points, ends = [(best.q[k], 0.0)], {}
+        for side in (-1, 1):
+            q, way, before = best.q[k], t * sd, (best.q[k], 0.0)
+            ends[side] = np.nan
+            for _ in range(3):
+                q = float(np.clip(best.q[k] + side * way, low[k], high[k]))
+                try:
+                    rise = self._rise(k, q, best, covariance)
+                except ComputationFailed:
+                    break
+                points.append((q, rise))
+                if rise >= t**2:
+                    # The root of χ² is close to linear.
+                    a, b = np.sqrt(max(before[1], 0.0)), np.sqrt(rise)
+                    ends[side] = before[0] + (q - before[0]) * (t - a) / (b - a)
+                    break
+                before, way = (q, rise), way * min(1.15 * t / max(np.sqrt(max(rise, 0.0)), t / 3), 3.0)
+        points.sort()
+        values = np.array([u.value(q) for q, _ in points])
+        ends = {side: u.value(q) if np.isfinite(q) else np.nan for side, q in ends.items()}
+        return Profile(label, values, np.array([rise for _, rise in points]), ends[-1], ends[1])
+
+    def _rise(self, k: int, q: float, best: lm.Minimum, covariance: np.ndarray) -> float:
+        """χ² above its minimum with unknown ``k`` at ``q`` and all others fitted again."""
+        low, high = (b.copy() for b in self.inverse.bounds)
+        start = best.q + covariance[:, k] / covariance[k, k] * (q - best.q[k])
+        low[k] = high[k] = start[k] = q
+        found = lm.minimise(
+            self.inverse.whitened, start, low, high, lm.Settings(promise=0.1, evaluations=6, failures=3)
+        )
+        self.evaluations += found.evaluations
+        if found.message == INTERRUPTED:
+            raise KeyboardInterrupt
+        return found.chi2 - best.chi2
+
+
+def _excess(best: lm.Minimum) -> float:
+    """χ² per degree of freedom where it is above 1: the model's error, counted as noise."""
+    return max(best.chi2 / max(best.r.size - best.q.size, 1), 1.0)
+
+
+def _worth_it(
+    J: np.ndarray, looked_for: Sequence[Unknown], asked: Sequence[str]
+) -> tuple[list[int], dict[str, str]]:
+    """Numbers of the unknowns that the data can tell, and why the others stay where they are.
+
+    The worst leaves first: what it was confounded with may then be known well. ``asked`` names stay.
+    """
+    kept, fixed = list(range(len(looked_for))), {}
+    while len(kept) > 1:
+        said = identifiability(J[:, kept], [looked_for[i] for i in kept])
+        may_go = [i for i in range(len(kept)) if looked_for[kept[i]].name not in asked]
+        if not may_go:
+            break
+        worst = max(may_go, key=lambda i: said.joint[i])
+        if said.joint[worst] <= HOPELESS:
+            break
+        u = looked_for[kept.pop(worst)]
+        alone = said.alone[worst]
+        fixed[u.label] = (
+            "no reading depends on it" if not np.isfinite(alone)
+            else "the data do not determine it" if alone > HOPELESS
+            else "the data do not tell it from other parameters"
+        )  # fmt: skip
+    return kept, fixed
+
+
+def _share(gain: np.ndarray, w: Weights, part: np.ndarray) -> np.ndarray:
+    """Variance (k,) of q due to a part (m, m) of the readings' covariance; ``gain`` (k, m) is whitened."""
+    return np.einsum("km,mn,kn->k", gain, w.white(w.white(part).T), gain)

@@ -1,0 +1,130 @@
+"""What a model says of a test without a mesh, and by how much each parameter changes it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import SimpleNamespace
+
+import numpy as np
+
+from cutbench.base.errors import BadInput
+from cutbench.base.toml import one_of
+from cutbench.calibration.homogeneous import separation, sliding
+from cutbench.calibration.homogeneous.history import History
+from cutbench.calibration.homogeneous.stretching import nominal_stress
+from cutbench.case.model import Model
+from cutbench.data.experiment import HOMOGENEOUS, Experiment
+from cutbench.data.repetition import Averaged
+from cutbench.mechanisms.base import STEP
+
+
+def predict(
+    experiment: Experiment, model: Model, p: SimpleNamespace, at: Averaged | None = None
+) -> np.ndarray:
+    """Readings (n,) in ``experiment.y_unit`` that ``model`` with ``p`` (internal units) gives.
+
+    ``at``: the grid (default: ``experiment.on_grid()``). ``p`` may be complex, see ``respond``. Raises
+    BadInput for a ``cut``, which a run computes (``run_case(campaign.case(experiment))``), and
+    ComputationFailed where the model has no answer.
+    """
+    at = at or experiment.on_grid()
+    return respond(experiment.kind, History.of(experiment, at), model, p, direction=experiment.direction)
+
+
+def respond(
+    kind: str, history: History, model: Model, p: SimpleNamespace, *, direction: str = "opening"
+) -> np.ndarray:
+    """Stress or traction (n,) in MPa along ``history``.
+
+    Complex if ``p`` has complex values: with p.G = G + 1e-30j the imaginary part over 1e-30 is the
+    exact derivative by G.
+    """
+    return _respond(kind, history, model, p, direction, 1)[:, 0]
+
+
+def slopes(
+    experiment: Experiment,
+    model: Model,
+    p: SimpleNamespace,
+    names: Sequence[str],
+    at: Averaged | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Readings (n,) and their exact derivatives (n, len(names)) by parameters in internal units.
+
+    All derivatives come from one pass along the history. Raises BadInput for a name not in ``p``.
+    """
+    at = at or experiment.on_grid()
+    history = History.of(experiment, at)
+    for name in names:
+        if not hasattr(p, name):
+            raise BadInput(key="parameter", value=name, expected=one_of(name, vars(p)))
+    if not names:
+        return respond(experiment.kind, history, model, p, direction=experiment.direction), np.zeros(
+            (at.x.size, 0)
+        )
+    batch = SimpleNamespace(**vars(p))
+    for i, name in enumerate(names):
+        values = np.full(len(names), getattr(p, name), dtype=complex)
+        values[i] += 1j * STEP
+        setattr(batch, name, values)
+    if experiment.kind == "sliding" or (experiment.kind in HOMOGENEOUS and not _remembers(model, p)):
+        # Without memory all readings are solved at once, so the parameters come one by one.
+        parts = []
+        for i, name in enumerate(names):
+            one = SimpleNamespace(**vars(p))
+            setattr(one, name, getattr(batch, name)[i])
+            parts.append(_respond(experiment.kind, history, model, one, experiment.direction, 1)[:, 0])
+        out = np.stack(parts, axis=1)
+    else:
+        out = _respond(experiment.kind, history, model, batch, experiment.direction, len(names))
+    return out[:, 0].real.copy(), out.imag / STEP
+
+
+def scan(
+    experiment: Experiment,
+    model: Model,
+    p: SimpleNamespace,
+    names: Sequence[str],
+    sets: Sequence[Mapping[str, float]],
+    at: Averaged | None = None,
+) -> np.ndarray:
+    """Exact derivatives (len(sets), n, len(names)) by ``names`` with the values of each of ``sets`` in ``p``.
+
+    All of them come from one pass along the history where the model has a memory.
+    """
+    at = at or experiment.on_grid()
+    history = History.of(experiment, at)
+    pairs = [(values, name) for values in sets for name in names]
+    if experiment.kind == "sliding" or (experiment.kind in HOMOGENEOUS and not _remembers(model, p)):
+        parts = []
+        for values, name in pairs:
+            one = SimpleNamespace(**{**vars(p), **values})
+            setattr(one, name, getattr(one, name) + 1j * STEP)
+            parts.append(_respond(experiment.kind, history, model, one, experiment.direction, 1)[:, 0])
+        out = np.stack(parts, axis=1)
+    else:
+        batch = SimpleNamespace(**vars(p))
+        for key in dict.fromkeys([key for values in sets for key in values] + list(names)):
+            own = np.array([values.get(key, getattr(p, key)) for values, _ in pairs], dtype=complex)
+            setattr(batch, key, own + 1j * STEP * np.array([name == key for _, name in pairs]))
+        out = _respond(experiment.kind, history, model, batch, experiment.direction, len(pairs))
+    return (out.imag / STEP).reshape(at.x.size, len(sets), len(names)).transpose(1, 0, 2)
+
+
+def _remembers(model: Model, p: SimpleNamespace) -> bool:
+    return any(law.start(1, p) for law in model.laws("bulk"))
+
+
+def _respond(kind, history, model, p, direction, count) -> np.ndarray:
+    """(n, count)."""
+    if kind in HOMOGENEOUS:
+        return nominal_stress(kind, history, model, p, count=count)
+    if kind == "sliding":
+        return sliding.traction(history, model, p)[:, None]
+    if kind == "separation":
+        return separation.traction(history, model, p, direction, count=count)
+    raise BadInput(
+        key="kind",
+        value=kind,
+        expected="a test without a mesh; a cut is computed by run_case(campaign.case(…))",
+    )

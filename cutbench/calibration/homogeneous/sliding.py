@@ -1,0 +1,45 @@
+"""Traction of an interface that slides: the strengths of the blade laws at a given pressure and slip.
+
+The contact counts as touched, the material as rigid: the traction is the strength in the direction
+of the slip, and while nothing slides it stays, as far as the strength allows.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from cutbench.calibration.homogeneous.history import SLOW, History
+from cutbench.case.model import Model
+from cutbench.mechanisms.base import Points
+
+#: Slower than this part of the mean speed is rest.
+REST = 0.01
+
+
+def traction(history: History, model: Model, p: SimpleNamespace) -> np.ndarray:
+    """Shear traction (n,) in MPa at each reading, positive along growing x; complex if ``p`` is."""
+    way = np.diff(np.append(history.rest, history.x))
+    # Without times nothing is known of the rate but the model's speed.
+    rate = np.where(history.dt >= SLOW, np.real(p.speed), history.rate)
+    n = way.size
+    at = Points(
+        X=np.zeros((3, n)),
+        touched=np.ones(n),
+        slid=np.cumsum(np.abs(way)),
+        slip_rate=rate,
+        speed=float(np.mean(rate)),
+        dt=history.dt,
+    )
+    strength = np.zeros(n)
+    for law in model.laws("blade"):
+        strength = strength + law.strength(history.pressure_MPa, p, {}, at)
+    direction, last = np.empty(n), np.sign(history.x[-1] - history.rest) or 1.0
+    moving = np.abs(way) > REST * np.abs(way).mean()
+    first = int(np.argmax(moving))
+    last = np.sign(way[first])
+    for i in range(n):
+        last = np.sign(way[i]) if moving[i] else last
+        direction[i] = last
+    return direction * strength

@@ -1,0 +1,115 @@
+"""Stress of bulk laws in a homogeneous test, with the free faces free of stress.
+
+The free stretch follows from P₃₃ = 0 by Newton's method at each step of the history, with the laws'
+states from the step before; laws without state need no history and are solved for all readings at
+once. A model without a law for volume change is taken at constant volume: its pressure follows from
+P₃₃ = 0 without iteration.
+
+Parameters may be complex, with an imaginary part so small that its square vanishes: the answer's
+imaginary part is then the exact derivative. They may also be arrays (m,), for m answers at once.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from cutbench.base.errors import ComputationFailed
+from cutbench.calibration.homogeneous.history import History
+from cutbench.calibration.homogeneous.modes import MODES, Mode
+from cutbench.case.model import Model
+from cutbench.mechanisms.base import STEP, Points
+
+#: Largest step of ln λ of laws with state, and fewest steps to a reading: their errors are of first order.
+LARGEST, FEWEST = 0.02, 4
+#: Depth in mm at which the skin of a specimen is not felt.
+DEEP = 1e6
+
+
+def nominal_stress(
+    kind: str,
+    history: History,
+    model: Model,
+    p: SimpleNamespace,
+    *,
+    count: int = 1,
+    largest: float = LARGEST,
+    fewest: int = FEWEST,
+) -> np.ndarray:
+    """P₁₁ (n, count) in MPa at each reading of ``history``; ``count`` is the length of array parameters.
+
+    Raises ComputationFailed where no lateral stretch balances.
+    """
+    body = _Body(model, p, MODES[kind])
+    if not body.start(1) and count == 1:
+        # Without memory the order does not matter.
+        return body.advance(history.x, np.log(history.x) * body.mode.lateral, {}, 1.0)[0][:, None]
+    state, free, before, out = body.start(count), np.zeros(count), 1.0, []
+    for stretch, dt, reached in history.steps(largest, fewest, log=True):
+        guess = free + body.mode.lateral * np.log(stretch / before)
+        stress, free, state = body.advance(np.full(count, stretch), guess, state, dt)
+        before = stretch
+        if reached:
+            out.append(stress)
+    return np.array(out)
+
+
+class _Body:
+    """The bulk laws of a model under one mode."""
+
+    def __init__(self, model: Model, p: SimpleNamespace, mode: Mode):
+        self.laws, self.p, self.mode = model.laws("bulk"), p, mode
+        self.real = SimpleNamespace(**{name: np.real(value) for name, value in vars(p).items()})
+        self.compressible = any(law.role == "volumetric" for law in self.laws)
+        self.complex = any(np.iscomplexobj(value) for value in vars(p).values())
+
+    def start(self, n: int) -> dict[str, np.ndarray]:
+        state: dict[str, np.ndarray] = {}
+        for law in self.laws:
+            state |= law.start(n, self.p)
+        return state
+
+    def _stress(self, stretch, b, p, state, dt):
+        """P₁₁ and P₃₃ (N,) at the free stretch exp(b), and the new state."""
+        F = self.mode.deformation(stretch, np.exp(b))
+        n = F.shape[-1]
+        at = Points(X=np.zeros((3, n)), depth=np.full(n, DEEP), dt=dt, laws=self.laws, shared={})
+        P, new = np.zeros((3, 3, n)), {}
+        for law in self.laws:
+            part, changed = law.stress(F, p, state, at)
+            P = P + part
+            new |= changed
+        return P[0, 0], P[2, 2], new
+
+    def advance(self, stretch, guess, state, dt):
+        """P₁₁ (N,), ln of the free stretch (N,) (real) and the new state after a step of ``dt`` s."""
+        if not self.compressible:
+            b = self.mode.lateral * np.log(stretch)
+            P, free, new = self._stress(stretch, b, self.p, state, dt)
+            return P - free * np.exp(b) / stretch, b, new
+        b, slope = self._balanced(stretch, guess, {k: np.real(v) for k, v in state.items()}, dt)
+        if self.complex:
+            # Imaginary parts are infinitesimal, so one step of Newton's method settles them.
+            rest = self._stress(stretch, b, self.p, state, dt)[1]
+            moved = b - 1j * np.imag(rest) / slope
+        else:
+            moved = b
+        P, _, new = self._stress(stretch, moved, self.p, state, dt)
+        return P, b, new
+
+    def _balanced(self, stretch, b, state, dt):
+        """Real b (N,) with P₃₃ = 0 and dP₃₃/db there."""
+        b = np.array(b, dtype=float)
+        for _ in range(100):
+            free = self._stress(stretch, b + 1j * STEP, self.real, state, dt)[1]
+            slope = free.imag / STEP
+            change = -free.real / slope
+            b = b + np.clip(change, -0.2, 0.2)
+            if not np.all(np.isfinite(b)):
+                break
+            if np.all(np.abs(change) < 1e-12):
+                return b, slope
+        raise ComputationFailed(
+            f"no lateral stretch balances a stretch of {np.max(stretch):.3g} with these parameters"
+        )

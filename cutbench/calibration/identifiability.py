@@ -1,0 +1,170 @@
+"""What data can tell about parameters: from the sensitivities, before anything is fitted, and in words.
+
+With J (m, k) the derivatives of all readings by the scaled parameters q, whitened by the covariance of the
+readings, the information is JᵀJ. A singular value s of J is the reciprocal of a standard deviation: along
+its right singular vector q is known to 1/s. A parameter with an open lower bound at 0 is scaled as its
+logarithm, so that 0.1 is ten per cent of it; another in units of ``Unknown.scale``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutbench.base.units import Parameter
+
+#: Standard deviation along a direction of q beyond which the data do not tell: half of the value.
+BLIND = 0.5
+#: Components of a direction that count, relative to its largest.
+PART = 0.25
+#: A value that may not be its bound keeps this part of its size away from it.
+INSIDE = 1e-6
+#: A column this much smaller than the largest is no sensitivity at all.
+NOTHING = 1e-9
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """A parameter that is looked for: of all experiments, or (``experiment``) of one.
+
+    ``start``, ``low``, ``high`` in internal units; ``low``/``high`` may be infinite.
+    """
+
+    quantity: Parameter
+    start: float
+    low: float
+    high: float
+    experiment: str | None = None
+
+    @property
+    def name(self) -> str:
+        return self.quantity.name
+
+    @property
+    def label(self) -> str:
+        """``G_c``, or ``tau_W[slow]`` for one experiment's own."""
+        return self.name if self.experiment is None else f"{self.name}[{self.experiment}]"
+
+    @property
+    def logarithmic(self) -> bool:
+        return self.quantity.low == 0 and self.quantity.open_low and self.start > 0
+
+    @property
+    def scale(self) -> float:
+        """What one unit of q is, where q is not a logarithm."""
+        return max(abs(self.start), 0.1 * abs(self.quantity.typical * self.quantity.factor)) or 1.0
+
+    def value(self, q: float) -> float:
+        """The parameter (internal units) at q, within its bounds, and off those that are open."""
+        raw = self.start * math.exp(min(q, 200.0)) if self.logarithmic else self.start + self.scale * q
+        low, high, quantity = self.low, self.high, self.quantity
+        if quantity.open_low and low == quantity.low * quantity.factor:
+            low += INSIDE * self.scale
+        if quantity.open_high and high == quantity.high * quantity.factor:
+            high -= INSIDE * self.scale
+        return min(max(raw, low), high)
+
+    def slope(self, q: float) -> float:
+        """d value/dq."""
+        return self.start * math.exp(q) if self.logarithmic else self.scale
+
+    def q(self, value: float) -> float:
+        if self.logarithmic:
+            return math.log(value / self.start) if value > 0 else -math.inf
+        return (value - self.start) / self.scale
+
+    @property
+    def reach(self) -> tuple[float, float]:
+        """Bounds of q; of a logarithm never more than a factor of 1000 either way."""
+        low, high = self.q(self.low), self.q(self.high)
+        wide = math.log(1e3) if self.logarithmic else math.inf
+        return max(low, -wide), min(high, wide)
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """Singular values of J (descending) and what they mean.
+
+    ``alone`` (k,): standard deviation of each q if all others were known; ``joint`` (k,): with all of them
+    unknown (inf where the data do not tell). ``correlation`` (k, k). ``sentences`` for a person.
+    """
+
+    labels: tuple[str, ...]
+    singular_values: np.ndarray
+    alone: np.ndarray
+    joint: np.ndarray
+    correlation: np.ndarray
+    sentences: tuple[str, ...]
+
+
+def identifiability(J: np.ndarray, unknowns: Sequence[Unknown]) -> Identifiability:
+    """For whitened derivatives ``J`` (m, k) by q."""
+    labels = tuple(u.label for u in unknowns)
+    size = np.linalg.norm(J, axis=0)
+    blind = size <= NOTHING * max(size.max(initial=0.0), 1e-300)
+    _, s, Vt = _decomposed(J)
+    with np.errstate(divide="ignore"):
+        alone = np.where(blind, np.inf, 1 / np.where(blind, 1, size))
+    covariance = information_inverse(J)
+    joint = np.sqrt(np.where(blind, np.inf, np.diag(covariance)))
+    sentences = [f"No reading depends on {labels[i]}." for i in np.flatnonzero(blind)]
+    for value, v in zip(s, Vt, strict=True):
+        sd = 1 / value if value > 0 else math.inf
+        if sd <= BLIND or blind[int(np.argmax(np.abs(v)))]:
+            continue
+        sentences.append(_sentence(v, sd, unknowns))
+    return Identifiability(labels, s, alone, joint, correlations(covariance), tuple(sentences))
+
+
+def information_inverse(J: np.ndarray) -> np.ndarray:
+    """(JᵀJ)⁻¹, by scaled columns; directions without information get a huge variance, not an error."""
+    size = np.linalg.norm(J, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    _, s, Vt = _decomposed(J / size)
+    floor = max(s.max(initial=0.0), 1e-300) * 1e-10
+    return (Vt.T / np.maximum(s, floor) ** 2 @ Vt) / np.outer(size, size)
+
+
+def _decomposed(J: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Singular values (k,) of J (m, k) and its vectors, also those that too few readings leave at 0."""
+    missing = max(J.shape[1] - J.shape[0], 0)
+    return np.linalg.svd(np.pad(J, ((0, missing), (0, 0))), full_matrices=False)
+
+
+def correlations(covariance: np.ndarray) -> np.ndarray:
+    d = np.sqrt(np.diag(covariance))
+    return covariance / np.outer(d, d)
+
+
+def _sentence(v: np.ndarray, sd: float, unknowns: Sequence[Unknown]) -> str:
+    """What it means that the data know q only to ``sd`` along ``v``."""
+    largest = int(np.argmax(np.abs(v)))
+    parts = [i for i in np.argsort(-np.abs(v)) if abs(v[i]) >= PART * abs(v[largest])]
+    how = "at all" if sd > 10 else f"to better than {_amount(unknowns[largest], sd)}"
+    if len(parts) == 1:
+        return f"These data do not determine {unknowns[largest].label} {how}."
+    # A change that all the noise hides: one standard deviation, or a tenth of the largest where more.
+    shown = v / abs(v[largest]) * min(sd * abs(v[largest]), 0.1) * np.sign(v[largest])
+    verbs = {True: "raising", False: "lowering"}
+    moves = [
+        f"{verbs[bool(shown[i] > 0)]} {unknowns[i].label} by {_amount(unknowns[i], abs(shown[i]))}"
+        for i in parts
+    ]
+    names = [unknowns[i].label for i in parts]
+    apart = (
+        f"{names[0]} from {names[1]}" if len(names) == 2 else " and ".join([", ".join(names[:-1]), names[-1]])
+    )
+    return (
+        f"These data cannot separate {apart}: {_listed(moves)} changes the readings by less than their noise."
+    )
+
+
+def _listed(parts: Sequence[str]) -> str:
+    return " while ".join([parts[0], " and ".join(parts[1:])]) if len(parts) > 1 else parts[0]
+
+
+def _amount(u: Unknown, dq: float) -> str:
+    return f"{100 * dq:.0f} %" if u.logarithmic else u.quantity.show(dq * u.scale)

@@ -1,0 +1,222 @@
+"""What a model says an experiment would read, with its derivatives by parameters.
+
+A cut is a finite-element run differentiated along its way; a homogeneous test is computed without a mesh,
+one complex step a parameter. Both give a curve on the grid on which the measurement is known.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.base.threads import one_thread_each
+from cutbench.calibration.homogeneous import slopes
+from cutbench.case.case import Case
+from cutbench.data.campaign import lead_s
+from cutbench.data.experiment import Experiment
+from cutbench.data.field_comparison import at_travel, sample, sampled_slopes
+from cutbench.data.noise import averaging
+from cutbench.data.repetition import Averaged
+from cutbench.mechanisms.base import STEP
+from cutbench.run.pool.worker import begin_worker
+from cutbench.run.result import Result
+from cutbench.run.runner import run_case
+
+
+@dataclass(frozen=True)
+class Task:
+    """One experiment at one set of parameters: its case, where it is read, by what it is differentiated."""
+
+    experiment: Experiment
+    case: Case
+    grid: Averaged
+    names: tuple[str, ...] = ()
+
+    @property
+    def of_time(self) -> bool:
+        """Whether readings have their place in time: those of a cut with holds or returns."""
+        return self.experiment.kind == "cut" and not self.experiment.monotone
+
+    @property
+    def reading(self) -> tuple[np.ndarray, np.ndarray]:
+        """Places (n,) of all readings in mm or s of the run, and the matrix (m, n) to the grid.
+
+        A computed curve goes the same way as the measured ones: an average over readings is not the value
+        in their middle where the curve bends.
+        """
+        if self.of_time:
+            lead = lead_s(self.experiment)
+            _, along, matrices = self.experiment.averaging(self.grid.x.size)
+            return lead + np.concatenate(along), np.hstack(matrices) / len(matrices)
+        places, parts = [], []
+        for r in self.experiment.repetitions:
+            x = np.sort(r.x)
+            places.append(x)
+            whole = x.size == self.grid.x.size and np.array_equal(x, self.grid.x)
+            parts.append(np.eye(x.size) if whole else averaging(x, self.grid.x))
+        return np.concatenate(places), np.hstack(parts) / len(parts)
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """``y`` (m,) on the task's grid, ``slopes`` (m, k) by ``names`` in internal units.
+
+    ``onset_mm``: where the cut of a run begins (nan without one); ``steps`` its number of steps.
+    ``fields`` (f,), ``field_slopes`` (f, k): displacements in mm at all places of the experiment's fields, as
+    ``data.fields.laid_out`` has them; nan outside the body. ``course`` (3, n): displacement, force and
+    time of the run itself, as no rig has changed them.
+    """
+
+    y: np.ndarray
+    slopes: np.ndarray
+    names: tuple[str, ...] = ()
+    onset_mm: float = float("nan")
+    steps: int = 0
+    timings: dict[str, float] = field(default_factory=dict)
+    fields: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    field_slopes: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    course: np.ndarray = field(default_factory=lambda: np.zeros((3, 0)))
+
+
+def predict(task: Task) -> Prediction:
+    """Raises ComputationFailed for a run that ends short of the readings, or cannot begin."""
+    try:
+        return _cut(task) if task.experiment.kind == "cut" else _homogeneous(task)
+    except BadInput as error:
+        # Also because it comes from another process, which hands on nothing but a message.
+        raise ComputationFailed(f"'{task.experiment.id}': {error}") from error
+
+
+def _cut(task: Task) -> Prediction:
+    case, names = task.case, task.names
+    rig = {q.name for law in case.model.laws("rig") for q in law.parameters}
+    # One step before each field too: between the two the displacements are interpolated.
+    pictured = [f.travel_mm for f in task.experiment.fields]
+    wanted_mm = sorted({max(mm - back, 0.0) for mm in pictured for back in (case.numerics.step_mm, 0.0)})
+    result = run_case(case, sensitivities=[name for name in names if name not in rig], snapshots_mm=wanted_mm)
+    reached, wanted = result.outcome.reached_mm, float(task.grid.x[-1])
+    if result.outcome.kind == "interrupted":
+        raise KeyboardInterrupt
+    if not result.outcome.done and (task.of_time or reached < wanted - 1e-6):
+        raise ComputationFailed(f"'{task.experiment.id}': {result.outcome}")
+    course = np.stack([result.curve[name] for name in ("displacement_mm", "force_N", "time_s")])
+    reading = task.reading
+    columns = []
+    for name in (None, *names):
+        p, moved = case.p, course.astype(complex)
+        if name in result.sensitivities:
+            moved[1] += 1j * STEP * result.sensitivities[name]
+        if name is not None:
+            setattr(p, name, getattr(p, name) + 1j * STEP)
+        columns.append(_shown(task, reading, moved, p))
+    by_name = np.stack(columns, axis=1)[:, 1:].imag / STEP
+    if not np.isfinite(by_name).all():
+        raise ComputationFailed(
+            f"'{task.experiment.id}': the equations are singular on the way: no derivatives beyond"
+        )
+    onset = result.measures.get("onset_mm", float("nan"))
+    u, u_by_name = _fields(task, result, rig)
+    steps = result.counts["steps"]
+    return Prediction(columns[0].real, by_name, names, onset, steps, result.timings, u, u_by_name, course)
+
+
+def recorded(task: Task, prediction: Prediction, **values: float) -> np.ndarray:
+    """What a cut would read (m,) with other ``values`` of its rig's parameters (internal units)."""
+    p = task.case.p
+    vars(p).update(values)
+    return _shown(task, task.reading, prediction.course.astype(complex), p).real
+
+
+def _shown(task: Task, reading: tuple[np.ndarray, np.ndarray], course: np.ndarray, p) -> np.ndarray:
+    """The readings (m,) of a run's ``course`` (3, n), complex, through the rig with parameters ``p``."""
+    model, (places, average) = task.case.model, reading
+    if task.of_time:  # at the same time the blade is elsewhere only where a rig says so
+        return average @ _read(places, course[2], model.record(*course, p)[1])
+    x, force, _ = model.shown(course, p)
+    return average @ _read(places, x, force)
+
+
+def _fields(task: Task, result: Result, rig: set[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Displacements at the places of the measured ones (f,), and their derivatives (f, k).
+
+    What a rig does to the record of the force it does not do to a picture of the specimen.
+    """
+    names = [name for name in task.names if name not in rig]
+    values, slopes = [np.zeros(0)], [np.zeros((0, len(task.names)))]
+    for measured in task.experiment.fields:
+        picture = at_travel(result.snapshots, measured.travel_mm)
+        by_name = np.zeros((measured.u.size, len(task.names)))
+        if picture is None:
+            values.append(np.full(measured.u.size, np.nan))
+        else:
+            values.append(sample(picture, measured).u.ravel())
+            found = sampled_slopes(picture, measured, names).reshape(measured.u.size, -1)
+            by_name[:, [task.names.index(name) for name in names]] = found
+        slopes.append(by_name)
+    return np.concatenate(values), np.concatenate(slopes)
+
+
+def _read(at: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The polygon through complex points (x, y) at real places, with its complex step; ends go on level."""
+    i = np.clip(np.searchsorted(x.real, at, side="right") - 1, 0, x.size - 2)
+    inside = np.clip(at, x[0].real, x[-1].real)
+    return y[i] + (inside - x[i]) / (x[i + 1] - x[i]) * (y[i + 1] - y[i])
+
+
+def _homogeneous(task: Task) -> Prediction:
+    y, by_name = slopes(task.experiment, task.case.model, task.case.p, task.names, task.grid)
+    return Prediction(y, by_name, task.names)
+
+
+class Predictor:
+    """Predictions of several tasks at once, the runs on ``workers`` processes (0: in this one)."""
+
+    def __init__(self, pool: ProcessPoolExecutor | None):
+        self._pool = pool
+
+    def __call__(self, tasks: Sequence[Task]) -> list[Prediction]:
+        """In the order of ``tasks``. Raises ComputationFailed if one falls short."""
+        if self._pool is None:
+            return [predict(task) for task in tasks]
+        cuts = {}
+        try:
+            for i, task in enumerate(tasks):
+                if task.experiment.kind == "cut":
+                    cuts[i] = self._pool.submit(predict, task)
+            return [cuts[i].result() if i in cuts else predict(task) for i, task in enumerate(tasks)]
+        except BrokenProcessPool as error:
+            raise ComputationFailed("a process that computed a cut was ended from outside") from error
+        finally:
+            for future in cuts.values():
+                future.cancel()
+
+
+@contextmanager
+def predictor(workers: int) -> Iterator[Predictor]:
+    """Processes that live as long as the block: started by spawn, one thread each, gone with this one."""
+    if workers < 2:
+        yield Predictor(None)
+        return
+    context = multiprocessing.get_context("spawn")
+    mine, theirs = context.Pipe(duplex=False)
+    with one_thread_each():
+        pool = ProcessPoolExecutor(workers, mp_context=context, initializer=begin_worker, initargs=(mine,))
+        try:
+            yield Predictor(pool)
+        finally:
+            theirs.close()
+            pool.shutdown(wait=False, cancel_futures=True)
+            mine.close()
+
+
+def cores() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,0 +1,178 @@
+"""What a fit says: by regime of the cut, as text in the manner of lmfit, and as plain data."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from cutbench.calibration.fitted import Compared, Estimate, Fit
+from cutbench.run.files import versions, write_json
+
+#: Layout of fit.json.
+SCHEMA = 1
+#: Correlations below this are not worth a line.
+SHOWN = 0.3
+
+
+def by_regime(c: Compared) -> dict[str, dict[str, float]]:
+    """Range in mm, mean and root mean square of the residual in N, and the largest in standard deviations."""
+    found = {}
+    for name, mask in c.regimes().items():
+        r = c.residual[mask]
+        found[name] = {
+            "from_mm": float(c.x[mask][0]),
+            "to_mm": float(c.x[mask][-1]),
+            "bias_N": float(r.mean()),
+            "rms_N": float(np.sqrt((r**2).mean())),
+            "largest_z": float(np.abs(r / c.sd[mask]).max()),
+        }
+    return found
+
+
+def summary(fit: Fit) -> str:
+    """The report as text."""
+    k = len(fit.estimates)
+    lines = [
+        fit.campaign.title,
+        f"  {fit.status}: {fit.message}" if fit.message != fit.status else f"  {fit.status}",
+        f"  {fit.readings} values, {k} parameter{'s' if k != 1 else ''}, chi2 = {fit.chi2:.4g},"
+        f" reduced {fit.reduced_chi2:.3g}, {fit.evaluations} evaluations, {fit.seconds:.0f} s",
+    ]
+    if fit.reduced_chi2 > 2:
+        lines.append(
+            "  The model does not describe the data to within their noise; intervals are widened to match."
+        )
+    lines += ["", "parameters (95 % intervals)"]
+    lines += [_parameter(e) for e in fit.estimates]
+    lines += [f"  {label:<16} left at its start: {reason}" for label, reason in fit.fixed.items()]
+    if pairs := _pairs(fit):
+        lines += ["", f"correlations above {SHOWN:g}"]
+        lines += [f"  {a}, {b}: {value:+.2f}" for a, b, value in pairs]
+    lines += ["", "experiments"]
+    for c in fit.compared:
+        unit = c.experiment.y_unit
+        part = c.rmse / np.abs(c.mean).max()
+        role = "fitted" if c.experiment.role == "train" else "predicted"
+        lines.append(
+            f"  {c.experiment.id} ({c.experiment.kind}, {role}): root mean square residual"
+            f" {c.rmse:.3g} {unit}, {100 * part:.1f} % of the maximum"
+        )
+        lines += [
+            f"    {name:<12} {v['from_mm']:.2f} to {v['to_mm']:.2f} mm: {v['rms_N']:.3g} N,"
+            f" bias {v['bias_N']:+.3g} N"
+            for name, v in by_regime(c).items()
+        ]
+    for profile in fit.profiles:
+        q = fit.estimate(profile.label).unknown.quantity
+        ends = [
+            q.show(v) if math.isfinite(v) else "beyond what was tried" for v in (profile.low, profile.high)
+        ]
+        lines.append(f"  profile of {profile.label}: {ends[0]} to {ends[1]}")
+    for title, said in (("before the fit", fit.before), ("after the fit", fit.after)):
+        if said.sentences:
+            lines += ["", f"identifiability {title}", *(f"  {s}" for s in said.sentences)]
+    if fit.notes:
+        lines += ["", "notes", *(f"  {note}" for note in fit.notes)]
+    return "\n".join(lines)
+
+
+def _parameter(e: Estimate) -> str:
+    q = e.unknown.quantity
+    flags = [text for is_so, text in ((e.at_bound, "at a bound"), (not e.moved, "not moved")) if is_so]
+    relative = f" ({100 * e.sd / abs(e.value):.2g} %)" if e.value else ""
+    return (
+        f"  {e.label:<16} {q.show(e.value)} +/- {q.show(e.sd)}{relative}"
+        f"   [{q.show(e.low)}, {q.show(e.high)}]   start {q.show(e.unknown.start)}"
+        + "".join(f"   {flag}" for flag in flags)
+    )
+
+
+def _pairs(fit: Fit) -> list[tuple[str, str, float]]:
+    labels, C = [e.label for e in fit.estimates], fit.correlation
+    pairs = [
+        (labels[i], labels[j], float(C[i, j])) for i in range(len(labels)) for j in range(i + 1, len(labels))
+    ]
+    return sorted((p for p in pairs if abs(p[2]) >= SHOWN), key=lambda p: -abs(p[2]))
+
+
+def to_dict(fit: Fit) -> dict:
+    """Plain data with units; the arrays of the curves included."""
+    parameters = {}
+    for e in fit.estimates:
+        q = e.unknown.quantity
+        parameters[e.label] = {
+            **{key: getattr(e, key) / q.factor for key in ("value", "low", "high", "sd")},
+            "start": e.unknown.start / q.factor,
+            "unit": q.unit,
+            "experiment": e.unknown.experiment,
+            "degrees_of_freedom": e.dof,
+            "at_bound": e.at_bound,
+            "moved": e.moved,
+        }
+    return {
+        "schema": SCHEMA,
+        "title": fit.campaign.title,
+        "status": fit.status,
+        "message": fit.message,
+        "parameters": parameters,
+        "left_at_start": dict(fit.fixed),
+        "correlations": [{"of": [a, b], "value": v} for a, b, v in _pairs(fit)],
+        "chi2": fit.chi2,
+        "reduced_chi2": fit.reduced_chi2,
+        "values_compared": fit.readings,
+        "experiments": {c.experiment.id: _experiment(c) for c in fit.compared},
+        "profiles": [_profile(fit, p) for p in fit.profiles],
+        "identifiability": {
+            when: {
+                "singular_values": said.singular_values.tolist(),
+                "parameters": list(said.labels),
+                "sd_scaled": said.joint.tolist(),
+                "sentences": list(said.sentences),
+            }
+            for when, said in (("before", fit.before), ("after", fit.after))
+        },
+        "notes": list(fit.notes),
+        "evaluations": fit.evaluations,
+        "chi2_history": list(fit.history),
+        "seconds": fit.seconds,
+        "case": fit.case.to_dict(),
+        "versions": versions(),
+    }
+
+
+def _experiment(c: Compared) -> dict:
+    e = c.experiment
+    return {
+        "kind": e.kind,
+        "role": e.role,
+        "repetitions": len(e.repetitions),
+        "x_unit": e.x_unit,
+        "y_unit": e.y_unit,
+        "rmse": c.rmse,
+        "rmse_of_maximum": c.rmse / float(np.abs(c.mean).max()),
+        "onset_mm": c.onset_mm,
+        "regimes": by_regime(c),
+        "x": c.x.tolist(),
+        "measured": c.mean.tolist(),
+        "sd": c.sd.tolist(),
+        "fitted": c.fitted.tolist(),
+    }
+
+
+def _profile(fit: Fit, p) -> dict:
+    q = fit.estimate(p.label).unknown.quantity
+    ends = {key: getattr(p, key) / q.factor for key in ("low", "high")}
+    return {"parameter": p.label, "unit": q.unit, "values": (p.values / q.factor).tolist(),
+            "chi2_rise": p.rise.tolist(), **ends}  # fmt: skip
+
+
+def write_fit(fit: Fit, folder: Path) -> list[Path]:
+    """``fit.json`` and ``fit.png`` in ``folder``, each whole or not at all."""
+    from cutbench.base.figure_style import save
+    from cutbench.calibration.figure import plot_fit
+
+    paths = save(plot_fit(fit), folder / "fit.png")
+    write_json(to_dict(fit), folder / "fit.json")
+    return [*paths, folder / "fit.json"]

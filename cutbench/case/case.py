@@ -1,0 +1,320 @@
+"""One cutting test to compute: mechanisms, their numbers, numerical choices, and an identity.
+
+A person writes a material's name or a TOML file and changes some values; a case is what comes of
+it, complete, checked and in internal units (mm, N, s).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
+from functools import cached_property, partial
+from pathlib import Path
+from types import MappingProxyType, SimpleNamespace
+
+from cutbench.base.errors import BadInput
+from cutbench.base.toml import located, read_toml
+from cutbench.case import materials
+from cutbench.case.model import DEFAULT, Model, section_of
+from cutbench.case.motion import Polyline, checked_motion, read_motion
+from cutbench.case.numerics import ALIASES, KEYS, Numerics, defaults, preset
+from cutbench.case.values import (
+    SECTIONS,
+    brief,
+    check_fit,
+    doubts,
+    misplaced,
+    names,
+    parse_values,
+    resolve,
+    rounded,
+    section_hint,
+    unknown,
+)
+
+#: Part of every id: raise it when the same inputs come to mean another computation.
+SCHEMA = 1
+
+_TOP = ("material", "base", "mechanisms", *SECTIONS, "numerics")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """A complete, checked description of one run; ``values`` are in internal units.
+
+    Raises BadInput if a value is missing, out of its bounds, or does not fit another.
+    """
+
+    name: str
+    dim: int
+    mechanisms: tuple[str, ...]
+    values: Mapping[str, float]
+    numerics: Numerics = field(default_factory=Numerics)
+    #: Times (s) and travels (mm) from (0, 0) of a blade that holds, returns or changes its speed; without any
+    #: it goes down to ``depth`` at ``speed``.
+    motion: Polyline = ()
+
+    def __post_init__(self) -> None:
+        if self.dim not in (2, 3):
+            raise BadInput(key="dim", value=self.dim, expected="2 or 3")
+        if not isinstance(self.name, str) or not self.name.strip():
+            raise BadInput(key="name", value=self.name, expected="a name, such as 'gelatin'")
+        model = Model(tuple(self.mechanisms))
+        known = model.parameters()
+        for key, value in self.values.items():
+            if key not in known:
+                raise unknown(key, value, model)
+        full: dict[str, float] = {}
+        for name, q in known.items():
+            if name in self.values:
+                value = float(self.values[name])
+            elif q.default is not None:
+                value = q.default * q.factor
+            elif name == "depth":
+                value = full["height"]
+            else:
+                users = [m.name for m in model.all if name in (*m.reads, *(o.name for o in m.parameters))]
+                raise BadInput(
+                    key=name,
+                    value="(missing)",
+                    expected=f"a value in [{section_of(name)}], such as {name} = '{q.typical:g} {q.unit}'"
+                    f" ({q.doc}; needed by {', '.join(users)})",
+                )
+            q.check(rounded(value / q.factor, 15))
+            # Fourteen digits, so that a value is the same number in whatever unit it was written.
+            full[name] = rounded(value, 14)
+        object.__setattr__(self, "mechanisms", model.mechanisms)
+        object.__setattr__(self, "values", MappingProxyType(full))
+        check_fit(full, self.numerics, self.dim)
+        object.__setattr__(self, "motion", checked_motion(self.motion, full["depth"]))
+
+    def __reduce__(self):
+        given = {f.name: getattr(self, f.name) for f in fields(self)}
+        return partial(Case, **given | {"values": dict(self.values)}), ()  # a MappingProxyType has no pickle
+
+    def __hash__(self) -> int:
+        return hash(self.id)
+
+    @cached_property
+    def model(self) -> Model:
+        return Model(self.mechanisms)
+
+    @property
+    def p(self) -> SimpleNamespace:
+        """The values by attribute, as laws read them."""
+        return SimpleNamespace(**self.values)
+
+    @cached_property
+    def id(self) -> str:
+        """16 hex digits of all that decides the outcome; the name and the order of writing do not.
+
+        A mesh file counts by its content. Raises BadInput if it cannot be read.
+        """
+        numerics = asdict(self.numerics)
+        if self.numerics.mesh is not None:
+            numerics["mesh"] = _digest(self.numerics.mesh)
+        content = {
+            "schema": SCHEMA,
+            "dim": self.dim,
+            "mechanisms": self.mechanisms,
+            "values": {name: f"{value:.14g}" for name, value in self.values.items()},
+            "numerics": {k: f"{v:.14g}" if isinstance(v, float) else v for k, v in numerics.items()},
+        }
+        if self.motion:
+            content["motion"] = [[f"{number:.14g}" for number in point] for point in self.motion]
+        text = json.dumps(content, sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What to know before its run is believed: sentences, none for most."""
+        return doubts(self.values, self.numerics)
+
+    def groups(self) -> dict[str, float]:
+        """The dimensionless groups of all its mechanisms."""
+        return self.model.groups(self.p)
+
+    def shown(self) -> dict[str, str]:
+        """Every value with its unit, as a person reads it."""
+        return {name: q.show(self.values[name]) for name, q in self.model.parameters().items()}
+
+    def set(self, **changes: object) -> Case:
+        """A case with changes as a person writes them.
+
+        Parameters by name (``G="8 kPa"``), ``eta_v="0.05 mm"``, groups (``cohesion=9.0``), numerics
+        (``h="0.2 mm"``, ``element="P1"``), ``numerics="paper"`` (all of them as the paper has them, and its
+        viscous term), ``with_``, ``without`` and ``mechanisms`` (a name or several), ``motion`` (pairs of
+        time and travel of a blade that holds, returns or changes its speed), ``name``. Groups are solved
+        after the parameters. Raises BadInput.
+        """
+        given = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "mechanisms"}
+        return _Draft(model=self.model, **given).changed(changes).case()
+
+    def to_dict(self) -> dict:
+        """Plain data with units, for JSON; ``from_dict`` gives the same case and id."""
+        known = self.model.parameters()
+        return {
+            "schema": SCHEMA,
+            "id": self.id,
+            "name": self.name,
+            "dim": self.dim,
+            "mechanisms": list(self.mechanisms),
+            "values": {
+                name: {"value": rounded(value / known[name].factor, 15), "unit": known[name].unit}
+                for name, value in self.values.items()
+            },
+            "numerics": asdict(self.numerics),
+        } | ({"motion": [list(point) for point in self.motion]} if self.motion else {})
+
+    @classmethod
+    def from_dict(cls, data: Mapping) -> Case:
+        """The case that ``to_dict`` described. Raises BadInput for what is missing or wrong."""
+        try:
+            model = Model(tuple(data["mechanisms"]))
+            written = {
+                key: entry["value"] if entry["unit"] == "1" else f"{entry['value']!r} {entry['unit']}"
+                for key, entry in data["values"].items()
+            }
+            changes = {**written, **data["numerics"]}
+            motion = read_motion(data.get("motion", ()))
+            draft = _Draft(name=data["name"], model=model, dim=data["dim"], motion=motion)
+            return draft.changed(changes).case()
+        except (KeyError, TypeError, AttributeError) as error:
+            raise BadInput(
+                key="case", value=str(error), expected="a case as Case.to_dict() writes it"
+            ) from error
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Draft:
+    """A case in the making: values may still be missing, and are not yet checked to fit."""
+
+    name: object
+    model: Model
+    values: Mapping[str, float] = field(default_factory=dict)
+    numerics: Numerics = field(default_factory=Numerics)
+    dim: int = 2
+    motion: Polyline = ()
+
+    def changed(self, changes: Mapping[str, object]) -> _Draft:
+        """With ``changes`` as ``Case.set`` takes them. Raises BadInput."""
+        rest, model = dict(changes), self.model
+        if "mechanisms" in rest:
+            model = Model(names("mechanisms", rest.pop("mechanisms")))
+        for key in ("with", "with_"):
+            if key in rest:
+                model = model.with_(*names("with", rest.pop(key)))
+        if "without" in rest:
+            model = model.without(*names("without", rest.pop("without")))
+        motion = read_motion(rest.pop("motion")) if "motion" in rest else self.motion
+        name, word = rest.pop("name", self.name), rest.pop("numerics", None)
+        if word == "paper" and "viscous_degraded" in model.mechanisms:
+            model = model.with_("viscous")  # as printed, whatever the damage
+        values = resolve(self.values, {k: v for k, v in rest.items() if k not in KEYS}, model)
+        start = self.numerics if word is None else preset(word, values, self.dim)
+        numerics = start.set({k: v for k, v in rest.items() if k in KEYS})
+        if numerics.mesh is not None:
+            _digest(numerics.mesh)  # a mesh that cannot be read is refused here, not in the middle of a run
+        return replace(self, name=name, model=model, values=values, numerics=numerics, motion=motion)
+
+    def case(self) -> Case:
+        given = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "model"}
+        return Case(mechanisms=self.model.mechanisms, **given)
+
+
+def load_case(
+    source: str | Path, overrides: Mapping[str, object] | Iterable[str] = (), *, dim: int = 2
+) -> Case:
+    """A case from a material's name or a TOML file, with ``overrides``.
+
+    ``overrides`` is a mapping as ``Case.set`` takes, or texts such as ``"eta_reg=0.5 s"``; one may
+    give what the file leaves out. The defaults of the numerics depend on ``dim``. Raises BadInput.
+    """
+    changes = dict(overrides) if isinstance(overrides, Mapping) else parse_overrides(overrides)
+    draft, path, text = _load(source, (), dim)
+    draft = draft.changed(changes)
+    written = {ALIASES.get(key, key) for key in changes}
+    try:
+        return draft.case()
+    except BadInput as error:
+        if ALIASES.get(error.key, error.key) in written:
+            raise
+        with located(path, text):
+            raise
+
+
+def parse_overrides(texts: Iterable[str]) -> dict[str, object]:
+    """``["eta_reg=0.5 s"]`` -> ``{"eta_reg": "0.5 s"}``. Raises BadInput for no '=' or a key set twice."""
+    changes: dict[str, object] = {}
+    for text in [texts] if isinstance(texts, str) else texts:
+        key, sign, raw = (part.strip() for part in text.partition("="))
+        if not (key and sign and raw):
+            raise BadInput(key="--set", value=text, expected="name=value, such as --set eta_reg='0.5 s'")
+        if key in changes:
+            raise BadInput(key=key, value=raw, expected=f"to be set once; it is also set to '{changes[key]}'")
+        changes[key] = raw
+    return changes
+
+
+def _load(source: str | Path, seen: tuple[Path, ...], dim: int) -> tuple[_Draft, Path, str]:
+    """What a file describes, the file and its text; ``seen`` are the files that led to it by ``base``."""
+    path = materials.find(source)
+    table, text = read_toml(path)
+    here = path.resolve()
+    with located(path, text):
+        for key, part in table.items():
+            if key not in _TOP:
+                raise BadInput(key=key, value=brief(part), expected=section_hint(key, _TOP))
+            if key in (*SECTIONS, "material", "numerics") and not isinstance(part, dict):
+                raise BadInput(key=key, value=brief(part), expected=f"a section, written [{key}]")
+        about = materials.check_about(table.get("material", {}))
+        base = None
+        if "base" in table:
+            if not isinstance(table["base"], str):
+                raise BadInput(
+                    key="base", value=brief(table["base"]), expected="a material's name or a TOML file"
+                )
+            near = path.parent / table["base"]
+            origin = near if near.is_file() else table["base"]
+            if materials.find(origin, key="base").resolve() in (*seen, here):
+                raise BadInput(
+                    key="base", value=table["base"], expected="a file that does not lead back here"
+                )
+            base = _load(origin, (*seen, here), dim)[0]
+        listed = names("mechanisms", table["mechanisms"]) if "mechanisms" in table else None
+        start = base or _Draft(name=path.stem, model=Model(DEFAULT), numerics=defaults(dim), dim=dim)
+        model = Model(listed) if listed else start.model
+    changes: dict[str, object] = {}
+    for section in (*SECTIONS, "numerics"):
+        with located(path, text, section):
+            part = dict(table.get(section, {}))
+            if section == "protocol" and "motion" in part:
+                changes["motion"] = read_motion(part.pop("motion"))
+            for key, raw in part.items():
+                if right := misplaced(key, section, model):
+                    raise BadInput(
+                        key=key, value=brief(raw), expected=f"it in the section [{right}], not in [{section}]"
+                    )
+            # Each section on its own first, so that an error has the line of this section.
+            if section == "numerics":
+                Numerics().set(part)
+            else:
+                parse_values(part, model)
+            changes |= part
+    mesh = changes.get("mesh")
+    if mesh is not None and not Path(mesh).is_absolute():
+        changes["mesh"] = str(path.parent / mesh)
+    with located(path, text):
+        changes |= {"name": about.get("name", path.stem), "mechanisms": model.mechanisms}
+        return start.changed(changes), path, text
+
+
+def _digest(mesh: str) -> str:
+    try:
+        return hashlib.sha256(Path(mesh).read_bytes()).hexdigest()
+    except OSError as error:
+        raise BadInput(
+            key="mesh", value=mesh, expected=f"a mesh file that can be read ({error.strerror})"
+        ) from error

@@ -1,0 +1,239 @@
+"""A model is a set of mechanisms: add one, take one out, ask what numbers it needs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import SimpleNamespace
+
+import numpy as np
+
+from cutbench.base.errors import BadInput
+from cutbench.base.toml import one_of
+from cutbench.base.units import Parameter
+from cutbench.mechanisms import Mechanism, registry
+
+#: The model as the paper states it, and the default: the same with a viscous term that converges.
+PAPER = ("neo_hookean", "volumetric", "smith_ferrante", "viscous", "contact", "coulomb", "adhesion")
+DEFAULT = tuple("viscous_degraded" if name == "viscous" else name for name in PAPER)
+
+SPECIMEN = (
+    Parameter(
+        "width", "mm", "W", "specimen across the blade", low=0, open_low=True, default=30.0, typical=30.0
+    ),
+    Parameter(
+        "length", "mm", "L", "specimen along the blade", low=0, open_low=True, default=30.0, typical=30.0
+    ),
+    Parameter("height", "mm", "H", "specimen height", low=0, open_low=True, default=21.0, typical=21.0),
+)
+PROTOCOL = (
+    Parameter("speed", "mm/s", "v", "blade speed", low=0, open_low=True, default=0.021, typical=0.021),
+    Parameter("depth", "mm", "u", "blade travel (default: the height)", low=0, open_low=True, typical=21.0),
+)
+
+
+@dataclass(frozen=True)
+class Group:
+    """A dimensionless number that a person may set; ``solve(p, value)`` gives its parameter's value."""
+
+    name: str
+    text: str
+    parameter: str
+    needs: tuple[str, ...]
+    value: Callable[[SimpleNamespace], float]
+    solve: Callable[[SimpleNamespace, float], float]
+
+    @property
+    def quantity(self) -> Parameter:
+        """The group as a number without unit, for reading what a person wrote."""
+        return Parameter(self.name, "1", self.text, f"sets {self.parameter}", low=0)
+
+
+#: In the order in which they are applied: a later one uses what an earlier one has set.
+GROUPS: dict[str, Group] = {
+    g.name: g
+    for g in (
+        Group("opening", "delta_c/a", "delta_c", ("thickness",),
+              lambda p: p.delta_c / (p.thickness / 2), lambda p, x: x * p.thickness / 2),
+        Group("cohesion", "(G_c/delta_c)/G", "G_c", ("G", "delta_c"),
+              lambda p: p.G_c / p.delta_c / p.G, lambda p, x: x * p.G * p.delta_c),
+        Group("adhesion", "tau_W/(G_c/delta_c)", "tau_W", ("G_c", "delta_c"),
+              lambda p: p.tau_W / (p.G_c / p.delta_c), lambda p, x: x * p.G_c / p.delta_c),
+        Group("viscosity", "eta_reg v/delta_c", "eta_reg", ("speed", "delta_c"),
+              lambda p: p.eta_reg * p.speed / p.delta_c, lambda p, x: x * p.delta_c / p.speed),
+        Group("friction", "mu", "mu", (), lambda p: p.mu, lambda p, x: x),
+        Group("sharpness", "b/a", "tip", ("thickness",),
+              lambda p: p.tip / (p.thickness / 2), lambda p, x: x * p.thickness / 2),
+    )
+}  # fmt: skip
+
+
+def mechanism(name: object, *, key: str = "mechanisms") -> Mechanism:
+    """The registered mechanism called ``name``; BadInput with the nearest name otherwise."""
+    known = registry()
+    if not isinstance(name, str) or name not in known:
+        raise BadInput(key=key, value=name, expected=one_of(str(name), known))
+    return known[name]
+
+
+def owners(parameter: str) -> list[str]:
+    """Names of the registered mechanisms that declare ``parameter``."""
+    return [m.name for m in registry().values() if any(q.name == parameter for q in m.parameters)]
+
+
+@dataclass(frozen=True)
+class Model:
+    """A set of mechanisms, kept in the registry's order so that equal sets are equal models.
+
+    Raises BadInput for an unknown name, two mechanisms of one role, or no bulk law.
+    """
+
+    mechanisms: tuple[str, ...] = DEFAULT
+
+    def __post_init__(self) -> None:
+        asked = [mechanism(name) for name in self.mechanisms]
+        roles: dict[tuple[str, str], str] = {}
+        for m in asked:
+            if m.role is None:
+                continue
+            other = roles.setdefault((m.slot, m.role), m.name)
+            if other != m.name:
+                raise BadInput(
+                    key="mechanisms",
+                    value=f"{other}, {m.name}",
+                    expected=f"one mechanism of the role '{m.role}': take out {other} or {m.name}",
+                )
+        if not any(m.slot == "bulk" and m.role != "volumetric" for m in asked):
+            laws = [m.name for m in registry().values() if m.slot == "bulk" and m.role != "volumetric"]
+            raise BadInput(
+                key="mechanisms", value=", ".join(self.mechanisms),
+                expected=f"a bulk law that resists shear: {', '.join(laws)}",
+            )  # fmt: skip
+        names = {m.name for m in asked}
+        object.__setattr__(self, "mechanisms", tuple(name for name in registry() if name in names))
+
+    @cached_property
+    def all(self) -> tuple[Mechanism, ...]:
+        """Its mechanisms, by slot, rank and name."""
+        return tuple(registry()[name] for name in self.mechanisms)
+
+    def laws(self, slot: str) -> tuple[Mechanism, ...]:
+        """The mechanisms of one slot in the order in which they are evaluated."""
+        return tuple(m for m in self.all if m.slot == slot)
+
+    def with_(self, *names: str) -> Model:
+        """The model with ``names`` added; each replaces what had its role."""
+        kept = list(self.mechanisms)
+        for name in names:
+            new = mechanism(name, key="with")
+            kept = [
+                old for old in kept
+                if new.role is None or (registry()[old].slot, registry()[old].role) != (new.slot, new.role)
+            ]  # fmt: skip
+            kept.append(name)
+        return Model(tuple(kept))
+
+    def extended(self, *names: str) -> tuple[Model, dict[str, float]]:
+        """The model with ``names`` added where they have no effect, and what that takes.
+
+        The numbers (internal units) are those of the parameters that the model did not have: the off
+        value, else the default, else the typical one. Raises BadInput where no new parameter switches a
+        mechanism off, or where it would replace one that is not among its special cases.
+        """
+        model, values = self, {}
+        for name in names:
+            added, known = mechanism(name, key="with"), model.parameters()
+            if name in model.mechanisms:
+                continue
+            new = [q for q in added.parameters if q.name not in known]
+            replaced = [m for m in model.all if m.role and (m.slot, m.role) == (added.slot, added.role)]
+            if not any(q.off is not None for q in new):
+                raise BadInput(
+                    key="with", value=name, expected="a mechanism that a value of its own switches off"
+                )
+            for old in replaced:
+                if not set(old.parameters) <= set(added.parameters):
+                    raise BadInput(
+                        key="with", value=name, expected=f"a mechanism that has {old.name} as a special case"
+                    )
+            for q in new:
+                start = next(v for v in (q.off, q.default, q.typical) if v is not None)
+                values[q.name] = start * q.factor
+            model = model.with_(name)
+        return model, values
+
+    def without(self, *names: str) -> Model:
+        """The model without ``names``."""
+        for name in names:
+            if name not in self.mechanisms:
+                raise BadInput(key="without", value=name, expected=one_of(str(name), self.mechanisms))
+        return Model(tuple(m for m in self.mechanisms if m not in names))
+
+    def parameters(self) -> dict[str, Parameter]:
+        """Every number the model needs, by name: of its mechanisms, the specimen and the protocol.
+
+        A parameter that a law reads from a mechanism stays when that mechanism is taken out: the
+        blade keeps its thickness without contact, and a viscous term scaled by G_c keeps G_c.
+        """
+        found: dict[str, Parameter] = {}
+        for m in self.all:
+            for q in m.parameters:
+                if found.setdefault(q.name, q) != q:
+                    raise ValueError(
+                        f"{m.name} declares {q.name} otherwise than another mechanism of the model"
+                    )
+        found |= {q.name: q for q in SPECIMEN + PROTOCOL}
+        for m in self.all:
+            for name in m.reads:
+                if name in found:
+                    continue
+                declared = [q for o in registry().values() for q in o.parameters if q.name == name]
+                if not declared:
+                    raise ValueError(f"{m.name} reads {name}, which no mechanism declares")
+                found[name] = declared[0]
+        return found
+
+    def groups(self, p: SimpleNamespace) -> dict[str, float]:
+        """All dimensionless groups of its mechanisms for parameters ``p`` (internal units)."""
+        return {text: float(value) for m in self.all for text, value in m.groups(p).items()}
+
+    def record(self, displacement, force, time, p: SimpleNamespace):
+        """What the rig records (displacement, force) of the true ones, (n,) each, in mm, N, s."""
+        for law in self.laws("rig"):
+            displacement, force = law.record(displacement, force, time, p)
+        return displacement, force
+
+    def shown(self, course: np.ndarray, p: SimpleNamespace) -> np.ndarray:
+        """What the rig shows (3, k) of a ``course`` (3, n) of displacement, force and time that is driven on.
+
+        Where its compliance would take the record back, while the force falls faster than the blade moves,
+        it stands still until the record is beyond where it was: the specimen has snapped meanwhile.
+        """
+        x, force = self.record(*course, p)
+        on = np.real(x) > np.append(-np.inf, np.maximum.accumulate(np.real(x))[:-1])
+        return np.stack([x[on], force[on], course[2][on]])
+
+    def settable_groups(self) -> dict[str, Group]:
+        """The groups that can be set in this model, in the order in which they are applied."""
+        here = self.parameters()
+        return {n: g for n, g in GROUPS.items() if g.parameter in here and all(q in here for q in g.needs)}
+
+
+def apply_groups(values: Mapping[str, float], groups: Mapping[str, float]) -> dict[str, float]:
+    """``values`` (internal units) with each group of ``groups`` solved for its parameter."""
+    p = SimpleNamespace(**values)
+    for name, group in GROUPS.items():
+        if name in groups:
+            setattr(p, group.parameter, group.solve(p, groups[name]))
+    return vars(p)
+
+
+def section_of(parameter: str) -> str:
+    """The section of a case file in which ``parameter`` is written."""
+    if any(q.name == parameter for q in SPECIMEN):
+        return "specimen"
+    if any(q.name == parameter for q in PROTOCOL):
+        return "protocol"
+    blade = (m for m in registry().values() if m.slot == "blade" and m.role == "contact")
+    return "blade" if any(q.name == parameter for m in blade for q in m.parameters) else "parameters"

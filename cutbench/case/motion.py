@@ -1,0 +1,103 @@
+"""How the blade moves over time: at one speed, or along a polyline with holds, returns and other speeds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from cutbench.base.errors import BadInput
+from cutbench.base.units import parse_quantity
+
+#: From (0, 0): times in s and travels in mm.
+Polyline = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Blade travel over time; steps are counted in time × ``speed``, a way in mm.
+
+    Without ``points`` the blade goes to ``depth`` at ``speed``, and the way is the travel.
+    """
+
+    depth: float
+    speed: float
+    points: Polyline = ()
+
+    @cached_property
+    def _columns(self) -> tuple[np.ndarray, np.ndarray]:
+        times, travels = np.array(self.points).T
+        return times, travels
+
+    @property
+    def end(self) -> float:
+        """The way at which it is over."""
+        return self.points[-1][0] * self.speed if self.points else self.depth
+
+    def travel(self, way: float) -> float:
+        """Blade travel, mm."""
+        return float(np.interp(way / self.speed, *self._columns)) if self.points else way
+
+    def room(self, way: float) -> float:
+        """Way to the next corner, or to the end: no step goes across."""
+        for time, _ in self.points:
+            if time * self.speed > way + 1e-9:
+                return time * self.speed - way
+        return self.end - way
+
+    def turns(self, way: float) -> bool:
+        """Whether there is a corner here, so that nothing goes on as it did."""
+        return any(abs(time * self.speed - way) < 1e-9 for time, _ in self.points)
+
+
+def read_motion(raw: object) -> Polyline:
+    """From pairs of a time and a travel with their units, or of numbers in s and mm. Raises BadInput."""
+    pairs = isinstance(raw, Sequence) and not isinstance(raw, str)
+    if not pairs or not all(isinstance(p, Sequence) and not isinstance(p, str) and len(p) == 2 for p in raw):
+        raise BadInput(
+            key="motion", value=str(raw)[:60],
+            expected="pairs of time and travel, such as [['0 s', '0 mm'], ['9 s', '2 mm'], ['99 s', '2 mm']]",
+        )  # fmt: skip
+    return tuple((_number(time, "s"), _number(travel, "mm")) for time, travel in raw)
+
+
+def _number(raw: object, unit: str) -> float:
+    return float(raw) if type(raw) in (int, float) else parse_quantity(raw, unit, key="motion")
+
+
+def simplified(motion: Polyline, part: float = 0.005) -> Polyline:
+    """The corners of a measured ``motion``: what is left out lies on straight lines within ``part`` of the
+    largest travel (Ramer, Douglas and Peucker)."""
+    times, travels = (np.array(column, dtype=float) for column in zip(*motion, strict=True))
+    limit, kept, open_ = part * travels.max(), {0, times.size - 1}, [(0, times.size - 1)]
+    while open_:
+        a, b = open_.pop()
+        if b - a < 2:
+            continue
+        off = np.abs(travels[a : b + 1] - np.interp(times[a : b + 1], times[[a, b]], travels[[a, b]]))
+        k = a + int(off.argmax())
+        if off[k - a] > limit:
+            kept.add(k)
+            open_ += [(a, k), (k, b)]
+    return tuple((float(times[i]), float(travels[i])) for i in sorted(kept))
+
+
+def checked_motion(motion: Polyline, depth: float) -> Polyline:
+    """``motion`` if a blade can follow it to no more than ``depth``. Raises BadInput."""
+    for i, (time, travel) in enumerate(motion):
+        if not (math.isfinite(time) and math.isfinite(travel)):
+            raise BadInput(key="motion", value=f"({time}, {travel})", expected="times in s and travels in mm")
+        if i == 0 and (time, travel) != (0.0, 0.0):
+            raise BadInput(
+                key="motion", value=f"({time:g} s, {travel:g} mm)", expected="(0 s, 0 mm) at first"
+            )
+        if i and time <= motion[i - 1][0]:
+            raise BadInput(key="motion", value=f"{time:g} s", expected=f"a time after {motion[i - 1][0]:g} s")
+        if not 0 <= travel <= depth * (1 + 1e-9):
+            raise BadInput(key="motion", value=f"{travel:g} mm", expected=f"0 to the depth, {depth:g} mm")
+    if len(motion) == 1:
+        raise BadInput(key="motion", value="one point", expected="two points or more")
+    return tuple(motion)

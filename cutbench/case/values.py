@@ -1,0 +1,229 @@
+"""From what a person writes to the numbers of a model: parse, solve groups, check that they fit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+
+from cutbench.base.errors import BadInput
+from cutbench.base.toml import nearest
+from cutbench.base.units import Parameter
+from cutbench.case.mesh_sizes import AT_SURGE, UNDER_TIP, chosen
+from cutbench.case.model import GROUPS, PROTOCOL, SPECIMEN, Model, apply_groups, owners, section_of
+from cutbench.case.numerics import KEYS, Numerics
+
+#: η_reg by its invariant η_reg·v, as a length: the pseudo-time reading of the paper (t = blade travel).
+ETA_V = Parameter("eta_v", "mm", "η_reg v", "viscous length; sets eta_reg = eta_v/speed", low=0)
+
+#: Sharpest tip that an element resolves: its radius of curvature a²/b in element sizes.
+TIP_PER_ELEMENT = 1 / 20
+
+#: Largest element in thicknesses of the blade: published meshes have 1.5 to 2.
+ELEMENTS_PER_BLADE = 3.0
+
+SECTIONS = ("parameters", "specimen", "blade", "protocol")
+
+
+def rounded(value: float, digits: int) -> float:
+    return float(f"{value:.{digits}g}") + 0.0  # + 0.0 turns -0.0 into 0.0
+
+
+def brief(raw: object) -> str:
+    """What a person wrote, short enough for one message."""
+    text = str(raw)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def settable(model: Model) -> list[str]:
+    """Every name that sets a number of the physics in ``model``."""
+    known = model.parameters()
+    extra = [ETA_V.name] if "eta_reg" in known else []
+    return [*known, *(g for g in model.settable_groups() if g not in known), *extra]
+
+
+def unknown(key: str, raw: object, model: Model) -> BadInput:
+    """The error for a name that this model does not have: where it belongs, or which was meant."""
+    target = GROUPS[key].parameter if key in GROUPS else "eta_reg" if key == ETA_V.name else key
+    if target not in model.parameters() and (who := owners(target)):
+        expected = (
+            f"a parameter of this model ({', '.join(model.mechanisms)}); add the mechanism"
+            f" {' or '.join(who)} that has it"
+        )
+    else:
+        names = [*settable(model), *KEYS]
+        guess = nearest(key, names)
+        expected = (f"a known name, did you mean '{guess}'? " if guess else "") + f"known: {', '.join(names)}"
+    return BadInput(key=key, value=brief(raw), expected=expected)
+
+
+def parse_values(raw: Mapping[str, object], model: Model) -> tuple[dict[str, float], dict[str, float]]:
+    """Parameters (internal units, with ``eta_v`` among them) and groups. Raises BadInput.
+
+    Two names that set the same parameter are refused.
+    """
+    known, groups = model.parameters(), model.settable_groups()
+    values: dict[str, float] = {}
+    chosen: dict[str, float] = {}
+    setter: dict[str, str] = {}
+    for key, text in raw.items():
+        if key in known:
+            target, values[key] = key, known[key].parse(text, key=key)
+        elif key in groups:
+            target, chosen[key] = groups[key].parameter, groups[key].quantity.parse(text, key=key)
+        elif key == ETA_V.name and "eta_reg" in known:
+            target, values[key] = "eta_reg", ETA_V.parse(text, key=key)
+        else:
+            raise unknown(key, text, model)
+        if target in setter:
+            raise BadInput(
+                key=key,
+                value=brief(text),
+                expected=f"either '{setter[target]}' or '{key}', not both: each sets {target}",
+            )
+        setter[target] = key
+    return values, chosen
+
+
+def resolve(start: Mapping[str, float], changes: Mapping[str, object], model: Model) -> dict[str, float]:
+    """Values of ``model`` (internal units): ``start``, with ``changes`` as a person wrote them.
+
+    Order: parameters, defaults for what is still missing, ``eta_v``, groups. A value that nothing
+    gives is left out, for the case to name.
+    """
+    known = model.parameters()
+    parsed, groups = parse_values(changes, model)
+    values = {n: v for n, v in start.items() if n in known}
+    if "height" in parsed and "depth" not in parsed and values.get("depth") == values.get("height"):
+        values.pop("depth", None)  # the blade went through the whole height: it still does
+    viscous_length = parsed.pop(ETA_V.name, None)
+    values |= parsed
+    values = {n: q.default * q.factor for n, q in known.items() if q.default is not None} | values
+    if viscous_length is not None:
+        values["eta_reg"] = viscous_length / values["speed"]
+    for name, value in groups.items():
+        set_too = {GROUPS[g].parameter for g in groups}
+        for need in GROUPS[name].needs:
+            if need not in values and need not in set_too:
+                raise BadInput(key=name, value=value, expected=f"{need} beside it, from which it is solved")
+    return apply_groups(values, groups)
+
+
+def misplaced(key: str, section: str, model: Model) -> str | None:
+    """The section ``key`` belongs to if that is not ``section``; None for unknown names too."""
+    if key in KEYS:
+        right = "numerics"
+    elif key in settable(model):
+        right = section_of(key)
+    else:
+        return None
+    return None if right == section else right
+
+
+def section_hint(key: str, sections: Iterable[str]) -> str:
+    """What to write instead of the top-level ``key`` of a case file."""
+    if key in KEYS:
+        return f"it in the section [numerics], '{key}' is not a section"
+    physics = [q.name for q in SPECIMEN + PROTOCOL] + list(GROUPS) + [ETA_V.name]
+    if key in physics or owners(key):
+        return f"it in the section [{section_of(key)}], '{key}' is not a section"
+    guess = nearest(key, sections)
+    return f"one of {', '.join(sections)}" + (f"; did you mean '{guess}'?" if guess else "")
+
+
+def names(key: str, raw: object) -> tuple[str, ...]:
+    """One name, several separated by commas, or a list of names."""
+    parts = raw.split(",") if isinstance(raw, str) else raw
+    if not isinstance(parts, (list, tuple)) or not parts or not all(isinstance(n, str) for n in parts):
+        raise BadInput(
+            key=key, value=brief(raw), expected='names of mechanisms, such as ["coulomb", "adhesion"]'
+        )
+    return tuple(n.strip() for n in parts)
+
+
+def _check_blade_along(v: Mapping[str, float], numerics: Numerics, dim: int) -> None:
+    tilt, overhang = v.get("tilt", 0.0), v.get("overhang", 0.0)
+    shown = f"{math.degrees(tilt):g} deg" if tilt else f"{overhang:g} mm"
+    key = "tilt" if tilt else "overhang"
+    if dim == 2 and (tilt or overhang < 0):
+        raise BadInput(key=key, value=shown, expected="0 in plane strain: it needs three dimensions")
+    if overhang <= -v["length"] / 2:
+        raise BadInput(
+            key="overhang",
+            value=f"{overhang:g} mm",
+            expected=f"a blade that is not shorter than nothing: more than {-v['length'] / 2:g} mm",
+        )
+    if tilt and numerics.symmetry in ("quarter", "half"):
+        raise BadInput(
+            key="symmetry",
+            value=numerics.symmetry,
+            expected="'full' or 'auto' with a tilted blade: it has no plane of symmetry",
+        )
+
+
+def _below(value: float) -> float:
+    """``value`` in two digits, rounded down: an advice must hold when it is followed."""
+    digit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return rounded(math.floor(value / digit) * digit, 2)
+
+
+def _tip_radius(v: Mapping[str, float]) -> float:
+    """Radius of curvature of the blade's tip, a²/b in mm."""
+    return (v["thickness"] / 2) ** 2 / v["tip"]
+
+
+def check_fit(v: Mapping[str, float], numerics: Numerics, dim: int = 2) -> None:
+    """Raise BadInput where one value rules out another: travel, blade in block, tip on mesh, symmetry."""
+    if v["depth"] > 1.5 * v["height"]:
+        raise BadInput(
+            key="depth",
+            value=f"{v['depth']:g} mm",
+            expected=f"at most {1.5 * v['height']:g} mm, 1.5 times the height ({v['height']:g} mm)",
+        )
+    if "thickness" not in v:
+        return
+    _check_blade_along(v, numerics, dim)
+    thickness, h = v["thickness"], numerics.h_mm
+    if thickness >= v["width"]:
+        raise BadInput(
+            key="thickness",
+            value=f"{thickness:g} mm",
+            expected=f"a blade thinner than the specimen is wide ({v['width']:g} mm)",
+        )
+    if h > ELEMENTS_PER_BLADE * thickness * (1 + 1e-12):
+        raise BadInput(
+            key="h",
+            value=f"{h:g} mm",
+            expected=f"an element size at the cut plane of at most {ELEMENTS_PER_BLADE:g} times the blade's"
+            f" thickness ({thickness:g} mm), {ELEMENTS_PER_BLADE * thickness:g} mm",
+        )
+    if "tip" in v:
+        radius = _tip_radius(v)
+        if radius < h * TIP_PER_ELEMENT:
+            raise BadInput(
+                key="tip",
+                value=f"{v['tip']:g} mm",
+                expected=(
+                    f"a tip that the mesh resolves: its radius a^2/b is {radius:.3g} mm, less than h/20 ="
+                    f" {h * TIP_PER_ELEMENT:.3g} mm; h = '{_below(radius / TIP_PER_ELEMENT):g} mm' would do,"
+                    f" or a tip of at most {_below((thickness / 2) ** 2 / (h * TIP_PER_ELEMENT)):g} mm"
+                ),
+            )
+
+
+def doubts(v: Mapping[str, float], numerics: Numerics) -> tuple[str, ...]:
+    """What can be computed, but says more of the elements than of the cut; sentences for a person."""
+    if "tip" not in v or "thickness" not in v or numerics.normal != "tool" or numerics.mesh is not None:
+        return ()
+    h, thickness = numerics.h_mm, v["thickness"]
+    parts = (
+        chosen(numerics.corner, h, thickness, UNDER_TIP),
+        chosen(numerics.shallow, h, thickness, AT_SURGE),
+    )
+    radius, under = _tip_radius(v), h * min(parts)
+    if under <= radius * (1 + 1e-12):
+        return ()
+    return (
+        f"elements under the tip ({under:.3g} mm) are larger than it is round (a^2/b = {radius:.3g} mm):"
+        " along the tool's normal it pushes them down and cuts too late;"
+        f" corner = {_below(radius / numerics.h_mm):g} or normal = 'material' would do",
+    )

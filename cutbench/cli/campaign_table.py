@@ -1,0 +1,75 @@
+"""What a campaign holds, as a table to read and as a file of the averages."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+from rich import box
+from rich.table import Table
+from rich.text import Text
+
+from cutbench.data.campaign import Campaign
+from cutbench.data.experiment import Experiment
+from cutbench.run.files import replacing
+
+_HEADER = (
+    "experiment", "kind", "role", "abscissa", "abscissa_unit", "x", "time_s", "ordinate_unit", "mean",
+    "sd_of_mean", "sd_specimens", "sd_reading", "repetitions", "noise_estimated",
+)  # fmt: skip
+
+
+_COLUMNS = (
+    "experiment", "kind", "role", "repetitions", "readings", "from", "to", "largest", "time",
+    "between specimens", "noise on the grid",
+)  # fmt: skip
+
+
+def data_table(campaign: Campaign) -> Table:
+    """A row for each experiment: what was done, how often, how far, and how far it scatters."""
+    table = Table(box=box.SIMPLE_HEAD, title=Text(campaign.title), title_justify="left", pad_edge=False)
+    for name in _COLUMNS:
+        table.add_column(name, justify="right" if name in ("repetitions", "readings") else "left")
+    for e in campaign.experiments:
+        averaged = e.on_grid()
+        unit = "" if e.x_unit == "1" else f" {e.x_unit}"
+        low = min(float(r.x.min()) for r in e.repetitions)
+        largest = max(float(np.abs(r.y).max()) for r in e.repetitions)
+        size = float(np.sqrt(np.mean(averaged.mean**2)))
+        scatter = f"{np.sqrt(np.mean(averaged.scatter**2)) / size:.1%}" if averaged.dof else "not known"
+        reading = f"{np.sqrt(np.mean(averaged.reading**2)) / size:.2%}"
+        cells = (
+            e.id, e.kind, e.role, str(len(e.repetitions)), str(e.readings), f"{low:.4g}{unit}",
+            f"{e.reach:.4g}{unit}", f"{largest:.4g} N" if e.y_unit == "N" else f"{1e3 * largest:.4g} kPa",
+            _time(e), scatter, f"{reading} (estimated)" if averaged.estimated else reading,
+        )  # fmt: skip
+        table.add_row(*(Text(cell) for cell in cells))
+    return table
+
+
+def _time(e: Experiment) -> str:
+    if not e.timed:
+        return "not known"
+    r = e.repetitions[0]
+    unit = "1/s" if e.x_unit == "1" else "mm/s"
+    history = "" if e.monotone else ", holds or returns"
+    return f"{r.time_s[-1] - r.time_s[0]:.4g} s at {e.travel_speed:.3g} {unit}{history}"
+
+
+def write_data(campaign: Campaign, path: Path) -> Path:
+    """The averages of all experiments on their grids as CSV, units in the columns."""
+    with replacing(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(_HEADER)
+        for e in campaign.experiments:
+            a = e.on_grid()
+            times = [""] * a.x.size if a.time_s is None else [repr(float(t)) for t in a.time_s]
+            for i, time in enumerate(times):
+                scatter = repr(float(a.scatter[i])) if a.dof else ""
+                writer.writerow(
+                    [e.id, e.kind, e.role, e.x_name, e.x_unit, repr(float(a.x[i])), time, e.y_unit,
+                     repr(float(a.mean[i])), repr(float(a.deviation[i])), scatter,
+                     repr(float(a.reading[i])), a.repetitions, int(a.estimated)]
+                )  # fmt: skip
+    return path

@@ -1,0 +1,98 @@
+"""``cutbench confirm``: points of a plane-strain map in three dimensions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cutbench.cli.options import Depth, Element, Keep, Sets, Size, changes, exits, in_mm, seconds, show, whole
+
+if TYPE_CHECKING:
+    from cutbench.case.case import Case
+    from cutbench.maps.confirmation import Confirmed
+    from cutbench.run.result import Result
+
+
+@exits
+def confirm(
+    map_: Annotated[Path, typer.Argument(metavar="MAP.nc", help="A map that a sweep has written.")],
+    points: Annotated[
+        str | None, typer.Option(metavar="N", help="Least certain points of the map (3).", show_default=False)
+    ] = None,
+    materials: Annotated[bool, typer.Option(help="The marked materials too.")] = True,
+    sets: Sets = None,
+    h: Size = None,
+    depth: Depth = None,
+    element: Element = None,
+    checkpoint: Keep = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Where to write; default: confirm beside the map.")
+    ] = None,
+) -> None:
+    """Run the least certain points of a map and its materials in three dimensions, compare, and mark them
+    in the phase diagram.
+
+    Options change the blocks, not the plane-strain runs they are compared with. Start the same command
+    again to go on where it stopped.
+    """
+    from cutbench.base.errors import BadInput
+    from cutbench.maps import dataset as maps
+    from cutbench.maps.confirmation import confirm as compare
+    from cutbench.maps.confirmation import least_certain, marked
+    from cutbench.maps.confirmed_points import FOLDER, RECORD
+    from cutbench.maps.phase import save_phase
+    from cutbench.run.files import check_writable
+
+    count, every_s = whole("--points", points), seconds("--checkpoint", checkpoint, 60.0)
+    asked = changes(sets, {"h": in_mm(h), "depth": in_mm(depth), "element": element}, None, None)
+    data = maps.load_map(map_)
+    chosen = least_certain(data, 3 if count is None else count) + (marked(data) if materials else [])
+    if not chosen:
+        raise BadInput(
+            key="--points",
+            value=str(count),
+            expected="points to compare: the map has none that were computed",
+        )
+    folder = check_writable(out if out is not None else map_.parent / FOLDER)
+    done = compare(data, chosen, folder, _runner(every_s), source=str(map_), changes=asked)
+    show(_table(done))
+    judged = [point.agrees for point in done if point.agrees is not None]
+    typer.echo(f"{sum(judged)} of {len(judged)} labels agree; {len(done)} of {len(chosen)} points compared")
+    # The map's own diagram shows what stands beside it.
+    for picture in save_phase(data, map_.parent if out is None else folder, folder / RECORD):
+        typer.echo(picture)
+    typer.echo(f"written to {folder}")
+    if len(done) < len(chosen):
+        raise typer.Exit(130)
+    if len(judged) < len(done):
+        raise typer.Exit(1)
+
+
+def _runner(every_s: float):
+    from cutbench.cli.options import computed
+    from cutbench.run.checkpoint import NAME
+    from cutbench.run.files import write_run
+
+    def run(case: Case, folder: Path) -> Result:
+        result = computed(case, (0.25, 0.5, 0.75, 1.0), folder, every_s)
+        write_run(result, folder)
+        if result.outcome.kind != "interrupted":
+            (folder / NAME).unlink(missing_ok=True)
+        return result
+
+    return run
+
+
+def _table(done: list[Confirmed]):
+    from rich.table import Table
+
+    table = Table(title="plane strain / three dimensions", title_justify="left")
+    for head in ("point", "label", "onset (mm)", "peak (N)", "steady (N)", "agrees"):
+        table.add_column(head, overflow="fold")
+    for point in done:
+        pairs = [f"{point.two[k]:.3g} / {point.three[k]:.3g}" for k in ("onset_mm", "peak_N", "steady_N")]
+        agrees = {True: "yes", False: "no", None: "not to the end"}[point.agrees]
+        table.add_row(point.name, f"{point.label_2d} / {point.label_3d}", *pairs, agrees)
+    return table

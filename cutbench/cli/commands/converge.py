@@ -1,0 +1,43 @@
+"""``cutbench converge``: what a curve owes to how it was computed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cutbench.base.threads import leave_cores_to_workers
+from cutbench.cli.options import Workers, exits, whole
+
+
+@exits
+def converge(
+    study: Annotated[
+        Path, typer.Argument(metavar="STUDY.toml", help="Materials, and changes of the numerics.")
+    ],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Where the tables and the runs are written.")],
+    workers: Workers = None,
+) -> None:
+    """Change the numerics one by one and say how far each measure moves; start it again to go on."""
+    leave_cores_to_workers()
+    from cutbench.run.files import check_writable
+    from cutbench.verification.convergence import compute, load_plan, markdown, write
+
+    plan, processes = load_plan(study), whole("--workers", workers)
+    check_writable(out)
+
+    def tell(done: int, total: int) -> None:
+        typer.echo(f"{done} of {total} runs", err=True)
+
+    try:
+        rows = compute(plan, out, workers=processes, on_progress=tell)
+    except KeyboardInterrupt:
+        typer.echo("interrupted: start the same command again to go on", err=True)
+        raise typer.Exit(130) from None
+    paths = write(plan, rows, out)
+    typer.echo(markdown(rows))
+    failed = [f"{row.material}, {row.change}" for row in rows if row.holds is False]
+    if failed:
+        typer.echo(f"moved by more than 3 %: {'; '.join(failed)}")
+    typer.echo("written: " + ", ".join(str(path) for path in paths))

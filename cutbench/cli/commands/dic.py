@@ -1,0 +1,85 @@
+"""``cutbench dic``: measured displacement fields beside a run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cutbench.cli.options import (
+    Out,
+    Sets,
+    Size,
+    Source,
+    With,
+    Without,
+    asked,
+    changes,
+    exits,
+    in_mm,
+    show,
+    travel,
+)
+
+
+@exits
+def dic(
+    material: Source,
+    fields: Annotated[Path, typer.Argument(metavar="FIELDS.csv", help="Columns x, y, u_x, u_y, travel.")],
+    sets: Sets = None,
+    h: Size = None,
+    without: Without = None,
+    with_: With = None,
+    reference: Annotated[
+        bool, typer.Option("--reference", help="x and y are positions before deformation, not after.")
+    ] = False,
+    y_down: Annotated[bool, typer.Option("--y-down", help="y and u_y count downwards.")] = False,
+    shift: Annotated[
+        str, typer.Option(metavar="X,Y", help="mm added to x and y: 0, 0 is the blade's plane, the base.")
+    ] = "0,0",
+    at: Annotated[
+        str | None,
+        typer.Option("--travel", metavar="MM", help="Blade travel of a file that has no such column."),
+    ] = None,
+    out: Out = None,
+) -> None:
+    """Compute a section up to measured displacement fields: relative errors, strains, pictures."""
+    from cutbench.base.errors import BadInput
+    from cutbench.base.units import parse_quantity
+    from cutbench.cli.field_table import field_table, write_comparisons
+    from cutbench.data.field_comparison import at_travel, compare
+    from cutbench.data.fields import read_fields
+    from cutbench.run.runner import run_case
+
+    parts = [in_mm(part.strip()) for part in shift.split(",")]
+    if len(parts) != 2:
+        raise BadInput(key="--shift", value=shift, expected="two lengths, such as --shift=-15,0")
+    offset = tuple(parse_quantity(part, "mm", key="--shift") for part in parts)
+    given = None if at is None else parse_quantity(in_mm(at), "mm", key="--travel")
+    measured = read_fields(
+        fields, configuration="reference" if reference else "deformed", y_down=y_down, shift_mm=offset,
+        travel_mm=given,
+    )  # fmt: skip
+    for field in measured:
+        if field.travel_mm is None or field.travel_mm <= 0:
+            raise BadInput(
+                file=str(fields), key="travel",
+                value="(missing)" if field.travel_mm is None else f"{field.travel_mm:g} mm",
+                expected="blade travels above 0, as a column 'travel [mm]' or by --travel",
+            )  # fmt: skip
+    options = {"h": in_mm(h), "depth": f"{measured[-1].travel_mm!r} mm"}
+    case, folder = asked(material, changes(sets, options, with_, without), out, dim=2)
+    # One step before each field too: between the two the displacements are interpolated.
+    step = case.numerics.step_mm
+    wanted = sorted({max(f.travel_mm - back, 0.0) for f in measured for back in (step, 0.0)})
+    with travel(case) as on_step:
+        result = run_case(case, on_step=on_step, snapshots_mm=wanted)
+    computed = [(f, at_travel(result.snapshots, f.travel_mm)) for f in measured]
+    found = [compare(f, s) for f, s in computed if s is not None]
+    show(field_table(found, case.name))
+    for path in write_comparisons(found, case.name, folder):
+        typer.echo(path)
+    if not result.outcome.done:
+        typer.echo(str(result.outcome))
+        raise typer.Exit(130 if result.outcome.kind == "interrupted" else 1)

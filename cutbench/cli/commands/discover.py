@@ -1,0 +1,39 @@
+"""``cutbench discover``: what a model gets wrong of measured curves, which mechanism explains it, what it
+gains."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cutbench.cli.options import CampaignFile, Refine, Workers, exits, whole
+
+
+@exits
+def discover(
+    campaign: CampaignFile,
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="Where discovery.json and discovery.html are written.")
+    ] = Path("discovery"),
+    workers: Workers = None,
+    refine: Refine = True,
+) -> None:
+    """Fit the baseline, show where it fails, name the mechanism that explains it and what it gains."""
+    from cutbench.data.campaign import load_campaign
+    from cutbench.run.files import check_writable
+
+    loaded = load_campaign(campaign)
+    count = whole("workers", workers)
+    folder = check_writable(out)
+
+    from cutbench.discovery import discover as run
+    from cutbench.discovery.report import summary, write_discovery
+
+    found = run(loaded, workers=count, refine=refine, told=lambda text: typer.echo(text, err=True))
+    paths = write_discovery(found, folder)
+    typer.echo(summary(found))
+    typer.echo("written: " + ", ".join(str(path) for path in paths))
+    if found.interrupted:
+        raise typer.Exit(130)

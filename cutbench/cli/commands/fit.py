@@ -1,0 +1,45 @@
+"""``cutbench fit``: the parameters of a model from measured curves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cutbench.cli.options import CampaignFile, Refine, Workers, exits, whole
+
+
+@exits
+def fit(
+    campaign: CampaignFile,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Where fit.json and fit.png are written.")] = Path(
+        "fit"
+    ),
+    workers: Workers = None,
+    profile: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Profile likelihood of a parameter, at several fits; repeatable."),
+    ] = None,
+    refine: Refine = True,
+) -> None:
+    """Fit a campaign's free parameters to all its train experiments, predict its test experiments."""
+    from cutbench.data.campaign import load_campaign
+    from cutbench.run.files import check_writable
+
+    loaded = load_campaign(campaign)
+    count = whole("workers", workers)
+    folder = check_writable(out)
+
+    from cutbench.calibration.fitting import fit as run
+    from cutbench.calibration.report import summary, write_fit
+
+    def told(stage: str, minimum: object) -> None:
+        typer.echo(f"{stage}: chi2 = {minimum.chi2:.5g} after {minimum.evaluations} evaluations", err=True)
+
+    found = run(loaded, workers=count, refine=refine, profile=tuple(profile or ()), told=told)
+    paths = write_fit(found, folder)
+    typer.echo(summary(found))
+    typer.echo("written: " + ", ".join(str(path) for path in paths))
+    if found.status != "converged":
+        raise typer.Exit(130 if found.status == "interrupted" else 1)

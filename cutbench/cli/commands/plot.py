@@ -1,0 +1,57 @@
+"""``cutbench plot``: pictures again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cutbench.cli.options import exits
+
+
+@exits
+def plot(
+    source: Annotated[
+        Path, typer.Argument(metavar="DIR|MAP.nc", help="Folder of a run or a sweep, or a map.")
+    ],
+    against: Annotated[
+        Path | None,
+        typer.Option(metavar="MAP.nc", help="A grid's map: count where the boundary that was sought agrees."),
+    ] = None,
+) -> None:
+    """Draw the pictures of a run or a map again; a map also as one interactive page, map.html."""
+    from cutbench.base.errors import BadInput
+
+    grid = source / "map.nc" if source.is_dir() else source
+    if source.is_dir() and (source / "run.json").is_file():
+        from cutbench.run.figures import plot_curve, save
+        from cutbench.run.files import read_run
+
+        paths = save(plot_curve(read_run(source)), source / "curve.png")
+    elif grid.is_file():
+        from cutbench.maps.dataset import load_map, store_of
+        from cutbench.maps.estimates import save_estimates
+        from cutbench.maps.page import save_page
+        from cutbench.maps.phase import save_phase
+        from cutbench.run.store.runs import Store
+
+        data = load_map(grid)
+        runs = store_of(data, grid.parent)
+        pictures, words = save_estimates(data, grid.parent)
+        page = save_page(data, Store(runs) if runs.is_dir() else None, grid.parent)
+        paths = [*save_phase(data, grid.parent), *pictures, page]
+        typer.echo(words)
+        if against is not None:
+            from cutbench.maps.agreement import agreement
+
+            other = against / "map.nc" if against.is_dir() else against
+            typer.echo(agreement(data, load_map(other)).text())
+    else:
+        raise BadInput(
+            key="DIR|MAP.nc",
+            value=str(source),
+            expected="a folder with run.json or map.nc in it, or a map.nc",
+        )
+    for path in paths:
+        typer.echo(path)

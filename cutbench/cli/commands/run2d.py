@@ -1,0 +1,81 @@
+"""``cutbench run2d``: a block in plane strain."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cutbench.cli.options import Wanted, computed, exits, finish, run_options, show, travel
+
+if TYPE_CHECKING:
+    from cutbench.run.result import Result
+
+#: Blade travel of the pictures of the section, in parts of the whole.
+_SNAPSHOTS = (0.25, 0.5, 0.75, 1.0)
+#: What --follow writes: what was found, the path, the picture.
+_FOLLOWED = ("follow.json", "path.csv", "follow.png")
+
+
+@exits
+@run_options(dim=2)
+def run2d(
+    wanted: Wanted,
+    follow: Annotated[
+        bool,
+        typer.Option(
+            "--follow", help="Say whether a drop is physical: trace the equilibria that the blade jumps over."
+        ),
+    ] = False,
+) -> None:
+    """Cut a block in plane strain: force curve, energy by mechanism, fields, pictures."""
+    case, folder = wanted.case, wanted.folder
+    for name in _FOLLOWED:
+        (folder / name).unlink(missing_ok=True)
+    if follow:
+        from cutbench.run.snap_back import timeless
+
+        timeless(case)  # what cannot be followed is refused before anything is computed
+    result = computed(case, _SNAPSHOTS, folder, wanted.every_s)
+    try:
+        finish(result, folder)
+    finally:
+        if follow and result.outcome.kind != "interrupted":
+            _follow(result, folder)
+
+
+def _follow(result: Result, folder: Path) -> None:
+    """Trace the path of ``result``'s case and say what it shows; leaves with 130 if it was interrupted."""
+    from cutbench.base.figure_style import save
+    from cutbench.run.figures.snap_back import plot_follow
+    from cutbench.run.files import write_curve, write_json
+    from cutbench.run.snap_back import INTERRUPTED, follow_case
+    from cutbench.run.snap_back_report import describe_followed, sentence
+
+    with travel(result.case) as on_point:
+        found = follow_case(result.case, result, on_point=on_point)
+    curves = [(text, run.curve) for text, run in found.limit]
+    figure = plot_follow(result.curve, found.curve, found.jump, curves, title=result.case.name)
+    record, path, picture = (folder / name for name in _FOLLOWED)
+    write_curve(found.curve, path, list(found.curve))
+    save(figure, picture)
+    describe = describe_followed(found)
+    write_json(describe, record)
+    show(_limit(describe))
+    typer.echo(sentence(found))
+    typer.echo(f"written to {record}, {path}, {picture}")
+    if found.stopped == INTERRUPTED:
+        raise typer.Exit(130)
+
+
+def _limit(record: dict):
+    """The rows of follow.json's limit as a table."""
+    from rich.table import Table
+
+    columns = {"drop_rel": ".3f", "onset_mm": ".3f", "peak_N": ".4g", "peak_mm": ".3f"}
+    table = Table("", "drop", "onset (mm)", "peak (N)", "at (mm)", title="less and less viscosity")
+    for row in record["limit"]:
+        cells = ["-" if row[key] != row[key] else format(row[key], form) for key, form in columns.items()]
+        table.add_row(str(row["what"]), *cells)
+    return table

@@ -1,0 +1,45 @@
+"""``cutbench run3d``: a block in three dimensions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cutbench.cli.options import Wanted, computed, exits, finish, run_options
+
+if TYPE_CHECKING:
+    from cutbench.case.case import Case
+
+
+#: Blade travel of the pictures, in parts of the whole: the front runs sideways within a short travel.
+_SNAPSHOTS = tuple(i / 12 for i in range(1, 13))
+
+
+@exits
+@run_options(dim=3)
+def run3d(
+    wanted: Wanted,
+    plane_strain: Annotated[
+        bool, typer.Option(help="Compute the same case in plane strain too, for the end effect.")
+    ] = True,
+) -> None:
+    """Cut a block in three dimensions: as run2d, with the front of the cut along the blade."""
+    case, folder = wanted.case, wanted.folder
+    result = computed(case, _SNAPSHOTS, folder, wanted.every_s)
+    plane = None
+    if plane_strain and result.outcome.kind != "interrupted":
+        from cutbench.run.front import end_effect
+
+        plane = computed(_flat(case, result.outcome.reached_mm))
+        result.measures |= end_effect(result.measures, plane.measures)
+    finish(result, folder, plane)
+
+
+def _flat(case: Case, depth_mm: float) -> Case:
+    """The same case in plane strain, as far as the block came."""
+    values = {**case.values, "depth": depth_mm}
+    values |= {name: 0.0 for name in ("tilt", "overhang") if name in values}
+    numerics = replace(case.numerics, symmetry="auto", mesh=None)
+    return replace(case, name=f"{case.name} (plane strain)", dim=2, values=values, numerics=numerics)

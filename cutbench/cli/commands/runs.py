@@ -1,0 +1,83 @@
+"""``cutbench runs``: what a store holds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cutbench.cli.options import exits, show
+
+
+@exits
+def runs(
+    source: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a sweep, or its runs.")],
+    where: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="CONDITION", help="Only these: 'drop_rel > 0.1', 'G >= 10 kPa'; repeat for more."
+        ),
+    ] = None,
+    columns: Annotated[
+        str | None, typer.Option(metavar="A,B,...", help="What to show of each; default: the main ones.")
+    ] = None,
+    sort: Annotated[str | None, typer.Option(metavar="COLUMN", help="Order; default: by id.")] = None,
+    csv: Annotated[Path | None, typer.Option(metavar="FILE", help="Write them as CSV, all columns.")] = None,
+    json: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write them as JSON, all columns.")
+    ] = None,
+    export: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Write each one's run.json, curve.csv and curve.png to DIR/ID."),
+    ] = None,
+) -> None:
+    """List the runs that sweeps have kept; choose some; export them."""
+    from cutbench.base.errors import BadInput
+    from cutbench.base.figure_style import replacing
+    from cutbench.run.files import check_writable, write_run
+    from cutbench.run.store import listing
+    from cutbench.run.store.runs import Store
+
+    root = source / "runs" if (source / "runs").is_dir() else source
+    if not root.is_dir():
+        raise BadInput(key="DIR", value=str(source), expected="the folder of a sweep, or of its runs")
+    store = Store(root)
+    heads = store.heads()
+    chosen = [name.strip() for name in columns.split(",")] if columns else None
+    wanted = chosen or list(listing.DEFAULT)
+    names, rows = listing.table_of(heads, where or [], ["id", *wanted], sort)
+    ids, names, rows = [row[0] for row in rows], names[1:], [row[1:] for row in rows]
+    if csv is not None or json is not None:
+        whole = listing.table_of({id: heads[id] for id in ids}, [], chosen, sort)
+        for path, text in ((csv, listing.to_csv), (json, listing.to_json)):
+            if path is not None:
+                check_writable(path.parent)
+                with replacing(path) as draft:
+                    draft.write_text(text(*whole), encoding="utf-8")
+                typer.echo(path)
+    if export is not None:
+        check_writable(export)
+        for id in ids:
+            result = store.get(id)
+            if result is not None:
+                write_run(result, export / id)
+                typer.echo(export / id)
+    if csv is None and json is None and export is None:
+        show(_table(names, rows))
+    typer.echo(f"{len(ids)} of {len(heads)} runs")
+    for id, reason in store.unreadable().items():
+        typer.echo(f"{id}: {reason}", err=True)
+
+
+def _table(names, rows):
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False)
+    for name in names:
+        table.add_column(name, no_wrap=name == "id")
+    for row in rows:
+        table.add_row(
+            *("" if v is None or v != v else f"{v:.4g}" if isinstance(v, float) else str(v) for v in row)
+        )
+    return table

@@ -1,0 +1,49 @@
+"""``cutbench sweep``: a map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cutbench.base.threads import leave_cores_to_workers
+from cutbench.cli.options import doubted, exits, whole
+
+
+@exits
+def sweep(
+    study: Annotated[Path, typer.Argument(metavar="STUDY.toml", help="The axes and the base of the map.")],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Where the map and its runs are written.")],
+    workers: Annotated[
+        str | None, typer.Option(metavar="N", help="Processes; default: one a core.", show_default=False)
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="A Dask scheduler, tcp://HOST:PORT, or local; needs Dask."),
+    ] = None,
+    store: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Where runs are kept and looked up; default: OUT/runs.")
+    ] = None,
+    retry_failed: Annotated[bool, typer.Option(help="Compute again what fell short before.")] = False,
+) -> None:
+    """Compute a map; what is finished is never computed twice, so start it again to go on."""
+    leave_cores_to_workers()
+    from cutbench.maps.study import load_study
+    from cutbench.maps.sweep import run_study
+    from cutbench.run.files import check_writable
+
+    plan, processes = load_study(study), whole("--workers", workers)
+    check_writable(out)
+    doubted(plan.base, *plan.cases())
+    done = run_study(
+        plan, out, workers=processes, progress=True, retry_failed=retry_failed, scheduler=scheduler,
+        store=store,
+    )  # fmt: skip
+    status = done.status
+    typer.echo(f"{status.finished} of {status.total} runs, {status.failed} not to the end; map in {done.out}")
+    for line in done.words():
+        typer.echo(line)
+    if done.interrupted:
+        typer.echo("interrupted: start the same command again to go on", err=True)
+        raise typer.Exit(130)

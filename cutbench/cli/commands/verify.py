@@ -1,0 +1,211 @@
+"""``cutbench verify``: reference problems, and whether the product gets them right."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cutbench.cli.options import exits, show
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from rich.table import Table
+
+    from cutbench.verification.paper import Claim
+    from cutbench.verification.paper.judgement import Judged
+    from cutbench.verification.reference import Reference, Verified
+
+
+@exits
+def verify(
+    quick: Annotated[bool, typer.Option("--quick", help="Only the quick ones, in a minute.")] = False,
+    only: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Only this problem; may be repeated.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write verify.json and verify.md there.")
+    ] = None,
+    list_: Annotated[bool, typer.Option("--list", help="Show what there is, compute nothing.")] = False,
+    paper: Annotated[
+        bool, typer.Option("--paper", help="Instead: the published model's claims, one by one (needs --out).")
+    ] = False,
+    workers: Annotated[
+        str | None, typer.Option(metavar="N", help="Processes for --paper; default: one a core.")
+    ] = None,
+) -> None:
+    """Compute reference problems and compare with what is known; fails if any check does."""
+    if paper or workers is not None:
+        _paper(paper, quick, only, out, list_, workers)
+        return
+    from cutbench.run.files import check_writable
+    from cutbench.verification.reference import references, run
+    from cutbench.verification.reference.report import write
+
+    chosen = _chosen(references(), quick, only)
+    if list_:
+        show(_contents(chosen))
+        return
+    if out is not None:
+        check_writable(out)
+    done: list[Verified] = []
+    interrupted = False
+    try:
+        _watched(run, chosen, done)
+    except KeyboardInterrupt:
+        interrupted = True
+    complete = len(done) == len(chosen)
+    if done:
+        show(*_tables(done))
+    failed = [one.reference.name for one in done if not one.passed]
+    count = sum(len(one.checks) for one in done)
+    wrong = sum(not check.passed for one in done for check in one.checks)
+    typer.echo(
+        f"{count - wrong} of {count} checks passed in {len(done)} of {len(chosen)} problems,"
+        f" {sum(one.seconds for one in done):.0f} s" + (f"; failed: {', '.join(failed)}" if failed else "")
+    )
+    if out is not None:
+        for path in write(done, out, complete=complete):
+            typer.echo(path)
+    if interrupted:
+        typer.echo("interrupted: what was computed is kept", err=True)
+        raise typer.Exit(130)
+    if failed:
+        raise typer.Exit(1)
+
+
+def _paper(
+    paper: bool, quick: bool, only: list[str] | None, out: Path | None, list_: bool, workers: str | None
+) -> None:
+    """The claims of the paper, from runs that are kept in ``out`` and computed once."""
+    from cutbench.base.errors import BadInput
+    from cutbench.cli.options import whole
+    from cutbench.run.files import check_writable
+    from cutbench.verification.paper.investigation import investigate, select
+
+    if not paper:
+        raise BadInput(key="--workers", value=workers, expected="--paper with it")
+    if quick:
+        raise BadInput(key="--quick", value="--paper", expected="one of the two: claims need whole runs")
+    chosen = select(only or ())
+    if list_:
+        show(_claims(chosen))
+        return
+    if out is None:
+        raise BadInput(key="--out", value="(missing)", expected="a folder for the runs behind the claims")
+    processes = whole("--workers", workers)
+    check_writable(out)
+    with _counted() as on_progress:
+        try:
+            found = investigate(out, only=only or (), workers=processes, on_progress=on_progress)
+        except KeyboardInterrupt:
+            typer.echo(f"interrupted: runs that ended are kept in {out / 'runs'}", err=True)
+            raise typer.Exit(130) from None
+    show(_verdicts(found.judged))
+    typer.echo(f"{len(found.runner.results)} runs, {found.runner.computed} of them computed now")
+    for path in found.paths:
+        typer.echo(path)
+
+
+@contextmanager
+def _counted() -> Iterator[Callable[[int, int], None]]:
+    """A bar of the runs asked for so far, on standard error."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("[bold]{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task("runs", total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+def _claims(chosen: Sequence[Claim]) -> Table:
+    from rich.table import Table
+
+    table = Table("claim", "what was published", "runs")
+    for claim in chosen:
+        table.add_row(claim.id, claim.text, ", ".join(claim.asks) or claim.beyond)
+    return table
+
+
+def _verdicts(judged: Sequence[Judged]) -> Table:
+    from rich.markup import escape
+    from rich.table import Table
+
+    from cutbench.verification.paper.judgement import BEYOND
+
+    table = Table("claim", "statement", "the paper", "paper's numerics", "converged", "verdict")
+    for one in judged:
+        table.add_section()
+        id = one.claim.id
+        for row in one.rows:
+            cells = [row.what, row.findings["paper"].published, *(f.text for f in row.findings.values())]
+            table.add_row(id, *map(escape, cells), row.verdict)
+            id = ""
+        if one.claim.beyond:
+            table.add_row(id, escape(one.claim.beyond), "", "", "", BEYOND)
+    return table
+
+
+def _chosen(known: dict[str, Reference], quick: bool, only: list[str] | None) -> list[Reference]:
+    from cutbench.base.errors import BadInput
+    from cutbench.base.toml import one_of
+
+    for name in only or ():
+        if name not in known:
+            raise BadInput(key="--only", value=name, expected=one_of(name, known))
+        if quick and not known[name].quick:
+            raise BadInput(key="--only", value=name, expected=f"no --quick with it: {name} takes longer")
+    return [r for r in known.values() if (r.quick or not quick) and (not only or r.name in only)]
+
+
+def _watched(run, chosen: Sequence[Reference], done: list[Verified]) -> None:
+    """Run under a bar with the time left, on standard error."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("[bold]{task.description}"), BarColumn(), TextColumn("{task.fields[count]}"),
+        TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(elapsed_when_finished=False),
+    )  # fmt: skip
+    with Progress(*columns, console=Console(stderr=True), speed_estimate_period=600) as bar:
+        task = bar.add_task("verify", total=sum(r.seconds for r in chosen), count=f"0 of {len(chosen)}")
+
+        def on_done(one: Verified) -> None:
+            done.append(one)
+            bar.update(task, advance=one.reference.seconds, count=f"{len(done)} of {len(chosen)}")
+
+        run(chosen, on_start=lambda r: bar.update(task, description=r.name), on_done=on_done)
+
+
+def _contents(chosen: Sequence[Reference]) -> Table:
+    from rich.table import Table
+
+    table = Table("name", "what it checks", "reference", "quick")
+    for r in chosen:
+        table.add_row(r.name, r.title, r.source, "yes" if r.quick else "")
+    return table
+
+
+def _tables(done: Sequence[Verified]) -> list[object]:
+    from rich.markup import escape
+    from rich.table import Table
+
+    from cutbench.verification.reference.report import texts
+
+    table = Table("problem", "quantity", "reference", "obtained", "error", "tolerance", "verdict")
+    for column in table.columns[2:6]:
+        column.justify = "right"
+    for one in done:
+        table.add_section()
+        name = one.reference.name
+        for check in one.checks:
+            *cells, verdict = map(escape, texts(check))
+            table.add_row(name, *cells, verdict if check.passed else f"[bold red]{verdict}[/]")
+            name = ""
+        if one.failure is not None:
+            table.add_row(name, escape(one.failure), "", "", "", "", "[bold red]FAILED[/]")
+    return [table]

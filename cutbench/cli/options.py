@@ -1,0 +1,277 @@
+"""What the commands share: options, exit status, progress, tables; no physics.
+
+Exit status: 0 done, 1 the computation fell short (what it reached is kept), 2 bad input, 130
+interrupted (what was reached is kept).
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from cutbench.case.case import Case
+    from cutbench.run.result import Result
+
+
+def exits(command: Callable) -> Callable:
+    """Turn what the code raises on purpose into one message and an exit status."""
+
+    @functools.wraps(command)
+    def wrapped(*args: object, **kwargs: object) -> object:
+        from cutbench.base.errors import CutbenchError
+
+        try:
+            return command(*args, **kwargs)
+        except CutbenchError as error:
+            typer.echo(f"cutbench: {error}", err=True)
+            raise typer.Exit(error.exit_code) from error
+        except KeyboardInterrupt as error:
+            typer.echo("cutbench: interrupted", err=True)
+            raise typer.Exit(130) from error
+
+    return wrapped
+
+
+# The options of a run, the same for a section and for a block.
+Source = Annotated[str, typer.Argument(metavar="MATERIAL|FILE.toml", help="A material or a case file.")]
+Sets = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="Change a value: --set eta_reg='0.5 s'."),
+]
+Size = Annotated[str | None, typer.Option("--h", metavar="MM", help="Element size at the cut plane.")]
+Depth = Annotated[str | None, typer.Option(metavar="MM", help="Blade travel.")]
+Element = Annotated[str | None, typer.Option(metavar="P1|P2|P2P1", help="Finite element.")]
+Normal = Annotated[
+    str | None, typer.Option(metavar="tool|material", help="Direction of the contact pressure.")
+]
+Preset = Annotated[
+    str | None,
+    typer.Option("--numerics", metavar="converged|paper", help="All numerical choices under one word."),
+]
+Without = Annotated[
+    list[str] | None, typer.Option(metavar="NAME", help="Leave a mechanism out; may be repeated.")
+]
+With = Annotated[
+    list[str] | None,
+    typer.Option("--with", metavar="NAME", help="Add a mechanism, or put it in place of its kind."),
+]
+Keep = Annotated[
+    str | None,
+    typer.Option(
+        "--checkpoint",
+        metavar="SECONDS",
+        help="Keep the state every so many seconds (60); a run that was killed goes on from there.",
+    ),
+]
+Out = Annotated[Path | None, typer.Option(metavar="DIR", help="Where to write; default: runs/NAME-ID.")]
+CampaignFile = Annotated[Path, typer.Argument(metavar="CAMPAIGN.toml", help="Tests and their readings.")]
+Workers = Annotated[
+    str | None, typer.Option(metavar="N", help="Processes; default: one a core; 0: this one.")
+]
+Refine = Annotated[
+    bool, typer.Option(help="Measure the error of the computation on a finer mesh on the way.")
+]
+
+
+def changes(
+    sets: list[str] | None, options: dict[str, str | None], with_: list[str] | None, without: list[str] | None
+) -> dict[str, object]:
+    """All that the options say, as ``Case.set`` takes it."""
+    from cutbench.base.errors import BadInput
+    from cutbench.case.case import parse_overrides
+
+    changes = parse_overrides(sets or [])
+    for key, value in options.items():
+        if value is None:
+            continue
+        if key in changes:
+            raise BadInput(
+                key=f"--{key}", value=value, expected=f"either --{key} or --set {key}=..., not both"
+            )
+        changes[key] = value
+    for key, names in (("with", with_), ("without", without)):
+        if names:
+            changes[key] = names
+    return changes
+
+
+def doubted(*cases: Case) -> None:
+    """Say once what there is to know before runs of these ``cases`` are believed."""
+    for sentence in dict.fromkeys(each for case in cases for each in case.doubts):
+        typer.echo(f"cutbench: note: {sentence}", err=True)
+
+
+def asked(material: str, changes: dict[str, object], out: Path | None, *, dim: int) -> tuple[Case, Path]:
+    """The case and a folder that can be written to."""
+    from cutbench.case.case import load_case
+    from cutbench.run.files import check_writable
+
+    case = load_case(material, changes, dim=dim)
+    doubted(case)
+    return case, check_writable(out if out is not None else Path("runs") / f"{_slug(case.name)}-{case.id}")
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What the options of a run ask for: a case, a folder to write to, seconds between checkpoints."""
+
+    case: Case
+    folder: Path
+    every_s: float
+
+
+def run_options(*, dim: int) -> Callable[[Callable], Callable]:
+    """Give the options of a run to a command that takes what is ``Wanted`` and options of its own."""
+
+    def give(command: Callable) -> Callable:
+        def wrapped(
+            material: Source,
+            sets: Sets = None,
+            h: Size = None,
+            depth: Depth = None,
+            element: Element = None,
+            normal: Normal = None,
+            numerics: Preset = None,
+            without: Without = None,
+            with_: With = None,
+            out: Out = None,
+            checkpoint: Keep = None,
+            **own: object,
+        ) -> None:
+            every_s = seconds("--checkpoint", checkpoint, 60.0)
+            options = {
+                "h": in_mm(h),
+                "depth": in_mm(depth),
+                "element": element,
+                "normal": normal,
+                "numerics": numerics,
+            }
+            case, folder = asked(material, changes(sets, options, with_, without), out, dim=dim)
+            command(Wanted(case, folder, every_s), **own)
+
+        # typer reads a command's options from its signature.
+        shared = [*inspect.signature(wrapped, eval_str=True).parameters.values()][:-1]
+        own = [*inspect.signature(command, eval_str=True).parameters.values()][1:]
+        functools.update_wrapper(wrapped, command)
+        wrapped.__signature__ = inspect.Signature([*shared, *own])
+        wrapped.__annotations__ = {each.name: each.annotation for each in (*shared, *own)}
+        return wrapped
+
+    return give
+
+
+def computed(
+    case: Case, snapshots: Sequence[float] = (), folder: Path | None = None, every_s: float = 60.0
+) -> Result:
+    """Run ``case`` under a bar; fields are kept at these parts of the travel.
+
+    With a ``folder`` the state is kept there every so many seconds, and a run that was killed goes on.
+    """
+    from cutbench.run.checkpoint import NAME, Checkpoint
+    from cutbench.run.runner import run_case  # the solver is loaded only once the input is known to be good
+
+    keep = None if folder is None else Checkpoint(folder / NAME, case.id, every_s)
+    with travel(case) as on_step:
+        return run_case(
+            case, on_step=on_step, snapshots_mm=[part * case.p.depth for part in snapshots], checkpoint=keep
+        )
+
+
+def finish(result: Result, folder: Path, plane: Result | None = None) -> None:
+    """Write and show a run; leaves with the exit status that its outcome asks for.
+
+    ``plane`` is the plane-strain run that a block is drawn beside.
+    """
+    from cutbench.run.checkpoint import NAME
+    from cutbench.run.files import write_run
+
+    write_run(result, folder, plane=plane)
+    if result.outcome.kind != "interrupted":
+        (folder / NAME).unlink(missing_ok=True)  # nothing to go on from
+    _show_result(result, folder)
+    if not result.outcome.done:
+        raise typer.Exit(130 if result.outcome.kind == "interrupted" else 1)
+
+
+def whole(key: str, text: str | None) -> int | None:
+    """A whole number of 0 or more. Raises BadInput, which names the value where typer would not."""
+    from cutbench.base.errors import BadInput
+
+    if text is None:
+        return None
+    if not text.strip().isdecimal():
+        raise BadInput(key=key, value=text, expected="a whole number, 0 or more")
+    return int(text)
+
+
+def seconds(key: str, text: str | None, default: float) -> float:
+    """A time in s, bare or with its unit. Raises BadInput."""
+    from cutbench.base.units import Parameter
+
+    if text is None:
+        return default
+    with suppress(ValueError):
+        text = f"{float(text):.15g} s"
+    return Parameter(key, "s", "t", "time", low=0).parse(text, key=key)
+
+
+def in_mm(text: str | None) -> str | None:
+    """``"0.4"`` -> ``"0.4 mm"``; anything else is left to be read, or refused, as a quantity."""
+    if text is None:
+        return None
+    try:
+        return f"{float(text):.15g} mm"
+    except ValueError:
+        return text
+
+
+def _slug(name: str) -> str:
+    return "".join(c if c.isalnum() or c in "-_." else "-" for c in name).strip("-.") or "case"
+
+
+def show(*parts: object) -> None:
+    from rich.console import Console
+
+    console = Console()
+    # Away from a terminal nobody can widen the window: do not cut numbers short.
+    if not console.is_terminal:
+        console = Console(width=160)
+    for part in parts:
+        console.print(part)
+
+
+@contextmanager
+def travel(case: Case) -> Iterator[Callable[[float, dict], None]]:
+    """A bar of the blade's travel with the time left, on standard error."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("[bold]{task.description}"), BarColumn(),
+        TextColumn("{task.completed:.2f} of {task.total:g} mm  {task.fields[force]}"),
+        TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(),
+    )  # fmt: skip
+    with Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task(case.name, total=case.p.depth, force="")
+
+        def on_step(displacement_mm: float, row: dict) -> None:
+            force = row.get("force_N")
+            bar.update(task, completed=displacement_mm, force="" if force is None else f"{force:.3g} N")
+
+        yield on_step
+
+
+def _show_result(result: Result, folder: Path) -> None:
+    from cutbench.cli.tables import result_table
+
+    show(result_table(result))
+    typer.echo(str(result.outcome))
+    typer.echo(f"written to {folder}")

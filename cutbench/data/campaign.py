@@ -1,0 +1,346 @@
+"""A campaign: measured tests of one material, where to start, and which mechanisms may explain them.
+
+``load_campaign`` reads TOML strictly; a campaign can be built in Python too, from ``start_case`` and
+``Experiment``s. Measured files are only read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from cutbench.base.errors import BadInput
+from cutbench.base.toml import located, one_of, read_toml
+from cutbench.base.units import Parameter
+from cutbench.case.case import Case, load_case
+from cutbench.case.model import PAPER, Model, mechanism
+from cutbench.case.motion import Polyline, simplified
+from cutbench.case.numerics import KEYS
+from cutbench.case.values import names, resolve
+from cutbench.data import plausible
+from cutbench.data.experiment import SLOTS, Experiment
+from cutbench.data.recorded import placed, read_experiment
+from cutbench.mechanisms import registry
+
+#: Places in time at which the way of a blade that holds or returns is read off, before it is simplified.
+MOTION = 120
+#: Speeds within this factor are one.
+SAME_SPEED = 1.2
+_TOP = ("title", "material", "baseline", "candidates", "parameters", "numerics", "fit", "experiment")
+
+
+@dataclass(frozen=True)
+class FitPlan:
+    """What a fit may change. ``free`` None: the fit chooses; ``own``: one value for each experiment.
+
+    ``bounds`` in internal units, (low, high) by parameter.
+    """
+
+    free: tuple[str, ...] | None = None
+    fixed: tuple[str, ...] = ()
+    own: tuple[str, ...] = ()
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in self.fixed:
+            if name in (*(self.free or ()), *self.own):
+                raise BadInput(key="fixed", value=name, expected="a parameter that is not free")
+        object.__setattr__(self, "bounds", MappingProxyType(dict(self.bounds)))
+
+    def __reduce__(self):
+        return FitPlan, (self.free, self.fixed, self.own, dict(self.bounds))
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """A validated campaign. ``base`` holds the baseline's mechanisms and the start values.
+
+    Raises BadInput if two experiments share an id, none is to be fitted, or readings cannot be of the
+    material (see ``cutbench.data.plausible``).
+    """
+
+    title: str
+    base: Case
+    experiments: tuple[Experiment, ...]
+    candidates: tuple[str, ...] = ()
+    plan: FitPlan = field(default_factory=FitPlan)
+    path: Path | None = None
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "experiments", tuple(self.experiments))
+        if not self.experiments:
+            raise BadInput(key="experiment", value="(missing)", expected="one experiment or more")
+        seen: set[str] = set()
+        for e in self.experiments:
+            if e.id in seen:
+                raise BadInput(key="id", value=e.id, expected="each id once")
+            seen.add(e.id)
+            _check(e, self.base)
+        if not self.train:
+            raise BadInput(key="role", value="test in all", expected="one experiment or more of role 'train'")
+
+    @property
+    def model(self) -> Model:
+        """The baseline."""
+        return self.base.model
+
+    @property
+    def train(self) -> tuple[Experiment, ...]:
+        return tuple(e for e in self.experiments if e.role == "train")
+
+    @property
+    def test(self) -> tuple[Experiment, ...]:
+        return tuple(e for e in self.experiments if e.role == "test")
+
+    def experiment(self, id: str) -> Experiment:
+        """The experiment called ``id``. Raises BadInput."""
+        for e in self.experiments:
+            if e.id == id:
+                return e
+        raise BadInput(key="experiment", value=id, expected=one_of(id, [e.id for e in self.experiments]))
+
+    def case(self, experiment: Experiment | str, base: Case | None = None) -> Case:
+        """The run of a ``cut`` test: ``base`` (default: the campaign's) with its specimen, blade, speed
+        and depth; one with holds, returns or several speeds along its way. Raises BadInput if they do not fit
+        together."""
+        e = self.experiment(experiment) if isinstance(experiment, str) else experiment
+        return cut_case(e, base or self.base)
+
+    def all_notes(self) -> list[str]:
+        """What was assumed or is not known, of the campaign and of each experiment."""
+        of_tests = [f"'{e.id}': {note}" for e in self.experiments for note in e.notes]
+        alone = [e.on_grid().note for e in self.experiments if len(e.repetitions) == 1]
+        return [*self.notes, *of_tests, *alone]
+
+    def parameters(self) -> dict[str, Parameter]:
+        """All parameters of the baseline and the candidates, by name."""
+        found = dict(self.model.parameters())
+        for name in self.candidates:
+            found = {q.name: q for q in registry()[name].parameters} | found
+        return found
+
+
+def cut_case(experiment: Experiment, base: Case) -> Case:
+    """``base`` with the specimen, the blade, the speed and the depth of a ``cut`` test. Raises BadInput."""
+    known = base.model.parameters()
+    sizes = {name: value for name, value in _sizes(experiment).items() if name in known}
+    # What was set on the machine is exact; six digits are what a time column gives.
+    speed = f"{experiment.speed or float(f'{experiment.travel_speed:.6g}')!r} mm/s"
+    if experiment.timed:
+        motion = measured_motion(experiment)
+        if not experiment.monotone or _uneven(motion):
+            sizes["motion"] = motion
+    return base.set(**sizes, speed=speed, name=f"{base.name}: {experiment.id}")
+
+
+def _uneven(motion: Polyline) -> bool:
+    """Whether the blade's speed differs between the parts of its way."""
+    times, travels = zip(*motion, strict=True)
+    speeds = np.diff(travels) / np.diff(times)
+    return bool(speeds.max() > SAME_SPEED * speeds.min())
+
+
+def measured_motion(experiment: Experiment) -> Polyline:
+    """The way of the blade in a test with holds or returns: that of the repetitions' mean.
+
+    It begins in the time that the blade takes from the top to where the first reading found it.
+    """
+    grid = experiment.on_grid(MOTION)
+    travel = np.clip(grid.x, 0.0, experiment.reach)
+    first = lead_s(experiment)
+    points = [(first + float(t), float(d)) for t, d in zip(grid.time_s - grid.time_s[0], travel, strict=True)]
+    if first == 0:
+        points[0] = (0.0, 0.0)
+    else:
+        points.insert(0, (0.0, 0.0))
+    return simplified(tuple(points))
+
+
+def lead_s(experiment: Experiment) -> float:
+    """Seconds from contact to the first reading, at the test's speed; none within a hundredth of a mm."""
+    first = float(np.mean([r.x[0] for r in experiment.repetitions]))
+    return first / (experiment.speed or experiment.travel_speed) if first > 0.01 else 0.0
+
+
+def _sizes(experiment: Experiment) -> dict[str, str]:
+    """Specimen, blade and depth of a cut as ``Case.set`` takes them."""
+    sizes = {**experiment.specimen, **experiment.blade, "depth": experiment.reach}
+    return {name: f"{float(value)!r} mm" for name, value in sizes.items()}
+
+
+def start_case(
+    material: str | Path | None,
+    *,
+    baseline: Iterable[str] | None = None,
+    kinds: Iterable[str] = ("cut",),
+    parameters: Mapping[str, object] | None = None,
+    name: str = "start",
+) -> tuple[Case, tuple[str, ...]]:
+    """The case that a campaign starts from, and notes on what was added to it.
+
+    Without ``baseline`` it is the paper's set, or the part of it that tests of these ``kinds`` see. A
+    baseline without a law for volume change gets ``volumetric``: a soft solid hardly changes its
+    volume, and a run without such a law has no unique answer. Raises BadInput.
+    """
+    notes: tuple[str, ...] = ()
+    if baseline is None:
+        seen = {slot for kind in kinds for slot in SLOTS[kind]} | {"bulk"}
+        model = Model(tuple(m for m in PAPER if registry()[m].slot in seen))
+    else:
+        listed = tuple(baseline)
+        for each in listed:
+            mechanism(each, key="baseline")
+        try:
+            model = Model(listed)
+        except BadInput as error:
+            raise BadInput(key="baseline", value=error.value, expected=error.expected) from error
+        if not any(m.role == "volumetric" for m in model.laws("bulk")):
+            model = model.with_("volumetric")
+            notes += ("'volumetric' added to the baseline: it has no law for volume change",)
+    if material is not None:
+        return load_case(material, {"mechanisms": model.mechanisms, **(parameters or {})}), notes
+    values = resolve({}, dict(parameters or {}), model)
+    return Case(name=name, dim=2, mechanisms=model.mechanisms, values=values), notes
+
+
+def all_candidates(baseline: Model, kinds: Iterable[str]) -> tuple[str, ...]:
+    """Every registered mechanism that is not in ``baseline`` and that tests of these ``kinds`` can show."""
+    seen = {slot for kind in kinds for slot in SLOTS[kind]}
+    return tuple(n for n, m in registry().items() if n not in baseline.mechanisms and m.slot in seen)
+
+
+def load_campaign(path: str | Path) -> Campaign:
+    """The campaign in a TOML file, its data read; every error a person can make is a BadInput."""
+    path = Path(path)
+    table, text = read_toml(path)
+    with located(path, text):
+        for key, part in table.items():
+            if key not in _TOP:
+                raise BadInput(key=key, value=str(part)[:60], expected=one_of(key, _TOP))
+            if key in ("parameters", "numerics", "fit") and not isinstance(part, dict):
+                raise BadInput(key=key, value=str(part)[:60], expected=f"a section, written [{key}]")
+        title = table.get("title", path.stem)
+        if not isinstance(title, str) or not title.strip():
+            raise BadInput(key="title", value=title, expected="a title, such as 'PDMS, three speeds'")
+        tables = table.get("experiment")
+        if not isinstance(tables, list) or not tables or not all(isinstance(t, dict) for t in tables):
+            raise BadInput(
+                key="experiment", value="(missing)" if tables is None else "a single table",
+                expected="one or more, each opened with [[experiment]]",
+            )  # fmt: skip
+    experiments = []
+    for number, part in enumerate(tables):
+        with placed(path, text, number):
+            made = read_experiment(part, path.parent)
+            if made.id in [e.id for e in experiments]:
+                raise BadInput(key="id", value=made.id, expected="each id once")
+            experiments.append(made)
+    kinds = list(dict.fromkeys(e.kind for e in experiments))
+    sizes = next((_sizes(e) for e in experiments if e.kind == "cut"), {})
+    base, notes = _start(table, path, text, kinds, sizes)
+    with located(path, text):
+        candidates = _candidates(table, base.model, kinds)
+    with located(path, text, "fit"):
+        plan = _plan(table.get("fit", {}), base.model, candidates)
+    for number, made in enumerate(experiments):
+        with placed(path, text, number):
+            _check(made, base)
+    cuts = (cut_case(e, base) for e in experiments if e.kind == "cut")
+    notes += tuple(dict.fromkeys(sentence for cut in cuts for sentence in cut.doubts))
+    with located(path, text):
+        return Campaign(title, base, tuple(experiments), candidates, plan, path, notes)
+
+
+def _check(experiment: Experiment, base: Case) -> None:
+    """Raise BadInput if a test cannot be of the material, or cannot be computed."""
+    plausible.check(experiment, base.p)
+    if experiment.kind == "cut":
+        cut_case(experiment, base)
+
+
+def _listed(key: str, raw: object) -> tuple[str, ...]:
+    """A list of names, which may be empty. Raises BadInput."""
+    return () if raw == [] else names(key, raw)
+
+
+def _start(
+    table: Mapping, path: Path, text: str, kinds: list[str], sizes: Mapping[str, str]
+) -> tuple[Case, tuple[str, ...]]:
+    """The start case, each of whose faults is found where it is written; ``sizes`` are those of a cut."""
+    parameters, numerics = table.get("parameters", {}), table.get("numerics", {})
+    with located(path, text):
+        baseline = names("baseline", table["baseline"]) if "baseline" in table else None
+        material = table.get("material")
+        if material is not None and not isinstance(material, str):
+            raise BadInput(key="material", value=str(material)[:60], expected="a known name or a TOML file")
+        if material is None and not parameters:
+            raise BadInput(
+                key="material", value="(missing)",
+                expected="a known name or a file with start values, or a section [parameters]",
+            )  # fmt: skip
+    for section, part in (("parameters", parameters), ("numerics", numerics)):
+        with located(path, text, section):
+            for key, raw in part.items():
+                if (key in KEYS) != (section == "numerics"):
+                    expected = f"it in [numerics], not in [{section}]" if key in KEYS else one_of(key, KEYS)
+                    raise BadInput(key=key, value=str(raw)[:60], expected=expected)
+    near = path.parent / (material or "")
+    source = near if near.is_file() else material
+    with located(path, text, "parameters"):
+        case, notes = start_case(
+            source, baseline=baseline, kinds=kinds, parameters=parameters, name=path.stem
+        )
+    with located(path, text, "numerics"):
+        known = case.model.parameters()
+        return case.set(**{k: v for k, v in sizes.items() if k in known}, **numerics), notes
+
+
+def _candidates(table: Mapping, baseline: Model, kinds: list[str]) -> tuple[str, ...]:
+    raw = table.get("candidates", "all")
+    if raw == "all":
+        return all_candidates(baseline, kinds)
+    listed = _listed("candidates", raw)
+    for name in listed:
+        mechanism(name, key="candidates")
+        if name in baseline.mechanisms:
+            raise BadInput(key="candidates", value=name, expected="a mechanism that is not in the baseline")
+        if listed.count(name) > 1:
+            raise BadInput(key="candidates", value=name, expected="each candidate once")
+    return listed
+
+
+def _plan(part: Mapping, baseline: Model, candidates: tuple[str, ...]) -> FitPlan:
+    """The section [fit]: free, fixed, own (lists of parameters), bounds (low, high with units)."""
+    known = dict(baseline.parameters())
+    for name in candidates:
+        known = {q.name: q for q in registry()[name].parameters} | known
+    lists: dict[str, tuple[str, ...]] = {}
+    for key, raw in part.items():
+        if key not in ("free", "fixed", "own", "bounds"):
+            raise BadInput(
+                key=key, value=str(raw)[:60], expected=one_of(key, ("free", "fixed", "own", "bounds"))
+            )
+        if key == "bounds" and not isinstance(raw, dict):
+            raise BadInput(key=key, value=str(raw)[:60], expected="bounds = { G = ['1 kPa', '900 kPa'] }")
+        listed = tuple(raw) if key == "bounds" else _listed(key, raw)
+        for name in listed:
+            if name not in known:
+                raise BadInput(key=key, value=name, expected=one_of(name, known))
+        if key != "bounds":
+            lists[key] = listed
+    bounds = {}
+    for name, pair in part.get("bounds", {}).items():
+        if not isinstance(pair, list) or len(pair) != 2:
+            raise BadInput(key=name, value=str(pair)[:60], expected="two values, the lowest and the highest")
+        low, high = (known[name].parse(raw, key=name) for raw in pair)
+        if not low < high:
+            raise BadInput(
+                key=name, value=str(pair), expected="the lowest value first, and below the highest"
+            )
+        bounds[name] = (low, high)
+    return FitPlan(lists.get("free"), lists.get("fixed", ()), lists.get("own", ()), bounds)

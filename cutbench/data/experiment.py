@@ -1,0 +1,329 @@
+"""One measured test: what was done, its repetitions, and what they say on a common grid.
+
+Inside, every kind has one abscissa ``x`` and one ordinate ``y``: blade travel (mm) and force (N) for
+``cut``; stretch (1) and nominal stress (MPa) for ``uniaxial``, ``equibiaxial`` and ``pure_shear``; slip
+or opening (mm) and traction (MPa) for ``sliding`` and ``separation``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cutbench.base.errors import BadInput
+from cutbench.base.toml import one_of
+from cutbench.data import noise
+from cutbench.data.repetition import Averaged, Repetition, first_return, is_monotone, order, turning_points
+
+if TYPE_CHECKING:
+    from cutbench.data.fields import Field
+
+HOMOGENEOUS = ("uniaxial", "equibiaxial", "pure_shear")
+KINDS = ("cut", *HOMOGENEOUS, "sliding", "separation")
+ROLES = ("train", "test")
+#: Slots of mechanisms that a kind of test sees.
+SLOTS = {
+    "cut": ("bulk", "cut", "blade", "skin", "support", "rig"),
+    **dict.fromkeys(HOMOGENEOUS, ("bulk",)),
+    "sliding": ("blade",),
+    "separation": ("cut",),
+}
+#: Fewest readings of a repetition.
+FEWEST = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """A measured test of one kind with its repetitions, in internal units (mm, N, s, MPa).
+
+    ``specimen``, ``blade``: lengths in mm (``width``, ``length``, ``height``; ``thickness``, ``tip``) and
+    ``area`` in mm²; ``speed`` in mm/s, or 1/s of stretch. ``pressure_MPa``: contact pressure of a
+    sliding test; ``direction``: ``opening`` or ``sliding`` of a separation test. ``role``: a ``test``
+    experiment is never fitted, only predicted. ``fields``: displacements on one specimen of a cut, known to
+    ``field_noise_mm``. Raises BadInput for what no test can be.
+    """
+
+    id: str
+    kind: str
+    repetitions: tuple[Repetition, ...]
+    role: str = "train"
+    specimen: Mapping[str, float] = field(default_factory=dict)
+    blade: Mapping[str, float] = field(default_factory=dict)
+    speed: float | None = None
+    pressure_MPa: float = 0.0
+    direction: str = "opening"
+    notes: tuple[str, ...] = ()
+    fields: tuple[Field, ...] = ()
+    field_noise_mm: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.id, str) or not self.id.strip():
+            raise BadInput(key="id", value=self.id, expected="a name, such as 'slow'")
+        for key, value, known in (
+            ("kind", self.kind, KINDS),
+            ("role", self.role, ROLES),
+            ("direction", self.direction, ("opening", "sliding")),
+        ):
+            if value not in known:
+                raise BadInput(key=key, value=value, expected=one_of(str(value), known))
+        if self.speed is not None and not (np.isfinite(self.speed) and self.speed > 0):
+            raise BadInput(key="speed", value=self.speed, expected="a speed above 0, such as '0.02 mm/s'")
+        for key in ("specimen", "blade"):
+            object.__setattr__(self, key, MappingProxyType(dict(getattr(self, key))))
+        object.__setattr__(self, "repetitions", tuple(self.repetitions))
+        if not self.repetitions:
+            raise BadInput(key="data", value=f"no reading in '{self.id}'", expected="one repetition or more")
+        for repetition in self.repetitions:
+            self._check(repetition)
+        if self.kind == "cut" and self.speed is None and not self.timed:
+            raise BadInput(
+                key="speed",
+                value="(missing)",
+                expected="the blade's speed, such as speed = '0.021 mm/s', or a time column",
+            )
+        if len({r.time_s is None for r in self.repetitions}) > 1:
+            raise BadInput(key="time", value="in some repetitions only", expected="a time in all or in none")
+        self._common_range()
+        for pictured in self.fields:
+            if not 0 < pictured.travel_mm <= self.reach + 1e-9:
+                raise BadInput(
+                    key="fields.travel",
+                    value=f"{pictured.travel_mm:g} mm",
+                    expected=f"blade travels above 0 that the readings reach, {self.reach:g} mm",
+                )
+
+    def __reduce__(self):
+        kept = (
+            "id",
+            "kind",
+            "repetitions",
+            "role",
+            "specimen",
+            "blade",
+            "speed",
+            "pressure_MPa",
+            "direction",
+        )
+        plain = [getattr(self, k) for k in kept]
+        plain[4], plain[5] = dict(self.specimen), dict(self.blade)
+        return Experiment, (*plain, self.notes, self.fields, self.field_noise_mm)
+
+    # -- what it is ------------------------------------------------------------------------------
+    @property
+    def x_name(self) -> str:
+        """``displacement``, ``stretch``, ``slip`` or ``opening``."""
+        names = {"cut": "displacement", "sliding": "slip", "separation": "opening"}
+        return names.get(self.kind, "stretch")
+
+    @property
+    def y_name(self) -> str:
+        return "force" if self.kind == "cut" else "stress" if self.kind in HOMOGENEOUS else "traction"
+
+    @property
+    def x_unit(self) -> str:
+        return "1" if self.kind in HOMOGENEOUS else "mm"
+
+    @property
+    def y_unit(self) -> str:
+        return "N" if self.kind == "cut" else "MPa"
+
+    @property
+    def rest(self) -> float:
+        """The abscissa of the undeformed specimen: stretch 1, or 0 mm."""
+        return 1.0 if self.kind in HOMOGENEOUS else 0.0
+
+    @property
+    def timed(self) -> bool:
+        """Whether the times of the readings are known, measured or by the speed."""
+        return self.repetitions[0].time_s is not None
+
+    @cached_property
+    def monotone(self) -> bool:
+        """Whether the abscissa only grows (or only falls) and never rests: no hold, return or cycle."""
+        return all(is_monotone(r) for r in self.repetitions)
+
+    @property
+    def reach(self) -> float:
+        """The largest abscissa of all repetitions."""
+        return max(float(r.x.max()) for r in self.repetitions)
+
+    @property
+    def readings(self) -> int:
+        return sum(r.x.size for r in self.repetitions)
+
+    @property
+    def travel_speed(self) -> float | None:
+        """Mean speed of what moves (mm/s, or 1/s of stretch), from the time where there is one."""
+        rates = []
+        for r in self.repetitions:
+            if r.time_s is None:
+                return self.speed
+            steps = np.abs(np.diff(r.x))
+            moving = steps > 0.1 * steps.mean()
+            rates.append(steps[moving].sum() / np.diff(r.time_s)[moving].sum())
+        return float(np.mean(rates))
+
+    # -- checks ----------------------------------------------------------------------------------
+    def _check(self, r: Repetition) -> None:
+        arrays = {self.x_name: r.x, self.y_name: r.y, "time": r.time_s, "pressure": r.pressure_MPa}
+        for key, values in arrays.items():
+            if values is None:
+                continue
+            if values.shape != r.x.shape or values.ndim != 1:
+                raise r.wrong(
+                    key, f"{values.size} readings", f"as many as of {self.x_name}, which has {r.x.size}"
+                )
+            bad = np.flatnonzero(~np.isfinite(values))
+            if bad.size:
+                raise r.wrong(key, f"{values[bad[0]]}", "a number in every reading", bad[0])
+        if r.x.size < FEWEST:
+            raise r.wrong(
+                "readings", f"{r.x.size}", f"{FEWEST} readings or more", None if r.x.size == 0 else 0
+            )
+        if r.time_s is not None:
+            back = np.flatnonzero(np.diff(r.time_s) <= 0)
+            if back.size:
+                i = int(back[0]) + 1
+                raise r.wrong(
+                    "time",
+                    f"{r.time_s[i]:.10g} s",
+                    f"a time after that of the reading before, {r.time_s[i - 1]:.10g} s",
+                    i,
+                )
+        if np.ptp(r.x) <= 0:
+            raise r.wrong(self.x_name, f"{r.x[0]:g} in all readings", "a test in which it changes")
+        if self.kind in HOMOGENEOUS and r.x.min() <= 0:
+            i = int(r.x.argmin())
+            raise r.wrong("stretch", f"{r.x[i]:g}", "stretches above 0 (1 is undeformed)", i)
+        if self.kind == "cut" and r.time_s is None and (i := first_return(r.x)) is not None:
+            raise r.wrong(
+                "displacement",
+                f"{r.x[i]:g} mm",
+                f"at least {r.x[:i].max():g} mm, where the blade had been: a test with holds or returns"
+                " needs a time column",
+                i,
+            )
+        if r.pressure_MPa is not None and r.pressure_MPa.min() < 0:
+            i = int(r.pressure_MPa.argmin())
+            raise r.wrong("pressure", f"{r.pressure_MPa[i]:g} MPa", "a pressure of 0 or more", i)
+        self._check_sign(r)
+
+    def _check_sign(self, r: Repetition) -> None:
+        """The way out must take work: ∫ y dx from rest to the farthest reading."""
+        if not np.any(r.y):
+            raise r.wrong(self.y_name, "0 in all readings", "a test in which something was measured")
+        far = int(np.argmax(np.abs(r.x - self.rest)))
+        x, y = np.append(self.rest, r.x[: far + 1]), np.append(0.0, r.y[: far + 1])
+        work = float(((y[1:] + y[:-1]) / 2 * np.diff(x)).sum())
+        if work < 0:
+            i = int(np.argmin(r.y * np.sign(r.x - self.rest)))
+            what = "the force on the blade" if self.kind == "cut" else f"a {self.y_name}"
+            shown = "1" if self.y_unit == "1" else self.y_unit
+            raise r.wrong(
+                self.y_name,
+                f"{r.y[i]:.6g} {shown}",
+                f"{what} that takes work on the way out, here it gives {-work:.3g}; if the sensor counts the"
+                " other way write factors = { force = -1 }",
+                i,
+            )
+
+    def _common_range(self) -> None:
+        """Repetitions must share at least half of the shortest way of the longest."""
+        spans = [self._along(r) for r in self.repetitions]
+        low, high = max(s[0] for s in spans), min(s[-1] for s in spans)
+        longest = max(s[-1] - s[0] for s in spans)
+        if high - low < 0.5 * longest:
+            worst = min(range(len(spans)), key=lambda i: spans[i][-1] - spans[i][0])
+            r = self.repetitions[worst]
+            raise r.wrong(
+                self.x_name,
+                f"{r.x.min():g} to {r.x.max():g}",
+                f"repetitions that share at least half of their range ({longest:g} long); give others as"
+                " an experiment of their own",
+            )
+
+    # -- on a grid -------------------------------------------------------------------------------
+    def _along(self, r: Repetition) -> np.ndarray:
+        """The coordinate along which repetitions are compared: x if it only grows, else time or path."""
+        if self.monotone:
+            return np.sort(r.x if r.x[-1] > r.x[0] else -r.x)
+        if r.time_s is not None:
+            return r.time_s - r.time_s[0]
+        return np.append(0.0, np.cumsum(np.abs(np.diff(r.x)))) / np.abs(np.diff(r.x)).sum()
+
+    def on_grid(self, n: int = 80) -> Averaged:
+        """Mean, scatter and covariance of the mean on at most ``n`` values (see ``cutbench.data.noise``).
+
+        The grid is even along x, or, in a test with holds or returns, along time with the turning
+        points added. One repetition of no more than ``n`` readings stays as it is.
+        """
+        reps = self.repetitions
+        orders = [order(r) if self.monotone else np.arange(r.x.size) for r in reps]
+        grid, along, matrices = self.averaging(n)
+
+        def brought(key: str) -> np.ndarray | None:
+            if getattr(reps[0], key) is None:
+                return None
+            return np.stack([A @ getattr(r, key)[o] for A, r, o in zip(matrices, reps, orders, strict=True)])
+
+        curves, times, pressures = brought("y"), brought("time_s"), brought("pressure_MPa")
+        x = brought("x").mean(axis=0)
+        noises = []
+        for A, s, r, o in zip(matrices, along, reps, orders, strict=True):
+            sigma = noise.roughness(s, r.y[o])
+            noises.append((A * sigma**2) @ A.T)
+        scatter, covariance = noise.covariance_of_mean(grid, curves, noises)
+        note = ""
+        if len(reps) == 1:
+            note = (
+                f"'{self.id}' has one repetition: its noise is estimated from the roughness of the curve,"
+                " and its scatter between specimens is not known"
+            )
+        return Averaged(
+            x=x,
+            mean=curves.mean(axis=0),
+            scatter=np.sqrt(np.diag(scatter)),
+            reading=np.sqrt(np.mean([np.diag(c) for c in noises], axis=0)),
+            covariance=covariance,
+            curves=curves,
+            time_s=None if times is None else times.mean(axis=0),
+            pressure_MPa=None if pressures is None else pressures.mean(axis=0),
+            estimated=len(reps) == 1,
+            note=note,
+        )
+
+    def averaging(self, n: int) -> tuple[np.ndarray, list[np.ndarray], list[np.ndarray]]:
+        """The grid (m,) along which repetitions are compared, the places (r,) of each one's readings, and the
+        matrices (m, r) that bring these to the grid. Of a test with holds or returns they count in seconds
+        from its first reading."""
+        reps = self.repetitions
+        along = [self._along(r) for r in reps]
+        grid, sharp = self._grid(along, n)
+        if len(reps) == 1 and reps[0].x.size <= n and np.all(np.diff(along[0]) > 0):
+            return along[0], along, [np.eye(along[0].size)]
+        return grid, along, [noise.averaging(s, grid, sharp) for s in along]
+
+    def _grid(self, along: list[np.ndarray], n: int) -> tuple[np.ndarray, np.ndarray]:
+        """Grid (m,) and where on it the way turns, or its speed changes (m,)."""
+        low, high = max(s[0] for s in along), min(s[-1] for s in along)
+        count = max(FEWEST, min(n, int(np.median([s.size for s in along]))))
+        grid = np.linspace(low, high, count)
+        first, corners = self.repetitions[0], np.zeros(0)
+        if not self.monotone:
+            corners = along[0][turning_points(first.x)]
+        elif first.time_s is not None:
+            corners = along[0][turning_points(first.time_s[order(first)])]
+        corners = corners[(corners > low) & (corners < high)]
+        # The nearest grid value moves onto each corner, so that peaks are met exactly, and no mean is taken
+        # of readings at two speeds.
+        sharp = np.zeros(count, dtype=bool)
+        for corner in corners:
+            i = int(np.argmin(np.abs(grid - corner)))
+            if 0 < i < count - 1 and not sharp[i]:
+                grid[i], sharp[i] = corner, True
+        return grid, sharp

@@ -1,0 +1,173 @@
+"""Displacement fields from digital image correlation, beside those of a run.
+
+A field is a grid of points on the specimen's end face, the section that the blade is seen to enter:
+x across the blade with 0 in its middle plane, y up with 0 at the base. The points are positions after
+(``deformed``) or before deformation (``reference``). The computed field is sampled on the same grid in
+the same configuration, inside the (curved) elements; what lies outside the body, or was not measured,
+is nan. The relative error of a component is |u_exp − u_num| / mean |u_num| over the points that both
+have. Strains are Green–Lagrange, E = (FᵀF − I)/2, from central differences on the grid for both fields
+alike: F = I + ∂u/∂X, or (I − ∂u/∂x)⁻¹ in the deformed configuration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutbench.base.errors import BadInput
+from cutbench.data.fields import Field
+from cutbench.data.triangles import gradient, located, surface
+from cutbench.run.result import SLOPE, Snapshot
+
+#: A point next to the plane of symmetry is looked for this part of the spacing beside it.
+_OFF = 0.1
+#: A field and a snapshot are of one travel if they are no farther apart, mm.
+_APART = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """A measured field and what a run gives on its grid."""
+
+    measured: Field
+    computed: Field
+
+    @property
+    def both(self) -> np.ndarray:
+        """Where both are known (ny, nx)."""
+        return np.isfinite(self.measured.u).all(axis=0) & np.isfinite(self.computed.u).all(axis=0)
+
+    @property
+    def scale(self) -> np.ndarray:
+        """mean |u_num| (2,) in mm over the points that both have."""
+        return np.abs(self.computed.u[:, self.both]).mean(axis=1)
+
+    @property
+    def relative_error(self) -> np.ndarray:
+        """|u_exp − u_num| / mean |u_num| (2, ny, nx); nan where one of them is not known."""
+        off = np.abs(self.measured.u - self.computed.u) / self.scale[:, None, None]
+        return np.where(self.both, off, np.nan)
+
+    @property
+    def strain_error(self) -> np.ndarray:
+        """E_exp − E_num (2, 2, ny, nx)."""
+        return self.measured.strain - self.computed.strain
+
+    def numbers(self) -> dict[str, float]:
+        """Points compared, scale, root mean square of the difference and relative errors by component."""
+        found: dict[str, float] = {
+            "points": float(self.measured.u[0].size),
+            "measured": float(np.isfinite(self.measured.u).all(axis=0).sum()),
+            "compared": float(self.both.sum()),
+        }
+        for i, name in enumerate(("u_x", "u_y")):
+            off = (self.measured.u - self.computed.u)[i][self.both]
+            error = self.relative_error[i][self.both]
+            found[f"mean_{name}_mm"] = float(self.scale[i])
+            found[f"rms_{name}_mm"] = float(np.sqrt(np.mean(off**2)))
+            found[f"mean_error_{name}"] = float(error.mean())
+            found[f"median_error_{name}"] = float(np.median(error))
+            found[f"p95_error_{name}"] = float(np.percentile(error, 95))
+            found[f"max_error_{name}"] = float(error.max())
+        for (i, j), name in (((0, 0), "E_xx"), ((1, 1), "E_yy"), ((0, 1), "E_xy")):
+            off = self.strain_error[i, j]
+            off = off[np.isfinite(off)]
+            found[f"rms_{name}"] = float(np.sqrt(np.mean(off**2))) if off.size else float("nan")
+        return found
+
+
+def sample(snapshot: Snapshot, field: Field) -> Field:
+    """The run's displacements on the grid of ``field``, in its configuration; nan outside the body.
+
+    A half or quarter model stands for its mirror image too. Of a block the end face is sampled.
+    """
+    weights, element, flip, (_, u, triangles) = _found(snapshot, field)
+    found = np.full(flip.shape, np.nan)
+    inside = element >= 0
+    values = u[triangles[element[inside]]]
+    found[inside] = np.einsum("pa,pai->pi", weights[inside], values) * flip[inside]
+    return Field(
+        field.x, field.y, found.T.reshape(field.u.shape), snapshot.displacement_mm, field.configuration
+    )
+
+
+def sampled_slopes(snapshot: Snapshot, field: Field, names: Sequence[str]) -> np.ndarray:
+    """What ``sample`` gives, differentiated by parameters: (2, ny, nx, k), nan outside the body.
+
+    At a fixed place x the material changes with the parameter too: du = (I − ∂u/∂x) du|_X.
+    """
+    weights, element, flip, (points, u, triangles) = _found(snapshot, field)
+    inside = element >= 0
+    N, mine = weights[inside], triangles[element[inside]]
+    keep = np.broadcast_to(np.eye(2), (len(mine), 2, 2))
+    if field.configuration == "deformed":
+        keep = keep - gradient((points + u)[mine], N, u[mine])
+    found = np.full((*flip.shape, len(names)), np.nan)
+    for k, name in enumerate(names):
+        moved = np.einsum("pa,pai->pi", N, snapshot.point_data[SLOPE + name][mine, :2])
+        found[inside, :, k] = np.einsum("pij,pj->pi", keep, moved) * flip[inside]
+    return np.moveaxis(found, 0, 1).reshape(*field.u.shape, len(names))
+
+
+def _found(snapshot: Snapshot, field: Field):
+    """Of each place of the grid: weights of its element's nodes, the element (−1 outside), the sign (p, 2) by
+    which it was mirrored; and the surface that was looked at."""
+    points, u, triangles = surface(snapshot)
+    mirrored = points[:, 0].min() > -1e-9 * np.ptp(points[:, 0])
+    at = field.grid.reshape(2, -1).T
+    nudge = _OFF * float(np.diff(field.x).min())
+    side = np.where(at[:, 0] < 0, -1.0, 1.0) if mirrored else np.ones(len(at))
+    flip = np.stack([side, np.ones(len(at))], axis=1)
+    nodes = points + u if field.configuration == "deformed" else points
+    weights, element = located(nodes, triangles, at * flip)
+    if mirrored:
+        # A plane that has opened by far less than the grid resolves is no gap in a picture.
+        missed = np.flatnonzero((element < 0) & (np.abs(at[:, 0]) < nudge))
+        beside = at[missed] * flip[missed] + np.array([nudge, 0.0])
+        weights[missed], element[missed] = located(nodes, triangles, beside)
+    return weights, element, flip, (points, u, triangles)
+
+
+def at_travel(snapshots: Sequence[Snapshot], travel_mm: float) -> Snapshot | None:
+    """Displacements at one blade travel, interpolated between the nearest snapshots before and after.
+
+    The nearest alone where there is only one side; None if none is within 0.2 mm.
+    """
+    near = [s for s in snapshots if abs(s.displacement_mm - travel_mm) <= _APART]
+    if not near:
+        return None
+    before = max((s for s in near if s.displacement_mm <= travel_mm), key=_travel, default=None)
+    after = min((s for s in near if s.displacement_mm >= travel_mm), key=_travel, default=None)
+    if before is None or after is None or before is after:
+        return before or after
+    way = after.displacement_mm - before.displacement_mm
+    part = (travel_mm - before.displacement_mm) / way if way > 0 else 1.0
+    moved = [name for name in after.point_data if name == "displacement" or name.startswith(SLOPE)]
+    mixed = {name: (1 - part) * before.point_data[name] + part * after.point_data[name] for name in moved}
+    return Snapshot(travel_mm, after.points, after.cells, after.cell_type, mixed)
+
+
+def _travel(snapshot: Snapshot) -> float:
+    return snapshot.displacement_mm
+
+
+def compare(field: Field, snapshot: Snapshot) -> Comparison:
+    """``field`` beside what the run gives. Raises BadInput if no point lies in the body or travels differ."""
+    if field.travel_mm is not None and abs(field.travel_mm - snapshot.displacement_mm) > _APART:
+        raise BadInput(
+            key="travel", value=f"{field.travel_mm:g} mm",
+            expected=f"the travel of the run's fields, {snapshot.displacement_mm:g} mm",
+        )  # fmt: skip
+    found = Comparison(field, sample(snapshot, field))
+    if not found.both.any():
+        body = snapshot.current if field.configuration == "deformed" else snapshot.points
+        low, high = body.min(axis=0), body.max(axis=0)
+        raise BadInput(
+            key="x, y",
+            value=f"x {field.x[0]:.4g} to {field.x[-1]:.4g} mm, y {field.y[0]:.4g} to {field.y[-1]:.4g} mm",
+            expected=f"points in the body, x up to {high[0]:.4g} mm from the blade's plane and y from"
+            f" {low[1]:.4g} to {high[1]:.4g} mm; shift them, or check the unit",
+        )  # fmt: skip
+    return found

@@ -1,0 +1,220 @@
+"""Measured displacement fields: what they are, their files, and the section ``fields`` of a campaign file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from cutbench.base.errors import BadInput
+from cutbench.base.toml import one_of
+from cutbench.base.units import parse_quantity
+from cutbench.data.table import read_table
+
+CONFIGURATIONS = ("deformed", "reference")
+#: Points of one row or column of the grid may be off by this part of the spacing.
+_OFF = 0.1
+#: A grid has at least this part of its places filled; scattered points have next to none.
+_FILLED = 0.2
+_KEYS = ("data", "noise", "configuration", "columns", "units", "shift", "y_down", "travel")
+#: Points of a field that a fit compares, at the most: neighbours say much the same.
+POINTS = 150
+
+
+@dataclass(frozen=True, eq=False)
+class Field:
+    """Displacements ``u`` (2, ny, nx) in mm on the grid ``x`` (nx,), ``y`` (ny,) in mm; nan where unknown."""
+
+    x: np.ndarray
+    y: np.ndarray
+    u: np.ndarray
+    travel_mm: float | None = None
+    configuration: str = "deformed"
+
+    def __post_init__(self) -> None:
+        if self.configuration not in CONFIGURATIONS:
+            raise BadInput(
+                key="configuration",
+                value=self.configuration,
+                expected=one_of(self.configuration, CONFIGURATIONS),
+            )
+        if self.u.shape != (2, self.y.size, self.x.size):
+            raise BadInput(key="u", value=str(self.u.shape), expected=f"(2, {self.y.size}, {self.x.size})")
+
+    @property
+    def grid(self) -> np.ndarray:
+        """Positions (2, ny, nx) in mm."""
+        return np.stack(np.meshgrid(self.x, self.y))
+
+    @property
+    def deformed(self) -> np.ndarray:
+        """Positions (2, ny, nx) after deformation, mm."""
+        return self.grid if self.configuration == "deformed" else self.grid + self.u
+
+    @property
+    def strain(self) -> np.ndarray:
+        """Green–Lagrange strain (2, 2, ny, nx)."""
+        gradient = np.stack(
+            [np.stack([np.gradient(c, self.x, axis=1), np.gradient(c, self.y, axis=0)]) for c in self.u]
+        )
+        unit = np.eye(2)[:, :, None, None]
+        if self.configuration == "reference":
+            F = unit + gradient
+        else:
+            (a, b), (c, d) = unit - gradient
+            F = np.stack([np.stack([d, -b]), np.stack([-c, a])]) / (a * d - b * c)
+        return (np.einsum("kiyx,kjyx->ijyx", F, F) - unit) / 2
+
+
+def read_fields(
+    path: str | Path,
+    *,
+    columns: Mapping[str, str | int] | None = None,
+    units: Mapping[str, str] | None = None,
+    configuration: str = "deformed",
+    shift_mm: tuple[float, float] = (0.0, 0.0),
+    y_down: bool = False,
+    travel_mm: float | None = None,
+) -> list[Field]:
+    """The fields in a text file, in the order of blade travel: a row a point.
+
+    ``columns`` (default: x, y, u_x, u_y and, if the file has it, travel) and ``units`` as in a campaign.
+    ``y_down``: y and u_y count downwards, as in pictures. ``shift_mm`` is then added to x and y.
+    ``travel_mm`` is the travel of a file without such a column. Raises BadInput for a file that cannot be
+    read, points that are on no grid, or given twice.
+    """
+    path = Path(path)
+    if columns is None:
+        columns = {name: name for name in ("x", "y", "u_x", "u_y")}
+        try:
+            table = read_table(path, {**columns, "travel": "travel"}, units, blanks=("u_x", "u_y"))
+        except BadInput as error:
+            if error.key != "columns.travel":
+                raise
+            units = {k: v for k, v in (units or {}).items() if k != "travel"}
+            table = read_table(path, columns, units, blanks=("u_x", "u_y"))
+    else:
+        for role in ("x", "y", "u_x", "u_y"):
+            if role not in columns:
+                raise BadInput(key=f"columns.{role}", value="(missing)", expected=f"the column of {role}")
+        table = read_table(path, columns, units, blanks=("u_x", "u_y"))
+    data = dict(table.columns)
+    if y_down:
+        data |= {"y": -data["y"], "u_y": -data["u_y"]}
+    travels = data.get("travel")
+    if travels is None:
+        travels = np.full(table.lines.size, np.nan if travel_mm is None else travel_mm)
+    fields = []
+    for travel in np.unique(travels):
+        here = np.isnan(travels) if np.isnan(travel) else travels == travel
+        points = np.stack([data["x"][here] + shift_mm[0], data["y"][here] + shift_mm[1]])
+        u = np.stack([data["u_x"][here], data["u_y"][here]])
+        x, y, field = _gridded(path, points, u, table.lines[here])
+        fields.append(Field(x, y, field, None if np.isnan(travel) else float(travel), configuration))
+    return fields
+
+
+def _gridded(path: Path, points: np.ndarray, u: np.ndarray, lines: np.ndarray):
+    """The grid's axes and the displacements on it (2, ny, nx)."""
+    (x, across), (y, up) = (_axis(values) for values in points)
+    for name, axis in (("x", x), ("y", y)):
+        if axis.size < 3 or lines.size < _FILLED * x.size * y.size:
+            raise BadInput(
+                file=str(path), key=name, value=f"{axis.size} different values in {lines.size} points",
+                expected="points on a grid of rows and columns, 3 or more of each",
+            )  # fmt: skip
+    field = np.full((2, y.size, x.size), np.nan)
+    seen: dict[tuple[int, int], int] = {}
+    for k, (i, j) in enumerate(zip(up, across, strict=True)):
+        if (i, j) in seen:
+            raise BadInput(
+                file=str(path), line=int(lines[k]), key="x, y",
+                value=f"({points[0, k]:g}, {points[1, k]:g}) mm",
+                expected=f"each point once; line {lines[seen[i, j]]} has it already. Fields at several"
+                " blade travels need a column 'travel'",
+            )  # fmt: skip
+        seen[i, j] = k
+        field[:, i, j] = u[:, k]
+    return x, y, field
+
+
+def _axis(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distinct values in ascending order and the place of each value among them.
+
+    Values closer than a tenth of the usual spacing are one.
+    """
+    order = np.sort(values)
+    gaps = np.diff(order)
+    wide = gaps[gaps > 1e-9 * max(np.ptp(values), 1e-300)]
+    if wide.size == 0:
+        return order[:1], np.zeros(values.size, dtype=int)
+    spacing = np.median(wide[wide > _OFF * wide.max()])
+    starts = np.append(0, np.flatnonzero(gaps > _OFF * spacing) + 1)
+    axis = np.array([group.mean() for group in np.split(order, starts[1:])])
+    return axis, np.argmin(np.abs(values[:, None] - axis), axis=1)
+
+
+def read_fields_of(table: Mapping[str, object], folder: Path) -> tuple[tuple[Field, ...], float]:
+    """The fields that ``table``, the section ``fields`` of an experiment, describes, and their noise in mm.
+
+    Raises BadInput; where the fault is in the data file, the error names that file and its line.
+    """
+    if not isinstance(table, dict):
+        raise _wrong("fields", table, "a table, such as fields = { data = 'dic.csv', noise = '0.01 mm' }")
+    for key in table:
+        if key not in _KEYS:
+            raise _wrong(f"fields.{key}", table[key], one_of(key, _KEYS))
+    data = table.get("data")
+    if not isinstance(data, str) or not (folder / data).is_file():
+        raise _wrong("fields.data", data, f"a file that exists in {folder}, such as 'dic.csv'")
+    if "noise" not in table:
+        raise _wrong("fields.noise", None, "what a displacement is known to, such as '0.01 mm'")
+    noise = parse_quantity(table["noise"], "mm", key="fields.noise")
+    if not (np.isfinite(noise) and noise > 0):
+        raise _wrong("fields.noise", table["noise"], "more than 0 mm")
+    configuration = table.get("configuration", "deformed")
+    if configuration not in CONFIGURATIONS:
+        raise _wrong("fields.configuration", configuration, one_of(str(configuration), CONFIGURATIONS))
+    if not isinstance(table.get("y_down", False), bool):
+        raise _wrong("fields.y_down", table["y_down"], "true or false")
+    shift = table.get("shift", ["0 mm", "0 mm"])
+    if not isinstance(shift, list) or len(shift) != 2:
+        raise _wrong("fields.shift", shift, "two lengths, such as ['-15 mm', '0 mm']")
+    for key in ("columns", "units"):
+        if not isinstance(table.get(key, {}), dict):
+            raise _wrong(f"fields.{key}", table[key], f"a table, such as {key} = {{ … }}")
+    travel = table.get("travel")
+    fields = read_fields(
+        folder / data,
+        columns=table.get("columns"),
+        units=table.get("units"),
+        configuration=configuration,
+        shift_mm=tuple(parse_quantity(part, "mm", key="fields.shift") for part in shift),
+        y_down=table.get("y_down", False),
+        travel_mm=None if travel is None else parse_quantity(travel, "mm", key="fields.travel"),
+    )
+    for field in fields:
+        if field.travel_mm is None or not field.travel_mm > 0:
+            value = None if field.travel_mm is None else f"{field.travel_mm:g} mm"
+            raise _wrong("fields.travel", value, "blade travels above 0: a column 'travel [mm]', or travel")
+    return tuple(thinned(field) for field in fields), noise
+
+
+def laid_out(fields: Sequence[Field]) -> np.ndarray:
+    """Displacements (f,) of several fields, one after the other."""
+    return np.concatenate([field.u.ravel() for field in fields])
+
+
+def thinned(field: Field, points: int = POINTS) -> Field:
+    """Every n-th row and column, so that no more than ``points`` are left."""
+    every = 1
+    while -(-field.x.size // every) * -(-field.y.size // every) > points:
+        every += 1
+    x, y, u = field.x[::every], field.y[::every], field.u[:, ::every, ::every]
+    return replace(field, x=x, y=y, u=np.ascontiguousarray(u))
+
+
+def _wrong(key: str, value: object, expected: str) -> BadInput:
+    return BadInput(key=key, value="(missing)" if value is None else str(value)[:60], expected=expected)

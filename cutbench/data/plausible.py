@@ -1,0 +1,146 @@
+"""Whether a measurement can be of the material that it is said to be of: a unit read wrong shows here.
+
+Each test compares one number of the data with one of the material, far apart enough that no real
+difference between specimens comes near, and near enough that a factor of a thousand cannot pass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+
+import numpy as np
+
+from cutbench.data.experiment import HOMOGENEOUS, Experiment
+from cutbench.data.repetition import Repetition
+
+#: Nominal stress of neo-Hooke at constant volume over G, by the stretch.
+NEO_HOOKE: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "uniaxial": lambda x: x - x**-2,
+    "equibiaxial": lambda x: x - x**-5,
+    "pure_shear": lambda x: x - x**-3,
+}
+#: A modulus this many times that of the material, or as little of it, is not believed.
+MODULUS = 100.0
+#: Force on a blade over G · length · travel: real cuts lie between 0.05 and 5.
+CUT = (0.005, 50.0)
+#: A shear or cohesive strength against the material's.
+STRENGTH = 300.0
+
+
+def check(experiment: Experiment, p: SimpleNamespace) -> None:
+    """Raise BadInput if the readings cannot be of a material with the parameters ``p`` (internal units)."""
+    if experiment.kind == "cut":
+        travel_fits(experiment)
+    for r in experiment.repetitions:
+        if experiment.kind in HOMOGENEOUS:
+            _stretch(r)
+            _modulus(experiment, r, p.G)
+        elif experiment.kind == "cut":
+            _cut(experiment, r, p.G)
+        elif experiment.kind == "sliding":
+            _sliding(experiment, r, p)
+        else:
+            _separation(r, p)
+
+
+def modulus(experiment: Experiment, r: Repetition) -> float:
+    """Shear modulus in MPa of neo-Hooke through the readings of a homogeneous test below a stretch of 1.5."""
+    small = np.abs(np.log(r.x)) < np.log(1.5)
+    if small.sum() < 3:
+        small = np.argsort(np.abs(r.x - 1))[:5]
+    unit = NEO_HOOKE[experiment.kind](r.x[small])
+    return float(unit @ r.y[small] / (unit @ unit)) if unit @ unit > 0 else float("nan")
+
+
+def _times(ratio: float) -> str:
+    return f"{ratio:.2g} times" if ratio >= 1 else f"1/{1 / ratio:.2g} of"
+
+
+def _stretch(r: Repetition) -> None:
+    i = int(np.argmax(r.x))
+    if r.x[i] > 30:
+        raise r.wrong(
+            "stretch", f"{r.x[i]:.4g}",
+            "stretches below 30: is a displacement in another unit, or a strain in percent?", i,
+        )  # fmt: skip
+
+
+def _modulus(experiment: Experiment, r: Repetition, G: float) -> None:
+    found = modulus(experiment, r)
+    ratio = found / G
+    if found > 0 and not 1 / MODULUS < ratio < MODULUS:
+        raise r.wrong(
+            "stress", f"a shear modulus of {1e3 * found:.3g} kPa",
+            f"about that of the material, {1e3 * G:.3g} kPa; {_times(ratio)} it looks like a wrong unit"
+            " of force, stress, length or area, or a wrong material", int(np.argmax(np.abs(r.y))),
+        )  # fmt: skip
+
+
+def travel_fits(experiment: Experiment) -> None:
+    """Raise BadInput if a cut goes far through its specimen, or hardly into it."""
+    for r in experiment.repetitions:
+        _travel(experiment, r)
+
+
+def _travel(experiment: Experiment, r: Repetition) -> None:
+    height, i = experiment.specimen.get("height", np.inf), int(np.argmax(r.x))
+    if r.x[i] > 1.5 * height:
+        raise r.wrong(
+            "displacement", f"{r.x[i]:.4g} mm",
+            f"at most 1.5 times the specimen's height of {height:g} mm; is it in another unit?", i,
+        )  # fmt: skip
+    if r.x[i] < 2e-3 * height and np.isfinite(height):
+        raise r.wrong(
+            "displacement", f"{r.x[i]:.4g} mm at the most",
+            f"a travel into the specimen of {height:g} mm; is it in another unit?", i,
+        )  # fmt: skip
+
+
+def _cut(experiment: Experiment, r: Repetition, G: float) -> None:
+    far = int(np.argmax(r.x)) + 1
+    x, y = np.append(0.0, r.x[:far]), np.append(0.0, r.y[:far])
+    work = float(((y[1:] + y[:-1]) / 2 * np.diff(x)).sum())
+    if "length" not in experiment.specimen:  # made without a file: nothing to hold it against
+        return
+    natural = G * experiment.specimen["length"] * x[-1] ** 2 / 2
+    ratio = work / natural
+    if not CUT[0] < ratio < CUT[1]:
+        mean, wanted = work / x[-1], natural / x[-1]
+        raise r.wrong(
+            "force", f"{mean:.3g} N on average",
+            f"a force of the order of G · length · travel, {wanted:.3g} N (the material has G ="
+            f" {1e3 * G:.3g} kPa); {_times(ratio)} it looks like a wrong unit or a wrong material",
+            int(np.argmax(np.abs(r.y))),
+        )  # fmt: skip
+
+
+def _sliding(experiment: Experiment, r: Repetition, p: SimpleNamespace) -> None:
+    pressure = experiment.pressure_MPa if r.pressure_MPa is None else float(np.median(r.pressure_MPa))
+    strength = getattr(p, "tau_W", 0.0) + getattr(p, "mu", 0.0) * pressure
+    found = float(np.median(np.abs(r.y)))
+    if strength > 0 and found > 0 and not 1 / STRENGTH < found / strength < STRENGTH:
+        raise r.wrong(
+            "traction", f"{1e3 * found:.3g} kPa (median)",
+            f"about the strength of the material's interface, {1e3 * strength:.3g} kPa;"
+            f" {_times(found / strength)} it looks like a wrong unit of force or area",
+            int(np.argmax(np.abs(r.y))),
+        )  # fmt: skip
+
+
+def _separation(r: Repetition, p: SimpleNamespace) -> None:
+    G_c, delta_c = getattr(p, "G_c", None), getattr(p, "delta_c", None)
+    if G_c is None or delta_c is None:
+        return
+    i = int(np.argmax(r.y))
+    strength = G_c / (np.e * delta_c)
+    for key, found, wanted, unit in (
+        ("traction", 1e3 * r.y[i], 1e3 * strength, "kPa"),
+        ("opening", r.x[i], delta_c, "mm"),
+    ):
+        if found > 0 and not 1 / STRENGTH < found / wanted < STRENGTH:
+            raise r.wrong(
+                key, f"{found:.3g} {unit} at the peak",
+                f"about that of the material, {wanted:.3g} {unit}; {_times(found / wanted)} it looks like a"
+                " wrong unit", i,
+            )  # fmt: skip

@@ -1,0 +1,311 @@
+"""One [[experiment]] of a campaign file: from what a person wrote and a machine recorded to an Experiment."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from cutbench.base.errors import BadInput
+from cutbench.base.toml import located, one_of
+from cutbench.base.units import parse_quantity
+from cutbench.data.conversion import area_of, repetitions_of
+from cutbench.data.experiment import HOMOGENEOUS, KINDS, ROLES, Experiment
+from cutbench.data.fields import read_fields_of
+from cutbench.data.plausible import travel_fits
+from cutbench.data.table import LABEL, read_table
+from cutbench.data.titles import UNITS
+
+#: Other names under which a column may be given.
+_ALIASES = {"opening": "displacement", "slip": "displacement", "traction": "stress"}
+#: Columns that give the abscissa and the ordinate, by kind: exactly one of each.
+_ABSCISSA = {
+    **dict.fromkeys(HOMOGENEOUS, ("displacement", "stretch", "strain")),
+    **dict.fromkeys(("cut", "sliding", "separation"), ("displacement",)),
+}
+_ORDINATE = {"cut": ("force",), **dict.fromkeys((*HOMOGENEOUS, "sliding", "separation"), ("force", "stress"))}
+_SPECIMEN = {
+    "cut": ("width", "length", "height"),
+    **dict.fromkeys(HOMOGENEOUS, ("length", "area", "width", "thickness")),
+    "sliding": ("area", "length", "width"),
+    "separation": ("area", "length", "width"),
+}
+_EVERY = ("id", "kind", "data", "columns", "units", "factors", "specimen", "speed", "role", "until", "source")
+_EXTRA = {
+    "cut": ("blade", "fields"),
+    **dict.fromkeys(HOMOGENEOUS, ("stress",)),
+    "sliding": ("pressure", "normal_force"),
+    "separation": ("direction",),
+}
+
+
+@contextmanager
+def placed(file: Path, text: str, number: int) -> Iterator[None]:
+    """Errors inside without a file get this one and the line of their key in the ``number``-th experiment."""
+    with located(file, text, find=lambda key: _line(text, key, number)):
+        yield
+
+
+def _line(text: str, key: str, number: int) -> int | None:
+    """Line of ``key`` within the ``number``-th [[experiment]] (from 0); else of its opening."""
+    lines = text.splitlines()
+    heads = [i for i, line in enumerate(lines) if re.match(r"\s*\[\[\s*[\"']?experiment[\"']?\s*\]\]", line)]
+    if number >= len(heads):
+        return None
+    end = heads[number + 1] if number + 1 < len(heads) else len(lines)
+    section, _, name = key.rpartition(".")
+
+    def first(word: str, begin: int, stop: int) -> int | None:
+        pattern = re.compile(rf"(^|[\s{{,.\[]){re.escape(word)}[\"']?\s*(=|\.|\])")
+        return next((i for i in range(begin, stop) if pattern.search(lines[i].split("#")[0])), None)
+
+    opened = first(section, heads[number] + 1, end) if section else heads[number]
+    if opened is None:
+        return heads[number] + 1
+    # A table in one line, or its own section up to the next.
+    stop = end if lines[opened].lstrip().startswith("[") else opened + 1
+    found = first(name, opened, stop)
+    return (opened if found is None else found) + 1
+
+
+def read_experiment(table: Mapping[str, object], folder: Path) -> Experiment:
+    """The experiment that ``table`` describes, with its data from files beside ``folder``.
+
+    Raises BadInput; where the fault is in a data file, the error names that file and its line.
+    """
+    kind = _choice(table, "kind", KINDS)
+    for key in table:
+        if key not in (*_EVERY, *_EXTRA[kind]):
+            owners = [k for k, keys in _EXTRA.items() if key in keys]
+            expected = one_of(key, (*_EVERY, *_EXTRA[kind]))
+            if owners:
+                expected = f"it in a test of kind {' or '.join(owners)}, not {kind}"
+            raise BadInput(key=key, value=str(table[key])[:60], expected=expected)
+    name = table.get("id")
+    if not isinstance(name, str) or not name.strip():
+        raise BadInput(key="id", value=_shown(name), expected="a name, such as id = 'slow'")
+    role = _choice(table, "role", ROLES, "train")
+    specimen = _lengths(table, "specimen", _SPECIMEN[kind])
+    columns = _columns(table, kind)
+    _need_specimen(kind, specimen, columns)
+    blade = _lengths(table, "blade", ("thickness", "tip")) if kind == "cut" else {}
+    if kind == "cut" and "thickness" not in blade:
+        raise BadInput(key="blade.thickness", value="(missing)", expected="blade = { thickness = '0.7 mm' }")
+    speed = _speed(table, kind, specimen)
+    units, factors = _units(table, columns), _factors(table, columns)
+    pressure = _pressure(table, columns, specimen) if kind == "sliding" else 0.0
+    repetitions = [
+        r
+        for path, label in _files(table, folder)
+        for r in repetitions_of(
+            read_table(path, columns, units), kind, label, table, specimen, speed, factors
+        )
+    ]
+    seen: set[str] = set()
+    for r in repetitions:
+        if r.name in seen:
+            raise BadInput(key=LABEL, value=r.name, expected="each repetition in one file only")
+        seen.add(r.name)
+    source = table.get("source", "")
+    if not isinstance(source, str):
+        raise BadInput(key="source", value=str(source)[:60], expected="a text in quotes")
+    notes = (f"source: {source}",) if source else ()
+    if table.get("stress") == "cauchy":
+        notes += ("Cauchy stress turned into nominal stress at constant volume, P = σ/λ",)
+    if kind == "sliding" and not pressure and not {"pressure", "normal_force"} & columns.keys():
+        notes += ("no pressure given: 0, so that only adhesion resists",)
+    fields, noise_mm = read_fields_of(table["fields"], folder) if "fields" in table else ((), 0.0)
+    made = Experiment(
+        name, kind, tuple(repetitions), role, specimen, blade, speed, pressure,
+        _choice(table, "direction", ("opening", "sliding"), "opening") if kind == "separation" else "opening",
+        notes, fields, noise_mm,
+    )  # fmt: skip
+    if kind == "cut":
+        travel_fits(made)
+    _same_speed(made)
+    return made
+
+
+# -- what a person wrote ----------------------------------------------------------------------------
+def _shown(value: object) -> str:
+    return "(missing)" if value is None else str(value)[:60]
+
+
+def _choice(table: Mapping, key: str, known: tuple[str, ...], default: str | None = None) -> str:
+    value = table.get(key, default)
+    if value not in known or not isinstance(value, str):
+        raise BadInput(key=key, value=_shown(value), expected=one_of(str(value), known))
+    return value
+
+
+def _section(table: Mapping, key: str) -> dict:
+    part = table.get(key, {})
+    if not isinstance(part, dict):
+        raise BadInput(key=key, value=str(part)[:60], expected=f"a table, such as {key} = {{ … }}")
+    return part
+
+
+def _lengths(table: Mapping, key: str, known: tuple[str, ...]) -> dict[str, float]:
+    found = {}
+    for name, raw in _section(table, key).items():
+        if name not in known:
+            raise BadInput(key=f"{key}.{name}", value=str(raw)[:60], expected=one_of(name, known))
+        unit = "mm^2" if name == "area" else "mm"
+        found[name] = parse_quantity(raw, unit, key=f"{key}.{name}")
+        if not (np.isfinite(found[name]) and found[name] > 0):
+            raise BadInput(key=f"{key}.{name}", value=str(raw), expected=f"more than 0 {unit}")
+    return found
+
+
+def _columns(table: Mapping, kind: str) -> dict[str, str | int]:
+    """Column by role; without ``columns`` they are looked for under the names of the roles."""
+    optional = ("time", LABEL) + (("pressure", "normal_force") if kind == "sliding" else ())
+    known = (*_ABSCISSA[kind], *_ORDINATE[kind], *optional)
+    given = _section(table, "columns")
+    found: dict[str, str | int] = {}
+    for key, name in given.items():
+        role = _ALIASES.get(key, key) if kind not in ("cut", *HOMOGENEOUS) else key
+        if role not in known:
+            raise BadInput(key=f"columns.{key}", value=str(name)[:60], expected=one_of(key, known))
+        good = bool(name.strip()) if isinstance(name, str) else type(name) is int and name >= 1
+        if not good:
+            raise BadInput(
+                key=f"columns.{key}", value=str(name)[:60],
+                expected="the column's name in the header, or its number from 1",
+            )  # fmt: skip
+        found[role] = name
+    if not given:
+        found = {_ABSCISSA[kind][0]: _ABSCISSA[kind][0], _ORDINATE[kind][0]: _ORDINATE[kind][0]}
+    for what, choices in (("x", _ABSCISSA[kind]), ("y", _ORDINATE[kind])):
+        named = [role for role in choices if role in found]
+        if len(named) > 1:
+            raise BadInput(
+                key=f"columns.{named[1]}", value=str(found[named[1]]), expected=f"it or {named[0]}, not both"
+            )
+        if not named and not (what == "x" and kind == "sliding" and "time" in found):
+            raise BadInput(
+                key=f"columns.{choices[0]}", value="(missing)", expected=f"a column of {' or '.join(choices)}"
+            )
+    return found
+
+
+def _need_specimen(kind: str, specimen: Mapping[str, float], columns: Mapping) -> None:
+    if kind == "cut":
+        needed = ["width", "length", "height"]
+    else:
+        needed = ["length"] if kind in HOMOGENEOUS and "displacement" in columns else []
+        if ("force" in columns or "normal_force" in columns) and area_of(kind, specimen) is None:
+            needed.append("area")
+    for name in needed:
+        if name not in specimen:
+            unit = "mm^2" if name == "area" else "mm"
+            raise BadInput(
+                key=f"specimen.{name}", value="(missing)", expected=f"specimen = {{ {name} = '… {unit}' }}"
+            )
+
+
+def _speed(table: Mapping, kind: str, specimen: Mapping[str, float]) -> float | None:
+    """mm/s; for a homogeneous test 1/s of stretch, for which a speed is divided by the length."""
+    if "speed" not in table:
+        return None
+    raw, rate = table["speed"], None
+    if kind in HOMOGENEOUS:
+        try:
+            rate = parse_quantity(raw, "1/s", key="speed")
+        except BadInput:
+            rate = None
+    if rate is None:
+        rate = parse_quantity(raw, "mm/s", key="speed")
+        if kind in HOMOGENEOUS:
+            if "length" not in specimen:
+                raise BadInput(
+                    key="speed",
+                    value=str(raw),
+                    expected="specimen.length beside it, or a rate such as '0.1 1/s'",
+                )
+            rate /= specimen["length"]
+    if not (np.isfinite(rate) and rate > 0):
+        raise BadInput(key="speed", value=str(raw), expected="a speed above 0, such as '0.02 mm/s'")
+    return rate
+
+
+def _units(table: Mapping, columns: Mapping) -> dict[str, str]:
+    found = {}
+    for key, unit in _section(table, "units").items():
+        role = _ALIASES.get(key, key) if _ALIASES.get(key) in columns else key
+        known = [name for name in columns if name != LABEL]
+        if role not in known:
+            raise BadInput(key=f"units.{key}", value=str(unit)[:60], expected=one_of(key, known))
+        if not isinstance(unit, str):
+            raise BadInput(
+                key=f"units.{key}",
+                value=str(unit)[:60],
+                expected=f"a unit in quotes, such as '{UNITS[role]}'",
+            )
+        found[role] = unit
+    return found
+
+
+def _factors(table: Mapping, columns: Mapping) -> dict[str, float]:
+    found = {}
+    for key, raw in _section(table, "factors").items():
+        role = _ALIASES.get(key, key) if _ALIASES.get(key) in columns else key
+        if role not in columns or role == LABEL:
+            known = [name for name in columns if name != LABEL]
+            raise BadInput(key=f"factors.{key}", value=str(raw)[:60], expected=one_of(key, known))
+        found[role] = parse_quantity(raw, "1", key=f"factors.{key}")
+        if not np.isfinite(found[role]) or found[role] == 0:
+            raise BadInput(key=f"factors.{key}", value=str(raw), expected="a factor other than 0, such as -1")
+    return found
+
+
+def _pressure(table: Mapping, columns: Mapping, specimen: Mapping[str, float]) -> float:
+    given = [k for k in ("pressure", "normal_force") if k in table or k in columns]
+    if len(given) > 1 or any(k in table and k in columns for k in given):
+        raise BadInput(
+            key=given[-1], value="given twice", expected="the pressure once: as value or as column"
+        )
+    if "pressure" in table:
+        value = parse_quantity(table["pressure"], "MPa", key="pressure")
+    elif "normal_force" in table:
+        area = area_of("sliding", specimen)
+        if area is None:
+            raise BadInput(key="specimen.area", value="(missing)", expected="specimen = { area = '… mm^2' }")
+        value = parse_quantity(table["normal_force"], "N", key="normal_force") / area
+    else:
+        return 0.0
+    if not (np.isfinite(value) and value >= 0):
+        raise BadInput(key=given[0], value=str(table[given[0]]), expected="0 or more")
+    return value
+
+
+def _files(table: Mapping, folder: Path) -> list[tuple[Path, str | None]]:
+    """Data files, each with the repetition that it is if there are several."""
+    data = table.get("data")
+    listed = data if isinstance(data, list) else [data]
+    if not listed or not all(isinstance(name, str) and name.strip() for name in listed):
+        raise BadInput(
+            key="data", value=_shown(data), expected="a file beside this one, such as data = 'slow.csv'"
+        )
+    if len(set(listed)) < len(listed):
+        raise BadInput(key="data", value=str(listed), expected="each file once")
+    for name in listed:
+        if not (folder / name).is_file():
+            raise BadInput(key="data", value=name, expected=f"a file that exists in {folder}")
+    return [(folder / name, Path(name).stem if len(listed) > 1 else None) for name in listed]
+
+
+def _same_speed(e: Experiment) -> None:
+    """The written speed against that of the time column: a factor of 60 is a minute taken for a second."""
+    if e.speed is None or not e.timed:
+        return
+    moved = e.travel_speed
+    if not 1 / 3 < moved / e.speed < 3:
+        unit = "1/s" if e.kind in HOMOGENEOUS else "mm/s"
+        raise BadInput(
+            key="speed", value=f"{e.speed:.4g} {unit}",
+            expected=f"the speed of the readings, {moved:.4g} {unit}; with a time column it may be left out",
+        )  # fmt: skip

@@ -1,0 +1,140 @@
+"""Candidates: mechanisms that the model lacks, each at the value that switches it off.
+
+What a mechanism file declares is all there is to know: parameters with an off value are strengths, whose
+derivative at "off" says what the mechanism would change first; parameters without one (a relaxation time,
+a depth, a wavelength) are shapes, which have no effect at "off" and are tried on a grid.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutbench.base.errors import BadInput
+from cutbench.base.units import Parameter, ureg
+from cutbench.case.case import Case
+from cutbench.data.campaign import Campaign
+from cutbench.data.experiment import SLOTS, Experiment
+from cutbench.mechanisms import registry
+from cutbench.run.sensitivity import extended
+
+#: Values tried of one shape parameter, and of each of two together.
+ALONE, TOGETHER = 5, 4
+#: Around the typical value, where no scale of the tests is known.
+AROUND = (1.0, 0.2, 5.0, 0.04, 25.0)
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One mechanism beside (or in place of one of) those of ``case``; ``strengths`` are at their off values.
+
+    ``grid``: values of the shapes that are tried, internal units; one empty mapping without shapes.
+    """
+
+    name: str
+    title: str
+    slot: str
+    strengths: tuple[Parameter, ...]
+    shapes: tuple[Parameter, ...]
+    grid: tuple[Mapping[str, float], ...]
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (*self.strengths, *self.shapes)
+
+    def seen_by(self, experiment: Experiment) -> bool:
+        return self.slot in SLOTS[experiment.kind]
+
+    def range(self, q: Parameter) -> tuple[float, float]:
+        """Bounds of a strength, internal units."""
+        low = -math.inf if q.low is None else q.low * q.factor
+        return low, math.inf if q.high is None else q.high * q.factor
+
+
+def candidates(campaign: Campaign, base: Case) -> tuple[list[Candidate], dict[str, str]]:
+    """The campaign's candidates that ``base`` can take up, and why the others cannot."""
+    found, left_out = [], {}
+    for name in campaign.candidates:
+        m = registry()[name]
+        if name in base.mechanisms:
+            continue
+        if not any(m.slot in SLOTS[e.kind] for e in campaign.train):
+            left_out[name] = "no fitted test shows it"
+            continue
+        try:
+            _model, new = base.model.extended(name)
+            extended(base, [name])
+        except BadInput as error:
+            left_out[name] = f"cannot be added: {error.expected}"
+            continue
+        own = [q for q in m.parameters if q.name in new]
+        strengths = tuple(q for q in own if q.off is not None and q.name not in campaign.plan.fixed)
+        if not strengths:
+            left_out[name] = "its parameters are fixed by the campaign"
+            continue
+        shapes = tuple(q for q in own if q.off is None and q.name not in campaign.plan.fixed)
+        found.append(Candidate(name, m.title, m.slot, strengths, shapes, _grid(shapes, campaign, base)))
+    return found, left_out
+
+
+def _grid(shapes: Sequence[Parameter], campaign: Campaign, base: Case) -> tuple[dict[str, float], ...]:
+    if not shapes:
+        return ({},)
+    count = ALONE if len(shapes) == 1 else TOGETHER
+    axes = []
+    for q in shapes:
+        # A relaxation time lies beside one that the model has already, not on it.
+        known = base.model.parameters().values()
+        taken = [base.values[o.name] for o in known if o.off is None and o.unit == q.unit and _kin(o, q)]
+        axes.append(_values(q, campaign, count, taken))
+    alike = len(shapes) > 1 and all(_kin(shapes[0], q) for q in shapes[1:])
+    places = itertools.combinations(axes[0], len(shapes)) if alike else itertools.product(*axes)
+    return tuple(dict(zip([q.name for q in shapes], place, strict=True)) for place in places)
+
+
+def _kin(one: Parameter, other: Parameter) -> bool:
+    """Whether two parameters' names differ by their numbers only: τ₁ and τ₂."""
+    return one.name != other.name and one.name.rstrip("0123456789") == other.name.rstrip("0123456789")
+
+
+def _values(q: Parameter, campaign: Campaign, count: int, taken: Sequence[float]) -> list[float]:
+    """Values of one shape (internal units) within its bounds, in ascending order."""
+    low = -math.inf if q.low is None else q.low * q.factor
+    high = math.inf if q.high is None else q.high * q.factor
+    if low < 0 < high:  # not a size: an angle, say
+        reach = min(high, math.pi)
+        return list(np.linspace(-reach, reach, count, endpoint=False))
+    span = _span(q, campaign)
+    if span is None:
+        values = [q.typical * q.factor * part for part in AROUND[:count]]
+    else:
+        values = list(np.geomspace(*span, count))
+    values = sorted({float(np.clip(v, max(low, 1e-300), high)) for v in values})
+    return [v * (1.6 if any(0.8 < v / t < 1.25 for t in taken) else 1.0) for v in values]
+
+
+def _span(q: Parameter, campaign: Campaign) -> tuple[float, float] | None:
+    """The range of times, lengths or speeds that the tests can resolve; None for other units."""
+    dimension = "" if q.unit == "1" else str(ureg.Unit(q.unit).dimensionality)
+    ranges = []
+    for e in campaign.train:
+        if dimension == "[time]" and (t := duration(e)):
+            ranges.append((t / 30, t * 2))
+        elif dimension == "[length]" and e.x_unit == "mm":
+            ranges.append((e.reach / 15, e.reach))
+        elif dimension == "[length] / [time]" and (v := e.travel_speed or e.speed):
+            ranges.append((v / 30, v * 10))
+    if not ranges:
+        return None
+    return min(r[0] for r in ranges), max(r[1] for r in ranges)
+
+
+def duration(e: Experiment) -> float | None:
+    """Seconds that a test took, if that is known."""
+    if e.timed:
+        return float(np.mean([r.time_s[-1] - r.time_s[0] for r in e.repetitions]))
+    return e.reach / e.speed if e.speed and e.kind == "cut" else None

@@ -1,0 +1,143 @@
+"""What each candidate would change first, at the fitted point: the derivatives of all readings at "off".
+
+Homogeneous tests are differentiated at all values of the shapes in one pass. A cut is run with all
+candidates at off at once; a second and third run take further values of the shapes and those candidates that
+exclude one another. What a rig would make of a run is known for any strength without another run: where
+a curve drops, the change by a finite strength is no multiple of the derivative, so some are tried as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutbench.base.errors import BadInput
+from cutbench.calibration.homogeneous import scan
+from cutbench.calibration.inverse import Inverse
+from cutbench.calibration.prediction import Prediction, Predictor, Task, recorded
+from cutbench.data.experiment import Experiment
+from cutbench.discovery.candidates import Candidate
+from cutbench.run.sensitivity import extended
+
+#: Runs of a cut, at the most, for its candidates.
+RUNS = 3
+#: Finite strengths of a rig: such that its derivative would change the readings by this part (rms).
+PARTS = (0.05, 0.1, 0.2, 0.4)
+
+
+@dataclass(frozen=True)
+class Column:
+    """Derivatives (m, p) of each train experiment's readings by a candidate's p strengths, by id, at
+    ``shapes`` (internal units)."""
+
+    candidate: Candidate
+    shapes: Mapping[str, float]
+    by: Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Sensed:
+    """Computed curves (m,) and their derivatives by the free parameters (m, k), by id; all columns."""
+
+    y: dict[str, np.ndarray]
+    J: dict[str, np.ndarray]
+    columns: list[Column]
+    onset_mm: dict[str, float]
+
+
+def sense(inverse: Inverse, q: np.ndarray, chosen: Sequence[Candidate], run: Predictor) -> Sensed:
+    """At ``q`` of ``inverse``. Raises ComputationFailed."""
+    cuts = [e for e in inverse.campaign.train if e.kind == "cut"]
+    rest = [e for e in inverse.campaign.train if e.kind != "cut"]
+    y, J, onset, parts = {}, {}, {}, {}
+    for e in rest:
+        case, grid, names = inverse.case(e, q), inverse.grids[e.id], inverse.names(e)
+        (p,) = run([Task(e, case, grid, names)])
+        y[e.id], J[e.id], onset[e.id] = p.y, inverse.slopes(e, p, q), np.nan
+        for c in chosen:
+            if c.seen_by(e):
+                more = extended(case, [c.name])
+                strengths = [s.name for s in c.strengths]
+                by = scan(e, more.model, more.p, strengths, c.grid, grid)
+                for k in range(len(c.grid)):
+                    parts[c.name, k, e.id] = by[k]
+    plan = _runs(inverse, cuts[0], q, chosen) if cuts else []
+    tasks = [_task(inverse, e, q, group) for group in plan for e in cuts]
+    answers = _run_all(run, tasks)
+    rigs = {}
+    for (i, group), (j, e) in ((g, c) for g in enumerate(plan) for c in enumerate(cuts)):
+        p = answers[i * len(cuts) + j]
+        if i == 0:
+            y[e.id], J[e.id], onset[e.id] = p.y, inverse.slopes(e, p, q), p.onset_mm
+        for c, k in group:
+            numbers = [p.names.index(s.name) for s in c.strengths]
+            parts[c.name, k, e.id] = p.slopes[:, numbers]
+            if c.slot == "rig" and len(numbers) == 1:
+                rigs.setdefault(c.name, (c, []))[1].append((tasks[i * len(cuts) + j], p))
+    columns = []
+    for c in chosen:
+        for k, shapes in enumerate(c.grid):
+            by = {e.id: parts.get((c.name, k, e.id)) for e in inverse.campaign.train}
+            if any(by[e.id] is None for e in inverse.campaign.train if c.seen_by(e)):
+                continue
+            by = {id: np.zeros((y[id].size, len(c.strengths))) if v is None else v for id, v in by.items()}
+            columns.append(Column(c, shapes, by))
+    for c, seen in rigs.values():
+        columns += [Column(c, c.grid[0], {**{id: np.zeros((v.size, 1)) for id, v in y.items()}, **by})
+                    for by in _secants(c, seen)]  # fmt: skip
+    return Sensed(y, J, columns, onset)
+
+
+def _secants(c: Candidate, seen: Sequence[tuple[Task, Prediction]]) -> list[dict[str, np.ndarray]]:
+    """Changes (m, 1) of the readings of cuts per strength of a rig, by id, for finite strengths."""
+    (q,) = c.strengths
+    by_slope = [(p.y, p.slopes[:, p.names.index(q.name)]) for _, p in seen]
+    level = np.sqrt(np.mean([np.mean(y**2) for y, _ in by_slope]))
+    steep = np.sqrt(np.mean([np.mean(slope**2) for _, slope in by_slope]))
+    low, high = c.range(q)
+    off, found = q.off * q.factor, []
+    for size in (part * level / max(steep, 1e-300) for part in PARTS):
+        for value in (off + size, off - size):
+            if low <= value <= high:
+                by = {t.experiment.id: (recorded(t, p, **{q.name: value}) - p.y) for t, p in seen}
+                found.append({id: change[:, None] / (value - off) for id, change in by.items()})
+    return found
+
+
+def _run_all(run: Predictor, tasks: Sequence[Task]):
+    return run(tasks) if tasks else []
+
+
+def _runs(
+    inverse: Inverse, e: Experiment, q: np.ndarray, chosen: Sequence[Candidate]
+) -> list[list[tuple[Candidate, int]]]:
+    """Which candidates go into which run, each with which of its shapes' values."""
+    case = inverse.case(e, q)
+    runs: list[list[tuple[Candidate, int]]] = [[] for _ in range(RUNS)]
+    for c in chosen:
+        if not c.seen_by(e):
+            continue
+        # The middle of the grid first, then its ends.
+        order = sorted(range(len(c.grid)), key=lambda k: abs(k - (len(c.grid) - 1) / 2))
+        if len(order) > RUNS:
+            order = [order[0], order[-1], order[-2]]
+        placed = 0
+        for group in runs:
+            if placed == len(order):
+                break
+            try:
+                extended(case, [*(o.name for o, _ in group), c.name])
+            except BadInput:
+                continue
+            group.append((c, order[placed]))
+            placed += 1
+    return [runs[0], *(g for g in runs[1:] if g)]
+
+
+def _task(inverse: Inverse, e: Experiment, q: np.ndarray, group: Sequence[tuple[Candidate, int]]) -> Task:
+    values = {name: v for c, k in group for name, v in c.grid[k].items()}
+    case = extended(inverse.case(e, q), [c.name for c, _ in group], values)
+    names = (*inverse.names(e), *(s.name for c, _ in group for s in c.strengths))
+    return Task(e, case, inverse.grids[e.id], names)

@@ -1,0 +1,116 @@
+"""Pictures of a discovery: measured band, baseline and extended model with residuals; the ranking."""
+
+from __future__ import annotations
+
+import io
+import re
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+
+from cutbench.base.figure_style import COLOURS, DOUBLE_MM, GREY, SINGLE_MM, new_figure, style
+from cutbench.data.experiment import Experiment
+from cutbench.discovery.heldout import expected
+from cutbench.discovery.point import Point
+from cutbench.discovery.search import Discovery
+
+BASE, MORE = "Baseline", "Extended model"
+
+
+def curves(d: Discovery) -> Figure:
+    """A column for each experiment (three side by side at most): curves above, what is left over below."""
+    shown = [e for e in d.campaign.experiments if _curve(d.first, e) is not None]
+    columns = min(3, len(shown))
+    rows = -(-len(shown) // columns)
+    with style():
+        figure = new_figure(SINGLE_MM if columns == 1 else DOUBLE_MM, 14 + 78 * rows)
+        axes = figure.subplots(2 * rows, columns, squeeze=False, height_ratios=[3, 1.5] * rows)
+        for i in range(rows * columns):
+            top, bottom = axes[2 * (i // columns)][i % columns], axes[2 * (i // columns) + 1][i % columns]
+            if i >= len(shown):
+                top.set_visible(False)
+                bottom.set_visible(False)
+                continue
+            _experiment(top, bottom, d, shown[i])
+        entries: dict[str, object] = {}
+        for each in axes.ravel():
+            for handle, label in zip(*each.get_legend_handles_labels(), strict=True):
+                entries.setdefault(label, handle)
+        figure.legend(
+            entries.values(), entries.keys(), loc="outside lower center", ncols=min(4, len(entries))
+        )
+    return figure
+
+
+def _curve(p: Point, e: Experiment) -> np.ndarray | None:
+    return p.y.get(e.id, p.tests.get(e.id))
+
+
+def _experiment(top, bottom, d: Discovery, e: Experiment) -> None:
+    grid = d.first.inverse.grids[e.id]
+    scale, unit = (1.0, "N") if e.y_unit == "N" else (1e3, "kPa")
+    x, label = grid.x, f"{e.x_name}" + ("" if e.x_unit == "1" else f" ({e.x_unit})")
+    if not e.monotone and grid.time_s is not None:
+        x, label = grid.time_s, "time (s)"
+    weights = d.first.w.weights.get(e.id)
+    C = weights.covariance if weights is not None else expected(d.first, e)
+    sd = scale * np.sqrt(np.diag(C))
+    mean = scale * grid.mean
+    base, more = scale * _curve(d.first, e), _curve(d.final, e) if d.found else None
+    top.fill_between(x, mean - 2 * sd, mean + 2 * sd, color=COLOURS["sky"], alpha=0.5, lw=0,
+                     label="Measured mean ± 2 standard deviations")  # fmt: skip
+    top.plot(x, mean, ".", color=COLOURS["black"], ms=2.5, label="Measured mean")
+    top.plot(x, base, color=COLOURS["vermilion"], ls=(0, (5, 1.5)), label=BASE)
+    bottom.fill_between(x, -2 * sd, 2 * sd, color=COLOURS["sky"], alpha=0.5, lw=0)
+    bottom.axhline(0, color=GREY, lw=0.6)
+    bottom.plot(x, mean - base, color=COLOURS["vermilion"], ls=(0, (5, 1.5)))
+    if more is not None:
+        top.plot(x, scale * more, color=COLOURS["blue"], ls="-", label=MORE)
+        bottom.plot(x, mean - scale * more, color=COLOURS["blue"], ls="-")
+    top.set_title(f"{e.id}\n({'fitted' if e.role == 'train' else 'predicted'})")
+    top.set_ylabel(f"{e.y_name.capitalize()} ({unit})")
+    top.tick_params(labelbottom=False)
+    bottom.sharex(top)
+    bottom.set_ylabel(f"Residual ({unit})")
+    bottom.set_xlabel(label[0].upper() + label[1:])
+
+
+def ranking(d: Discovery) -> Figure | None:
+    """What each candidate explains of what is wrong, and its gain on held-out data with its standard
+    error."""
+    r = next((r for r in d.rounds if r.accepted), d.rounds[0])
+    if not r.tried:
+        return None
+    names = [t.name for t in r.tried]
+    with style():
+        figure = new_figure(DOUBLE_MM, 22 + 7 * len(names))
+        left, right = figure.subplots(1, 2, sharey=True)
+        y = np.arange(len(names))[::-1]
+        colours = [
+            COLOURS["blue"] if n == r.accepted else COLOURS["sky"] if n in r.group else GREY for n in names
+        ]
+        left.barh(y, [100 * min(max(t.share, 0), 1.1) for t in r.tried], color=colours, height=0.6)
+        left.set_yticks(y, names)
+        left.set_xlabel("Explains of what is wrong (%)")
+        gains = [100 * max(t.heldout.gain, -1.0) for t in r.tried]
+        right.barh(y, gains, xerr=[100 * t.heldout.gain_se for t in r.tried], color=colours, height=0.6,
+                   error_kw={"lw": 0.8, "capsize": 2})  # fmt: skip
+        right.axvline(0, color=COLOURS["black"], lw=0.6)
+        right.set_xlabel("Fall of the error on held-out data (%)")
+        right.set_xlim(left=min(0, *gains) - 5, right=max(100, right.get_xlim()[1]))
+    return figure
+
+
+def svg(figure: Figure, name: str) -> str:
+    """The figure as an element for a page; ``name`` keeps the ids of several figures apart."""
+    text = io.StringIO()
+    with style(), matplotlib.rc_context({"svg.hashsalt": name}):
+        figure.savefig(text, format="svg", metadata={"Date": None})
+    body = text.getvalue()
+    body = body[body.index("<svg") :]
+    # Groups need no names, and those of several figures would be the same; what is referred to keeps its own.
+    body = re.sub(r'<g id="[^"]*"', "<g", body)
+    body = re.sub(r'( id="|url\(#|href="#)', rf"\g<1>{name}-", body)
+    head, rest = body.split(">", 1)
+    return re.sub(r' (width|height)="[^"]*"', "", head) + ">" + rest

@@ -1,0 +1,224 @@
+"""Does the extended model predict better what neither fit has seen? By how much, and how sure is that?
+
+What is held out: experiments of role test, where there are any and they can tell; else one train experiment
+after the other where three or more remain that still determine everything, else one repetition of each
+experiment after the other, and of a test with a single repetition one fifth of its readings after the other.
+Fits without the held-out part are one Gauss–Newton step away from the fit to all.
+
+Two losses. The likelihood's, |r|² in standard deviations, decides: its difference between two models is
+linear in the readings, so that its standard error is known, 2 |d| with d the whitened difference of their
+predictions. The plain root mean square error is what a person asks for, and is reported as the gain; it must
+not contradict, as it is or with each test's own factor between specimens taken out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+
+from cutbench.calibration.weights import Factors
+from cutbench.data.experiment import Experiment
+from cutbench.discovery.point import Point, tested
+from cutbench.discovery.whiten import of_one, usual
+
+#: A parameter that the rest of the data knows worse than this (in q) is not determined by it.
+LOST = 0.5
+FEWEST_TESTS, FIFTHS = 3, 5
+TESTS = "test experiments"
+#: Predictions that differ by less than a standard deviation in all (2 |d|) tell nothing.
+TELLING = 2.0
+
+
+@dataclass(frozen=True)
+class Part:
+    """Readings (m,) held out, their covariance (m, m) and unit, and the value that errors are taken relative
+    to."""
+
+    experiment: Experiment
+    measured: np.ndarray
+    covariance: np.ndarray
+    size: float
+    of: str
+
+
+@dataclass(frozen=True)
+class Heldout:
+    """``better``: fall of the whitened squared error by the extension, ``better_se`` its standard error.
+
+    ``gain``: fall of the root mean square error, relative, with its standard error; errors in ``unit``.
+    ``gain_of_shape``: the same with the factor that fits each specimen best taken out of both predictions.
+    """
+
+    how: str
+    better: float
+    better_se: float
+    gain: float
+    gain_se: float
+    baseline_rmse: float
+    extended_rmse: float
+    noise_floor: float
+    unit: str
+    gain_of_shape: float = 0.0
+
+    @property
+    def accepted(self) -> bool:
+        return self.better > self.better_se and max(self.gain, self.gain_of_shape) > 0
+
+    @property
+    def tells(self) -> bool:
+        """Whether the two models' predictions differ at all and by more than the standard error of the
+        difference, and the likelihood and the plain error do not contradict one another within theirs."""
+        plain = max(self.gain, self.gain_of_shape)
+        contradict = self.better > 0 >= plain > -self.gain_se
+        return self.better_se > TELLING and abs(self.better) > self.better_se and not contradict
+
+
+def decide(before: Point, after: Point) -> Heldout:
+    """By the test experiments; where there are none, or they cannot tell the two models apart, by what is
+    left out of the fitted ones."""
+    by_tests = compare(before, after)
+    if by_tests.how != TESTS or by_tests.tells:
+        return by_tests
+    return compare(before, after, tests=False)
+
+
+def compare(before: Point, after: Point, *, tests: bool = True) -> Heldout:
+    """The prediction of held-out readings by two fitted models; ``tests`` False: not of test experiments."""
+    parts, one, other, how = _tests(before, after) if tests else ([], [], [], "")
+    if not parts:
+        parts, one, other, how = _folds(before, after)
+    better = variance = 0.0
+    plain = np.zeros(4)  # squared error of both, the variance of their difference, noise
+    shape = np.zeros(2)  # squared error of both with the best factor
+    count = 0
+    units = {p.experiment.y_unit for p in parts}
+    relative = len(units) > 1
+    for p, y0, y1 in zip(parts, one, other, strict=True):
+        L = cholesky(p.covariance, lower=True)
+        r0, r1 = (solve_triangular(L, y - p.measured, lower=True) for y in (y0, y1))
+        better += r0 @ r0 - r1 @ r1
+        variance += 4 * (r0 - r1) @ (r0 - r1)
+        d, scale = y1 - y0, p.size if relative else 1.0
+        plain += np.array([
+            ((y0 - p.measured) ** 2).sum(), ((y1 - p.measured) ** 2).sum(),
+            4 * d @ p.covariance @ d / scale**2, np.trace(p.covariance),
+        ]) / scale**2  # fmt: skip
+        shape += np.array([_beyond_factor(y, p.measured) for y in (y0, y1)]) / scale**2
+        count += p.measured.size
+    e0, e1 = np.sqrt(plain[:2] / count)
+    gain = 1 - e1 / e0 if e0 > 0 else 0.0
+    se = np.sqrt(plain[2]) / plain[0] / (2 * max(1 - gain, 0.2)) if e0 > 0 else 0.0
+    return Heldout(
+        how, float(better), float(np.sqrt(variance)), float(gain), float(se), float(e0), float(e1),
+        float(np.sqrt(plain[3] / count)), "1" if relative else units.pop(),
+        float(1 - np.sqrt(shape[1] / shape[0])) if shape[0] > 0 else 0.0,
+    )  # fmt: skip
+
+
+def _beyond_factor(y: np.ndarray, measured: np.ndarray) -> float:
+    """Squared error of the prediction ``y`` (m,) times the factor that makes it least."""
+    return float(((measured - y * (y @ measured) / max(y @ y, 1e-300)) ** 2).sum())
+
+
+def _pooled(point: Point) -> dict[str, Factors]:
+    kinds = {e.kind for e in point.campaign.experiments}
+    grids = point.inverse.grids
+    return {
+        kind: usual(Factors.of([grids[e.id] for e in point.campaign.experiments if e.kind == kind]))
+        for kind in kinds
+    }
+
+
+def expected(point: Point, e: Experiment) -> np.ndarray:
+    """Covariance (m, m) of the mean of a test experiment's readings about what a right model predicts."""
+    grid = point.inverse.grids[e.id]
+    return of_one(e, grid, _pooled(point)[e.kind], grid.mean, grid.repetitions)
+
+
+def _tests(before: Point, after: Point):
+    both = [e for e in tested(before) if e.id in after.tests]
+    pooled, parts = _pooled(before), []
+    for e in both:
+        grid = before.inverse.grids[e.id]
+        C = of_one(e, grid, pooled[e.kind], grid.mean, grid.repetitions)
+        parts.append(Part(e, grid.mean, C, float(np.abs(grid.mean).max()), e.id))
+    return parts, [before.tests[e.id] for e in both], [after.tests[e.id] for e in both], TESTS
+
+
+def _folds(before: Point, after: Point):
+    train = sorted(before.campaign.train, key=lambda e: e.id)
+    pooled, parts, one, other, ways = _pooled(before), [], [], [], []
+    for e in train:
+        grid = before.inverse.grids[e.id]
+        size = float(np.abs(grid.mean).max())
+        if len(train) >= FEWEST_TESTS and _determined(before, e.id) and _determined(after, e.id):
+            C = of_one(e, grid, pooled[e.kind], grid.mean, grid.repetitions)
+            parts.append(Part(e, grid.mean, C, size, e.id))
+            for point, into in ((before, one), (after, other)):
+                into.append(_without(point, e.id, np.zeros(0, dtype=int), None))
+            ways.append("one experiment after the other")
+        elif grid.repetitions > 1:
+            C = of_one(e, grid, pooled[e.kind], grid.mean, 1)
+            for k in range(grid.repetitions):
+                rest = np.delete(grid.curves, k, axis=0).mean(axis=0)
+                parts.append(Part(e, grid.curves[k], C, size, f"{e.id}, {k + 1}"))
+                for point, into in ((before, one), (after, other)):
+                    into.append(_without(point, e.id, None, rest))
+            ways.append("one repetition after the other")
+        else:
+            C = of_one(e, grid, pooled[e.kind], grid.mean, 1)
+            for gap in np.array_split(np.arange(grid.x.size), FIFTHS):
+                parts.append(Part(e, grid.mean[gap], C[np.ix_(gap, gap)], size, e.id))
+                for point, into in ((before, one), (after, other)):
+                    into.append(_without(point, e.id, np.setdiff1d(np.arange(grid.x.size), gap), None)[gap])
+            ways.append("one fifth of the readings after the other")
+    return parts, one, other, " and ".join(dict.fromkeys(ways))
+
+
+def _information(point: Point, skip: str) -> tuple[np.ndarray, np.ndarray]:
+    """JᵀJ and Jᵀr of all train experiments but one."""
+    k = point.q.size
+    A, g = np.zeros((k, k)), np.zeros(k)
+    for id in point.w.ids:
+        if id != skip:
+            white = point.w.weights[id].white(np.column_stack([point.J[id], point.residual[id]]))
+            A, g = A + white[:, :-1].T @ white[:, :-1], g + white[:, :-1].T @ white[:, -1]
+    return A, g
+
+
+def _determined(point: Point, id: str) -> bool:
+    A, _ = _information(point, id)
+    size = np.sqrt(np.diag(A))
+    if np.any(size <= 0):
+        return False
+    covariance = np.linalg.pinv(A / np.outer(size, size), rcond=1e-10) / np.outer(size, size)
+    whole = point.deviations()
+    return bool(np.all(np.sqrt(np.diag(covariance)) < np.maximum(LOST, 2 * whole)))
+
+
+def _without(point: Point, id: str, kept: np.ndarray | None, rest: np.ndarray | None) -> np.ndarray:
+    """Prediction (m,) of experiment ``id`` by a fit that has seen only its readings ``kept`` (all: None),
+    with ``rest`` (m,) as their mean (None: as measured)."""
+    A, g = _information(point, id)
+    J, residual, w = point.J[id], point.residual[id], point.w.weights[id]
+    if rest is not None:
+        residual = point.y[id] - rest
+    if kept is None or kept.size:
+        i = np.arange(residual.size) if kept is None else kept
+        L = cholesky(w.covariance[np.ix_(i, i)], lower=True)
+        white = solve_triangular(L, np.column_stack([J, residual])[i], lower=True)
+        A, g = A + white[:, :-1].T @ white[:, :-1], g + white[:, :-1].T @ white[:, -1]
+    # What the rest does not determine stays about where it is: q is not known to change by more than 1.
+    step = -np.linalg.solve(A + np.eye(g.size), g)
+    low, high = point.inverse.bounds
+    step = np.clip(point.q + step, low, high) - point.q
+    return point.y[id] + J @ step
+
+
+def better_than(one: Point, other: Point) -> Sequence[float]:
+    """Fall of χ² of the train data from ``one`` to ``other``, and its standard error 2 |d|."""
+    d = one.w.white({id: other.y[id] - one.y[id] for id in one.w.ids})
+    return float(one.chi2 - other.chi2), float(2 * np.linalg.norm(d))

@@ -1,0 +1,72 @@
+"""Numerical causes beside the physical ones: would another mesh, element or contact normal explain the
+residual?
+
+The change of a computed curve by a numerical choice is one more column for the score test. The mesh and the
+steps have been halved, roughly, by the fit already, which corrects for what that changes and allows for what
+it leaves open (``cutbench.calibration.weights``); what is scored here is what remains along that change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.base.units import Parameter
+from cutbench.calibration.prediction import Predictor, Task
+from cutbench.calibration.weights import ADDED
+from cutbench.case.case import Case
+from cutbench.discovery.candidates import Candidate
+from cutbench.discovery.columns import Column, Sensed
+from cutbench.discovery.point import Point
+
+#: Name, what it is, and the choices that differ.
+CHOICES = {
+    "element size and step": "elements and steps about half as large",
+    "locking": "another finite element for nearly incompressible solids",
+    "contact normal": "another direction of the contact pressure",
+}
+
+
+def numerical_columns(point: Point, run: Predictor) -> tuple[list[Column], dict[str, str]]:
+    """A column for each numerical choice of the cuts, and why others are missing; none without a mesh."""
+    cuts = [e for e in point.campaign.train if e.kind == "cut"]
+    if not cuts:
+        return [], {}
+    columns, missing = [], {}
+    by = {e.id: point.w.shift[e.id] / ADDED for e in cuts}
+    if any(np.any(v) for v in by.values()):
+        columns.append(_column("element size and step", by, point))
+    for name in ("locking", "contact normal"):
+        try:
+            tasks = [
+                Task(e, _otherwise(point.inverse.case(e, point.q), name), point.inverse.grids[e.id])
+                for e in cuts
+            ]
+            answers = run(tasks)
+        except (ComputationFailed, BadInput) as error:
+            missing[name] = str(error)
+            continue
+        by = {e.id: p.y + point.w.shift[e.id] - point.y[e.id] for e, p in zip(cuts, answers, strict=True)}
+        columns.append(_column(name, by, point))
+    return columns, missing
+
+
+def _otherwise(case: Case, name: str) -> Case:
+    """The run with another choice."""
+    n = case.numerics
+    if name == "locking":
+        return case.set(element="P2" if n.element == "P2P1" else "P2P1")
+    return case.set(normal="tool" if n.normal == "material" else "material")
+
+
+def _column(name: str, by: Mapping[str, np.ndarray], point: Point) -> Column:
+    share = Parameter("share", "1", "s", "part of the change that is taken", off=0.0)
+    c = Candidate(name, CHOICES[name], "numerics", (share,), (), ({},))
+    return Column(c, {}, {id: by.get(id, np.zeros(y.size))[:, None] for id, y in point.y.items()})
+
+
+def with_columns(sensed: Sensed, columns: list[Column]) -> Sensed:
+    """``sensed`` with other columns."""
+    return Sensed(sensed.y, sensed.J, columns, sensed.onset_mm)

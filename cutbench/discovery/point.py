@@ -1,0 +1,250 @@
+"""A model fitted to a campaign, ready to be questioned: its curves, their derivatives, what it may be wrong
+by."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.calibration import lm
+from cutbench.calibration.fitted import Fit
+from cutbench.calibration.fitting import fit
+from cutbench.calibration.identifiability import Unknown, information_inverse
+from cutbench.calibration.inverse import Inverse
+from cutbench.calibration.prediction import Predictor
+from cutbench.calibration.weights import ADDED, along, guessed_error, measured_error
+from cutbench.case.case import Case
+from cutbench.data.campaign import Campaign, FitPlan
+from cutbench.data.experiment import Experiment
+from cutbench.discovery.candidates import Candidate
+from cutbench.discovery.score import Score
+from cutbench.discovery.whiten import Whitening, whitening
+
+#: Fits without a mesh go to the bottom; with one, as far as it pays.
+SMOOTH = lm.Settings(promise=0.05, evaluations=15, failures=5)
+MESHED = lm.Settings(promise=0.3, evaluations=6, failures=2)
+#: Parts of the score's step that a fit may start from.
+PARTS = (1.0, 0.5, 0.2, 0.05)
+
+
+@dataclass(frozen=True)
+class Point:
+    """The model of ``inverse`` at ``q`` (k,). ``y``: computed curves (m,) with ``shift`` for the mesh, by id
+    of train experiments; ``J`` (m, k); ``tests``: predicted curves (m,) of test experiments by id;
+    ``trouble``: why some could not be predicted. ``r``: whitened residuals (M,), computed less measured."""
+
+    inverse: Inverse
+    q: np.ndarray
+    w: Whitening
+    y: Mapping[str, np.ndarray]
+    J: Mapping[str, np.ndarray]
+    tests: Mapping[str, np.ndarray]
+    trouble: tuple[str, ...]
+    onset_mm: Mapping[str, float]
+    #: Error of the mesh in test experiments, as far as it is known.
+    test_shift: Mapping[str, np.ndarray]
+    converged: bool = True
+
+    @property
+    def campaign(self) -> Campaign:
+        return self.inverse.campaign
+
+    @property
+    def case(self) -> Case:
+        return self.inverse.base(self.q)
+
+    @property
+    def residual(self) -> dict[str, np.ndarray]:
+        """Computed less measured (m,) by id."""
+        return {id: self.y[id] - self.inverse.grids[id].mean for id in self.w.ids}
+
+    @property
+    def r(self) -> np.ndarray:
+        return self.w.white(self.residual)
+
+    @property
+    def chi2(self) -> float:
+        return float(self.r @ self.r)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Fitted values by label, internal units."""
+        return {u.label: u.value(x) for u, x in zip(self.inverse.unknowns, self.q, strict=True)}
+
+    def deviations(self) -> np.ndarray:
+        """Standard deviation (k,) of q, not widened."""
+        return np.sqrt(np.diag(information_inverse(self.w.white(self.J))))
+
+
+def _gathered(
+    inverse: Inverse,
+    q: np.ndarray,
+    w: Whitening,
+    shift: Mapping[str, np.ndarray],
+    converged: bool,
+    run: Predictor,
+) -> Point:
+    found = inverse.predictions(q)
+    y = {e.id: found[e.id].y + w.shift[e.id] for e in inverse.campaign.train}
+    J = {e.id: inverse.slopes(e, found[e.id], q) for e in inverse.campaign.train}
+    tests, trouble, onset = {}, [], {id: p.onset_mm for id, p in found.items()}
+    for e in inverse.campaign.test:
+        try:
+            (p,) = inverse.predicted(q, [e], fine=False)
+        except (ComputationFailed, BadInput) as error:
+            trouble.append(f"'{e.id}' could not be predicted: {error}")
+            continue
+        tests[e.id], onset[e.id] = p.y + shift.get(e.id, 0.0), p.onset_mm
+    return Point(inverse, q, w, y, J, tests, tuple(trouble), onset, shift, converged)
+
+
+def baseline(fitted: Fit, run: Predictor, grid: int) -> Point:
+    """The baseline where the fit left it."""
+    campaign = replace(fitted.campaign, base=fitted.case)
+    unknowns = [replace(e.unknown, start=e.value) for e in fitted.estimates]
+    inverse = Inverse(campaign, unknowns, run, grid)
+    q = np.zeros(len(unknowns))
+    found = inverse.predictions(q)
+    computed, shift = {}, {}
+    curves = {c.experiment.id: c.fitted for c in fitted.compared}
+    for e in campaign.train:
+        x, y = along(inverse.grids[e.id]), found[e.id].y
+        shift[e.id] = curves[e.id] - y if e.kind == "cut" else np.zeros(y.size)
+        if e.kind != "cut":
+            computed[e.id] = np.zeros((y.size, y.size))
+        elif np.abs(shift[e.id]).max() > 1e-6 * np.abs(y).max():
+            computed[e.id] = measured_error(x, y, y + shift[e.id] / ADDED)
+        else:
+            computed[e.id], shift[e.id] = guessed_error(x, y), np.zeros(y.size)
+    means = {e.id: inverse.grids[e.id].mean for e in campaign.train}
+    w = whitening(campaign, inverse.grids, means, computed, shift)
+    inverse.weights = dict(w.weights)
+    meshed = any(e.kind == "cut" for e in campaign.train)
+    converged = True
+    if not meshed:
+        best = lm.minimise(inverse.whitened, q, *inverse.bounds, SMOOTH)
+        q, converged = best.q, best.converged
+    test_shift = {}
+    if any(e.kind == "cut" for e in campaign.test):
+        for e in campaign.test:
+            if e.kind == "cut" and e.id in curves:
+                (p,) = inverse.predicted(q, [e], fine=False)
+                test_shift[e.id] = curves[e.id] - p.y
+    return _gathered(inverse, q, w, test_shift, converged, run)
+
+
+class _Shape(Unknown):
+    """A shape parameter: positive, and looked for by its logarithm."""
+
+    @property
+    def logarithmic(self) -> bool:
+        return self.start > 0 and (self.quantity.low or 0) >= 0
+
+
+def unknowns_of(point: Point, c: Candidate, score: Score, shapes: bool = True) -> list[Unknown]:
+    """The point's free parameters where they are, and the candidate's from where the score puts them."""
+    plan = point.campaign.plan
+    known = [replace(u, start=u.value(x)) for u, x in zip(point.inverse.unknowns, point.q, strict=True)]
+    new = []
+    for q, value in zip(c.strengths, score.strengths, strict=True):
+        low, high = plan.bounds.get(q.name, c.range(q))
+        new.append(Unknown(q, float(np.clip(q.off * q.factor + value, low, high)), low, high))
+    for q in c.shapes if shapes else ():
+        low, high = plan.bounds.get(q.name, c.range(q))
+        kind = _Shape if low > 0 else Unknown
+        new.append(kind(q, float(np.clip(score.column.shapes[q.name], low, high)), low, high))
+    return known + new
+
+
+def extend(point: Point, score: Score, run: Predictor, *, shapes: bool = True) -> Point | None:
+    """The model with a candidate added, fitted from the score's step on; None where it cannot be computed.
+
+    Only the best start of ``PARTS`` is followed. ``shapes`` False: those of the score are kept.
+    """
+    c = score.column.candidate
+    unknowns = unknowns_of(point, c, score, shapes)
+    new = {u.name: u.start for u in unknowns[len(point.inverse.unknowns) :]}
+    model = point.campaign.base.model.extended(c.name)
+    here = point.case
+    values = {**here.values, **model[1], **score.column.shapes, **new}
+    base = replace(here, mechanisms=model[0].mechanisms, values=values)
+    inverse = Inverse(replace(point.campaign, base=base), unknowns, run, len(next(iter(point.y.values()))))
+    inverse.grids, inverse.weights = point.inverse.grids, dict(point.w.weights)
+    low, high = inverse.bounds
+    k, meshed = len(point.inverse.unknowns), any(e.kind == "cut" for e in point.campaign.train)
+    best = None
+    for part in PARTS[:2] if meshed else PARTS:
+        q = np.zeros(len(unknowns))
+        q[:k] = np.clip(part * score.free, -1.0, 1.0)
+        for i, (s, value) in enumerate(zip(c.strengths, score.strengths, strict=True), start=k):
+            q[i] = unknowns[i].q(
+                float(np.clip(s.off * s.factor + part * value, unknowns[i].low, unknowns[i].high))
+            )
+        q = np.clip(q, low, high)
+        try:
+            r, J = inverse.whitened(q)
+        except (ComputationFailed, BadInput):
+            continue
+        if best is None or r @ r < best[1] @ best[1]:
+            best = q, r, J
+        elif best is not None:
+            break
+    if best is None:
+        return None
+    found = lm.minimise(
+        inverse.whitened, best[0], low, high, MESHED if meshed else SMOOTH, first=(best[1], best[2])
+    )
+    if found.message == "interrupted":
+        raise KeyboardInterrupt
+    return _gathered(inverse, found.q, point.w, point.test_shift, found.converged, run)
+
+
+def _extended_plan(point: Point) -> FitPlan:
+    """The plan of a fit of all that was looked for at ``point``, within the same bounds."""
+    plan, unknowns = point.campaign.plan, point.inverse.unknowns
+    free = dict.fromkeys(u.name for u in unknowns if u.name not in plan.own)
+    return replace(
+        plan, free=tuple(free), bounds={**plan.bounds, **{u.name: (u.low, u.high) for u in unknowns}}
+    )
+
+
+def settled(point: Point, run: Predictor, refine: bool, grid: int, say: Callable[[str], None]) -> Point:
+    """An extended model of cuts fitted as the baseline was: until nothing is gained, with the mesh's error
+    measured anew; for choosing between candidates a few steps were enough. Others are as they are.
+
+    Raises KeyboardInterrupt.
+    """
+    if not any(e.kind == "cut" for e in point.campaign.train):
+        return point
+    say("fitting the extended model")
+    campaign = replace(point.campaign, base=point.case, plan=_extended_plan(point))
+    try:
+        fitted = fit(
+            campaign, refine=refine, grid=grid, run=run,
+            told=lambda stage, minimum: say(f"fitting the extended model, {stage}: χ² {minimum.chi2:.4g}"),
+        )  # fmt: skip
+        if fitted.status == "interrupted":
+            raise KeyboardInterrupt
+        return baseline(fitted, run, grid)
+    except (ComputationFailed, BadInput) as error:
+        say(f"not fitted further: {error}")
+        return point
+
+
+def undetermined(point: Point, c: Candidate) -> bool:
+    """Whether the data leave a shape of the candidate ``point`` was extended by open, by a factor of e or
+    more."""
+    names = {q.name for q in c.shapes}
+    deviations = point.deviations()
+    return any(
+        u.name in names and d * (1 if u.logarithmic else u.scale / max(abs(u.start), 1e-300)) > 1
+        for u, d in zip(point.inverse.unknowns, deviations, strict=True)
+    )
+
+
+def tested(point: Point) -> Sequence[Experiment]:
+    """Test experiments that could be predicted."""
+    return [e for e in point.campaign.test if e.id in point.tests]

@@ -1,0 +1,332 @@
+"""What a discovery says: in sentences, as text for the terminal, and as ``discovery.json``."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from cutbench.base.figure_style import replacing
+from cutbench.base.units import Parameter
+from cutbench.discovery.heldout import Heldout
+from cutbench.discovery.point import Point
+from cutbench.discovery.score import Score
+from cutbench.discovery.search import CHANCE, Discovery, Round, Tried
+from cutbench.discovery.where import Section
+from cutbench.mechanisms import registry
+from cutbench.run.files import versions, write_json
+
+SCHEMA = 1
+#: 95 % of a normal distribution lie within so many standard deviations.
+WIDE = 1.96
+
+
+def called(name: str) -> str:
+    """Title and name of a mechanism: ``strain stiffening (gent)``."""
+    title = registry()[name].title
+    return title if title.lower() == name.lower() else f"{title} ({name})"
+
+
+def verdict_sentence(d: Discovery) -> str:
+    """The sentence that names the cause, or says that there is none to name."""
+    if d.verdict == "none":
+        return "The baseline describes the tests to within their scatter: nothing needs to be added."
+    names = " and ".join(called(n) for n in d.found)
+    worst = d.wrong[0]
+    place = f"'{worst.experiment.id}', {_place(worst)}"
+    if d.verdict == "unexplained" and d.numerics.explains:
+        return (
+            f"The baseline is wrong (most in {place}), and a numerical choice, {d.numerics.explains},"
+            " explains that as well as any mechanism: no physical cause can be named before that is settled."
+        )
+    if d.verdict == "unexplained" and not d.found:
+        return (
+            f"The baseline is wrong beyond the scatter (most in {place}), and none of the candidates explains"
+            " it: the cause is unexplained."
+        )
+    if d.verdict == "unexplained":
+        left = d.left[0]
+        return (
+            f"{names[0].upper()}{names[1:]} explains a part of what the baseline gets wrong; the rest (most"
+            f" in '{left.experiment.id}', {_place(left)}) is unexplained by any candidate."
+        )
+    first = next(r for r in d.rounds if r.accepted)
+    others = [n for n in first.group if n != first.accepted]
+    text = f"What the baseline lacks is {names}"
+    if others:
+        text += f"; these data cannot tell it from {' or '.join(called(n) for n in others)}"
+    return text + ". " + " ".join(meaning(n) for n in d.found)
+
+
+def meaning(name: str) -> str:
+    """What a mechanism does: the first line that its file says of it."""
+    return (type(registry()[name]).__doc__ or "").strip().splitlines()[0]
+
+
+def gain_sentence(d: Discovery) -> str:
+    """What the extension gains on data that it was not fitted to."""
+    if d.gain is None:
+        return ""
+    g = d.gain
+    where = "experiments that were not fitted" if g.how.startswith("test") else f"held-out data ({g.how})"
+    unit = "of the maximum" if g.unit == "1" else g.unit
+    return (
+        f"On {where} the error falls from {g.baseline_rmse:.3g} to {g.extended_rmse:.3g} {unit}, by"
+        f" {100 * g.gain:.0f} ± {100 * g.gain_se:.0f} %; the scatter alone makes {g.noise_floor:.2g}."
+    )
+
+
+def _place(s: Section) -> str:
+    unit = "" if s.experiment.x_unit == "1" else f" {s.experiment.x_unit}"
+    regime = f"{s.regime}, " if s.regime else ""
+    return f"{regime}{s.experiment.x_name} {s.start:.3g} to {s.end:.3g}{unit}"
+
+
+def summary(d: Discovery) -> str:
+    """For the terminal."""
+    lines = [d.campaign.title, f"verdict: {d.verdict}", verdict_sentence(d)]
+    if text := gain_sentence(d):
+        lines.append(text)
+    wrong = [s for s in d.wrong if s.wrong][:6]
+    if wrong:
+        lines += ["", "where the baseline is wrong (measured less computed)"]
+        lines += [
+            f"  {s.experiment.id}: {_place(s)}: {s.bias:+.3g} {s.experiment.y_unit}, z = {s.z:+.1f}"
+            for s in wrong
+        ]
+    if d.numerics.scores:
+        lines += ["", "numerical causes"]
+        lines += [f"  {s.name}: z = {s.z:.1f}, would explain {100 * max(d.numerics.shares[s.name], 0):.0f} %"
+                  for s in d.numerics.scores]  # fmt: skip
+    for number, r in enumerate(d.rounds, 1):
+        if not r.scores.scores:
+            continue
+        lines += ["", f"candidates, round {number}: score z, part explained, gain on held-out data"]
+        tried = {t.name: t for t in r.tried}
+        for name in _order(r)[:10]:
+            lines.append("  " + _line(name, r, tried.get(name)))
+    lines += ["", f"next experiment: {d.next_experiment}"]
+    if d.notes:
+        lines += ["", "notes", *(f"  {note}" for note in d.notes)]
+    return "\n".join(lines)
+
+
+def _order(r: Round) -> list[str]:
+    tried = [t.name for t in r.tried]
+    return tried + [s.name for s in r.scores.scores if s.name not in tried]
+
+
+def _line(name: str, r: Round, t: Tried | None) -> str:
+    s = next(s for s in r.scores.scores if s.name == name)
+    if t is None:
+        return f"{name:<20} z = {s.z:4.1f}"
+    values = ", ".join(f"{q.symbol} = {q.show(v)}" for q, v, _ in estimates(t))
+    mark = " <- added" if r.accepted == name else ""
+    return (
+        f"{name:<20} z = {s.z:4.1f}  {100 * t.share:4.0f} %"
+        f"  {100 * t.heldout.gain:+.0f} ± {100 * t.heldout.gain_se:.0f} %"
+        f"  {values}{mark}"
+    )
+
+
+def estimates(t: Tried) -> list[tuple[Parameter, float, float]]:
+    """Parameters of the candidate with values and standard deviations, internal units; inf: not
+    determined."""
+    c, point = t.score.column.candidate, t.point
+    deviations = point.deviations() * math.sqrt(max(point.chi2 / max(point.r.size - point.q.size, 1), 1.0))
+    known = {
+        u.name: (u.value(x), sd * abs(u.slope(x)))
+        for u, x, sd in zip(point.inverse.unknowns, point.q, deviations, strict=True)
+    }
+    return [(q, *known.get(q.name, (point.case.values[q.name], math.inf))) for q in c.parameters]
+
+
+def to_dict(d: Discovery) -> dict:
+    """Plain data with units."""
+    return {
+        "schema": SCHEMA,
+        "title": d.campaign.title,
+        "status": "interrupted" if d.interrupted else "complete",
+        "verdict": d.verdict,
+        "found": list(d.found),
+        "sentence": verdict_sentence(d),
+        "gain_sentence": gain_sentence(d),
+        "ranking": _ranking(d),
+        "confounded": [list(group) for group in d.groups],
+        "where_wrong": [_section(s) for s in d.wrong if s.wrong],
+        "remains": [_section(s) for s in d.left if s.wrong],
+        "gain": {"train": _train(d), "heldout": _heldout(d)},
+        "next_experiment": d.next_experiment,
+        "proposed_experiments": [
+            {"experiment": p.text, "standard_errors": p.apart, "difference_of_maximum": p.part}
+            for p in d.proposed
+        ],
+        "numerical": [
+            {
+                "cause": s.name,
+                "what": s.column.candidate.title,
+                "score_z": s.z,
+                "explains": d.numerics.shares[s.name],
+            }
+            for s in d.numerics.scores
+        ],
+        "numerical_not_computed": dict(d.numerics.missing),
+        "residual": {
+            "baseline": _residual(d.rounds[0]),
+            "extended": _residual(d.rounds[-1]),
+        },
+        "baseline": {"mechanisms": list(d.first.case.mechanisms), "parameters": _fitted(d.first)},
+        "extended": {"mechanisms": list(d.final.case.mechanisms), "parameters": _fitted(d.final)},
+        "rounds": [_round(r) for r in d.rounds],
+        "bias_is": "measured less computed",
+        "seconds": d.seconds,
+        "notes": list(d.notes),
+        "case": d.final.case.to_dict(),
+        "versions": versions(),
+    }
+
+
+def _ranking(d: Discovery) -> list[dict]:
+    """Of the round that found (else the first): fitted candidates first, then the others by their score."""
+    r = next((r for r in d.rounds if r.accepted), d.rounds[0])
+    tried = {t.name: t for t in r.tried}
+    first = [r.accepted] if r.accepted else []
+    order = first + [n for n in _order(r) if n not in first]
+    return [_ranked(name, r, tried.get(name)) for name in order]
+
+
+def _ranked(name: str, r: Round, t: Tried | None) -> dict:
+    s: Score = next(s for s in r.scores.scores if s.name == name)
+    entry = {"mechanism": name, "title": registry()[name].title, "score_z": s.z, "fitted": t is not None}
+    if t is None:
+        c = s.column.candidate
+        values = dict(zip([q.name for q in c.strengths], s.strengths, strict=True))
+        shown = {q.name: _value(q, q.off * q.factor + values[q.name], math.inf) for q in c.strengths}
+        return {**entry, "parameters": shown, "gain_heldout": None, "gain_se": None}
+    return {
+        **entry,
+        "parameters": {q.name: _value(q, v, sd) for q, v, sd in estimates(t)},
+        "gain_heldout": t.heldout.gain,
+        "gain_se": t.heldout.gain_se,
+        "heldout": t.heldout.how,
+        "likelihood_gain_heldout": t.heldout.better,
+        "likelihood_gain_se": t.heldout.better_se,
+        "explains": t.share,
+        "chance": t.p_any,
+        "chi2_above_best": t.behind,
+        "chi2_above_best_se": t.behind_se,
+        "shapes_determined": not t.shapes_open,
+        "accepted": r.accepted == name,
+    }
+
+
+def _value(q: Parameter, v: float, sd: float) -> dict:
+    low, high = (-math.inf if q.low is None else q.low, math.inf if q.high is None else q.high)
+    value = v / q.factor
+    reach = WIDE * sd / q.factor
+    near = 1e-6 * max(abs(value), abs(q.typical) * 1e-3)
+    return {
+        "value": value,
+        "unit": q.unit,
+        "low": max(value - reach, low),
+        "high": min(value + reach, high),
+        "at_bound": bool(value - low < near or high - value < near),
+    }
+
+
+def _section(s: Section) -> dict:
+    mm = s.in_mm_and_N()
+    return {
+        "experiment": s.experiment.id,
+        "regime": s.regime or None,
+        "from_mm": mm[0] if mm else s.start if s.experiment.x_unit == "mm" else None,
+        "to_mm": mm[1] if mm else s.end if s.experiment.x_unit == "mm" else None,
+        "bias_N": mm[2] if mm else None,
+        "z": s.z,
+        "from": s.start,
+        "to": s.end,
+        "x": s.experiment.x_name,
+        "x_unit": s.experiment.x_unit,
+        "bias": s.bias,
+        "unit": s.experiment.y_unit,
+    }
+
+
+def train_errors(d: Discovery) -> dict:
+    """Root mean square errors of the fitted tests before and after, and what scatter and noise make."""
+    return _train(d)
+
+
+def _train(d: Discovery) -> dict:
+    units = {e.y_unit for e in d.campaign.train}
+    relative = len(units) > 1
+    sums, count = np.zeros(3), 0
+    for e in d.campaign.train:
+        grid = d.first.inverse.grids[e.id]
+        scale = float(np.abs(grid.mean).max()) if relative else 1.0
+        C = d.first.w.weights[e.id].covariance
+        parts = (d.first.residual[e.id] ** 2, d.final.residual[e.id] ** 2, np.diag(C))
+        sums += [p.sum() / scale**2 for p in parts]
+        count += grid.x.size
+    b, x, n = np.sqrt(sums / count)
+    return {
+        "baseline_rmse": b,
+        "extended_rmse": x,
+        "noise_floor": n,
+        "unit": "1" if relative else units.pop(),
+    }
+
+
+def _heldout(d: Discovery) -> dict:
+    from cutbench.discovery.heldout import compare
+
+    g: Heldout = d.gain or compare(d.first, d.final)
+    return {
+        "baseline_rmse": g.baseline_rmse,
+        "extended_rmse": g.extended_rmse,
+        "noise_floor": g.noise_floor,
+        "unit": g.unit,
+        "gain": g.gain,
+        "gain_se": g.gain_se,
+        "how": g.how,
+    }
+
+
+def _residual(r: Round) -> dict:
+    s = r.scores
+    return {
+        "chi2": s.chi2, "expected_chi2": s.expected, "degrees_of_freedom": s.dof, "chance": s.p_residual,
+        "significant": s.p_residual < CHANCE,
+    }  # fmt: skip
+
+
+def _fitted(p: Point) -> dict:
+    deviations = p.deviations()
+    return {
+        u.label: {"value": u.value(x) / u.quantity.factor, "sd": sd * abs(u.slope(x)) / u.quantity.factor,
+                  "unit": u.quantity.unit}
+        for u, x, sd in zip(p.inverse.unknowns, p.q, deviations, strict=True)
+    }  # fmt: skip
+
+
+def _round(r: Round) -> dict:
+    tried = {t.name: t for t in r.tried}
+    return {
+        "mechanisms": list(r.point.case.mechanisms),
+        "accepted": r.accepted,
+        "cannot_be_told_apart": list(r.group),
+        "residual": _residual(r),
+        "candidates": [_ranked(name, r, tried.get(name)) for name in _order(r)],
+        "left_out": dict(r.left_out),
+    }
+
+
+def write_discovery(d: Discovery, folder: Path) -> list[Path]:
+    """``discovery.json`` and ``discovery.html`` in ``folder``, each whole or not at all."""
+    from cutbench.discovery.page import page
+
+    write_json(to_dict(d), folder / "discovery.json")
+    with replacing(folder / "discovery.html") as draft:
+        draft.write_text(page(d), encoding="utf-8")
+    return [folder / "discovery.json", folder / "discovery.html"]

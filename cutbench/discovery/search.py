@@ -1,0 +1,377 @@
+"""The search: fit, score, extend, hold against what was not fitted, and again until nothing is gained."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.calibration.fitted import Fit
+from cutbench.calibration.fitting import fit
+from cutbench.calibration.inverse import GRID
+from cutbench.calibration.prediction import Predictor, cores, predictor
+from cutbench.data.campaign import Campaign
+from cutbench.discovery.candidates import candidates
+from cutbench.discovery.columns import Sensed, sense
+from cutbench.discovery.heldout import TESTS, Heldout, better_than, compare, decide
+from cutbench.discovery.numerical import numerical_columns, with_columns
+from cutbench.discovery.point import Point, baseline, extend, settled, undetermined
+from cutbench.discovery.protocol import Proposal, cut_proposals, proposals, sentence
+from cutbench.discovery.score import Score, Scores, deviations, score
+from cutbench.discovery.where import Section, sections
+
+#: Chance of naming something where there is nothing, of all candidates together.
+CHANCE = 0.005
+#: A candidate on its own is worth a fit if it gains more than chance does this often.
+PROMISING = 0.1
+#: Chances below this are all alike: the draws do not reach so far.
+TOLD = 1e-4
+#: So many are fitted in a round, without a mesh and with one.
+FITS, FITS_MESHED = 6, 3
+#: A mechanism is named only if it explains this part of what is wrong.
+SHARE, SHARE_WEAK = 0.3, 0.6
+#: What may stay significant beside what was found, as a part of what was wrong; more is unexplained. Where
+#: the scatter between specimens was not measured, more of it may be scatter.
+REST, REST_ALONE = 0.1, 0.5
+#: What one more parameter must gain in χ² to be preferred.
+PRICE = 4.0
+#: Fits are told apart by so many standard errors of their difference; more where some are known to first
+#: order only.
+APART, APART_MESHED = 2.0, 3.0
+#: Values of shapes tried where the data leave them open, and how far their scores may lie behind, in prices.
+SHAPES, OPEN = 3, 5
+#: Mechanisms found, at the most.
+MOST = 4
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A candidate fitted for real. ``gain`` in χ²; ``p_any``: so much by chance for any candidate; ``share``
+    of what was wrong; ``behind``: χ² (with the price of its parameters) above the best of the round, and the
+    standard error of that. ``shapes_open``: the train data do not determine its shapes."""
+
+    score: Score
+    point: Point
+    heldout: Heldout
+    gain: float
+    p_any: float
+    share: float
+    behind: float = 0.0
+    behind_se: float = 0.0
+    shapes_open: bool = False
+
+    @property
+    def name(self) -> str:
+        return self.score.name
+
+    @property
+    def convincing(self) -> bool:
+        return self.p_any < CHANCE and self.share >= SHARE and self.heldout.accepted
+
+
+@dataclass(frozen=True)
+class Round:
+    """``point``: the model at its beginning; ``tried`` in the order of what they explain; ``group``: names
+    that these data cannot tell from the first of them; ``accepted``: name or None."""
+
+    point: Point
+    sensed: Sensed
+    scores: Scores
+    tried: tuple[Tried, ...]
+    group: tuple[str, ...]
+    accepted: str | None
+    left_out: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Numerics:
+    """Scores of numerical causes; ``explains``: name of one that explains the residual as well as the best
+    mechanism does, None otherwise; ``missing``: what could not be computed, and why."""
+
+    scores: tuple[Score, ...]
+    shares: Mapping[str, float]
+    explains: str | None
+    missing: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Discovery:
+    """All that was found out. ``final``: the extended model; the last of ``rounds`` has its residual.
+
+    ``wrong``: sections of the baseline's curves; ``left``: of the final model's, the most significant first.
+    """
+
+    campaign: Campaign
+    fit: Fit
+    verdict: str
+    found: tuple[str, ...]
+    rounds: tuple[Round, ...]
+    final: Point
+    gain: Heldout | None
+    wrong: tuple[Section, ...]
+    left: tuple[Section, ...]
+    numerics: Numerics
+    proposed: tuple[Proposal, ...]
+    next_experiment: str
+    seconds: float
+    notes: tuple[str, ...]
+    interrupted: bool = False
+
+    @property
+    def first(self) -> Point:
+        return self.rounds[0].point
+
+    @property
+    def groups(self) -> list[tuple[str, ...]]:
+        """Of mechanisms that cannot be told apart, for each that was found (or would have been first)."""
+        if self.verdict == "none":
+            return []
+        return [r.group for r in self.rounds if len(r.group) > 1 and (r.accepted or not self.found)]
+
+
+def discover(
+    campaign: Campaign,
+    *,
+    workers: int | None = None,
+    refine: bool = True,
+    told: Callable[[str], None] | None = None,
+    grid: int = GRID,
+    seed: int = 0,
+) -> Discovery:
+    """Ctrl-C after a mechanism was found ends with that.
+
+    Raises BadInput, and ComputationFailed if the baseline cannot be computed.
+    """
+    began, say = time.perf_counter(), told or (lambda text: None)
+    campaign = _plain(campaign)
+    count = cores() if workers is None else workers
+    say("fitting the baseline")
+    fitted = fit(
+        campaign, workers=count, refine=refine, grid=grid,
+        told=lambda stage, minimum: say(f"fitting the baseline, {stage}: χ² {minimum.chi2:.4g}"),
+    )  # fmt: skip
+    if fitted.status == "interrupted":
+        raise KeyboardInterrupt
+    runs = 3 * sum(e.kind == "cut" for e in campaign.experiments)
+    with predictor(min(count, runs)) as run:
+        point = baseline(fitted, run, grid)
+        rounds: list[Round] = []
+        found: list[str] = []
+        numerics = Numerics((), {}, None, {})
+        interrupted = False
+        while True:
+            try:
+                this = _round(point, run, seed, say)
+                if not rounds:
+                    numerics = _numerics(this, run, seed, say)
+            except KeyboardInterrupt:
+                if not rounds:
+                    raise
+                interrupted = True
+                break
+            if numerics.explains or (rounds and not _worth_a_name(this, rounds[0])):
+                this = replace(this, accepted=None)
+            rounds.append(this)
+            if this.accepted is None or len(found) == MOST:
+                break
+            found.append(this.accepted)
+            point = next(t.point for t in this.tried if t.name == this.accepted)
+            try:
+                point = settled(point, run, refine, grid, say)
+            except KeyboardInterrupt:
+                interrupted = True
+                break
+        gain = compare(rounds[0].point, point) if found else None
+        verdict = "mechanism" if interrupted else _verdict(rounds)
+        proposed, text = [], "Not asked: interrupted."
+        if not interrupted:
+            proposed, text = _next(rounds, verdict, run, say)
+    stopped = (
+        ("Interrupted: what was found stands, what else there may be was not asked.",) if interrupted else ()
+    )
+    notes = (*stopped, *fitted.notes, *rounds[0].point.trouble)
+    return Discovery(
+        campaign, fitted, verdict, tuple(found), tuple(rounds), point, gain,
+        tuple(sections(rounds[0].point)), tuple(sections(point)), numerics, tuple(proposed), text,
+        time.perf_counter() - began, tuple(dict.fromkeys(notes)), interrupted,
+    )  # fmt: skip
+
+
+def _numerics(this: Round, run: Predictor, seed: int, say: Callable[[str], None]) -> Numerics:
+    """Of cuts whose baseline fails: what another mesh, element or normal would change."""
+    promising = any(t.p_any < CHANCE for t in this.tried)
+    if this.scores.p_residual > CHANCE and not promising:
+        return Numerics((), {}, None, {})
+    columns, missing = numerical_columns(this.point, run)
+    if not columns:
+        return Numerics((), {}, None, missing)
+    say("numerical causes: " + ", ".join(c.candidate.name for c in columns))
+    scores = score(with_columns(this.sensed, columns), this.point.w, this.point.residual, seed=seed)
+    shares = {s.name: s.gain / scores.excess if scores.excess > 0 else 0.0 for s in scores.scores}
+    best = scores.scores[0]
+    rival = max((t.gain for t in this.tried), default=0.0)
+    explains = best.name if best.p < CHANCE and shares[best.name] >= SHARE and best.gain >= rival else None
+    return Numerics(tuple(scores.scores), shares, explains, missing)
+
+
+def _next(
+    rounds: list[Round], verdict: str, run: Predictor, say: Callable[[str], None]
+) -> tuple[list[Proposal], str]:
+    """The test that would separate the first two of the first group."""
+    named = [r for r in rounds if r.accepted] or rounds[:1]
+    r = next((r for r in named if len(r.group) > 1), None)
+    if verdict == "none" and not any(r.accepted for r in rounds):
+        return [], "None is needed: the model describes the tests to within their scatter."
+    if r is None:
+        if verdict == "mechanism":
+            return [], "None is needed to tell the candidates apart: these tests do."
+        return [], (
+            "Repeat the test that fails worst at another speed: what is left depends on time if it moves"
+            " along the displacement, on place if it does not."
+        )
+    first = r.accepted if r.accepted in r.group else r.group[0]
+    second = next(name for name in r.group if name != first)
+    say(f"looking for a test that tells {first} from {second}")
+    points = {t.name: t.point for t in r.tried}
+    scored = {s.name: s for s in r.scores.scores}
+    kinds = {e.kind for e in r.point.campaign.train}
+    found: list[Proposal] = []
+    if kinds != {"cut"} and first in points and second in points:
+        found += proposals(r.point, points[first], points[second])
+    if "cut" in kinds:
+        found += cut_proposals(r.point, scored[first], scored[second], run)
+    found.sort(key=lambda p: -p.apart)
+    return found, sentence((first, second), found)
+
+
+def _plain(campaign: Campaign) -> Campaign:
+    """The campaign with what its plan says about candidates alone taken out of the baseline's fit."""
+    plan, known = campaign.plan, campaign.base.model.parameters()
+    free = plan.free and tuple(n for n in plan.free if n in known)
+    own = tuple(n for n in plan.own if n in known)
+    return replace(campaign, plan=replace(plan, free=free or None, own=own))
+
+
+def _round(point: Point, run: Predictor, seed: int, say: Callable[[str], None]) -> Round:
+    chosen, left_out = candidates(point.campaign, point.case)
+    say(f"{len(chosen)} candidates beside {', '.join(point.case.mechanisms)}")
+    sensed = sense(point.inverse, point.q, chosen, run)
+    scores = score(sensed, point.w, point.residual, seed=seed)
+    meshed = any(e.kind == "cut" for e in point.campaign.train)
+    worth = [s for s in scores.scores if s.p < PROMISING and s.gain > 1]
+    tried = []
+    for s in _simplest(worth)[:FITS_MESHED] if meshed else worth[:FITS]:
+        say(f"fitting {s.name}: score {s.z:.1f}")
+        try:
+            after = extend(point, s, run)
+        except (ComputationFailed, BadInput) as error:
+            left_out = {**left_out, s.name: f"could not be fitted: {error}"}
+            continue
+        if after is None:
+            left_out = {**left_out, s.name: "could not be computed where the score puts it"}
+            continue
+        after, held, kept = _shaped(point, s, after, scores, run)
+        gain = max(scores.chi2 - after.chi2, 0.0)
+        # Where chance made the residual as small as noise, what gains anything gains all of it.
+        share = gain / scores.excess if scores.excess > 0 else 1.0
+        tried.append(Tried(s, after, held, gain, scores.p_any(s.name, gain), share, shapes_open=kept))
+    tried, group = _ordered(tried, scores, meshed)
+    # A residual that is not significant as a whole needs a candidate that explains most of it.
+    needed = SHARE if scores.p_residual < CHANCE else SHARE_WEAK
+    able = [t for t in tried if t.name in group and t.convincing and t.share >= needed]
+    if able and all(t.heldout.how == TESTS for t in able):
+        # What the fitted tests cannot tell apart, those that were not fitted may.
+        able.sort(key=lambda t: -t.heldout.gain)
+    accepted = able[0].name if able else None
+    return Round(point, sensed, scores, tuple(tried), tuple(group), accepted, left_out)
+
+
+def _worth_a_name(this: Round, first: Round) -> bool:
+    """Whether what a later round would add is more than what a verdict leaves unmentioned."""
+    gain = next((t.gain for t in this.tried if t.name == this.accepted), 0.0)
+    return gain > REST * first.scores.excess
+
+
+def _simplest(scores: list[Score]) -> list[Score]:
+    """By z, as far as draws can tell, then by gain; without those that add parameters to another of them and
+    gain less by it than these cost."""
+
+    def order(s: Score) -> tuple:
+        return -min(s.z, deviations(TOLD)), PRICE * len(s.column.candidate.parameters) - s.gain, s.name
+
+    kept = []
+    for s in sorted(scores, key=order):
+        mine = set(s.column.candidate.parameters)
+        for o in scores:
+            more = len(mine) - len(o.column.candidate.parameters)
+            if more > 0 and set(o.column.candidate.parameters) < mine and s.gain < o.gain + PRICE * more:
+                break
+        else:
+            kept.append(s)
+    return kept
+
+
+def _shaped(
+    point: Point, s: Score, after: Point, scores: Scores, run: Predictor
+) -> tuple[Point, Heldout, bool]:
+    """Where the train data leave the shapes of a candidate open: the values that predict held-out data best.
+
+    They are looked for among those that the train data do not exclude; with a mesh, none are looked for.
+    """
+    held = decide(point, after)
+    if not undetermined(after, s.column.candidate):
+        return after, held, False
+    if any(e.kind == "cut" for e in point.campaign.train):
+        return after, held, True
+    least = after.chi2
+    near = sorted(scores.others[s.name], key=lambda o: -o.gain)[:SHAPES]
+    for other in [s, *(o for o in near if o.gain > s.gain - OPEN * PRICE)]:
+        try:
+            one = extend(point, other, run, shapes=False)
+        except (ComputationFailed, BadInput):
+            continue
+        if one is None or one.chi2 > least + PRICE:
+            continue
+        mine = decide(point, one)
+        if mine.better > held.better:
+            after, held = one, mine
+    return after, held, True
+
+
+def _ordered(tried: list[Tried], scores: Scores, meshed: bool) -> tuple[list[Tried], list[str]]:
+    """By χ² with the price of parameters; those that cannot be told from the first by what they predict."""
+    if not tried:
+        return [], []
+
+    def cost(t: Tried) -> float:
+        predicted = t.heldout.better if t.heldout.how == TESTS else 0.0
+        return t.point.chi2 + PRICE * len(t.score.column.candidate.parameters) - predicted
+
+    tried = sorted(tried, key=lambda t: (cost(t), t.name))
+    best, placed = tried[0], []
+    for t in tried:
+        rise, se = better_than(t.point, best.point)
+        placed.append(replace(t, behind=rise, behind_se=se))
+    apart = APART_MESHED if meshed else APART
+    group = [t.name for t in placed if t is placed[0] or t.behind < apart * t.behind_se]
+    fitted = {t.name for t in placed}
+    for s in scores.scores:
+        # Those that were not fitted count by their first order.
+        behind = best.score.gain - s.gain
+        if s.name not in fitted and behind < apart * 2 * np.linalg.norm(best.score.direction - s.direction):
+            group.append(s.name)
+    return placed, group
+
+
+def _verdict(rounds: list[Round]) -> str:
+    first, last = rounds[0].scores, rounds[-1].scores
+    found = any(r.accepted for r in rounds)
+    alone = all(len(e.repetitions) == 1 for e in rounds[0].point.campaign.train)
+    left = last.p_residual < CHANCE
+    if not found:
+        return "unexplained" if left else "none"
+    rest = REST_ALONE if alone else REST
+    return "unexplained" if left and last.excess > rest * first.excess else "mechanism"

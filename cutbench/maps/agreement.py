@@ -1,0 +1,85 @@
+"""Hold a boundary that was sought against the map of a whole grid over the same axes."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from scipy.interpolate import RegularGridInterpolator
+
+from cutbench.base.errors import BadInput
+from cutbench.maps.boundary import distances
+from cutbench.maps.dataset import LABELS, axes_of, axis_of, places_of
+from cutbench.run.measures import ABRUPT, SMOOTH
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Counts of grid points: all with a regime, those farther than the tolerance from the boundary of the
+    search or of the grid, and those of either that are on the other side. ``runs`` is what each took."""
+
+    points: int
+    far: int
+    wrong: int
+    wrong_far: int
+    runs: tuple[int, int]
+
+    def text(self) -> str:
+        """In one sentence."""
+        part = self.runs[0] / max(self.runs[1], 1)
+        return (
+            f"{self.runs[0]} runs of the search against {self.runs[1]} of the grid ({part:.3g}): the"
+            f" regimes differ at {self.wrong} of {self.points} grid points, and at {self.wrong_far} of the"
+            f" {self.far} farther from the boundary than the tolerance"
+        )
+
+
+def agreement(sought: xr.Dataset, grid: xr.Dataset) -> Agreement:
+    """Compare at every point of ``grid``.
+
+    The distance is that from the boundary which the search found, in tolerances (Euclidean, each axis
+    in units of its own). Raises BadInput unless ``sought`` was a search and both have the same axes.
+    """
+    names = axes_of(sought)
+    if "margin" not in sought or sorted(axes_of(grid)) != sorted(names):
+        raise BadInput(
+            key="--against", value=grid.attrs["title"],
+            expected=f"a grid over {', '.join(names)}, beside a map with mode = 'boundary'",
+        )  # fmt: skip
+    free = json.loads(sought.attrs["continuous"])
+    axes = {name: axis_of(sought, name) for name in names}
+    at = places_of(grid)
+    labels = grid["label"].values
+    decided = np.isin(labels, [LABELS.index(ABRUPT), LABELS.index(SMOOTH)])
+    far = wrong = wrong_far = points = 0
+    for level in _levels(sought, [n for n in names if n not in free]):
+        part = sought.sel(level).transpose(*free) if level else sought.transpose(*free)
+        here = decided.copy()
+        for name, value in level.items():
+            here &= np.isclose(at[name], value)
+        if not here.any():
+            continue
+        ticks = [np.array([axes[n].place(v) for v in part[n].values]) for n in free]
+        x = np.stack([[axes[n].place(v) for v in at[n][here]] for n in free], axis=1)
+        inside = ((x > -1e-6) & (x < 1 + 1e-6)).all(axis=1)
+        x = np.clip(x, 0, 1)
+        margin = RegularGridInterpolator(ticks, part["margin"].values)(x)
+        # Lattice steps are half tolerances.
+        away = RegularGridInterpolator(ticks, np.minimum(distances(part["margin"].values >= 0) / 2, 1e9))(x)
+        off = ((margin >= 0) != (labels[here] == LABELS.index(ABRUPT))) & inside
+        beyond = (away > 1) & inside
+        points += int(inside.sum())
+        far += int(beyond.sum())
+        wrong += int(off.sum())
+        wrong_far += int((off & beyond).sum())
+    runs = tuple(int((data["run_id"].values != "").sum()) for data in (sought, grid))
+    return Agreement(points, far, wrong, wrong_far, runs)
+
+
+def _levels(data: xr.Dataset, names: list[str]) -> list[dict[str, float]]:
+    found: list[dict[str, float]] = [{}]
+    for name in names:
+        found = [level | {name: value} for level in found for value in data[name].values]
+    return found

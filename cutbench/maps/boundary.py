@@ -1,0 +1,268 @@
+"""Find where the regime changes: ask for runs where they tell most about the boundary, until it is known.
+
+Runs may lie on a lattice of half the tolerance along each axis. What a run says is its margin, the
+place of its measures against the study's thresholds (0 on the boundary). A Gaussian process through
+the margins says where the boundary is and how sure that is (level-set estimation: Bryan et al.,
+Active learning for identifying function threshold boundaries, NIPS 2005; Gotovos et al., IJCAI 2013).
+All is decided from the runs that have ended, round by round, so the same runs give the same search on
+any number of machines, and one that was interrupted goes on as it would have.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+
+from cutbench.maps.emulator import Emulator, Kernel
+
+#: Two-sided 95 % of a normal distribution: what "sure" means.
+SURE = 1.96
+#: The kernel is chosen anew when there are so many times more runs than at the last choice.
+_REFIT = 1.1
+#: Rounds of probes on both sides of a boundary that seems known, none of which may contradict it.
+_PROBES = 4
+#: Steepest rise of the margin, over the whole of an axis, that is taken as it is.
+STEEPEST = 14.0
+#: Lattices larger than this are judged, and asked for, at every second point only.
+_DENSE = 8000
+
+Index = tuple[int, ...]
+
+
+def margin(
+    drop_rel: np.ndarray, surge: np.ndarray, uncut: np.ndarray, *, drop: float, surge_min: float = math.nan
+) -> np.ndarray:
+    """−1 (smooth) to 1 (abrupt), 0 on the thresholds; nan where nothing was measured.
+
+    tanh of the logarithm of measure over threshold: smooth through the boundary, level far from it.
+    Where the material was not cut, −1.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.log(np.asarray(drop_rel, dtype=float) / drop)
+        if math.isfinite(surge_min):
+            ratio = np.minimum(ratio, np.log(np.asarray(surge, dtype=float) / surge_min))
+    return np.where(uncut, -1.0, np.tanh(ratio))
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """Where a line along axis ``along`` meets the boundary, in lattice steps: there, and with 95 %
+    between ``low`` and ``high``."""
+
+    along: int
+    at: tuple[float, ...]
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The margin on the lattice with its standard deviation; ``unsure`` is where its sign is not known
+    with 95 % although the boundary is farther than the tolerance."""
+
+    mean: np.ndarray
+    spread: np.ndarray
+    unsure: np.ndarray
+
+    @property
+    def found(self) -> bool:
+        """Whether both regimes occur."""
+        return bool((self.mean >= 0).any() and (self.mean < 0).any())
+
+    def crossings(self) -> list[Crossing]:
+        """All of them, axis by axis."""
+        return [c for k in range(self.mean.ndim) for c in _crossings(self.mean, self.spread, k)]
+
+
+class Seeker:
+    """The search over one box. ``shape`` are the points of its lattice, ``known`` margins by index
+    (nan: a run that failed)."""
+
+    def __init__(self, shape: tuple[int, ...], *, start: int, batch: int, runs: int):
+        self.shape, self._start, self._batch, self._runs = shape, start, batch, runs
+        index = np.stack(np.unravel_index(np.arange(math.prod(shape)), shape), axis=1)
+        self._index = index
+        self._places = index / (np.array(shape) - 1)
+        coarse = len(index) > _DENSE
+        self._judged = np.flatnonzero((index % 2 == 0).all(axis=1)) if coarse else np.arange(len(index))
+        self._step = 2 if coarse else 1
+        self._asked: list[int] = []
+        self._expected: dict[int, bool] = {}
+        self._clean = 0
+        self._kernel: Kernel | None = None
+        self._fitted = 0
+
+    @property
+    def asked(self) -> list[Index]:
+        """All points asked for so far, in their order."""
+        return [tuple(map(int, self._index[i])) for i in self._asked]
+
+    def ask(self, known: Mapping[Index, float]) -> list[Index]:
+        """The next runs; none when the boundary is known or the runs are spent."""
+        if not self._asked:
+            ticks = [np.rint(np.linspace(0, n - 1, self._start)).astype(int) for n in self.shape]
+            first = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, len(self.shape))
+            return self._hand_out(self._flat(first))
+        room = min(self._batch, self._runs - len(self._asked))
+        if room <= 0:
+            return []
+        emulator = self._emulator(known, stand_ins=True)
+        if emulator is None:
+            return []
+        judged = self._judged
+        mean = emulator.mean(self._places[judged])
+        spread = emulator.spread(self._places[judged])
+        away = self._away(mean)
+        doubt = SURE * spread - np.abs(mean)
+        free = ~np.isin(judged, self._asked)
+        if ((doubt > 0) & (away > 1)).any():
+            self._clean, self._expected = 0, {}
+            pool = np.flatnonzero((doubt > 0) & free)
+            chosen = self._spread_out(emulator, pool, mean, spread, room)
+            return self._hand_out(judged[chosen])
+        # It seems known. A process may be too sure of itself: try both sides of the boundary where
+        # runs are far, and stop when they hold no surprise.
+        surprise = any(
+            not math.isnan(value) and (value >= 0) != self._expected[i]
+            for i, value in (
+                (i, known.get(tuple(map(int, self._index[i])), math.nan)) for i in self._expected
+            )
+        )
+        self._clean = 0 if surprise else self._clean + bool(self._expected)
+        if self._clean >= _PROBES:
+            return []
+        near = (away > 0.6) & (away < 1.3) if np.isfinite(away).any() else np.ones(len(judged), dtype=bool)
+        pool = np.flatnonzero(near & free)
+        chosen = self._spread_out(emulator, pool, 0 * mean, spread, room)
+        self._expected = {int(judged[k]): bool(mean[k] >= 0) for k in chosen}
+        return self._hand_out(judged[chosen])
+
+    def estimate(self, known: Mapping[Index, float]) -> Estimate:
+        """What ``known`` says about the whole lattice; without a margin yet, nothing is sure.
+
+        May be asked at any moment: the search goes on as if it had not been.
+        """
+        before = self._kernel, self._fitted
+        emulator = self._emulator(known, stand_ins=False)
+        self._kernel, self._fitted = before
+        if emulator is None:
+            flat = np.zeros(self.shape)
+            return Estimate(flat, flat + 1, np.ones(self.shape, dtype=bool))
+        mean = emulator.mean(self._places)
+        spread = emulator.spread(self._places)
+        away = distances(mean.reshape(self.shape) >= 0).ravel() / 2
+        unsure = (SURE * spread > np.abs(mean)) & (away > 1)
+        return Estimate(*(part.reshape(self.shape) for part in (mean, spread, unsure)))
+
+    def _emulator(self, known: Mapping[Index, float], *, stand_ins: bool) -> Emulator | None:
+        """Through the margins; ``stand_ins``: and at runs that failed through what is expected there, so
+        that the search does not ask for their neighbours again and again."""
+        good = [(i, m) for i, m in known.items() if not math.isnan(m)]
+        if not good:
+            return None
+        good.sort()
+        at = self._places[self._flat(np.array([i for i, _ in good]))]
+        values = softened(at, np.array([m for _, m in good]))
+        if self._kernel is None or len(good) > _REFIT * self._fitted:
+            self._fitted = len(good)
+            emulator = Emulator(at, values)
+            self._kernel = emulator.kernel
+        else:
+            emulator = Emulator(at, values, self._kernel)
+        failed = sorted(i for i, m in known.items() if math.isnan(m))
+        if not (stand_ins and failed):
+            return emulator
+        there = self._places[self._flat(np.array(failed))]
+        return Emulator(
+            np.concatenate([at, there]), np.concatenate([values, emulator.mean(there)]), self._kernel
+        )
+
+    def _spread_out(
+        self, emulator: Emulator, pool: np.ndarray, mean: np.ndarray, spread: np.ndarray, count: int
+    ) -> list[int]:
+        """``count`` of ``pool``, each the most doubtful once those before it are known."""
+        if pool.size > 3000:
+            pool = pool[np.argsort(np.abs(mean[pool]) - SURE * spread[pool], kind="stable")[:3000]]
+        kernel = emulator.kernel
+        at = self._places[self._judged[pool]]
+        data = emulator.influence(at)
+        left = (spread[pool] / kernel.amplitude) ** 2
+        chosen: list[int] = []
+        open_ = np.ones(pool.size, dtype=bool)
+        for _ in range(min(count, pool.size)):
+            score = SURE * kernel.amplitude * np.sqrt(np.maximum(left, 0)) - np.abs(mean[pool])
+            k = int(np.argmax(np.where(open_, score, -np.inf)))
+            open_[k] = False
+            chosen.append(int(pool[k]))
+            shared = kernel.correlation(at, at[k : k + 1])[:, 0] - data.T @ data[:, k]
+            alone = max(left[k], 0) + kernel.scatter + 1e-9
+            data = np.vstack([data, shared / math.sqrt(alone)])
+            left = left - shared**2 / alone
+        return chosen
+
+    def _away(self, mean: np.ndarray) -> np.ndarray:
+        """Distances of the judged points to the boundary, in tolerances."""
+        shape = tuple(-(-n // self._step) for n in self.shape)
+        return distances(mean.reshape(shape) >= 0).ravel() * self._step / 2
+
+    def _flat(self, index: np.ndarray) -> np.ndarray:
+        return np.ravel_multi_index(tuple(np.asarray(index).T), self.shape)
+
+    def _hand_out(self, flat: np.ndarray) -> list[Index]:
+        self._asked += [int(i) for i in flat]
+        return [tuple(map(int, self._index[i])) for i in flat]
+
+
+def softened(at: np.ndarray, margins: np.ndarray) -> np.ndarray:
+    """Margins (n,) at places (n, d) with jumps made ramps, of ``STEEPEST`` a box at the most.
+
+    Between two runs of different regime only the place of the boundary is unknown; a jump as such
+    would make a smooth process ring. Signs stay, and what is less steep stays as it is.
+    """
+    up, down = np.flatnonzero(margins >= 0), np.flatnonzero(margins < 0)
+    if up.size == 0 or down.size == 0:
+        return margins
+    apart = np.sqrt(((at[up][:, None] - at[down]) ** 2).sum(axis=2))
+    rise = margins[up][:, None] - margins[down]
+    part = np.minimum(1.0, STEEPEST * apart / rise)
+    soft = margins.copy()
+    soft[up] *= part.min(axis=1)
+    soft[down] *= part.min(axis=0)
+    return soft
+
+
+def distances(side: np.ndarray) -> np.ndarray:
+    """Steps from each point of a lattice to the boundary between True and False; inf where there is none."""
+    if side.all() or not side.any():
+        return np.full(side.shape, np.inf)
+    return np.where(side, distance_transform_edt(side), distance_transform_edt(~side)) - 0.5
+
+
+def _crossings(mean: np.ndarray, spread: np.ndarray, axis: int) -> list[Crossing]:
+    lines = np.moveaxis(mean, axis, -1)
+    sure = np.abs(lines) - SURE * np.moveaxis(spread, axis, -1)
+    positive = lines >= 0
+    found = []
+    for *place, j in np.argwhere(positive[..., 1:] != positive[..., :-1]):
+        m, q = lines[tuple(place)], sure[tuple(place)]
+        root = j + m[j] / (m[j] - m[j + 1])
+        low = _edge(q[j::-1])
+        high = _edge(q[j + 1 :])
+        at = [*map(float, place)]
+        at.insert(axis, float(root))
+        ends = max(0.0, float(j - low)), min(float(len(m) - 1), float(j + 1 + high))
+        found.append(Crossing(axis, tuple(at), min(ends[0], float(root)), max(ends[1], float(root))))
+    return found
+
+
+def _edge(sure: np.ndarray) -> float:
+    """Steps from the first entry to where ``sure`` becomes positive, or beyond the last entry."""
+    above = np.flatnonzero(sure > 0)
+    if above.size == 0:
+        return float(sure.size)
+    i = int(above[0])
+    return float(i - sure[i] / (sure[i] - sure[i - 1])) if i else 0.0

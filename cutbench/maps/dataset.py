@@ -1,0 +1,311 @@
+"""A study's runs as one labelled array: what ``map.nc`` and ``map.csv`` hold and phase diagrams show."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import os
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+
+from cutbench.base.errors import BadInput
+from cutbench.case.case import Case
+from cutbench.maps.axes import Axis, sets, short
+from cutbench.maps.study import case_at
+from cutbench.run.measures import ABRUPT, MEASURES, SMOOTH, UNCUT, label, measures
+from cutbench.run.result import OUTCOMES, Result
+
+if TYPE_CHECKING:
+    from cutbench.maps.boundary import Estimate
+    from cutbench.maps.study import Study
+
+NOT_COMPUTED = "not_computed"
+#: Values of the variable ``label``: position in this tuple.
+LABELS = (NOT_COMPUTED, SMOOTH, ABRUPT, UNCUT)
+#: Values of the variable ``outcome``; 0 where no run has ended yet.
+OUTCOME_FLAGS = ("missing", *OUTCOMES)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One point of a map. Only a run that reached its depth has measures and a regime."""
+
+    outcome: str = "missing"
+    message: str = ""
+    reached_mm: float = math.nan
+    label: str = NOT_COMPUTED
+    measures: Mapping[str, float] = field(default_factory=lambda: dict.fromkeys(MEASURES, math.nan))
+
+
+def row_of(result: Result, study: Study) -> Row:
+    """What a map keeps of a run. The measures come from the curve, not from what the run noted:
+    a study's own thresholds hold for runs that an earlier study left in the store."""
+    outcome = result.outcome
+    if not outcome.done:
+        return Row(outcome.kind, outcome.message, outcome.reached_mm)
+    try:
+        found = measures(
+            result.curve,
+            window_mm=result.case.p.thickness,
+            height_mm=result.case.p.height,
+            onset_length_mm=study.onset_length_mm,
+        )
+    except (ValueError, KeyError) as error:
+        return Row("failed", f"the curve cannot be read: {error}", outcome.reached_mm)
+    regime = label(found["drop_rel"], found["surge"], drop=study.drop, surge_min=study.surge_min)
+    return Row(outcome.kind, outcome.message, outcome.reached_mm, regime, found)
+
+
+def build_map(
+    study: Study,
+    rows: Mapping[str, Row],
+    ids: Mapping[tuple[int, ...], str] | None = None,
+    estimates: Mapping[tuple[int, ...], Estimate] | None = None,
+) -> xr.Dataset:
+    """The map; ``rows`` by run id, as far as there are any.
+
+    Dimensions are the study's axes, or ``point`` where the runs do not lie on a grid. ``ids`` are the
+    run ids by index (default: those of the study's grid), ``estimates`` what a search for the boundary
+    has found, by the indices of the levels.
+    """
+    dims = [axis.name for axis in study.axes] if study.on_grid else ["point"]
+    table_ids = np.full(study.shape, "", dtype=object)
+    table = np.full(study.shape, Row(), dtype=object)
+    for index, id in (ids or {index: case.id for index, case in study.points()}).items():
+        table_ids[index] = id
+        table[index] = rows.get(id, Row())
+
+    def collect(pick, dtype):
+        flat = [pick(row) for row in table.ravel()]
+        return dims, np.array(flat, dtype=dtype).reshape(study.shape)
+
+    data = {
+        name: (*collect(lambda row, name=name: row.measures[name], float), {"units": unit, "long_name": text})
+        for name, (unit, text) in MEASURES.items()
+    }
+    data["label"] = (*collect(lambda row: LABELS.index(row.label), np.int8), _flags(LABELS, "regime"))
+    data["outcome"] = (
+        *collect(lambda row: OUTCOME_FLAGS.index(row.outcome), np.int8),
+        _flags(OUTCOME_FLAGS, "how the run ended"),
+    )
+    data["reached_mm"] = (
+        *collect(lambda row: row.reached_mm, float),
+        {"units": "mm", "long_name": "blade travel reached"},
+    )
+    data["message"] = (
+        *collect(lambda row: row.message, object),
+        {"long_name": "what the run said at its end"},
+    )
+    data["run_id"] = (dims, table_ids, {"long_name": "hash of the run's inputs; its folder in the store"})
+    if not study.on_grid:
+        samples = np.array(study.samples, dtype=float).reshape(-1, len(study.axes))
+    coords = {
+        axis.name: (
+            axis.name if study.on_grid else "point",
+            np.array(axis.values) if study.on_grid else samples[:, k],
+            {"units": axis.unit, "long_name": axis.long_name, "symbol": axis.symbol, "scale": axis.scale}
+            | ({"mechanism": axis.mechanism} if axis.mechanism else {}),
+        )
+        for k, axis in enumerate(study.axes)
+    }
+    if estimates:
+        data |= _estimated(study, estimates)
+    return xr.Dataset(
+        data,
+        coords,
+        {
+            "title": study.title,
+            "mode": study.mode,
+            "axes": json.dumps([axis.name for axis in study.axes]),
+            "continuous": json.dumps([axis.name for axis in study.axes if axis.continuous]),
+            "tolerance": json.dumps({a.name: a.tolerance for a in study.axes if math.isfinite(a.tolerance)}),
+            "study": study.text,
+            "base_case": json.dumps(study.base.to_dict(), default=str),
+            "start_case": json.dumps((study.start or study.base).to_dict(), default=str),
+            "changes": json.dumps(dict(study.changes), default=str),
+            "drop_threshold": study.drop,
+            "surge_threshold": math.nan if study.surge_min is None else study.surge_min,
+            "onset_length_mm": study.onset_length_mm,
+            "window": "blade thickness",
+            "plot_x": study.plot.x,
+            "plot_y": study.plot.y,
+            "plot_panel": study.plot.panel,
+            "marks": json.dumps([{"name": m.name} | dict(m.at) for m in study.marks()]),
+        },
+    )
+
+
+def _estimated(study: Study, estimates: Mapping[tuple[int, ...], Estimate]) -> dict[str, tuple]:
+    """The boundary that was sought, on the map's own dimensions."""
+    dims = [axis.name for axis in study.axes]
+    free = [k for k, axis in enumerate(study.axes) if axis.continuous]
+    levels = [k for k in range(len(dims)) if k not in free]
+    arrays = {name: np.empty(study.shape) for name in ("mean", "spread", "unsure")}
+    for chosen, estimate in estimates.items():
+        where: list[object] = [slice(None)] * len(dims)
+        for k, i in zip(levels, chosen, strict=True):
+            where[k] = i
+        for name, array in arrays.items():
+            array[tuple(where)] = getattr(estimate, name)
+    text = "estimated margin, tanh(log(measure/threshold)): above 0 abrupt, below 0 smooth"
+    return {
+        "margin": (dims, arrays["mean"], {"units": "1", "long_name": text}),
+        "margin_sd": (
+            dims,
+            arrays["spread"],
+            {"units": "1", "long_name": "standard deviation of the estimated margin"},
+        ),
+        "unsure": (
+            dims,
+            arrays["unsure"].astype(np.int8),
+            _flags(("sure", "unsure"), "whether the regime is unknown (95 %) beyond the tolerance"),
+        ),
+    }
+
+
+def load_map(path: str | os.PathLike[str]) -> xr.Dataset:
+    """A map from ``map.nc``; BadInput if the file is not there or is none."""
+    try:
+        with xr.open_dataset(path, engine="h5netcdf") as file:
+            data = file.load()
+    except (OSError, ValueError) as error:
+        raise BadInput(key="map", value=str(path), expected=f"a map.nc of a sweep ({error})") from error
+    if "label" not in data or "plot_x" not in data.attrs:
+        raise BadInput(key="map", value=str(path), expected="a map.nc of a sweep, with labels and axes")
+    # Maps of before there were modes are grids.
+    data.attrs.setdefault("mode", "grid")
+    data.attrs.setdefault("axes", json.dumps([str(dim) for dim in data["label"].dims]))
+    data.attrs.setdefault("continuous", "[]")
+    data.attrs.setdefault("tolerance", "{}")
+    data.attrs.setdefault("start_case", data.attrs["base_case"])
+    data.attrs.setdefault("changes", "{}")
+    return data
+
+
+def path_from(target: Path, folder: Path) -> str:
+    """``target`` as seen from ``folder``, so that both can be moved together; absolute across drives."""
+    try:
+        return Path(os.path.relpath(target, folder)).as_posix()
+    except ValueError:
+        return target.resolve().as_posix()
+
+
+def store_of(data: xr.Dataset, folder: Path) -> Path:
+    """The folder of the runs of a map that lies in ``folder``."""
+    return folder / data.attrs.get("store", "runs")
+
+
+def axes_of(data: xr.Dataset) -> list[str]:
+    """Names of a map's axes, in the study's order."""
+    return list(json.loads(data.attrs["axes"]))
+
+
+def axis_of(data: xr.Dataset, name: str) -> Axis:
+    """An axis of a map, as its study had it; where runs do not lie on a grid, with its ends as values."""
+    about, values = data[name].attrs, data[name].values
+    if list(data[name].dims) != [name]:
+        values = np.array([values.min(), values.max()]) if values.size else values
+    mechanism = str(about.get("mechanism", ""))
+    return Axis(
+        name, str(about["units"]), str(about.get("symbol", "")), str(about["long_name"]),
+        tuple(map(float, values)), str(about.get("scale", "linear")), mechanism or sets(name),
+        name in json.loads(data.attrs["continuous"]),
+        json.loads(data.attrs["tolerance"]).get(name, math.nan), mechanism,
+    )  # fmt: skip
+
+
+def places_of(data: xr.Dataset) -> dict[str, np.ndarray]:
+    """The value of each axis at each point of a map, shaped as the map's variables."""
+    names = axes_of(data)
+    if list(data["label"].dims) != names:
+        return {name: data[name].values for name in names}
+    return dict(zip(names, np.meshgrid(*(data[n].values for n in names), indexing="ij"), strict=True))
+
+
+def case_on(data: xr.Dataset, values: Mapping[str, float]) -> Case:
+    """The case at a place of a map (axis name -> value), as its study makes it. Raises BadInput if the
+    values do not fit one another."""
+    start = _case(data.attrs["start_case"])
+    axes = [axis_of(data, name) for name in axes_of(data)]
+    return case_at(start, json.loads(data.attrs["changes"]), axes, [short(values[a.name]) for a in axes])
+
+
+@lru_cache(maxsize=8)
+def _case(text: str) -> Case:
+    return Case.from_dict(json.loads(text))
+
+
+def save_map(data: xr.Dataset, folder: Path) -> None:
+    """Write ``map.nc`` and ``map.csv`` into ``folder``, each whole or not at all."""
+    handle, name = tempfile.mkstemp(prefix=".map-", suffix=".nc", dir=folder)
+    os.close(handle)
+    try:
+        # A map of runs that were sought is mostly empty.
+        packed = {key: {"zlib": True} for key, v in data.variables.items() if v.ndim and v.dtype.kind in "fi"}
+        data.to_netcdf(name, engine="h5netcdf", encoding=packed)
+        _move(name, folder / "map.nc")
+    finally:
+        Path(name).unlink(missing_ok=True)
+    handle, name = tempfile.mkstemp(prefix=".map-", suffix=".csv", dir=folder)
+    try:
+        with open(handle, "w", encoding="utf-8", newline="") as file:
+            file.write(to_csv(data))
+        _move(name, folder / "map.csv")
+    finally:
+        Path(name).unlink(missing_ok=True)
+
+
+def to_csv(data: xr.Dataset) -> str:
+    """One line a point, axes first (the unit in the header), the same for the same runs."""
+    dims = axes_of(data)
+    heads = [
+        name if data[name].attrs["units"] == "1" else f"{name} [{data[name].attrs['units']}]" for name in dims
+    ]
+    columns = ["label", *MEASURES, "outcome", "reached_mm", "run_id", "message"]
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow([*heads, *columns])
+    gridded = list(data["label"].dims) == dims
+    found, ticks = {name: data[name].values for name in columns}, [data[dim].values for dim in dims]
+    for index in np.ndindex(data["label"].shape):
+        if not found["run_id"][index]:
+            continue  # a place of a search at which no run was needed
+        at = index if gridded else index * len(dims)
+        line = [f"{values[i]:.10g}" for values, i in zip(ticks, at, strict=True)]
+        for name in columns:
+            value = found[name][index]
+            if name == "label":
+                line.append(LABELS[int(value)])
+            elif name == "outcome":
+                line.append(OUTCOME_FLAGS[int(value)])
+            elif name in ("run_id", "message"):
+                line.append(str(value))
+            else:
+                line.append("" if math.isnan(value) else f"{value:.10g}")
+        writer.writerow(line)
+    return out.getvalue()
+
+
+def _flags(names: tuple[str, ...], text: str) -> dict[str, object]:
+    return {
+        "units": "1",
+        "long_name": text,
+        "flag_values": np.arange(len(names), dtype=np.int8),
+        "flag_meanings": " ".join(names),
+    }
+
+
+def _move(name: str, target: Path) -> None:
+    mask = os.umask(0)
+    os.umask(mask)
+    os.chmod(name, 0o666 & ~mask)  # mkstemp lets only its owner read
+    os.replace(name, target)

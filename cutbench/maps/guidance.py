@@ -1,0 +1,309 @@
+"""From a map to a decision: a material's regime, how far the other is, and which change gets it there.
+
+The margins of a map's runs are put through the same Gaussian process that seeks boundaries
+(``cutbench.maps.emulator``); a change of a material is a path over the map's axes, followed until the
+process says that it has crossed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import numpy as np
+import xarray as xr
+
+from cutbench.base.errors import BadInput
+from cutbench.case.case import Case, load_case
+from cutbench.maps.axes import Axis, places, value_on
+from cutbench.maps.boundary import SURE, margin, softened
+from cutbench.maps.dataset import LABELS, Row, axes_of, axis_of, case_on, places_of, row_of
+from cutbench.maps.emulator import Emulator
+from cutbench.run.measures import ABRUPT, SMOOTH, UNCUT
+from cutbench.run.result import Result
+from cutbench.run.store.runs import Store
+
+#: What a designer can change, and the parameter that does it.
+LEVERS = {"speed": "speed", "coating": "tau_W", "tip": "tip", "stiffness": "G", "toughness": "G_c"}
+#: Largest factor that is tried, either way, and how many steps it is reached in.
+_FACTOR, _STEPS = 100.0, 400
+#: Most runs that the process is put through; of a larger map those nearest to the boundary.
+_MOST = 500
+
+
+@dataclass(frozen=True)
+class Change:
+    """One lever moved one way. Values in ``unit``; ``to`` is where the boundary is met, with 95 % between
+    ``near`` and ``far`` (None: not sure before the map ends). ``at`` is a place beyond it on the map."""
+
+    lever: str
+    parameter: str
+    unit: str
+    now: float
+    to: float
+    near: float
+    far: float | None
+    at: dict[str, float]
+
+    @property
+    def factor(self) -> float:
+        """``to`` over ``now``; inf from zero."""
+        return self.to / self.now if self.now else math.inf
+
+    @property
+    def effort(self) -> float:
+        """What changes are ranked by: the logarithm of the factor, either way."""
+        return abs(math.log(self.factor)) if self.now else math.inf
+
+    def text(self) -> str:
+        """``speed 0.021 -> 0.0504 mm/s (x 2.4; 95 %: 0.045 to 0.058 mm/s)``."""
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        far = "beyond the map" if self.far is None else f"{self.far:.3g}{unit}"
+        factor = f"x {self.factor:.3g}; " if self.now else ""
+        return (
+            f"{self.lever} ({self.parameter}) {self.now:.3g} -> {self.to:.3g}{unit}"
+            f" ({factor}95 %: {self.near:.3g}{'' if self.far is not None else unit} to {far})"
+        )
+
+
+@dataclass(frozen=True)
+class Guide:
+    """Where a material is on a map and what moves it; ``changes`` soonest first, ``still`` the levers that
+    do not cross within the map, with the reason."""
+
+    material: str
+    at: dict[str, float]
+    regime: str
+    sure: bool
+    margin: float
+    margin_sd: float
+    changes: tuple[Change, ...]
+    still: dict[str, str]
+    differs: dict[str, tuple[float, float]]
+
+    def text(self) -> str:
+        """All of it in plain words."""
+        places = ", ".join(f"{name} {value:.3g}" for name, value in self.at.items())
+        sure = "sure at 95 %" if self.sure else "not sure at 95 %"
+        lines = [
+            f"{self.material} lies at {places}.",
+            f"There cutting is {self.regime} ({sure}; margin {self.margin:.2f} +- {self.margin_sd:.2f}"
+            " on a scale from -1, smooth, to 1, abrupt).",
+        ]
+        other = SMOOTH if self.regime == ABRUPT else ABRUPT
+        if self.changes:
+            lines.append(f"What makes it {other}, soonest first:")
+            lines += [f"  {n}. {change.text()}" for n, change in enumerate(self.changes, start=1)]
+        else:
+            lines.append(f"Nothing tried makes it {other} within this map.")
+        lines += [f"  {lever}: {reason}" for lever, reason in self.still.items()]
+        if self.differs:
+            parts = ", ".join(f"{name} {b:.3g} (map: {a:.3g})" for name, (a, b) in self.differs.items())
+            lines.append(f"Not on the map's axes, and different from it: {parts}.")
+        return "\n".join(lines)
+
+
+class Reader:
+    """A map as a function of place: margin and standard deviation between its runs."""
+
+    def __init__(self, data: xr.Dataset, switched: dict[str, float] | None = None):
+        """``switched``: the state of each axis that is a mechanism's switch. Raises BadInput if the map has
+        too few runs there."""
+        self.data = data
+        self.axes = [axis_of(data, name) for name in axes_of(data)]
+        self.free = [axis for axis in self.axes if not axis.mechanism]
+        at, values = places_of(data), margins_of(data)
+        keep = np.isfinite(values)
+        for name, state in (switched or {}).items():
+            keep &= at[name] == state
+        if keep.sum() < 4:
+            raise BadInput(
+                key="map", value=data.attrs["title"], expected="at least 4 runs that reached their depth"
+            )
+        self._of = {axis.name: _coordinate(axis) for axis in self.free}
+        x = np.stack([self._of[axis.name](at[axis.name][keep]) for axis in self.free], axis=1)
+        y = values[keep]
+        if y.size > _MOST:
+            nearest = np.argsort(np.abs(y), kind="stable")
+            chosen = np.sort(np.concatenate([nearest[: _MOST // 2], nearest[_MOST // 2 :: 7][: _MOST // 2]]))
+            x, y = x[chosen], y[chosen]
+        self._emulator = Emulator(x, softened(x, y))
+
+    def inside(self, at: dict[str, float]) -> bool:
+        """Whether a place is on the map."""
+        return all(-1e-3 <= float(self._of[a.name](np.array(at[a.name]))) <= 1 + 1e-3 for a in self.free)
+
+    def margin(self, at: list[dict[str, float]]) -> tuple[np.ndarray, np.ndarray]:
+        """Margin and its standard deviation (n,) at places by axis name."""
+        x = np.array([[float(self._of[a.name](np.array(p[a.name]))) for a in self.free] for p in at])
+        return self._emulator.mean(x), self._emulator.spread(x)
+
+
+def margins_of(data: xr.Dataset) -> np.ndarray:
+    """The margin of each point of a map; nan where no run reached its depth."""
+    uncut = data["label"].values == LABELS.index(UNCUT)
+    found = margin(
+        data["drop_rel"].values, data["surge"].values, uncut,
+        drop=data.attrs["drop_threshold"], surge_min=data.attrs["surge_threshold"],
+    )  # fmt: skip
+    return np.where(data["label"].values == 0, np.nan, found)
+
+
+def guide(data: xr.Dataset, material: str) -> Guide:
+    """Guide a material (a name or a case file) on a map.
+
+    Raises BadInput if it has no place on the map or the map too few runs.
+    """
+    case = load_case(material)
+    axes = [axis_of(data, name) for name in axes_of(data)]
+    at = _place(case, axes)
+    missing = [name for name, value in at.items() if value is None]
+    if missing:
+        raise BadInput(
+            key="--material", value=material, expected=f"a material that has a value of {', '.join(missing)}"
+        )
+    reader = Reader(data, {a.name: at[a.name] for a in axes if a.mechanism})
+    if not reader.inside(at):
+        ranges = ", ".join(
+            f"{a.name} {a.values[0]:.3g} to {a.values[-1]:.3g} (it has {at[a.name]:.3g})" for a in reader.free
+        )
+        raise BadInput(key="--material", value=material, expected=f"a material within the map: {ranges}")
+    (mean,), (spread,) = reader.margin([at])
+    changes, still = [], {}
+    for lever, parameter in LEVERS.items():
+        if parameter not in case.values:
+            still[lever] = f"its model has no {parameter}"
+            continue
+        found = [_follow(reader, case, lever, parameter, way, mean >= 0) for way in (1, -1)]
+        moved = [f for f in found if isinstance(f, Change)]
+        changes += moved
+        if not moved:
+            still[lever] = str(max(found, key=lambda reason: len(str(reason))))
+    changes.sort(key=lambda change: (change.effort, change.to))
+    return Guide(
+        case.name, at, ABRUPT if mean >= 0 else SMOOTH, bool(abs(mean) > SURE * spread), float(mean),
+        float(spread), tuple(changes), still, _differences(data, case, at),
+    )  # fmt: skip
+
+
+def _follow(reader: Reader, case: Case, lever: str, parameter: str, way: int, abrupt: bool) -> Change | str:
+    """Move one parameter until the regime changes; or why it does not."""
+    quantity = case.model.parameters()[parameter]
+    now = case.values[parameter] / quantity.factor
+    if now:
+        values = now * np.geomspace(1, _FACTOR, _STEPS) ** way
+    elif way > 0:
+        values = np.concatenate([[0.0], quantity.typical * np.geomspace(1e-3, 1e4, _STEPS)])
+    else:
+        return "it is 0 already"
+    path: list[dict[str, float]] = []
+    for value in map(float, values):
+        try:
+            # Bounds, and what one value rules out in another: no such material.
+            moved = case.set(**{parameter: value if quantity.unit == "1" else f"{value!r} {quantity.unit}"})
+        except BadInput:
+            break
+        place = _place(moved, reader.axes)
+        if not reader.inside(place):
+            break
+        path.append(place)
+    if len(path) < 2:
+        return "the map ends here"
+    if all(math.isclose(path[0][name], path[-1][name], rel_tol=1e-9, abs_tol=1e-12) for name in path[0]):
+        return "no axis of this map depends on it"
+    mean, spread = reader.margin(path)
+    side = mean if abrupt else -mean
+    crossed = np.flatnonzero(side < 0)
+    if crossed.size == 0:
+        reached = "up" if way > 0 else "down"
+        return (
+            f"{reached} to {values[len(path) - 1]:.3g} {quantity.unit}, the end of the map, it does not cross"
+        )
+    k = int(crossed[0])
+    j = max(k - 1, 0)
+    part = side[j] / (side[j] - side[k]) if k > j else 0.0
+    to = float(values[j] + part * (values[k] - values[j]))
+    doubtful = np.flatnonzero(np.abs(mean) < SURE * spread)
+    near = min(doubtful[0], k) if doubtful.size else k
+    sure = np.flatnonzero((side < -SURE * spread) & (np.arange(side.size) >= k))
+    far = int(sure[0]) if sure.size else None
+    beyond = far if far is not None else len(path) - 1
+    return Change(
+        lever, parameter, quantity.unit, float(now), to, float(values[max(near - 1, 0)]),
+        None if far is None else float(values[far]), path[min(beyond + 2, len(path) - 1)],
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Checked:
+    """A change tried by runs: the material's own place on the map, and the place beyond the boundary."""
+
+    before: Row
+    after: Row
+
+    @property
+    def crosses(self) -> bool:
+        """Whether the two runs are of different regimes."""
+        return {self.before.label, self.after.label} == {ABRUPT, SMOOTH}
+
+    def text(self) -> str:
+        """In words, with the two drops."""
+        drops = [f"{row.label} (drop {row.measures['drop_rel']:.3g})" for row in (self.before, self.after)]
+        verdict = "it crosses" if self.crosses else "it does NOT cross"
+        return f"checked by two runs of the map's own model: {drops[0]} before, {drops[1]} after: {verdict}"
+
+
+def check(
+    data: xr.Dataset, found: Guide, store: Store, run: Callable[[Case], Result] | None = None
+) -> Checked:
+    """Run the map's case at the material's place and after the first change; runs go into ``store``.
+
+    Raises BadInput if there is no change to check.
+    """
+    from cutbench.run.pool.worker import computed
+
+    if not found.changes:
+        raise BadInput(key="--check", value=found.material, expected="a material that a change moves across")
+    surge = data.attrs["surge_threshold"]
+    rules = SimpleNamespace(
+        onset_length_mm=data.attrs["onset_length_mm"], drop=data.attrs["drop_threshold"],
+        surge_min=surge if math.isfinite(surge) else None,
+    )  # fmt: skip
+    rows = []
+    for at in (found.at, found.changes[0].at):
+        case = case_on(data, at)
+        result = store.get(case.id)
+        if result is None:
+            result = computed(run, case)
+            store.put(result)
+        rows.append(row_of(result, rules))
+    return Checked(*rows)
+
+
+def _place(case: Case, axes: list[Axis]) -> dict[str, float | None]:
+    return {axis.name: value_on(axis, case) for axis in axes}
+
+
+def _coordinate(axis: Axis) -> Callable[[np.ndarray], np.ndarray]:
+    """An axis' values as 0 to 1. Listed levels that grow by ratios count by ratios, zero among them."""
+    low, high = axis.values[0], axis.values[-1]
+    if high == low:
+        return lambda v: 0 * np.asarray(v) + (np.asarray(v) != low) * 2.0  # only this value is on the map
+    steps = np.diff(axis.values)
+    if axis.scale == "log" or len(axis.values) < 3 or steps.max() < 1.5 * steps.min():
+        return lambda v: places(v, low, high, axis.scale)
+    small = min(abs(v) for v in axis.values if v)
+    ends = np.arcsinh(np.array([low, high]) / small)
+    return lambda v: (np.arcsinh(np.asarray(v) / small) - ends[0]) / (ends[1] - ends[0])
+
+
+def _differences(data: xr.Dataset, case: Case, at: dict[str, float]) -> dict[str, tuple[float, float]]:
+    """Dimensionless groups of the map's own case and of the material where they differ by a per cent."""
+    ours, theirs = case_on(data, at).groups(), case.groups()
+    return {
+        name: (ours[name], theirs[name])
+        for name in ours.keys() & theirs.keys()
+        if not math.isclose(ours[name], theirs[name], rel_tol=0.01, abs_tol=1e-9)
+    }

@@ -1,0 +1,347 @@
+"""The phase diagram: where cutting is smooth and where it is abrupt, from a map.
+
+One panel a level of the third axis; the cells show the relative force drop, the line where it
+passes the study's threshold, the markers what was computed, a thin line what the classical estimates
+say. Where the boundary was sought, cells and line are estimated from the runs, and what is not known
+with 95 % is hatched. It reads in grey: the colours run monotonically from light to dark, and the
+regimes differ by filled and open markers.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from matplotlib import colormaps, patheffects
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from scipy.interpolate import griddata
+from scipy.spatial import QhullError
+
+from cutbench.base.figure_style import DOUBLE_MM, new_figure, save, style
+from cutbench.maps.axes import BOUNDARY, ONE
+from cutbench.maps.boundary import SURE
+from cutbench.maps.confirmed_points import FOLDER, RECORD, draw_confirmed, handles_of, read_confirmed
+from cutbench.maps.coordinates import (
+    MATERIAL,
+    axis_text,
+    draw_materials,
+    edges,
+    is_log,
+    marks_of,
+    panels_of,
+    set_scale,
+    slab,
+    symbol,
+    unit_of,
+)
+from cutbench.maps.dataset import LABELS, NOT_COMPUTED, OUTCOME_FLAGS, axes_of
+from cutbench.maps.estimates import estimated_margin
+from cutbench.run.measures import ABRUPT, SMOOTH, UNCUT
+
+#: Light (no drop) to dark; the darkest and lightest ends are left out so that markers and lines show.
+DROPS = LinearSegmentedColormap.from_list("drops", colormaps["cividis_r"](np.linspace(0.06, 0.9, 256)))
+
+_MARKERS = {
+    ABRUPT: {"marker": "o", "mfc": "black", "mec": "white", "ms": 4.2, "mew": 0.6, "label": "abrupt"},
+    SMOOTH: {"marker": "o", "mfc": "white", "mec": "black", "ms": 3.8, "mew": 0.7, "label": "smooth"},
+    UNCUT: {"marker": "_", "mfc": "black", "mec": "black", "ms": 5, "mew": 1.0, "label": "no cut"},
+    NOT_COMPUTED: {"marker": "x", "mec": "0.35", "ms": 4, "mew": 0.9, "label": "not computed"},
+}
+#: Points along each axis at which the classical estimates are drawn.
+_TRIED = 13
+MISSING = "to come"
+_MARKERS[MISSING] = {"marker": ".", "mec": "0.55", "mfc": "0.55", "ms": 3.5, "mew": 0.0, "label": MISSING}
+
+
+def draw_phase(data: xr.Dataset, confirmed: Sequence[Mapping] = ()) -> Figure:
+    """The figure of a map as ``cutbench.maps.dataset.build_map`` makes it, complete or not.
+
+    ``confirmed``: points run in three dimensions, as ``read_confirmed`` gives them; grids show them.
+    """
+    if list(data["label"].dims) != axes_of(data):
+        return draw_samples(data)
+    whole, fixed = _reduce(data)
+    x, y, panel = (whole.attrs[f"plot_{name}"] for name in ("x", "y", "panel"))
+    data, whole = panels_of(whole, panel)
+    levels = [None] if not panel else list(range(data.sizes[panel]))
+    columns = 2 if len(levels) == 4 else min(3, len(levels))
+    rows = math.ceil(len(levels) / columns)
+    with style():
+        figure = new_figure(DOUBLE_MM, (66 if columns > 1 else 84) * rows + 16)
+        axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+        top = _top(whole)
+        marks, outside = marks_of(data, x, y, panel)
+        seen: set[str] = set()
+        solid: set[bool | None] = set()
+        image, bridged, classical = None, False, False
+        for k, ax in enumerate(axes.flat):
+            if k >= len(levels):
+                ax.set_visible(False)
+                continue
+            part = data if levels[k] is None else data.isel({panel: levels[k]})
+            if y:
+                image = _cells(ax, part, x, y, top)
+                bridged |= _boundary(ax, part, x, y)
+                _band(ax, part, x, y)
+                classical |= _classical(ax, part, x, y)
+            else:
+                _profile(ax, part, x)
+            seen |= _points(ax, part if levels[k] is None else slab(whole, data, panel, levels[k]), x, y)
+            draw_materials(ax, [m for m in marks if m["panel"] == (levels[k] or 0)], x, y, part)
+            solid |= draw_confirmed(ax, confirmed, part, x, y, (panel, levels[k], data[panel or x]))
+            _title(ax, data, panel, levels[k], k if len(levels) > 1 else None)
+            if k // columns == rows - 1 or k + columns >= len(levels):
+                ax.set_xlabel(axis_text(data[x]))
+                ax.tick_params(labelbottom=True)
+            if k % columns == 0:
+                ax.set_ylabel(axis_text(data[y]) if y else "relative force drop")
+        if image is not None:
+            bar = figure.colorbar(image, ax=list(axes.flat), pad=0.015, aspect=28, shrink=0.96)
+            bar.set_label("relative force drop")
+            bar.ax.axhline(data.attrs["drop_threshold"], color="black", lw=1.4)
+            bar.outline.set_linewidth(0.6)
+        _legend(figure, data, seen, bool(marks), bool(y), bridged, classical, handles_of(solid))
+        note = "; ".join([*fixed, *([f"outside the map: {', '.join(outside)}"] if outside else [])])
+        if note:
+            figure.supxlabel(note, fontsize=7.5, color="0.3")
+    return figure
+
+
+def save_phase(data: xr.Dataset, folder: str | Path, record: Path | None = None) -> list[Path]:
+    """Write ``phase.png`` and ``phase.svg`` into ``folder``; returns their paths.
+
+    With the points of ``record``, default confirm/confirm.json in ``folder``. Raises BadInput if that is
+    no record.
+    """
+    record = record or Path(folder) / FOLDER / RECORD
+    figure = draw_phase(data, read_confirmed(record, data))
+    return save(figure, Path(folder) / "phase.png", also=("svg",))
+
+
+def _reduce(data: xr.Dataset) -> tuple[xr.Dataset, list[str]]:
+    """Fix the axes that a plane picture cannot show at their middle value, and say so."""
+    shown = {data.attrs[f"plot_{name}"] for name in ("x", "y", "panel")}
+    texts = []
+    for dim in list(data["label"].dims):
+        if dim not in shown:
+            value = data[dim].values[data.sizes[dim] // 2]
+            texts.append(f"at {symbol(data[dim])} = {value:.3g}{unit_of(data[dim])}")
+            data = data.isel({dim: data.sizes[dim] // 2})
+    return data, texts
+
+
+def _top(data: xr.Dataset) -> float:
+    """Upper end of the colour scale: the tenth above the largest drop, at least twice the threshold."""
+    drop = data["drop_rel"].values
+    largest = float(np.nanmax(drop)) if np.isfinite(drop).any() else 0.0
+    return min(1.0, max(math.ceil(10 * largest - 1e-9) / 10, 2 * data.attrs["drop_threshold"]))
+
+
+def _cells(ax: Axes, part: xr.Dataset, x: str, y: str, top: float):
+    for name, which in ((x, "x"), (y, "y")):
+        set_scale(ax, which, part[name])
+    drop = part["drop_between" if "drop_between" in part else "drop_rel"].transpose(y, x).values
+    ax.set_facecolor("0.93")
+    image = ax.pcolormesh(
+        edges(part[x].values, is_log(part[x])),
+        edges(part[y].values, is_log(part[y])),
+        np.ma.masked_invalid(drop),
+        cmap=DROPS,
+        vmin=0,
+        vmax=top,
+        edgecolors="white" if drop.size < 1000 else "face",
+        linewidth=0.25 if drop.size < 1000 else 0.1,
+        rasterized=True,
+    )
+    for which, along in (("x", part[x]), ("y", part[y])):
+        e = edges(along.values, is_log(along))
+        getattr(ax, f"set_{which}lim")(e[0], e[-1])
+        getattr(ax, f"{which}axis").set_tick_params(which="minor", size=1.5, width=0.4)
+    return image
+
+
+def _boundary(ax: Axes, part: xr.Dataset, x: str, y: str) -> bool:
+    """The line on which the measures pass the threshold; dashed, and True, where it bridges gaps."""
+    margin = part["drop_rel"] / part.attrs["drop_threshold"]
+    if math.isfinite(part.attrs["surge_threshold"]):
+        margin = np.minimum(margin, part["surge"] / part.attrs["surge_threshold"])
+    z = margin.transpose(y, x).values
+    finite = z[np.isfinite(z)]
+    if min(z.shape) < 2 or finite.size == 0 or not finite.min() < 1 <= finite.max():
+        return False
+    # A logarithm keeps a steep drop from pushing the line towards the smooth side.
+    z = np.log(np.maximum(z, 1e-3))
+    whole = np.isfinite(z).all()
+    if not whole:
+        z = _fill(z)
+    # The outer cells reach beyond their points: hold the value there, so that the line meets the frame.
+    z = np.pad(z, 1, mode="edge")
+    grids = []
+    for name in (x, y):
+        e = edges(part[name].values, is_log(part[name]))
+        grids.append(np.concatenate([e[:1], part[name].values, e[-1:]]))
+    lines = ax.contour(
+        *grids, np.ma.masked_invalid(z), levels=[0.0], colors="black",
+        linewidths=1.5 if whole else 1.2, linestyles="solid" if whole else "dashed", zorder=3,
+    )  # fmt: skip
+    if whole:
+        lines.set_path_effects([patheffects.withStroke(linewidth=3.0, foreground="white")])
+    return not whole
+
+
+def _band(ax: Axes, part: xr.Dataset, x: str, y: str) -> None:
+    """Hatch where the regime is not known with 95 %."""
+    if "margin" not in part:
+        return
+    doubt = (SURE * part["margin_sd"] - np.abs(part["margin"])).transpose(y, x).values
+    if min(doubt.shape) > 1 and (doubt > 0).any():
+        ax.contourf(
+            part[x].values, part[y].values, doubt, levels=[0, np.inf], colors="none", hatches=["//////"],
+            zorder=2.5,
+        )  # fmt: skip
+
+
+def _classical(ax: Axes, part: xr.Dataset, x: str, y: str) -> bool:
+    """The boundary of the classical estimates; False where they have none."""
+    fixed = {name: float(part[name].values) for name in axes_of(part) if name not in (x, y)}
+    grids = [
+        (np.geomspace if is_log(part[n]) else np.linspace)(part[n].values[0], part[n].values[-1], _TRIED)
+        for n in (x, y)
+    ]
+    found = np.array([[estimated_margin(part, fixed | {x: a, y: b}) for a in grids[0]] for b in grids[1]])
+    known = found[np.isfinite(found)]
+    if known.size == 0 or not known.min() < 0 <= known.max():
+        return False
+    ax.contour(
+        *grids, np.ma.masked_invalid(found), levels=[0.0], colors="0.25", linewidths=0.9,
+        linestyles=[(0, (4, 1.5, 1, 1.5))], zorder=2.8,
+    )  # fmt: skip
+    return True
+
+
+def _fill(z: np.ndarray) -> np.ndarray:
+    """``z`` with its gaps interpolated along the grid; those outside the known points stay nan."""
+    known = np.isfinite(z)
+    try:
+        filled = griddata(np.argwhere(known), z[known], tuple(np.indices(z.shape)), method="linear")
+    except QhullError:  # too few points, or all on a line
+        return z
+    return np.where(known, z, filled)
+
+
+def _profile(ax: Axes, part: xr.Dataset, x: str) -> None:
+    """A map of one axis: the drop itself, with the threshold as a line."""
+    set_scale(ax, "x", part[x])
+    ax.plot(part[x].values, part["drop_rel"].values, "-", color="0.3", lw=1.0)
+    ax.axhline(part.attrs["drop_threshold"], color="black", lw=1.2, ls="--")
+    ax.set_ylim(-0.04, None)
+
+
+def _points(ax: Axes, part: xr.Dataset, x: str, y: str) -> set[str]:
+    """Markers of the regimes; returns those that occur."""
+    seen = set()
+    others = [dim for dim in part["label"].dims if dim not in (x, y)]
+    dims = [*others, *([y, x] if y else [x])]
+    labels, outcome, ids = (part[name].transpose(*dims).values for name in ("label", "outcome", "run_id"))
+    missing = (outcome == OUTCOME_FLAGS.index("missing")) & (ids != "")
+    which = {name: (labels == k) & (ids != "") & ~missing for k, name in enumerate(LABELS)}
+    for name, where in (which | {MISSING: missing}).items():
+        hits = np.argwhere(where)
+        if hits.size == 0:
+            continue
+        seen.add(name)
+        xs = part[x].values[hits[:, -1]]
+        ys = part[y].values[hits[:, -2]] if y else np.nan_to_num(part["drop_rel"].values[hits[:, 0]])
+        kwargs = {key: value for key, value in _MARKERS[name].items() if key != "label"}
+        ax.plot(xs, ys, ls="", zorder=4, clip_on=False, **kwargs)
+    return seen
+
+
+def draw_samples(data: xr.Dataset) -> Figure:
+    """Runs that do not lie on a grid: the drop over each axis, the regimes as markers."""
+    names = axes_of(data)
+    columns = min(3, len(names))
+    rows = math.ceil(len(names) / columns)
+    with style():
+        figure = new_figure(DOUBLE_MM, 58 * rows + 16)
+        axes = figure.subplots(rows, columns, sharey=True, squeeze=False)
+        seen: set[str] = set()
+        for k, ax in enumerate(axes.flat):
+            if k >= len(names):
+                ax.set_visible(False)
+                continue
+            part = data
+            if data.attrs["mode"] == ONE:
+                # The base's point, the first, and those that differ from it along this axis only.
+                moved = [n for n in names if n != names[k]]
+                same = [np.all([data[n].values[i] == data[n].values[0] for n in moved])
+                        for i in range(data.sizes["point"])]  # fmt: skip
+                part = data.isel(point=np.flatnonzero(same))
+                part = part.isel(point=np.argsort(part[names[k]].values, kind="stable"))
+                ax.plot(part[names[k]].values, part["drop_rel"].values, "-", color="0.5", lw=0.9)
+            if len(np.unique(part[names[k]].values)) > 1:
+                set_scale(ax, "x", part[names[k]].sortby(part[names[k]]))
+            ax.axhline(data.attrs["drop_threshold"], color="black", lw=1.2, ls="--")
+            seen |= _points(ax, part.swap_dims(point=names[k]), names[k], "")
+            ax.set_xlabel(axis_text(data[names[k]]))
+            if k % columns == 0:
+                ax.set_ylabel("relative force drop")
+        _legend(figure, data, seen, False, False, False, False)
+    return figure
+
+
+def _title(ax: Axes, data: xr.Dataset, panel: str, level: int | None, number: int | None) -> None:
+    if number is not None:
+        ax.set_title(chr(ord("a") + number), loc="left", fontweight="bold")
+    if level is not None and (mechanism := data[panel].attrs.get("mechanism")):
+        ax.set_title(f"{'with' if data[panel].values[level] else 'without'} {mechanism}", fontsize=8.5)
+    elif level is not None:
+        value = data[panel].values[level]
+        ax.set_title(f"{symbol(data[panel])} = {value:.3g}{unit_of(data[panel])}", fontsize=8.5)
+
+
+def _legend(
+    figure: Figure,
+    data: xr.Dataset,
+    seen: set[str],
+    materials: bool,
+    plane: bool,
+    bridged: bool,
+    classical: bool,
+    solid: Sequence[Line2D] = (),
+) -> None:
+    handles = [
+        Line2D([], [], ls="", **_MARKERS[name])
+        for name in (ABRUPT, SMOOTH, UNCUT, NOT_COMPUTED, MISSING)
+        if name in seen
+    ]
+    text = f"boundary: drop of {100 * data.attrs['drop_threshold']:g} %"
+    if math.isfinite(data.attrs["surge_threshold"]):
+        text += f", surge of {data.attrs['surge_threshold']:g}"
+    handles.append(Line2D([], [], color="black", lw=1.5, ls="-" if plane else "--", label=text))
+    if bridged:
+        handles.append(Line2D([], [], color="black", lw=1.2, ls="--", label="interpolated"))
+    if data.attrs.get("mode") == BOUNDARY and "margin" in data:
+        handles.append(
+            Patch(facecolor="none", edgecolor="0.2", hatch="//////", lw=0.4, label="unsure (95 %)")
+        )
+    if classical:
+        dashes = (0, (4, 1.5, 1, 1.5))
+        handles.append(Line2D([], [], color="0.25", lw=0.9, ls=dashes, label="classical estimate"))
+    if materials:
+        handles.append(Line2D([], [], label="material", **MATERIAL))
+    handles += solid
+    figure.legend(
+        handles=handles,
+        loc="outside upper center",
+        ncols=len(handles) if len(handles) < 6 else math.ceil(len(handles) / 2),
+        columnspacing=1.6,
+        handletextpad=0.5,
+    )

@@ -1,0 +1,124 @@
+"""Which runs a study asks for next, given those that have ended: all at once, or round by round."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cutbench.base.errors import BadInput
+from cutbench.case.case import Case
+from cutbench.maps.axes import BOUNDARY
+from cutbench.maps.boundary import Estimate, Index, Seeker, margin
+from cutbench.maps.dataset import Row
+from cutbench.maps.study import Study
+from cutbench.run.measures import UNCUT
+
+
+class Plan:
+    """The runs of a grid, of a sample, or one axis at a time: known beforehand, asked for once."""
+
+    def __init__(self, study: Study):
+        self.study = study
+        #: Run id by index in the map, as far as asked for.
+        self.ids: dict[Index, str] = {}
+        self.impossible: dict[str, Row] = {}
+
+    def ask(self, rows: Mapping[str, Row]) -> list[Case]:
+        """The next cases, in order; none when the study is done. ``rows`` are all that have ended."""
+        if self.ids:
+            return []
+        self.ids = {index: case.id for index, case in self.study.points()}
+        return self.study.cases()
+
+    def estimates(self, rows: Mapping[str, Row]) -> dict[Index, Estimate]:
+        """What is known of a boundary that is sought, by the indices of the levels."""
+        return {}
+
+
+@dataclass
+class _Level:
+    """One combination of levels: its indices by axis, and the search over the other axes."""
+
+    fixed: dict[int, int]
+    seeker: Seeker
+    places: dict[Index, Index] = field(default_factory=dict)  # in the box -> in the map
+
+
+class BoundaryPlan(Plan):
+    """The rounds of a search, one search for each combination of levels, side by side."""
+
+    def __init__(self, study: Study):
+        super().__init__(study)
+        if study.search is None:
+            raise ValueError("a study without a search has no boundary plan")
+        self._free = [k for k, axis in enumerate(study.axes) if axis.continuous]
+        levels = [k for k in range(len(study.axes)) if k not in self._free]
+        shape = tuple(study.shape[k] for k in self._free)
+        self._levels = [
+            _Level(
+                dict(zip(levels, chosen, strict=True)),
+                Seeker(shape, start=study.search.start, batch=study.search.batch, runs=study.search.runs),
+            )
+            for chosen in itertools.product(*(range(study.shape[k]) for k in levels))
+        ]
+
+    def ask(self, rows: Mapping[str, Row]) -> list[Case]:
+        while True:
+            asked, cases = 0, []
+            for level in self._levels:
+                for inner in level.seeker.ask(self._known(level, rows)):
+                    asked += 1
+                    cases += self._case(level, inner)
+            if cases or not asked:
+                return cases
+
+    def _case(self, level: _Level, inner: Index) -> list[Case]:
+        index = level.places[inner] = self._whole(level, inner)
+        values = [axis.values[i] for axis, i in zip(self.study.axes, index, strict=True)]
+        try:
+            case = self.study.case_at(values)
+        except BadInput as error:  # a place in the middle that the corners did not foretell
+            self.ids[index] = f"none-{'-'.join(map(str, index))}"
+            self.impossible[self.ids[index]] = Row("failed", str(error))
+            return []
+        self.ids[index] = case.id
+        return [case]
+
+    def estimates(self, rows: Mapping[str, Row]) -> dict[Index, Estimate]:
+        return {
+            tuple(level.fixed.values()): level.seeker.estimate(self._known(level, rows))
+            for level in self._levels
+        }
+
+    def _known(self, level: _Level, rows: Mapping[str, Row]) -> dict[Index, float]:
+        found = {}
+        for inner, index in level.places.items():
+            row = rows.get(self.ids[index]) or self.impossible.get(self.ids[index])
+            if row is not None:
+                found[inner] = margin_of(row, self.study)
+        return found
+
+    def _whole(self, level: _Level, inner: Index) -> Index:
+        place = dict(zip(self._free, inner, strict=True)) | level.fixed
+        return tuple(place[k] for k in range(len(place)))
+
+
+def plan_of(study: Study) -> Plan:
+    """The plan of a study's mode."""
+    return BoundaryPlan(study) if study.mode == BOUNDARY else Plan(study)
+
+
+def margin_of(row: Row, study: Study) -> float:
+    """A run's margin against the study's thresholds; nan if it did not end well."""
+    if row.outcome != "done":
+        return math.nan
+    surge_min = math.nan if study.surge_min is None else study.surge_min
+    found = margin(
+        np.array(row.measures["drop_rel"]), np.array(row.measures["surge"]), np.array(row.label == UNCUT),
+        drop=study.drop, surge_min=surge_min,
+    )  # fmt: skip
+    return float(found)

@@ -1,0 +1,52 @@
+"""Where the runs of a study lie: the order of a grid, a Latin hypercube, one axis at a time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from cutbench.maps.axes import Axis, short
+
+
+def coarse_to_fine(shape: tuple[int, ...]) -> tuple[int, ...]:
+    """Flat indices of a grid so that each is as far as can be from all before it, the middle first.
+
+    Distances are relative to the axes' lengths; ties go to the lower index, so the order is fixed.
+    """
+    index = np.stack(np.unravel_index(np.arange(math.prod(shape)), shape), axis=1).astype(float)
+    place = index / np.maximum(np.array(shape) - 1, 1)
+    order = [int(np.argmin(((place - 0.5) ** 2).sum(axis=1).round(9)))]
+    gap = np.full(len(place), np.inf)
+    for _ in range(len(place) - 1):
+        gap = np.minimum(gap, ((place - place[order[-1]]) ** 2).sum(axis=1).round(9))
+        gap[order[-1]] = -1.0  # taken
+        order.append(int(np.argmax(gap)))
+    return tuple(order)
+
+
+def latin_hypercube(axes: Sequence[Axis], points: int, seed: int) -> tuple[tuple[float, ...], ...]:
+    """``points`` places, one in each of as many equal slices of every axis (McKay, Beckman & Conover 1979).
+
+    An axis of levels has each of them equally often, as far as the number of points allows.
+    """
+    rng = np.random.default_rng(seed)
+    columns = []
+    for axis in axes:
+        slices = (rng.permutation(points) + rng.random(points)) / points
+        if axis.continuous:
+            columns.append([axis.value(float(place)) for place in slices])
+        else:
+            columns.append([axis.values[int(place * len(axis.values))] for place in slices])
+    return tuple(zip(*columns, strict=True))
+
+
+def one_at_a_time(axes: Sequence[Axis], base: Sequence[float]) -> tuple[tuple[float, ...], ...]:
+    """``base``, then for each axis in turn its values with the others at the base; each point once."""
+    base = tuple(short(value) for value in base)
+    found = dict.fromkeys([base])
+    for k, axis in enumerate(axes):
+        for value in axis.values:
+            found[(*base[:k], value, *base[k + 1 :])] = None
+    return tuple(found)

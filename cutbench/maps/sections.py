@@ -1,0 +1,118 @@
+"""The smaller sections of a study: [regime], [plot], [boundary], [sample]; read strictly."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from cutbench.base.errors import BadInput
+from cutbench.base.toml import one_of
+from cutbench.base.units import parse_quantity
+from cutbench.case import materials
+from cutbench.maps.axes import Axis, refuse_unknown
+
+#: A boundary is sought along so many continuous axes at the most.
+MAX_SOUGHT = 3
+
+
+@dataclass(frozen=True)
+class Plot:
+    """Which axes a phase diagram shows (empty: none), and which materials it marks."""
+
+    x: str
+    y: str = ""
+    panel: str = ""
+    mark: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Search:
+    """How a boundary is sought: ``start`` points an axis to begin with, then ``batch`` runs at a time,
+    ``runs`` at the most; all for each combination of levels."""
+
+    start: int
+    batch: int
+    runs: int
+
+
+def read_search(part: dict, axes: tuple[Axis, ...]) -> Search:
+    refuse_unknown(part, ("runs", "batch", "start"))
+    sought = [axis for axis in axes if axis.continuous]
+    if not 1 <= len(sought) <= MAX_SOUGHT:
+        raise BadInput(
+            key="axis", value=f"{len(sought)} with from and to",
+            expected=f"1 to {MAX_SOUGHT} axes along which the boundary is sought; list values of others",
+        )  # fmt: skip
+    start = _whole(part, "start", 5, 3, min(len(axis.values) for axis in sought))
+    batch = _whole(part, "batch", 8 if len(sought) < 3 else 16, 1, 1000)
+    least = start ** len(sought)
+    eighth = math.prod(math.ceil(1 / axis.tolerance - 1e-9) for axis in sought) // 8
+    return Search(start, batch, _whole(part, "runs", max(eighth, least + 4 * batch), least, 100_000))
+
+
+def read_sample(part: dict) -> tuple[int, int]:
+    refuse_unknown(part, ("points", "seed"))
+    if "points" not in part:
+        raise BadInput(key="sample", value="(no points)", expected="[sample] with points = 100 or so")
+    return _whole(part, "points", 0, 1, 100_000), _whole(part, "seed", 1, 0, 2**32)
+
+
+def _whole(part: dict, key: str, default: int, low: int, high: int) -> int:
+    value = part.get(key, default)
+    if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+        raise BadInput(key=key, value=value, expected=f"a whole number, {low} to {high}")
+    return value
+
+
+def read_regime(part: dict) -> tuple[float, float | None, float]:
+    refuse_unknown(part, ("drop", "surge", "onset_length"))
+    drop = _between(part, "drop", 0.1, 0, 1)
+    surge = _between(part, "surge", None, 0, math.inf) if "surge" in part else None
+    length = parse_quantity(part.get("onset_length", "0.1 mm"), "mm", key="onset_length")
+    if not 0 < length < math.inf:
+        raise BadInput(
+            key="onset_length", value=part["onset_length"], expected="a length above 0, such as '0.1 mm'"
+        )
+    return drop, surge, length
+
+
+def _between(part: dict, key: str, default: float | None, low: float, high: float) -> float:
+    value = parse_quantity(part.get(key, default), "1", key=key)
+    if not low < value < high:
+        wanted = f"{low:g} < {key} < {high:g}" if math.isfinite(high) else f"{low:g} < {key}"
+        raise BadInput(key=key, value=part.get(key), expected=f"a number, {wanted}")
+    return value
+
+
+def read_plot(part: dict, axes: tuple[Axis, ...]) -> Plot:
+    refuse_unknown(part, ("x", "y", "panel", "mark"))
+    names = [axis.name for axis in axes]
+    chosen: dict[str, str] = {}
+    for key in ("x", "y", "panel"):
+        if key in part:
+            name = part[key]
+            if name not in names:
+                raise BadInput(key=key, value=name, expected=one_of(str(name), names))
+            if name in chosen.values():
+                raise BadInput(key=key, value=name, expected="an axis that the picture does not show already")
+            chosen[key] = name
+    free = [name for name in names if name not in chosen.values()]
+    for key in ("x", "y", "panel"):
+        if key not in chosen:
+            chosen[key] = free.pop(0) if free else ""
+    mark = part.get("mark", [])
+    if not isinstance(mark, list) or not all(isinstance(m, str) for m in mark):
+        raise BadInput(
+            key="mark", value=str(mark), expected=f"a list of materials, such as {materials.names()}"
+        )
+    for name in mark:
+        if name not in materials.names():
+            raise BadInput(key="mark", value=name, expected=one_of(name, materials.names()))
+    return Plot(**chosen, mark=tuple(mark))
+
+
+def read_section(table: dict, name: str) -> dict:
+    part = table.get(name, {})
+    if not isinstance(part, dict):
+        raise BadInput(key=name, value=str(part), expected=f"a section, written [{name}]")
+    return part

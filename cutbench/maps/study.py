@@ -1,0 +1,278 @@
+"""A study: a base case, the axes over which it is varied, how, and how its regimes are told apart.
+
+``load_study`` reads TOML strictly: whatever it would have to guess or ignore is refused, with the
+file, the line, the key, the value, and what would be right.
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from cutbench.base.errors import BadInput
+from cutbench.base.toml import line_of, located, one_of, read_toml
+from cutbench.case import materials
+from cutbench.case.case import Case, load_case
+from cutbench.case.model import GROUPS, Model, section_of
+from cutbench.case.values import ETA_V
+from cutbench.maps.axes import (
+    BOUNDARY,
+    GRID,
+    MODES,
+    ONE,
+    SAMPLE,
+    Axis,
+    read_axes,
+    refuse_unknown,
+    switched,
+    value_on,
+)
+from cutbench.maps.sampling import coarse_to_fine, latin_hypercube, one_at_a_time
+from cutbench.maps.sections import (
+    Plot,
+    Search,
+    read_plot,
+    read_regime,
+    read_sample,
+    read_search,
+    read_section,
+)
+
+_SECTIONS = ("parameters", "specimen", "blade", "protocol", "numerics")
+_TOP = ("title", "mode", "base", "mechanisms", *_SECTIONS, "axis", "sample", "boundary", "regime", "plot")
+
+
+@dataclass(frozen=True)
+class Mark:
+    """Where a material lies: axis name -> value in the axis' unit."""
+
+    name: str
+    at: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Study:
+    """A validated study. ``grid`` are its cases (of a boundary's search none: they are asked for on the way);
+    ``samples`` their values by axis, where they do not lie on a grid."""
+
+    path: Path
+    title: str
+    text: str
+    base: Case
+    axes: tuple[Axis, ...]
+    grid: tuple[Case, ...]
+    drop: float
+    surge_min: float | None
+    onset_length_mm: float
+    plot: Plot
+    mode: str = GRID
+    samples: tuple[tuple[float, ...], ...] = ()
+    search: Search | None = None
+    start: Case | None = None
+    changes: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Points along each axis; without a grid, the number of points."""
+        return tuple(len(axis.values) for axis in self.axes) if self.on_grid else (len(self.grid),)
+
+    @property
+    def on_grid(self) -> bool:
+        """Whether points are numbered by their place on each axis, or one after the other."""
+        return self.mode in (GRID, BOUNDARY)
+
+    def points(self) -> Iterator[tuple[tuple[int, ...], Case]]:
+        """All points that are known beforehand with their index, row by row."""
+        if self.mode == BOUNDARY:
+            return iter(())
+        return zip(np.ndindex(self.shape), self.grid, strict=True)
+
+    def cases(self) -> list[Case]:
+        """All of them, on a grid coarse to fine: any beginning is spread over the whole map."""
+        return [self.grid[i] for i in self._order]
+
+    @cached_property
+    def _order(self) -> tuple[int, ...]:
+        return coarse_to_fine(self.shape) if self.mode == GRID else tuple(range(len(self.grid)))
+
+    def case_at(self, values: Sequence[float]) -> Case:
+        """The case with these values of its axes. Raises BadInput if they do not fit one another."""
+        return case_at(self.start or self.base, self.changes, self.axes, values)
+
+    def marks(self) -> list[Mark]:
+        """The marked materials on the study's axes."""
+        found = []
+        for name in self.plot.mark:
+            case = load_case(name)
+            at = {axis.name: value_on(axis, case) for axis in self.axes}
+            missing = [n for n, value in at.items() if value is None]
+            if missing:
+                raise BadInput(
+                    file=str(self.path), key="mark", value=name, line=line_of(self.text, "mark", "plot"),
+                    expected=f"materials that have a value of {', '.join(missing)}",
+                )  # fmt: skip
+            found.append(Mark(case.name, at))
+        return found
+
+
+def case_at(
+    start: Case, changes: Mapping[str, object], axes: Sequence[Axis], values: Sequence[float]
+) -> Case:
+    """``start`` with ``changes`` and the values of the axes, the switched mechanisms first.
+
+    Groups among the changes are solved anew: they hold along the axes. What ``changes`` say about a
+    mechanism that is switched out goes with it; an axis that sets something of it is refused.
+    """
+    switches = {a.mechanism: bool(v) for a, v in zip(axes, values, strict=True) if a.mechanism}
+    model = start.model
+    for name, on in switches.items():
+        if on:
+            model = model.with_(name)
+        elif name in model.mechanisms:
+            model = model.without(name)
+    kept = dict(changes)
+    if switches:
+        kept["mechanisms"] = model.mechanisms
+        here, elsewhere = model.parameters(), start.model.with_(*switches).parameters()
+        for key in changes:
+            sets = GROUPS[key].parameter if key in GROUPS else "eta_reg" if key == ETA_V.name else key
+            if sets in elsewhere and sets not in here:
+                del kept[key]
+    own = {a.name: a.text(v) for a, v in zip(axes, values, strict=True) if not a.mechanism}
+    return start.set(**kept, **own)
+
+
+def load_study(path: str | Path) -> Study:
+    """The study in a TOML file; every error a person can make in it is a BadInput."""
+    path = Path(path)
+    table, text = _read(path)
+    with located(path, text):
+        refuse_unknown(table, _TOP)
+        title = table.get("title", path.stem)
+        if not isinstance(title, str) or not title.strip():
+            raise BadInput(key="title", value=title, expected="a title, such as 'Smooth and abrupt cutting'")
+        mode = table.get("mode", GRID)
+        if mode not in MODES:
+            raise BadInput(key="mode", value=mode, expected=one_of(str(mode), MODES))
+        for section, owner in (("sample", SAMPLE), ("boundary", BOUNDARY)):
+            if section in table and mode != owner:
+                raise BadInput(key=section, value=f"[{section}]", expected=f"it only where mode = '{owner}'")
+        start = _base(table, path)
+    switches = switched(table)
+    whole = start.model.with_(*switches) if switches else start.model
+    changes = _changes(table, path, text, whole)
+    with located(path, text):
+        base = start.set(mechanisms=whole.mechanisms, **changes)
+    axes = read_axes(table, path, text, base.model, changes, mode)
+    with located(path, text, "regime"):
+        drop, surge_min, onset_length_mm = read_regime(read_section(table, "regime"))
+    with located(path, text, "plot"):
+        plot = read_plot(read_section(table, "plot"), axes)
+    search, samples = None, ()
+    if mode == BOUNDARY:
+        with located(path, text, "boundary"):
+            search = read_search(read_section(table, "boundary"), axes)
+        # The corners and the middle stand for all that may be asked for.
+        ends = [
+            (a.values[0], a.values[len(a.values) // 2], a.values[-1]) if a.continuous else a.values
+            for a in axes
+        ]
+        places = itertools.product(*ends)
+    elif mode == SAMPLE:
+        with located(path, text, "sample"):
+            samples = places = latin_hypercube(axes, *read_sample(read_section(table, "sample")))
+    elif mode == ONE:
+        at = {axis.name: value_on(axis, start if axis.mechanism else base) for axis in axes}
+        with located(path, text):
+            samples = places = one_at_a_time(axes, _middle(at))
+    else:
+        places = itertools.product(*(a.values for a in axes))
+    with located(path, text):
+        cases = tuple(case_at(start, changes, axes, values) for values in places)
+    study = Study(
+        path, title, text, base, axes, () if mode == BOUNDARY else cases, drop, surge_min, onset_length_mm,
+        plot, mode, tuple(samples), search, start, changes,
+    )  # fmt: skip
+    study.marks()
+    return study
+
+
+def _read(path: Path) -> tuple[dict, str]:
+    """``read_toml``, with the line where a list or a string was left open, not the one after it."""
+    try:
+        return read_toml(path)
+    except BadInput as error:
+        if error.key != "TOML" or error.line is None:
+            raise
+        lines = path.read_text(encoding="utf-8").splitlines()
+        for n in range(min(error.line, len(lines)) - 1, 0, -1):
+            try:
+                tomllib.loads("\n".join(lines[:n]))
+            except tomllib.TOMLDecodeError:
+                continue
+            # Line n + 1 begins what cannot be read; a new statement below it was none of its lines.
+            if re.match(r"\s*([\w\"'.-]+\s*=|\[)", lines[error.line - 1]) and n + 1 < error.line:
+                while not lines[n].split("#")[0].strip():
+                    n += 1
+                raise BadInput(
+                    file=error.file, line=n + 1, key="TOML", value=lines[n].strip(), expected=error.expected
+                ) from error
+            break
+        raise
+
+
+def _middle(at: Mapping[str, float | None]) -> list[float]:
+    missing = [name for name, value in at.items() if value is None]
+    if missing:
+        raise BadInput(
+            key="base", value=", ".join(missing),
+            expected="a base that has a value of every axis, from which one at a time departs",
+        )  # fmt: skip
+    return list(at.values())
+
+
+def _base(table: dict, path: Path) -> Case:
+    if "base" not in table:
+        raise BadInput(
+            key="base",
+            value="(missing)",
+            expected=f"a material ({', '.join(materials.names())}) or a case file",
+        )
+    source = table["base"]
+    if not isinstance(source, str):
+        raise BadInput(key="base", value=source, expected="a material's name or a case file")
+    near = path.parent / source
+    try:
+        case = load_case(near if near.is_file() else source)
+    except BadInput as error:
+        if error.file is not None:  # in the case file itself
+            raise
+        raise BadInput(key="base", value=source, expected=error.expected) from error
+    return case.set(mechanisms=table["mechanisms"]) if "mechanisms" in table else case
+
+
+def _changes(table: dict, path: Path, text: str, model: Model) -> dict[str, object]:
+    """What the sections set, as ``Case.set`` takes it."""
+    known = model.parameters()
+    changes: dict[str, object] = {}
+    for section in _SECTIONS:
+        with located(path, text, section):
+            part = read_section(table, section)
+            for key, raw in part.items():
+                if key in known and section_of(key) != section:
+                    raise BadInput(
+                        key=key, value=raw, expected=f"it in [{section_of(key)}], not in [{section}]"
+                    )
+                if key in ("name", "with", "with_", "without", "mechanisms"):
+                    raise BadInput(key=key, value=raw, expected=f"a quantity in [{section}]")
+                if key in changes:
+                    raise BadInput(key=key, value=raw, expected="each quantity once")
+            changes |= part
+    return changes

@@ -1,0 +1,170 @@
+"""From a case to a discrete problem, the same way in 2D and 3D."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutbench.base.errors import BadInput
+from cutbench.case.case import Case
+from cutbench.case.motion import Motion
+from cutbench.case.numerics import Numerics
+from cutbench.forms.bending import BendingForm
+from cutbench.forms.blade import BladeForm, ContactNumerics
+from cutbench.forms.bulk import BulkForm
+from cutbench.forms.cut import CutForm
+from cutbench.forms.damping import DampingForm
+from cutbench.forms.geometry import Geometry, paired
+from cutbench.forms.mixed import MixedVolumetric
+from cutbench.forms.space import Faces, Space
+from cutbench.forms.support import SupportForm
+from cutbench.solver.iterative import rigid_motions
+from cutbench.solver.march import March
+from cutbench.solver.newton import NewtonSettings
+from cutbench.solver.predictor.history import Past
+from cutbench.solver.predictor.window import REMEMBERED, Window
+from cutbench.solver.problem import Problem
+from cutbench.solver.step_control import StepRules
+
+#: Polynomial order of the displacements.
+ORDER = {"P1": 1, "P2": 2, "P2P1": 2}
+#: Quadrature degree in quadratic elements. With 2, exact where strains are small, the mixed one begins to cut
+#: a tenth too early, and the other snaps where nothing snaps: beside the cut it is stretched several times.
+DEGREE = {"P2": 4, "P2P1": 4}
+
+
+@dataclass(frozen=True)
+class Built:
+    """A problem ready to march, and what is needed to read its results."""
+
+    case: Case
+    geometry: Geometry
+    space: Space
+    problem: Problem
+    march: March
+
+    def form(self, name: str):
+        return next(form for form in self.problem.forms if form.name == name)
+
+    @property
+    def blades(self) -> list[BladeForm]:
+        return self.problem.blades
+
+
+def geometry_of(case: Case, **where) -> Geometry:
+    """Mesh and names for the case's dimension; in 2D ``where`` says which elements are small."""
+    if case.dim == 2:
+        from cutbench.models2d.plane_strain import geometry
+    else:
+        from cutbench.models3d.block import geometry
+    return geometry(case.values, case.numerics, **where)
+
+
+def contact_numerics(p, n: Numerics) -> ContactNumerics:
+    """Stiffnesses of the contact for parameters ``p``, which may be complex."""
+    return ContactNumerics(n.penalty * p.G, n.stick * p.G, n.normal, n.gap, n.multiplier == "carried")
+
+
+def damping_viscosity(p, n: Numerics):
+    """Viscosity of the damping form, MPa s."""
+    return p.G * n.damping_mm / p.speed
+
+
+def first_centre(p) -> np.ndarray:
+    """Centre (3,) of the tip's ellipse before the blade moves: the tip touches the top."""
+    return np.array([0.0, p.height + getattr(p, "tip", 0.0), 0.0])
+
+
+def build(case: Case, geometry: Geometry | None = None, space: Space | None = None) -> Built:
+    """Forms, pattern, solver and march of a case. Raises BadInput for a mesh that cannot be used.
+
+    ``geometry`` and the ``space`` on its mesh are the case's unless given.
+    """
+    p, n, model = case.p, case.numerics, case.model
+    geometry = geometry or geometry_of(case)
+    order = ORDER[n.element]
+    space = space or Space.build(geometry.mesh, order)
+    dim = space.dim
+    degree = 1 if order == 1 else n.bulk_degree or DEGREE[n.element]
+    volume = space.volume(degree)
+    bulk, skins = model.laws("bulk"), model.laws("skin")
+    forms = []
+    if n.element == "P2P1":
+        if not any(law.role == "volumetric" for law in bulk):
+            raise BadInput(
+                key="element", value="P2P1", expected="P1 or P2 in a model without a law for volume change"
+            )
+        pressure = next(law for law in bulk if law.role == "volumetric")
+        forms.append(MixedVolumetric(pressure, space, degree, p.height, skins))
+        bulk = tuple(law for law in bulk if law is not pressure)
+    forms.insert(0, BulkForm(bulk, volume, p.height, skins))
+    ndof = getattr(forms[-1], "ndof", space.ndof)
+    faces = {name: space.faces(name, n.facet_degree) for name in geometry.blade_faces}
+    if cut := model.laws("cut"):
+        minus = paired(faces["cut"], faces["cut_minus"], space.X) if geometry.split else None
+        forms.append(CutForm(cut, faces["cut"], p.height, minus, skins, n.closing))
+        if n.layer > 0:
+            mirrors = [(space.nodes_on(name), i) for name, i in geometry.held]
+            stiff = {"bending": faces["cut"], "bending_top": faces["top"]}
+            if geometry.split:
+                stiff["bending_minus"] = minus
+            forms += [BendingForm(side, space.X, n.layer, mirrors, name) for name, side in stiff.items()]
+    elif geometry.split:
+        raise BadInput(
+            key="symmetry", value="full", expected="'half' where no law holds the cut plane together"
+        )
+    blade = model.laws("blade")
+    # Without contact nothing meets the blade: neither friction nor adhesion then has a surface to act on.
+    if any(law.role == "contact" for law in blade):
+        met, kept = Faces.joined(list(faces.values())), [name for name in faces if name != "top"]
+        forms.append(BladeForm(blade, met, contact_numerics(p, n), keep_touched=kept, height=p.height))
+    if n.damping_mm > 0:
+        forms.append(DampingForm(volume, damping_viscosity(p, n)))
+    clamped = space.nodes_on(geometry.clamped)
+    support = None
+    for law in model.laws("support"):
+        support = SupportForm(law, space.faces(geometry.clamped, 2 * order), ndof)
+        forms.append(support)
+        ndof = support.ndof
+    fixed = [clamped * dim + i for i in range(dim) if i == 1 or support is None]
+    fixed += [space.nodes_on(name) * dim + i for name, i in geometry.held]
+    if not cut and not geometry.split:
+        fixed.append(space.nodes_on("cut") * dim)  # nothing to open: the plane stays a symmetry plane
+    if support is not None:  # what symmetry holds needs no traction
+        traction, held = support.pairs
+        fixed.append(traction[np.isin(held, np.concatenate(fixed))])
+    # A section is small, and the mixed element's matrix no elasticity alone: both are factorized.
+    modes = rigid_motions(space.X) if dim == 3 and ndof == space.ndof else None
+    problem = Problem(forms, ndof, np.unique(np.concatenate(fixed)), p, solver=n.solver, modes=modes)
+    rules = StepRules(
+        largest=n.step_mm,
+        smallest=n.step_min_mm,
+        first=min(0.02, n.step_mm),
+        damage=n.damage_step,
+        defect=n.energy_step,
+        # A step that is refused costs a block minutes: it stays with one that goes well.
+        least=1.2 if dim == 3 else 1.0,
+        augmentations=n.augmentations,
+        staggered=n.scheme == "staggered",
+        # A block has too few elements for its surge to be so well resolved.
+        haste=3.0 if dim == 2 and n.stepping != "paper" else 1.0,
+        paper=n.stepping == "paper",
+    )
+    looks_ahead = bool(cut) and n.predictor == "front" and n.scheme == "monolithic"
+    past = None
+    if cut and n.predictor == "repeat" and not case.motion:
+        past = Past(space, faces["cut"], ndof)
+    elif looks_ahead and dim == 2:
+        past = Past(space, faces["cut"], ndof, REMEMBERED)
+    march = March(
+        problem,
+        first_centre(p),
+        Motion(p.depth, p.speed, case.motion),
+        clamped * dim + 1,
+        rules,
+        NewtonSettings(tolerance=n.tolerance),
+        past=past,
+        window=Window(problem, space, faces["cut"], p.thickness, past) if looks_ahead else None,
+    )
+    return Built(case, geometry, space, problem, march)

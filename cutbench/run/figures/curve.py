@@ -1,0 +1,177 @@
+"""Force against blade travel, and which mechanism takes it up."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from cutbench.base.figure_style import COLOURS, GREY, HATCHES, SINGLE_MM, math_text, new_figure, style
+from cutbench.mechanisms import registry
+from cutbench.run.measures import forward
+from cutbench.run.result import BENDING, SNAP
+
+if TYPE_CHECKING:
+    from cutbench.run.result import Result
+
+#: Entries that never reach this share of the largest force are drawn together.
+NEGLIGIBLE = 0.005
+#: Labels of entries that are not in the registry.
+NO_MECHANISM = {SNAP: "unresolved jumps", BENDING: "bending of surfaces"}
+
+
+def plot_curve(result: Result, *, window_mm: float | None = None) -> Figure:
+    """Force on the blade (N) over its travel (mm), above the same force split by mechanism.
+
+    The split is the slope of each mechanism's work over ``window_mm`` of travel (default: half the
+    blade's thickness), because a single step's share is noisy. What takes up work is stacked above
+    zero; what gives it back (released elastic energy) is stacked below; both together are the force.
+    """
+    if window_mm is None:
+        window_mm = getattr(result.case.p, "thickness", 0.7) / 2
+    with style():
+        figure = new_figure(SINGLE_MM, 120)
+        top, low = figure.subplots(2, 1, sharex=True)
+        _force(top, result)
+        _split(low, result, window_mm)
+        low.set_xlabel("blade travel (mm)")
+        reached = float(np.max(result.displacement_mm, initial=0.0)) or 1.0
+        end = 1.02 * reached if result.case.motion else getattr(result.case.p, "depth", reached)
+        low.set_xlim(0, max(end, reached))
+        figure.align_ylabels([top, low])
+        figure.suptitle(result.case.name, fontsize=9, fontweight="bold", x=0.02, ha="left")
+        top.set_title(_groups(result), loc="left", fontsize=7.5)
+        if low.get_legend_handles_labels()[0]:
+            # Outside the axes: inside, the legend would hide areas.
+            figure.legend(
+                *low.get_legend_handles_labels(), loc="outside lower center", ncols=2, columnspacing=1.2
+            )
+    return figure
+
+
+def smooth_force(
+    travel_mm: np.ndarray, work_mJ: np.ndarray, window_mm: float, at_mm: np.ndarray
+) -> np.ndarray:
+    """Mean force (N) over a window of travel centred at ``at_mm``: the work's difference by the window.
+
+    Exact for any step size, since work adds up over steps; the window is cut off at the curve's ends.
+    """
+    left = np.clip(at_mm - window_mm / 2, travel_mm[0], travel_mm[-1])
+    right = np.clip(at_mm + window_mm / 2, travel_mm[0], travel_mm[-1])
+    gain = np.interp(right, travel_mm, work_mJ) - np.interp(left, travel_mm, work_mJ)
+    return gain / np.maximum(right - left, np.finfo(float).tiny)
+
+
+def _force(axes, result: Result) -> None:
+    travel, force = result.displacement_mm, result.force_N
+    axes.plot(travel, force, color=COLOURS["black"], ls="-")
+    axes.set_ylabel("force (N)")
+    low, high = float(np.min(force, initial=0.0)), float(np.max(force, initial=1e-9))
+    axes.set_ylim(1.12 * low, 1.12 * high)
+    onset, peak = (result.measures.get(key, np.nan) for key in ("onset_mm", "peak_mm"))
+    if np.isfinite(onset):
+        down = forward(travel)
+        at = float(np.interp(onset, travel[:down], force[:down]))
+        axes.plot(
+            [onset], [at], "o", mfc="white", mec=COLOURS["blue"], label=f"onset of cutting, {onset:.2f} mm"
+        )
+    if np.isfinite(peak):
+        at = result.measures.get("peak_N", float(np.interp(peak, travel, force)))
+        axes.plot(
+            [peak],
+            [at],
+            "v",
+            mfc=COLOURS["vermilion"],
+            mec=COLOURS["vermilion"],
+            label=f"peak, {at:.3g} N at {peak:.2f} mm",
+        )
+    if not result.outcome.done:
+        axes.plot(
+            travel[-1:],
+            force[-1:],
+            "X",
+            color=COLOURS["vermilion"],
+            ms=5.5,
+            mec="white",
+            mew=0.5,
+            label=f"{result.outcome.kind} at {result.outcome.reached_mm:.2f} mm",
+        )
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="best")
+
+
+def _split(axes, result: Result, window_mm: float) -> None:
+    axes.set_ylabel("force by mechanism (N)")
+    axes.axhline(0, color="black", lw=0.5, zorder=4)
+    count = forward(result.displacement_mm)
+    travel = result.displacement_mm[:count]
+    if len(travel) < 2:
+        return
+    at = np.linspace(travel[0], travel[-1], 800)
+    shares = _shares(result, window_mm, at)
+    up, down = np.zeros(at.size), np.zeros(at.size)
+    for label, look, share in shares:
+        gain, loss = np.maximum(share, 0), np.minimum(share, 0)
+        axes.fill_between(at, up, up + gain, label=label, **look)
+        axes.fill_between(at, down, down + loss, **look)
+        up, down = up + gain, down + loss
+    total = smooth_force(travel, _integral(travel, result.force_N[:count]), window_mm, at)
+    axes.plot(at, total, color="black", ls="-", lw=1.0, label="force on the blade", zorder=5)
+    axes.margins(y=0.05)
+    until = "; until the blade rests" if count < result.displacement_mm.size else "; below zero: released"
+    axes.set_title(f"mean over {window_mm:.2g} mm of travel{until}", loc="left", fontsize=7.5, color=GREY)
+
+
+def _shares(result: Result, window_mm: float, at: np.ndarray) -> list[tuple[str, dict, np.ndarray]]:
+    """Label, look and smoothed force (N), in the ledger's order, small ones drawn together at the end."""
+    down = forward(result.displacement_mm)
+    travel = result.displacement_mm[:down]
+    largest = float(np.max(np.abs(result.force_N)))
+    shares = []
+    others, rest = [], np.zeros(at.size)
+    for i, name in enumerate(result.ledger):
+        work = result.curve.get(f"work_{name}_mJ")
+        if work is None:
+            work = _integral(travel, result.curve[f"force_{name}_N"][:down])
+        share = smooth_force(travel, np.asarray(work, dtype=float)[:down], window_mm, at)
+        if not np.any(share):
+            continue
+        if np.max(np.abs(share)) < NEGLIGIBLE * largest:
+            others.append(_label(name))
+            rest += share
+        else:
+            # By place in the ledger, so that a mechanism looks the same in all pictures of a model.
+            shares.append((_label(name), _look("#9A9A9A" if name == SNAP else None, i), share))
+    if others:
+        label = others[0] if len(others) == 1 else f"{len(others)} others, each < {100 * NEGLIGIBLE:g} %"
+        shares.append((label, _look("#D9D9D9", 0), rest))
+    return shares
+
+
+def _look(colour: str | None, place: int) -> dict:
+    colours = [c for name, c in COLOURS.items() if name != "black"]
+    return {
+        "facecolor": colour or colours[place % len(colours)],
+        "hatch": HATCHES[place % len(HATCHES)],
+        "edgecolor": "white",
+        "lw": 0.0,
+    }
+
+
+def _integral(travel: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Work (mJ) of a force (N) over travel (mm) by the trapezoidal rule, zero at the first point."""
+    return np.concatenate(([0.0], np.cumsum(np.diff(travel) * (force[1:] + force[:-1]) / 2)))
+
+
+def _label(name: str) -> str:
+    if name in NO_MECHANISM:
+        return NO_MECHANISM[name]
+    mechanism = registry().get(name)
+    return mechanism.title if mechanism else name.replace("_", " ")
+
+
+def _groups(result: Result) -> str:
+    """The dimensionless groups, three a line."""
+    groups = [f"{math_text(key)} = {value:.3g}" for key, value in result.case.groups().items()]
+    return "\n".join(",  ".join(groups[i : i + 3]) for i in range(0, len(groups), 3))

@@ -1,0 +1,175 @@
+"""The deformed plane-strain section with the blade in it, and a closer look at the tip."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+from matplotlib.tri import Triangulation
+
+from cutbench.base.figure_style import DOUBLE_MM, FIELD_MAP, new_figure, style
+
+if TYPE_CHECKING:
+    from cutbench.run.result import Result, Snapshot
+
+#: Colours end where this percentage of the material has less stress: that at the tip would flatten the rest.
+TOP_PERCENTILE = 99.9
+
+
+def plot_section(result: Result, snapshot: Snapshot | Sequence[Snapshot] | None = None) -> Figure:
+    """Von Mises stress (kPa) on the deformed section, mirrored to the full block, with a zoom at the tip.
+
+    One snapshot stands beside its zoom; several stand in a row with their zooms below, on one colour
+    scale. ``None`` takes all of the result's. Raises ValueError without a plane snapshot.
+    """
+    shown = result.snapshots if snapshot is None else snapshot
+    shown = list(shown) if isinstance(shown, Sequence) else [shown]
+    if not shown:
+        raise ValueError("no snapshot to draw: the run was made without snapshots_mm")
+    if not all(s.cell_type.startswith("triangle") for s in shown):
+        raise ValueError("a section is drawn from plane snapshots (triangle, triangle6)")
+    halves = [_Half(s) for s in shown]
+    top_kPa = max(h.top_kPa for h in halves) or 1.0
+    p = result.case.p
+    for law in result.case.model.laws("blade"):
+        if law.role == "contact":  # a blade may be blunter than its drawing
+            p.tip = law.half_axes(p)[1]
+    with style():
+        n = len(halves)
+        figure = new_figure(DOUBLE_MM, 82 if n == 1 else 48 + 190 / n)
+        if n == 1:
+            grid = figure.subplots(1, 2, width_ratios=(1.75, 1), squeeze=False).T
+        else:
+            grid = figure.subplots(2, n, squeeze=False, height_ratios=(1, 0.85))
+        for column, half in enumerate(halves):
+            whole, near = grid[0, column], grid[1, column]
+            colours = _draw(whole, half, p, top_kPa, line=0.12)
+            _draw(near, half, p, top_kPa, line=0.2)
+            _frame(whole, halves, p)
+            _zoom(whole, near, half, p, lines=n == 1)
+            whole.set_title(f"blade travel {half.travel_mm:.2f} mm", loc="left", fontsize=8.5)
+            if column == 0:
+                whole.set_ylabel("height (mm)")
+                near.set_ylabel("height (mm)")
+        bar = figure.colorbar(
+            colours,
+            ax=grid.ravel().tolist(),
+            extend="max",
+            pad=0.015,
+            location="right",
+            aspect=28,
+            shrink=0.85,
+        )
+        bar.set_label("von Mises stress (kPa)")
+        bar.outline.set_linewidth(0.5)
+        figure.suptitle(result.case.name, fontsize=9, fontweight="bold", x=0.02, ha="left")
+    return figure
+
+
+class _Half:
+    """A snapshot as drawn: current positions, triangles of three nodes, edges of the elements."""
+
+    def __init__(self, snapshot: Snapshot):
+        self.travel_mm = snapshot.displacement_mm
+        self.x = snapshot.current[:, :2]
+        self.stress_kPa = 1e3 * np.asarray(snapshot.point_data["von_mises"])
+        self.triangles = split(snapshot.cells)
+        width = np.ptp(snapshot.points[:, 0])
+        self.full = bool(snapshot.points[:, 0].min() < -1e-9 * width)
+        edges, boundary = _edges(snapshot.cells)
+        self.inner = self.x[edges]
+        # Where the cut plane has not opened there is no surface to show.
+        on_plane = np.all(np.abs(snapshot.points[boundary, 0]) < 1e-9 * width, axis=1)
+        closed = np.all(np.abs(self.x[boundary, 0]) < 1e-4 * width, axis=1)
+        self.outline = self.x[boundary[~(on_plane & closed)]]
+
+    @property
+    def top_kPa(self) -> float:
+        """By area, not by nodes: most of them are at the tip."""
+        a, b, c = (self.x[self.triangles[:, k]] for k in range(3))
+        (ux, uy), (vx, vy) = (b - a).T, (c - a).T
+        shares = np.repeat(np.abs(ux * vy - uy * vx)[:, None] / 3, 3, axis=1)
+        area = np.bincount(self.triangles.ravel(), shares.ravel(), minlength=self.stress_kPa.size)
+        order = np.argsort(self.stress_kPa)
+        below = np.cumsum(area[order])
+        found = np.searchsorted(below, TOP_PERCENTILE / 100 * below[-1])
+        return float(self.stress_kPa[order[min(found, order.size - 1)]])
+
+    @property
+    def sides(self) -> tuple[float, ...]:
+        """Factors on x: the half block and its mirror image, or the full block as it is."""
+        return (1.0,) if self.full else (1.0, -1.0)
+
+
+def split(cells: np.ndarray) -> np.ndarray:
+    """Triangles of three nodes (k, 3): those of six nodes (corners, then midsides) become four each."""
+    if cells.shape[1] == 3:
+        return cells
+    a, b, c, ab, bc, ca = cells.T[:6]
+    return np.concatenate([np.column_stack(t) for t in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
+
+
+def _edges(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Node lists of all edges (e, 2 or 3) and of those that belong to one element only."""
+    corners = ((0, 1), (1, 2), (2, 0)) if cells.shape[1] == 3 else ((0, 3, 1), (1, 4, 2), (2, 5, 0))
+    edges = np.concatenate([cells[:, c] for c in corners])
+    ends = np.sort(edges[:, [0, -1]], axis=1)
+    _, first, count = np.unique(ends, axis=0, return_index=True, return_counts=True)
+    return edges[first], edges[first[count == 1]]
+
+
+def blade_outline(p, travel_mm: float, top_mm: float) -> np.ndarray:
+    """The blade's section (n, 2), mm: an elliptic tip down to height − travel, a band up to ``top_mm``."""
+    a, b = p.thickness / 2, p.tip
+    centre = p.height - travel_mm + b
+    angle = np.linspace(np.pi, 2 * np.pi, 121)
+    tip = np.column_stack([a * np.cos(angle), centre + b * np.sin(angle)])
+    return np.vstack([[-a, max(top_mm, centre)], tip, [a, max(top_mm, centre)]])
+
+
+def _draw(axes, half: _Half, p, top_kPa: float, line: float):
+    """Field, mesh, surfaces and blade into ``axes``; returns what the colour bar needs."""
+    for side in half.sides:
+        mesh = Triangulation(side * half.x[:, 0], half.x[:, 1], half.triangles)
+        colours = axes.tripcolor(
+            mesh, half.stress_kPa, shading="gouraud", cmap=FIELD_MAP, vmin=0, vmax=top_kPa, rasterized=True
+        )
+        flip = np.array([side, 1.0])
+        axes.add_collection(LineCollection(half.inner * flip, colors="white", linewidths=line, alpha=0.35))
+        axes.add_collection(
+            LineCollection(half.outline * flip, colors="black", linewidths=0.6, capstyle="round")
+        )
+    outline = blade_outline(p, half.travel_mm, p.height + 0.2 * p.height)
+    axes.add_patch(Polygon(outline, facecolor="#D9D9D9", edgecolor="black", lw=0.6, hatch="", zorder=3))
+    axes.set_aspect("equal")
+    return colours
+
+
+def _frame(axes, halves: list[_Half], p) -> None:
+    """The same limits for every column, so that blocks compare by eye."""
+    reach = max(float(np.abs(h.x[:, 0]).max()) for h in halves)
+    roof = max(float(h.x[:, 1].max()) for h in halves)
+    floor = min(float(h.x[:, 1].min()) for h in halves)
+    axes.set_xlim(-1.04 * reach, 1.04 * reach)
+    axes.set_ylim(floor - 0.03 * p.height, max(roof, p.height) + 0.1 * p.height)
+    axes.set_xlabel("width (mm)")
+
+
+def _zoom(whole, near, half: _Half, p, *, lines: bool) -> None:
+    """Limits of the close look: some tip lengths round the tip; its frame in the whole picture."""
+    reach = max(4 * p.thickness, 1.6 * p.tip)
+    middle = p.height - half.travel_mm + 0.35 * reach
+    near.set_xlim(-reach, reach)
+    near.set_ylim(middle - reach, middle + reach)
+    near.set_xlabel("width (mm)")
+    for spine in near.spines.values():
+        spine.set_visible(True)
+    frame = whole.indicate_inset_zoom(near, edgecolor="black", alpha=0.9, lw=0.6)
+    for line in frame.connectors:
+        line.set(linewidth=0.4, alpha=0.5)
+        if not lines:
+            line.set_visible(False)

@@ -1,0 +1,254 @@
+"""Pictures of a cut in three dimensions: the cut plane, the front's shape, the deformed block.
+
+The cut plane is drawn from the side: z along the blade, y the height, the blade coming from above.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from matplotlib.tri import TriAnalyzer, Triangulation
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+from cutbench.base.figure_style import (
+    COLOURS,
+    DOUBLE_MM,
+    FIELD_MAP,
+    GREY,
+    LINE_COLOURS,
+    LINES,
+    SINGLE_MM,
+    new_figure,
+    save,
+    style,
+)
+
+if TYPE_CHECKING:
+    from cutbench.run.result import Result, Snapshot
+
+#: Colours end at this percentile of the nodes' stress; the few nodes at the tip would flatten the rest.
+TOP_PERCENTILE = 99.5
+#: The front is where half of the cohesion is lost.
+FRONT_DAMAGE = 0.5
+
+
+def save_solid(result: Result, folder: str | Path, plane: Result | None = None) -> dict[str, Path]:
+    """Write cut_plane.png, front.png, block.png and, with a plane-strain run, plane_strain.png.
+
+    Returns the paths by name. Without snapshots only the last can be drawn.
+    """
+    folder = Path(folder)
+    paths = {}
+    if result.snapshots:
+        paths["cut_plane_png"] = save(plot_cut_plane(result), folder / "cut_plane.png")[0]
+        paths["front_png"] = save(plot_front(result), folder / "front.png")[0]
+        paths["block_png"] = save(plot_block(result), folder / "block.png")[0]
+    if plane is not None:
+        paths["plane_strain_png"] = save(plot_beside(result, plane), folder / "plane_strain.png")[0]
+    return paths
+
+
+def plot_cut_plane(result: Result, snapshots: Sequence[Snapshot] | None = None, *, most: int = 4) -> Figure:
+    """Von Mises stress, contact pressure (both kPa) and contact state on the cut plane, a column a snapshot.
+
+    At most ``most`` columns, spread over the travel. Raises ValueError without a snapshot of a solid.
+    """
+    shown = _some(_solid(result, snapshots), most)
+    stress = [1e3 * s.point_data["von_mises"] for s in shown]
+    planes = [_plane(s) for s in shown]
+    on_plane = [values[np.unique(triangles)] for values, triangles in zip(stress, planes, strict=True)]
+    tops = {
+        "stress": max(float(np.percentile(values, TOP_PERCENTILE)) for values in on_plane),
+        "pressure": 1e3 * max(float(s.faces["cut"]["contact_pressure_MPa"].max(initial=0.0)) for s in shown),
+    }
+    with style():
+        figure = new_figure(DOUBLE_MM, 135)
+        grid = figure.subplots(3, len(shown), squeeze=False, sharex=True, sharey=True)
+        for column, (s, values, triangles) in enumerate(zip(shown, stress, planes, strict=True)):
+            cut = s.faces["cut"]
+            z, y = cut["x"][:, 2], cut["x"][:, 1]
+            pressed = cut["contact_state"] > 0
+            first = grid[0, column].tripcolor(
+                Triangulation(s.current[:, 2], s.current[:, 1], triangles),
+                values,
+                shading="gouraud",
+                cmap=FIELD_MAP,
+                vmin=0,
+                vmax=tops["stress"] or 1.0,
+                rasterized=True,
+            )
+            second = grid[1, column].scatter(
+                z[pressed],
+                y[pressed],
+                c=1e3 * cut["contact_pressure_MPa"][pressed],
+                s=3,
+                marker="s",
+                lw=0,
+                cmap=FIELD_MAP,
+                norm=Normalize(0, tops["pressure"] or 1.0),
+                rasterized=True,
+            )
+            _state(grid[2, column], z, y, cut)
+            for axes in grid[:, column]:
+                _front_line(axes, s, cut["x"], color="white" if axes is grid[0, column] else "black", lw=0.8)
+                axes.axhline(result.case.p.height - s.displacement_mm, color=GREY, lw=0.6, ls=":")
+                axes.set_aspect("equal")
+            grid[0, column].set_title(f"blade travel {s.displacement_mm:.2f} mm", loc="left", fontsize=8)
+            grid[2, column].set_xlabel("along the blade (mm)")
+        for row in grid:
+            row[0].set_ylabel("height (mm)")
+        figure.colorbar(first, ax=grid[0].tolist(), extend="max", label="von Mises (kPa)")
+        figure.colorbar(second, ax=grid[1].tolist(), label="contact pressure (kPa)")
+        # An empty bar keeps the third row as wide as the others.
+        figure.colorbar(second, ax=grid[2].tolist()).ax.set_visible(False)
+        names = grid[2, 0].get_legend_handles_labels()
+        figure.legend(*names, loc="outside lower center", ncols=4, markerscale=3)
+        figure.suptitle(
+            f"{result.case.name}: cut plane (line: damage {FRONT_DAMAGE:g}; dotted: blade's tip)",
+            fontsize=9,
+            fontweight="bold",
+            x=0.02,
+            ha="left",
+        )
+    return figure
+
+
+def plot_front(result: Result, snapshots: Sequence[Snapshot] | None = None) -> Figure:
+    """The front (damage one half) on the cut plane at each snapshot's blade travel."""
+    shown = _solid(result, snapshots)
+    with style():
+        figure = new_figure(SINGLE_MM, 95)
+        axes = figure.subplots()
+        colours = LINE_COLOURS
+        drawn = []
+        for i, s in enumerate(shown):
+            look = {"color": colours[i % len(colours)], "linestyle": LINES[i % len(LINES)]}
+            if _front_line(axes, s, s.faces["cut"]["X"], lw=1.2, **look):
+                drawn.append((*axes.plot([], [], lw=1.2, **look), f"{s.displacement_mm:.2f} mm"))
+        X = shown[-1].points
+        axes.set(xlabel="along the blade (mm)", ylabel="height in the uncut block (mm)")
+        axes.set_xlim(X[:, 2].min(), X[:, 2].max())
+        axes.set_ylim(top=X[:, 1].max())
+        if drawn:
+            names = zip(*drawn, strict=True)
+            figure.legend(*names, loc="outside lower center", ncols=3, title="blade travel")
+        else:
+            axes.text(0.5, 0.5, "not cut", transform=axes.transAxes, ha="center")
+        title = f"{result.case.name}: front of the cut"
+        figure.suptitle(title, fontsize=9, fontweight="bold", x=0.02, ha="left")
+    return figure
+
+
+def plot_block(result: Result, snapshot: Snapshot | None = None) -> Figure:
+    """The deformed part of the block with its von Mises stress (kPa); default: the last snapshot."""
+    s = _solid(result, None if snapshot is None else [snapshot])[-1]
+    faces = _skin(s.cells)
+    values = 1e3 * s.point_data["von_mises"]
+    top = float(np.percentile(values, TOP_PERCENTILE)) or 1.0
+    # Matplotlib's depth axis is y: x, z, y makes the height point up.
+    corners = s.current[:, [0, 2, 1]][faces]
+    with style():
+        figure = new_figure(DOUBLE_MM * 0.66, 90)
+        axes = figure.add_subplot(projection="3d")
+        norm = Normalize(0, top)
+        lines = {"edgecolors": "#00000055", "linewidths": 0.15}
+        colours = Poly3DCollection(corners, cmap=FIELD_MAP, norm=norm, **lines)
+        colours.set_array(values[faces].mean(axis=1))
+        axes.add_collection3d(colours)
+        low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+        axes.set_box_aspect(high - low, zoom=0.78)
+        for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+            axis.set_major_locator(MaxNLocator(4))
+        # From the side of the cut plane and the free end, where the front can be seen.
+        axes.view_init(elev=22, azim=-150)
+        axes.set(xlabel="across (mm)", ylabel="along the blade (mm)", zlabel="height (mm)")
+        figure.colorbar(colours, ax=axes, shrink=0.7, extend="max", label="von Mises (kPa)")
+        figure.suptitle(
+            f"{result.case.name}: blade travel {s.displacement_mm:.2f} mm",
+            fontsize=9,
+            fontweight="bold",
+            x=0.02,
+            ha="left",
+        )
+    return figure
+
+
+def plot_beside(result: Result, plane: Result) -> Figure:
+    """Force (N) over blade travel in three dimensions and in plane strain."""
+    with style():
+        figure = new_figure(SINGLE_MM, 62)
+        axes = figure.subplots()
+        axes.plot(result.displacement_mm, result.force_N, color="black", ls="-", label="three dimensions")
+        look = {"color": COLOURS["blue"], "ls": LINES[1], "label": "plane strain"}
+        axes.plot(plane.displacement_mm, plane.force_N, **look)
+        axes.set(xlabel="blade travel (mm)", ylabel="force (N)")
+        axes.set_xlim(left=0)
+        axes.set_ylim(bottom=0)
+        axes.legend()
+        figure.suptitle(result.case.name, fontsize=9, fontweight="bold", x=0.02, ha="left")
+    return figure
+
+
+def _solid(result: Result, snapshots: Sequence[Snapshot] | None) -> list[Snapshot]:
+    shown = list(result.snapshots if snapshots is None else snapshots)
+    if not shown:
+        raise ValueError("no snapshot to draw: the run was made without snapshots_mm")
+    if not all(s.cell_type.startswith("tetra") for s in shown):
+        raise ValueError("a block is drawn from snapshots of a solid (tetra, tetra10)")
+    return shown
+
+
+def _some(items: list, most: int) -> list:
+    chosen = np.unique(np.linspace(0, len(items) - 1, min(most, len(items))).round().astype(int))
+    return [items[i] for i in chosen]
+
+
+def _state(axes, z: np.ndarray, y: np.ndarray, cut: dict[str, np.ndarray]) -> None:
+    """Points never touched are left white; grey ones were touched before, coloured ones are pressed now."""
+    pressed, touched = cut["contact_state"] > 0, cut["touched"] > 0
+    kinds = (("touched", touched & ~pressed, "#BBBBBB"), ("pressed", pressed, COLOURS["vermilion"]))
+    for name, chosen, colour in kinds:
+        axes.scatter(z[chosen], y[chosen], s=2, marker="s", lw=0, color=colour, label=name, rasterized=True)
+
+
+def _front_line(axes, s: Snapshot, places: np.ndarray, **look) -> bool:
+    """Draw where the damage is one half, at ``places`` (q, 3); False if nothing is cut yet, or all is."""
+    cut = s.faces["cut"]
+    damage = cut["damage"]
+    if not damage.min() < FRONT_DAMAGE < damage.max():
+        return False
+    # Neighbours are found in the undeformed rectangle: the deformed one is not convex.
+    flat = Triangulation(cut["X"][:, 2], cut["X"][:, 1])
+    # Slivers along its border would join points that are far apart.
+    slivers = TriAnalyzer(flat).get_flat_tri_mask(0.05)
+    mesh = Triangulation(places[:, 2], places[:, 1], flat.triangles, mask=slivers)
+    style_of = {"colors": look["color"], "linewidths": look["lw"], "linestyles": [look.get("linestyle", "-")]}
+    axes.tricontour(mesh, damage, levels=[FRONT_DAMAGE], **style_of)
+    return True
+
+
+def _skin(cells: np.ndarray) -> np.ndarray:
+    """Corner triangles (n, 3) that belong to one tetrahedron only."""
+    corners = cells[:, :4]
+    faces = np.concatenate([corners[:, c] for c in ((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3))])
+    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    return faces[first[count == 1]]
+
+
+def _plane(s: Snapshot) -> np.ndarray:
+    """Triangles (n, 3) of the cut plane; of a split block those of the side x > 0."""
+    faces = _skin(s.cells)
+    eps = 1e-9 * np.ptp(s.points[:, 0])
+    on = np.all(np.abs(s.points[faces, 0]) < eps, axis=1)
+    if s.points[:, 0].min() < -eps:
+        # The nodes of one side come first; the other side's lie at the same places.
+        used = np.unique(s.cells[s.points[s.cells[:, :4], 0].mean(axis=1) > 0])
+        on &= np.isin(faces, used).all(axis=1)
+    return faces[on]

@@ -1,0 +1,35 @@
+"""Force over elongation of a strip in tension, whole and notched."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from matplotlib.figure import Figure
+
+from cutbench.base.figure_style import COLOURS, LINES, SINGLE_MM, new_figure, style
+
+if TYPE_CHECKING:
+    from cutbench.run.tension import Tension
+
+
+def plot_tension(tests: Sequence[Tension]) -> Figure:
+    """Force (N) over elongation (mm), a line a test; a dot where the cut has begun."""
+    with style():
+        figure = new_figure(SINGLE_MM, 62)
+        axes = figure.subplots()
+        colours = ["black", *COLOURS.values()]
+        for i, test in enumerate(tests):
+            notch = f"notch {test.notch_mm:g} mm" if test.notch_mm else "whole"
+            look = {"color": colours[i % len(colours)], "ls": LINES[i % len(LINES)]}
+            axes.plot(test.curve["elongation_mm"], test.curve["force_N"], label=notch, **look)
+            if test.measures["onset_mm"] > 0:
+                place = test.measures["onset_mm"], test.measures["onset_N"]
+                axes.plot(*place, "o", color=look["color"], ms=4, label="the cut begins")
+        axes.set(xlabel="elongation (mm)", ylabel="force (N)")
+        axes.set_xlim(left=0)
+        axes.set_ylim(bottom=0)
+        axes.legend()
+        title = f"{tests[0].case.name}: strip in tension"
+        figure.suptitle(title, fontsize=9, fontweight="bold", x=0.02, ha="left")
+    return figure

@@ -1,0 +1,328 @@
+"""What a run leaves in its folder: run.json, curve.csv, fields for ParaView, pictures.
+
+Every file appears whole or not at all; the folder is tried before the run, so that hours of
+computing do not end at a write protection.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+import platform
+import shlex
+import sys
+import tempfile
+from collections.abc import Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import meshio
+import numpy as np
+
+from cutbench.base.errors import BadInput
+from cutbench.base.figure_style import replacing, save
+from cutbench.run.result import Outcome, Result, ordered_columns
+
+if TYPE_CHECKING:
+    from cutbench.case.case import Case
+    from cutbench.run.result import Snapshot
+
+#: Layout of run.json; raised when a reader of the old one would misread the new one.
+SCHEMA = 1
+
+#: Pictures of fields; those of an earlier run in the same folder are taken away.
+PICTURES = ("section.png", "cut_plane.png", "front.png", "block.png", "plane_strain.png")
+
+_PACKAGES = ("cutbench", "numpy", "scipy", "scikit-fem", "meshio", "py-mkl-pardiso")
+
+
+def check_writable(out_dir: str | Path) -> Path:
+    """Make ``out_dir`` if need be and try to write in it; raises BadInput (``--out``) if that fails."""
+    out = Path(out_dir)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=out, prefix=".try-"):
+            pass
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise BadInput(
+            key="--out", value=str(out_dir), expected=f"a folder that can be written to ({reason})"
+        ) from error
+    return out
+
+
+def write_run(
+    result: Result, out_dir: str | Path, *, command: str | None = None, plane: Result | None = None
+) -> dict[str, Path]:
+    """Write everything about ``result`` into ``out_dir``; returns the paths by name.
+
+    ``command`` is recorded as the line that made the run (default: this process's command line);
+    ``plane`` is the plane-strain run that a block is drawn beside.
+    Files of an earlier run in the same folder are replaced. Raises BadInput if the folder cannot be
+    written to.
+    """
+    from cutbench.run.figures import plot_curve, plot_section
+
+    out = check_writable(out_dir)
+    paths = {"curve": out / "curve.csv"}
+    write_curve(result.curve, paths["curve"])
+    if result.sensitivities:
+        paths["sensitivities"] = out / "sensitivities.csv"
+        slopes = _slopes(result)
+        write_curve(slopes, paths["sensitivities"], list(slopes))
+    else:
+        (out / "sensitivities.csv").unlink(missing_ok=True)
+    paths |= write_fields(result.snapshots, out)
+    paths["curve_png"] = save(plot_curve(result), out / "curve.png")[0]
+    flat = [s for s in result.snapshots if s.cell_type.startswith("triangle")]
+    pictures = {}
+    if flat:
+        # More than four in a row are too small to see anything; the fields hold them all.
+        some = np.unique(np.linspace(0, len(flat) - 1, min(4, len(flat))).round().astype(int))
+        pictures["section_png"] = save(plot_section(result, [flat[i] for i in some]), out / "section.png")[0]
+    elif result.case.dim == 3:
+        from cutbench.run.figures.solid import save_solid
+
+        pictures = save_solid(result, out, plane)
+    for name in PICTURES:
+        if out / name not in pictures.values():
+            (out / name).unlink(missing_ok=True)
+    paths |= pictures
+    # Last, since it vouches for the rest.
+    paths["run"] = out / "run.json"
+    record = describe(result, command=command)
+    record["files"] = sorted(str(path.relative_to(out)) for path in paths.values())
+    write_json(record, paths["run"])
+    return paths
+
+
+def write_json(record: object, path: str | Path) -> None:
+    """Write ``record`` as JSON, with null for what is not finite."""
+    text = json.dumps(_plain(record), indent=2, ensure_ascii=False, allow_nan=False)
+    with replacing(Path(path)) as draft:
+        draft.write_text(text + "\n", encoding="utf-8")
+
+
+def describe(result: Result, *, command: str | None = None) -> dict:
+    """The content of run.json: all inputs with units, groups, outcome, measures, cost, versions, machine."""
+    case, outcome = result.case, result.outcome
+    return {
+        "schema": SCHEMA,
+        "id": case.id,
+        "name": case.name,
+        "case": case.to_dict(),
+        "groups": _plain(case.groups()),
+        "outcome": {
+            "kind": outcome.kind,
+            "message": outcome.message,
+            "advice": outcome.advice,
+            "reached_mm": _plain(outcome.reached_mm),
+        },
+        "measures": _plain(result.measures),
+        "counts": _plain(result.counts),
+        "timings_s": _plain(result.timings),
+        "versions": versions(),
+        "platform": {
+            "system": platform.platform(),
+            "machine": platform.machine(),
+            "cores": os.cpu_count(),
+            "threads": os.environ.get("OMP_NUM_THREADS"),
+        },
+        "reproduce": {
+            "command": command or shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+            "folder": os.getcwd(),
+            "python": "from cutbench import output, run; run.run_case(output.read_run('.').case)",
+        },
+    }
+
+
+def versions() -> dict[str, str | None]:
+    """Versions of Python, cutbench and the libraries that a number depends on; None where not installed."""
+    found: dict[str, str | None] = {"python": platform.python_version()}
+    for name in _PACKAGES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = None
+    return found
+
+
+def write_curve(curve: dict[str, np.ndarray], path: str | Path, names: Sequence[str] | None = None) -> None:
+    """Write ``curve`` as CSV, a row a step, every digit kept; ``names`` orders columns that are no run's."""
+    names = ordered_columns(curve) if names is None else names
+    with replacing(Path(path)) as draft, draft.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(names)
+        # float() first: the repr of numpy's own scalars names their type.
+        writer.writerows(
+            [repr(float(v)) for v in row] for row in zip(*(curve[n] for n in names), strict=True)
+        )
+
+
+def _slopes(result: Result) -> dict[str, np.ndarray]:
+    """Travel, and dF/dθ in N per unit of each parameter as a person writes it."""
+    known = result.case.model.parameters()
+    columns = {"displacement_mm": result.displacement_mm}
+    for name, slope in result.sensitivities.items():
+        q = known[name]
+        unit = "" if q.unit == "1" else "_per_" + q.unit.replace("/", "_per_").replace("^", "")
+        columns[f"dF_d{name}_N{unit}"] = slope * q.factor
+    return columns
+
+
+def read_curve(path: str | Path) -> dict[str, np.ndarray]:
+    """Columns (n,) by name from a curve.csv, or from a run's folder. Raises BadInput naming file and line."""
+    path = Path(path)
+    path = path / "curve.csv" if path.is_dir() else path
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = list(csv.reader(file))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise BadInput(key="curve", value=str(path), expected="a readable curve.csv of a run") from error
+    names = rows[0] if rows else []
+    for needed in ("displacement_mm", "force_N"):
+        if needed not in names:
+            raise BadInput(
+                file=str(path), line=1, key="header", value=",".join(names), expected=f"a column '{needed}'"
+            )
+    if len(set(names)) < len(names):
+        raise BadInput(
+            file=str(path), line=1, key="header", value=",".join(names), expected="each column once"
+        )
+    table = np.empty((len(rows) - 1, len(names)))
+    for i, row in enumerate(rows[1:]):
+        if len(row) != len(names):
+            raise BadInput(
+                file=str(path), line=i + 2, key="row", value=",".join(row), expected=f"{len(names)} numbers"
+            )
+        for j, text in enumerate(row):
+            try:
+                table[i, j] = float(text)
+            except ValueError as error:
+                raise BadInput(
+                    file=str(path), line=i + 2, key=names[j], value=text, expected="a number"
+                ) from error
+    return {name: table[:, j].copy() for j, name in enumerate(names)}
+
+
+def read_run(out_dir: str | Path) -> Result:
+    """A run as ``write_run`` left it, without its fields: case, curve, outcome, measures, cost.
+
+    Raises BadInput where the folder holds no run, or run.json cannot be read.
+    """
+    from cutbench.case.case import Case
+
+    path = Path(out_dir) / "run.json"
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+        case: Case = Case.from_dict(record["case"])
+        outcome = Outcome(**{**record["outcome"], "reached_mm": _number(record["outcome"]["reached_mm"])})
+        measures, counts, timings = (record[key] for key in ("measures", "counts", "timings_s"))
+    except BadInput as error:
+        raise BadInput(file=str(path), key=error.key, value=error.value, expected=error.expected) from error
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise BadInput(key="run", value=str(path), expected="the run.json that a run wrote") from error
+    return Result(
+        case=case,
+        curve=read_curve(out_dir),
+        outcome=outcome,
+        timings={key: _number(value) for key, value in timings.items()},
+        counts=counts,
+        measures={key: _number(value) for key, value in measures.items()},
+    )
+
+
+#: Unit of each nodal field, appended to its name in the files.
+_UNITS = {"displacement": "mm", "piola": "MPa", "cauchy": "MPa", "von_mises": "MPa"}
+
+
+def write_fields(snapshots: Sequence[Snapshot], out_dir: str | Path) -> dict[str, Path]:
+    """Fields for ParaView: ``fields.pvd`` (the body) and ``faces.pvd`` (quadrature points of its faces).
+
+    Each is a series over blade travel (mm, ParaView's "time") of VTU files in ``fields/``. Points lie
+    where they were before loading; warping by ``displacement_mm`` moves both series alike. The
+    faces' points carry opening, damage, contact pressure, tangential traction and contact state;
+    ``face`` numbers the face they lie on (in the order of ``Snapshot.faces``, from 0).
+    Without snapshots nothing is written. Files of an earlier run are removed.
+    """
+    out = Path(out_dir)
+    folder = out / "fields"
+    series: dict[str, list[tuple[float, str]]] = {"fields": [], "faces": []}
+    for i, snapshot in enumerate(snapshots):
+        folder.mkdir(exist_ok=True)
+        meshes = {"fields": _body(snapshot), "faces": _faces(snapshot)}
+        for kind, mesh in meshes.items():
+            if mesh is not None:
+                name = f"{kind}_{i:04d}.vtu"
+                with replacing(folder / name) as draft:
+                    mesh.write(draft, file_format="vtu")
+                # float(): the repr of numpy's own scalars names their type.
+                series[kind].append((float(snapshot.displacement_mm), name))
+    paths = {}
+    for kind, entries in series.items():
+        target = out / f"{kind}.pvd"
+        if entries:
+            rows = [f'    <DataSet timestep="{t!r}" part="0" file="fields/{name}"/>\n' for t, name in entries]
+            with replacing(target) as draft:
+                draft.write_text(
+                    '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n'
+                    + "".join(rows)
+                    + "  </Collection>\n</VTKFile>\n"
+                )
+            paths[kind] = target
+        else:
+            target.unlink(missing_ok=True)
+        for old in set(folder.glob(f"{kind}_*.vtu")) - {folder / name for _, name in entries}:
+            old.unlink()
+    if folder.is_dir() and not any(folder.iterdir()):
+        folder.rmdir()
+    return paths
+
+
+def _body(snapshot: Snapshot) -> meshio.Mesh:
+    data = {
+        f"{name}_{_UNITS[name]}" if name in _UNITS else name: np.ascontiguousarray(values)
+        for name, values in snapshot.point_data.items()
+    }
+    return meshio.Mesh(snapshot.points, [(snapshot.cell_type, snapshot.cells)], point_data=data)
+
+
+def _faces(snapshot: Snapshot) -> meshio.Mesh | None:
+    """All faces' quadrature points as vertices; what one face lacks is nan there."""
+    faces = [arrays for arrays in snapshot.faces.values() if len(arrays["X"])]
+    if not faces:
+        return None
+    sizes = [len(arrays["X"]) for arrays in faces]
+    points = np.concatenate([arrays["X"] for arrays in faces])
+    moved = np.concatenate([arrays["x"] for arrays in faces])
+    data = {"displacement_mm": moved - points, "face": np.repeat(np.arange(len(faces)), sizes)}
+    for name in dict.fromkeys(name for arrays in faces for name in arrays if name not in ("X", "x")):
+        shape = next(np.shape(arrays[name])[1:] for arrays in faces if name in arrays)
+        parts = [
+            np.asarray(arrays[name], dtype=float) if name in arrays else np.full((size, *shape), np.nan)
+            for arrays, size in zip(faces, sizes, strict=True)
+        ]
+        data[name] = np.concatenate(parts)
+    vertices = np.arange(len(points))[:, None]
+    return meshio.Mesh(points, [("vertex", vertices)], point_data=data)
+
+
+def _plain(value):
+    """``value`` for JSON: numpy's numbers as Python's, and null for nan and infinity, which JSON lacks."""
+    if isinstance(value, dict) or hasattr(value, "items"):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [_plain(item) for item in value]
+    if isinstance(value, (np.generic,)):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def _number(value: float | None) -> float:
+    """The reverse of ``_plain`` for a number."""
+    return math.nan if value is None else float(value)

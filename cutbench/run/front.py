@@ -1,0 +1,177 @@
+"""The cut's front along the blade, in three dimensions: where it starts, how fast it runs sideways.
+
+The cut plane is read in strips across the blade, each as long as an element along it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cutbench.forms.base import blend
+from cutbench.run.build import Built
+from cutbench.run.fields import snapshot
+from cutbench.solver.march import Accepted
+
+#: Unit and meaning of each number, in the order in which tables show them.
+FRONT: dict[str, tuple[str, str]] = {
+    "front_start_z_mm": ("mm", "place where the cut begins, from the middle of the block"),
+    "front_start_mm": ("mm", "blade travel at which it begins there"),
+    "front_centre_mm": ("mm", "blade travel at which the cut has begun at the middle of the block"),
+    "front_edge_mm": ("mm", "blade travel at which it has begun at the block's end"),
+    "front_lateral_speed": ("mm/mm", "advance of the front from start to end, per blade travel"),
+    "front_von_mises_start_MPa": ("MPa", "largest von Mises stress at the front where and when it starts"),
+    "front_von_mises_running_MPa": ("MPa", "the same, mean over the strips that it reaches later"),
+    "front_pressure_before_MPa": ("MPa", "largest contact pressure up to the start of the cut"),
+    "front_pressure_after_MPa": ("MPa", "largest contact pressure once the cut has reached the end"),
+    "front_pressure_end_MPa": ("MPa", "largest contact pressure on the cut faces at the end of the run"),
+    "front_pressure_end_place": (
+        "1",
+        "where that is: 0 at the top edge, 1 at the front, 2 as far ahead of it",
+    ),
+    "front_pressure_behind_MPa": ("MPa", "mean contact pressure on the middle half of the cut faces, then"),
+}
+#: A strip is cut once it is longer by this than at the start, mm.
+ONSET_MM = 0.1
+#: The front is where the damage is neither begun nor complete.
+PROCESS_ZONE = (0.05, 0.95)
+
+
+class Front:
+    """Follows a run step by step: ``add`` each accepted one, then ask for ``measures``.
+
+    ``z`` (n,) are the middles of the strips in mm; ``onset`` (n,) blade travel in mm, nan where the cut
+    has not begun.
+    """
+
+    def __init__(self, built: Built, strips: int | None = None):
+        self._built, self._form = built, built.form("cohesion") if built.case.model.laws("cut") else None
+        self._last = (0.0, None)
+        self._peaks: list[tuple[float, float]] = []
+        self._pattern = np.full(3, math.nan)
+        self._stress: dict[int, float] = {}
+        self.z = self.onset = np.empty(0)
+        if self._form is None:
+            return
+        faces = self._form.faces
+        z = np.abs(faces.X[2])
+        end = float(np.abs(built.space.X[2]).max())
+        along = float(np.median(np.ptp(built.space.X[2][faces.nodes], axis=0)))
+        count = strips or max(1, round(end / along))
+        self._strip = np.minimum((z / end * count).astype(int), count - 1).ravel()
+        self.z = (np.arange(count) + 0.5) * end / count
+        self._share = np.bincount(self._strip, faces.w.ravel(), count) / float(np.ptp(built.space.X[1]))
+        self.onset = np.full(count, math.nan)
+        self._last = (0.0, np.zeros(count))
+
+    def state(self) -> dict:
+        """All that a later ``restore`` needs, in arrays."""
+        travel, lengths = self._last
+        stress = np.array(list(self._stress.items())).reshape(-1, 2)
+        peaks = np.array(self._peaks).reshape(-1, 2)
+        return {
+            "travel": travel,
+            "lengths": lengths,
+            "peaks": peaks,
+            "stress": stress,
+            "onset": +self.onset,
+            "pattern": self._pattern,
+        }
+
+    def restore(self, state: dict) -> None:
+        self._last = (state["travel"], state["lengths"])
+        self._peaks = [(float(travel), float(peak)) for travel, peak in state["peaks"]]
+        self._stress = {int(strip): float(value) for strip, value in state["stress"]}
+        self.onset, self._pattern = state["onset"], state["pattern"]
+
+    def lengths(self, step: Accepted) -> np.ndarray:
+        """Cut length (n,) of each strip in mm: its area weighted by (2d − 1)₊, over its width."""
+        damage = np.real(step.states["cohesion"]["damage"])
+        weight = self._form.faces.w.ravel() * np.clip(2 * damage - 1, 0, 1)
+        return np.bincount(self._strip, weight, self.z.size) / self._share
+
+    def add(self, step: Accepted) -> None:
+        """Take one accepted step."""
+        blades = [step.states[blade.name]["pressure"] for blade in self._built.blades]
+        peak = max((float(np.max(pressure, initial=0.0)) for pressure in blades), default=0.0)
+        self._peaks.append((step.travel, peak))
+        if self._form is None:
+            return
+        travel, before = self._last
+        now = self.lengths(step)
+        self._pattern = self._pressures(step, now)
+        begun = np.flatnonzero(np.isnan(self.onset) & (now >= ONSET_MM))
+        if begun.size:
+            part = (ONSET_MM - before[begun]) / np.maximum(now[begun] - before[begun], 1e-300)
+            self.onset[begun] = travel + np.clip(part, 0, 1) * (step.travel - travel)
+            self._look(step, begun)
+        self._last = (step.travel, now)
+
+    def _pressures(self, step: Accepted, lengths: np.ndarray) -> np.ndarray:
+        """Peak of the contact pressure on the cut faces, its place along the cut, and the mean behind it."""
+        form = next((blade for blade in self._built.blades if "cut" in blade.faces.parts), None)
+        if form is None:
+            return np.full(3, math.nan)
+        part = form.faces.parts["cut"]
+        pressure = np.real(step.states[form.name]["pressure"])[:, part].ravel()
+        depth = self._built.case.p.height - form.faces.X[1][:, part].ravel()
+        cut = lengths[self._strip] if pressure.size == self._strip.size else np.zeros(pressure.size)
+        place = depth / np.where(cut > ONSET_MM, cut, math.nan)
+        top = int(np.argmax(pressure))
+        inner = (place > 0.25) & (place < 0.75)
+        w = form.faces.w[:, part].ravel()[inner]
+        mean = float(w @ pressure[inner] / w.sum()) if w.size else math.nan
+        return np.array([pressure[top], place[top] if pressure[top] > 0 else math.nan, mean])
+
+    def _look(self, step: Accepted, begun: np.ndarray) -> None:
+        """Largest von Mises stress in the process zone of the strips that have just begun."""
+        faces = self._form.faces
+        stress = snapshot(self._built, step).point_data["von_mises"]
+        here = blend(faces.N, stress[faces.nodes][None])[0].ravel()
+        damage = np.real(step.states["cohesion"]["damage"])
+        zone = (damage > PROCESS_ZONE[0]) & (damage < PROCESS_ZONE[1])
+        for strip in begun:
+            values = here[zone & (self._strip == strip)]
+            if values.size:
+                self._stress[int(strip)] = float(values.max())
+
+    def measures(self) -> dict[str, float]:
+        """The numbers of ``FRONT``; what did not happen is nan."""
+        out = dict.fromkeys(FRONT, math.nan)
+        if self.onset.size == 0 or np.isnan(self.onset).all():
+            return out
+        first = int(np.nanargmin(self.onset))
+        out |= {
+            "front_start_z_mm": float(self.z[first]),
+            "front_start_mm": float(self.onset[first]),
+            "front_centre_mm": float(self.onset[0]),
+            "front_edge_mm": float(self.onset[-1]),
+            "front_von_mises_start_MPa": self._stress.get(first, math.nan),
+            "front_pressure_end_MPa": float(self._pattern[0]),
+            "front_pressure_end_place": float(self._pattern[1]),
+            "front_pressure_behind_MPa": float(self._pattern[2]),
+        }
+        # From the start to the strip that comes last: the whole way sideways.
+        last = int(np.nanargmax(self.onset))
+        wait = self.onset[last] - self.onset[first]
+        if wait > 0:
+            out["front_lateral_speed"] = float(abs(self.z[last] - self.z[first]) / wait)
+        running = [value for strip, value in self._stress.items() if strip != first]
+        if running:
+            out["front_von_mises_running_MPa"] = float(np.mean(running))
+        travel, peak = np.array(self._peaks).T
+        out["front_pressure_before_MPa"] = float(peak[travel <= max(self.onset[first], travel[0])].max())
+        if not np.isnan(self.onset[-1]) and (after := travel > self.onset[-1]).any():
+            out["front_pressure_after_MPa"] = float(peak[after].max())
+        return out
+
+
+def end_effect(three: dict[str, float], two: dict[str, float]) -> dict[str, float]:
+    """3D force over plane-strain force at each stage, from both runs' measures; nan where one lacks it."""
+    out = {}
+    for stage in ("peak_N", "max_N", "steady_N", "slope_N_per_mm", "onset_mm"):
+        a, b = three.get(stage, math.nan), two.get(stage, math.nan)
+        name = "end_effect_" + stage.removesuffix("_N").removesuffix("_N_per_mm").removesuffix("_mm")
+        out[name] = a / b if b else math.nan
+    return out

@@ -1,0 +1,1 @@
+"""The processes that compute many runs: local ones, or the workers of a Dask scheduler."""

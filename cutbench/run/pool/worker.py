@@ -1,0 +1,59 @@
+"""One process of a sweep: compute a run, keep it, end with the sweep. Each loads this: keep it light."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+import numpy as np
+
+from cutbench.base.errors import CutbenchError
+from cutbench.case.case import Case
+from cutbench.run.result import Outcome, Result
+from cutbench.run.store.runs import Store
+
+Run = Callable[[Case], Result]
+
+
+def work(run: Run | None, case: Case, root: Path, replace: bool) -> None:
+    """In a worker: compute one run and keep it, whatever becomes of it.
+
+    What another sweep on the same store has finished meanwhile is left as it is.
+    """
+    store = Store(root)
+    there = store.get(case.id)
+    if there is None or (replace and not there.outcome.done):
+        store.put(computed(run, case), replace=replace)
+
+
+def computed(run: Run | None, case: Case) -> Result:
+    """What ``run`` (default: ``cutbench.run.runner.run_case``) makes of a case; a failure is a result too."""
+    if run is None:
+        from cutbench.run.runner import run_case as run
+    try:
+        return run(case)
+    except CutbenchError as error:
+        return failure(case, str(error))
+    except Exception as error:  # one run's defect must not end the others; the map shows it
+        return failure(case, f"{type(error).__name__}: {error}")
+
+
+def failure(case: Case, message: str) -> Result:
+    """The result of a run that has none."""
+    curve = {name: np.zeros(0) for name in ("displacement_mm", "force_N", "time_s", "cut_length_mm")}
+    return Result(case, curve, Outcome("failed", message))
+
+
+def begin_worker(lifeline: Connection) -> None:
+    """Leave Ctrl-C to the parent, and end with it: a killed sweep leaves no process behind."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def watch() -> None:
+        lifeline.poll(None)  # nothing is ever sent: this returns when the parent closes its end or dies
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()

@@ -1,0 +1,317 @@
+"""One run: march a case to its depth, keep the curve, the ledger, the fields and how it ended."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from cutbench.case.case import Case
+from cutbench.run.build import Built
+from cutbench.run.checkpoint import Checkpoint
+from cutbench.run.crossing import crosses
+from cutbench.run.fields import add_slopes, snapshot
+from cutbench.run.front import Front
+from cutbench.run.measures import forward, measures
+from cutbench.run.remeshing import Following
+from cutbench.run.result import BENDING, SNAP, Outcome, Result, Snapshot
+from cutbench.run.sensitivity import checked, directions, follow
+from cutbench.solver.march import Accepted, Progress
+
+#: What to try when a run stalls, by a word of the reason.
+_ADVICE = {
+    "inverted": "Elements under the tip turn inside out: try a smaller h, a blunter tip, or element = 'P1'.",
+    "invert": "Elements under the tip turn inside out: try a smaller h, a blunter tip, or element = 'P1'.",
+    "energy": "The cut jumps: try a smaller step_min, or more viscosity (eta_reg).",
+    "damage": "The cut jumps: try a larger damage_step, a smaller step_min, or more viscosity (eta_reg).",
+    "singular": "The equations lost their solution: try a smaller h, or damping_mm = 1e-3.",
+    "residual": "Newton's method does not converge: try a smaller h or penalty, or damping_mm = 1e-3.",
+}
+
+#: Said of a run whose surface passes through itself.
+CROSSED = "(Beside the blade the surface passes through itself: nothing keeps one part of it off another.)"
+
+
+def run_case(
+    case: Case,
+    *,
+    on_step: Callable[[float, dict], None] | None = None,
+    snapshots_mm: Sequence[float] = (),
+    sensitivities: Sequence[str] = (),
+    checkpoint: Checkpoint | None = None,
+) -> Result:
+    """March ``case`` to its depth.
+
+    ``on_step(displacement_mm, row)`` is called after each step; fields are kept at the first step at
+    or past each of ``snapshots_mm``. ``sensitivities`` names parameters: ``result.sensitivities`` then has
+    dF/dθ along the curve, and each snapshot du/dθ. ``checkpoint`` keeps the state of the run, which begins
+    from what it holds; derivatives are not part of it, so a run with both begins anew. A KeyboardInterrupt
+    ends the run with what it has. Raises BadInput if the case's mesh cannot be used, or it cannot be
+    differentiated by one of the names.
+    """
+    began = time.perf_counter()
+    names = checked(case, sensitivities)
+    meshes = Following(case)
+    built = meshes.built
+    slopes = [np.zeros(len(names))]
+    follower = None
+    if names:
+        follower = follow(built, names)
+        meshes.renewed = lambda transfer: follower.go_on(
+            transfer.new.problem, directions(transfer.new, names), transfer.displacements, transfer.states
+        )
+    ledger = Ledger(meshes)
+    front = Front(built) if built.space.dim == 3 else None
+    wanted = sorted(snapshots_mm)
+    pictures: list[Snapshot] = []
+    interrupted = False
+    last: tuple[Built, Accepted] | None = None
+    keeper = _Keeper(meshes, ledger, front, pictures, began)
+    if checkpoint is not None and not names:
+        if kept := checkpoint.load():
+            keeper.restore(kept)
+            wanted = [d for d in wanted if d > ledger.farthest + 1e-9]
+            if on_step is not None:
+                on_step(ledger.last["displacement_mm"], ledger.last)
+        meshes.built.march.between_steps = lambda progress: checkpoint.offer(keeper.state(progress))
+    try:
+        for step in meshes:
+            built = meshes.built
+            if follower is not None:
+                since = time.perf_counter()
+                slope = follower.add(step)
+                built.problem.timer.add("sensitivities", since)
+            row = ledger.add(step)
+            if step.between:
+                continue
+            last = built, step
+            if follower is not None:
+                slopes.append(slope)
+            if front is not None:
+                front.add(step)
+            if wanted and step.travel >= wanted[0] - 1e-9:
+                pictures.append(snapshot(built, step))
+                if follower is not None:
+                    add_slopes(pictures[-1], built, names, follower.displacements())
+                wanted = [d for d in wanted if d > step.travel + 1e-9]
+            if on_step is not None:
+                on_step(step.travel, row)
+    except KeyboardInterrupt:
+        interrupted = True
+    built = meshes.built
+    if checkpoint is not None and (interrupted or keeper.seconds() > checkpoint.every_s):
+        checkpoint.write()
+    curve = ledger.columns()
+    if case.model.laws("rig"):
+        # Beside the true columns, which all measures use.
+        shown = case.model.record(curve["displacement_mm"], curve["force_N"], curve["time_s"], case.p)
+        curve["recorded_displacement_mm"], curve["recorded_force_N"] = shown
+    reached = float(curve["displacement_mm"][-1])
+    crossed = last is not None and crosses(last[0], last[1].u)
+    outcome = _outcome(built, reached, interrupted, crossed)
+    if last is not None and wanted and not outcome.done:
+        pictures.append(snapshot(*last))
+    timer = built.problem.timer
+    timings = {**timer.seconds, "total": keeper.seconds()}
+    counts = {
+        "steps": len(curve["displacement_mm"]),
+        "iterations": ledger.iterations,
+        "rejected_steps": len(built.march.failures),
+        "degrees_of_freedom": int(built.problem.free.size),
+        **{f"{name}_calls": count for name, count in timer.counts.items()},
+    }
+    found = {}
+    if len(curve["displacement_mm"]) > 2:
+        # Measures are those of the way down until the blade first rests or turns.
+        down = forward(curve["displacement_mm"])
+        way_down = {name: column[:down] for name, column in curve.items()}
+        found = measures(
+            way_down, window_mm=case.values.get("thickness", 0.7), height_mm=case.values["height"]
+        )
+        found["closure"] = float(curve["closure"][-1])
+        found["reaction_error"] = float(
+            abs(curve["reaction_N"][-1] - curve["force_N"][-1]) / max(abs(curve["force_N"][-1]), 1e-12)
+        )
+    if front is not None:
+        found |= front.measures()
+    by_name = {}
+    if follower is not None:
+        # An interruption can come between a step's derivatives and its row.
+        table = np.array(slopes)[: counts["steps"]] * built.geometry.multiplicity
+        by_name = {name: table[:, i].copy() for i, name in enumerate(names)}
+        counts["unresolved_sensitivities"] = follower.unresolved
+    return Result(case, curve, outcome, timings, counts, pictures, found, by_name)
+
+
+class Ledger:
+    """Curve and energy balance, a row a step: the blade's work against what each mechanism took up."""
+
+    def __init__(self, meshes: Following):
+        self._meshes, self._rows, self.iterations = meshes, [], 0
+        built = meshes.built
+        self._work: dict[str, float] = {}
+        self._blade = 0.0
+        # Since the last row: where the blade is, its force, and what each mechanism took up.
+        self._now, self._since = (0.0, 0.0), {}
+        # A curve starts at the origin: nothing touched, nothing spent.
+        model = built.case.model
+        names = [law.name for slot in ("bulk", "cut", "blade", "support") for law in model.laws(slot)]
+        forms = {form.name for form in built.problem.forms}
+        names += [work for work, form in ((BENDING, "bending"), (SNAP, "damping")) if form in forms]
+        self._names = names
+        row = {"displacement_mm": 0.0, "force_N": 0.0, "time_s": 0.0, "cut_length_mm": 0.0}
+        row |= {f"force_{name}_N": 0.0 for name in names} | {f"work_{name}_mJ": 0.0 for name in names}
+        self._rows.append(row | {"reaction_N": 0.0, "closure": 0.0})
+
+    def add(self, step: Accepted) -> dict[str, float]:
+        """The last row: that of ``step``, unless it is between two points of the curve."""
+        built = self._meshes.built
+        scale = built.geometry.multiplicity
+        force = step.force * scale
+        travel, before = self._now
+        self._blade += (before + force) / 2 * (step.travel - travel)
+        self._now = (step.travel, force)
+        self.iterations += step.iterations
+        for name in self._names:
+            done = step.work.get(name, 0.0) * scale
+            self._work[name] = self._work.get(name, 0.0) + done
+            self._since[name] = self._since.get(name, 0.0) + done
+        if step.between:
+            return self.last
+        row = {
+            "displacement_mm": step.travel,
+            "force_N": force,
+            "time_s": step.way / built.march.speed,
+            "cut_length_mm": self._cut_length(step),
+        }
+        travelled = step.travel - self.last["displacement_mm"]
+        for name in self._names:
+            row[f"force_{name}_N"] = self._since[name] / travelled if travelled else 0.0
+        self._since = {}
+        row |= {f"work_{name}_mJ": self._work[name] for name in self._names}
+        row["reaction_N"] = step.reaction * scale
+        defect = self._blade - sum(self._work.values())
+        row["closure"] = defect / self._blade if self._blade else 0.0
+        self._rows.append(row)
+        return row
+
+    def _cut_length(self, step: Accepted) -> float:
+        """Length of cut plane (3D: mean over the blade) that has lost its cohesion.
+
+        Counted from half damage on, in proportion: (2d − 1)₊, so that it grows smoothly.
+        """
+        if "cohesion" not in step.states:
+            return 0.0
+        built = self._meshes.built
+        form = built.form("cohesion")
+        cut = float(form.faces.w.ravel() @ np.clip(2 * step.states["cohesion"]["damage"] - 1, 0, 1))
+        if form.dim == 3:
+            X = form.faces.X[2]
+            cut /= np.ptp(built.space.X[2]) if X.size else 1.0
+        return cut
+
+    @property
+    def farthest(self) -> float:
+        """The largest travel so far, mm."""
+        return max(row["displacement_mm"] for row in self._rows)
+
+    @property
+    def last(self) -> dict[str, float]:
+        """The row of the last step."""
+        return self._rows[-1]
+
+    def state(self) -> dict:
+        """All that a later ``restore`` needs, in arrays."""
+        return {
+            "names": list(self._rows[0]),
+            "rows": np.array([list(row.values()) for row in self._rows]),
+            "work": {**self._work},
+            "blade": self._blade,
+            "now": self._now,
+            "since": {**self._since},
+            "iterations": self.iterations,
+        }
+
+    def restore(self, state: dict) -> None:
+        self._rows = [dict(zip(state["names"], map(float, row), strict=True)) for row in state["rows"]]
+        self._work, self._blade = state["work"], state["blade"]
+        self._now, self._since = tuple(map(float, state["now"])), state["since"]
+        self.iterations = state["iterations"]
+
+    def columns(self) -> dict[str, np.ndarray]:
+        return {key: np.array([row[key] for row in self._rows]) for key in self._rows[0]}
+
+
+class _Keeper:
+    """All of a run's state between two steps, as a tree of arrays, and back."""
+
+    def __init__(
+        self, meshes: Following, ledger: Ledger, front: Front | None, pictures: list[Snapshot], began: float
+    ):
+        self._meshes, self._ledger, self._front, self._pictures = meshes, ledger, front, pictures
+        self._began, self._before = began, 0.0
+
+    def seconds(self) -> float:
+        """Time that the run took, with what it took before it was resumed."""
+        return self._before + time.perf_counter() - self._began
+
+    def state(self, progress: Progress) -> Callable[[], dict]:
+        """The tree of this moment; made when it is asked for, of what no later step changes."""
+        built = self._meshes.built
+        march, timer = built.march, built.problem.timer
+        parts = {
+            "mesh": self._meshes.state(),
+            "progress": vars(progress),
+            "failures": list(march.failures),
+            "ledger": self._ledger.state(),
+            "front": None if self._front is None else self._front.state(),
+            "seconds": {**timer.seconds},
+            "counts": {**timer.counts},
+            "total": self.seconds(),
+        }
+        pictures = list(self._pictures)
+        return lambda: {**parts, "snapshots": [vars(picture) for picture in pictures]}
+
+    def restore(self, tree: dict) -> None:
+        self._meshes.restore(tree["mesh"])
+        built = self._meshes.built
+        march, timer = built.march, built.problem.timer
+        march.resume = Progress(**tree["progress"])
+        march.failures[:] = tree["failures"]
+        self._ledger.restore(tree["ledger"])
+        if self._front is not None:
+            self._front.restore(tree["front"])
+        for mine, kept in ((timer.seconds, tree["seconds"]), (timer.counts, tree["counts"])):
+            for name, value in kept.items():
+                mine[name] = mine.get(name, 0) + value
+        self._before = tree["total"]
+        self._pictures[:] = [Snapshot(**picture) for picture in tree["snapshots"]]
+
+
+def _outcome(built: Built, reached: float, interrupted: bool, crossed: bool) -> Outcome:
+    motion = built.march.motion
+    depth = motion.depth
+    if interrupted:
+        return Outcome(
+            "interrupted",
+            f"stopped by the user at {reached:.3f} mm of {depth:g} mm",
+            "The curve up to there is kept.",
+            reached,
+        )
+    if built.march.stopped is None:
+        caution = CROSSED if crossed else ""
+        if motion.points:
+            deepest = max(travel for _, travel in motion.points)
+            text = f"went the whole way, {deepest:g} mm deep, to {reached:g} mm at last"
+            return Outcome("done", text, caution, reached)
+        return Outcome("done", f"reached {depth:g} mm", caution, reached)
+    reason = built.march.stopped
+    advice = next((text for word, text in _ADVICE.items() if word in reason), _ADVICE["residual"])
+    return Outcome(
+        "stalled",
+        f"no step above {built.march.rules.smallest:g} mm converges at {reached:.3f} mm of {depth:g} mm"
+        f" ({reason})",
+        advice,
+        reached,
+    )

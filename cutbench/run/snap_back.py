@@ -1,0 +1,307 @@
+"""Is the drop of a run's force physical? The path of equilibria at rest, and the limit without viscosity.
+
+A blade that only moves forward jumps over what it cannot follow. ``follow_case`` traces the equilibria that
+are jumped over (``solve.follow``), for the case without its laws of time, and repeats the run with less and
+less viscosity and finer steps. If the path turns back, a jump follows, however fine the steps; what the blade
+would give back along the path is the energy that the jump sets free.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from cutbench.base.errors import BadInput
+from cutbench.base.units import ureg
+from cutbench.case.case import Case
+from cutbench.case.numerics import Numerics
+from cutbench.run.remeshing import Following, follows
+from cutbench.run.result import Result
+from cutbench.run.runner import Ledger, run_case
+from cutbench.solver.arc_length import RELEASE, Path, PathRules
+from cutbench.solver.stability import softest
+
+#: Viscosities of the limit, in units of the case's; the last one also with half the steps.
+FADING = (0.1, 0.01)
+#: A jump spans more elements than this along the cut plane, or it may be theirs.
+ELEMENTS = 3.0
+#: A path that goes back by less than this part of the blade's thickness does not turn.
+TURNED = 0.01
+#: How far the path goes on behind a jump, and how long a cut ends a path without one, in blade thicknesses.
+BEHIND, LONG = 1.0, 4.0
+
+PHYSICAL, MESH, STABLE, OPEN = "physical", "mesh", "stable", "open"
+INTERRUPTED = "interrupted"
+
+
+@dataclass(frozen=True)
+class Jump:
+    """A stretch of path that a forward-moving blade jumps over, from its turning point to the same travel.
+
+    Lengths in mm, forces in N, energies in mJ of the whole specimen. ``landed`` is False where the path
+    ended before it came back to the travel at which it turned: then the values are those up to its end.
+    """
+
+    travel_mm: float
+    back_mm: float
+    force_N: float
+    landing_N: float
+    advance_mm: float
+    freed_mJ: float
+    spent_mJ: Mapping[str, float]
+    releases: int
+    released_mJ: float
+    released_mm: float
+    softest_before: float
+    softest_after: float
+    landed: bool
+    first: int = field(repr=False, default=0)
+    last: int = field(repr=False, default=0)
+
+    @property
+    def drop_rel(self) -> float:
+        return 1 - self.landing_N / self.force_N if self.force_N else math.nan
+
+
+@dataclass(frozen=True)
+class Followed:
+    """``curve``: the path's columns, a value a point. ``limit``: runs, the last with half the steps."""
+
+    case: Case
+    curve: Mapping[str, np.ndarray]
+    jumps: tuple[Jump, ...]
+    stopped: str | None
+    limit: tuple[tuple[str, Result], ...]
+    run: Result
+    seconds: float = 0.0
+
+    @property
+    def jump(self) -> Jump | None:
+        """The one over which the cut grows most."""
+        return max(self.jumps, key=lambda jump: jump.advance_mm, default=None)
+
+    @property
+    def verdict(self) -> str:
+        """physical, mesh (a jump of few elements), stable (no jump) or open (the path ended too early)."""
+        jump = self.jump
+        if jump is None:
+            return OPEN if self.stopped is not None else STABLE
+        if jump.advance_mm > ELEMENTS * self.case.numerics.h_mm:
+            return PHYSICAL
+        return MESH if jump.landed else OPEN
+
+
+def timeless(case: Case) -> Case:
+    """``case`` without viscosity, at rest. Raises BadInput where another law of it depends on time.
+
+    A law depends on time only if one of its parameters has time in its unit (beside forces).
+    """
+    viscous = [m.name for m in case.model.all if m.role == "viscous"]
+    for law in case.model.all:
+        if law.slot in ("bulk", "cut", "blade", "skin", "support") and law.name not in viscous:
+            for q in law.parameters:
+                if _has_time(q.unit) and case.values[q.name] != (
+                    math.nan if q.off is None else q.off * q.factor
+                ):
+                    raise BadInput(
+                        key="--follow",
+                        value=law.name,
+                        expected=f"a model at rest: equilibria know no time; try --without {law.name}",
+                    )
+    changes: dict[str, object] = {"without": viscous} if viscous else {}
+    if case.numerics.damping_mm == 0:  # not felt at rest, but a release needs its matrix
+        changes["damping_mm"] = Numerics().damping_mm
+    return case.set(**changes) if changes else case
+
+
+def _has_time(unit: str) -> bool:
+    """True if ``unit``, in mm, N and s, has a power of s."""
+    if unit == "1":
+        return False
+    powers = ureg.Quantity(1.0, unit).dimensionality
+    return powers.get("[time]", 0) + 2 * powers.get("[mass]", 0) != 0
+
+
+def follow_case(
+    case: Case,
+    run: Result,
+    *,
+    on_point: Callable[[float, dict], None] = lambda travel, row: None,
+    limit: bool = True,
+) -> Followed:
+    """Trace the path of ``case`` at rest, and repeat ``run``, the run as asked for, with less viscosity.
+
+    ``on_point(travel_mm, row)`` is called after each point. A KeyboardInterrupt ends the path with what it
+    has, and leaves the limit out. Raises BadInput as ``timeless`` does.
+    """
+    began = time.perf_counter()
+    curve, stopped, interrupted = trace(timeless(case), on_point)
+    jumps = tuple(jumps_of(curve, case.p.thickness))
+    runs = []
+    if limit and not interrupted:
+        farthest = max((jump.travel_mm for jump in jumps), default=0.0)
+        onset = run.measures.get("onset_mm", math.nan)
+        reach = max(farthest, onset if math.isfinite(onset) else 0.0) + 4 * BEHIND * case.p.thickness
+        try:
+            for text, changed in fading(case, min(case.p.depth, reach)):
+                runs.append((text, run_case(changed)))
+        except KeyboardInterrupt:
+            pass
+    return Followed(case, curve, jumps, stopped, tuple(runs), run, time.perf_counter() - began)
+
+
+def fading(case: Case, depth: float) -> list[tuple[str, Case]]:
+    """Cases of less and less viscosity, up to ``depth`` mm of travel, and the last with half the steps."""
+    eta = case.values.get("eta_reg", 0.0)
+    factors = FADING if eta > 0 else (1.0,)
+    cases = []
+    for factor in factors:
+        changes = {"depth": f"{depth:.14g} mm"}
+        if eta > 0:
+            changes["eta_reg"] = f"{factor * eta:.14g} s"
+        cases.append((f"viscosity × {factor:g}" if eta > 0 else "no viscosity", case.set(**changes)))
+    n = case.numerics
+    text, last = cases[-1]
+    finer = last.set(
+        step_mm=n.step_mm / 2, damage_step=n.damage_step / 2, energy_step=n.energy_step / 2
+    )  # the steps that a run chooses follow these
+    return [*cases, (f"{text}, half the steps", finer)]
+
+
+def trace(
+    case: Case,
+    on_point: Callable[[float, dict], None] = lambda travel, row: None,
+    rules: PathRules | None = None,
+):
+    """The path of a case without time: columns by name, why it stopped (None: it did not), interrupted.
+
+    It ends a blade thickness behind its first jump of more than ``ELEMENTS`` elements, at the case's depth,
+    or where a cut without one is ``LONG`` thicknesses long.
+    """
+    # One mesh, with small elements as far down as a path goes.
+    around = LONG + BEHIND if follows(case) else 0.0
+    meshes = Following(replace(case, numerics=replace(case.numerics, around=around)))
+    built = meshes.built
+    march = built.march
+    path = Path(built.problem, march.centre0, case.p.depth, march.bottom, rules or PathRules(), march.newton)
+    scale, thickness = built.geometry.multiplicity, case.p.thickness
+    rows: list[dict[str, float]] = []
+    work: dict[str, float] = {}
+    farthest, turned, after = 0.0, None, 0
+    interrupted = False
+    names = {name: 0.0 for name in Ledger(meshes).last if name.startswith("work_")}
+    rows.append({"displacement_mm": 0.0, "force_N": 0.0, "cut_length_mm": 0.0, "released": 0.0,
+                 "softest": math.nan, **names})  # fmt: skip
+    try:
+        for point in path:
+            for name, done in point.work.items():
+                work[name] = work.get(name, 0.0) + done * scale
+            row = {
+                "displacement_mm": point.travel,
+                "force_N": point.force * scale,
+                "cut_length_mm": point.broken,
+                "released": float(point.by == RELEASE),
+                "softest": math.nan,
+                **names,
+                **{f"work_{name}_mJ": value for name, value in work.items()},
+            }
+            back = farthest - point.travel
+            # Around the first turning point alone: a factorization and some solves each.
+            if point.by != RELEASE and after < 5 and point.broken > 1e-3:
+                row["softest"] = softest(built.problem, point)
+                after += back > 0
+            rows.append(row)
+            on_point(point.travel, row)
+            farthest = max(farthest, point.travel)
+            if turned is None and back > TURNED * thickness:
+                turned = farthest
+            if turned is not None and point.travel > turned + BEHIND * thickness:
+                jump = max(jumps_of(_columns(rows), thickness), key=lambda j: j.advance_mm, default=None)
+                if jump is not None and jump.advance_mm > ELEMENTS * case.numerics.h_mm:
+                    break
+            if point.broken > LONG * thickness:
+                break
+    except KeyboardInterrupt:
+        interrupted = True
+    return _columns(rows), INTERRUPTED if interrupted else path.stopped, interrupted
+
+
+def _columns(rows: Sequence[Mapping[str, float]]) -> dict[str, np.ndarray]:
+    return {name: np.array([row.get(name, 0.0) for row in rows]) for name in rows[0]}
+
+
+def jumps_of(curve: Mapping[str, np.ndarray], thickness: float) -> list[Jump]:
+    """What a blade that only moves forward jumps over, in the order of the path.
+
+    From each turning point to the first point of the path at the same travel again; loops that go back by
+    less than ``TURNED`` blade thicknesses are left out.
+    """
+    d, F, c = (np.asarray(curve[name]) for name in ("displacement_mm", "force_N", "cut_length_mm"))
+    released, soft = curve["released"] > 0, curve["softest"]
+    works = {name: values for name, values in curve.items() if name.startswith("work_")}
+    found, i = [], 0
+    while i < d.size - 1:
+        if d[i + 1] >= d[i] and not released[i + 1]:
+            i += 1
+            continue
+        ahead = np.flatnonzero((d[i + 1 :] > d[i] + 1e-12) & ~released[i + 1 :])
+        landed = ahead.size > 0
+        last = i + 1 + int(ahead[0]) if landed else d.size - 1
+        back = float(d[i] - d[i : last + 1].min())
+        if back > TURNED * thickness or released[i + 1 : last + 1].any():
+            part = (d[i] - d[last - 1]) / (d[last] - d[last - 1]) if landed else 1.0
+
+            def at(values, last=last, part=part):
+                return float(values[last - 1] + part * (values[last] - values[last - 1]))
+
+            x = np.append(d[i:last], at(d))
+            y = np.append(F[i:last], at(F))
+            inside = np.flatnonzero(released[: last + 1])
+            inside = inside[inside > i]
+            known = np.flatnonzero(np.isfinite(soft))
+            before, after = known[known < i], known[(known >= i) & (known < last)]
+            found.append(
+                Jump(
+                    travel_mm=float(d[i]),
+                    back_mm=back,
+                    force_N=float(F[i]),
+                    landing_N=at(F),
+                    advance_mm=at(c) - float(c[i]),
+                    freed_mJ=-float(np.trapezoid(y, x)),
+                    spent_mJ={n[5:-3]: at(v) - float(v[i]) for n, v in works.items()},
+                    releases=int((np.diff(np.concatenate([[0], released[i : last + 1]])) > 0).sum()),
+                    released_mJ=at(works["work_snap_mJ"]) - float(works["work_snap_mJ"][i])
+                    if "work_snap_mJ" in works
+                    else 0.0,
+                    released_mm=float((c[inside] - c[inside - 1]).sum()),
+                    softest_before=float(soft[before[-1]]) if before.size else math.nan,
+                    softest_after=float(soft[after[0]]) if after.size else math.nan,
+                    landed=landed,
+                    first=i,
+                    last=last,
+                )
+            )
+        i = last
+    return found
+
+
+def forward(followed: Followed) -> dict[str, np.ndarray]:
+    """The path as a blade sees it that only moves forward, at rest between jumps: columns of a curve."""
+    curve = followed.curve
+    d = curve["displacement_mm"]
+    keep = np.flatnonzero((d >= np.maximum.accumulate(d)) & (curve["released"] == 0))
+    columns = {name: curve[name][keep] for name in ("displacement_mm", "force_N", "cut_length_mm")}
+    for jump in followed.jumps:
+        if jump.landed:
+            at = int(np.searchsorted(columns["displacement_mm"], jump.travel_mm, side="right"))
+            values = {
+                "displacement_mm": jump.travel_mm,
+                "force_N": jump.landing_N,
+                "cut_length_mm": float(curve["cut_length_mm"][jump.first]) + jump.advance_mm,
+            }
+            columns = {name: np.insert(column, at, values[name]) for name, column in columns.items()}
+    return columns

@@ -1,0 +1,115 @@
+"""What following a path has found, in words, as a table and as JSON."""
+
+from __future__ import annotations
+
+import math
+
+from cutbench.run.measures import measures
+from cutbench.run.snap_back import ELEMENTS, MESH, OPEN, PHYSICAL, STABLE, Followed, Jump, forward
+
+
+def limit_rows(followed: Followed) -> list[dict[str, object]]:
+    """Onset, peak and drop with less and less viscosity, and of the path, over one stretch of travel."""
+    window, height = followed.case.p.thickness, followed.case.values["height"]
+    rows = []
+    for text, result in (("as asked", followed.run), *followed.limit):
+        # Steady force and slope mean nothing here; onset, peak and drop are those of the transition.
+        found = result.measures
+        lost = sum(
+            float(result.curve[name][-1])
+            for name in result.curve
+            if name in ("work_snap_mJ", "work_viscous_mJ", "work_viscous_degraded_mJ")
+        )
+        rows.append(
+            {
+                "what": text,
+                "drop_rel": found.get("drop_rel", math.nan),
+                "onset_mm": found.get("onset_mm", math.nan),
+                "peak_N": found.get("peak_N", math.nan),
+                "peak_mm": found.get("peak_mm", math.nan),
+                "outcome": str(result.outcome),
+                "to_viscosity_mJ": lost,
+            }
+        )
+    shape = forward(followed)
+    if shape["displacement_mm"].size > 2:
+        found = measures(shape, window_mm=window, height_mm=height)
+        rows.append(
+            {
+                "what": "path at rest",
+                **{key: found[key] for key in ("drop_rel", "onset_mm", "peak_N", "peak_mm")},
+                "outcome": followed.stopped or "done",
+                "to_viscosity_mJ": 0.0,
+            }
+        )
+    return rows
+
+
+def sentence(followed: Followed) -> str:
+    """What was found, in words."""
+    jump, h = followed.jump, followed.case.numerics.h_mm
+    end_mm = float(followed.curve["displacement_mm"][-1])
+    drop = followed.run.measures.get("drop_rel", math.nan)
+    asked = (
+        f"As asked, the force falls by {drop:.0%}." if math.isfinite(drop) else "As asked, nothing is cut."
+    )
+    if followed.verdict == STABLE:
+        return (
+            f"No jump: equilibrium at rest goes forward all the way to {end_mm:.2f} mm of travel. {asked}"
+            " What falls, falls in a stable way."
+        )
+    if jump is None:
+        return f"Open: the path ended at {end_mm:.2f} mm before it turned ({followed.stopped}). {asked}"
+    end = "" if jump.landed else f", where the path ended ({followed.stopped})"
+    signs = ""
+    if math.isfinite(jump.softest_before) and math.isfinite(jump.softest_after):
+        signs = (
+            f"; the tangent's lowest eigenvalue goes from {jump.softest_before:.2g} to"
+            f" {jump.softest_after:.2g} there"
+        )
+    what = (
+        f"at {jump.travel_mm:.3f} mm equilibrium at rest turns back by {jump.back_mm:.2f} mm{signs}."
+        f" The force jumps from {jump.force_N:.3g} to {jump.landing_N:.3g} N ({jump.drop_rel:.0%}){end},"
+        f" the cut grows by {jump.advance_mm:.2f} mm ({jump.advance_mm / h:.1f} elements), and"
+        f" {jump.freed_mJ:.3g} mJ are set free"
+    )
+    heads = {
+        PHYSICAL: "The jump is physical: ",
+        MESH: f"A jump of fewer than {ELEMENTS:g} elements, which may be theirs (try a smaller h): ",
+        OPEN: "Open: ",
+    }
+    parts = ""
+    if jump.releases:
+        parts = (
+            f" No equilibrium was near at {jump.releases} place(s) of this stretch, and the body was let go:"
+            f" {jump.released_mm:.2f} mm of the cut's growth, {jump.released_mJ:.2g} mJ."
+        )
+    return f"{heads[followed.verdict]}{what}.{parts} {asked}"
+
+
+def describe_followed(followed: Followed) -> dict[str, object]:
+    """The content of follow.json."""
+    jump = followed.jump
+
+    def plain(one: Jump) -> dict[str, object]:
+        keys = [k for k in vars(one) if k not in ("first", "last")]
+        return {k: getattr(one, k) for k in keys} | {"drop_rel": one.drop_rel}
+
+    return {
+        "schema": 1,
+        "verdict": followed.verdict,
+        "text": sentence(followed),
+        "case": followed.case.to_dict(),
+        "jump": None if jump is None else plain(jump),
+        "jumps": [plain(one) for one in followed.jumps],
+        "limit": limit_rows(followed),
+        "path": {
+            "points": int(followed.curve["force_N"].size),
+            "to_mm": float(followed.curve["displacement_mm"][-1]),
+            "cut_length_mm": float(followed.curve["cut_length_mm"][-1]),
+            "stopped": followed.stopped,
+            "released_points": int((followed.curve["released"] > 0).sum()),
+            "without": [m.name for m in followed.case.model.all if m.role == "viscous"],
+        },
+        "seconds": followed.seconds,
+    }

@@ -1,0 +1,161 @@
+"""Runs of a store as a table: chosen by what they are and what came out, shown or written as CSV or JSON."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import operator
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from cutbench.base.errors import BadInput
+from cutbench.base.toml import one_of
+from cutbench.base.units import parse_quantity
+from cutbench.case.model import GROUPS, Model
+from cutbench.run.measures import MEASURES
+from cutbench.run.store.index import Head
+
+#: Columns that every run has, before its values.
+_GENERAL = ("id", "name", "outcome", "reached_mm", "seconds", "dim", "mechanisms", "written", "message")
+#: What a listing shows when it is not told.
+DEFAULT = ("id", "name", "outcome", "drop_rel", "onset_mm", "peak_N", "steady_N", "seconds", "written")
+_SIGNS: dict[str, Callable[[object, object], bool]] = {
+    ">=": operator.ge, "<=": operator.le, "!=": operator.ne, "=": operator.eq, ">": operator.gt,
+    "<": operator.lt,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Condition:
+    """``column sign value``; a value of a parameter is read in the unit the column is shown in."""
+
+    column: str
+    sign: str
+    value: float | str
+
+    def holds(self, row: Mapping[str, object]) -> bool:
+        """Whether a run meets it; one that lacks the column does not."""
+        found = row.get(self.column)
+        if found is None or (isinstance(found, float) and math.isnan(found)):
+            return False
+        if isinstance(self.value, float):
+            if not isinstance(found, (int, float)):
+                return False
+            if self.sign in ("=", "!="):  # as a person writes numbers
+                same = math.isclose(found, self.value, rel_tol=1e-6, abs_tol=1e-15)
+                return same == (self.sign == "=")
+            return _SIGNS[self.sign](found, self.value)
+        if self.column == "mechanisms":
+            there = self.value in str(found).split()
+            return there == (self.sign == "=")
+        return _SIGNS[self.sign](str(found), self.value)
+
+
+def row_of(id: str, head: Head) -> dict[str, object]:
+    """A run as one flat row: general columns, values in their units, groups by name, measures."""
+    values = {name: float(v) for name, (v, _) in head["values"].items()}
+    known = Model(tuple(head["mechanisms"])).parameters()
+    internal = {name: v * known[name].factor for name, v in values.items() if name in known}
+    groups = {}
+    for name, group in GROUPS.items():
+        if group.parameter in internal and all(need in internal for need in group.needs):
+            groups[name] = float(f"{group.value(_Attributes(internal)):.6g}")
+    measures = {name: float(v) for name, v in head["measures"].items()}
+    numerics = {k: v for k, v in head["numerics"].items() if v is not None}
+    return {
+        "id": id,
+        "name": head["name"],
+        "outcome": head["outcome"],
+        "reached_mm": head["reached_mm"],
+        "seconds": head["seconds"],
+        "dim": head["dim"],
+        "mechanisms": " ".join(head["mechanisms"]),
+        "written": datetime.fromtimestamp(head["written"], UTC).strftime("%Y-%m-%d %H:%M:%S"),
+        "message": head["message"],
+    } | numerics | values | groups | measures  # fmt: skip
+
+
+class _Attributes:
+    def __init__(self, values: Mapping[str, float]):
+        self.__dict__.update(values)
+
+
+def units(heads: Iterable[Head]) -> dict[str, str]:
+    """The unit of each value that is not a pure number."""
+    found: dict[str, str] = {}
+    for head in heads:
+        found |= {name: unit for name, (_, unit) in head["values"].items() if unit != "1"}
+    return found
+
+
+def columns_of(rows: Sequence[Mapping[str, object]]) -> list[str]:
+    """All columns of some rows: the general ones, then the others in order of appearance."""
+    names = dict.fromkeys(_GENERAL)
+    for row in rows:
+        names |= dict.fromkeys(row)
+    return list(names)
+
+
+def parse_condition(text: str, known: Sequence[str], unit: Mapping[str, str]) -> Condition:
+    """``G >= 10 kPa``, ``drop_rel>0.1``, ``name = gelatin``, ``mechanisms = coulomb``. Raises BadInput."""
+    match = re.fullmatch(r"\s*([\w.]+)\s*(>=|<=|!=|==|=|>|<)\s*(.+?)\s*", text)
+    if not match:
+        raise BadInput(
+            key="--where",
+            value=text,
+            expected="column, sign and value, such as 'drop_rel > 0.1' or 'G >= 10 kPa'",
+        )
+    column, sign, raw = match.groups()
+    sign = "=" if sign == "==" else sign
+    if column not in known and column not in MEASURES:
+        raise BadInput(key="--where", value=column, expected=one_of(column, known))
+    if column in ("id", "name", "outcome", "mechanisms", "written", "message"):
+        return Condition(column, sign, raw)
+    if column in unit:
+        return Condition(column, sign, float(parse_quantity(raw, unit[column], key=column)))
+    try:
+        return Condition(column, sign, float(raw))
+    except ValueError:
+        return Condition(column, sign, raw)  # a choice, such as element = P2
+
+
+def table_of(
+    heads: Mapping[str, Head], where: Sequence[str], columns: Sequence[str] | None, sort: str | None
+) -> tuple[list[str], list[list[object]]]:
+    """Heads and rows of the runs that meet all of ``where``. Raises BadInput for an unknown column."""
+    rows = [row_of(id, head) for id, head in heads.items()]
+    known = columns_of(rows)
+    unit = units(heads.values())
+    conditions = [parse_condition(text, known, unit) for text in where]
+    chosen = list(columns) if columns else known
+    for name in [*chosen, *([sort] if sort else [])]:
+        if name not in known and name not in MEASURES and name not in DEFAULT:
+            raise BadInput(key="--columns", value=name, expected=one_of(name, known))
+    kept = [row for row in rows if all(condition.holds(row) for condition in conditions)]
+    if sort:
+        kept.sort(key=lambda row: (_missing(row.get(sort)), str(type(row.get(sort))), row.get(sort) or 0))
+    names = [f"{name} [{unit[name]}]" if name in unit else name for name in chosen]
+    return names, [[row.get(name) for name in chosen] for row in kept]
+
+
+def to_csv(names: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """Comma-separated, one header line; what is missing is empty."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows([["" if _missing(v) else v for v in row] for row in rows])
+    return out.getvalue()
+
+
+def to_json(names: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """A list of objects; what is missing is null."""
+    plain = [{n: None if _missing(v) else v for n, v in zip(names, row, strict=True)} for row in rows]
+    return json.dumps(plain, indent=1) + "\n"
+
+
+def _missing(value: object) -> bool:
+    return value is None or (isinstance(value, float) and not math.isfinite(value))

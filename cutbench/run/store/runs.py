@@ -1,0 +1,267 @@
+"""Finished runs on disk, under the hash of their inputs: what is there is never computed again.
+
+``ROOT/<id[:2]>/<id>/`` holds ``run.json`` (inputs, outcome, measures, cost, versions) and
+``curve.npz``. An entry appears whole or not at all (it is written beside and renamed), so several
+processes may share a store, and one that is killed leaves nothing that looks finished. Beside the
+folders ``index.sqlite`` lists them; it is a copy, made again whenever it is not there.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+import tempfile
+import time
+import uuid
+import zipfile
+from collections.abc import Iterator
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cutbench.base.errors import BadInput
+from cutbench.case.case import Case
+from cutbench.run.result import Outcome, Result
+from cutbench.run.store.index import Head, Index
+
+#: Layout of an entry; another number is read as "not there".
+FORMAT = 1
+
+#: A half-written entry older than this belongs to a process that died.
+_STALE_S = 3600.0
+
+_UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, BadInput)
+
+
+class Store:
+    """Runs by id. Only runs that ended by themselves are kept: an interrupted one has no result."""
+
+    def __init__(self, root: str | os.PathLike[str]):
+        """Open or create the store in ``root``; BadInput if the folder cannot be written."""
+        self.root = Path(root)
+        try:
+            self.root.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=self.root):
+                pass
+        except OSError as error:
+            raise BadInput(
+                key="store", value=str(self.root), expected=f"a folder that can be written ({error.strerror})"
+            ) from error
+        self._index = Index(self.root)
+        self._sweep_up()
+
+    def path(self, id: str) -> Path:
+        """Folder of the run ``id``, there or not."""
+        return self.root / id[:2] / id
+
+    def has(self, id: str) -> bool:
+        """Whether a whole, readable entry of that id is there."""
+        return self.get(id) is not None
+
+    def get(self, id: str) -> Result | None:
+        """The run (without snapshots); None where there is none, or only one that cannot be read."""
+        try:
+            record = self._record(self.path(id))
+            return Result(
+                case=Case.from_dict(record["case"]),
+                curve=_read_curve(self.path(id) / "curve.npz"),
+                outcome=Outcome(**record["outcome"]),
+                timings=record["timings"],
+                counts=record["counts"],
+                measures=record["measures"],
+            )
+        except _UNREADABLE:
+            return None
+
+    def put(self, result: Result, *, replace: bool = False) -> bool:
+        """Keep a run; True if it was written.
+
+        An interrupted run is not kept. A whole entry that is already there stays, unless
+        ``replace``; a damaged one is replaced.
+        """
+        if result.outcome.kind == "interrupted":
+            return False
+        id = result.case.id
+        home = self.path(id)
+        home.parent.mkdir(parents=True, exist_ok=True)
+        fresh = self._folder(".new-")
+        try:
+            _write(fresh / "run.json", json.dumps(_to_record(result), indent=1, allow_nan=True).encode())
+            with open(fresh / "curve.npz", "wb") as file:
+                np.savez(file, **{name: np.asarray(column) for name, column in result.curve.items()})
+                file.flush()
+                os.fsync(file.fileno())
+            while True:
+                try:
+                    os.rename(fresh, home)
+                    break
+                except OSError:
+                    if not home.exists():
+                        raise
+                if not replace and self.has(id):
+                    return False
+                self._discard(home)
+        finally:
+            shutil.rmtree(fresh, ignore_errors=True)
+        with contextlib.suppress(OSError):  # another process may have replaced it already
+            if (head := self._head(id)) is not None:
+                self._index.add(id, home.stat().st_mtime_ns, head)
+        return True
+
+    def remove(self, id: str) -> None:
+        """Forget a run, so that it is computed again."""
+        if self.path(id).exists():
+            self._discard(self.path(id))
+            self._index.remove(id)
+
+    def heads(self) -> dict[str, Head]:
+        """What there is to say of each run without its curve, by id: name, outcome, message, reached_mm,
+        dim, mechanisms, values (with unit), numerics, groups, measures, seconds, counts, versions,
+        written (seconds since 1970). Entries that cannot be read are left out: see ``unreadable``."""
+        return self._index.refresh(self._there(), self._head)
+
+    def unreadable(self) -> dict[str, str]:
+        """Entries that cannot be used, with the reason."""
+        found = {}
+        for id in self._there().keys() - self.heads().keys():
+            try:
+                record = json.loads((self.path(id) / "run.json").read_text(encoding="utf-8"))
+                layout = record.get("format")
+                known = f"format {layout}, this cutbench reads {FORMAT}: use the version that wrote it"
+                written = (record.get("versions") or {}).get("cutbench", "unknown")
+                found[id] = f"{known} ({written})" if layout != FORMAT else "its inputs cannot be read"
+            except (*_UNREADABLE, AttributeError) as error:
+                found[id] = (
+                    f"damaged ({type(error).__name__}): remove its folder, or let a sweep write it again"
+                )
+        return dict(sorted(found.items()))
+
+    def mark(self) -> str:
+        """Name of a file in the store that is in no other: who finds it sees this very folder."""
+        for path in sorted(self.root.glob(".mark-*")):
+            return path.name
+        path = self.root / f".mark-{uuid.uuid4().hex}"
+        path.touch()
+        return path.name
+
+    def __iter__(self) -> Iterator[Result]:
+        """All readable runs, in the order of their ids."""
+        for folder in sorted(self.root.glob("??/*")):
+            if (result := self.get(folder.name)) is not None:
+                yield result
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def _there(self) -> dict[str, int]:
+        """All entries, readable or not: id -> when it was put here."""
+        found = {}
+        for folder in sorted(self.root.glob("??/*")):
+            try:
+                found[folder.name] = folder.stat().st_mtime_ns
+            except OSError:
+                continue  # taken away meanwhile
+        return found
+
+    def _head(self, id: str) -> Head | None:
+        try:
+            record = self._record(self.path(id))
+            case = Case.from_dict(record["case"])
+            return {
+                "name": case.name,
+                "outcome": record["outcome"]["kind"],
+                "message": record["outcome"]["message"],
+                "reached_mm": record["outcome"]["reached_mm"],
+                "dim": case.dim,
+                "mechanisms": list(case.mechanisms),
+                "values": {key: [v["value"], v["unit"]] for key, v in record["case"]["values"].items()},
+                "numerics": record["case"]["numerics"],
+                "groups": case.groups(),
+                "measures": record["measures"],
+                "seconds": record["timings"].get("total"),
+                "counts": record["counts"],
+                "versions": record["versions"],
+                "written": (self.path(id) / "run.json").stat().st_mtime,
+            }
+        except (*_UNREADABLE, AttributeError):
+            return None
+
+    def _record(self, home: Path) -> dict[str, Any]:
+        record = json.loads((home / "run.json").read_text(encoding="utf-8"))
+        if record["format"] != FORMAT or record["id"] != home.name:
+            raise ValueError(f"{home} is not an entry of this format")
+        return record
+
+    def _discard(self, home: Path) -> None:
+        """Take a folder away in one move, whatever it holds; another process may have been faster."""
+        grave = self._folder(".old-")
+        try:
+            os.rename(home, grave / home.name)
+        except FileNotFoundError:
+            pass
+        finally:
+            shutil.rmtree(grave, ignore_errors=True)
+
+    def _folder(self, prefix: str) -> Path:
+        # Not mkdtemp: an entry keeps this folder's mode, and a shared store must stay readable.
+        folder = self.root / f"{prefix}{uuid.uuid4().hex}"
+        folder.mkdir()
+        return folder
+
+    def _sweep_up(self) -> None:
+        for pattern in (".new-*", ".old-*"):
+            for folder in self.root.glob(pattern):
+                try:
+                    stale = time.time() - folder.stat().st_mtime > _STALE_S
+                except OSError:
+                    continue
+                if stale:
+                    shutil.rmtree(folder, ignore_errors=True)
+
+
+def _to_record(result: Result) -> dict[str, Any]:
+    outcome = result.outcome
+    return {
+        "format": FORMAT,
+        "id": result.case.id,
+        "case": result.case.to_dict(),
+        "outcome": {
+            "kind": outcome.kind,
+            "message": outcome.message,
+            "advice": outcome.advice,
+            "reached_mm": float(outcome.reached_mm),
+        },
+        "measures": {name: float(value) for name, value in result.measures.items()},
+        "timings": {name: float(value) for name, value in result.timings.items()},
+        "counts": {name: int(value) for name, value in result.counts.items()},
+        "versions": _versions(),
+    }
+
+
+def _versions() -> dict[str, str]:
+    found = {}
+    for package in ("cutbench", "numpy", "scipy", "scikit-fem"):
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            found[package] = "unknown"
+    return found
+
+
+def _read_curve(path: Path) -> dict[str, np.ndarray]:
+    with np.load(path, allow_pickle=False) as file:
+        curve = {name: file[name] for name in file.files}
+    if len({column.shape for column in curve.values()}) != 1:
+        raise ValueError(f"{path}: the columns have different lengths")
+    return curve
+
+
+def _write(path: Path, content: bytes) -> None:
+    with open(path, "wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())

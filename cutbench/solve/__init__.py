@@ -1,1 +1,0 @@
-"""Newton, steps, linear solvers and the energy ledger."""

@@ -1,0 +1,123 @@
+"""Newton's method for an equilibrium together with the blade's travel: the growth ΔC of the cut is given.
+
+For R(u, travel) = 0 and C(u) − C(u_old) = ΔC each iteration factorizes the tangent K once and solves twice:
+K w = −R and K v = −∂R/∂travel; then δtravel = (ΔC − [C(u) − C(u_old)] − C'·w)/(C'·v), δu = w + δtravel v.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cutbench.forms.base import Step
+from cutbench.forms.cut import CutForm
+from cutbench.mechanisms.base import STEP
+from cutbench.solver.linear import SingularMatrix
+from cutbench.solver.newton import NewtonSettings, NoConvergence
+from cutbench.solver.problem import Problem
+
+
+def step_to(centre0: np.ndarray, travel: float, before: float, u_old: np.ndarray) -> Step:
+    """A step of the blade from the travel ``before``, mm, with nothing that depends on time."""
+    down = np.array([0.0, 1.0, 0.0])
+    return Step(1.0, u_old, centre0 - travel * down, centre0 - before * down)
+
+
+class Bordered:
+    """Finds u and the travel where C, the damage summed over the plane of ``cut``, has grown as asked."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        cut: CutForm | None,
+        centre0: np.ndarray,
+        settings: NewtonSettings,
+        iterations: int,
+    ):
+        self._problem, self._cut, self._centre0 = problem, cut, centre0
+        self._settings, self._iterations = settings, iterations
+        #: Whether C counts where the cut is made, or else all damage.
+        self.local = True
+        zero = np.zeros(problem.ndof)
+        self._slopes = {True: zero, False: zero}
+
+    def solve(self, amount, old, travel, states, broken, u, reached):
+        """From ``old`` at ``travel``, where C is ``broken``, on by ``amount`` of C, first looked for at ``u``
+        and the travel ``reached``. Returns (Step, u, Evaluation, iterations) or raises NoConvergence."""
+        problem, settings, free = self._problem, self._settings, self._problem.free
+        moving = problem.displacements
+        floor = settings.smallest_ratio * min(1.0, problem.bulk.smallest_volume_ratio(old))
+        if problem.bulk.smallest_volume_ratio(u) < floor:
+            raise NoConvergence("the predicted state has inverted elements")
+        current, C, slope, step = self._look(u, reached, travel, states, old)
+        for iteration in range(self._iterations + 1):
+            gap = amount - (C - broken)
+            size = float(np.linalg.norm(current.residual[free]))
+            if not np.isfinite(size):
+                raise NoConvergence("the residual is not finite")
+            worst = size / current.scale
+            near = settings.tolerance if iteration < self._iterations else settings.stagnant
+            if worst <= near and abs(gap) <= 1e-6 * amount:
+                return step, u, current, iteration
+            if iteration == self._iterations:
+                break
+            try:
+                problem.factorize(current.data)
+                w = problem.back_substitute(current.residual)
+                v = problem.back_substitute(self._pushed(u, states, step))
+            except SingularMatrix as error:
+                raise NoConvergence(f"singular tangent: {error}") from error
+            speed = float(slope @ v)
+            if speed == 0.0:
+                raise NoConvergence("nothing breaks here")
+            way = (gap - float(slope @ w)) / speed
+            du = w + way * v
+            largest = max(np.abs(du[moving]).max(), abs(way))
+            if not np.isfinite(largest):
+                raise NoConvergence("the linear solution is not finite")
+            alpha = min(1.0, settings.reach / largest) if largest > 0 else 1.0
+            while problem.bulk.smallest_volume_ratio(u + alpha * du) <= floor:
+                alpha /= 2
+                if alpha < 1e-3:
+                    raise NoConvergence("elements invert along the Newton direction")
+            # A step may raise the residual at first; later that is contact or damage switching to and fro.
+            allowed = 2.0 if iteration < 3 else 0.9
+            best = None
+            for part in (1.0, 0.5, 0.25, 0.1, 0.03):
+                trial = (u + part * alpha * du, reached + part * alpha * way)
+                seen = self._look(*trial, travel, states, old)
+                r = float(np.linalg.norm(seen[0].residual[free]))
+                if np.isfinite(r) and (best is None or r < best[0]):
+                    best = (r, trial, seen)
+                if r <= allowed * max(size, settings.tolerance * current.scale):
+                    break
+            if best is None:
+                raise NoConvergence("the residual is not finite")
+            (u, reached), (current, C, slope, step) = best[1:]
+        raise NoConvergence(f"{iteration} iterations, residual {worst:.1e} of the forces")
+
+    def _look(self, u, reached, travel, states, old):
+        step = step_to(self._centre0, reached, travel, old)
+        current = self._problem.evaluate(u, states, step)
+        return current, *self.broken(u, states, step), step
+
+    def _pushed(self, u, states, step) -> np.ndarray:
+        """∂R/∂travel (ndof,): the blade moves against a body that stands still."""
+        moving = Step(
+            step.dt, step.u_old, step.centre - 1j * STEP * np.array([0.0, 1.0, 0.0]), step.centre_old
+        )
+        out = np.zeros(self._problem.ndof)
+        for form in self._problem.blades:
+            local = form.evaluate(u, self._problem.p, states[form.name], moving, False)
+            out += self._problem.pattern.vector(form.name, local.vector).imag / STEP
+        return out
+
+    def broken(self, u, states, step) -> tuple[float, np.ndarray]:
+        """C and its derivative (ndof,)."""
+        C, local = self._cut.broken(u, self._problem.p, states["cohesion"], step, self.local)
+        slope = self._problem.pattern.vector("cohesion", local)
+        slope[self._problem.fixed] = 0.0
+        if slope.any():
+            self._slopes[self.local] = slope
+        # At the start of a step, and where a trial has unloaded all, nothing grows: what grew last will do.
+        own = self._slopes[self.local]
+        return C, own if own.any() else self._slopes[not self.local]

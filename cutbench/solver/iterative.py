@@ -1,0 +1,264 @@
+"""Iterative solvers behind the interface of the direct ones: fewer factorizations, or none.
+
+In three dimensions a factorization costs as much as tens of back-substitutions, and its fill outgrows the
+memory before the matrix does. ``Kept`` preconditions GMRES with the last factorization until it is too old;
+``Multigrid`` with an algebraic multigrid hierarchy (PyAMG, smoothed aggregation over the rigid motions),
+kept as long. Both check their solutions as the direct solvers do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import scipy.sparse as sp
+
+from cutbench.base.errors import BadInput
+from cutbench.solver.linear import RESIDUAL, SingularMatrix, make_solver
+
+try:
+    import pyamg
+except ImportError:
+    pyamg = None
+
+#: Largest residual of a solution, relative to the right-hand side.
+TOLERANCE = RESIDUAL / 10
+#: The same for a direction of Newton's method, which is corrected in the next iteration anyway.
+LOOSE = 1e-3
+#: The same for a correction with an old tangent, which leaves more than that of the residual anyway.
+CORRECTION = 0.03
+#: Unknowns of a solid above which keeping a factorization gains anything.
+SMALL = 5_000
+#: Iterations after which a kept factorization is older than it is worth.
+OLD = 8
+#: The same for a hierarchy, which is cheaper to make, and the largest number of iterations with a fresh one.
+OLD_HIERARCHY, MOST = 60, 400
+#: Directions that GMRES keeps before it restarts.
+RESTART = 100
+
+#: Unknowns above which ``auto`` takes multigrid, where PyAMG is installed: by the growth of the fill, a
+#: factorization of a solid this large should need some 10 GB (an estimate: the largest measured had 62,000).
+LARGE = 300_000
+
+
+def solver_for(name: str, indptr, indices, n: int, symmetric: bool, modes: np.ndarray | None = None):
+    """A solver for one CSR pattern, as ``make_solver``, with the iterative ones.
+
+    ``modes`` (n, 6), the rigid motions, are given in three dimensions, and there ``auto`` keeps
+    factorizations (``kept``) or, for large n, makes none (``multigrid``). Those have methods
+    ``direction`` and ``correction`` beside ``solve``, less exact and cheaper. Raises BadInput for
+    ``multigrid`` without PyAMG.
+    """
+    if name == "auto" and modes is not None and n > SMALL:
+        name = "multigrid" if n > LARGE and pyamg is not None else "kept"
+    if name == "kept":
+        direct = make_solver("auto", indptr, indices, n, symmetric)
+        return Kept(direct, indptr, indices, n, symmetric)
+    if name == "multigrid" and pyamg is None:
+        wanted = "another solver, or PyAMG installed: pip install 'cutbench[large]'"
+        raise BadInput(key="solver", value=name, expected=wanted)
+    if name == "multigrid":
+        return Multigrid(indptr, indices, n, symmetric, modes)
+    return make_solver(name, indptr, indices, n, symmetric)
+
+
+def rigid_motions(X: np.ndarray) -> np.ndarray:
+    """Displacements (dim·n, 6 or 3) of the rigid motions of nodes X (dim, n), numbered node·dim + i."""
+    dim, n = X.shape
+    X = X - X.mean(axis=1, keepdims=True)
+    planes = [(0, 1)] if dim == 2 else [(0, 1), (1, 2), (2, 0)]
+    modes = np.zeros((n, dim, dim + len(planes)))
+    for i in range(dim):
+        modes[:, i, i] = 1.0
+    for k, (i, j) in enumerate(planes):
+        modes[:, i, dim + k], modes[:, j, dim + k] = -X[j], X[i]
+    return modes.reshape(n * dim, -1)
+
+
+class Stagnation(ArithmeticError):
+    """GMRES did not reach its tolerance in the iterations that it may take."""
+
+
+def gmres(
+    matvec: Callable[[np.ndarray], np.ndarray],
+    precondition: Callable[[np.ndarray], np.ndarray],
+    b: np.ndarray,
+    *,
+    tolerance: float,
+    most: int,
+    restart: int = RESTART,
+) -> tuple[np.ndarray, int]:
+    """Solve A x = b by flexible GMRES (Saad 1993), preconditioned from the right.
+
+    So the residual it watches is that of the equations, and ends at ``tolerance`` times |b|. Returns x and
+    the iterations; raises Stagnation after ``most``.
+    """
+    x, size = np.zeros_like(b), float(np.linalg.norm(b))
+    if size == 0:
+        return x, 0
+    done, r = 0, b
+    while True:
+        beta = float(np.linalg.norm(r))
+        if beta <= tolerance * size:
+            return x, done
+        if done >= most or not np.isfinite(beta):
+            raise Stagnation(f"residual {beta / size:.1e} after {done} iterations")
+        m = min(restart, most - done)
+        V, Z = [r / beta], []
+        H = np.zeros((m + 1, m))
+        rotations: list[tuple[float, float]] = []
+        g = np.zeros(m + 1)
+        g[0] = beta
+        k = 0
+        for k in range(m):
+            Z.append(precondition(V[k]))
+            w = matvec(Z[k])
+            for _ in range(2):  # twice is enough to keep the directions orthogonal
+                for i, v in enumerate(V):
+                    h = float(v @ w)
+                    H[i, k] += h
+                    w = w - h * v
+            H[k + 1, k] = float(np.linalg.norm(w))
+            if H[k + 1, k] > 0:
+                V.append(w / H[k + 1, k])
+            for i, (c, s) in enumerate(rotations):
+                H[i, k], H[i + 1, k] = c * H[i, k] + s * H[i + 1, k], c * H[i + 1, k] - s * H[i, k]
+            length = float(np.hypot(H[k, k], H[k + 1, k]))
+            if not np.isfinite(length) or length == 0:
+                raise Stagnation("the preconditioned matrix is singular")
+            c, s = H[k, k] / length, H[k + 1, k] / length
+            rotations.append((c, s))
+            exact = H[k + 1, k] == 0
+            H[k, k], H[k + 1, k] = length, 0.0
+            g[k], g[k + 1] = c * g[k], -s * g[k]
+            if abs(g[k + 1]) <= tolerance * size or exact:
+                break
+        count = k + 1
+        y = np.linalg.solve(np.triu(H[:count, :count]), g[:count])
+        for z, value in zip(Z, y, strict=True):
+            x = x + value * z
+        done += count
+        r = b - matvec(x)
+
+
+class _Matrix:
+    """The current matrix of a pattern; symmetric ones are given by their upper triangle."""
+
+    def __init__(self, indptr, indices, n: int, symmetric: bool):
+        self._pattern, self._n, self._symmetric = (indices, indptr), n, symmetric
+
+    def set(self, data: np.ndarray) -> None:
+        self._A = sp.csr_matrix((data, *self._pattern), shape=(self._n, self._n))
+        self._mirror = sp.triu(self._A, 1).T.tocsr() if self._symmetric else None
+
+    def __matmul__(self, x: np.ndarray) -> np.ndarray:
+        y = self._A @ x
+        return y if self._mirror is None else y + self._mirror @ x
+
+    def full(self) -> sp.csr_matrix:
+        return self._A if self._mirror is None else (self._A + self._mirror).tocsr()
+
+
+class Kept:
+    """A direct solver's last factorization as the preconditioner of GMRES, renewed when it is too old."""
+
+    def __init__(self, direct, indptr, indices, n: int, symmetric: bool):
+        self.name = direct.name
+        self._direct, self._matrix = direct, _Matrix(indptr, indices, n, symmetric)
+        self._data: np.ndarray | None = None
+        self._have = self._fresh = False
+        #: Factorizations and GMRES iterations so far.
+        self.counts = {"factorizations": 0, "gmres_iterations": 0}
+
+    def refactor(self, data: np.ndarray) -> None:
+        self._data, self._fresh = data, False
+        self._matrix.set(data)
+        if not self._have:
+            self._renew()
+
+    def _renew(self) -> None:
+        self._have = False
+        self._direct.refactor(self._data)
+        self._have = self._fresh = True
+        self.counts["factorizations"] += 1
+
+    def solve(self, b: np.ndarray, tolerance: float = TOLERANCE) -> np.ndarray:
+        if not self._fresh:
+            try:
+                x, count = gmres(self._matrix.__matmul__, self._direct.back, b, tolerance=tolerance, most=OLD)
+                self.counts["gmres_iterations"] += count
+                return x
+            except Stagnation:
+                self.counts["gmres_iterations"] += OLD
+                self._renew()
+        return self._direct.solve(b)
+
+    def direction(self, b: np.ndarray) -> np.ndarray:
+        return self.solve(b, LOOSE)
+
+    def correction(self, b: np.ndarray) -> np.ndarray:
+        return self.solve(b, CORRECTION)
+
+
+class Multigrid:
+    """GMRES preconditioned by smoothed aggregation of the symmetric part; nothing is factorized.
+
+    ``modes`` (n, 6): the rigid motions at the unknowns, which the coarse levels must hold. Raises
+    SingularMatrix where GMRES does not converge: an indefinite or badly conditioned matrix, for which
+    Newton's method then takes a smaller step.
+    """
+
+    name = "multigrid"
+
+    def __init__(self, indptr, indices, n: int, symmetric: bool, modes: np.ndarray | None):
+        self._matrix, self._modes = _Matrix(indptr, indices, n, symmetric), modes
+        self._cycle: Callable[[np.ndarray], np.ndarray] | None = None
+        self._fresh = False
+        self.counts = {"hierarchies": 0, "gmres_iterations": 0}
+
+    def refactor(self, data: np.ndarray) -> None:
+        self._matrix.set(data)
+        self._fresh = False
+        if self._cycle is None:
+            self._renew()
+
+    def _renew(self) -> None:
+        A = self._matrix.full()
+        A = ((A + A.T) * 0.5).tocsr()
+        smoother = ("gauss_seidel", {"sweep": "symmetric"})
+        with np.errstate(all="ignore"):
+            levels = pyamg.smoothed_aggregation_solver(
+                A,
+                B=self._modes,
+                symmetry="symmetric",
+                strength=("symmetric", {"theta": 0.02}),
+                presmoother=smoother,
+                postsmoother=smoother,
+                max_coarse=500,
+                coarse_solver="splu",
+            )
+        self._cycle = levels.aspreconditioner(cycle="V").matvec
+        self._fresh = True
+        self.counts["hierarchies"] += 1
+
+    def direction(self, b: np.ndarray) -> np.ndarray:
+        return self.solve(b, LOOSE)
+
+    def correction(self, b: np.ndarray) -> np.ndarray:
+        return self.solve(b, CORRECTION)
+
+    def solve(self, b: np.ndarray, tolerance: float = TOLERANCE) -> np.ndarray:
+        for fresh in (self._fresh, True):
+            if fresh and not self._fresh:
+                self._renew()
+            try:
+                most = MOST if fresh else OLD_HIERARCHY
+                x, count = gmres(self._matrix.__matmul__, self._cycle, b, tolerance=tolerance, most=most)
+            except Stagnation as error:
+                if fresh:
+                    self._cycle = None
+                    raise SingularMatrix(f"multigrid: {error}") from error
+                continue
+            self.counts["gmres_iterations"] += count
+            return x
+        raise AssertionError("unreachable")

@@ -1,0 +1,331 @@
+"""Steps of blade travel: prediction, Newton, step control, contact updates, energy ledger."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from cutbench.case.motion import Motion
+from cutbench.forms.base import Step
+from cutbench.solver.newton import BadGuess, NewtonSettings, NoConvergence, newton
+from cutbench.solver.predictor.history import Past
+from cutbench.solver.predictor.window import Window
+from cutbench.solver.problem import Evaluation, Problem, damage_growth
+from cutbench.solver.step_control import Pace, StepRules, drifts
+
+#: Staggered scheme: repetitions at the most, and the change of damage at which it stands still.
+STAGGERED_LOOPS = 200
+STAGGERED_TOLERANCE = 1e-4
+#: Residual over the forces at which a loop ends whose damage is not yet the last.
+STAGGERED_INNER = 1e-5
+#: What the ledger may leave open in a step that was foreseen from an element higher: of the step's own work,
+#: and in units of what is allowed otherwise; where the ledger drifts, a tenth of it.
+CREDIBLE = 2.0
+#: Such a prediction is tried where it leaves less than this part of the residual of a straight one.
+BETTER = 0.5
+
+
+@dataclass
+class _Found:
+    """What was found for a step from ``begun``, where the blade's force was ``force_before``.
+
+    Force and work are computed when they are asked for: many steps are refused before.
+    """
+
+    problem: Problem
+    begun: dict[str, dict]
+    step: Step
+    force_before: float
+    u: np.ndarray
+    result: Evaluation
+    effort: list[int]
+    solves: list
+
+    @cached_property
+    def work(self) -> dict[str, float]:
+        return self.problem.work(self.u, self.begun, self.result.states, self.step)
+
+    @cached_property
+    def force(self) -> float:
+        return self.problem.force(self.result.states)
+
+    @cached_property
+    def spent(self) -> float:
+        """The blade's work."""
+        moved = float(np.real(self.step.centre_old - self.step.centre)[1])
+        return (self.force_before + self.force) / 2 * moved
+
+    @cached_property
+    def left(self) -> float:
+        """What the ledger leaves open of it."""
+        return self.spent - sum(self.work.values())
+
+
+@dataclass
+class Accepted:
+    """A converged step. ``way`` is its end in mm of time × speed: the travel, where the blade never rests."""
+
+    travel: float
+    way: float
+    dt: float
+    u: np.ndarray
+    states: dict[str, dict]
+    force: float
+    reaction: float
+    work: dict[str, float]
+    iterations: int
+    step: Step
+    #: Each inner solve: the states it began from and the displacements it found (one without augmentations).
+    solves: list[tuple[dict[str, dict], np.ndarray]]
+    #: The blade has been held meanwhile, and damping raised: a state between two points of the curve.
+    between: bool = False
+
+
+@dataclass
+class Progress:
+    """What a march is between two steps: enough to go on from there. ``way`` as in ``Accepted``."""
+
+    way: float
+    u: np.ndarray
+    states: dict[str, dict]
+    u_before: np.ndarray | None = None
+    size_before: float | None = None
+    force: float = 0.0
+    #: The blade's work so far, and what of it the ledger has left open.
+    spent: float = 0.0
+    left: float = 0.0
+    #: Steps that predictions are made from.
+    past: dict[str, np.ndarray] | None = None
+    #: That of ``Pace``.
+    pace: dict[str, float] | None = None
+
+
+@dataclass
+class March:
+    """Drive the blade through its ``motion``; iterate to get each accepted step.
+
+    ``centre0`` (3,): the ellipse's centre at zero travel; the blade moves along −y.
+    """
+
+    problem: Problem
+    centre0: np.ndarray
+    motion: Motion
+    bottom: np.ndarray  # degrees of freedom whose reaction balances the blade's force
+    rules: StepRules = field(default_factory=StepRules)
+    newton: NewtonSettings = field(default_factory=NewtonSettings)
+    failures: list[str] = field(default_factory=list)
+    stopped: str | None = None
+    #: Steps to take instead of choosing them, each with its length in mm, 0 at rest, and the damping's boost.
+    schedule: Sequence[tuple[float, float]] | None = None
+    #: Displacements at the end of each of these steps in a march that hardly differs: looked for from there.
+    known: Sequence[np.ndarray] | None = None
+    #: Where to begin, if not at rest; and who is told of each step's end when the next one begins.
+    resume: Progress | None = None
+    between_steps: Callable[[Progress], None] | None = None
+    #: What happened some elements higher: the window's guesses, or, without one, predictions themselves.
+    past: Past | None = None
+    #: Looks for the next state around the front first.
+    window: Window | None = None
+    #: Says of a step's end that another march goes on from there; this one ends, and keeps it in ``left``.
+    leaves: Callable[[Progress], bool] | None = None
+    left: Progress | None = None
+
+    @property
+    def speed(self) -> float:
+        """Way per time, mm/s."""
+        return self.motion.speed
+
+    def _centre(self, travel: float) -> np.ndarray:
+        return self.centre0 - np.array([0.0, travel, 0.0])
+
+    def __iter__(self) -> Iterator[Accepted]:
+        problem, rules, motion = self.problem, self.rules, self.motion
+        begin = self.resume or Progress(0.0, np.zeros(problem.ndof), problem.start())
+        way, u, states, force = begin.way, begin.u, begin.states, begin.force
+        u_before, size_before = begin.u_before, begin.size_before
+        spent_before, left_before = begin.spent, begin.left
+        if self.past is not None and begin.past is not None:
+            self.past.restore(begin.past)
+        damping = next((f for f in problem.forms if f.name == "damping"), None)
+        pace = Pace(rules, damping, rules.first)
+        pace.boost = 1.0
+        if begin.pace is not None:
+            pace.restore(begin.pace)
+        plan, chosen, known = iter(self.schedule or ()), self.schedule is None, iter(self.known or ())
+        while pace.rests or way < motion.end - 1e-9:
+            if not chosen:
+                pace.size, pace.boost = next(plan, (None, 1.0))
+                if pace.size is None:
+                    return
+                pace.rests = pace.size == 0
+            if not pace.rests:
+                pace.size = min(pace.size, motion.room(way))
+            size = pace.advance
+            travel, ahead = motion.travel(way), motion.travel(way + size)
+            step = Step(pace.duration / self.speed, u, self._centre(ahead), self._centre(travel))
+            begun = problem.touched(states)
+            straight = None if u_before is None else u + (u - u_before) * (size / size_before)
+            if pace.rests:
+                straight = u
+            try:
+                desperate = pace.boost > 1 or size <= 2 * rules.smallest
+                straight = self._improved(straight, next(known, None), u, begun, step, desperate)
+                drift = (spent_before, left_before)
+                found = self._first_that_holds(u, straight, begun, step, size, force, drift)
+                growth = damage_growth(states, found.result.states)
+                # What the ledger leaves open is the error of the step, against the blade's work over the
+                # largest step: within a small jump of a fine step nothing is gained by closing better than
+                # that. A blade at rest is taken as one that moves.
+                whole = (abs(force) + abs(found.force)) / 2 * max(size, rules.largest)
+                defect = abs(found.left) / max(whole, 1e-300)
+                allowed = pace.allowed(drifts(found.spent, found.left, *drift))
+                if chosen:
+                    pace.check(growth, defect, allowed)
+            except NoConvergence as error:
+                self.failures.append(f"{travel:.4f} mm, step {size:.2g} mm: {error.reason}")
+                if not chosen or not pace.shorten(error, way > 0):
+                    self.stopped = error.reason
+                    return
+                continue
+            states = found.result.states
+            if pace.settles:
+                # Another mesh, the same way: what the last step did goes on.
+                u_before = None if u_before is None else u_before + found.u - u
+            else:
+                u_before, size_before = (None, None) if pace.rests else (u, size)
+            u, way = found.u, way + size
+            force = found.force
+            spent_before, left_before = spent_before + found.spent, left_before + found.left
+            reaction = found.result.residual[self.bottom].sum()
+            if self.past is not None:
+                self.past.add(ahead, u, np.real(states["cohesion"]["damage"]))
+            effort = found.effort
+            yield Accepted(
+                ahead, way, step.dt, u, states, force, reaction, found.work, sum(effort), step, found.solves,
+                between=pace.between,
+            )  # fmt: skip
+            pace.taken(max(effort), growth * self._haste(), defect, allowed)
+            if motion.turns(way):
+                u_before, pace.size = None, min(pace.size, rules.first)
+            if self.between_steps is not None or self.leaves is not None:
+                past = None if self.past is None else self.past.state()
+                now = Progress(
+                    way, u, states, u_before, size_before, force,
+                    spent=spent_before, left=left_before, past=past, pace=pace.state(),
+                )  # fmt: skip
+                if self.leaves is not None and self.leaves(now):
+                    self.left = now
+                    return
+                if self.between_steps is not None:
+                    self.between_steps(now)
+
+    def _haste(self) -> float:
+        """How many times faster than the blade the cut grows, within the rules."""
+        if self.past is None:
+            return 1.0
+        return min(max(1.0, self.past.speed()), self.rules.haste)
+
+    def _improved(self, straight, known, last, states, step, desperate) -> np.ndarray | None:
+        """A better prediction than ``straight``: what is ``known``, or what the front's own solution says."""
+        if known is not None:
+            return known
+        if straight is None or self.window is None:
+            return straight
+        began = time.perf_counter()
+        try:
+            return self.window.solved(straight, last, states, step, self.newton)
+        except BadGuess:
+            # Where no smaller step will be tried, the last state may still do.
+            if not desperate:
+                raise
+            return straight
+        finally:
+            self.problem.timer.add("window", began)
+
+    def _first_that_holds(self, u, straight, states, step, size, force, drift) -> _Found:
+        """A step from the better of two predictions: a straight line, and what happened one element higher.
+
+        Where the second leads to a state that energy does not lead to, it has jumped ahead of a snap: then
+        the first decides. It stays with a state for as long as there is equilibrium near it.
+        """
+        repeats = self.past is not None and self.window is None and straight is not None
+        repeated = self.past.guess(size, u) if repeats else None
+        guesses = [guess for guess in (straight, u) if guess is not None]
+        if repeated is not None and self._misses(repeated, states, step) < BETTER * self._misses(
+            straight, states, step
+        ):
+            try:
+                found = self._found(repeated, states, step, force)
+                part = CREDIBLE * self.rules.defect
+                if drifts(found.spent, found.left, *drift):
+                    part /= 10
+                if abs(found.left) <= part * abs(found.spent):
+                    return found
+            except NoConvergence:
+                pass
+        for i, guess in enumerate(guesses):
+            try:
+                return self._found(guess, states, step, force)
+            except NoConvergence as error:
+                # The last state is a better start only where the prediction itself was unusable.
+                if i == len(guesses) - 1 or not isinstance(error, BadGuess):
+                    raise
+        raise AssertionError("a march always has its last state to begin from")
+
+    def _misses(self, u, states, step) -> float:
+        """Residual over the forces in balance."""
+        e = self.problem.evaluate(u, states, step, tangent=False)
+        size = float(np.linalg.norm(e.residual[self.problem.free])) / e.scale
+        return size if np.isfinite(size) else np.inf
+
+    def _found(self, guess, states, step, force) -> _Found:
+        return _Found(self.problem, states, step, force, *self._solve(guess, states, step))
+
+    def _solve(self, u, states, step):
+        """Newton's method, inside the loops that hold damage or multipliers (none by default).
+
+        Returns displacements, evaluation, the iterations of each inner solve, and what each began from
+        and found.
+        """
+        u, result, effort = self._hold_damage(u, states, step)
+        solves = [(states, u)]
+        for _ in range(self.rules.augmentations):
+            states = {**states}
+            for form in self.problem.blades:
+                held = form.augment(result.states[form.name])["multiplier"]
+                states[form.name] = {**states[form.name], "multiplier": held}
+            u, result, more = self._hold_damage(u, states, step)
+            effort = effort + more
+            solves.append((states, u))
+        return u, result, effort, solves
+
+    def _hold_damage(self, u, states, step):
+        if not self.rules.staggered or "cohesion" not in states:
+            u, result, iterations = newton(self.problem, u, states, step, self.newton)
+            return u, result, [iterations]
+        cut = next(f for f in self.problem.forms if f.name == "cohesion")
+        held, effort = states["cohesion"], []
+        settings = replace(self.newton, tolerance=max(STAGGERED_INNER, self.newton.tolerance))
+        for _ in range(STAGGERED_LOOPS):
+            cut.held = True
+            try:
+                # From one loop to the next only the damage changes, and that less and less.
+                u, _, iterations = newton(
+                    self.problem, u, {**states, "cohesion": held}, step, settings, near=any(effort)
+                )
+            finally:
+                cut.held = False
+            effort.append(iterations)
+            # The state that this opening leads to, from the damage at the start of the step.
+            grown = cut.evaluate(u, self.problem.p, states["cohesion"], step, tangent=False).state
+            change = np.abs(grown["damage"] - held["damage"]).max(initial=0.0)
+            held = grown
+            if change < STAGGERED_TOLERANCE:
+                if settings is self.newton:
+                    return u, self.problem.evaluate(u, states, step, tangent=False), effort
+                settings = self.newton
+        raise NoConvergence(f"damage still changes by {change:.1e} after {STAGGERED_LOOPS} staggered loops")

@@ -1,0 +1,253 @@
+"""Newton's method with a consistent tangent, a guard against inverted elements and a line search."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutbench.forms.base import Step
+from cutbench.solver.linear import SingularMatrix
+from cutbench.solver.problem import Evaluation, Problem
+
+
+class NoConvergence(ArithmeticError):
+    """Newton's method gave up; ``reason`` says how. ``nearest``: the smallest residual that it came to, over
+    the forces, and the displacements there."""
+
+    def __init__(self, reason: str, nearest: tuple[float, np.ndarray | None] = (np.inf, None)):
+        super().__init__(reason)
+        self.reason, self.nearest = reason, nearest
+
+
+class BadGuess(NoConvergence):
+    """The state to begin from has inverted elements: another may do."""
+
+
+@dataclass(frozen=True)
+class NewtonSettings:
+    """Lengths in mm. ``tolerance`` is relative to the forces in balance."""
+
+    tolerance: float = 1e-8
+    #: Accepted where rounding keeps the residual from falling further.
+    stagnant: float = 1e-7
+    iterations: int = 60
+    #: Largest change of a displacement in one iteration, and the one beyond which the tangent is
+    #: regularised, at most with ``largest_shift`` times G.
+    reach: float = 0.3
+    trust: float = 0.2
+    largest_shift: float = 300.0
+    #: What it begins with, in units of G, where the guess leaves more than ``far`` of the forces.
+    cautious: float = 0.0
+    far: float = 0.2
+    #: How much less the next iteration has, where a direction was found at once.
+    relax: float = 4.0
+    #: Part of a Newton step that has to be free of inverted elements, or the tangent is regularised.
+    whole: float = 0.5
+    #: Line search: evaluations at the most, and the part of the work that may be left.
+    cuts: int = 6
+    slack: float = 0.8
+    #: Iterations before a residual that does not fall counts as cycling.
+    patience: int = 20
+    #: A Newton step that leaves less than ``close`` of the residual is followed by steps with its
+    #: factorization, as long as each leaves less than ``chord``.
+    close: float = 0.1
+    chord: float = 0.2
+    #: Part of the last step's smallest volume ratio below which a state is not tried.
+    smallest_ratio: float = 0.25
+
+
+#: A full step from below this part of the forces is likely to be followed by steps with its factorization:
+#: no tangent is assembled on the way.
+NEARLY = 0.02
+
+
+def newton(
+    problem: Problem, u: np.ndarray, states: dict, step: Step, settings: NewtonSettings, *, near: bool = False
+):
+    """Solve R(u) = 0 from the guess ``u``. Returns (u, Evaluation, iterations); raises NoConvergence.
+
+    ``near``: the guess solves a problem that hardly differs, and the solver still has its factorization.
+    Steps with that come first; they may suffice, and then no tangent is assembled.
+    """
+    free = problem.free
+
+    def norm(e: Evaluation) -> float:
+        value = float(np.linalg.norm(e.residual[free]))
+        return value if np.isfinite(value) else np.inf
+
+    # Elements may lose volume, but not most of what the last step left them.
+    floor = settings.smallest_ratio * min(1.0, problem.bulk.smallest_volume_ratio(step.u_old))
+    if problem.bulk.smallest_volume_ratio(u) < floor:
+        raise BadGuess("the predicted state has inverted elements")
+    current = problem.evaluate(u, states, step, tangent=not near)
+    size = norm(current)
+    if near:
+        u, current, size = _chords(problem, u, current, size, states, step, settings)
+    wrong = size > settings.far * current.scale and problem.metric is not None
+    shift, history = Shift(settings.relax, settings.cautious if wrong else 0.0), []
+    nearest = (np.inf, None)
+    # A tangent is assembled on the way only where a full step is likely to stand.
+    eager = True
+    for iteration in range(settings.iterations + 1):
+        if size <= settings.tolerance * current.scale:
+            return u, current, iteration
+        if iteration == settings.iterations:
+            break
+        if current.data is None:
+            current = problem.evaluate(u, states, step)
+        du, alpha = _direction(problem, u, current, settings, shift, floor)
+        before, base = size, (u, current)
+        wants = eager and (size > NEARLY * current.scale or shift.now > 0)
+        u, current = _search(problem, u, du, alpha, current, states, step, settings, floor, wants)
+        eager = np.array_equal(u, base[0] + alpha * du)
+        size = norm(current)
+        if shift.now == 0 and settings.tolerance * current.scale < size < settings.close * before:
+            u, current, size = _chords(problem, u, current, size, states, step, settings)
+        if iteration >= settings.patience and size > 0.9 * before:
+            # The active sets cycle: now the residual itself has to fall.
+            size, u, current = min(
+                (
+                    (norm(e), base[0] + a * du, e)
+                    for a, e in _shorter(problem, base[0], du, alpha, states, step)
+                ),
+                key=lambda item: item[0],
+            )
+        if not np.isfinite(size):
+            raise NoConvergence("the residual is not finite")
+        history.append(size / current.scale)
+        nearest = min(nearest, (history[-1], u), key=lambda item: item[0])
+        if iteration >= 2 * settings.patience and min(history[-settings.patience :]) > 0.5 * min(
+            history[: -settings.patience]
+        ):
+            if size <= settings.stagnant * current.scale:
+                return u, current, iteration
+            raise NoConvergence(
+                f"residual stays at {history[-1]:.1e} of the forces after {iteration} iterations",
+                nearest,
+            )
+    raise NoConvergence(
+        f"{settings.iterations} iterations, residual {size / current.scale:.1e} of the forces", nearest
+    )
+
+
+def _chords(problem, u, current, size, states, step, settings):
+    """Go on with the old factorization while each step still takes most of the residual away.
+
+    Near the solution the tangent hardly changes: a residual and a back-substitution cost a third of
+    a full Newton step.
+    """
+    free = problem.free
+    goal = settings.tolerance * current.scale
+    while size > goal:
+        trial_u = u + problem.back_substitute(current.residual, how="correction")
+        trial = problem.evaluate(trial_u, states, step, tangent=False)
+        r = float(np.linalg.norm(trial.residual[free]))
+        if not r < settings.chord * size:
+            break
+        u, current, size = trial_u, trial, r
+    # The scale may have fallen below what the goal was set by: then Newton's method goes on from here.
+    if current.data is None and size > settings.tolerance * current.scale:
+        current = problem.evaluate(u, states, step)
+    return u, current, size
+
+
+@dataclass
+class Shift:
+    """Regularisation in units of the shear modulus, and whether the last iteration had to raise it."""
+
+    relax: float
+    now: float = 0.0
+    raised: bool = False
+
+    def relaxed(self) -> float:
+        """What to try next: little less where less has just failed."""
+        value = self.now / (2.0 if self.raised else self.relax)
+        return value if value > 0.05 else 0.0
+
+
+def _direction(problem, u, current, settings, shift, floor):
+    """Newton direction, and the part of it that inverts no element; ``shift`` keeps the regularisation it
+    needed.
+
+    Where softening makes the tangent indefinite or nearly singular, the direction leads uphill or far
+    away: further than ``trust``, or than small elements bear. A multiple of the Laplacian added to the
+    tangent shortens and turns it (Levenberg, Marquardt).
+    """
+    free, moving = problem.free, problem.displacements
+    shift.now = shift.relaxed()
+    best = None
+    for attempt in range(8):
+        data = current.data if shift.now == 0 else current.data + shift.now * problem.p.G * problem.metric
+        fault = None
+        try:
+            problem.factorize(data)
+            du = problem.back_substitute(current.residual, how="direction")
+            largest = np.abs(du[moving]).max()
+            if np.isfinite(largest):
+                alpha = min(1.0, settings.reach / largest) if largest > 0 else 1.0
+                while alpha > 1e-3 and problem.bulk.smallest_volume_ratio(u + alpha * du) <= floor:
+                    alpha /= 2
+                downhill = du[free] @ current.residual[free] < 0
+                if downhill and largest <= settings.trust and alpha >= settings.whole:
+                    shift.raised = attempt > 0
+                    return du, alpha
+                if alpha > 1e-3 and (best is None or (downhill and largest <= settings.trust)):
+                    best = du, alpha
+            else:
+                fault = "the linear solution is not finite"
+        except SingularMatrix as error:
+            fault = f"singular tangent: {error}"
+        if problem.metric is None or shift.now > settings.largest_shift:
+            break
+        shift.now = max(1.0, 4 * shift.now)
+    if best is None:
+        raise NoConvergence(fault or "elements invert along the Newton direction")
+    return best
+
+
+def _shorter(problem, u, du, alpha, states, step):
+    for part in (0.5, 0.25, 0.1):
+        yield part * alpha, problem.evaluate(u + part * alpha * du, states, step, tangent=False)
+
+
+def _search(problem, u, du, alpha, current, states, step, settings, floor, eager):
+    """Along ``du``, find where the work of the residual on it has fallen well below its start.
+
+    This is the energy line search of Matthies and Strang (1979): where contact and damage switch, a
+    full step can jump between two branches for ever; the residual's norm need not tell. The evaluation that
+    is returned has a tangent if ``eager`` and the full step stands.
+    """
+    free, moving = problem.free, problem.displacements
+    direction = du[free]
+    start = float(direction @ current.residual[free])
+    e = problem.evaluate(u + alpha * du, states, step, tangent=eager)
+    if start >= 0:  # not a descent direction: an indefinite tangent, the full step is as good as any
+        return u + alpha * du, e
+    low, s_low, high, s_high = 0.0, start, alpha, float(direction @ e.residual[free])
+    best = (abs(s_high), alpha, e)
+    largest = np.abs(du[moving]).max()
+    # Sliding down a long slope (a snap under way): go on while the forces still push.
+    while s_high < -settings.slack * abs(start) and 2 * high * largest <= settings.reach:
+        if problem.bulk.smallest_volume_ratio(u + 2 * high * du) <= floor:
+            break
+        low, s_low = high, s_high
+        high *= 2
+        e = problem.evaluate(u + high * du, states, step, tangent=False)
+        s_high = float(direction @ e.residual[free])
+        if s_high <= 0 or s_high < best[0]:
+            best = (abs(s_high), high, e)
+    for _ in range(settings.cuts):
+        if best[0] <= settings.slack * abs(start) or s_high <= 0:
+            break
+        trial = high - s_high * (high - low) / (s_high - s_low)
+        trial = min(max(trial, low + 0.1 * (high - low)), high - 0.1 * (high - low))
+        e = problem.evaluate(u + trial * du, states, step, tangent=False)
+        s = float(direction @ e.residual[free])
+        if abs(s) < best[0]:
+            best = (abs(s), trial, e)
+        if s <= 0:
+            low, s_low = trial, s
+        else:  # beyond the minimum, or where an element inverted and nothing is finite
+            high, s_high = trial, s if np.isfinite(s) else -start
+    return u + best[1] * du, best[2]

@@ -1,0 +1,1 @@
+"""Where the next step is looked for: what happened some elements higher, and the front solved first."""

@@ -1,0 +1,245 @@
+"""First where the cut runs, then everywhere: a prediction that has contact and damage right.
+
+From one step to the next the tip meets other faces and the front opens other points. Newton's method spends
+most of its iterations on finding which, and solves the whole block each time. So they are found on the
+elements around the front alone, with the rest of the block held where a straight line has it; and then
+around the node with the largest residual, where that is elsewhere. What is left then is smooth, and takes
+one or two iterations of the whole (nonlinear elimination: Lanzkron, Rose, Wilkes, SIAM J. Sci. Comput. 17,
+1996; Cai, Li, SIAM J. Sci. Comput. 33, 2011).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from cutbench.forms.space import Faces, Space
+from cutbench.solver.newton import BadGuess, NewtonSettings, NoConvergence, newton
+from cutbench.solver.predictor.history import Past
+from cutbench.solver.predictor.part import Part
+from cutbench.solver.problem import Problem
+
+#: Half of the window's width, and how far it reaches ahead of the front and behind, in blade thicknesses.
+REACH = 1.0
+#: And at least this many elements of the cut plane.
+ELEMENTS = 3
+#: The window follows the front in steps of this part of that length.
+FOLLOWS = 0.25
+#: A part's residual, over its own forces, that is small enough; and iterations, at the most.
+ENOUGH, ITERATIONS = 1e-3, 15
+#: Where it stays above that, what is still a better beginning than a shorter step.
+USABLE = 0.02
+#: Regularisation that Newton's method begins with where the front has been moved, in units of G, and how much
+#: less each iteration has.
+CAUTIOUS, RELAX = 64.0, 8.0
+#: Parts of the front's expected advance that are tried where all of it inverts elements.
+CAUTION = (1.0, 0.75, 0.5)
+#: How often, and how near to the front in blade thicknesses, what a moved state lacks is smoothed.
+SMOOTHINGS, NEAR = 4, 0.15
+#: Where else the whole problem's residual is above this part of the forces a part is solved too: so many,
+#: each of so many nodes at least.
+WRONG, SPOTS, FEWEST = 0.01, 2, 60
+#: Nodes nearer to the blade than this keep their distance in a prediction, mm.
+TOUCH = 0.01
+#: Elements of the cut plane that the past is remembered for.
+REMEMBERED = 3
+
+
+def front_depth(height: np.ndarray, top: float, states: dict) -> float:
+    """How far below ``top`` the lowest point of the cut plane is that is half broken, 0 if there is none.
+
+    ``height`` (n,) of its points.
+    """
+    broken = height[np.real(states["cohesion"]["damage"]) > 0.5]
+    return top - float(broken.min(initial=top))
+
+
+class Window:
+    """Parts of a problem: around the front of its cut, and where else a prediction is wrong."""
+
+    def __init__(self, problem: Problem, space: Space, cut: Faces, thickness: float, past: Past | None):
+        """``cut``: the faces of the cut plane; ``thickness`` of the blade in mm; ``past``: what the march
+        remembers."""
+        self._problem, self._space, self._past = problem, space, past
+        self._cut = next(form for form in problem.forms if form.name == "cohesion")
+        self._height = cut.X[1].ravel()
+        self._top = float(space.X[1].max())
+        # In blocks, whose elements are large against what the front goes in a step, neither a moved front nor
+        # other parts saved anything.
+        self._flat = space.dim == 2
+        self._tall = float(np.median(np.ptp(space.X[1, cut.nodes], axis=0)))
+        self._reach = max(REACH * thickness, ELEMENTS * self._tall)
+        self._smoothed = max(NEAR * thickness, self._tall)
+        self._place: int | None = None
+        self._part: Part | None = None
+        self._spot: tuple[np.ndarray, Part] | None = None
+
+    def solved(self, u: np.ndarray, last: np.ndarray, states: dict, step, settings: NewtonSettings):
+        """``u``, which predicts the end of ``step`` from ``last``, with the unknowns of the parts solved for.
+
+        Where Newton's method stops short of that, the state nearest to it will do, if it is near. Raises
+        NoConvergence where none is at the front.
+        """
+        part = self._around(states)
+        of_part = part.picked(states)
+        if self._flat and self._place:
+            u = self._beside(u, last, states, step, part)
+        begin = self._begun(u, last, np.real(states["cohesion"]["damage"]), part, of_part, step, settings)
+        # What has been moved is wrong by little, but by much in the element at the front: without
+        # regularisation the first directions invert elements.
+        moved = settings if begin is u else replace(settings, cautious=CAUTIOUS, relax=RELAX)
+        try:
+            u = self._newton(part, begin, of_part, step, moved)
+        except BadGuess:
+            # All turn elements inside out: begin as it was, and yield to the edge.
+            u = self._newton(part, last + part.extended(u - last), of_part, step, settings)
+        for _ in range(SPOTS if self._flat else 0):
+            part = self._worst(u, states, step)
+            if part is None:
+                break
+            try:
+                u = self._newton(part, u, part.picked(states), step, settings)
+            except NoConvergence:
+                break
+        return u
+
+    def _newton(self, part: Part, u, states, step, settings: NewtonSettings) -> np.ndarray:
+        if part.damping is not None:
+            part.damping.boost = next(form.boost for form in self._problem.forms if form.name == "damping")
+        tolerance = max(ENOUGH, settings.tolerance)
+        near = replace(settings, tolerance=tolerance, iterations=ITERATIONS)
+        try:
+            return newton(part.problem, u, states, step, near)[0]
+        except NoConvergence as error:
+            left, nearest = error.nearest
+            if left > USABLE:
+                raise
+            return nearest
+
+    # -- at the front -----------------------------------------------------------------------------
+    def _around(self, states: dict) -> Part:
+        """The part around the front. Of the state alone: a run may resume."""
+        depth = front_depth(self._height, self._top, states)
+        place = int(depth / (FOLLOWS * self._reach))
+        if place != self._place:
+            front = self._top - place * FOLLOWS * self._reach
+            X = self._space.X
+            near = (np.abs(X[0]) < self._reach) & (X[1] < front + self._reach)
+            inside = near & (X[1] > front - (1 + FOLLOWS) * self._reach)
+            self._place, self._part = place, Part(self._problem, X.shape[0], inside)
+        return self._part
+
+    def _begun(self, u, last, damage, part: Part, states, step, settings) -> np.ndarray:
+        """The best beginning: ``u``, or that with what happened some elements higher, or with the front moved
+        on. ``states`` of the part."""
+        advance = self._advance(u, last, damage) if self._flat and (damage > 0.5).any() else 0.0
+        if advance <= 0:
+            return u
+        floor = settings.smallest_ratio * min(1.0, part.problem.bulk.smallest_volume_ratio(last))
+        best, begin = _misses(part.problem, u, states, step, floor), u
+        moved = (self._moved(u, last, damage, part, caution * advance) for caution in CAUTION)
+        for guesses in (self._repeated(u, last, part, step), moved):
+            for guess in guesses:
+                misses = _misses(part.problem, guess, states, step, floor)
+                if misses < best:
+                    best, begin = misses, guess
+                if np.isfinite(misses):
+                    break
+            if begin is not u:
+                break
+        return begin
+
+    def _repeated(self, u, last, part: Part, step) -> Iterator[np.ndarray]:
+        """``u``, but around the front with what ``last`` led to when that was some elements higher."""
+        size = float(step.centre_old[1] - step.centre[1])
+        free = part.problem.free
+        for repeated in self._past.guesses(size, last) if self._past is not None and size > 0 else ():
+            guess = u.copy()
+            guess[free] = repeated[free]
+            yield guess
+
+    def _beside(self, u, last, states: dict, step, part: Part) -> np.ndarray:
+        """``u`` with nodes that touch the blade as far from it as they were in ``last``, but for the part.
+
+        A straight line lets them leave the flanks, or press into them, by micrometres: contacts then change
+        all along the blade.
+        """
+        problem, dim, u = self._problem, self._space.dim, u.copy()
+        before = replace(step, centre=step.centre_old)
+        for form in problem.blades:
+            (gap, normal, nodes), was = (
+                form.gap_of_nodes(self._space.X, v, states[form.name], problem.p, at)
+                for v, at in ((u, step), (last, before))
+            )
+            for i in range(dim):
+                places = nodes * dim + i
+                held = (was[0] < TOUCH) & problem.is_free[places] & ~part.problem.is_free[places]
+                u[places[held]] -= ((gap - was[0]) * normal[i])[held]
+        return u
+
+    def _advance(self, u: np.ndarray, last: np.ndarray, damage: np.ndarray) -> float:
+        """How far the front goes down, mm, while displacements go on from ``last`` to ``u``."""
+        broken = damage > 0.5
+        now, before = (self._cut.jump(v)[0] for v in (last, 2 * last - u))
+        at_front = broken & (self._height < self._height[broken].min() + self._tall)
+        scale = float(now[at_front].mean())
+        if scale <= 0:
+            return 0.0
+        weights = self._cut.faces.w.ravel()
+        opened = weights @ (np.exp(-np.maximum(before, 0) / scale) - np.exp(-np.maximum(now, 0) / scale))
+        return float(opened) / self._cut.width
+
+    def _moved(self, u, last, damage, part: Part, advance: float) -> np.ndarray:
+        """``u``, which goes on from ``last`` on a straight line, but with the front ``advance`` mm lower.
+
+        What surrounds the front moves with it, by about an element in a step; a straight line opens a point
+        that is open already by as much again. So the last state comes from above, u_n(X + a), with what that
+        lacked in the last step, Δu(X + a) − (u_n(X + a) − u_n(X)). This is smooth, and is smoothed near the
+        front, where it holds differences between places in an element.
+        """
+        space, nodes, dim = self._space, part.nodes, self._space.dim
+        points = space.inside[:, nodes]
+        points[1] = np.minimum(points[1] + advance, self._top * (1 - 1e-12))
+        above = space.probes(points)
+        now, change = (v[: space.ndof].reshape(-1, dim) for v in (last, u - last))
+        moved = above @ now
+        lacked = above @ change - (moved - now[nodes])
+        depth = self._top - self._height[damage > 0.5].min()
+        near = np.hypot(space.X[0, nodes], self._top - space.X[1, nodes] - depth) < self._smoothed
+        for _ in range(SMOOTHINGS):
+            lacked[near] = (part.average @ lacked)[near]
+        guess = u.copy()
+        places = nodes[:, None] * dim + np.arange(dim)
+        free = np.isin(places, part.problem.free)
+        guess[places[free]] = (moved + lacked)[free]
+        return guess
+
+    # -- elsewhere --------------------------------------------------------------------------------
+    def _worst(self, u: np.ndarray, states: dict, step) -> Part | None:
+        """The part around the node with the largest residual; None where that is small, or at the front."""
+        problem, space = self._problem, self._space
+        found = problem.evaluate(u, states, step, tangent=False)
+        forces = np.zeros(problem.ndof)
+        forces[problem.free] = found.residual[problem.free]
+        if not WRONG * found.scale < np.linalg.norm(forces) < np.inf:
+            return None
+        node = int(np.linalg.norm(forces[: space.ndof].reshape(-1, space.dim), axis=1).argmax())
+        if node in self._part.nodes:
+            return None
+        if self._spot is None or node not in self._spot[0]:
+            away = np.linalg.norm(space.X - space.X[:, [node]], axis=0)
+            least = min(FEWEST, away.size) - 1
+            reach = max(self._reach, float(np.partition(away, least)[least]))
+            core = np.flatnonzero(away < reach / 2)
+            self._spot = core, Part(problem, space.dim, away <= reach)
+        return self._spot[1]
+
+
+def _misses(problem: Problem, u: np.ndarray, states: dict, step, floor: float) -> float:
+    """Residual over the forces in balance; infinite where an element's volume ratio is below ``floor``."""
+    if problem.bulk.smallest_volume_ratio(u) <= floor:
+        return np.inf
+    e = problem.evaluate(u, states, step, tangent=False)
+    return float(np.linalg.norm(e.residual[problem.free])) / max(e.scale, np.finfo(float).tiny)

@@ -1,0 +1,154 @@
+"""A discrete problem: forms on one space, assembled into a residual and a tangent. Free of dimension."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cutbench.forms.assembly import Pattern
+from cutbench.forms.base import Form, Step
+from cutbench.solver.iterative import solver_for
+
+
+@dataclass
+class Timer:
+    """Where the time of a run goes, in seconds, and how often."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+    counts: dict[str, int] = field(default_factory=dict)
+
+    def add(self, name: str, since: float) -> None:
+        self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - since
+        self.counts[name] = self.counts.get(name, 0) + 1
+
+
+@dataclass
+class Evaluation:
+    """Residual (ndof,), CSR values or None, states by form, and the size of the forces in balance."""
+
+    residual: np.ndarray
+    data: np.ndarray | None
+    states: dict[str, dict]
+    scale: float
+
+
+class Problem:
+    """Forms, their common pattern and the linear solver."""
+
+    def __init__(
+        self,
+        forms: list[Form],
+        ndof: int,
+        fixed: np.ndarray,
+        p,
+        *,
+        solver: str = "auto",
+        modes: np.ndarray | None = None,
+    ):
+        """``modes`` (ndof, 6): rigid motions of a solid, for solvers that iterate."""
+        self.forms, self.ndof, self.fixed, self.p = list(forms), ndof, fixed, p
+        self.blades = [form for form in self.forms if form.name == "blade"]
+        self.symmetric = all(form.symmetric for form in forms)
+        self.timer = Timer()
+        start = time.perf_counter()
+        self.pattern = Pattern(ndof, fixed, {form.name: form.dofs for form in forms}, self.symmetric)
+        self.free = self.pattern.free
+        #: The same as a mask (ndof,).
+        self.is_free = np.zeros(ndof, bool)
+        self.is_free[self.free] = True
+        #: Where forces count as in balance; a specimen that is pulled has its largest where it is held.
+        self.in_balance = self.free
+        self.solver = solver_for(
+            solver,
+            self.pattern.indptr,
+            self.pattern.indices,
+            self.free.size,
+            self.symmetric,
+            None if modes is None else modes[self.free],
+        )
+        self.bulk = next(form for form in forms if form.name == "bulk")
+        damping = next((form for form in forms if form.name == "damping"), None)
+        #: Stiffness of the damping form at unit viscosity over unit time: the metric of regularised steps.
+        self.metric = None
+        if damping is not None:
+            self.metric = np.zeros(self.pattern.indices.size)
+            self.pattern.add(self.metric, "damping", damping.unit_matrix)
+        #: Lengths among the unknowns; pressures of a mixed element stand behind them.
+        self.displacements = slice(0, int(self.bulk.dofs.max()) + 1)
+        self.timer.add("setup", start)
+
+    def start(self) -> dict[str, dict]:
+        return {form.name: form.start(self.p) for form in self.forms}
+
+    def touched(self, states: dict[str, dict]) -> dict[str, dict]:
+        """``states`` as a step begins with them: faces look for contact anew."""
+        return states | {form.name: form.touch(states[form.name]) for form in self.blades}
+
+    def force(self, states: dict[str, dict]) -> float:
+        """Force of the blade against its way, of the meshed part."""
+        return sum(form.force(states[form.name])[1] for form in self.blades)
+
+    def work(self, u: np.ndarray, old: dict[str, dict], new: dict[str, dict], step: Step) -> dict[str, float]:
+        """Work taken up by each mechanism over the step; faces add up under one name."""
+        total: dict[str, float] = {}
+        for form in self.forms:
+            for name, value in form.work(u, self.p, old[form.name], new[form.name], step).items():
+                total[name] = total.get(name, 0.0) + value
+        return total
+
+    def evaluate(
+        self, u: np.ndarray, states: dict[str, dict], step: Step, tangent: bool = True, p=None
+    ) -> Evaluation:
+        begin = time.perf_counter()
+        p = self.p if p is None else p
+        vectors, matrices, new = {}, {}, {}
+        damping = None
+        # A trial state may have inverted elements; the caller sees that it is not finite.
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            for form in self.forms:
+                # Damping's matrix is a multiple of the metric, which stands assembled already.
+                constant = form.name == "damping"
+                local = form.evaluate(u, p, states[form.name], step, tangent and not constant)
+                vectors[form.name], new[form.name] = local.vector, local.state
+                if constant:
+                    damping = form
+                elif local.matrix is not None:
+                    matrices[form.name] = local.matrix
+            forces = self.pattern.vectors(vectors)
+            residual = forces.sum(axis=0)
+            balance = np.take(forces, self.in_balance, axis=1).real
+            scale = float(np.sqrt((balance * balance).sum(axis=1)).sum())
+            data = None
+            if tangent:
+                data = self.pattern.matrices(matrices)
+                if damping is not None:
+                    data += damping.factor(step) * self.metric
+        self.timer.add("assembly" if tangent else "residual", begin)
+        return Evaluation(residual, data, new, scale)
+
+    def factorize(self, data: np.ndarray) -> None:
+        begin = time.perf_counter()
+        self.solver.refactor(data)
+        self.timer.add("factorization", begin)
+
+    def back_substitute(self, residual: np.ndarray, *, how: str = "solve") -> np.ndarray:
+        """Solve K du = −residual on the free degrees of freedom; (ndof,) with zeros elsewhere.
+
+        ``how`` exactly matters to solvers that iterate: "solve", less exactly a Newton "direction", or a
+        "correction" with an old tangent.
+        """
+        begin = time.perf_counter()
+        solve = getattr(self.solver, how, self.solver.solve)
+        du = np.zeros(self.ndof)
+        du[self.free] = solve(-residual[self.free])
+        self.timer.add("solve", begin)
+        return du
+
+
+def damage_growth(old: dict[str, dict], new: dict[str, dict]) -> float:
+    """Largest growth of damage on the cut plane between two states; 0 without a cut."""
+    if "cohesion" not in old:
+        return 0.0
+    return float((new["cohesion"]["damage"] - old["cohesion"]["damage"]).max(initial=0.0))

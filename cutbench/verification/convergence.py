@@ -1,0 +1,256 @@
+"""Does a curve depend on how it was computed? Each change of the numerics alone, against the base.
+
+A study of convergence is a TOML file: materials, what all runs have, and ``[[change]]`` sections, each with
+a name, what it sets (as ``Case.set`` takes it), and whether it is a refinement, which has to leave the
+measures alone, or another choice, whose difference is just shown; ``materials`` keeps it to some of them.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from cutbench.base.errors import BadInput
+from cutbench.base.figure_style import replacing
+from cutbench.base.toml import line_of, located, one_of, read_toml
+from cutbench.case.case import Case, load_case
+from cutbench.run.files import check_writable, versions, write_json
+from cutbench.run.pool.worker import Run
+from cutbench.run.result import Result
+from cutbench.run.runner import run_case
+from cutbench.run.store.runs import Store
+from cutbench.verification.paper.runner import Runner
+
+#: What is compared: measure -> (heading, unit).
+COMPARED = {
+    "onset_mm": ("onset", "mm"),
+    "peak_N": ("peak", "N"),
+    "drop_rel": ("drop", "1"),
+    "steady_N": ("steady force", "N"),
+    "slope_N_per_mm": ("slope", "N/mm"),
+}
+#: A refinement may move a measure by this part of it.
+TOLERANCE = 0.03
+#: A drop and a slope may be zero; they are compared against no less than these (1, N/mm over a steady N).
+LEAST_DROP, LEAST_SLOPE = 0.1, 0.1
+
+_TOP = ("title", "materials", "base", "change")
+_KINDS = ("refinement", "choice")
+
+
+@dataclass(frozen=True)
+class Change:
+    """``values`` as ``Case.set`` takes them; a ``refinement`` has to leave the measures alone."""
+
+    name: str
+    refinement: bool
+    values: Mapping[str, object]
+    #: Materials that it is computed for; empty: all of the study's.
+    materials: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A study of convergence: all cases by material, the unchanged one under ``""``."""
+
+    path: Path
+    title: str
+    changes: tuple[Change, ...]
+    cases: Mapping[str, Mapping[str, Case]]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One run against its material's base: measures, their relative changes, the worst of these."""
+
+    material: str
+    change: str
+    refinement: bool
+    id: str
+    outcome: str
+    measures: Mapping[str, float]
+    moved: Mapping[str, float] = field(default_factory=dict)
+    seconds: float = math.nan
+    closure: float = math.nan
+
+    @property
+    def worst(self) -> float:
+        found = [abs(v) for v in self.moved.values() if math.isfinite(v)]
+        return max(found, default=math.nan)
+
+    @property
+    def holds(self) -> bool | None:
+        """Whether a refinement leaves all measures within ``TOLERANCE``; None for a choice."""
+        if not self.refinement:
+            return None
+        return self.outcome == "done" and bool(self.worst <= TOLERANCE)
+
+
+def load_plan(path: str | Path) -> Plan:
+    """Read a study of convergence. Raises BadInput with file, line, key, value and what would be right."""
+    path = Path(path)
+    table, text = read_toml(path)
+    with located(path, text):
+        for key in table:
+            if key not in _TOP:
+                raise BadInput(key=key, value=str(table[key]), expected=one_of(key, _TOP))
+        names = table.get("materials", [])
+        if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
+            raise BadInput(key="materials", value=str(names), expected='a list of names, such as ["gelatin"]')
+        base = table.get("base", {})
+        if not isinstance(base, dict):
+            raise BadInput(key="base", value=str(base), expected="a section [base] with what all runs have")
+        entries = table.get("change", [])
+        if not isinstance(entries, list) or not entries or not all(isinstance(e, dict) for e in entries):
+            raise BadInput(key="change", value=str(entries)[:40], expected="at least one section [[change]]")
+        changes = tuple(_change(entry, n, names) for n, entry in enumerate(entries, start=1))
+        taken = [c.name for c in changes]
+        for name in taken:
+            if taken.count(name) > 1:
+                raise BadInput(key="name", value=name, expected="each name once")
+        cases = {}
+        for material in names:
+            with located(path, text, "base"):
+                start = load_case(material).set(**base)
+            cases[material] = {"": start} | {
+                c.name: _set(start, c, path, text) for c in changes if material in (c.materials or names)
+            }
+    return Plan(path, str(table.get("title", path.stem)), changes, cases)
+
+
+def _change(entry: dict, number: int, names: list[str]) -> Change:
+    name, kind = entry.get("name"), entry.get("kind", "refinement")
+    if not isinstance(name, str) or not name.strip():
+        raise BadInput(key=f"change {number}: name", value=str(name), expected="a name, such as 'h/2'")
+    if kind not in _KINDS:
+        raise BadInput(key="kind", value=str(kind), expected=one_of(str(kind), _KINDS))
+    only = entry.get("materials", [])
+    if not isinstance(only, list) or any(m not in names for m in only):
+        raise BadInput(key=f"{name}: materials", value=str(only), expected=f"a list of some of {names}")
+    values = {key: value for key, value in entry.items() if key not in ("name", "kind", "materials")}
+    if not values:
+        raise BadInput(key=f"change {number}: {name}", value="(empty)", expected="something that it sets")
+    return Change(name, kind == "refinement", values, tuple(only))
+
+
+def _set(start: Case, change: Change, path: Path, text: str) -> Case:
+    try:
+        return start.set(**{("with_" if k == "with" else k): v for k, v in change.values.items()})
+    except BadInput as error:
+        raise BadInput(
+            file=str(path), line=line_of(text, error.key), key=f"{change.name}: {error.key}",
+            value=error.value, expected=error.expected,
+        ) from error  # fmt: skip
+
+
+class _Once(Runner):
+    """Whatever the store has is taken: measures are all that is read."""
+
+    def _kept(self, id: str, kind: str) -> Result | None:
+        return self.store.get(id)
+
+
+def compute(
+    plan: Plan,
+    out: str | os.PathLike[str],
+    *,
+    workers: int | None = None,
+    on_progress: Callable[[int, int], None] = lambda done, total: None,
+    run: Run = run_case,
+) -> list[Row]:
+    """Run what is missing of ``plan`` and compare; runs are kept in ``out/runs``."""
+    folder = check_writable(Path(out))
+    runner = _Once(Store(folder / "runs"), workers=workers, on_progress=on_progress, runs={"cut": run})
+    runner.go((case, "cut") for cases in plan.cases.values() for case in cases.values())
+    refinements = {c.name: c.refinement for c in plan.changes}
+    rows = []
+    for material, cases in plan.cases.items():
+        base = runner.results[cases[""].id]
+        for name, case in cases.items():
+            result = runner.results[case.id]
+            rows.append(
+                Row(
+                    material,
+                    name,
+                    refinements.get(name, False),
+                    case.id,
+                    result.outcome.kind,
+                    {key: result.measures.get(key, math.nan) for key in COMPARED},
+                    moved(base.measures, result.measures) if name else {},
+                    result.timings.get("total", math.nan),
+                    result.measures.get("closure", math.nan),
+                )
+            )
+    return rows
+
+
+def moved(base: Mapping[str, float], other: Mapping[str, float]) -> dict[str, float]:
+    """Relative changes by measure; nan where neither run has it, infinite where one alone has it."""
+    found = {}
+    for key in COMPARED:
+        a, b = base.get(key, math.nan), other.get(key, math.nan)
+        if math.isnan(a) or math.isnan(b):
+            found[key] = math.nan if math.isnan(a) and math.isnan(b) else math.inf
+            continue
+        least = {"drop_rel": LEAST_DROP, "slope_N_per_mm": LEAST_SLOPE * abs(base.get("steady_N", 0.0))}
+        found[key] = (b - a) / max(abs(a), least.get(key, 0.0), 1e-300)
+    return found
+
+
+def markdown(rows: Sequence[Row]) -> str:
+    """One table a material: the base's values, then each change in per cent."""
+    lines = []
+    for material in dict.fromkeys(row.material for row in rows):
+        heads = [f"{title}" + (f", {unit}" if unit != "1" else "") for title, unit in COMPARED.values()]
+        lines += [f"**{material}**", "", "| | " + " | ".join(heads) + " | worst | energy left open |"]
+        lines += ["|---" * (len(heads) + 3) + "|"]
+        for row in (r for r in rows if r.material == material):
+            if not row.change:
+                cells = [f"{v:.3g}" if math.isfinite(v) else "none" for v in row.measures.values()]
+                lines.append("| defaults | " + " | ".join(cells) + f" | | {100 * row.closure:+.1f} % |")
+                continue
+            cells = [_percent(v) for v in row.moved.values()]
+            mark = "" if row.holds is None else " ✓" if row.holds else " ✗"
+            end = "" if row.outcome == "done" else f" ({row.outcome})"
+            lines.append(
+                f"| {row.change}{end} | " + " | ".join(cells)
+                + f" | {_percent(row.worst, sign='')}{mark} | {100 * row.closure:+.1f} % |"
+            )  # fmt: skip
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _percent(value: float, sign: str = "+") -> str:
+    if math.isnan(value):
+        return "–"
+    return f"{100 * value:{sign}.1f} %" if math.isfinite(value) else "one alone has it"
+
+
+def write(plan: Plan, rows: Sequence[Row], out: str | os.PathLike[str]) -> list[Path]:
+    """convergence.json, convergence.md and convergence.png in ``out``."""
+    from cutbench.base.figure_style import save
+    from cutbench.verification.convergence_figure import plot_convergence
+
+    folder = check_writable(Path(out))
+    record = {
+        "schema": 1,
+        "title": plan.title,
+        "tolerance": TOLERANCE,
+        "rows": [
+            {
+                "material": r.material, "change": r.change or "defaults", "refinement": r.refinement,
+                "run": r.id, "outcome": r.outcome, "measures": dict(r.measures), "moved": dict(r.moved),
+                "holds": r.holds, "seconds": r.seconds, "closure": r.closure,
+            }
+            for r in rows
+        ],
+        "versions": versions(),
+    }  # fmt: skip
+    write_json(record, folder / "convergence.json")
+    with replacing(folder / "convergence.md") as draft:
+        draft.write_text(markdown(rows), encoding="utf-8")
+    picture = save(plot_convergence(rows), folder / "convergence.png")[0]
+    return [folder / "convergence.json", folder / "convergence.md", picture]

@@ -1,0 +1,120 @@
+"""From what a claim asks for to cases: the two numerics, the one free choice, one change at a time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from cutbench.case.case import Case, load_case
+from cutbench.case.numerics import PAPER_EDGE, Numerics
+from cutbench.run.result import Result
+from cutbench.verification.paper.base import BLOCK, CONVERGED, NOTCH_MM, NOTCHED, PAPER, TENSION, Ask
+from cutbench.verification.paper.reading import end_of_indentation
+
+
+@dataclass(frozen=True)
+class Change:
+    """One difference from the numerics ``start``; ``text`` says what a run with it has. It is tried for
+    ``claims``, for all unless given."""
+
+    text: str
+    start: str
+    values: Mapping[str, object]
+    claims: tuple[str, ...] = ()
+
+
+#: The choices that say how hard the blade and the closed cut are.
+HARD = ("penalty", "stick", "multiplier", "closing")
+#: And how long steps are.
+STEPS = ("step_mm", "damage_step")
+#: What tells the paper's numerics from the converged ones, one by one; and from there, its viscous term.
+CHANGES: dict[str, Change] = {
+    "size": Change("elements of 0.5 mm", PAPER, {"h": "0.5 mm"}),
+    "order": Change("quadratic elements", PAPER, {"element": "P2"}),
+    "viscous": Change("viscosity that fades with damage", PAPER, {"with_": "viscous_degraded"}),
+    "contact": Change(
+        "hard contact, of the cut's faces too; distance as gap", PAPER,
+        {"gap": "distance", **{key: getattr(Numerics, key) for key in HARD}},
+    ),
+    "steps": Change(
+        "damage solved with the displacements, steps by their error", PAPER,
+        {"scheme": "monolithic", "stepping": "adaptive", **{key: getattr(Numerics, key) for key in STEPS}},
+    ),
+    "normal": Change("the tool's normal", PAPER, {"normal": "tool"}),
+    "printed_viscous": Change("viscosity as printed, else converged", CONVERGED, {"with_": "viscous"}),
+    "folds": Change(
+        "surfaces without bending stiffness, else converged", CONVERGED, {"layer": 0.0},
+        claims=("C1", "C2"),
+    ),
+}  # fmt: skip
+
+#: Of blocks with the defaults: through a drop on smaller elements, or one that closes better, takes hours.
+BLOCK_CHOICES = {"corner": 1.0, "energy_step": 1.0}
+#: Tip lengths b that are tried, mm, on the paper's numerics, whose elements resolve none beyond 1.6 mm.
+TIPS = (0.35, 0.5, 0.7, 0.85, 1.05, 1.3, 1.6)
+
+
+@dataclass(frozen=True)
+class Target:
+    """What the tip length of a material is chosen for: ``measure`` at ``published_mm``."""
+
+    measure: str
+    published_mm: float
+
+    def of(self, result: Result) -> float:
+        if not result.outcome.done:
+            return math.nan
+        if self.measure == "end of indentation":
+            return end_of_indentation(result)
+        return result.measures.get("onset_mm", math.nan)
+
+
+#: Where indentation ends in the paper's figures: the first maximum of the force; the elastomer's force has
+#: none there, and the onset of the cut is taken.
+TARGETS = {
+    "gelatin": Target("end of indentation", 4.19),
+    "elastomer": Target("onset of the cut", 1.56),
+    "meat": Target("end of indentation", 9.76),
+}
+
+
+def scan(material: str) -> dict[float, Case]:
+    """The runs by which a material's b is chosen, by b in mm."""
+    return {tip: case_of(Ask(material), PAPER, tip) for tip in TIPS}
+
+
+def best_tip(material: str, results: Mapping[float, Result]) -> float:
+    """The b, mm, of those tried whose run comes nearest to the target.
+
+    The material's own stays where no other comes nearer by an element of the paper's: fronts jump by as much.
+    """
+    target, own = TARGETS[material], load_case(material).p.tip
+    miss = {tip: abs(target.of(result) - target.published_mm) for tip, result in results.items()}
+    told = {tip: m for tip, m in miss.items() if math.isfinite(m)}
+    best = min(told, key=told.get, default=own)
+    return own if told.get(own, math.inf) < told.get(best, 0.0) + PAPER_EDGE else best
+
+
+def case_of(ask: Ask, numerics: str, tip_mm: float, change: Change | None = None) -> Case:
+    """The case of ``ask`` under one set of numerics, with at most one ``change`` of it."""
+    word = ask.numerics or numerics
+    if ask.test in (TENSION, NOTCHED):
+        return _strip(ask, word, change)
+    changes = {"tip": f"{tip_mm} mm", "depth": f"{ask.depth_mm} mm", **ask.changes}
+    if ask.test == BLOCK:
+        loose = BLOCK_CHOICES if word == CONVERGED else {}
+        return load_case(ask.material, {**changes, **loose, "numerics": word}, dim=3)
+    case = load_case(ask.material, {**changes, "numerics": word})
+    return case if change is None or ask.numerics else case.set(**change.values)
+
+
+def _strip(ask: Ask, word: str, change: Change | None) -> Case:
+    from cutbench.run.tension import strip_case
+
+    case = load_case(ask.material, {**ask.changes, "numerics": word}, dim=3)
+    if ask.test == NOTCHED:
+        return strip_case(case, {"depth": f"{ask.depth_mm} mm"}, notch_mm=NOTCH_MM)
+    if change is not None and not ask.numerics:
+        case = case.set(**change.values)
+    return strip_case(case, {"depth": f"{ask.depth_mm} mm"}, notch_mm=0.0)

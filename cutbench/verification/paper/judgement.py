@@ -1,0 +1,184 @@
+"""Hold claims against runs: calibrate the free choice, read, compare the numerics, look for the reason."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from cutbench.case.case import Case
+from cutbench.verification.paper.base import CONVERGED, NUMERICS, PAPER, Claim, Finding
+from cutbench.verification.paper.cases import CHANGES, TARGETS, best_tip, case_of, scan
+from cutbench.verification.paper.runner import Runner
+
+REPRODUCED = "reproduced"
+COARSE = "only with coarse numerics"
+RESOLVED = "only with converged numerics"
+NOT = "not reproduced"
+UNKNOWN = "not known"
+BEYOND = "needs three dimensions"
+SOLID = "a run in three dimensions; no single change was tried"
+VERDICTS = (REPRODUCED, COARSE, RESOLVED, NOT, UNKNOWN, BEYOND)
+
+
+@dataclass(frozen=True)
+class Scan:
+    """How a material's tip length was chosen: by what, the value found with each b, and the b taken (mm)."""
+
+    material: str
+    measure: str
+    published_mm: float
+    found_mm: Mapping[float, float]
+    ids: Mapping[float, str]
+    tip_mm: float
+
+
+@dataclass(frozen=True)
+class Row:
+    """One statement of a claim: what each set of numerics says, the verdict, and why.
+
+    ``changed`` has what runs with one thing changed say, by the names of ``CHANGES``.
+    """
+
+    claim: str
+    findings: Mapping[str, Finding]
+    verdict: str
+    reason: str
+    changed: Mapping[str, Finding] = field(default_factory=dict)
+
+    @property
+    def what(self) -> str:
+        return self.findings[PAPER].what
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A claim with its rows; ``ids`` are the runs behind it: numerics or change -> ask -> id."""
+
+    claim: Claim
+    rows: tuple[Row, ...]
+    ids: Mapping[str, Mapping[str, str]]
+
+
+def calibrate(runner: Runner, materials: Iterable[str]) -> dict[str, Scan]:
+    """Choose b for each material, once, by the scan on the paper's numerics."""
+    cases = {name: scan(name) for name in materials}
+    runner.go((case, "cut") for tried in cases.values() for case in tried.values())
+    out = {}
+    for name, tried in cases.items():
+        results = {tip: runner.results[case.id] for tip, case in tried.items()}
+        target = TARGETS[name]
+        out[name] = Scan(
+            name,
+            target.measure,
+            target.published_mm,
+            {tip: target.of(result) for tip, result in results.items()},
+            {tip: case.id for tip, case in tried.items()},
+            best_tip(name, results),
+        )
+    return out
+
+
+def judge(runner: Runner, chosen: Sequence[Claim], scans: Mapping[str, Scan]) -> list[Judged]:
+    """All of ``chosen`` with verdicts and reasons; what is still to be computed is."""
+    cases = {claim.id: {word: _cases(claim, word, scans) for word in NUMERICS} for claim in chosen}
+    runner.go(_pairs(chosen, cases))
+    rows = {claim.id: _compared(claim, cases[claim.id], runner) for claim in chosen}
+    for claim in chosen:
+        if claim.asks and (claim.dissect or any(row.verdict != REPRODUCED for row in rows[claim.id])):
+            for name in changes_for(claim):
+                cases[claim.id][name] = _cases(claim, CHANGES[name].start, scans, name)
+    runner.go(_pairs(chosen, cases))
+    return [
+        Judged(
+            claim,
+            tuple(_explained(claim, rows[claim.id], cases[claim.id], runner)),
+            {word: {ask: case.id for ask, case in asked.items()} for word, asked in cases[claim.id].items()},
+        )
+        for claim in chosen
+    ]
+
+
+def changes_for(claim: Claim) -> list[str]:
+    """The names of the changes that are tried for ``claim``."""
+    names = CHANGES if claim.changes is None else claim.changes
+    return [name for name in names if not CHANGES[name].claims or claim.id in CHANGES[name].claims]
+
+
+def verdict(paper: bool | None, converged: bool | None) -> str:
+    """From whether a statement holds under the paper's numerics and under the converged ones."""
+    if paper is None or converged is None:
+        return UNKNOWN
+    if paper:
+        return REPRODUCED if converged else COARSE
+    return RESOLVED if converged else NOT
+
+
+def reason(findings: Mapping[str, Finding], changed: Mapping[str, Finding]) -> str:
+    """Why, as far as runs that change one thing tell."""
+    paper, converged = findings[PAPER], findings[CONVERGED]
+    ruling = verdict(paper.holds, converged.holds)
+    missing = [word for word, one in findings.items() if one.holds is None]
+    if missing:
+        return f"the runs do not have it ({', '.join(missing)})"
+    told = {name: one for name, one in changed.items() if one.holds is not None}
+    flips = {name: one for name, one in told.items() if one.holds != findings[CHANGES[name].start].holds}
+    if ruling == REPRODUCED:
+        return "holds with both" + (f"; not with {_listed(flips)}" if flips else "")
+    if not told:
+        return "no run tells"
+    if not flips:
+        alone = "no single change makes it hold" if ruling == NOT else "no single change decides it"
+        return f"{alone}: {_listed(told)}"
+    if ruling == NOT:
+        return f"it holds with {_listed(flips)}"
+    from_paper = {name: one for name, one in flips.items() if CHANGES[name].start == PAPER}
+    back = {name: one for name, one in flips.items() if CHANGES[name].start == CONVERGED}
+    word, undo = ("lost", "back") if ruling == COARSE else ("gained", "lost again")
+    parts = [f"{word} with {_listed(from_paper)}"] if from_paper else []
+    parts += [f"{undo} with {_listed(back)}"] if back else []
+    rest = {name: one for name, one in told.items() if name not in flips and CHANGES[name].start == PAPER}
+    parts += [f"unchanged by {_listed(rest)}"] if rest else []
+    return "; ".join(parts)
+
+
+def _listed(found: Mapping[str, Finding]) -> str:
+    return ", ".join(f"{CHANGES[name].text} ({one.text})" for name, one in found.items())
+
+
+def _cases(claim: Claim, word: str, scans: Mapping[str, Scan], change: str | None = None) -> dict[str, Case]:
+    step = None if change is None else CHANGES[change]
+    return {name: case_of(ask, word, scans[ask.material].tip_mm, step) for name, ask in claim.asks.items()}
+
+
+def _pairs(chosen: Sequence[Claim], cases) -> list[tuple[Case, str]]:
+    return [
+        (case, claim.asks[name].test)
+        for claim in chosen
+        for asked in cases[claim.id].values()
+        for name, case in asked.items()
+    ]
+
+
+def _read(claim: Claim, asked: Mapping[str, Case], runner: Runner) -> tuple[Finding, ...]:
+    return claim.read({name: runner.results[case.id] for name, case in asked.items()})
+
+
+def _compared(claim: Claim, cases, runner: Runner) -> list[Row]:
+    both = {word: _read(claim, cases[word], runner) for word in NUMERICS}
+    rows = []
+    for pair in zip(*both.values(), strict=True):
+        findings = dict(zip(NUMERICS, pair, strict=True))
+        rows.append(Row(claim.id, findings, verdict(*(one.holds for one in pair)), ""))
+    return rows
+
+
+def _explained(claim: Claim, rows: Sequence[Row], cases, runner: Runner) -> list[Row]:
+    changed = {name: _read(claim, cases[name], runner) for name in CHANGES if name in cases}
+    out = []
+    for i, row in enumerate(rows):
+        if row.findings[PAPER].solid:
+            out.append(Row(row.claim, row.findings, row.verdict, SOLID))
+            continue
+        mine = {name: found[i] for name, found in changed.items()}
+        out.append(Row(row.claim, row.findings, row.verdict, reason(row.findings, mine), mine))
+    return out

@@ -1,0 +1,59 @@
+"""What ``verify --paper`` found, on a page of documentation: ``python -m cutbench.verification.paper.page DIR PAGE``.
+
+Between the page's two marks stand the tables of DIR's claims.json, without links to runs that a reader has
+not; claims.json and the pictures are copied into the folder ``figures`` beside the page.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import sys
+from pathlib import Path
+
+from cutbench.base.errors import BadInput
+from cutbench.base.figure_style import replacing
+from cutbench.verification.paper.report import markdown
+
+BEGIN, END = "<!-- claims: begin -->", "<!-- claims: end -->"
+PICTURES = ("published-curves.png", "published-changes.png", "published-tips.png")
+
+
+def tables(record: dict) -> str:
+    """The tables of claims.json as a page shows them: links to runs are their names."""
+    return re.sub(r"\[([^\]]*)\]\(runs/.*?\)", r"\1", markdown(record))
+
+
+def put(found: str | Path, page: str | Path) -> None:
+    """Renew ``page`` from the folder ``found``. Raises BadInput where one of them is no such thing."""
+    found, page = Path(found), Path(page)
+    try:
+        record = json.loads((found / "claims.json").read_text(encoding="utf-8"))
+        text = page.read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        raise BadInput(
+            key="page", value=f"{found}, {page}", expected=f"a folder of verify --paper and a page ({error})"
+        ) from error
+    head, begin, rest = text.partition(BEGIN)
+    _, end, tail = rest.partition(END)
+    if not (begin and end):
+        raise BadInput(file=str(page), key="marks", value="(missing)", expected=f"{BEGIN} and {END} in it")
+    figures = page.parent / "figures"
+    figures.mkdir(exist_ok=True)
+    with replacing(figures / "claims.json") as draft:
+        draft.write_text(
+            json.dumps(record, ensure_ascii=False, separators=(",", ":")) + "\n", encoding="utf-8"
+        )
+    for name in PICTURES:
+        with replacing(figures / name) as draft:
+            shutil.copyfile(found / name, draft)
+    with replacing(page) as draft:
+        draft.write_text(f"{head}{BEGIN}\n\n{tables(record)}\n\n{END}{tail}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    try:
+        put(*sys.argv[1:3])
+    except (BadInput, TypeError) as error:
+        sys.exit(f"cutbench: {error}")

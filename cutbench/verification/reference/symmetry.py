@@ -1,0 +1,118 @@
+"""One cut computed three ways: half a section, the whole of it, and one layer of a solid held flat."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import skfem
+
+from cutbench.case.case import load_case
+from cutbench.forms.geometry import Geometry
+from cutbench.forms.space import Faces, Space
+from cutbench.models3d.mesh import tetrahedra
+from cutbench.run.build import Built, build
+from cutbench.verification.reference.base import Check, Reference
+
+#: A small block, so that the cut opens on the way and the force falls; contact so soft that rounding stays
+#: what it is through the fall.
+CASE = {
+    "element": "P1", "h": "0.8 mm", "width": "12 mm", "height": "8 mm", "depth": "2.4 mm", "mu": 0.2,
+    "G_c": "2 J/m^2", "eta_v": "0.02 mm", "energy_step": 0.1, "corner": 0.0625, "shallow": 1,
+    "step": "0.1 mm", "penalty": 1000, "stick": 400, "multiplier": "none",
+}  # fmt: skip
+THICKNESS = 0.5
+
+
+def compute() -> Iterator[Check]:
+    flat = load_case("gelatin", CASE)
+    half = build(flat)
+    travel, force, steps, found = curve(half)
+    right = [u.reshape(-1, 2) for u in found]
+    both = [np.concatenate([u, u * [-1, 1]]).ravel() for u in right]
+    in_space = [np.pad(u, ((0, 0), (0, 1))).ravel() for u in right]
+    top = force.max()
+    for name, built, known in (
+        ("whole section", build(flat.set(symmetry="full")), both),
+        ("one layer", layer(flat, half), in_space),
+    ):
+        # Both begin each step from the half's solution: it has to be theirs.
+        built.march.schedule, built.march.known = steps, known
+        d, F, *_ = curve(built)
+        yield Check(f"{name}: largest force", "mN", 1e3 * top, 1e3 * F.max(), 1e-6)
+        off = np.abs(np.interp(travel, d, F) - force).max()
+        yield Check(f"{name}: largest difference of the curves, over it", "1", 0.0, off / top, 1e-6)
+
+
+def curve(built: Built) -> tuple[np.ndarray, np.ndarray, list[tuple[float, float]], list[np.ndarray]]:
+    """Travel in mm and force in N of the whole block; steps (way in mm, boost of damping), and their ends."""
+    damping, rows, steps, found, way = built.form("damping"), [], [], [], 0.0
+    for step in built.march:
+        steps.append((step.way - way, damping.boost))
+        found.append(step.u)
+        way = step.way
+        if not step.between:
+            rows.append((step.travel, step.force))
+    if built.march.stopped is not None:
+        raise ArithmeticError(f"the run stopped at {rows[-1][0]:.3f} mm: {built.march.stopped}")
+    travel, force = np.array(rows).T
+    return travel, force * built.geometry.multiplicity, steps, found
+
+
+@dataclass(frozen=True)
+class Layer(Space):
+    """Linear tetrahedra in one layer whose back moves as its front: fields of x and y alone.
+
+    Faces are those of the section, as high as the layer is thick; nothing varies across.
+    """
+
+    section: Space
+
+    def faces(self, name: str, degree: int) -> Faces:
+        f = self.section.faces(name, degree)
+        deep = np.zeros((1, *f.X.shape[1:]))
+        flat = np.zeros((1, f.size.size))
+        along = np.concatenate([f.tangents[0], flat])
+        normal = np.concatenate([f.normal, flat])
+        across = np.cross(normal.T, along.T).T
+        return replace(
+            f,
+            dN=np.concatenate([f.dN, np.zeros_like(f.dN)]),
+            w=THICKNESS * f.w,
+            X=np.concatenate([f.X, deep]),
+            normal=normal,
+            tangents=np.stack([along, across]),
+        )
+
+    def nodes_on(self, name: str) -> np.ndarray:
+        return np.arange(self.X.shape[1]) if name == "front" else self.section.nodes_on(name)
+
+
+def layer(flat, half: Built) -> Built:
+    """The section of ``half`` as a solid, held between two planes."""
+    section = half.space
+    mesh = extruded(section.mesh)
+    free = Space.build(mesh, 1)
+    n = section.X.shape[1]
+    solid = Layer(mesh, 1, free.X[:, :n], free.element_nodes % n, free._dofs, section)
+    geometry = Geometry(mesh, half.geometry.height, half.geometry.multiplicity / THICKNESS, (("front", 2),))
+    return build(replace(flat, dim=3), geometry, solid)
+
+
+def extruded(section: skfem.MeshTri) -> skfem.MeshTet:
+    """One layer of prisms, each cut into three tetrahedra; nodes of the back follow those of the front."""
+    n = section.p.shape[1]
+    a, b, c = np.sort(section.t, axis=0)
+    p = np.vstack([np.tile(section.p, 2), np.repeat([0.0, THICKNESS], n)])
+    cells = [(a, b, c, c + n), (a, b, b + n, c + n), (a, a + n, b + n, c + n)]
+    return tetrahedra(p, np.hstack([np.stack(cell) for cell in cells]))
+
+
+REFERENCE = Reference(
+    "symmetry",
+    "The onset of a cut through weak gelatin: half a section, the whole, one layer of a solid.",
+    "mirror symmetry; plane strain is a solid held between two planes",
+    compute,
+    seconds=6.0,
+)
