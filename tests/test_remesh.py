@@ -8,7 +8,7 @@ from cutbench.forms.space import Space
 from cutbench.models2d.section import half_block
 from cutbench.run.build import build
 from cutbench.run.checkpoint import NAME, Checkpoint
-from cutbench.run.remeshing import Following, Transfer, follows, lengths
+from cutbench.run.remeshing import RemeshedMarch, Transfer, follows, lengths
 from cutbench.run.runner import run_case
 from cutbench.run.sensitivity import directions, follow
 
@@ -84,7 +84,7 @@ def test_followed_meshes_change_little(case, followed):
 
 
 def test_a_state_on_the_same_mesh_is_itself(case):
-    meshes = Following(case.set(depth="0.9 mm"))
+    meshes = RemeshedMarch(case.set(depth="0.9 mm"))
     *_, last = meshes
     old = meshes.built
     new = build(old.case, old.geometry, old.space)
@@ -102,7 +102,7 @@ def test_a_state_on_the_same_mesh_is_itself(case):
 def test_a_blade_without_friction_is_carried(case):
     """Its laws' shares of the shear are those of none."""
     alone = case.set(without=["adhesion", "coulomb"], depth="1.4 mm")
-    meshes = Following(alone)
+    meshes = RemeshedMarch(alone)
     *_, last = meshes
     assert meshes.place > 0
     assert last.states["blade"]["shares"].shape[0] == 0
@@ -130,7 +130,7 @@ def test_derivatives_go_on_from_mesh_to_mesh(case):
     """dF/dη along marches of the same steps on the same meshes, against a difference."""
     case = case.set(depth="1.5 mm")
     names = ("eta_reg",)
-    meshes = Following(case)
+    meshes = RemeshedMarch(case)
     follower = follow(meshes.built, names)
     meshes.renewed = lambda t: follower.go_on(
         t.new.problem, directions(t.new, names), t.displacements, t.states
@@ -155,7 +155,7 @@ def test_derivatives_go_on_from_mesh_to_mesh(case):
     assert np.median(off) < 1e-4 and np.quantile(off, 0.9) < 0.01
 
 
-class Replayed(Following):
+class Replayed(RemeshedMarch):
     """The steps of another march, each on the mesh that it had there."""
 
     def __init__(self, case, steps):

@@ -56,7 +56,7 @@ def follows(case: Case) -> bool:
     )
 
 
-class Following:
+class RemeshedMarch:
     """The marches of a case, one a mesh; iterate to get each accepted step. ``built``: the present one."""
 
     def __init__(self, case: Case):

@@ -14,7 +14,7 @@ from cutbench.run.crossing import crosses
 from cutbench.run.fields import add_slopes, snapshot
 from cutbench.run.front import Front
 from cutbench.run.measures import forward, measures
-from cutbench.run.remeshing import Following
+from cutbench.run.remeshing import RemeshedMarch
 from cutbench.run.result import BENDING, SNAP, Outcome, Result, Snapshot
 from cutbench.run.sensitivity import checked, directions, follow
 from cutbench.solver.march import Accepted, Progress
@@ -52,7 +52,7 @@ def run_case(
     """
     began = time.perf_counter()
     names = checked(case, sensitivities)
-    meshes = Following(case)
+    meshes = RemeshedMarch(case)
     built = meshes.built
     slopes = [np.zeros(len(names))]
     follower = None
@@ -147,7 +147,7 @@ def run_case(
 class Ledger:
     """Curve and energy balance, a row a step: the blade's work against what each mechanism took up."""
 
-    def __init__(self, meshes: Following):
+    def __init__(self, meshes: RemeshedMarch):
         self._meshes, self._rows, self.iterations = meshes, [], 0
         built = meshes.built
         self._work: dict[str, float] = {}
@@ -247,7 +247,12 @@ class _Keeper:
     """All of a run's state between two steps, as a tree of arrays, and back."""
 
     def __init__(
-        self, meshes: Following, ledger: Ledger, front: Front | None, pictures: list[Snapshot], began: float
+        self,
+        meshes: RemeshedMarch,
+        ledger: Ledger,
+        front: Front | None,
+        pictures: list[Snapshot],
+        began: float,
     ):
         self._meshes, self._ledger, self._front, self._pictures = meshes, ledger, front, pictures
         self._began, self._before = began, 0.0

@@ -19,7 +19,7 @@ from cutbench.base.errors import BadInput
 from cutbench.base.units import ureg
 from cutbench.case.case import Case
 from cutbench.case.numerics import Numerics
-from cutbench.run.remeshing import Following, follows
+from cutbench.run.remeshing import RemeshedMarch, follows
 from cutbench.run.result import Result
 from cutbench.run.runner import Ledger, run_case
 from cutbench.solver.arc_length import RELEASE, Path, PathRules
@@ -184,7 +184,7 @@ def trace(
     """
     # One mesh, with small elements as far down as a path goes.
     around = LONG + BEHIND if follows(case) else 0.0
-    meshes = Following(replace(case, numerics=replace(case.numerics, around=around)))
+    meshes = RemeshedMarch(replace(case, numerics=replace(case.numerics, around=around)))
     built = meshes.built
     march = built.march
     path = Path(built.problem, march.centre0, case.p.depth, march.bottom, rules or PathRules(), march.newton)
