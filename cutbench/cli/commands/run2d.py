@@ -50,11 +50,11 @@ def _follow(result: Result, folder: Path) -> None:
     from cutbench.base.figure_style import save
     from cutbench.run.figures.snap_back import plot_follow
     from cutbench.run.files import write_curve, write_json
-    from cutbench.run.snap_back import INTERRUPTED, follow_case
+    from cutbench.run.snap_back import INTERRUPTED, trace_snap_back
     from cutbench.run.snap_back_report import describe_followed, sentence
 
     with travel(result.case) as on_point:
-        found = follow_case(result.case, result, on_point=on_point)
+        found = trace_snap_back(result.case, result, on_point=on_point)
     curves = [(text, run.curve) for text, run in found.limit]
     figure = plot_follow(result.curve, found.curve, found.jump, curves, title=result.case.name)
     record, path, picture = (folder / name for name in _FOLLOWED)
