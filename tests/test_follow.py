@@ -25,7 +25,7 @@ from cutbench.run.snap_back import (
     OPEN,
     PHYSICAL,
     STABLE,
-    Followed,
+    SnapBack,
     fading,
     forward,
     jumps_of,
@@ -244,7 +244,7 @@ def result(case, drop):
 def test_the_verdict(d, c, stopped, verdict):
     case = load_case("gelatin", {"h": "0.125 mm"})
     curve = shape(d, [0, 2, 1, 1.5], c)
-    found = Followed(case, curve, tuple(jumps_of(curve, 0.7)), stopped, (), result(case, 0.16))
+    found = SnapBack(case, curve, tuple(jumps_of(curve, 0.7)), stopped, (), result(case, 0.16))
     assert found.verdict == verdict
     words = {PHYSICAL: "is physical", MESH: "fewer than 3 elements", STABLE: "No jump", OPEN: "Open"}
     assert words[verdict] in sentence(found) and "16%" in sentence(found)
@@ -254,7 +254,7 @@ def test_the_verdict(d, c, stopped, verdict):
 def test_what_a_blade_sees_that_only_moves_forward():
     case = load_case("gelatin")
     curve = shape([0, 1, 2, 1, 3], [0, 1, 2, 0.5, 1.5])
-    seen = forward(Followed(case, curve, tuple(jumps_of(curve, 0.7)), None, (), result(case, 0.1)))
+    seen = forward(SnapBack(case, curve, tuple(jumps_of(curve, 0.7)), None, (), result(case, 0.1)))
     assert seen["displacement_mm"].tolist() == [0, 1, 2, 2, 3]
     assert seen["force_N"].tolist() == [0, 1, 2, 1, 1.5]
 

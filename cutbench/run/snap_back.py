@@ -68,7 +68,7 @@ class Jump:
 
 
 @dataclass(frozen=True)
-class Followed:
+class SnapBack:
     """``curve``: the path's columns, a value a point. ``limit``: runs, the last with half the steps."""
 
     case: Case
@@ -132,7 +132,7 @@ def trace_snap_back(
     *,
     on_point: Callable[[float, dict], None] = lambda travel, row: None,
     limit: bool = True,
-) -> Followed:
+) -> SnapBack:
     """Trace the path of ``case`` at rest, and repeat ``run``, the run as asked for, with less viscosity.
 
     ``on_point(travel_mm, row)`` is called after each point. A KeyboardInterrupt ends the path with what it
@@ -151,7 +151,7 @@ def trace_snap_back(
                 runs.append((text, run_case(changed)))
         except KeyboardInterrupt:
             pass
-    return Followed(case, curve, jumps, stopped, tuple(runs), run, time.perf_counter() - began)
+    return SnapBack(case, curve, jumps, stopped, tuple(runs), run, time.perf_counter() - began)
 
 
 def fading(case: Case, depth: float) -> list[tuple[str, Case]]:
@@ -289,7 +289,7 @@ def jumps_of(curve: Mapping[str, np.ndarray], thickness: float) -> list[Jump]:
     return found
 
 
-def forward(followed: Followed) -> dict[str, np.ndarray]:
+def forward(followed: SnapBack) -> dict[str, np.ndarray]:
     """The path as a blade sees it that only moves forward, at rest between jumps: columns of a curve."""
     curve = followed.curve
     d = curve["displacement_mm"]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from cutbench.run.measures import measures
-from cutbench.run.snap_back import ELEMENTS, MESH, OPEN, PHYSICAL, STABLE, Followed, Jump, forward
+from cutbench.run.snap_back import ELEMENTS, MESH, OPEN, PHYSICAL, STABLE, Jump, SnapBack, forward
 
 
-def limit_rows(followed: Followed) -> list[dict[str, object]]:
+def limit_rows(followed: SnapBack) -> list[dict[str, object]]:
     """Onset, peak and drop with less and less viscosity, and of the path, over one stretch of travel."""
     window, height = followed.case.p.thickness, followed.case.values["height"]
     rows = []
@@ -45,7 +45,7 @@ def limit_rows(followed: Followed) -> list[dict[str, object]]:
     return rows
 
 
-def sentence(followed: Followed) -> str:
+def sentence(followed: SnapBack) -> str:
     """What was found, in words."""
     jump, h = followed.jump, followed.case.numerics.h_mm
     end_mm = float(followed.curve["displacement_mm"][-1])
@@ -87,7 +87,7 @@ def sentence(followed: Followed) -> str:
     return f"{heads[followed.verdict]}{what}.{parts} {asked}"
 
 
-def describe_followed(followed: Followed) -> dict[str, object]:
+def describe_followed(followed: SnapBack) -> dict[str, object]:
     """The content of follow.json."""
     jump = followed.jump
 
