@@ -8,7 +8,7 @@ import numpy as np
 
 from cutbench.case.case import Case
 from cutbench.run.build import Built, build
-from cutbench.run.sensitivity import follow
+from cutbench.run.sensitivity import start_sensitivities
 from cutbench.solver.march import Accepted
 
 
@@ -28,7 +28,7 @@ class Marched:
         built = build(case, beside.geometry if beside else None)
         if beside is not None:
             built.march.schedule, built.march.known = beside.steps, beside.displacements
-        follower = follow(built, names) if names else None
+        follower = start_sensitivities(built, names) if names else None
         damping = next((f for f in built.problem.forms if f.name == "damping"), None)
         self.geometry = built.geometry
         self.steps, self.switches, self.displacements = [], [], []

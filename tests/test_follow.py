@@ -299,11 +299,11 @@ def test_the_path_of_a_cut_passes_its_turning_point(cut):
 
 
 def test_the_command_writes_what_it_found(cut, tmp_path, monkeypatch):
-    from cutbench.run import snap_back as follow
+    from cutbench.run import snap_back as start_sensitivities
 
     _, curve, stopped, _ = cut
-    monkeypatch.setattr(follow, "trace", lambda *_: (curve, stopped, False))
-    monkeypatch.setattr(follow, "fading", lambda case, depth: [])
+    monkeypatch.setattr(start_sensitivities, "trace", lambda *_: (curve, stopped, False))
+    monkeypatch.setattr(start_sensitivities, "fading", lambda case, depth: [])
     args = ["run2d", "gelatin", "--h", "0.8", "--depth", "0.6", "--follow", "--out", str(tmp_path)]
     done = CliRunner().invoke(app, args)
     assert done.exit_code == 0, done.output

@@ -10,7 +10,7 @@ from cutbench.run.build import build
 from cutbench.run.checkpoint import NAME, Checkpoint
 from cutbench.run.remeshing import RemeshedMarch, Transfer, follows, lengths
 from cutbench.run.runner import run_case
-from cutbench.run.sensitivity import directions, follow
+from cutbench.run.sensitivity import directions, start_sensitivities
 
 H = 21.0
 
@@ -131,7 +131,7 @@ def test_derivatives_go_on_from_mesh_to_mesh(case):
     case = case.set(depth="1.5 mm")
     names = ("eta_reg",)
     meshes = RemeshedMarch(case)
-    follower = follow(meshes.built, names)
+    follower = start_sensitivities(meshes.built, names)
     meshes.renewed = lambda t: follower.go_on(
         t.new.problem, directions(t.new, names), t.displacements, t.states
     )

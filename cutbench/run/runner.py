@@ -16,7 +16,7 @@ from cutbench.run.front import Front
 from cutbench.run.measures import forward, measures
 from cutbench.run.remeshing import RemeshedMarch
 from cutbench.run.result import BENDING, SNAP, Outcome, Result, Snapshot
-from cutbench.run.sensitivity import checked, directions, follow
+from cutbench.run.sensitivity import checked, directions, start_sensitivities
 from cutbench.solver.march import Accepted, Progress
 
 #: What to try when a run stalls, by a word of the reason.
@@ -57,7 +57,7 @@ def run_case(
     slopes = [np.zeros(len(names))]
     follower = None
     if names:
-        follower = follow(built, names)
+        follower = start_sensitivities(built, names)
         meshes.renewed = lambda transfer: follower.go_on(
             transfer.new.problem, directions(transfer.new, names), transfer.displacements, transfer.states
         )

@@ -68,7 +68,7 @@ def directions(built: Built, names: Sequence[str]) -> list[Direction]:
     return [_direction(built, name) for name in names]
 
 
-def follow(built: Built, names: Sequence[str]) -> Sensitivities:
+def start_sensitivities(built: Built, names: Sequence[str]) -> Sensitivities:
     """What takes in the accepted steps of ``built.march`` and gives dF/dθ for ``names``."""
     march = built.march
     return Sensitivities(built.problem, march.speed, march.centre0, directions(built, names))
