@@ -8,12 +8,12 @@ from coarse_runs import BRIEF
 
 from cutbench.run.build import build
 from cutbench.solver.newton import NoConvergence
-from cutbench.solver.step_control import Leaky, Pace, StepRules
+from cutbench.solver.step_control import Leaky, StepControl, StepRules
 
 
 def test_where_errors_add_up_their_mean_counts():
     """A step may leave twice as much open as steps are to on average, but never more than any step may."""
-    pace = Pace(StepRules(defect=0.04), None, 0.05)
+    pace = StepControl(StepRules(defect=0.04), None, 0.05)
     drifting, allowed = pace.allowed(True), pace.allowed(False)
     assert (drifting, allowed) == (0.01, 0.04)
     pace.check(0.1, 0.019, drifting)
@@ -26,7 +26,7 @@ def test_where_errors_add_up_their_mean_counts():
 def test_the_next_step_is_shorter_where_the_cut_hastens():
     sizes = []
     for growth in (0.3, 0.9):
-        pace = Pace(StepRules(largest=1.0, damage=0.5), None, 0.02, easy=3)
+        pace = StepControl(StepRules(largest=1.0, damage=0.5), None, 0.02, easy=3)
         pace.taken(2, growth, 0.0, 0.05)
         sizes.append(pace.size)
     assert sizes[0] > 0.02 > sizes[1]
@@ -54,13 +54,13 @@ def test_the_papers_steps_and_blocks_do_without():
 
 def test_a_refused_step_says_why():
     with pytest.raises(NoConvergence, match=r"damage grew by 1\.10"):
-        Pace(StepRules(damage=0.5), None, 0.05).check(1.1, 0.0, 0.05)
+        StepControl(StepRules(damage=0.5), None, 0.05).check(1.1, 0.0, 0.05)
 
 
 def test_refused_steps_come_to_an_end_before_the_end_of_the_way():
     """After a crawl, whose steps are not shortened: the rest of the way may be shorter than they are."""
     damping = SimpleNamespace(boost=1.0)
-    pace, room, tried = Pace(StepRules(), damping, 0.05, refused=50), 0.0036, []
+    pace, room, tried = StepControl(StepRules(), damping, 0.05, refused=50), 0.0036, []
     for _ in range(200):
         pace.size = min(pace.size, room)
         tried.append(damping.boost)

@@ -15,7 +15,7 @@ from cutbench.solver.newton import BadGuess, NewtonSettings, NoConvergence, newt
 from cutbench.solver.predictor.history import Past
 from cutbench.solver.predictor.window import Window
 from cutbench.solver.problem import Evaluation, Problem, damage_growth
-from cutbench.solver.step_control import Pace, StepRules, drifts
+from cutbench.solver.step_control import StepControl, StepRules, drifts
 
 #: Staggered scheme: repetitions at the most, and the change of damage at which it stands still.
 STAGGERED_LOOPS = 200
@@ -100,7 +100,7 @@ class Progress:
     left: float = 0.0
     #: Steps that predictions are made from.
     past: dict[str, np.ndarray] | None = None
-    #: That of ``Pace``.
+    #: That of ``StepControl``.
     pace: dict[str, float] | None = None
 
 
@@ -151,7 +151,7 @@ class March:
         if self.past is not None and begin.past is not None:
             self.past.restore(begin.past)
         damping = next((f for f in problem.forms if f.name == "damping"), None)
-        pace = Pace(rules, damping, rules.first)
+        pace = StepControl(rules, damping, rules.first)
         pace.boost = 1.0
         if begin.pace is not None:
             pace.restore(begin.pace)

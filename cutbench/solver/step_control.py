@@ -79,7 +79,7 @@ def drifts(spent: float, left: float, spent_before: float, left_before: float) -
 
 
 @dataclass
-class Pace:
+class StepControl:
     """``size`` of the next step in mm; ``easy`` steps since the last one that was refused; ``refused`` ones
     since the last as long as ``StepRules.gentle``. ``damping``: the form whose boost it sets, or None."""
 
