@@ -8,7 +8,7 @@ from coarse_runs import BRIEF
 
 from cutbench.run.build import build
 from cutbench.solver.newton import NoConvergence
-from cutbench.solver.step_control import Leaky, StepControl, StepRules
+from cutbench.solver.step_control import EnergyError, StepControl, StepRules
 
 
 def test_where_errors_add_up_their_mean_counts():
@@ -19,7 +19,7 @@ def test_where_errors_add_up_their_mean_counts():
     pace.check(0.1, 0.019, drifting)
     pace.check(0.1, 0.039, allowed)
     for defect, limit in ((0.021, drifting), (0.041, allowed)):
-        with pytest.raises(Leaky):
+        with pytest.raises(EnergyError):
             pace.check(0.1, defect, limit)
 
 
@@ -64,7 +64,7 @@ def test_refused_steps_come_to_an_end_before_the_end_of_the_way():
     for _ in range(200):
         pace.size = min(pace.size, room)
         tried.append(damping.boost)
-        if not pace.shorten(Leaky("the energy of the step closes only to 9%"), True):
+        if not pace.shorten(EnergyError("the energy of the step closes only to 9%"), True):
             break
     assert len(tried) < 100
     assert tried[-1] == 1e7

@@ -69,7 +69,7 @@ _STATE = ("size", "easy", "refused", "rests", "drags", "vain", "settles", "boost
 TARGET = 0.9
 
 
-class Leaky(NoConvergence):
+class EnergyError(NoConvergence):
     """A step that converged, but whose energy does not close."""
 
 
@@ -143,13 +143,13 @@ class StepControl:
         able = self.damping is not None and self.boost < LEAKY_BOOST
         # Where errors add up, it is their mean over some steps that has to be small.
         if defect > min(2 * allowed, rules.defect) and (size > rules.finest or able):
-            raise Leaky(f"the energy of the step closes only to {defect:.0%}")
+            raise EnergyError(f"the energy of the step closes only to {defect:.0%}")
 
     def shorten(self, error: NoConvergence, moves: bool) -> bool:
         """After a refused step; False if nothing is left to try. ``moves``: the blade has gone some way."""
         rules = self.rules
         self.easy, self.refused = 0, self.refused + 1
-        leaky, crawls = isinstance(error, Leaky), self.refused > rules.patience
+        leaky, crawls = isinstance(error, EnergyError), self.refused > rules.patience
         if self.rests:
             self.vain += 1
             if self.vain > rules.tries:
