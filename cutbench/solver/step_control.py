@@ -18,7 +18,7 @@ from cutbench.solver.newton import NoConvergence
 #: The damping is raised to this many times its value before a run gives up.
 LARGEST_BOOST = 1e7
 #: And to this before a step is taken whose energy does not close: within a jump it then spreads over several.
-LEAKY_BOOST = 1e4
+LARGEST_FACTOR_IN_A_JUMP = 1e4
 #: Where the ledger has left more than this part of the blade's whole work open, steps that add to it are held
 #: to a quarter of what they may leave open otherwise: errors of one sign must not add up.
 DRIFT = 0.005
@@ -140,7 +140,7 @@ class StepControl:
             return
         if growth > 2 * rules.damage and size > 4 * rules.smallest:
             raise NoConvergence(f"damage grew by {growth:.2f}")
-        able = self.damping is not None and self.boost < LEAKY_BOOST
+        able = self.damping is not None and self.boost < LARGEST_FACTOR_IN_A_JUMP
         # Where errors add up, it is their mean over some steps that has to be small.
         if defect > min(2 * allowed, rules.defect) and (size > rules.finest or able):
             raise EnergyError(f"the energy of the step closes only to {defect:.0%}")
