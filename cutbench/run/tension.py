@@ -23,7 +23,7 @@ from cutbench.run.build import Built, build
 from cutbench.run.result import Outcome
 from cutbench.solver.newton import NewtonSettings, NoConvergence, newton
 from cutbench.solver.problem import damage_growth
-from cutbench.solver.step_control import LARGEST_BOOST
+from cutbench.solver.step_control import LARGEST_DAMPING_FACTOR
 
 #: The strip, and the speed at which its clamps part: those of the paper.
 SPECIMEN = {"width": "12 mm", "height": "30 mm", "length": "3 mm", "speed": "0.03 mm/s"}
@@ -172,7 +172,7 @@ class _Pull:
             except NoConvergence as error:
                 self.failures.append(f"{reached:.4f} mm: {error.reason}")
                 size, easy = size / 2, 0
-                if self.damping is not None and size < GENTLE and self.damping.boost < LARGEST_BOOST:
+                if self.damping is not None and size < GENTLE and self.damping.boost < LARGEST_DAMPING_FACTOR:
                     self.damping.boost = max(10.0, 10 * self.damping.boost)
                     size = max(size, n.step_min_mm)
                 elif size < n.step_min_mm:

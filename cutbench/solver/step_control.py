@@ -16,7 +16,7 @@ from cutbench.forms.damping import DampingForm
 from cutbench.solver.newton import NoConvergence
 
 #: The damping is raised to this many times its value before a run gives up.
-LARGEST_BOOST = 1e7
+LARGEST_DAMPING_FACTOR = 1e7
 #: And to this before a step is taken whose energy does not close: within a jump it then spreads over several.
 LARGEST_FACTOR_IN_A_JUMP = 1e4
 #: Where the ledger has left more than this part of the blade's whole work open, steps that add to it are held
@@ -165,7 +165,7 @@ class StepControl:
         elif not self.rests and crawls and self.size < rules.finest and self.boost == 1:
             # Once: near the end of its way a step stays as short, and only damping is left to try.
             self.size, self.damping.boost = rules.finest, 10.0
-        elif self.boost < LARGEST_BOOST:
+        elif self.boost < LARGEST_DAMPING_FACTOR:
             self.damping.boost = max(10.0, self.boost * 10)
         else:
             return False
