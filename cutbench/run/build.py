@@ -22,7 +22,7 @@ from cutbench.forms.support import SupportForm
 from cutbench.solver.iterative import rigid_motions
 from cutbench.solver.march import March
 from cutbench.solver.newton import NewtonSettings
-from cutbench.solver.predictor.history import Past
+from cutbench.solver.predictor.history import History
 from cutbench.solver.predictor.window import REMEMBERED, Window
 from cutbench.solver.problem import Problem
 from cutbench.solver.step_control import StepRules
@@ -154,9 +154,9 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
     looks_ahead = bool(cut) and n.predictor == "front" and n.scheme == "monolithic"
     past = None
     if cut and n.predictor == "repeat" and not case.motion:
-        past = Past(space, faces["cut"], ndof)
+        past = History(space, faces["cut"], ndof)
     elif looks_ahead and dim == 2:
-        past = Past(space, faces["cut"], ndof, REMEMBERED)
+        past = History(space, faces["cut"], ndof, REMEMBERED)
     march = March(
         problem,
         first_centre(p),

@@ -12,7 +12,7 @@ import numpy as np
 from cutbench.case.motion import Motion
 from cutbench.forms.base import Step
 from cutbench.solver.newton import BadGuess, NewtonSettings, NoConvergence, newton
-from cutbench.solver.predictor.history import Past
+from cutbench.solver.predictor.history import History
 from cutbench.solver.predictor.window import Window
 from cutbench.solver.problem import Evaluation, Problem, damage_growth
 from cutbench.solver.step_control import StepControl, StepRules, drifts
@@ -127,7 +127,7 @@ class March:
     resume: Progress | None = None
     between_steps: Callable[[Progress], None] | None = None
     #: What happened some elements higher: the window's guesses, or, without one, predictions themselves.
-    past: Past | None = None
+    past: History | None = None
     #: Looks for the next state around the front first.
     window: Window | None = None
     #: Says of a step's end that another march goes on from there; this one ends, and keeps it in ``left``.

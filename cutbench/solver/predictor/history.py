@@ -24,7 +24,7 @@ BEGUN = 0.5
 REMEMBERED = 300
 
 
-class Past:
+class History:
     """Displacements since the cut was some elements shorter, and the way down by one element."""
 
     def __init__(self, space: Space, cut: Faces, ndof: int, elements: int = 1):

@@ -17,7 +17,7 @@ import numpy as np
 
 from cutbench.forms.space import Faces, Space
 from cutbench.solver.newton import BadGuess, NewtonSettings, NoConvergence, newton
-from cutbench.solver.predictor.history import Past
+from cutbench.solver.predictor.history import History
 from cutbench.solver.predictor.part import Part
 from cutbench.solver.problem import Problem
 
@@ -59,7 +59,7 @@ def front_depth(height: np.ndarray, top: float, states: dict) -> float:
 class Window:
     """Parts of a problem: around the front of its cut, and where else a prediction is wrong."""
 
-    def __init__(self, problem: Problem, space: Space, cut: Faces, thickness: float, past: Past | None):
+    def __init__(self, problem: Problem, space: Space, cut: Faces, thickness: float, past: History | None):
         """``cut``: the faces of the cut plane; ``thickness`` of the blade in mm; ``past``: what the march
         remembers."""
         self._problem, self._space, self._past = problem, space, past
