@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cutbench.base.errors import CutbenchError
-from cutbench.calibration.homogeneous import History, respond
+from cutbench.calibration.homogeneous import LoadingHistory, respond
 from cutbench.calibration.homogeneous.stretching import nominal_stress
 from cutbench.case.case import Case, load_case
 from cutbench.data.campaign import Campaign, FitPlan, all_candidates, start_case
@@ -181,7 +181,7 @@ def clean(case: Case, test: Test) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     if test.kind == "cut":
         return computed(case, test)
     x, t = way(test)
-    history = History.along(x, t, 1.0 if test.kind in HOMOGENEOUS else 0.0, pressure(test, x.size))
+    history = LoadingHistory.along(x, t, 1.0 if test.kind in HOMOGENEOUS else 0.0, pressure(test, x.size))
     if test.kind in HOMOGENEOUS:
         y = nominal_stress(test.kind, history, case.model, case.p, largest=0.01, fewest=7)[:, 0]
     else:

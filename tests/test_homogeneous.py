@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cutbench.base.errors import BadInput, ComputationFailed
-from cutbench.calibration.homogeneous import History, predict, respond, slopes
+from cutbench.calibration.homogeneous import LoadingHistory, predict, respond, slopes
 from cutbench.calibration.homogeneous.stretching import nominal_stress
 from cutbench.case.model import Model
 from cutbench.data.campaign import load_campaign
@@ -37,7 +37,7 @@ def start(model: Model, **values: float) -> SimpleNamespace:
 @pytest.mark.parametrize("kind", HOMOGENEOUS)
 def test_neo_hooke_at_constant_volume(kind):
     """P = G(λ − λ⁻²), G(λ − λ⁻⁵), G(λ − λ⁻³): exactly, without a law for volume change."""
-    history = History.along(STRETCH, rest=1.0)
+    history = LoadingHistory.along(STRETCH, rest=1.0)
     P = respond(kind, history, Model(("neo_hookean",)), SimpleNamespace(G=0.4))
     power = {"uniaxial": -2.0, "equibiaxial": -5.0, "pure_shear": -3.0}[kind]
     np.testing.assert_allclose(P, 0.4 * (STRETCH - STRETCH**power), rtol=1e-12, atol=1e-13)
@@ -46,7 +46,7 @@ def test_neo_hooke_at_constant_volume(kind):
 @pytest.mark.parametrize("kind", HOMOGENEOUS)
 def test_nearly_incompressible_goes_to_the_limit(kind):
     """The error falls with 1 − 2ν, as the compressibility does."""
-    history = History.along(STRETCH, rest=1.0)
+    history = LoadingHistory.along(STRETCH, rest=1.0)
     limit = 0.4 * NEO_HOOKE[kind](STRETCH)
     errors = []
     for nu in (0.4999, 0.49999, 0.499999):
@@ -68,7 +68,7 @@ def test_nearly_incompressible_goes_to_the_limit(kind):
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.49])
 def test_hooke_at_small_strain(kind, slope, nu):
     """Linear elasticity: E, E/(1 − ν) and E/(1 − ν²)."""
-    history = History.along(np.array([1 + 1e-6]), rest=1.0)
+    history = LoadingHistory.along(np.array([1 + 1e-6]), rest=1.0)
     P = respond(kind, history, ELASTIC, SimpleNamespace(G=0.4, nu=nu))
     assert P[0] / 1e-6 == pytest.approx(slope(0.4, nu), rel=1e-5)
 
@@ -91,7 +91,10 @@ def test_a_free_face_carries_no_stress():
             middle = (low + high) / 2
             low, high = (middle, high) if piola(stretch, middle)[1] < 0 else (low, middle)
         P = respond(
-            "uniaxial", History.along(np.array([stretch]), rest=1.0), ELASTIC, SimpleNamespace(G=G, nu=nu)
+            "uniaxial",
+            LoadingHistory.along(np.array([stretch]), rest=1.0),
+            ELASTIC,
+            SimpleNamespace(G=G, nu=nu),
         )
         assert P[0] == pytest.approx(piola(stretch, low)[0], rel=1e-10)
 
@@ -100,7 +103,7 @@ def test_gent_at_constant_volume():
     """P = G (λ − λ⁻²)/(1 − (I₁ − 3)/J_m)."""
     model, stretch = Model(("gent",)), np.linspace(1.1, 3, 12)
     p = start(model, G=0.4, inv_J_m=0.05)
-    P = respond("uniaxial", History.along(stretch, rest=1.0), model, p)
+    P = respond("uniaxial", LoadingHistory.along(stretch, rest=1.0), model, p)
     I1 = stretch**2 + 2 / stretch
     np.testing.assert_allclose(P, 0.4 * (stretch - stretch**-2) / (1 - 0.05 * (I1 - 3)), rtol=1e-10)
 
@@ -111,8 +114,8 @@ def test_relaxation_of_one_maxwell_branch():
     model = Model(("neo_hookean", "volumetric", "maxwell"))
     p = start(model, G=0.1, nu=0.4999, g_1=0.8, tau_1=10.0)
     t = np.concatenate([[1e-4], np.linspace(1, 60, 60)])
-    history = History.along(np.full(t.size, 1.001), t, rest=1.0)
-    history = History(history.x, np.append(1e-4, np.diff(t)), 1.0, history.pressure_MPa)
+    history = LoadingHistory.along(np.full(t.size, 1.001), t, rest=1.0)
+    history = LoadingHistory(history.x, np.append(1e-4, np.diff(t)), 1.0, history.pressure_MPa)
     P = nominal_stress("uniaxial", history, model, p, fewest=64)[:, 0]
     elastic = respond("uniaxial", history, Model(("neo_hookean", "volumetric")), p)[0]
     np.testing.assert_allclose(P / elastic, 1 + 0.8 * np.exp(-t / 10), rtol=2e-3)
@@ -122,10 +125,12 @@ def test_slow_and_fast_are_the_limits_of_a_branch():
     model = Model(("neo_hookean", "volumetric", "maxwell"))
     p = start(model, G=0.1, nu=0.49, g_1=0.8, tau_1=10.0)
     x = np.linspace(1.05, 2, 20)
-    slow = respond("uniaxial", History.along(x, rest=1.0), model, p)
-    fast = respond("uniaxial", History.along(x, 1e-6 * np.arange(1, 21), rest=1.0), model, p)
+    slow = respond("uniaxial", LoadingHistory.along(x, rest=1.0), model, p)
+    fast = respond("uniaxial", LoadingHistory.along(x, 1e-6 * np.arange(1, 21), rest=1.0), model, p)
     elastic = ELASTIC
-    np.testing.assert_allclose(slow, respond("uniaxial", History.along(x, rest=1.0), elastic, p), rtol=1e-6)
+    np.testing.assert_allclose(
+        slow, respond("uniaxial", LoadingHistory.along(x, rest=1.0), elastic, p), rtol=1e-6
+    )
     assert fast[0] / slow[0] == pytest.approx(1.8, rel=1e-2)
 
 
@@ -134,8 +139,8 @@ def test_a_cycle_of_a_softened_rubber():
     model = Model(("neo_hookean", "volumetric", "mullins"))
     p = start(model, G=0.4, nu=0.4999, softening=0.4, softening_energy=0.3)
     x = np.concatenate([np.linspace(1.1, 2, 10), np.linspace(1.9, 1.1, 9), np.linspace(1.2, 2.0, 9)])
-    P = respond("uniaxial", History.along(x, rest=1.0), model, p)
-    elastic = respond("uniaxial", History.along(x, rest=1.0), ELASTIC, p)
+    P = respond("uniaxial", LoadingHistory.along(x, rest=1.0), model, p)
+    elastic = respond("uniaxial", LoadingHistory.along(x, rest=1.0), ELASTIC, p)
     np.testing.assert_allclose(P[:10], elastic[:10], rtol=1e-6)
     assert np.all(P[10:18] < 0.95 * elastic[10:18])
     np.testing.assert_allclose(P[19:27], P[10:18][::-1], rtol=1e-6)
@@ -144,14 +149,14 @@ def test_a_cycle_of_a_softened_rubber():
 def test_steps_converge_at_first_order():
     model = Model(("neo_hookean", "volumetric", "maxwell"))
     p = start(model, G=0.1, nu=0.49, g_1=0.8, tau_1=10.0)
-    history = History.along(1 + 0.05 * np.arange(1, 11), 4.0 * np.arange(1, 11), rest=1.0)
+    history = LoadingHistory.along(1 + 0.05 * np.arange(1, 11), 4.0 * np.arange(1, 11), rest=1.0)
     P = [nominal_stress("uniaxial", history, model, p, largest=9, fewest=n)[-1, 0] for n in (4, 8, 16, 32)]
     first, second, third = np.diff(P)
     assert first / second == pytest.approx(2, rel=0.1) and second / third == pytest.approx(2, rel=0.05)
 
 
 def test_the_first_reading_is_reached_at_the_rate_of_the_second():
-    history = History.along(np.array([1.2, 1.3, 1.4]), np.array([100.0, 101.0, 102.0]), rest=1.0)
+    history = LoadingHistory.along(np.array([1.2, 1.3, 1.4]), np.array([100.0, 101.0, 102.0]), rest=1.0)
     np.testing.assert_allclose(history.dt, [2, 1, 1])
     steps = list(history.steps(0.05, 1))
     assert sum(dt for _, dt, _ in steps) == pytest.approx(4) and sum(r for _, _, r in steps) == 3
@@ -162,7 +167,7 @@ def test_sliding_is_friction_and_adhesion():
     model = Model(("neo_hookean", "coulomb", "adhesion", "contact"))
     p = start(model, mu=0.3, tau_W=0.002)
     x = np.concatenate([np.linspace(0.1, 2, 20), np.linspace(1.9, 1.0, 10)])
-    history = History.along(x, 0.5 * np.arange(1, 31), pressure_MPa=0.01)
+    history = LoadingHistory.along(x, 0.5 * np.arange(1, 31), pressure_MPa=0.01)
     np.testing.assert_allclose(respond("sliding", history, model, p)[:20], 0.3 * 0.01 + 0.002, rtol=1e-12)
     np.testing.assert_allclose(respond("sliding", history, model, p)[20:], -0.005, rtol=1e-12)
 
@@ -171,7 +176,7 @@ def test_sliding_knows_speed_and_distance():
     model = Model(("neo_hookean", "adhesion", "adhesion_speed", "adhesion_wear"))
     p = start(model, tau_W=0.002, tau_v=0.001, adhesion_reference=0.05, wear=0.0004)
     x = 0.25 * np.arange(1, 9)
-    T = respond("sliding", History.along(x, x / 0.2), model, p)
+    T = respond("sliding", LoadingHistory.along(x, x / 0.2), model, p)
     np.testing.assert_allclose(T, 0.002 + 0.001 * np.log(1 + 0.2 / 0.05) + 0.0004 * x, rtol=1e-10)
 
 
@@ -181,10 +186,10 @@ def test_separation_is_the_cohesive_law():
     p = start(model, G_c=0.015, delta_c=0.07, beta=0.5)
     out = np.linspace(0.01, 0.3, 30)
     x = np.concatenate([out, [0.2, 0.1]])
-    T = respond("separation", History.along(x), model, p)
+    T = respond("separation", LoadingHistory.along(x), model, p)
     np.testing.assert_allclose(T[:30], 0.015 / 0.07**2 * out * np.exp(-out / 0.07), rtol=1e-12)
     np.testing.assert_allclose(T[30:], T[29] * np.array([0.2, 0.1]) / 0.3, rtol=1e-12)
-    sliding = respond("separation", History.along(out), model, p, direction="sliding")
+    sliding = respond("separation", LoadingHistory.along(out), model, p, direction="sliding")
     np.testing.assert_allclose(sliding, 0.25 * 0.015 / 0.07**2 * out * np.exp(-0.5 * out / 0.07), rtol=1e-12)
 
 
@@ -197,7 +202,7 @@ def test_separation_at_a_rate(name, fades, rtol):
     p = start(model, G_c=0.015, delta_c=0.07, eta_reg=2.0, beta=1.0)
     x = np.linspace(0.005, 0.2, 40)
     K, keep = 0.015 / 0.07**2, np.exp(-x / 0.07)
-    T = respond("separation", History.along(x, x / 0.01), model, p)
+    T = respond("separation", LoadingHistory.along(x, x / 0.01), model, p)
     np.testing.assert_allclose(T, K * (keep * x + 2.0 * 0.01 * (keep if fades else 1.0)), rtol=rtol)
 
 
@@ -248,7 +253,7 @@ def test_slopes_are_exact(kind, names):
 
 def test_a_complex_parameter_gives_its_derivative():
     p = SimpleNamespace(G=0.4 + 1j * STEP, nu=0.49)
-    history = History.along(STRETCH, rest=1.0)
+    history = LoadingHistory.along(STRETCH, rest=1.0)
     P = respond("uniaxial", history, ELASTIC, p)
     real = respond("uniaxial", history, ELASTIC, SimpleNamespace(G=0.4, nu=0.49))
     np.testing.assert_allclose(P.real, real, rtol=1e-12)
@@ -280,7 +285,9 @@ def test_the_rest_is_refused():
     with pytest.raises(BadInput, match="parameter = 'Gee'"):
         slopes(strip, ELASTIC, SimpleNamespace(G=0.4, nu=0.4), ["Gee"])
     with pytest.raises(ComputationFailed, match="no lateral stretch"):
-        respond("uniaxial", History.along(STRETCH, rest=1.0), ELASTIC, SimpleNamespace(G=np.nan, nu=0.4))
+        respond(
+            "uniaxial", LoadingHistory.along(STRETCH, rest=1.0), ELASTIC, SimpleNamespace(G=np.nan, nu=0.4)
+        )
 
 
 # -- measured ----------------------------------------------------------------------------------------

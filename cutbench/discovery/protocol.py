@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from cutbench.base.errors import BadInput, ComputationFailed
-from cutbench.calibration.homogeneous import History, respond
+from cutbench.calibration.homogeneous import LoadingHistory, respond
 from cutbench.calibration.prediction import Predictor, Task
 from cutbench.calibration.weights import Factors
 from cutbench.case.case import Case
@@ -80,7 +80,7 @@ def _histories(e: Experiment):
     t = time * np.arange(1, READINGS + 1) / READINGS
 
     def history(x, times, pressure=e.pressure_MPa):
-        return History.along(np.asarray(x), np.asarray(times), rest, pressure)
+        return LoadingHistory.along(np.asarray(x), np.asarray(times), rest, pressure)
 
     yield None, e.kind, history(up, t)
     far = rest + 1.25 * (reach - rest)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cutbench.base.errors import ComputationFailed
-from cutbench.calibration.homogeneous import History, respond
+from cutbench.calibration.homogeneous import LoadingHistory, respond
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign, FitPlan
 from cutbench.data.experiment import HOMOGENEOUS, Experiment
@@ -62,7 +62,7 @@ def clean(truth: Case, test: Test) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     rest = 1.0 if test.kind in HOMOGENEOUS else 0.0
     x = rest + (test.reach - rest) * np.arange(1, test.readings + 1) / test.readings
     time = np.abs(x - rest) / test.speed
-    return x, respond(test.kind, History.along(x, time, rest), truth.model, truth.p), time
+    return x, respond(test.kind, LoadingHistory.along(x, time, rest), truth.model, truth.p), time
 
 
 def experiment(

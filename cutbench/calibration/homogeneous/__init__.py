@@ -6,7 +6,7 @@
 One model is so fitted to tension tests and to cutting curves together.
 """
 
-from cutbench.calibration.homogeneous.history import History
+from cutbench.calibration.homogeneous.history import LoadingHistory
 from cutbench.calibration.homogeneous.predict import predict, respond, scan, slopes
 
-__all__ = ["History", "predict", "respond", "scan", "slopes"]
+__all__ = ["LoadingHistory", "predict", "respond", "scan", "slopes"]

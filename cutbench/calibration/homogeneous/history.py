@@ -15,7 +15,7 @@ SLOW = 1e9
 
 
 @dataclass(frozen=True)
-class History:
+class LoadingHistory:
     """Abscissa ``x`` (n,) and duration ``dt`` (n,) in s of the way to each from the one before.
 
     The first way starts at ``rest``; between two readings the abscissa moves at a constant rate.
@@ -28,7 +28,7 @@ class History:
     pressure_MPa: np.ndarray
 
     @classmethod
-    def of(cls, experiment: Experiment, at: Averaged) -> History:
+    def of(cls, experiment: Experiment, at: Averaged) -> LoadingHistory:
         """The history of a test on its grid. Without times every step is slow."""
         pressure = np.full(at.x.size, experiment.pressure_MPa)
         if at.pressure_MPa is not None:
@@ -42,7 +42,7 @@ class History:
         time_s: np.ndarray | None = None,
         rest: float = 0.0,
         pressure_MPa: float | np.ndarray = 0.0,
-    ) -> History:
+    ) -> LoadingHistory:
         """From abscissas and times (n,). The clock's zero does not matter: the first reading is reached
         at the rate from there to the next."""
         x = np.asarray(x, dtype=float)

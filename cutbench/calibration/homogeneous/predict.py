@@ -10,7 +10,7 @@ import numpy as np
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import one_of
 from cutbench.calibration.homogeneous import separation, sliding
-from cutbench.calibration.homogeneous.history import History
+from cutbench.calibration.homogeneous.history import LoadingHistory
 from cutbench.calibration.homogeneous.stretching import nominal_stress
 from cutbench.case.model import Model
 from cutbench.data.experiment import HOMOGENEOUS, Experiment
@@ -28,11 +28,13 @@ def predict(
     ComputationFailed where the model has no answer.
     """
     at = at or experiment.on_grid()
-    return respond(experiment.kind, History.of(experiment, at), model, p, direction=experiment.direction)
+    return respond(
+        experiment.kind, LoadingHistory.of(experiment, at), model, p, direction=experiment.direction
+    )
 
 
 def respond(
-    kind: str, history: History, model: Model, p: SimpleNamespace, *, direction: str = "opening"
+    kind: str, history: LoadingHistory, model: Model, p: SimpleNamespace, *, direction: str = "opening"
 ) -> np.ndarray:
     """Stress or traction (n,) in MPa along ``history``.
 
@@ -54,7 +56,7 @@ def slopes(
     All derivatives come from one pass along the history. Raises BadInput for a name not in ``p``.
     """
     at = at or experiment.on_grid()
-    history = History.of(experiment, at)
+    history = LoadingHistory.of(experiment, at)
     for name in names:
         if not hasattr(p, name):
             raise BadInput(key="parameter", value=name, expected=one_of(name, vars(p)))
@@ -93,7 +95,7 @@ def scan(
     All of them come from one pass along the history where the model has a memory.
     """
     at = at or experiment.on_grid()
-    history = History.of(experiment, at)
+    history = LoadingHistory.of(experiment, at)
     pairs = [(values, name) for values in sets for name in names]
     if experiment.kind == "sliding" or (experiment.kind in HOMOGENEOUS and not _remembers(model, p)):
         parts = []

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from cutbench.calibration.homogeneous.history import History
+from cutbench.calibration.homogeneous.history import LoadingHistory
 from cutbench.case.model import Model
 from cutbench.mechanisms.base import Points
 
@@ -15,7 +15,7 @@ STEPS = 8
 
 
 def traction(
-    history: History, model: Model, p: SimpleNamespace, direction: str = "opening", *, count: int = 1
+    history: LoadingHistory, model: Model, p: SimpleNamespace, direction: str = "opening", *, count: int = 1
 ) -> np.ndarray:
     """Traction (n, count) in MPa along the jump; ``count`` is the length of array parameters.
 

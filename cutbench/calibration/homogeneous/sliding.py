@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from cutbench.calibration.homogeneous.history import SLOW, History
+from cutbench.calibration.homogeneous.history import SLOW, LoadingHistory
 from cutbench.case.model import Model
 from cutbench.mechanisms.base import Points
 
@@ -18,7 +18,7 @@ from cutbench.mechanisms.base import Points
 REST = 0.01
 
 
-def traction(history: History, model: Model, p: SimpleNamespace) -> np.ndarray:
+def traction(history: LoadingHistory, model: Model, p: SimpleNamespace) -> np.ndarray:
     """Shear traction (n,) in MPa at each reading, positive along growing x; complex if ``p`` is."""
     way = np.diff(np.append(history.rest, history.x))
     # Without times nothing is known of the rate but the model's speed.

@@ -16,7 +16,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from cutbench.base.errors import ComputationFailed
-from cutbench.calibration.homogeneous.history import History
+from cutbench.calibration.homogeneous.history import LoadingHistory
 from cutbench.calibration.homogeneous.modes import MODES, Mode
 from cutbench.case.model import Model
 from cutbench.mechanisms.base import STEP, Points
@@ -29,7 +29,7 @@ DEEP = 1e6
 
 def nominal_stress(
     kind: str,
-    history: History,
+    history: LoadingHistory,
     model: Model,
     p: SimpleNamespace,
     *,
