@@ -87,7 +87,7 @@ class Round:
 
 
 @dataclass(frozen=True)
-class Numerics:
+class NumericalCauses:
     """Scores of numerical causes; ``explains``: name of one that explains the residual as well as the best
     mechanism does, None otherwise; ``missing``: what could not be computed, and why."""
 
@@ -113,7 +113,7 @@ class Discovery:
     gain: Heldout | None
     wrong: tuple[Section, ...]
     left: tuple[Section, ...]
-    numerics: Numerics
+    numerics: NumericalCauses
     proposed: tuple[Proposal, ...]
     next_experiment: str
     seconds: float
@@ -160,7 +160,7 @@ def discover(
         point = baseline(fitted, run, grid)
         rounds: list[Round] = []
         found: list[str] = []
-        numerics = Numerics((), {}, None, {})
+        numerics = NumericalCauses((), {}, None, {})
         interrupted = False
         while True:
             try:
@@ -200,21 +200,21 @@ def discover(
     )  # fmt: skip
 
 
-def _numerics(this: Round, run: Predictor, seed: int, say: Callable[[str], None]) -> Numerics:
+def _numerics(this: Round, run: Predictor, seed: int, say: Callable[[str], None]) -> NumericalCauses:
     """Of cuts whose baseline fails: what another mesh, element or normal would change."""
     promising = any(t.p_any < CHANCE for t in this.tried)
     if this.scores.p_residual > CHANCE and not promising:
-        return Numerics((), {}, None, {})
+        return NumericalCauses((), {}, None, {})
     columns, missing = numerical_columns(this.point, run)
     if not columns:
-        return Numerics((), {}, None, missing)
+        return NumericalCauses((), {}, None, missing)
     say("numerical causes: " + ", ".join(c.candidate.name for c in columns))
     scores = score(with_columns(this.sensed, columns), this.point.w, this.point.residual, seed=seed)
     shares = {s.name: s.gain / scores.excess if scores.excess > 0 else 0.0 for s in scores.scores}
     best = scores.scores[0]
     rival = max((t.gain for t in this.tried), default=0.0)
     explains = best.name if best.p < CHANCE and shares[best.name] >= SHARE and best.gain >= rival else None
-    return Numerics(tuple(scores.scores), shares, explains, missing)
+    return NumericalCauses(tuple(scores.scores), shares, explains, missing)
 
 
 def _next(
