@@ -32,7 +32,7 @@ Runner = Callable[[Case, Path], Result]
 
 
 @dataclass(frozen=True)
-class Point:
+class MapPoint:
     """A place of the map to confirm: ``at`` by axis in its unit; ``case`` is the plane-strain one."""
 
     name: str
@@ -65,7 +65,7 @@ class Confirmed:
         return None if None in (self.label_2d, self.label_3d) else self.label_2d == self.label_3d
 
 
-def least_certain(data: xr.Dataset, count: int) -> list[Point]:
+def least_certain(data: xr.Dataset, count: int) -> list[MapPoint]:
     """The ``count`` runs of a map that lie nearest to the boundary by their own measures, nearest first."""
     labels = data["label"].values
     known = np.isin(labels, [maps.LABELS.index(SMOOTH), maps.LABELS.index(ABRUPT)])
@@ -83,18 +83,18 @@ def least_certain(data: xr.Dataset, count: int) -> list[Point]:
     for i in order[np.isfinite(distance[order])]:
         at = {name: float(values.ravel()[i]) for name, values in places.items()}
         text = ", ".join(f"{name} = {value:.4g}" for name, value in at.items())
-        points.append(Point(text, at, maps.case_on(data, at), float(near.ravel()[i])))
+        points.append(MapPoint(text, at, maps.case_on(data, at), float(near.ravel()[i])))
     return points
 
 
-def marked(data: xr.Dataset) -> list[Point]:
+def marked(data: xr.Dataset) -> list[MapPoint]:
     """The materials that the map marks, each at its own place."""
     points = []
     for mark in json.loads(data.attrs.get("marks", "[]")):
         at = {name: mark[name] for name in maps.axes_of(data)}
         if all(value is not None and math.isfinite(value) for value in at.values()):
             case = replace(maps.case_on(data, at), name=mark["name"])
-            points.append(Point(mark["name"], at, case))
+            points.append(MapPoint(mark["name"], at, case))
     return points
 
 
@@ -112,7 +112,7 @@ def solid(case: Case, changes: Mapping[str, object] | None = None) -> Case:
 
 def confirm(
     data: xr.Dataset,
-    points: Sequence[Point],
+    points: Sequence[MapPoint],
     folder: Path,
     run: Runner,
     *,
@@ -170,7 +170,7 @@ def _found(case: Case, folder: Path, run: Runner) -> Result:
     return run(case, folder)
 
 
-def _compared(data: xr.Dataset, point: Point, flat: Result, block: Result) -> Confirmed:
+def _compared(data: xr.Dataset, point: MapPoint, flat: Result, block: Result) -> Confirmed:
     numbers, labels = [], []
     surge = float(data.attrs["surge_threshold"])
     for result in (flat, block):
