@@ -60,7 +60,7 @@ class Crossing:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class BoundaryEstimate:
     """The margin on the lattice with its standard deviation; ``unsure`` is where its sign is not known
     with 95 % although the boundary is farther than the tolerance."""
 
@@ -141,7 +141,7 @@ class Seeker:
         self._expected = {int(judged[k]): bool(mean[k] >= 0) for k in chosen}
         return self._hand_out(judged[chosen])
 
-    def estimate(self, known: Mapping[Index, float]) -> Estimate:
+    def estimate(self, known: Mapping[Index, float]) -> BoundaryEstimate:
         """What ``known`` says about the whole lattice; without a margin yet, nothing is sure.
 
         May be asked at any moment: the search goes on as if it had not been.
@@ -151,12 +151,12 @@ class Seeker:
         self._kernel, self._fitted = before
         if emulator is None:
             flat = np.zeros(self.shape)
-            return Estimate(flat, flat + 1, np.ones(self.shape, dtype=bool))
+            return BoundaryEstimate(flat, flat + 1, np.ones(self.shape, dtype=bool))
         mean = emulator.mean(self._places)
         spread = emulator.spread(self._places)
         away = distances(mean.reshape(self.shape) >= 0).ravel() / 2
         unsure = (SURE * spread > np.abs(mean)) & (away > 1)
-        return Estimate(*(part.reshape(self.shape) for part in (mean, spread, unsure)))
+        return BoundaryEstimate(*(part.reshape(self.shape) for part in (mean, spread, unsure)))
 
     def _emulator(self, known: Mapping[Index, float], *, stand_ins: bool) -> Emulator | None:
         """Through the margins; ``stand_ins``: and at runs that failed through what is expected there, so

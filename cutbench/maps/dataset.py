@@ -25,7 +25,7 @@ from cutbench.run.measures import ABRUPT, MEASURES, SMOOTH, UNCUT, label, measur
 from cutbench.run.result import OUTCOMES, Result
 
 if TYPE_CHECKING:
-    from cutbench.maps.boundary import Estimate
+    from cutbench.maps.boundary import BoundaryEstimate
     from cutbench.maps.study import Study
 
 NOT_COMPUTED = "not_computed"
@@ -69,7 +69,7 @@ def build_map(
     study: Study,
     rows: Mapping[str, Row],
     ids: Mapping[tuple[int, ...], str] | None = None,
-    estimates: Mapping[tuple[int, ...], Estimate] | None = None,
+    estimates: Mapping[tuple[int, ...], BoundaryEstimate] | None = None,
 ) -> xr.Dataset:
     """The map; ``rows`` by run id, as far as there are any.
 
@@ -144,7 +144,7 @@ def build_map(
     )
 
 
-def _estimated(study: Study, estimates: Mapping[tuple[int, ...], Estimate]) -> dict[str, tuple]:
+def _estimated(study: Study, estimates: Mapping[tuple[int, ...], BoundaryEstimate]) -> dict[str, tuple]:
     """The boundary that was sought, on the map's own dimensions."""
     dims = [axis.name for axis in study.axes]
     free = [k for k, axis in enumerate(study.axes) if axis.continuous]

@@ -12,7 +12,7 @@ import numpy as np
 from cutbench.base.errors import BadInput
 from cutbench.case.case import Case
 from cutbench.maps.axes import BOUNDARY
-from cutbench.maps.boundary import Estimate, Index, Seeker, margin
+from cutbench.maps.boundary import BoundaryEstimate, Index, Seeker, margin
 from cutbench.maps.dataset import Row
 from cutbench.maps.study import Study
 from cutbench.run.measures import UNCUT
@@ -34,7 +34,7 @@ class Plan:
         self.ids = {index: case.id for index, case in self.study.points()}
         return self.study.cases()
 
-    def estimates(self, rows: Mapping[str, Row]) -> dict[Index, Estimate]:
+    def estimates(self, rows: Mapping[str, Row]) -> dict[Index, BoundaryEstimate]:
         """What is known of a boundary that is sought, by the indices of the levels."""
         return {}
 
@@ -88,7 +88,7 @@ class BoundaryPlan(Plan):
         self.ids[index] = case.id
         return [case]
 
-    def estimates(self, rows: Mapping[str, Row]) -> dict[Index, Estimate]:
+    def estimates(self, rows: Mapping[str, Row]) -> dict[Index, BoundaryEstimate]:
         return {
             tuple(level.fixed.values()): level.seeker.estimate(self._known(level, rows))
             for level in self._levels
