@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from cutbench.base.figure_style import COLOURS, DOUBLE_MM, GREY, SINGLE_MM, new_figure, style
 
 if TYPE_CHECKING:
-    from cutbench.calibration.fitted import Compared, Fit
+    from cutbench.calibration.fitted import ComparedCurve, Fit
 
 #: Shades of the regimes, so that neighbours differ in grey print too.
 _SHADES = {"indentation": "#FFFFFF", "onset": "#E6E6E6", "transition": "#F5F5F5", "steady": "#FFFFFF"}
@@ -47,11 +47,11 @@ def plot_fit(fit: Fit) -> Figure:
     return figure
 
 
-def _scale(c: Compared) -> float:
+def _scale(c: ComparedCurve) -> float:
     return 1.0 if c.experiment.y_unit == "N" else 1e3
 
 
-def _curve(axes: Axes, c: Compared) -> None:
+def _curve(axes: Axes, c: ComparedCurve) -> None:
     s = _scale(c)
     low, high = s * (c.mean - 2 * c.sd), s * (c.mean + 2 * c.sd)
     axes.fill_between(c.x, low, high, facecolor=COLOURS["sky"], alpha=0.45, lw=0, label="± 2 sd")
@@ -72,7 +72,7 @@ def _curve(axes: Axes, c: Compared) -> None:
     axes.tick_params(labelbottom=False)
 
 
-def _residual(axes: Axes, c: Compared) -> None:
+def _residual(axes: Axes, c: ComparedCurve) -> None:
     s = _scale(c)
     for name, mask in c.regimes().items():
         axes.axvspan(c.x[mask][0], c.x[mask][-1], facecolor=_SHADES[name], lw=0, zorder=0)

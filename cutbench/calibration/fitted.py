@@ -39,7 +39,7 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class Compared:
+class ComparedCurve:
     """One experiment beside the fit, on its grid: ``fitted`` (m,) is the computed curve, corrected for its
     mesh; ``sd`` (m,) the measurement's and the computation's together."""
 
@@ -107,7 +107,7 @@ class Fit:
     readings: int
     status: str
     message: str
-    compared: tuple[Compared, ...]
+    compared: tuple[ComparedCurve, ...]
     before: Identifiability
     after: Identifiability
     notes: tuple[str, ...]

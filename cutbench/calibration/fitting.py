@@ -19,7 +19,7 @@ from scipy import stats
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.toml import one_of
 from cutbench.calibration import lm
-from cutbench.calibration.fitted import Compared, Estimate, Fit, Profile
+from cutbench.calibration.fitted import ComparedCurve, Estimate, Fit, Profile
 from cutbench.calibration.identifiability import Unknown, identifiability, information_inverse
 from cutbench.calibration.inverse import GRID, Inverse, field_note, unknowns
 from cutbench.calibration.prediction import Prediction, Predictor, cores, predictor
@@ -198,7 +198,7 @@ class _Fitting:
         return np.maximum(np.diag(covariance) ** 2 / np.maximum(uncertain, 1e-300), 1.0)
 
     # -- beside the data -------------------------------------------------------------------------
-    def _compared(self, q: np.ndarray, status: str) -> tuple[Compared, ...]:
+    def _compared(self, q: np.ndarray, status: str) -> tuple[ComparedCurve, ...]:
         inverse, found = self.inverse, self.inverse.predictions(q)
         sides = {}
         for e in self.campaign.train:
@@ -215,9 +215,11 @@ class _Fitting:
             self.notes += [field_note(e, p, "prediction")] if e.fields else []
         return tuple(sides[e.id] for e in self.campaign.experiments if e.id in sides)
 
-    def _beside(self, e: Experiment, p: Prediction, y: np.ndarray, sd: np.ndarray, q: np.ndarray) -> Compared:
+    def _beside(
+        self, e: Experiment, p: Prediction, y: np.ndarray, sd: np.ndarray, q: np.ndarray
+    ) -> ComparedCurve:
         grid, case = self.inverse.grids[e.id], self.inverse.case(e, q)
-        return Compared(e, grid.x, grid.mean, sd, y, p.onset_mm, case.values.get("thickness", np.nan))
+        return ComparedCurve(e, grid.x, grid.mean, sd, y, p.onset_mm, case.values.get("thickness", np.nan))
 
     # -- profile likelihood ----------------------------------------------------------------------
     def _profile(self, label: str, best: lm.Minimum) -> Profile:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cutbench.calibration.fitted import Compared, Estimate, Fit
+from cutbench.calibration.fitted import ComparedCurve, Estimate, Fit
 from cutbench.run.files import versions, write_json
 
 #: Layout of fit.json.
@@ -16,7 +16,7 @@ SCHEMA = 1
 SHOWN = 0.3
 
 
-def by_regime(c: Compared) -> dict[str, dict[str, float]]:
+def by_regime(c: ComparedCurve) -> dict[str, dict[str, float]]:
     """Range in mm, mean and root mean square of the residual in N, and the largest in standard deviations."""
     found = {}
     for name, mask in c.regimes().items():
@@ -142,7 +142,7 @@ def to_dict(fit: Fit) -> dict:
     }
 
 
-def _experiment(c: Compared) -> dict:
+def _experiment(c: ComparedCurve) -> dict:
     e = c.experiment
     return {
         "kind": e.kind,

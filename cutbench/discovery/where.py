@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutbench.calibration.fitted import Compared
+from cutbench.calibration.fitted import ComparedCurve
 from cutbench.data.experiment import HOMOGENEOUS, Experiment
 from cutbench.discovery.point import Point
 
@@ -69,7 +69,9 @@ def _masks(e: Experiment, point: Point, r: np.ndarray) -> dict[str, np.ndarray]:
     grid = point.inverse.grids[e.id]
     if e.kind == "cut":
         thickness = point.inverse.case(e, point.q).values.get("thickness", np.nan)
-        sides = Compared(e, grid.x, grid.mean, grid.deviation, grid.mean - r, point.onset_mm[e.id], thickness)
+        sides = ComparedCurve(
+            e, grid.x, grid.mean, grid.deviation, grid.mean - r, point.onset_mm[e.id], thickness
+        )
         if masks := sides.regimes():
             return masks
     return _runs(r, max(2, int(SHORTEST * r.size)))
