@@ -88,7 +88,7 @@ def classical_numbers(values: Mapping[str, float], *, lasting: bool) -> Classica
 
 
 @dataclass(frozen=True)
-class Compared:
+class EstimateComparison:
     """Map and estimate side by side, a row for each run that reached its depth.
 
     ``table`` holds equally long arrays: ``drop``, ``peak_N``, ``steady_N`` of the run (nan where it has
@@ -137,7 +137,7 @@ def estimated_margin(data: xr.Dataset, values: Mapping[str, float]) -> float:
     return math.nan if found is None else found.margin(data.attrs["drop_threshold"])
 
 
-def compare(data: xr.Dataset) -> Compared:
+def compare(data: xr.Dataset) -> EstimateComparison:
     """Every run of a map that reached its depth against the estimates."""
     names, places = axes_of(data), places_of(data)
     decided = np.isin(data["label"].values, [LABELS.index(ABRUPT), LABELS.index(SMOOTH)])
@@ -162,7 +162,7 @@ def compare(data: xr.Dataset) -> Compared:
         for key, value in zip(table, row, strict=True):
             table[key].append(value)
     arrays = {k: np.array(v, dtype=bool if k.startswith("abrupt") else float) for k, v in table.items()}
-    return Compared({name: np.array(v) for name, v in axes.items()}, arrays)
+    return EstimateComparison({name: np.array(v) for name, v in axes.items()}, arrays)
 
 
 def _middle_of_steady(case: Case) -> float:
@@ -171,7 +171,7 @@ def _middle_of_steady(case: Case) -> float:
     return (1 - STEADY / 2) * (end if end > 0 else case.p.depth)
 
 
-def draw_estimates(data: xr.Dataset, compared: Compared) -> Figure:
+def draw_estimates(data: xr.Dataset, compared: EstimateComparison) -> Figure:
     """Where map and estimate agree, and the two forces against the computed ones."""
     x, y = data.attrs["plot_x"], data.attrs["plot_y"]
     t = compared.table
