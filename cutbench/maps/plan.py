@@ -18,7 +18,7 @@ from cutbench.maps.study import Study
 from cutbench.run.measures import UNCUT
 
 
-class Plan:
+class SamplingPlan:
     """The runs of a grid, of a sample, or one axis at a time: known beforehand, asked for once."""
 
     def __init__(self, study: Study):
@@ -48,7 +48,7 @@ class _Level:
     places: dict[Index, Index] = field(default_factory=dict)  # in the box -> in the map
 
 
-class BoundaryPlan(Plan):
+class BoundaryPlan(SamplingPlan):
     """The rounds of a search, one search for each combination of levels, side by side."""
 
     def __init__(self, study: Study):
@@ -107,9 +107,9 @@ class BoundaryPlan(Plan):
         return tuple(place[k] for k in range(len(place)))
 
 
-def plan_of(study: Study) -> Plan:
+def plan_of(study: Study) -> SamplingPlan:
     """The plan of a study's mode."""
-    return BoundaryPlan(study) if study.mode == BOUNDARY else Plan(study)
+    return BoundaryPlan(study) if study.mode == BOUNDARY else SamplingPlan(study)
 
 
 def margin_of(row: Row, study: Study) -> float:
