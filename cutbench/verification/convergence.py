@@ -53,7 +53,7 @@ class Change:
 
 
 @dataclass(frozen=True)
-class Plan:
+class ConvergencePlan:
     """A study of convergence: all cases by material, the unchanged one under ``""``."""
 
     path: Path
@@ -89,7 +89,7 @@ class Row:
         return self.outcome == "done" and bool(self.worst <= TOLERANCE)
 
 
-def load_plan(path: str | Path) -> Plan:
+def load_plan(path: str | Path) -> ConvergencePlan:
     """Read a study of convergence. Raises BadInput with file, line, key, value and what would be right."""
     path = Path(path)
     table, text = read_toml(path)
@@ -118,7 +118,7 @@ def load_plan(path: str | Path) -> Plan:
             cases[material] = {"": start} | {
                 c.name: _set(start, c, path, text) for c in changes if material in (c.materials or names)
             }
-    return Plan(path, str(table.get("title", path.stem)), changes, cases)
+    return ConvergencePlan(path, str(table.get("title", path.stem)), changes, cases)
 
 
 def _change(entry: dict, number: int, names: list[str]) -> Change:
@@ -154,7 +154,7 @@ class _Once(Runner):
 
 
 def compute(
-    plan: Plan,
+    plan: ConvergencePlan,
     out: str | os.PathLike[str],
     *,
     workers: int | None = None,
@@ -229,7 +229,7 @@ def _percent(value: float, sign: str = "+") -> str:
     return f"{100 * value:{sign}.1f} %" if math.isfinite(value) else "one alone has it"
 
 
-def write(plan: Plan, rows: Sequence[Row], out: str | os.PathLike[str]) -> list[Path]:
+def write(plan: ConvergencePlan, rows: Sequence[Row], out: str | os.PathLike[str]) -> list[Path]:
     """convergence.json, convergence.md and convergence.png in ``out``."""
     from cutbench.base.figure_style import save
     from cutbench.verification.convergence_figure import plot_convergence
