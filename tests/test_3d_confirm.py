@@ -15,7 +15,7 @@ from cutbench.maps import dataset as maps
 from cutbench.maps.boundary import margin
 from cutbench.maps.confirmation import confirm, least_certain, marked, solid
 from cutbench.maps.confirmed_points import FOLDER, RECORD, read_confirmed
-from cutbench.maps.dataset import Row, build_map, save_map
+from cutbench.maps.dataset import MapRow, build_map, save_map
 from cutbench.maps.phase import draw_phase, save_phase
 from cutbench.maps.study import load_study
 from cutbench.run.result import Outcome, Result
@@ -58,7 +58,7 @@ def data(tmp_path):
     for drop, (_, case) in zip((0.02, 0.09, 0.14, 0.5), study.points(), strict=True):
         found = dict.fromkeys(maps.MEASURES, 1.0) | {"drop_rel": drop}
         regime = "abrupt" if drop >= 0.1 else "smooth"
-        rows[case.id] = Row("done", "", 1.0, regime, found)
+        rows[case.id] = MapRow("done", "", 1.0, regime, found)
     return build_map(study, rows)
 
 
@@ -195,7 +195,7 @@ def plane(tmp_path):
     path.write_text(text.replace('x = "cohesion"', 'x = "cohesion"\ny = "viscosity"'), encoding="utf-8")
     study = load_study(path)
     found = dict.fromkeys(maps.MEASURES, 0.2)
-    return build_map(study, {case.id: Row("done", "", 1.0, "abrupt", found) for case in study.cases()})
+    return build_map(study, {case.id: MapRow("done", "", 1.0, "abrupt", found) for case in study.cases()})
 
 
 def marks_on(axes):

@@ -11,7 +11,7 @@ import xarray as xr
 from matplotlib.contour import QuadContourSet
 
 from cutbench.maps.coordinates import PANELS, between, nearest_level
-from cutbench.maps.dataset import Row, build_map, row_of
+from cutbench.maps.dataset import MapRow, build_map, row_of
 from cutbench.maps.phase import DROPS, draw_phase, save_phase
 from cutbench.maps.plan import plan_of
 from cutbench.maps.study import load_study
@@ -98,7 +98,7 @@ def test_markers_count_the_regimes(study):
 def test_a_partial_map_shows_what_failed_and_what_is_to_come(study, tmp_path):
     s = study("cohesion", "viscosity", "adhesion")
     rows = rows_of(s, 20)
-    rows[s.cases()[5].id] = Row("stalled", "no", 3.0)
+    rows[s.cases()[5].id] = MapRow("stalled", "no", 3.0)
     figure = draw_phase(build_map(s, rows))
     assert {"not computed", "to come", "interpolated"} <= set(legend(figure))
     crosses = [line for ax in panels(figure) for line in ax.lines if line.get_marker() == "x"]

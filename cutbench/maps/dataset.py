@@ -36,7 +36,7 @@ OUTCOME_FLAGS = ("missing", *OUTCOMES)
 
 
 @dataclass(frozen=True)
-class Row:
+class MapRow:
     """One point of a map. Only a run that reached its depth has measures and a regime."""
 
     outcome: str = "missing"
@@ -46,12 +46,12 @@ class Row:
     measures: Mapping[str, float] = field(default_factory=lambda: dict.fromkeys(MEASURES, math.nan))
 
 
-def row_of(result: Result, study: Study) -> Row:
+def row_of(result: Result, study: Study) -> MapRow:
     """What a map keeps of a run. The measures come from the curve, not from what the run noted:
     a study's own thresholds hold for runs that an earlier study left in the store."""
     outcome = result.outcome
     if not outcome.done:
-        return Row(outcome.kind, outcome.message, outcome.reached_mm)
+        return MapRow(outcome.kind, outcome.message, outcome.reached_mm)
     try:
         found = measures(
             result.curve,
@@ -60,14 +60,14 @@ def row_of(result: Result, study: Study) -> Row:
             onset_length_mm=study.onset_length_mm,
         )
     except (ValueError, KeyError) as error:
-        return Row("failed", f"the curve cannot be read: {error}", outcome.reached_mm)
+        return MapRow("failed", f"the curve cannot be read: {error}", outcome.reached_mm)
     regime = label(found["drop_rel"], found["surge"], drop=study.drop, surge_min=study.surge_min)
-    return Row(outcome.kind, outcome.message, outcome.reached_mm, regime, found)
+    return MapRow(outcome.kind, outcome.message, outcome.reached_mm, regime, found)
 
 
 def build_map(
     study: Study,
-    rows: Mapping[str, Row],
+    rows: Mapping[str, MapRow],
     ids: Mapping[tuple[int, ...], str] | None = None,
     estimates: Mapping[tuple[int, ...], BoundaryEstimate] | None = None,
 ) -> xr.Dataset:
@@ -79,10 +79,10 @@ def build_map(
     """
     dims = [axis.name for axis in study.axes] if study.on_grid else ["point"]
     table_ids = np.full(study.shape, "", dtype=object)
-    table = np.full(study.shape, Row(), dtype=object)
+    table = np.full(study.shape, MapRow(), dtype=object)
     for index, id in (ids or {index: case.id for index, case in study.points()}).items():
         table_ids[index] = id
-        table[index] = rows.get(id, Row())
+        table[index] = rows.get(id, MapRow())
 
     def collect(pick, dtype):
         flat = [pick(row) for row in table.ravel()]

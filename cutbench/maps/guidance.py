@@ -19,7 +19,7 @@ from cutbench.base.errors import BadInput
 from cutbench.case.case import Case, load_case
 from cutbench.maps.axes import Axis, places, value_on
 from cutbench.maps.boundary import SURE, margin, softened
-from cutbench.maps.dataset import LABELS, Row, axes_of, axis_of, case_on, places_of, row_of
+from cutbench.maps.dataset import LABELS, MapRow, axes_of, axis_of, case_on, places_of, row_of
 from cutbench.maps.emulator import Emulator
 from cutbench.run.measures import ABRUPT, SMOOTH, UNCUT
 from cutbench.run.result import Result
@@ -240,8 +240,8 @@ def _follow(reader: Reader, case: Case, lever: str, parameter: str, way: int, ab
 class Checked:
     """A change tried by runs: the material's own place on the map, and the place beyond the boundary."""
 
-    before: Row
-    after: Row
+    before: MapRow
+    after: MapRow
 
     @property
     def crosses(self) -> bool:

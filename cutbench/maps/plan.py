@@ -13,7 +13,7 @@ from cutbench.base.errors import BadInput
 from cutbench.case.case import Case
 from cutbench.maps.axes import BOUNDARY
 from cutbench.maps.boundary import BoundaryEstimate, Index, Seeker, margin
-from cutbench.maps.dataset import Row
+from cutbench.maps.dataset import MapRow
 from cutbench.maps.study import Study
 from cutbench.run.measures import UNCUT
 
@@ -25,16 +25,16 @@ class SamplingPlan:
         self.study = study
         #: Run id by index in the map, as far as asked for.
         self.ids: dict[Index, str] = {}
-        self.impossible: dict[str, Row] = {}
+        self.impossible: dict[str, MapRow] = {}
 
-    def ask(self, rows: Mapping[str, Row]) -> list[Case]:
+    def ask(self, rows: Mapping[str, MapRow]) -> list[Case]:
         """The next cases, in order; none when the study is done. ``rows`` are all that have ended."""
         if self.ids:
             return []
         self.ids = {index: case.id for index, case in self.study.points()}
         return self.study.cases()
 
-    def estimates(self, rows: Mapping[str, Row]) -> dict[Index, BoundaryEstimate]:
+    def estimates(self, rows: Mapping[str, MapRow]) -> dict[Index, BoundaryEstimate]:
         """What is known of a boundary that is sought, by the indices of the levels."""
         return {}
 
@@ -66,7 +66,7 @@ class BoundaryPlan(SamplingPlan):
             for chosen in itertools.product(*(range(study.shape[k]) for k in levels))
         ]
 
-    def ask(self, rows: Mapping[str, Row]) -> list[Case]:
+    def ask(self, rows: Mapping[str, MapRow]) -> list[Case]:
         while True:
             asked, cases = 0, []
             for level in self._levels:
@@ -83,18 +83,18 @@ class BoundaryPlan(SamplingPlan):
             case = self.study.case_at(values)
         except BadInput as error:  # a place in the middle that the corners did not foretell
             self.ids[index] = f"none-{'-'.join(map(str, index))}"
-            self.impossible[self.ids[index]] = Row("failed", str(error))
+            self.impossible[self.ids[index]] = MapRow("failed", str(error))
             return []
         self.ids[index] = case.id
         return [case]
 
-    def estimates(self, rows: Mapping[str, Row]) -> dict[Index, BoundaryEstimate]:
+    def estimates(self, rows: Mapping[str, MapRow]) -> dict[Index, BoundaryEstimate]:
         return {
             tuple(level.fixed.values()): level.seeker.estimate(self._known(level, rows))
             for level in self._levels
         }
 
-    def _known(self, level: _Level, rows: Mapping[str, Row]) -> dict[Index, float]:
+    def _known(self, level: _Level, rows: Mapping[str, MapRow]) -> dict[Index, float]:
         found = {}
         for inner, index in level.places.items():
             row = rows.get(self.ids[index]) or self.impossible.get(self.ids[index])
@@ -112,7 +112,7 @@ def plan_of(study: Study) -> SamplingPlan:
     return BoundaryPlan(study) if study.mode == BOUNDARY else SamplingPlan(study)
 
 
-def margin_of(row: Row, study: Study) -> float:
+def margin_of(row: MapRow, study: Study) -> float:
     """A run's margin against the study's thresholds; nan if it did not end well."""
     if row.outcome != "done":
         return math.nan

@@ -26,7 +26,7 @@ from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.threads import one_thread_each
 from cutbench.case.case import Case
 from cutbench.cli.progress import Status, show_progress
-from cutbench.maps.dataset import Row, build_map, path_from, row_of, save_map
+from cutbench.maps.dataset import MapRow, build_map, path_from, row_of, save_map
 from cutbench.maps.estimates import save_estimates
 from cutbench.maps.page import save_page
 from cutbench.maps.phase import save_phase
@@ -139,7 +139,7 @@ class _Sweep:
         self.plan = plan_of(study)
         # Two points of a grid may be the same run (a law that ignores an axis): one id, one run.
         self.cases: dict[str, Case] = {}
-        self.rows: dict[str, Row] = {}
+        self.rows: dict[str, MapRow] = {}
         self.todo: deque[str] = deque()
         self.reused = 0
         self.replace = retry_failed
@@ -269,7 +269,7 @@ class _Sweep:
         result = self.store.get(id)
         if result is None:
             # Not kept: the run was interrupted, or the store has been tampered with meanwhile.
-            self.rows[id] = Row("interrupted", "the run was interrupted")
+            self.rows[id] = MapRow("interrupted", "the run was interrupted")
         else:
             self.rows[id] = row_of(result, self.study)
             self.in_runs += result.timings.get("total", 0.0)
