@@ -63,7 +63,7 @@ class ConvergencePlan:
 
 
 @dataclass(frozen=True)
-class Row:
+class ConvergenceRow:
     """One run against its material's base: measures, their relative changes, the worst of these."""
 
     material: str
@@ -160,7 +160,7 @@ def compute(
     workers: int | None = None,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
     run: Run = run_case,
-) -> list[Row]:
+) -> list[ConvergenceRow]:
     """Run what is missing of ``plan`` and compare; runs are kept in ``out/runs``."""
     folder = check_writable(Path(out))
     runner = _Once(Store(folder / "runs"), workers=workers, on_progress=on_progress, runs={"cut": run})
@@ -172,7 +172,7 @@ def compute(
         for name, case in cases.items():
             result = runner.results[case.id]
             rows.append(
-                Row(
+                ConvergenceRow(
                     material,
                     name,
                     refinements.get(name, False),
@@ -200,7 +200,7 @@ def moved(base: Mapping[str, float], other: Mapping[str, float]) -> dict[str, fl
     return found
 
 
-def markdown(rows: Sequence[Row]) -> str:
+def markdown(rows: Sequence[ConvergenceRow]) -> str:
     """One table a material: the base's values, then each change in per cent."""
     lines = []
     for material in dict.fromkeys(row.material for row in rows):
@@ -229,7 +229,7 @@ def _percent(value: float, sign: str = "+") -> str:
     return f"{100 * value:{sign}.1f} %" if math.isfinite(value) else "one alone has it"
 
 
-def write(plan: ConvergencePlan, rows: Sequence[Row], out: str | os.PathLike[str]) -> list[Path]:
+def write(plan: ConvergencePlan, rows: Sequence[ConvergenceRow], out: str | os.PathLike[str]) -> list[Path]:
     """convergence.json, convergence.md and convergence.png in ``out``."""
     from cutbench.base.figure_style import save
     from cutbench.verification.convergence_figure import plot_convergence

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from cutbench.base.figure_style import DOUBLE_MM, GREY, LINE_COLOURS, style
 
 if TYPE_CHECKING:
-    from cutbench.verification.convergence import Row
+    from cutbench.verification.convergence import ConvergenceRow
 
 #: Beyond this, at the most, a mark sits at the edge as an arrow, %.
 EDGE = 30.0
@@ -24,7 +24,7 @@ _TITLES = {
 }
 
 
-def plot_convergence(rows: Sequence[Row], tolerance: float = 3.0) -> Figure:
+def plot_convergence(rows: Sequence[ConvergenceRow], tolerance: float = 3.0) -> Figure:
     """Relative changes in per cent, refinements above other choices; the band is the tolerance."""
     materials = list(dict.fromkeys(row.material for row in rows))
     changed = [row for row in rows if row.change]
