@@ -33,7 +33,7 @@ class Scan:
 
 
 @dataclass(frozen=True)
-class Row:
+class ClaimRow:
     """One statement of a claim: what each set of numerics says, the verdict, and why.
 
     ``changed`` has what runs with one thing changed say, by the names of ``CHANGES``.
@@ -55,7 +55,7 @@ class Judged:
     """A claim with its rows; ``ids`` are the runs behind it: numerics or change -> ask -> id."""
 
     claim: Claim
-    rows: tuple[Row, ...]
+    rows: tuple[ClaimRow, ...]
     ids: Mapping[str, Mapping[str, str]]
 
 
@@ -163,22 +163,22 @@ def _read(claim: Claim, asked: Mapping[str, Case], runner: Runner) -> tuple[Find
     return claim.read({name: runner.results[case.id] for name, case in asked.items()})
 
 
-def _compared(claim: Claim, cases, runner: Runner) -> list[Row]:
+def _compared(claim: Claim, cases, runner: Runner) -> list[ClaimRow]:
     both = {word: _read(claim, cases[word], runner) for word in NUMERICS}
     rows = []
     for pair in zip(*both.values(), strict=True):
         findings = dict(zip(NUMERICS, pair, strict=True))
-        rows.append(Row(claim.id, findings, verdict(*(one.holds for one in pair)), ""))
+        rows.append(ClaimRow(claim.id, findings, verdict(*(one.holds for one in pair)), ""))
     return rows
 
 
-def _explained(claim: Claim, rows: Sequence[Row], cases, runner: Runner) -> list[Row]:
+def _explained(claim: Claim, rows: Sequence[ClaimRow], cases, runner: Runner) -> list[ClaimRow]:
     changed = {name: _read(claim, cases[name], runner) for name in CHANGES if name in cases}
     out = []
     for i, row in enumerate(rows):
         if row.findings[PAPER].solid:
-            out.append(Row(row.claim, row.findings, row.verdict, SOLID))
+            out.append(ClaimRow(row.claim, row.findings, row.verdict, SOLID))
             continue
         mine = {name: found[i] for name, found in changed.items()}
-        out.append(Row(row.claim, row.findings, row.verdict, reason(row.findings, mine), mine))
+        out.append(ClaimRow(row.claim, row.findings, row.verdict, reason(row.findings, mine), mine))
     return out

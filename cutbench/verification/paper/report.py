@@ -12,7 +12,7 @@ from cutbench.run.files import check_writable, versions, write_json
 from cutbench.run.result import Result
 from cutbench.verification.paper.base import CONVERGED, NUMERICS, PAPER, Finding
 from cutbench.verification.paper.cases import CHANGES
-from cutbench.verification.paper.judgement import BEYOND, VERDICTS, Judged, Row, Scan
+from cutbench.verification.paper.judgement import BEYOND, VERDICTS, ClaimRow, Judged, Scan
 from cutbench.verification.paper.runner import Runner
 
 #: Layout of claims.json; raised when a reader of the old one would misread the new one.
@@ -66,7 +66,7 @@ def _claim(one: Judged) -> dict[str, object]:
     }
 
 
-def _row(row: Row) -> dict[str, object]:
+def _row(row: ClaimRow) -> dict[str, object]:
     published = row.findings[PAPER].published
     return {
         "what": row.what,
