@@ -34,7 +34,7 @@ _MOST = 500
 
 
 @dataclass(frozen=True)
-class Change:
+class LeverChange:
     """One lever moved one way. Values in ``unit``; ``to`` is where the boundary is met, with 95 % between
     ``near`` and ``far`` (None: not sure before the map ends). ``at`` is a place beyond it on the map."""
 
@@ -79,7 +79,7 @@ class Guide:
     sure: bool
     margin: float
     margin_sd: float
-    changes: tuple[Change, ...]
+    changes: tuple[LeverChange, ...]
     still: dict[str, str]
     differs: dict[str, tuple[float, float]]
 
@@ -177,7 +177,7 @@ def guide(data: xr.Dataset, material: str) -> Guide:
             still[lever] = f"its model has no {parameter}"
             continue
         found = [_follow(reader, case, lever, parameter, way, mean >= 0) for way in (1, -1)]
-        moved = [f for f in found if isinstance(f, Change)]
+        moved = [f for f in found if isinstance(f, LeverChange)]
         changes += moved
         if not moved:
             still[lever] = str(max(found, key=lambda reason: len(str(reason))))
@@ -188,7 +188,9 @@ def guide(data: xr.Dataset, material: str) -> Guide:
     )  # fmt: skip
 
 
-def _follow(reader: Reader, case: Case, lever: str, parameter: str, way: int, abrupt: bool) -> Change | str:
+def _follow(
+    reader: Reader, case: Case, lever: str, parameter: str, way: int, abrupt: bool
+) -> LeverChange | str:
     """Move one parameter until the regime changes; or why it does not."""
     quantity = case.model.parameters()[parameter]
     now = case.values[parameter] / quantity.factor
@@ -230,7 +232,7 @@ def _follow(reader: Reader, case: Case, lever: str, parameter: str, way: int, ab
     sure = np.flatnonzero((side < -SURE * spread) & (np.arange(side.size) >= k))
     far = int(sure[0]) if sure.size else None
     beyond = far if far is not None else len(path) - 1
-    return Change(
+    return LeverChange(
         lever, parameter, quantity.unit, float(now), to, float(values[max(near - 1, 0)]),
         None if far is None else float(values[far]), path[min(beyond + 2, len(path) - 1)],
     )  # fmt: skip
