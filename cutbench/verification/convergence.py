@@ -42,7 +42,7 @@ _KINDS = ("refinement", "choice")
 
 
 @dataclass(frozen=True)
-class Change:
+class NumericalChange:
     """``values`` as ``Case.set`` takes them; a ``refinement`` has to leave the measures alone."""
 
     name: str
@@ -58,7 +58,7 @@ class ConvergencePlan:
 
     path: Path
     title: str
-    changes: tuple[Change, ...]
+    changes: tuple[NumericalChange, ...]
     cases: Mapping[str, Mapping[str, Case]]
 
 
@@ -121,7 +121,7 @@ def load_plan(path: str | Path) -> ConvergencePlan:
     return ConvergencePlan(path, str(table.get("title", path.stem)), changes, cases)
 
 
-def _change(entry: dict, number: int, names: list[str]) -> Change:
+def _change(entry: dict, number: int, names: list[str]) -> NumericalChange:
     name, kind = entry.get("name"), entry.get("kind", "refinement")
     if not isinstance(name, str) or not name.strip():
         raise BadInput(key=f"change {number}: name", value=str(name), expected="a name, such as 'h/2'")
@@ -133,10 +133,10 @@ def _change(entry: dict, number: int, names: list[str]) -> Change:
     values = {key: value for key, value in entry.items() if key not in ("name", "kind", "materials")}
     if not values:
         raise BadInput(key=f"change {number}: {name}", value="(empty)", expected="something that it sets")
-    return Change(name, kind == "refinement", values, tuple(only))
+    return NumericalChange(name, kind == "refinement", values, tuple(only))
 
 
-def _set(start: Case, change: Change, path: Path, text: str) -> Case:
+def _set(start: Case, change: NumericalChange, path: Path, text: str) -> Case:
     try:
         return start.set(**{("with_" if k == "with" else k): v for k, v in change.values.items()})
     except BadInput as error:
