@@ -14,7 +14,7 @@ from cutbench.verification.paper.reading import end_of_indentation
 
 
 @dataclass(frozen=True)
-class Change:
+class ModelChange:
     """One difference from the numerics ``start``; ``text`` says what a run with it has. It is tried for
     ``claims``, for all unless given."""
 
@@ -29,21 +29,21 @@ HARD = ("penalty", "stick", "multiplier", "closing")
 #: And how long steps are.
 STEPS = ("step_mm", "damage_step")
 #: What tells the paper's numerics from the converged ones, one by one; and from there, its viscous term.
-CHANGES: dict[str, Change] = {
-    "size": Change("elements of 0.5 mm", PAPER, {"h": "0.5 mm"}),
-    "order": Change("quadratic elements", PAPER, {"element": "P2"}),
-    "viscous": Change("viscosity that fades with damage", PAPER, {"with_": "viscous_degraded"}),
-    "contact": Change(
+CHANGES: dict[str, ModelChange] = {
+    "size": ModelChange("elements of 0.5 mm", PAPER, {"h": "0.5 mm"}),
+    "order": ModelChange("quadratic elements", PAPER, {"element": "P2"}),
+    "viscous": ModelChange("viscosity that fades with damage", PAPER, {"with_": "viscous_degraded"}),
+    "contact": ModelChange(
         "hard contact, of the cut's faces too; distance as gap", PAPER,
         {"gap": "distance", **{key: getattr(Numerics, key) for key in HARD}},
     ),
-    "steps": Change(
+    "steps": ModelChange(
         "damage solved with the displacements, steps by their error", PAPER,
         {"scheme": "monolithic", "stepping": "adaptive", **{key: getattr(Numerics, key) for key in STEPS}},
     ),
-    "normal": Change("the tool's normal", PAPER, {"normal": "tool"}),
-    "printed_viscous": Change("viscosity as printed, else converged", CONVERGED, {"with_": "viscous"}),
-    "folds": Change(
+    "normal": ModelChange("the tool's normal", PAPER, {"normal": "tool"}),
+    "printed_viscous": ModelChange("viscosity as printed, else converged", CONVERGED, {"with_": "viscous"}),
+    "folds": ModelChange(
         "surfaces without bending stiffness, else converged", CONVERGED, {"layer": 0.0},
         claims=("C1", "C2"),
     ),
@@ -96,7 +96,7 @@ def best_tip(material: str, results: Mapping[float, Result]) -> float:
     return own if told.get(own, math.inf) < told.get(best, 0.0) + PAPER_EDGE else best
 
 
-def case_of(ask: Ask, numerics: str, tip_mm: float, change: Change | None = None) -> Case:
+def case_of(ask: Ask, numerics: str, tip_mm: float, change: ModelChange | None = None) -> Case:
     """The case of ``ask`` under one set of numerics, with at most one ``change`` of it."""
     word = ask.numerics or numerics
     if ask.test in (TENSION, NOTCHED):
@@ -109,7 +109,7 @@ def case_of(ask: Ask, numerics: str, tip_mm: float, change: Change | None = None
     return case if change is None or ask.numerics else case.set(**change.values)
 
 
-def _strip(ask: Ask, word: str, change: Change | None) -> Case:
+def _strip(ask: Ask, word: str, change: ModelChange | None) -> Case:
     from cutbench.run.tension import strip_case
 
     case = load_case(ask.material, {**ask.changes, "numerics": word}, dim=3)
