@@ -10,7 +10,7 @@ from cutbench.solver.linear import make_solver
 from cutbench.solver.problem import Problem
 
 
-class Part:
+class SubProblem:
     """The problem on the elements and faces around some nodes; only these move."""
 
     def __init__(self, whole: Problem, dim: int, inside: np.ndarray):

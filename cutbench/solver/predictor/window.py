@@ -18,7 +18,7 @@ import numpy as np
 from cutbench.forms.space import Faces, Space
 from cutbench.solver.newton import BadGuess, NewtonSettings, NoConvergence, newton
 from cutbench.solver.predictor.history import History
-from cutbench.solver.predictor.part import Part
+from cutbench.solver.predictor.part import SubProblem
 from cutbench.solver.problem import Problem
 
 #: Half of the window's width, and how far it reaches ahead of the front and behind, in blade thicknesses.
@@ -73,8 +73,8 @@ class Window:
         self._reach = max(REACH * thickness, ELEMENTS * self._tall)
         self._smoothed = max(NEAR * thickness, self._tall)
         self._place: int | None = None
-        self._part: Part | None = None
-        self._spot: tuple[np.ndarray, Part] | None = None
+        self._part: SubProblem | None = None
+        self._spot: tuple[np.ndarray, SubProblem] | None = None
 
     def solved(self, u: np.ndarray, last: np.ndarray, states: dict, step, settings: NewtonSettings):
         """``u``, which predicts the end of ``step`` from ``last``, with the unknowns of the parts solved for.
@@ -105,7 +105,7 @@ class Window:
                 break
         return u
 
-    def _newton(self, part: Part, u, states, step, settings: NewtonSettings) -> np.ndarray:
+    def _newton(self, part: SubProblem, u, states, step, settings: NewtonSettings) -> np.ndarray:
         if part.damping is not None:
             part.damping.boost = next(form.boost for form in self._problem.forms if form.name == "damping")
         tolerance = max(ENOUGH, settings.tolerance)
@@ -119,7 +119,7 @@ class Window:
             return nearest
 
     # -- at the front -----------------------------------------------------------------------------
-    def _around(self, states: dict) -> Part:
+    def _around(self, states: dict) -> SubProblem:
         """The part around the front. Of the state alone: a run may resume."""
         depth = front_depth(self._height, self._top, states)
         place = int(depth / (FOLLOWS * self._reach))
@@ -128,10 +128,10 @@ class Window:
             X = self._space.X
             near = (np.abs(X[0]) < self._reach) & (X[1] < front + self._reach)
             inside = near & (X[1] > front - (1 + FOLLOWS) * self._reach)
-            self._place, self._part = place, Part(self._problem, X.shape[0], inside)
+            self._place, self._part = place, SubProblem(self._problem, X.shape[0], inside)
         return self._part
 
-    def _begun(self, u, last, damage, part: Part, states, step, settings) -> np.ndarray:
+    def _begun(self, u, last, damage, part: SubProblem, states, step, settings) -> np.ndarray:
         """The best beginning: ``u``, or that with what happened some elements higher, or with the front moved
         on. ``states`` of the part."""
         advance = self._advance(u, last, damage) if self._flat and (damage > 0.5).any() else 0.0
@@ -151,7 +151,7 @@ class Window:
                 break
         return begin
 
-    def _repeated(self, u, last, part: Part, step) -> Iterator[np.ndarray]:
+    def _repeated(self, u, last, part: SubProblem, step) -> Iterator[np.ndarray]:
         """``u``, but around the front with what ``last`` led to when that was some elements higher."""
         size = float(step.centre_old[1] - step.centre[1])
         free = part.problem.free
@@ -160,7 +160,7 @@ class Window:
             guess[free] = repeated[free]
             yield guess
 
-    def _beside(self, u, last, states: dict, step, part: Part) -> np.ndarray:
+    def _beside(self, u, last, states: dict, step, part: SubProblem) -> np.ndarray:
         """``u`` with nodes that touch the blade as far from it as they were in ``last``, but for the part.
 
         A straight line lets them leave the flanks, or press into them, by micrometres: contacts then change
@@ -191,7 +191,7 @@ class Window:
         opened = weights @ (np.exp(-np.maximum(before, 0) / scale) - np.exp(-np.maximum(now, 0) / scale))
         return float(opened) / self._cut.width
 
-    def _moved(self, u, last, damage, part: Part, advance: float) -> np.ndarray:
+    def _moved(self, u, last, damage, part: SubProblem, advance: float) -> np.ndarray:
         """``u``, which goes on from ``last`` on a straight line, but with the front ``advance`` mm lower.
 
         What surrounds the front moves with it, by about an element in a step; a straight line opens a point
@@ -217,7 +217,7 @@ class Window:
         return guess
 
     # -- elsewhere --------------------------------------------------------------------------------
-    def _worst(self, u: np.ndarray, states: dict, step) -> Part | None:
+    def _worst(self, u: np.ndarray, states: dict, step) -> SubProblem | None:
         """The part around the node with the largest residual; None where that is small, or at the front."""
         problem, space = self._problem, self._space
         found = problem.evaluate(u, states, step, tangent=False)
@@ -233,7 +233,7 @@ class Window:
             least = min(FEWEST, away.size) - 1
             reach = max(self._reach, float(np.partition(away, least)[least]))
             core = np.flatnonzero(away < reach / 2)
-            self._spot = core, Part(problem, space.dim, away <= reach)
+            self._spot = core, SubProblem(problem, space.dim, away <= reach)
         return self._spot[1]
 
 
