@@ -33,7 +33,7 @@ TELLING = 2.0
 
 
 @dataclass(frozen=True)
-class Part:
+class HeldOutPart:
     """Readings (m,) held out, their covariance (m, m) and unit, and the value that errors are taken relative
     to."""
 
@@ -144,7 +144,7 @@ def _tests(before: Point, after: Point):
     for e in both:
         grid = before.inverse.grids[e.id]
         C = of_one(e, grid, pooled[e.kind], grid.mean, grid.repetitions)
-        parts.append(Part(e, grid.mean, C, float(np.abs(grid.mean).max()), e.id))
+        parts.append(HeldOutPart(e, grid.mean, C, float(np.abs(grid.mean).max()), e.id))
     return parts, [before.tests[e.id] for e in both], [after.tests[e.id] for e in both], TESTS
 
 
@@ -156,7 +156,7 @@ def _folds(before: Point, after: Point):
         size = float(np.abs(grid.mean).max())
         if len(train) >= FEWEST_TESTS and _determined(before, e.id) and _determined(after, e.id):
             C = of_one(e, grid, pooled[e.kind], grid.mean, grid.repetitions)
-            parts.append(Part(e, grid.mean, C, size, e.id))
+            parts.append(HeldOutPart(e, grid.mean, C, size, e.id))
             for point, into in ((before, one), (after, other)):
                 into.append(_without(point, e.id, np.zeros(0, dtype=int), None))
             ways.append("one experiment after the other")
@@ -164,14 +164,14 @@ def _folds(before: Point, after: Point):
             C = of_one(e, grid, pooled[e.kind], grid.mean, 1)
             for k in range(grid.repetitions):
                 rest = np.delete(grid.curves, k, axis=0).mean(axis=0)
-                parts.append(Part(e, grid.curves[k], C, size, f"{e.id}, {k + 1}"))
+                parts.append(HeldOutPart(e, grid.curves[k], C, size, f"{e.id}, {k + 1}"))
                 for point, into in ((before, one), (after, other)):
                     into.append(_without(point, e.id, None, rest))
             ways.append("one repetition after the other")
         else:
             C = of_one(e, grid, pooled[e.kind], grid.mean, 1)
             for gap in np.array_split(np.arange(grid.x.size), FIFTHS):
-                parts.append(Part(e, grid.mean[gap], C[np.ix_(gap, gap)], size, e.id))
+                parts.append(HeldOutPart(e, grid.mean[gap], C[np.ix_(gap, gap)], size, e.id))
                 for point, into in ((before, one), (after, other)):
                     into.append(_without(point, e.id, np.setdiff1d(np.arange(grid.x.size), gap), None)[gap])
             ways.append("one fifth of the readings after the other")
