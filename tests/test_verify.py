@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from cutbench.case.model import DEFAULT, PAPER
 from cutbench.cli.main import app
 from cutbench.mechanisms import registry
-from cutbench.verification.reference import FIRST, Check, Reference, Verified, references, run
+from cutbench.verification.reference import FIRST, Check, Reference, Verified, references, verify
 from cutbench.verification.reference.report import describe, markdown, write
 
 #: Laws of the default and of the paper's model, with what carries their flux.
@@ -94,7 +94,7 @@ def test_one_percent_more_flux_is_noticed(name, monkeypatch):
     for method in FLUX[name]:
         monkeypatch.setattr(law, method, _scaled(getattr(law, method)))
     done: list[Verified] = []
-    run([first], on_done=done.append)
+    verify([first], on_done=done.append)
     assert done[0].failure is None
     assert not done[0].passed, f"{first.name} does not see {name} wrong by 1 %"
 
@@ -155,7 +155,7 @@ def failing():
 
 def verified(compute) -> Verified:
     done: list[Verified] = []
-    run([reference(compute)], on_done=done.append)
+    verify([reference(compute)], on_done=done.append)
     return done[0]
 
 

@@ -41,9 +41,9 @@ def verify(
     if paper or workers is not None:
         _paper(paper, quick, only, out, list_, workers)
         return
-    from cutbench.run.files import check_writable
-    from cutbench.verification.reference import references, run
+    from cutbench.verification.reference import references, verify
     from cutbench.verification.reference.report import write
+    from cutbench.verify.files import check_writable
 
     chosen = _chosen(references(), quick, only)
     if list_:
@@ -54,7 +54,7 @@ def verify(
     done: list[Verified] = []
     interrupted = False
     try:
-        _watched(run, chosen, done)
+        _watched(verify, chosen, done)
     except KeyboardInterrupt:
         interrupted = True
     complete = len(done) == len(chosen)
@@ -83,8 +83,8 @@ def _paper(
     """The claims of the paper, from runs that are kept in ``out`` and computed once."""
     from cutbench.base.errors import BadInput
     from cutbench.cli.options import whole
-    from cutbench.run.files import check_writable
     from cutbench.verification.paper.investigation import investigate, select
+    from cutbench.verify.files import check_writable
 
     if not paper:
         raise BadInput(key="--workers", value=workers, expected="--paper with it")
@@ -162,7 +162,7 @@ def _chosen(known: dict[str, Reference], quick: bool, only: list[str] | None) ->
     return [r for r in known.values() if (r.quick or not quick) and (not only or r.name in only)]
 
 
-def _watched(run, chosen: Sequence[Reference], done: list[Verified]) -> None:
+def _watched(verify, chosen: Sequence[Reference], done: list[Verified]) -> None:
     """Run under a bar with the time left, on standard error."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -178,7 +178,7 @@ def _watched(run, chosen: Sequence[Reference], done: list[Verified]) -> None:
             done.append(one)
             bar.update(task, advance=one.reference.seconds, count=f"{len(done)} of {len(chosen)}")
 
-        run(chosen, on_start=lambda r: bar.update(task, description=r.name), on_done=on_done)
+        verify(chosen, on_start=lambda r: bar.update(task, description=r.name), on_done=on_done)
 
 
 def _contents(chosen: Sequence[Reference]) -> Table:

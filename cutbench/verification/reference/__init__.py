@@ -10,7 +10,7 @@ import importlib
 import pkgutil
 
 from cutbench.verification.reference.base import Check, Reference
-from cutbench.verification.reference.runner import Verified, run
+from cutbench.verification.reference.runner import Verified, verify
 
 #: In this order they stand in the table; others follow by name.
 FIRST = (
@@ -30,4 +30,4 @@ def references() -> dict[str, Reference]:
     return {name: found[name] for name in sorted(found, key=lambda n: (place.get(n, len(place)), n))}
 
 
-__all__ = ["Check", "Reference", "Verified", "references", "run"]
+__all__ = ["Check", "Reference", "Verified", "references", "verify"]

@@ -23,7 +23,7 @@ class Verified:
         return self.failure is None and bool(self.checks) and all(check.passed for check in self.checks)
 
 
-def run(
+def verify(
     references: Iterable[Reference],
     *,
     on_start: Callable[[Reference], None] = lambda reference: None,
