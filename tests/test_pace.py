@@ -45,11 +45,11 @@ def test_haste_is_the_cut_over_the_travel():
     assert past.speed() == pytest.approx(1 / (1.6 * (0.6 - 0.1 / 3)))
     assert march._haste() == pytest.approx(past.speed())
     past.add(2.01 * 1.6 * past.fall, none, 9 * damage)
-    assert march._haste() == march.rules.haste == 3
+    assert march._haste() == march.rules.cut_speed_factor == 3
 
 
 def test_the_papers_steps_and_blocks_do_without():
-    assert build(BRIEF.set(stepping="paper")).march.rules.haste == 1
+    assert build(BRIEF.set(stepping="paper")).march.rules.cut_speed_factor == 1
 
 
 def test_a_refused_step_says_why():

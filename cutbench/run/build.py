@@ -148,7 +148,7 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
         augmentations=n.augmentations,
         staggered=n.scheme == "staggered",
         # A block has too few elements for its surge to be so well resolved.
-        haste=3.0 if dim == 2 and n.stepping != "paper" else 1.0,
+        cut_speed_factor=3.0 if dim == 2 and n.stepping != "paper" else 1.0,
         paper=n.stepping == "paper",
     )
     looks_ahead = bool(cut) and n.predictor == "front" and n.scheme == "monolithic"

@@ -227,7 +227,7 @@ class March:
         """How many times faster than the blade the cut grows, within the rules."""
         if self.past is None:
             return 1.0
-        return min(max(1.0, self.past.speed()), self.rules.haste)
+        return min(max(1.0, self.past.speed()), self.rules.cut_speed_factor)
 
     def _improved(self, straight, known, last, states, step, desperate) -> np.ndarray | None:
         """A better prediction than ``straight``: what is ``known``, or what the front's own solution says."""

@@ -56,7 +56,7 @@ class StepRules:
     staggered: bool = False
     #: Where the cut grows faster than the blade goes, steps are made for less damage by as much, and so many
     #: times less at the most: the cut then gathers speed, and rates are differences over a step.
-    haste: float = 1.0
+    cut_speed_factor: float = 1.0
     #: A tenth of the step when damage grew by more than ``damage``, else five times (the paper's rule).
     paper: bool = False
 
