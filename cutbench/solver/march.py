@@ -208,7 +208,7 @@ class March:
                 ahead, way, step.dt, u, states, force, reaction, found.work, sum(effort), step, found.solves,
                 between=pace.between,
             )  # fmt: skip
-            pace.taken(max(effort), growth * self._haste(), defect, allowed)
+            pace.taken(max(effort), growth * self._cut_speed_factor(), defect, allowed)
             if motion.turns(way):
                 u_before, pace.size = None, min(pace.size, rules.first)
             if self.between_steps is not None or self.leaves is not None:
@@ -223,7 +223,7 @@ class March:
                 if self.between_steps is not None:
                     self.between_steps(now)
 
-    def _haste(self) -> float:
+    def _cut_speed_factor(self) -> float:
         """How many times faster than the blade the cut grows, within the rules."""
         if self.past is None:
             return 1.0
