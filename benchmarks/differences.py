@@ -35,7 +35,7 @@ class Marched:
         forces, slopes, way = [], [], 0.0
         for step in built.march:
             forces.append(step.force)
-            self.steps.append((step.way - way, damping.boost if damping else 1.0))
+            self.steps.append((step.way - way, damping.damping_factor if damping else 1.0))
             way = step.way
             self.switches.append(switches(built, step))
             self.displacements.append(step.u)

@@ -59,11 +59,11 @@ def test_a_refused_step_says_why():
 
 def test_refused_steps_come_to_an_end_before_the_end_of_the_way():
     """After a crawl, whose steps are not shortened: the rest of the way may be shorter than they are."""
-    damping = SimpleNamespace(boost=1.0)
+    damping = SimpleNamespace(damping_factor=1.0)
     pace, room, tried = StepControl(StepRules(), damping, 0.05, refused=50), 0.0036, []
     for _ in range(200):
         pace.size = min(pace.size, room)
-        tried.append(damping.boost)
+        tried.append(damping.damping_factor)
         if not pace.shorten(EnergyError("the energy of the step closes only to 9%"), True):
             break
     assert len(tried) < 100

@@ -140,8 +140,8 @@ def test_derivatives_go_on_from_mesh_to_mesh(case):
         slopes.append(follower.add(step)[0])
         forces.append(step.force)
         moved = float(np.real(step.step.centre_old - step.step.centre)[1])
-        boost = next(f for f in meshes.built.problem.forms if f.name == "damping").boost
-        steps.append((meshes.place, (moved, boost)))
+        damping_factor = next(f for f in meshes.built.problem.forms if f.name == "damping").damping_factor
+        steps.append((meshes.place, (moved, damping_factor)))
     assert meshes.place > 0
 
     def again(eta):

@@ -122,7 +122,7 @@ def test_a_march_does_not_crawl(monkeypatch):
     def stubborn(problem, u, states, step, settings, **options):
         damping = next(form for form in problem.forms if form.name == "damping")
         travel = case.p.height + case.p.tip - step.centre[1]
-        if 0.3 < travel < 0.4 and damping.boost < 100:
+        if 0.3 < travel < 0.4 and damping.damping_factor < 100:
             raise march.NoConvergence("stubborn")
         return newton(problem, u, states, step, settings, **options)
 
@@ -139,7 +139,7 @@ def stubborn(case):
     def found(problem, u, states, step, settings, **options):
         damping = next(form for form in problem.forms if form.name == "damping")
         before, travel = (case.p.height + case.p.tip - c[1] for c in (step.centre_old, step.centre))
-        if before < 0.35 < travel and damping.boost < 1e4:
+        if before < 0.35 < travel and damping.damping_factor < 1e4:
             raise march.NoConvergence("stubborn")
         return newton(problem, u, states, step, settings, **options)
 

@@ -172,7 +172,7 @@ class Transfer:
         before = None if now.u_before is None else self.displacements(now.u_before)
         past = now.past and now.past | {"u": np.array([self.displacements(u) for u in now.past["u"]])}
         pace = dict(now.pace)
-        if pace["boost"] == 1 and not pace["rests"]:
+        if pace["damping_factor"] == 1 and not pace["rests"]:
             pace |= {"rests": True, "vain": 0, "settles": True}
         return replace(
             now,

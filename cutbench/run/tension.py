@@ -172,8 +172,12 @@ class _Pull:
             except NoConvergence as error:
                 self.failures.append(f"{reached:.4f} mm: {error.reason}")
                 size, easy = size / 2, 0
-                if self.damping is not None and size < GENTLE and self.damping.boost < LARGEST_DAMPING_FACTOR:
-                    self.damping.boost = max(10.0, 10 * self.damping.boost)
+                if (
+                    self.damping is not None
+                    and size < GENTLE
+                    and self.damping.damping_factor < LARGEST_DAMPING_FACTOR
+                ):
+                    self.damping.damping_factor = max(10.0, 10 * self.damping.damping_factor)
                     size = max(size, n.step_min_mm)
                 elif size < n.step_min_mm:
                     self.stopped = error.reason
@@ -190,7 +194,7 @@ class _Pull:
                 return
             easy += 1
             if self.damping is not None:
-                self.damping.boost = max(1.0, 0.6 * self.damping.boost)
+                self.damping.damping_factor = max(1.0, 0.6 * self.damping.damping_factor)
             if effort > 9 or growth > n.damage_step or defect > n.energy_step:
                 size *= 0.7
             elif effort <= 6 and growth < 0.7 * n.damage_step and 2 * defect < n.energy_step and easy > 1:

@@ -152,13 +152,13 @@ class March:
             self.past.restore(begin.past)
         damping = next((f for f in problem.forms if f.name == "damping"), None)
         pace = StepControl(rules, damping, rules.first)
-        pace.boost = 1.0
+        pace.damping_factor = 1.0
         if begin.pace is not None:
             pace.restore(begin.pace)
         plan, chosen, known = iter(self.schedule or ()), self.schedule is None, iter(self.known or ())
         while pace.rests or way < motion.end - 1e-9:
             if not chosen:
-                pace.size, pace.boost = next(plan, (None, 1.0))
+                pace.size, pace.damping_factor = next(plan, (None, 1.0))
                 if pace.size is None:
                     return
                 pace.rests = pace.size == 0
@@ -172,7 +172,7 @@ class March:
             if pace.rests:
                 straight = u
             try:
-                desperate = pace.boost > 1 or size <= 2 * rules.smallest
+                desperate = pace.damping_factor > 1 or size <= 2 * rules.smallest
                 straight = self._improved(straight, next(known, None), u, begun, step, desperate)
                 drift = (spent_before, left_before)
                 found = self._first_that_holds(u, straight, begun, step, size, force, drift)

@@ -205,7 +205,7 @@ class Sensitivities:
         """Derivative of the damping force at fixed u: it is linear, with the metric as its matrix."""
         form, free = self._damping, self._problem.free
         factor = form.factor(step)
-        slope = (direction.viscosity * form.boost / moving.dt).imag / STEP
+        slope = (direction.viscosity * form.damping_factor / moving.dt).imag / STEP
         out = np.zeros(self._problem.ndof)
         out[free] = self._metric @ (slope * (u - step.u_old) - factor * old)[free]
         return out

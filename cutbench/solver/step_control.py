@@ -62,7 +62,7 @@ class StepRules:
 
 
 #: What a pace is between two steps.
-_STATE = ("size", "easy", "refused", "rests", "drags", "vain", "settles", "boost")
+_STATE = ("size", "easy", "refused", "rests", "drags", "vain", "settles", "damping_factor")
 
 
 #: Part of what damage and the ledger may do in a step that the next one is made for.
@@ -118,16 +118,16 @@ class StepControl:
     @property
     def between(self) -> bool:
         """Whether a step taken now ends between two points of the curve."""
-        return (self.boost > 1 or self.settles) and not self.drags
+        return (self.damping_factor > 1 or self.settles) and not self.drags
 
     @property
-    def boost(self) -> float:
-        return 1.0 if self.damping is None else self.damping.boost
+    def damping_factor(self) -> float:
+        return 1.0 if self.damping is None else self.damping.damping_factor
 
-    @boost.setter
-    def boost(self, value: float) -> None:
+    @damping_factor.setter
+    def damping_factor(self, value: float) -> None:
         if self.damping is not None:
-            self.damping.boost = value
+            self.damping.damping_factor = value
 
     def allowed(self, drifting: bool) -> float:
         """Part of the blade's work over the largest step that a step may leave open."""
@@ -140,7 +140,7 @@ class StepControl:
             return
         if growth > 2 * rules.damage and size > 4 * rules.smallest:
             raise NoConvergence(f"damage grew by {growth:.2f}")
-        able = self.damping is not None and self.boost < LARGEST_FACTOR_IN_A_JUMP
+        able = self.damping is not None and self.damping_factor < LARGEST_FACTOR_IN_A_JUMP
         # Where errors add up, it is their mean over some steps that has to be small.
         if defect > min(2 * allowed, rules.defect) and (size > rules.finest or able):
             raise EnergyError(f"the energy of the step closes only to {defect:.0%}")
@@ -154,7 +154,7 @@ class StepControl:
             self.vain += 1
             if self.vain > rules.tries:
                 self.rests, self.drags, self.settles = False, True, False
-                self.damping.boost = max(10.0, self.boost * self.size / rules.smallest)
+                self.damping.damping_factor = max(10.0, self.damping_factor * self.size / rules.smallest)
                 return True
         slowest = rules.finest if leaky else rules.gentle
         if not self.rests and self.size > (slowest if crawls else rules.smallest):
@@ -162,11 +162,11 @@ class StepControl:
             self.size = max(self.size * (rules.tenth if snaps else rules.shrink), rules.smallest)
         elif self.damping is None:
             return False
-        elif not self.rests and crawls and self.size < rules.finest and self.boost == 1:
+        elif not self.rests and crawls and self.size < rules.finest and self.damping_factor == 1:
             # Once: near the end of its way a step stays as short, and only damping is left to try.
-            self.size, self.damping.boost = rules.finest, 10.0
-        elif self.boost < LARGEST_DAMPING_FACTOR:
-            self.damping.boost = max(10.0, self.boost * 10)
+            self.size, self.damping.damping_factor = rules.finest, 10.0
+        elif self.damping_factor < LARGEST_DAMPING_FACTOR:
+            self.damping.damping_factor = max(10.0, self.damping_factor * 10)
         else:
             return False
         return True
@@ -179,12 +179,12 @@ class StepControl:
             self._calm(hardest <= rules.iterations and defect < 0.35 * allowed)
             return
         if self.drags:
-            self.damping.boost = max(1.0, self.boost * 0.6)
-            self.drags = self.boost > 1
-        elif self.boost > 1:
+            self.damping.damping_factor = max(1.0, self.damping_factor * 0.6)
+            self.drags = self.damping_factor > 1
+        elif self.damping_factor > 1:
             # What the damping is over a step, a force per displacement, stays the same.
             self.rests, self.vain = True, 0
-            self.damping.boost = max(1.0, self.boost * rules.smallest / size)
+            self.damping.damping_factor = max(1.0, self.damping_factor * rules.smallest / size)
         if rules.paper:
             less = max(size / 10, rules.smallest)
             self.size = less if growth > rules.damage else min(5 * size, rules.largest)
@@ -202,7 +202,9 @@ class StepControl:
 
     def _calm(self, easily: bool) -> None:
         """After a step at rest: damping goes back, and once it has been at its value the blade goes on."""
-        if self.boost == 1:
+        if self.damping_factor == 1:
             self.rests = self.settles = False
         else:
-            self.damping.boost = max(1.0, self.boost * (self.rules.calm if easily else self.rules.shrink))
+            self.damping.damping_factor = max(
+                1.0, self.damping_factor * (self.rules.calm if easily else self.rules.shrink)
+            )

@@ -107,7 +107,9 @@ class Window:
 
     def _newton(self, part: SubProblem, u, states, step, settings: NewtonSettings) -> np.ndarray:
         if part.damping is not None:
-            part.damping.boost = next(form.boost for form in self._problem.forms if form.name == "damping")
+            part.damping.damping_factor = next(
+                form.damping_factor for form in self._problem.forms if form.name == "damping"
+            )
         tolerance = max(ENOUGH, settings.tolerance)
         near = replace(settings, tolerance=tolerance, iterations=ITERATIONS)
         try:

@@ -49,7 +49,7 @@ def curve(built: Built) -> tuple[np.ndarray, np.ndarray, list[tuple[float, float
     """Travel in mm and force in N of the whole block; steps (way in mm, boost of damping), and their ends."""
     damping, rows, steps, found, way = built.form("damping"), [], [], [], 0.0
     for step in built.march:
-        steps.append((step.way - way, damping.boost))
+        steps.append((step.way - way, damping.damping_factor))
         found.append(step.u)
         way = step.way
         if not step.between:
