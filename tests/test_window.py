@@ -121,12 +121,12 @@ def test_where_else_a_prediction_is_wrong_it_is_solved_too():
     old = pressed.step.u_old
     found = built.march.window.solved(wrong, old, states, pressed.step, built.march.newton)
 
-    def misses(u):
+    def relative_residual(u):
         e = problem.evaluate(u, states, pressed.step, tangent=False)
         return np.linalg.norm(e.residual[problem.free]) / e.scale
 
-    assert misses(wrong) > 0.1
-    assert misses(found) < 0.05 * misses(wrong)
+    assert relative_residual(wrong) > 0.1
+    assert relative_residual(found) < 0.05 * relative_residual(wrong)
     assert np.abs(found - pressed.u)[2 * node] < 0.02 * 0.05
 
 
@@ -192,7 +192,7 @@ def test_a_window_that_is_nearly_solved_will_do(monkeypatch):
     def found():
         return march.window.solved(straight, before.u, states, step, march.newton)
 
-    def misses(u):
+    def relative_residual(u):
         e = problem.evaluate(u, states, step, tangent=False)
         return np.linalg.norm(e.residual[problem.free]) / e.scale
 
@@ -204,7 +204,7 @@ def test_a_window_that_is_nearly_solved_will_do(monkeypatch):
         with pytest.raises(NoConvergence, match="5 iterations") as error:
             found()
     assert 0 < error.value.nearest[0] < window.USABLE
-    assert misses(found()) < 0.2 * misses(straight)
+    assert relative_residual(found()) < 0.2 * relative_residual(straight)
 
 
 BOND = {"with_": "imperfect_bond", "bond_compliance": "0.3 mm/kPa"}

@@ -144,10 +144,10 @@ class Window:
         moved = (self._moved(u, last, damage, part, caution * advance) for caution in CAUTION)
         for guesses in (self._repeated(u, last, part, step), moved):
             for guess in guesses:
-                misses = _misses(part.problem, guess, states, step, floor)
-                if misses < best:
-                    best, begin = misses, guess
-                if np.isfinite(misses):
+                relative_residual = _misses(part.problem, guess, states, step, floor)
+                if relative_residual < best:
+                    best, begin = relative_residual, guess
+                if np.isfinite(relative_residual):
                     break
             if begin is not u:
                 break
