@@ -255,9 +255,9 @@ class March:
         repeats = self.past is not None and self.window is None and straight is not None
         repeated = self.past.guess(size, u) if repeats else None
         guesses = [guess for guess in (straight, u) if guess is not None]
-        if repeated is not None and self._misses(repeated, states, step) < BETTER * self._misses(
-            straight, states, step
-        ):
+        if repeated is not None and self._relative_residual(
+            repeated, states, step
+        ) < BETTER * self._relative_residual(straight, states, step):
             try:
                 found = self._found(repeated, states, step, force)
                 part = CREDIBLE * self.rules.defect
@@ -276,7 +276,7 @@ class March:
                     raise
         raise AssertionError("a march always has its last state to begin from")
 
-    def _misses(self, u, states, step) -> float:
+    def _relative_residual(self, u, states, step) -> float:
         """Residual over the forces in balance."""
         e = self.problem.evaluate(u, states, step, tangent=False)
         size = float(np.linalg.norm(e.residual[self.problem.free])) / e.scale

@@ -140,11 +140,11 @@ class Window:
         if advance <= 0:
             return u
         floor = settings.smallest_ratio * min(1.0, part.problem.bulk.smallest_volume_ratio(last))
-        best, begin = _misses(part.problem, u, states, step, floor), u
+        best, begin = _relative_residual(part.problem, u, states, step, floor), u
         moved = (self._moved(u, last, damage, part, caution * advance) for caution in CAUTION)
         for guesses in (self._repeated(u, last, part, step), moved):
             for guess in guesses:
-                relative_residual = _misses(part.problem, guess, states, step, floor)
+                relative_residual = _relative_residual(part.problem, guess, states, step, floor)
                 if relative_residual < best:
                     best, begin = relative_residual, guess
                 if np.isfinite(relative_residual):
@@ -239,7 +239,7 @@ class Window:
         return self._spot[1]
 
 
-def _misses(problem: Problem, u: np.ndarray, states: dict, step, floor: float) -> float:
+def _relative_residual(problem: Problem, u: np.ndarray, states: dict, step, floor: float) -> float:
     """Residual over the forces in balance; infinite where an element's volume ratio is below ``floor``."""
     if problem.bulk.smallest_volume_ratio(u) <= floor:
         return np.inf
