@@ -35,7 +35,7 @@ from cutbench.run.snap_back import (
 from cutbench.run.snap_back_report import describe_followed, sentence
 from cutbench.solver.arc_length import Path, PathRules
 from cutbench.solver.problem import Problem
-from cutbench.solver.stability import SMALL, softest
+from cutbench.solver.stability import SMALL, lowest_eigenvalue
 from cutbench.verification.reference._parts import bulk_forms, law, parameters, piola, space_of
 
 SPRING = 0.1  # N/mm for each mm of depth
@@ -91,7 +91,7 @@ def bar():
     points, soft = [], []
     for point in path:
         points.append(point)
-        soft.append(softest(problem, point))
+        soft.append(lowest_eigenvalue(problem, point))
     return SimpleNamespace(p=problem.p, path=path, points=points, soft=np.array(soft))
 
 
@@ -185,9 +185,9 @@ def test_small_and_large_bodies_have_the_same_lowest_eigenvalue(monkeypatch):
     problem, path = bar_of(10, 4)
     point = next(iter(path))
     assert 40 < problem.free.size < SMALL
-    dense = softest(problem, point)
+    dense = lowest_eigenvalue(problem, point)
     monkeypatch.setattr("cutbench.solver.stability.SMALL", 0)
-    assert softest(problem, point) == pytest.approx(dense, rel=1e-3)
+    assert lowest_eigenvalue(problem, point) == pytest.approx(dense, rel=1e-3)
 
 
 # -- what is jumped over -----------------------------------------------------------------------------------

@@ -23,7 +23,7 @@ from cutbench.run.remeshing import RemeshedMarch, follows
 from cutbench.run.result import Result
 from cutbench.run.runner import Ledger, run_case
 from cutbench.solver.arc_length import RELEASE, Path, PathRules
-from cutbench.solver.stability import softest
+from cutbench.solver.stability import lowest_eigenvalue
 
 #: Viscosities of the limit, in units of the case's; the last one also with half the steps.
 FADING = (0.1, 0.01)
@@ -212,7 +212,7 @@ def trace(
             back = farthest - point.travel
             # Around the first turning point alone: a factorization and some solves each.
             if point.by != RELEASE and after < 5 and point.broken > 1e-3:
-                row["softest"] = softest(built.problem, point)
+                row["softest"] = lowest_eigenvalue(built.problem, point)
                 after += back > 0
             rows.append(row)
             on_point(point.travel, row)

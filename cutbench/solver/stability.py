@@ -14,7 +14,7 @@ from cutbench.solver.problem import Problem
 SMALL = 200  # unknowns: as dense matrices below. Arnoldi breaks down where it spans nearly all there is.
 
 
-def softest(problem: Problem, point: PathPoint, of: int = 4) -> float:
+def lowest_eigenvalue(problem: Problem, point: PathPoint, of: int = 4) -> float:
     """Lowest eigenvalue of the tangent K at ``point``, in K x = λ G L x; nan where none is found.
 
     L is the Laplacian ∫ ∇₀u : ∇₀u dV, so λ is the stiffness of the softest motion against that of a body of
