@@ -32,11 +32,13 @@ class Marched:
         damping = next((f for f in built.problem.forms if f.name == "damping"), None)
         self.geometry = built.geometry
         self.steps, self.switches, self.displacements = [], [], []
-        forces, slopes, way = [], [], 0.0
+        forces, slopes, pseudo_time_mm = [], [], 0.0
         for step in built.march:
             forces.append(step.force)
-            self.steps.append((step.way - way, damping.damping_factor if damping else 1.0))
-            way = step.way
+            self.steps.append(
+                (step.pseudo_time_mm - pseudo_time_mm, damping.damping_factor if damping else 1.0)
+            )
+            pseudo_time_mm = step.pseudo_time_mm
             self.switches.append(switches(built, step))
             self.displacements.append(step.u)
             if follower is not None:

@@ -109,7 +109,7 @@ def test_a_killed_process_goes_on(tmp_path):
     done = CliRunner().invoke(app, [*command, f"--out={out}"])
     assert done.exit_code == 0, done.output
     assert not (out / NAME).exists()
-    assert dict(reached["dict"])["way"] > 0
+    assert dict(reached["dict"])["pseudo_time_mm"] > 0
     whole = CliRunner().invoke(app, [*command, f"--out={tmp_path / 'whole'}"])
     assert whole.exit_code == 0, whole.output
     a, b = read_curve(out), read_curve(tmp_path / "whole")

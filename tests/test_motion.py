@@ -146,7 +146,8 @@ def test_derivatives_hold_through_hold_and_return():
     for name, unit in (("tau_1", "s"), ("G", "MPa")):
         by = 1e-4 * case.values[name]
         ahead, behind = (
-            run_case(case.set(**{name: f"{case.values[name] + way * by!r} {unit}"})) for way in (1, -1)
+            run_case(case.set(**{name: f"{case.values[name] + pseudo_time_mm * by!r} {unit}"}))
+            for pseudo_time_mm in (1, -1)
         )
         t = np.linspace(1, 139, 60)
         slope = [np.interp(t, r.curve["time_s"], r.force_N) for r in (ahead, behind)]

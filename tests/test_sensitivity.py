@@ -41,8 +41,8 @@ def check(case: Case, names, *, most_flips: int = 3, step: float = STEP):
     assert middle.stopped is None and middle.lost is None and middle.unresolved == 0
     for i, name in enumerate(names):
         # The bulk modulus has a pole at ν = 1/2.
-        way = 0.5 - case.values["nu"] if name == "nu" else abs(case.values[name])
-        expected, same = differences(case, name, middle, step * way)
+        pseudo_time_mm = 0.5 - case.values["nu"] if name == "nu" else abs(case.values[name])
+        expected, same = differences(case, name, middle, step * pseudo_time_mm)
         size = np.abs(expected).max()
         # Below that the differences are those of rounding.
         assert size * abs(case.values[name]) > 1e-3 * middle.forces.max(), name

@@ -37,20 +37,22 @@ class Motion:
         """The way at which it is over."""
         return self.points[-1][0] * self.speed if self.points else self.depth
 
-    def travel(self, way: float) -> float:
+    def travel(self, pseudo_time_mm: float) -> float:
         """Blade travel, mm."""
-        return float(np.interp(way / self.speed, *self._columns)) if self.points else way
+        return (
+            float(np.interp(pseudo_time_mm / self.speed, *self._columns)) if self.points else pseudo_time_mm
+        )
 
-    def room(self, way: float) -> float:
+    def room(self, pseudo_time_mm: float) -> float:
         """Way to the next corner, or to the end: no step goes across."""
         for time, _ in self.points:
-            if time * self.speed > way + 1e-9:
-                return time * self.speed - way
-        return self.end - way
+            if time * self.speed > pseudo_time_mm + 1e-9:
+                return time * self.speed - pseudo_time_mm
+        return self.end - pseudo_time_mm
 
-    def turns(self, way: float) -> bool:
+    def turns(self, pseudo_time_mm: float) -> bool:
         """Whether there is a corner here, so that nothing goes on as it did."""
-        return any(abs(time * self.speed - way) < 1e-9 for time, _ in self.points)
+        return any(abs(time * self.speed - pseudo_time_mm) < 1e-9 for time, _ in self.points)
 
 
 def read_motion(raw: object) -> Polyline:

@@ -182,7 +182,7 @@ class Ledger:
         row = {
             "displacement_mm": step.travel,
             "force_N": force,
-            "time_s": step.way / built.march.speed,
+            "time_s": step.pseudo_time_mm / built.march.speed,
             "cut_length_mm": self._cut_length(step),
         }
         travelled = step.travel - self.last["displacement_mm"]

@@ -67,10 +67,10 @@ class _Found:
 
 @dataclass
 class Accepted:
-    """A converged step. ``way`` is its end in mm of time × speed: the travel, where the blade never rests."""
+    """A converged step. ``pseudo_time_mm`` is its end in mm of time × speed: the travel, where the blade never rests."""
 
     travel: float
-    way: float
+    pseudo_time_mm: float
     dt: float
     u: np.ndarray
     states: dict[str, dict]
@@ -87,9 +87,9 @@ class Accepted:
 
 @dataclass
 class Progress:
-    """What a march is between two steps: enough to go on from there. ``way`` as in ``Accepted``."""
+    """What a march is between two steps: enough to go on from there. ``pseudo_time_mm`` as in ``Accepted``."""
 
-    way: float
+    pseudo_time_mm: float
     u: np.ndarray
     states: dict[str, dict]
     u_before: np.ndarray | None = None
@@ -145,7 +145,7 @@ class March:
     def __iter__(self) -> Iterator[Accepted]:
         problem, rules, motion = self.problem, self.rules, self.motion
         begin = self.resume or Progress(0.0, np.zeros(problem.ndof), problem.start())
-        way, u, states, force = begin.way, begin.u, begin.states, begin.force
+        pseudo_time_mm, u, states, force = begin.pseudo_time_mm, begin.u, begin.states, begin.force
         u_before, size_before = begin.u_before, begin.size_before
         spent_before, left_before = begin.spent, begin.left
         if self.past is not None and begin.past is not None:
@@ -156,16 +156,16 @@ class March:
         if begin.pace is not None:
             pace.restore(begin.pace)
         plan, chosen, known = iter(self.schedule or ()), self.schedule is None, iter(self.known or ())
-        while pace.rests or way < motion.end - 1e-9:
+        while pace.rests or pseudo_time_mm < motion.end - 1e-9:
             if not chosen:
                 pace.size, pace.damping_factor = next(plan, (None, 1.0))
                 if pace.size is None:
                     return
                 pace.rests = pace.size == 0
             if not pace.rests:
-                pace.size = min(pace.size, motion.room(way))
+                pace.size = min(pace.size, motion.room(pseudo_time_mm))
             size = pace.advance
-            travel, ahead = motion.travel(way), motion.travel(way + size)
+            travel, ahead = motion.travel(pseudo_time_mm), motion.travel(pseudo_time_mm + size)
             step = Step(pace.duration / self.speed, u, self._centre(ahead), self._centre(travel))
             begun = problem.touched(states)
             straight = None if u_before is None else u + (u - u_before) * (size / size_before)
@@ -187,7 +187,7 @@ class March:
                     pace.check(growth, defect, allowed)
             except NoConvergence as error:
                 self.failures.append(f"{travel:.4f} mm, step {size:.2g} mm: {error.reason}")
-                if not chosen or not pace.shorten(error, way > 0):
+                if not chosen or not pace.shorten(error, pseudo_time_mm > 0):
                     self.stopped = error.reason
                     return
                 continue
@@ -197,7 +197,7 @@ class March:
                 u_before = None if u_before is None else u_before + found.u - u
             else:
                 u_before, size_before = (None, None) if pace.rests else (u, size)
-            u, way = found.u, way + size
+            u, pseudo_time_mm = found.u, pseudo_time_mm + size
             force = found.force
             spent_before, left_before = spent_before + found.spent, left_before + found.left
             reaction = found.result.residual[self.bottom].sum()
@@ -205,16 +205,16 @@ class March:
                 self.past.add(ahead, u, np.real(states["cohesion"]["damage"]))
             effort = found.effort
             yield Accepted(
-                ahead, way, step.dt, u, states, force, reaction, found.work, sum(effort), step, found.solves,
+                ahead, pseudo_time_mm, step.dt, u, states, force, reaction, found.work, sum(effort), step, found.solves,
                 between=pace.between,
             )  # fmt: skip
             pace.taken(max(effort), growth * self._cut_speed_factor(), defect, allowed)
-            if motion.turns(way):
+            if motion.turns(pseudo_time_mm):
                 u_before, pace.size = None, min(pace.size, rules.first)
             if self.between_steps is not None or self.leaves is not None:
                 past = None if self.past is None else self.past.state()
                 now = Progress(
-                    way, u, states, u_before, size_before, force,
+                    pseudo_time_mm, u, states, u_before, size_before, force,
                     spent=spent_before, left=left_before, past=past, pace=pace.state(),
                 )  # fmt: skip
                 if self.leaves is not None and self.leaves(now):

@@ -47,11 +47,11 @@ def compute() -> Iterator[Check]:
 
 def curve(built: Built) -> tuple[np.ndarray, np.ndarray, list[tuple[float, float]], list[np.ndarray]]:
     """Travel in mm and force in N of the whole block; steps (way in mm, boost of damping), and their ends."""
-    damping, rows, steps, found, way = built.form("damping"), [], [], [], 0.0
+    damping, rows, steps, found, pseudo_time_mm = built.form("damping"), [], [], [], 0.0
     for step in built.march:
-        steps.append((step.way - way, damping.damping_factor))
+        steps.append((step.pseudo_time_mm - pseudo_time_mm, damping.damping_factor))
         found.append(step.u)
-        way = step.way
+        pseudo_time_mm = step.pseudo_time_mm
         if not step.between:
             rows.append((step.travel, step.force))
     if built.march.stopped is not None:
