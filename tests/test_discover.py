@@ -14,8 +14,8 @@ from benchmarks import discovery as blind
 from benchmarks.hidden import SCATTER, Hidden, Test, make, readings
 from cutbench.data.campaign import load_campaign
 from cutbench.discovery import discover
-from cutbench.discovery.page import page
-from cutbench.discovery.report import summary, to_dict, write_discovery
+from cutbench.discovery.page import page, write_discovery
+from cutbench.discovery.report import summary, to_dict
 from cutbench.discovery.score import tail
 from cutbench.discovery.search import Discovery
 from cutbench.run.files import write_json

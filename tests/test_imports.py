@@ -1,4 +1,4 @@
-"""Imports point down: every module's imports are read from its source and held against the layers."""
+"""Imports point down: every module's imports are read from its source and held against the rooms."""
 
 from __future__ import annotations
 
@@ -8,40 +8,30 @@ import sys
 from graphlib import TopologicalSorter
 from pathlib import Path
 
-import pytest
-
 import cutbench
 
 ROOT = Path(cutbench.__file__).parent
 
-#: From the ground up. A unit (a module or a package of cutbench) imports from lower layers and itself.
-LAYERS = (
-    {"errors", "threads"},
-    {"quantities", "reading", "meshfile", "noise"},
-    {"mechanisms", "numerics", "materials", "titles", "repetition", "grading"},
-    {"model", "readings", "experiment", "motion"},
-    {"values", "forms", "conversion", "fieldfile", "plausible", "homogeneous"},
-    {"case", "solve", "recorded"},
-    {"result", "axes", "models2d", "models3d", "curve", "campaign", "index", "emulator"},
-    {"build", "checkpoint", "identify", "triangles", "boundary", "sampling", "sections"},
-    {"fields", "dic"},
-    {"crossing", "front", "sensitivity", "remesh"},
-    {"run", "study", "plots"},
-    {"store", "output", "maps", "lm"},
-    {"coordinates"},
-    {"estimates", "confirmed"},
-    {"worker", "weights", "fitted", "synthetic", "phase", "tension", "confirm", "verify", "plan", "page"},
-    {"observe", "cluster", "guide", "agreement", "listing", "claims", "progress", "follow"},
-    {"inverse", "sweep", "show", "overview", "compared", "followreport", "convergence"},
-    {"fit"},
-    {"face", "fitreport", "discover"},
-    {"commands"},
-    {"cli"},
-    {"__init__", "__main__"},
+#: From the ground up, a room a line. A room imports rooms above its line and itself.
+ROOMS = (
+    "base",
+    "mechanisms",
+    "case",
+    "forms",
+    "solver",
+    "models2d",
+    "models3d",
+    "run",
+    "maps",
+    "data",
+    "calibration",
+    "discovery",
+    "verification",
+    "cli",
 )
-LEVEL = {unit: level for level, units in enumerate(LAYERS) for unit in units}
-#: The face: what may talk to a terminal.
-FACE = {"cli", "commands", "compared", "face", "overview", "progress", "show", "sweep", "__main__"}
+LEVEL = {room: level for level, room in enumerate(ROOMS)}
+#: Pairs of rooms on different floors that must not know each other all the same.
+STRANGERS = (("maps", "data"), ("maps", "calibration"), ("maps", "discovery"), ("models2d", "models3d"))
 
 
 def module_name(path: Path) -> str:
@@ -51,7 +41,7 @@ def module_name(path: Path) -> str:
 MODULES = {module_name(path): path for path in sorted(ROOT.rglob("*.py"))}
 
 
-def unit(module: str) -> str:
+def room(module: str) -> str:
     return module.split(".")[0]
 
 
@@ -59,100 +49,103 @@ def _type_only(node: ast.AST) -> bool:
     return isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING")
 
 
-def _statements(node: ast.AST, inside_functions: bool):
+def _statements(node: ast.AST):
     for child in ast.iter_child_nodes(node):
         if _type_only(child):  # for readers and type checkers: never executed
             continue
-        if isinstance(child, (ast.FunctionDef, ast.AsyncFunctionDef)) and not inside_functions:
-            continue
         if isinstance(child, (ast.Import, ast.ImportFrom)):
             yield child
-        yield from _statements(child, inside_functions)
+        yield from _statements(child)
 
 
-def imports(module: str, *, inside_functions: bool = True) -> set[str]:
-    """Full names of what a module imports: "numpy", "cutbench.forms.base"."""
-    path = MODULES[module]
+def imports(module: str) -> set[str]:
+    """Full names of what a module imports, inside functions, too: "numpy", "cutbench.forms.base"."""
     found = set()
-    for node in _statements(ast.parse(path.read_text(encoding="utf-8")), inside_functions):
+    for node in _statements(ast.parse(MODULES[module].read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
             continue
         assert node.level == 0, f"{module}: imports are written in full, from cutbench.… import …"
         for alias in node.names:
             full = f"{node.module}.{alias.name}"
-            # "from cutbench import case" imports the module, "from cutbench.case.case import Case" a name.
-            inner = full.removeprefix("cutbench.")
-            found.add(full if full.startswith("cutbench.") and inner in MODULES else node.module)
+            # "from cutbench.maps import page" imports a module, "from cutbench.maps.page import page" a name.
+            found.add(full if full.removeprefix("cutbench.") in MODULES else node.module)
     return found
 
 
-def own_imports(module: str, **how) -> set[str]:
-    names = {name for name in imports(module, **how) if name.split(".")[0] == "cutbench"}
-    return {name.removeprefix("cutbench").lstrip(".") or "__init__" for name in names}
+def own_imports(module: str) -> set[str]:
+    return {
+        n.removeprefix("cutbench.") for n in imports(module) if n.startswith("cutbench.")
+    } & MODULES.keys()
 
 
-def outside(module: str, **how) -> set[str]:
-    return {name.split(".")[0] for name in imports(module, **how)} - {"cutbench"}
+def outside(module: str) -> set[str]:
+    return {name.split(".")[0] for name in imports(module)} - {"cutbench"}
+
+
+INSIDE = [module for module in MODULES if room(module) not in ("", "__init__", "__main__", "cutbench")]
+ARROWS = {(module, name) for module in INSIDE for name in own_imports(module) if room(name) != room(module)}
 
 
 def test_the_reader_of_imports_sees_them():
-    assert {"errors", "mechanisms", "quantities"} <= own_imports("model")
-    assert "mechanisms.blade._tool" in own_imports("forms.gap")
-    assert "case" in own_imports("__init__") and "case" not in own_imports("__init__", inside_functions=False)
-    assert "pint" in outside("quantities")
+    assert {"base.errors", "base.units"} <= own_imports("case.model")
+    assert "pint" in outside("base.units")
 
 
-def test_every_module_has_a_layer():
-    unknown = {unit(module) for module in MODULES} - LEVEL.keys()
-    assert not unknown, f"give {sorted(unknown)} a place in LAYERS"
+def test_the_rooms_are_all_there_is():
+    there = {path.stem for path in ROOT.iterdir() if path.name != "__pycache__"}
+    assert there == {*ROOMS, "__init__", "__main__"}
 
 
-@pytest.mark.parametrize("module", MODULES)
-def test_imports_point_down(module):
-    here = unit(module)
-    for name in own_imports(module):
-        if name == "__init__":  # the version of the package, read by what writes files
-            continue
-        there = unit(name)
-        assert there == here or LEVEL[there] < LEVEL[here], f"cutbench.{module} imports cutbench.{name}"
+def test_imports_point_down():
+    assert not [(a, b) for a, b in ARROWS if LEVEL[room(b)] > LEVEL[room(a)]]
+    assert not [(a, b) for a, b in ARROWS if {room(a), room(b)} in map(set, STRANGERS)]
+
+
+def test_few_arrows_between_rooms():
+    assert len({(room(a), room(b)) for a, b in ARROWS}) <= 80
 
 
 def test_modules_do_not_import_in_a_circle():
-    graph = {
-        module: {name for name in own_imports(module, inside_functions=False) if name in MODULES} - {module}
-        for module in MODULES
-    }
-    TopologicalSorter(graph).prepare()  # raises CycleError
+    TopologicalSorter({module: own_imports(module) - {module} for module in INSIDE}).prepare()
 
 
-@pytest.mark.parametrize("module", [m for m in MODULES if unit(m) in ("models2d", "models3d")])
-def test_a_model_is_geometry_and_nothing_else(module):
-    other = {"models2d": "models3d", "models3d": "models2d"}[unit(module)]
-    used = {unit(name) for name in own_imports(module)}
-    assert other not in used
-    assert "mechanisms" not in used
-    tree = ast.parse(MODULES[module].read_text(encoding="utf-8"))
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ClassDef):
-            bases = {ast.unparse(base).split(".")[-1] for base in node.bases}
-            assert not any(base.endswith("Form") for base in bases), f"{module} defines the form {node.name}"
+def test_every_room_says_what_it_is_for_and_gives_its_public_names():
+    for name in ROOMS:
+        loaded = __import__(f"cutbench.{name}", fromlist=["x"])
+        assert loaded.__doc__ and loaded.__doc__.strip(), name
+        for public in getattr(loaded, "__all__", ()):
+            assert getattr(loaded, public) is not None
 
 
-@pytest.mark.parametrize("module", [m for m in MODULES if unit(m) == "mechanisms"])
-def test_a_mechanism_knows_numpy_and_no_mesh(module):
+def test_files_are_short():
+    long = {m: n for m, path in MODULES.items() if (n := len(path.read_text("utf-8").splitlines())) > 350}
+    assert not long
+
+
+def test_a_model_is_geometry_and_nothing_else():
+    for module in (m for m in INSIDE if room(m) in ("models2d", "models3d")):
+        assert "mechanisms" not in {room(name) for name in own_imports(module)}
+        for node in ast.walk(ast.parse(MODULES[module].read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef):
+                bases = {ast.unparse(base).split(".")[-1] for base in node.bases}
+                assert not any(base.endswith("Form") for base in bases), f"{module} defines {node.name}"
+
+
+def test_a_mechanism_knows_numpy_and_no_mesh():
     allowed = {"numpy", "__future__"} | set(sys.stdlib_module_names)
-    assert outside(module) <= allowed
+    for module in (m for m in INSIDE if room(m) == "mechanisms"):
+        assert outside(module) <= allowed, module
 
 
-@pytest.mark.parametrize("module", [m for m in MODULES if unit(m) not in FACE])
-def test_only_the_face_talks_to_a_terminal(module):
-    assert not outside(module) & {"typer", "rich", "click"}
+def test_only_the_command_line_talks_to_a_terminal():
+    for module in (m for m in INSIDE if room(m) != "cli"):
+        assert not outside(module) & {"typer", "rich", "click"}, module
 
 
-@pytest.mark.parametrize("module", [m for m in MODULES if LEVEL.get(unit(m), 99) < LEVEL["plots"]])
-def test_no_pictures_below_the_plots(module):
-    assert "matplotlib" not in outside(module)
+def test_no_pictures_below_runs():
+    for module in (m for m in INSIDE if LEVEL[room(m)] < LEVEL["run"] and m != "base.figure_style"):
+        assert "matplotlib" not in outside(module) and "base.figure_style" not in own_imports(module), module
 
 
 def loaded_by(statement: str) -> set[str]:

@@ -1,10 +1,12 @@
-"""``discovery.html``: one page that needs neither a network nor the tool."""
+"""``discovery.json`` and ``discovery.html``: one page that needs neither a network nor the tool."""
 
 from __future__ import annotations
 
 import html
 from importlib import resources
+from pathlib import Path
 
+from cutbench.base.figure_style import replacing
 from cutbench.discovery.figures import curves, ranking, svg
 from cutbench.discovery.report import (
     called,
@@ -15,12 +17,21 @@ from cutbench.discovery.report import (
 )
 from cutbench.discovery.search import Discovery
 from cutbench.discovery.where import Section
+from cutbench.run.files import write_json
 
 _SAID = {
     "mechanism": "A mechanism was found",
     "none": "Nothing is missing",
     "unexplained": "Something is missing that no candidate explains",
 }
+
+
+def write_discovery(d: Discovery, folder: Path) -> list[Path]:
+    """``discovery.json`` and ``discovery.html`` in ``folder``, each whole or not at all."""
+    write_json(to_dict(d), folder / "discovery.json")
+    with replacing(folder / "discovery.html") as draft:
+        draft.write_text(page(d), encoding="utf-8")
+    return [folder / "discovery.json", folder / "discovery.html"]
 
 
 def page(d: Discovery) -> str:

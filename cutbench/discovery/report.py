@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 
-from cutbench.base.figure_style import replacing
 from cutbench.base.units import Parameter
-from cutbench.discovery.heldout import Heldout
+from cutbench.discovery.heldout import Heldout, compare
 from cutbench.discovery.point import Point
 from cutbench.discovery.score import Score
 from cutbench.discovery.search import CHANCE, Discovery, Round, Tried
 from cutbench.discovery.where import Section
 from cutbench.mechanisms import registry
-from cutbench.run.files import versions, write_json
+from cutbench.run.files import versions
 
 SCHEMA = 1
 #: 95 % of a normal distribution lie within so many standard deviations.
@@ -279,8 +277,6 @@ def _train(d: Discovery) -> dict:
 
 
 def _heldout(d: Discovery) -> dict:
-    from cutbench.discovery.heldout import compare
-
     g: Heldout = d.gain or compare(d.first, d.final)
     return {
         "baseline_rmse": g.baseline_rmse,
@@ -320,13 +316,3 @@ def _round(r: Round) -> dict:
         "candidates": [_ranked(name, r, tried.get(name)) for name in _order(r)],
         "left_out": dict(r.left_out),
     }
-
-
-def write_discovery(d: Discovery, folder: Path) -> list[Path]:
-    """``discovery.json`` and ``discovery.html`` in ``folder``, each whole or not at all."""
-    from cutbench.discovery.page import page
-
-    write_json(to_dict(d), folder / "discovery.json")
-    with replacing(folder / "discovery.html") as draft:
-        draft.write_text(page(d), encoding="utf-8")
-    return [folder / "discovery.json", folder / "discovery.html"]

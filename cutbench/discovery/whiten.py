@@ -1,9 +1,9 @@
 """How far measured and computed curves may differ by chance: the covariance that a discovery is held against.
 
-As in a fit (``cutbench.calibration.weights``), with what few repetitions cannot tell made up for by experience:
-specimens of soft solids differ by a factor of some per cent and, less, in the shape of their curves. Without it three
-specimens that happen to agree would make anything significant. ``draw`` makes up what a laboratory might have
-found if the model were right: significance is read from such draws, each of which estimates its own
+As in a fit (``calibration.weights``), with what few repetitions cannot tell made up for by experience:
+specimens of soft solids differ by a factor of some per cent and, less, in the shape of their curves. Without
+it three specimens that happen to agree would make anything significant. ``draw`` makes up what a laboratory
+might have found if the model were right: significance is read from such draws, each of which estimates its own
 covariance anew, so that few repetitions cost what they should.
 """
 

@@ -1,8 +1,8 @@
 """Is the drop of a run's force physical? The path of equilibria at rest, and the limit without viscosity.
 
-A blade that only moves forward jumps over what it cannot follow. ``trace_snap_back`` traces the equilibria that
-are jumped over (``solve.follow``), for the case without its laws of time, and repeats the run with less and
-less viscosity and finer steps. If the path turns back, a jump follows, however fine the steps; what the blade
+A blade that only moves forward jumps over what it cannot follow. ``trace_snap_back`` traces the equilibria
+that are jumped over (``solver.arc_length``), for the case without its laws of time, and repeats the run with
+less and less viscosity and finer steps. If the path turns back, a jump follows, however fine the steps; what the blade
 would give back along the path is the energy that the jump sets free.
 """
 

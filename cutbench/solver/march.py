@@ -67,7 +67,7 @@ class _Found:
 
 @dataclass
 class Accepted:
-    """A converged step. ``pseudo_time_mm`` is its end in mm of time × speed: the travel, where the blade never rests."""
+    """A converged step. ``pseudo_time_mm``: its end, time × speed; the travel, where the blade never rests."""
 
     travel: float
     pseudo_time_mm: float
@@ -87,7 +87,7 @@ class Accepted:
 
 @dataclass
 class Progress:
-    """What a march is between two steps: enough to go on from there. ``pseudo_time_mm`` as in ``Accepted``."""
+    """What a march is between two steps: enough to go on. ``pseudo_time_mm`` as in ``Accepted``."""
 
     pseudo_time_mm: float
     u: np.ndarray
@@ -205,7 +205,8 @@ class March:
                 self.past.add(ahead, u, np.real(states["cohesion"]["damage"]))
             effort = found.effort
             yield Accepted(
-                ahead, pseudo_time_mm, step.dt, u, states, force, reaction, found.work, sum(effort), step, found.solves,
+                ahead, pseudo_time_mm, step.dt, u, states, force, reaction, found.work, sum(effort), step,
+                found.solves,
                 between=pace.between,
             )  # fmt: skip
             pace.taken(max(effort), growth * self._cut_speed_factor(), defect, allowed)

@@ -29,7 +29,8 @@ def discover(
     folder = check_writable(out)
 
     from cutbench.discovery import discover as run
-    from cutbench.discovery.report import summary, write_discovery
+    from cutbench.discovery.page import write_discovery
+    from cutbench.discovery.report import summary
 
     found = run(loaded, workers=count, refine=refine, told=lambda text: typer.echo(text, err=True))
     paths = write_discovery(found, folder)
