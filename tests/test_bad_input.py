@@ -80,7 +80,9 @@ OPTIONS = {
     ),
     "tip of no length": (["--set", "tip=0 mm"], "tip", "0 mm", "0 mm < tip"),
     "blade wider than the block": (["--set", "thickness=40 mm"], "thickness", "40 mm", "30 mm"),
-    "depth beyond the block": (["--depth", "40"], "depth", "40 mm", "31.5 mm"),
+    "depth beyond the block": (["--depth", "40"], "depth", "40 mm", "21 mm"),
+    "depth into the clamp": (["--depth", "22"], "depth", "22 mm", "21 mm"),
+    "no blade": (["--without", "contact"], "mechanisms", "adhesion", "contact"),
     "depth zero": (["--depth", "0"], "depth", "0 mm", "0 mm < depth"),
     "depth negative": (["--depth", "-3"], "depth", "-3 mm", "0 mm < depth"),
     "unknown element": (["--element", "Q1"], "element", "Q1", "P2P1"),
@@ -143,7 +145,7 @@ FILES = {
     "base that is no name": ("base = 3\n", 1, "base", "3", "name"),
     "base that is this file": ('base = "case.toml"\n', 1, "base", "case.toml", "lead back"),
     "depth beyond the block": (
-        GOOD + 'depth = "50 mm"\n', 14, "depth", "50 mm", "31.5 mm"
+        GOOD + 'depth = "50 mm"\n', 14, "depth", "50 mm", "21 mm"
     ),
     "tip too sharp": (
         GOOD + '[numerics]\nh = "0.25 mm"\n[blade]\ntip = "12 mm"\n', 17, "tip", "12 mm", "a^2/b"

@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import cutbench
+from cutbench import run2d
 from cutbench.base.errors import BadInput
 from cutbench.case.case import Case, Numerics, load_case
 from cutbench.case.model import DEFAULT, GROUPS, PAPER, Model
@@ -31,7 +32,7 @@ def test_values_are_internal(gelatin):
     assert gelatin.p.G == 7.5e-3
     assert gelatin.p.G_c == 5.3e-3
     assert gelatin.p.tau_W == 0.8e-3
-    assert gelatin.p.depth == gelatin.p.height == 21.0
+    assert gelatin.p.height == 21.0
     assert set(gelatin.values) == set(gelatin.model.parameters())
 
 
@@ -130,9 +131,73 @@ def test_pseudo_time_is_a_conversion(gelatin):
     assert gelatin.set(eta_v="0.05 mm", speed="1 mm/s").p.eta_reg == pytest.approx(0.05)
 
 
-def test_depth_follows_the_height_until_it_is_chosen(gelatin):
-    assert gelatin.set(height="30 mm").p.depth == 30
+def test_the_blade_stops_before_the_clamp_until_its_depth_is_chosen(gelatin):
+    assert gelatin.p.depth == pytest.approx(21 - 4 * 0.7)
+    assert gelatin.set(height="30 mm").p.depth == pytest.approx(30 - 4 * 0.7)
+    assert gelatin.set(thickness="1 mm").p.depth == pytest.approx(21 - 4)
+    assert gelatin.set(height="3 mm").p.depth == 1.5
     assert gelatin.set(depth="14 mm").set(height="30 mm").p.depth == 14
+
+
+def test_the_blade_goes_no_further_than_the_base(gelatin):
+    assert gelatin.set(depth="21 mm").p.depth == 21
+    with pytest.raises(BadInput, match=r"depth = '21.1 mm'.* at most 21 mm"):
+        gelatin.set(depth="21.1 mm")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"without": "contact", "depth": "0.1 mm", "h": "0.7 mm"},
+        {"without": ["contact", "adhesion", "coulomb"], "depth": "0.1 mm", "h": "0.7 mm"},
+    ],
+)
+def test_a_cut_without_a_blade_is_refused(changes):
+    with pytest.raises(BadInput, match=r"mechanisms = 'neo_hookean.*contact"):
+        run2d("gelatin", **changes)
+
+
+SLIPS = {
+    "a time of another speed": (
+        {"G": "12 kPa", "G_c": "4 J/m^2", "thickness": "1 mm", "speed": "5 mm/s"},
+        ["eta_reg v/delta_c"], ("= 170", "0.714 to 2.85", "eta_reg", "speed"),
+    ),
+    "Pa for kPa": ({"G": "7.5 Pa"}, ["(G_c/delta_c)/G", "G_c/(G a)"], ("1.79 to 11.4", "units of G")),
+    "um for mm": (
+        {"delta_c": "0.07 um"}, ["(G_c/delta_c)/G", "delta_c/a", "eta_reg v/delta_c"], ("0.0002", "delta_c")
+    ),
+    "MPa for kPa": ({"tau_W": "0.8 MPa"}, ["tau_W/(G_c/delta_c)"], ("0 to 0.187", "tau_W")),
+    "of another law": (
+        {"with": "compact_cohesion", "G": "7.5 MPa"}, ["(G_c/delta_c)/G", "G_c/(G a)"], ("below",)
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("slip", SLIPS)
+def test_groups_far_from_the_known_materials_are_doubted(gelatin, slip):
+    changes, groups, said = SLIPS[slip]
+    case = gelatin.set(**changes)
+    assert [one.group for one in case.far] == groups
+    assert len(case.doubts) == len(groups)
+    for part in said:
+        assert part in " ".join(case.doubts)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {}, {"nu": 0.4999}, {"mu": 1.5}, {"eta_reg": "0 s"}, {"eta_v": "0.001 mm"}, {"tau_W": "0.001 kPa"},
+        {"G": "1 kPa"}, {"cohesion": 0.5}, {"speed": "0.2 mm/s"}, {"with": "gent"},
+    ],
+)  # fmt: skip
+def test_other_materials_are_not(gelatin, changes):
+    assert not gelatin.set(**changes).doubts
+
+
+@pytest.mark.parametrize("name", ["gelatin", "elastomer", "meat"])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_nor_are_the_known_ones(name, dim):
+    assert not load_case(name, dim=dim).doubts
 
 
 def test_elements_larger_than_the_tip_is_round_are_doubted_along_its_normal(gelatin):

@@ -42,7 +42,7 @@ def test_numbers(name):
     assert groups["eta_reg v/delta_c"] == pytest.approx(eta_v / 0.07, rel=5e-3)
     assert (p.G, p.G_c, p.mu, p.width) == pytest.approx((G * 1e-3, G_c * 1e-3, mu, width))
     assert (p.nu, p.delta_c, p.thickness, p.tip) == (0.49, 0.07, 0.7, 1.05)
-    assert (p.length, p.height, p.depth, p.speed) == (30, 21, 21, 0.021)
+    assert (p.length, p.height, p.depth, p.speed) == (30, 21, 18.2, 0.021)
 
 
 def test_strength_of_gelatin_is_where_its_cut_was_seen_to_start():

@@ -11,10 +11,12 @@ import analytic_runs
 import numpy as np
 import pytest
 
+from cutbench.case.case import load_case
 from cutbench.maps.dataset import load_map
-from cutbench.maps.page import contents, page, save_page, thinned
+from cutbench.maps.page import REST, contents, curve_of, page, page_template, save_page, thinned
 from cutbench.maps.study import load_study
 from cutbench.maps.sweep import run_study
+from cutbench.run.result import Outcome, Result
 from cutbench.run.store.runs import Store
 
 GRID = f"""title = "Cohesion </script> & viscosity"
@@ -66,7 +68,10 @@ def test_the_page_holds_every_run_with_its_curve_and_split(folders, kind):
     for point in found["points"][::5]:
         curve = store.get(point["id"]).curve
         assert point["curve"]["force"] == pytest.approx(curve["force_N"], rel=1e-3)
-        assert set(point["curve"]["split"]) == {"neo_hookean", "adhesion"}
+        assert {"neo_hookean", "adhesion"} <= set(point["curve"]["split"])
+        assert sum(map(np.array, point["curve"]["split"].values())) == pytest.approx(
+            point["curve"]["force"], abs=2e-3 * max(point["curve"]["force"])
+        )
     assert (found["field"] is not None) == (kind == "sought")
     if kind == "sought":
         assert len(found["field"]["margin"]) == np.prod([len(v) for v in found["field"]["values"]])
@@ -129,6 +134,49 @@ def test_in_a_browser_points_show_their_curves_and_sliders_walk_the_third_axis(f
     ids = data["run_id"].isel(adhesion=0).values
     assert report["title"] == "Cohesion </script> & viscosity"
     assert report["levels"] == 2 and report["shown"] == sorted(id for id in ids.ravel() if id)
-    assert report["hovered"] in report["hint"] and report["force"] == 6 and report["split"] == 2
+    assert report["hovered"] in report["hint"] and report["force"] == 6 and report["split"] >= 2
     assert report["rows"] == 3 + 9 and report["before"] > 10
     assert report["swapped"] == ["slider-viscosity"] and (report["line"] > 100) == (kind == "sought")
+
+
+def uneven_run(case):
+    """Steps of unequal length, a mechanism that gives back what another takes up, a force that jumps."""
+    d = np.cumsum(np.concatenate([[0.0], np.random.default_rng(3).uniform(0.001, 0.05, 400)]))
+    force = np.where(d < 4, d, 3.0) + 0.02 * np.sin(40 * d)
+    steps = (force[1:] + force[:-1]) / 2  # the mean force over each step, which its work is made of
+    given = np.where(d[1:] < 4, 0.3 * steps, -0.8 * steps)
+    parts = {"neo_hookean": given, "smith_ferrante": 0.9 * (steps - given), "adhesion": 0.1 * (steps - given)}
+    return Result(
+        case,
+        {"displacement_mm": d, "force_N": force, "time_s": d, "cut_length_mm": 0 * d}
+        | {f"force_{name}_N": np.append(0, part) for name, part in parts.items()},
+        Outcome("done", "made up", "", float(d[-1])),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def uneven():
+    case = load_case("gelatin", {"depth": "12 mm"})
+    return curve_of(uneven_run(case))
+
+
+def test_the_parts_of_a_force_are_the_force_at_every_point(uneven):
+    force, split = np.array(uneven["force"]), {k: np.array(v) for k, v in uneven["split"].items()}
+    assert len(force) < 100 and all(part.shape == force.shape for part in split.values())
+    assert sum(split.values()) == pytest.approx(force, abs=2e-3 * force.max())
+    assert np.abs(split[REST]).max() < 0.15 * force.max(), "the mechanisms have nearly all of it"
+    late = np.array(uneven["d"]) > 4.5
+    assert (split["neo_hookean"][late] < 0).all(), "what gives work back is below zero"
+    assert split["adhesion"][late] == pytest.approx(0.18 * force[late], rel=0.1)
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="no JavaScript here")
+def test_what_the_page_stacks_ends_at_the_force(uneven):
+    (code,) = re.findall(r"^function stacked\(split\) \{\n.*?^\}", page_template(), re.S | re.M)
+    asked = f"{code}\nconsole.log(JSON.stringify(stacked({json.dumps(uneven['split'])})))"
+    bands = json.loads(
+        subprocess.run(["node", "-e", asked], capture_output=True, text=True, check=True).stdout
+    )
+    tops = np.max([band["to"] for band in bands] + [np.zeros(len(uneven["d"]))], axis=0)
+    lows = np.min([band["to"] for band in bands] + [np.zeros(len(uneven["d"]))], axis=0)
+    assert tops + lows == pytest.approx(np.array(uneven["force"]), abs=2e-3 * max(uneven["force"]))

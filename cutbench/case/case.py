@@ -17,6 +17,7 @@ from types import MappingProxyType, SimpleNamespace
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import located, read_toml
 from cutbench.case import materials
+from cutbench.case.calibrated import Far, far
 from cutbench.case.model import DEFAULT, Model, section_of
 from cutbench.case.motion import Polyline, checked_motion, read_motion
 from cutbench.case.numerics import ALIASES, KEYS, Numerics, defaults, preset
@@ -25,6 +26,7 @@ from cutbench.case.values import (
     brief,
     check_fit,
     doubts,
+    full_depth,
     misplaced,
     names,
     parse_values,
@@ -73,7 +75,7 @@ class Case:
             elif q.default is not None:
                 value = q.default * q.factor
             elif name == "depth":
-                value = full["height"]
+                value = full_depth(full)
             else:
                 users = [m.name for m in model.all if name in (*m.reads, *(o.name for o in m.parameters))]
                 raise BadInput(
@@ -87,7 +89,7 @@ class Case:
             full[name] = rounded(value, 14)
         object.__setattr__(self, "mechanisms", model.mechanisms)
         object.__setattr__(self, "values", MappingProxyType(full))
-        check_fit(full, self.numerics, self.dim)
+        check_fit(full, self.numerics, self.dim, blade=bool(model.laws("blade")))
         object.__setattr__(self, "motion", checked_motion(self.motion, full["depth"]))
 
     def __reduce__(self):
@@ -130,7 +132,17 @@ class Case:
     @property
     def doubts(self) -> tuple[str, ...]:
         """What to know before its run is believed: sentences, none for most."""
+        return (*self.cautions, *map(str, self.far))
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Of the doubts, those about elements."""
         return doubts(self.values, self.numerics)
+
+    @property
+    def far(self) -> list[Far]:
+        """Its dimensionless groups that are far from all that the known materials have."""
+        return far(self.model, self.values)
 
     def groups(self) -> dict[str, float]:
         """The dimensionless groups of all its mechanisms."""

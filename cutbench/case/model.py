@@ -29,7 +29,15 @@ SPECIMEN = (
 )
 PROTOCOL = (
     Parameter("speed", "mm/s", "v", "blade speed", low=0, open_low=True, default=0.021, typical=0.021),
-    Parameter("depth", "mm", "u", "blade travel (default: the height)", low=0, open_low=True, typical=21.0),
+    Parameter(
+        "depth",
+        "mm",
+        "u",
+        "blade travel (default: to 4 thicknesses above the base)",
+        low=0,
+        open_low=True,
+        typical=21.0,
+    ),
 )
 
 

@@ -11,6 +11,7 @@ from cutbench.base.units import Parameter
 from cutbench.case.mesh_sizes import AT_SURGE, UNDER_TIP, chosen
 from cutbench.case.model import GROUPS, PROTOCOL, SPECIMEN, Model, apply_groups, owners, section_of
 from cutbench.case.numerics import KEYS, Numerics
+from cutbench.mechanisms import registry
 
 #: η_reg by its invariant η_reg·v, as a length: the pseudo-time reading of the paper (t = blade travel).
 ETA_V = Parameter("eta_v", "mm", "η_reg v", "viscous length; sets eta_reg = eta_v/speed", low=0)
@@ -20,6 +21,10 @@ TIP_PER_ELEMENT = 1 / 20
 
 #: Largest element in thicknesses of the blade: published meshes have 1.5 to 2.
 ELEMENTS_PER_BLADE = 3.0
+
+#: Within this many thicknesses of the blade above the base the clamp takes over: in the last one the force
+#: rises to several times its peak, and cutting is no longer steady in any of them.
+CLAMP = 4.0
 
 SECTIONS = ("parameters", "specimen", "blade", "protocol")
 
@@ -93,8 +98,14 @@ def resolve(start: Mapping[str, float], changes: Mapping[str, object], model: Mo
     known = model.parameters()
     parsed, groups = parse_values(changes, model)
     values = {n: v for n, v in start.items() if n in known}
-    if "height" in parsed and "depth" not in parsed and values.get("depth") == values.get("height"):
-        values.pop("depth", None)  # the blade went through the whole height: it still does
+    sizes = {"height", "thickness"} & parsed.keys()
+    if (
+        sizes
+        and "depth" not in parsed
+        and "height" in values
+        and values.get("depth") == rounded(full_depth(values), 14)
+    ):
+        values.pop("depth")  # the blade went as far as it does by default: it still does
     viscous_length = parsed.pop(ETA_V.name, None)
     values |= parsed
     values = {n: q.default * q.factor for n, q in known.items() if q.default is not None} | values
@@ -171,13 +182,37 @@ def _tip_radius(v: Mapping[str, float]) -> float:
     return (v["thickness"] / 2) ** 2 / v["tip"]
 
 
-def check_fit(v: Mapping[str, float], numerics: Numerics, dim: int = 2) -> None:
-    """Raise BadInput where one value rules out another: travel, blade in block, tip on mesh, symmetry."""
-    if v["depth"] > 1.5 * v["height"]:
+def full_depth(v: Mapping[str, float]) -> float:
+    """Travel of a blade that is not told how far: to where the clamp takes over, half the height at least.
+
+    A strip, which no blade meets, is pulled to twice its length.
+    """
+    return max(v["height"] - CLAMP * v.get("thickness", 0.0), v["height"] / 2)
+
+
+def check_driven(model: Model) -> None:
+    """Raise BadInput for a cut in which nothing meets the blade: it would move and nothing would happen."""
+    if not any(law.role == "contact" for law in model.laws("blade")):
+        laws = [m.name for m in registry().values() if m.slot == "blade" and m.role == "contact"]
+        raise BadInput(
+            key="mechanisms", value=", ".join(model.mechanisms),
+            expected=f"a law by which the blade meets the specimen, {' or '.join(laws)}: without one nothing"
+            " drives the cut, and friction and adhesion have no surface",
+        )  # fmt: skip
+
+
+def check_fit(v: Mapping[str, float], numerics: Numerics, dim: int = 2, *, blade: bool = True) -> None:
+    """Raise BadInput where one value rules out another: travel, blade in block, tip on mesh, symmetry.
+
+    Without a ``blade`` the specimen is a strip, which may be pulled further than it is high.
+    """
+    most = v["height"] * (1.0 if blade else 1.5)
+    if v["depth"] > most:
         raise BadInput(
             key="depth",
             value=f"{v['depth']:g} mm",
-            expected=f"at most {1.5 * v['height']:g} mm, 1.5 times the height ({v['height']:g} mm)",
+            expected=f"at most {most:g} mm, "
+            + ("the height: below it is the clamp" if blade else "1.5 times the height"),
         )
     if "thickness" not in v:
         return

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    from cutbench.case.calibrated import Far
     from cutbench.case.case import Case
     from cutbench.run.result import Result
 
@@ -104,17 +105,25 @@ def changes(
 
 
 def doubted(*cases: Case) -> None:
-    """Say once what there is to know before runs of these ``cases`` are believed."""
-    for sentence in dict.fromkeys(each for case in cases for each in case.doubts):
+    """Say once what there is to know before runs of these ``cases`` are believed; of each dimensionless group
+    the case that is farthest off."""
+    worst: dict[str, Far] = {}
+    for one in (one for case in cases for one in case.far):
+        if one.group not in worst or one.times > worst[one.group].times:
+            worst[one.group] = one
+    sentences = [each for case in cases for each in case.cautions]
+    for sentence in dict.fromkeys([*sentences, *map(str, worst.values())]):
         typer.echo(f"cutbench: note: {sentence}", err=True)
 
 
 def asked(material: str, changes: dict[str, object], out: Path | None, *, dim: int) -> tuple[Case, Path]:
     """The case and a folder that can be written to."""
     from cutbench.case.case import load_case
+    from cutbench.case.values import check_driven
     from cutbench.run.files import check_writable
 
     case = load_case(material, changes, dim=dim)
+    check_driven(case.model)
     doubted(case)
     return case, check_writable(out if out is not None else Path("runs") / f"{_slug(case.name)}-{case.id}")
 

@@ -12,12 +12,15 @@ import xarray as xr
 
 from cutbench.base.figure_style import COLOURS, replacing
 from cutbench.maps.dataset import LABELS, OUTCOME_FLAGS, axes_of, axis_of, places_of
-from cutbench.run.measures import MEASURES
+from cutbench.run.figures.curve import smooth_force
+from cutbench.run.measures import MEASURES, forward
 from cutbench.run.result import Result
 from cutbench.run.store.runs import Store
 
 #: Points that a curve is thinned to; it stays within a pixel or so of itself.
 _POINTS = 60
+#: What the shares of mechanisms, which are means over a stretch of travel, leave of the force at a point.
+REST = "rest"
 #: Levels of an estimated map along a third axis and more: the page would grow by each of them.
 _LEVELS = 17
 
@@ -32,11 +35,16 @@ def save_page(data: xr.Dataset, store: Store | None, folder: str | Path) -> Path
 
 def page(data: xr.Dataset, store: Store | None) -> str:
     """The whole page as HTML, its data and its script in it."""
-    template = resources.files("cutbench.maps").joinpath("page.html").read_text(encoding="utf-8")
+    template = page_template()
     # "</script>" in a title must not end the script.
     content = json.dumps(contents(data, store), separators=(",", ":")).replace("<", "\\u003c")
     title = data.attrs["title"].replace("&", "&amp;").replace("<", "&lt;")
     return template.replace("__TITLE__", title).replace("__DATA__", content)
+
+
+def page_template() -> str:
+    """The page without its data."""
+    return resources.files("cutbench.maps").joinpath("page.html").read_text(encoding="utf-8")
 
 
 def contents(data: xr.Dataset, store: Store | None) -> dict:
@@ -57,7 +65,7 @@ def contents(data: xr.Dataset, store: Store | None) -> dict:
                 "message": str(data["message"].values[here]),
                 "measures": {name: _short(data[name].values[here]) for name in MEASURES},
             }
-            | ({} if result is None else {"curve": _curve(result)})
+            | ({} if result is None else {"curve": curve_of(result)})
         )
     shown = [data.attrs[f"plot_{which}"] for which in ("x", "y", "panel")]
     return {
@@ -109,20 +117,31 @@ def _field(data: xr.Dataset, names: list[str], shown: list[str]) -> dict:
     }
 
 
-def _curve(result: Result) -> dict:
-    """Travel, force and the force by mechanism, thinned."""
+def curve_of(result: Result) -> dict:
+    """Travel and force, thinned, and the force by mechanism at the same points until the blade first rests.
+
+    A mechanism's share is the mean over half a blade's thickness of travel, as in ``curve.png``; what such
+    means and the energy balance leave of the force is ``REST``, so that at each point all of it is the force.
+    """
     d, force = result.displacement_mm, result.force_N
     keep = thinned(d, force, _POINTS)
-    columns = {f"force_{name}_N": name for name in result.ledger if f"force_{name}_N" in result.curve}
+    down = forward(d)
+    at, travel = d[keep[keep < down]], d[:down]
+    window = result.case.values.get("thickness", 0.7) / 2
+    shares = {}
+    for name in result.ledger:
+        steps = result.curve.get(f"force_{name}_N")
+        if steps is not None and at.size > 1 and np.any(steps[:down]):
+            # A mechanism's force is the mean over a step: the work is its sum over steps.
+            work = np.concatenate([[0.0], np.cumsum(np.diff(travel) * steps[1:down])])
+            shares[name] = smooth_force(travel, work, window, at)
+    if shares:
+        shares[REST] = force[keep[keep < down]] - sum(shares.values())
     return {
         "d": [_short(v) for v in d[keep]],
         "force": [_short(v) for v in force[keep]],
-        # A mechanism's force is the mean over a step: average over the steps that are left out, too.
-        "split": {
-            name: _means(d, result.curve[column], keep) for column, name in columns.items()
-            if np.any(result.curve[column])
-        },
-    }  # fmt: skip
+        "split": {name: [_short(v) for v in share] for name, share in shares.items()},
+    }
 
 
 def thinned(x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
@@ -151,13 +170,6 @@ def _farthest(x: np.ndarray, y: np.ndarray, first: int, last: int) -> tuple[floa
     away = np.abs(y[inner] - (y[first] + part * (y[last] - y[first])))
     k = int(np.argmax(away))
     return float(away[k]), first, first + 1 + k, last
-
-
-def _means(d: np.ndarray, column: np.ndarray, keep: np.ndarray) -> list[float | None]:
-    work = np.concatenate([[0.0], np.cumsum(np.diff(d) * column[1:])])
-    travelled = np.diff(d[keep])
-    means = np.diff(work[keep]) / np.where(travelled > 0, travelled, 1.0)
-    return [_short(column[0]), *map(_short, means)]
 
 
 def _short(value: float) -> float | None:

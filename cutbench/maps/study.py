@@ -21,7 +21,7 @@ from cutbench.base.toml import line_of, located, one_of, read_toml
 from cutbench.case import materials
 from cutbench.case.case import Case, load_case
 from cutbench.case.model import GROUPS, Model, section_of
-from cutbench.case.values import ETA_V
+from cutbench.case.values import ETA_V, check_driven
 from cutbench.maps.axes import (
     BOUNDARY,
     GRID,
@@ -196,6 +196,8 @@ def load_study(path: str | Path) -> Study:
         places = itertools.product(*(a.values for a in axes))
     with located(path, text):
         cases = tuple(case_at(start, changes, axes, values) for values in places)
+        for model in {case.model for case in cases}:
+            check_driven(model)
     study = Study(
         path, title, text, base, axes, () if mode == BOUNDARY else cases, drop, surge_min, onset_length_mm,
         plot, mode, tuple(samples), search, start, changes,

@@ -13,6 +13,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from cutbench.case.values import CLAMP
+
 #: Unit and meaning of each measure, in the order in which tables show them.
 MEASURES: dict[str, tuple[str, str]] = {
     "drop_rel": ("1", "relative fall of the mean force within a blade thickness of travel at the transition"),
@@ -34,9 +36,6 @@ TRANSITION = 4.0
 #: A drop is that of the force's mean over this part of a window: shorter ups and downs, the serrations of
 #: heterogeneous material or of coarse elements among them, are no transition.
 BLUR = 0.5
-#: Within this many windows of the base the blade feels the clamp: cutting there is not steady.
-CLAMP = 4.0
-
 #: Forces below this part of the largest one are no base for a relative drop, nor a peak.
 _FLOOR = 0.05
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from cutbench.case.case import Case
+from cutbench.case.values import check_driven
 from cutbench.run.build import Built
 from cutbench.run.checkpoint import Checkpoint
 from cutbench.run.crossing import crosses
@@ -47,10 +48,11 @@ def run_case(
     or past each of ``snapshots_mm``. ``sensitivities`` names parameters: ``result.sensitivities`` then has
     dF/dθ along the curve, and each snapshot du/dθ. ``checkpoint`` keeps the state of the run, which begins
     from what it holds; derivatives are not part of it, so a run with both begins anew. A KeyboardInterrupt
-    ends the run with what it has. Raises BadInput if the case's mesh cannot be used, or it cannot be
-    differentiated by one of the names.
+    ends the run with what it has. Raises BadInput if no law lets the blade meet the specimen, the
+    case's mesh cannot be used, or it cannot be differentiated by one of the names.
     """
     began = time.perf_counter()
+    check_driven(case.model)
     names = checked(case, sensitivities)
     meshes = RemeshedMarch(case)
     built = meshes.built
