@@ -3,8 +3,8 @@
 As in a fit (``calibration.weights``), with what few repetitions cannot tell made up for by experience:
 specimens of soft solids differ by a factor of some per cent and, less, in the shape of their curves. Without
 it three specimens that happen to agree would make anything significant. ``draw`` makes up what a laboratory
-might have found if the model were right: significance is read from such draws, each of which estimates its own
-covariance anew, so that few repetitions cost what they should.
+might have found if the model were right: significance is read from such draws, each of which estimates
+its own covariance anew, so that few repetitions cost what they should.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 A blade that only moves forward jumps over what it cannot follow. ``trace_snap_back`` traces the equilibria
 that are jumped over (``solver.arc_length``), for the case without its laws of time, and repeats the run with
-less and less viscosity and finer steps. If the path turns back, a jump follows, however fine the steps; what the blade
-would give back along the path is the energy that the jump sets free.
+less and less viscosity and finer steps. If the path turns back, a jump follows, however fine the steps; what
+the blade would give back along the path is the energy that the jump sets free.
 """
 
 from __future__ import annotations

@@ -67,7 +67,7 @@ class _Found:
 
 @dataclass
 class Accepted:
-    """A converged step. ``pseudo_time_mm``: its end, time × speed; the travel, where the blade never rests."""
+    """A converged step. ``pseudo_time_mm``: its end, time × speed; travel where the blade never rests."""
 
     travel: float
     pseudo_time_mm: float
