@@ -23,13 +23,13 @@ import numpy as np
 
 from benchmarks.hidden import FAMILIES, OUTSIDE, SCATTER, VISIBLE, Hidden, make
 from cutbench.base.errors import CutbenchError
+from cutbench.base.files import write_json
 from cutbench.calibration.fitting import fit
 from cutbench.calibration.inverse import GRID
 from cutbench.calibration.prediction import predictor
 from cutbench.data.experiment import Experiment
 from cutbench.discovery import Discovery, discover
 from cutbench.discovery.point import Point, baseline
-from cutbench.run.files import write_json
 
 #: What is left of an effect in the fitted tests counts as shown by so many standard deviations: chance among
 #: all candidates takes some three of them.

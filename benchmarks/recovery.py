@@ -23,11 +23,11 @@ import numpy as np
 
 from benchmarks.machine import facts
 from cutbench.base.errors import ComputationFailed
+from cutbench.base.files import write_json
 from cutbench.calibration.fitting import fit
 from cutbench.case.case import Case, load_case
 from cutbench.data.campaign import FitPlan
 from cutbench.discovery.synthetic import Noise, Test, campaign
-from cutbench.run.files import write_json
 
 NAMES = ("G", "G_c", "delta_c", "eta_reg", "tau_W")
 #: Gelatin with a slender blade and a weak cut plane, which is cut from the first millimetre on.

@@ -26,8 +26,8 @@ import numpy as np
 from benchmarks.differences import Marched, differences
 from benchmarks.machine import facts
 from cutbench.base.errors import BadInput
+from cutbench.base.files import write_json
 from cutbench.case.case import Case, load_case
-from cutbench.run.files import write_json
 from cutbench.run.runner import run_case
 
 MATERIALS = ("gelatin", "elastomer")

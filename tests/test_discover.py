@@ -12,13 +12,13 @@ from typer.testing import CliRunner
 
 from benchmarks import discovery as blind
 from benchmarks.hidden import SCATTER, Hidden, Test, make, readings
+from cutbench.base.files import write_json
 from cutbench.data.campaign import load_campaign
 from cutbench.discovery import discover
 from cutbench.discovery.page import page, write_discovery
 from cutbench.discovery.report import summary, to_dict
 from cutbench.discovery.score import tail
 from cutbench.discovery.search import Discovery
-from cutbench.run.files import write_json
 
 STUDIES = Path(__file__).parents[1] / "studies"
 SEED = 11
@@ -99,7 +99,7 @@ def test_a_new_mechanism_is_a_candidate_without_a_line_changed(tmp_path, monkeyp
 
     (tmp_path / "waning_adhesion.py").write_text('''"""Adhesion that wanes with the distance slid."""
 import numpy as np
-from cutbench.run.files import write_json
+from cutbench.base.files import write_json
 from cutbench.mechanisms.base import Blade
 from cutbench.base.units import Parameter
 

@@ -14,20 +14,13 @@ import pytest
 from skfem import MeshTri
 
 from cutbench.base.errors import BadInput
-from cutbench.base.figure_style import math_text, replacing
+from cutbench.base.figure_style import math_text
+from cutbench.base.files import check_writable, replacing
 from cutbench.case.case import load_case
 from cutbench.run.figures import plot_curve, plot_section, save
 from cutbench.run.figures.curve import smooth_force
 from cutbench.run.figures.section import blade_outline, split
-from cutbench.run.files import (
-    check_writable,
-    describe,
-    read_curve,
-    read_run,
-    write_curve,
-    write_fields,
-    write_run,
-)
+from cutbench.run.files import describe, read_curve, read_run, write_curve, write_fields, write_run
 from cutbench.run.result import Outcome, Result, Snapshot, ledger_entries, ordered_columns
 
 

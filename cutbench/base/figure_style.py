@@ -5,9 +5,7 @@ Meaning never hangs on colour alone: series differ by line style too, areas by h
 
 from __future__ import annotations
 
-import os
 import re
-import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,6 +13,8 @@ from pathlib import Path
 import matplotlib
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+
+from cutbench.base.files import replacing
 
 #: Widths of one and two journal columns, mm.
 SINGLE_MM, DOUBLE_MM = 85.0, 180.0
@@ -98,20 +98,6 @@ def new_figure(width_mm: float = SINGLE_MM, height_mm: float = 60.0) -> Figure:
     FigureCanvasAgg(figure)
     figure.get_layout_engine().set(w_pad=0.03, h_pad=0.03, wspace=0.03, hspace=0.04)
     return figure
-
-
-@contextmanager
-def replacing(target: Path) -> Iterator[Path]:
-    """A temporary path beside ``target`` that takes its place when the block ends well.
-
-    A reader, or a kill half way, never meets half a file. The suffix is kept: writers go by it.
-    """
-    draft = target.with_name(f".{target.stem}-{os.getpid()}-{threading.get_ident()}{target.suffix}")
-    try:
-        yield draft
-        os.replace(draft, target)
-    finally:
-        draft.unlink(missing_ok=True)
 
 
 def save(figure: Figure, path: str | Path, *, also: Sequence[str] = ()) -> list[Path]:

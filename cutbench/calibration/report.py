@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from cutbench.base.files import versions, write_json
 from cutbench.calibration.fitted import ComparedCurve, Estimate, Fit
-from cutbench.run.files import versions, write_json
 
 #: Layout of fit.json.
 SCHEMA = 1

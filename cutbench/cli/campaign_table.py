@@ -10,9 +10,9 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
+from cutbench.base.files import replacing
 from cutbench.data.campaign import Campaign
 from cutbench.data.experiment import Experiment
-from cutbench.run.files import replacing
 
 _HEADER = (
     "experiment", "kind", "role", "abscissa", "abscissa_unit", "x", "time_s", "ordinate_unit", "mean",

@@ -13,8 +13,9 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
+from cutbench.base.files import replacing
 from cutbench.data.field_comparison import Comparison
-from cutbench.run.files import replacing, save
+from cutbench.run.files import save
 
 _HEADER = (
     "travel_mm", "x_mm", "y_mm", "measured_u_x_mm", "measured_u_y_mm", "computed_u_x_mm", "computed_u_y_mm",

@@ -118,9 +118,9 @@ def doubted(*cases: Case) -> None:
 
 def asked(material: str, changes: dict[str, object], out: Path | None, *, dim: int) -> tuple[Case, Path]:
     """The case and a folder that can be written to."""
+    from cutbench.base.files import check_writable
     from cutbench.case.case import load_case
     from cutbench.case.values import check_driven
-    from cutbench.run.files import check_writable
 
     case = load_case(material, changes, dim=dim)
     check_driven(case.model)

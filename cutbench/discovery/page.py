@@ -6,7 +6,7 @@ import html
 from importlib import resources
 from pathlib import Path
 
-from cutbench.base.figure_style import replacing
+from cutbench.base.files import replacing, write_json
 from cutbench.discovery.figures import curves, ranking, svg
 from cutbench.discovery.report import (
     called,
@@ -17,7 +17,6 @@ from cutbench.discovery.report import (
 )
 from cutbench.discovery.search import Discovery
 from cutbench.discovery.where import Section
-from cutbench.run.files import write_json
 
 _SAID = {
     "mechanism": "A mechanism was found",

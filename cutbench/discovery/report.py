@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from cutbench.base.files import versions
 from cutbench.base.units import Parameter
 from cutbench.discovery.heldout import Heldout, compare
 from cutbench.discovery.point import Point
@@ -13,7 +14,6 @@ from cutbench.discovery.score import Score
 from cutbench.discovery.search import CHANCE, Discovery, Round, Tried
 from cutbench.discovery.where import Section
 from cutbench.mechanisms import registry
-from cutbench.run.files import versions
 
 SCHEMA = 1
 #: 95 % of a normal distribution lie within so many standard deviations.

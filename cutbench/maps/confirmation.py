@@ -16,12 +16,13 @@ import numpy as np
 import xarray as xr
 
 from cutbench.base.errors import BadInput
+from cutbench.base.files import write_json
 from cutbench.case.case import Case
 from cutbench.case.numerics import Numerics, defaults
 from cutbench.maps import dataset as maps
 from cutbench.maps.boundary import margin
 from cutbench.maps.confirmed_points import RECORD
-from cutbench.run.files import read_run, write_json
+from cutbench.run.files import read_run
 from cutbench.run.measures import ABRUPT, SMOOTH, label, measures
 from cutbench.run.result import Result
 

@@ -7,7 +7,6 @@ import io
 import json
 import math
 import os
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -18,6 +17,7 @@ import numpy as np
 import xarray as xr
 
 from cutbench.base.errors import BadInput
+from cutbench.base.files import replacing
 from cutbench.case.case import Case
 from cutbench.maps.axes import Axis, sets, short
 from cutbench.maps.study import case_at
@@ -246,22 +246,12 @@ def _case(text: str) -> Case:
 
 def save_map(data: xr.Dataset, folder: Path) -> None:
     """Write ``map.nc`` and ``map.csv`` into ``folder``, each whole or not at all."""
-    handle, name = tempfile.mkstemp(prefix=".map-", suffix=".nc", dir=folder)
-    os.close(handle)
-    try:
-        # A map of runs that were sought is mostly empty.
-        packed = {key: {"zlib": True} for key, v in data.variables.items() if v.ndim and v.dtype.kind in "fi"}
-        data.to_netcdf(name, engine="h5netcdf", encoding=packed)
-        _move(name, folder / "map.nc")
-    finally:
-        Path(name).unlink(missing_ok=True)
-    handle, name = tempfile.mkstemp(prefix=".map-", suffix=".csv", dir=folder)
-    try:
-        with open(handle, "w", encoding="utf-8", newline="") as file:
-            file.write(to_csv(data))
-        _move(name, folder / "map.csv")
-    finally:
-        Path(name).unlink(missing_ok=True)
+    # A map of runs that were sought is mostly empty.
+    packed = {key: {"zlib": True} for key, v in data.variables.items() if v.ndim and v.dtype.kind in "fi"}
+    with replacing(folder / "map.nc") as draft:
+        data.to_netcdf(draft, engine="h5netcdf", encoding=packed)
+    with replacing(folder / "map.csv") as draft:
+        draft.write_text(to_csv(data), encoding="utf-8", newline="")
 
 
 def to_csv(data: xr.Dataset) -> str:
@@ -302,10 +292,3 @@ def _flags(names: tuple[str, ...], text: str) -> dict[str, object]:
         "flag_values": np.arange(len(names), dtype=np.int8),
         "flag_meanings": " ".join(names),
     }
-
-
-def _move(name: str, target: Path) -> None:
-    mask = os.umask(0)
-    os.umask(mask)
-    os.chmod(name, 0o666 & ~mask)  # mkstemp lets only its owner read
-    os.replace(name, target)

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from cutbench.base.figure_style import COLOURS, replacing
+from cutbench.base.figure_style import COLOURS
+from cutbench.base.files import replacing
 from cutbench.maps.dataset import LABELS, OUTCOME_FLAGS, axes_of, axis_of, places_of
 from cutbench.run.figures.curve import smooth_force
 from cutbench.run.measures import MEASURES, forward

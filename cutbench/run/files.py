@@ -8,14 +8,11 @@ from __future__ import annotations
 
 import csv
 import json
-import math
 import os
 import platform
 import shlex
 import sys
-import tempfile
 from collections.abc import Sequence
-from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,7 +20,8 @@ import meshio
 import numpy as np
 
 from cutbench.base.errors import BadInput
-from cutbench.base.figure_style import replacing, save
+from cutbench.base.figure_style import save
+from cutbench.base.files import check_writable, number, plain, replacing, versions, write_json
 from cutbench.run.result import Outcome, Result, ordered_columns
 
 if TYPE_CHECKING:
@@ -35,23 +33,6 @@ SCHEMA = 1
 
 #: Pictures of fields; those of an earlier run in the same folder are taken away.
 PICTURES = ("section.png", "cut_plane.png", "front.png", "block.png", "plane_strain.png")
-
-_PACKAGES = ("cutbench", "numpy", "scipy", "scikit-fem", "meshio", "py-mkl-pardiso")
-
-
-def check_writable(out_dir: str | Path) -> Path:
-    """Make ``out_dir`` if need be and try to write in it; raises BadInput (``--out``) if that fails."""
-    out = Path(out_dir)
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=out, prefix=".try-"):
-            pass
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise BadInput(
-            key="--out", value=str(out_dir), expected=f"a folder that can be written to ({reason})"
-        ) from error
-    return out
 
 
 def write_run(
@@ -99,13 +80,6 @@ def write_run(
     return paths
 
 
-def write_json(record: object, path: str | Path) -> None:
-    """Write ``record`` as JSON, with null for what is not finite."""
-    text = json.dumps(_plain(record), indent=2, ensure_ascii=False, allow_nan=False)
-    with replacing(Path(path)) as draft:
-        draft.write_text(text + "\n", encoding="utf-8")
-
-
 def describe(result: Result, *, command: str | None = None) -> dict:
     """The content of run.json: all inputs with units, groups, outcome, measures, cost, versions, machine."""
     case, outcome = result.case, result.outcome
@@ -114,16 +88,16 @@ def describe(result: Result, *, command: str | None = None) -> dict:
         "id": case.id,
         "name": case.name,
         "case": case.to_dict(),
-        "groups": _plain(case.groups()),
+        "groups": plain(case.groups()),
         "outcome": {
             "kind": outcome.kind,
             "message": outcome.message,
             "advice": outcome.advice,
-            "reached_mm": _plain(outcome.reached_mm),
+            "reached_mm": plain(outcome.reached_mm),
         },
-        "measures": _plain(result.measures),
-        "counts": _plain(result.counts),
-        "timings_s": _plain(result.timings),
+        "measures": plain(result.measures),
+        "counts": plain(result.counts),
+        "timings_s": plain(result.timings),
         "versions": versions(),
         "platform": {
             "system": platform.platform(),
@@ -134,20 +108,9 @@ def describe(result: Result, *, command: str | None = None) -> dict:
         "reproduce": {
             "command": command or shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]),
             "folder": os.getcwd(),
-            "python": "from cutbench import output, run; run.run_case(output.read_run('.').case)",
+            "python": "from cutbench.run import read_run, run_case; run_case(read_run('.').case)",
         },
     }
-
-
-def versions() -> dict[str, str | None]:
-    """Versions of Python, cutbench and the libraries that a number depends on; None where not installed."""
-    found: dict[str, str | None] = {"python": platform.python_version()}
-    for name in _PACKAGES:
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            found[name] = None
-    return found
 
 
 def write_curve(curve: dict[str, np.ndarray], path: str | Path, names: Sequence[str] | None = None) -> None:
@@ -219,7 +182,7 @@ def read_run(out_dir: str | Path) -> Result:
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
         case: Case = Case.from_dict(record["case"])
-        outcome = Outcome(**{**record["outcome"], "reached_mm": _number(record["outcome"]["reached_mm"])})
+        outcome = Outcome(**{**record["outcome"], "reached_mm": number(record["outcome"]["reached_mm"])})
         measures, counts, timings = (record[key] for key in ("measures", "counts", "timings_s"))
     except BadInput as error:
         raise BadInput(file=str(path), key=error.key, value=error.value, expected=error.expected) from error
@@ -229,9 +192,9 @@ def read_run(out_dir: str | Path) -> Result:
         case=case,
         curve=read_curve(out_dir),
         outcome=outcome,
-        timings={key: _number(value) for key, value in timings.items()},
+        timings={key: number(value) for key, value in timings.items()},
         counts=counts,
-        measures={key: _number(value) for key, value in measures.items()},
+        measures={key: number(value) for key, value in measures.items()},
     )
 
 
@@ -308,21 +271,3 @@ def _faces(snapshot: Snapshot) -> meshio.Mesh | None:
         data[name] = np.concatenate(parts)
     vertices = np.arange(len(points))[:, None]
     return meshio.Mesh(points, [("vertex", vertices)], point_data=data)
-
-
-def _plain(value):
-    """``value`` for JSON: numpy's numbers as Python's, and null for nan and infinity, which JSON lacks."""
-    if isinstance(value, dict) or hasattr(value, "items"):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple, np.ndarray)):
-        return [_plain(item) for item in value]
-    if isinstance(value, (np.generic,)):
-        value = value.item()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
-
-
-def _number(value: float | None) -> float:
-    """The reverse of ``_plain`` for a number."""
-    return math.nan if value is None else float(value)

@@ -252,8 +252,9 @@ def _measures(case: Case, curve: dict[str, np.ndarray]) -> dict[str, float]:
 def save_tension(test: Tension, folder: str | Path) -> dict[str, Path]:
     """Write tension.json, curve.csv and tension.png into ``folder``; returns the paths by name."""
     from cutbench.base.figure_style import save
+    from cutbench.base.files import write_json
     from cutbench.run.figures.tension import plot_tension
-    from cutbench.run.files import write_curve, write_json
+    from cutbench.run.files import write_curve
 
     folder = Path(folder)
     paths = {"curve": folder / "curve.csv", "record": folder / "tension.json"}

@@ -14,10 +14,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from cutbench.base.errors import BadInput
-from cutbench.base.figure_style import replacing
+from cutbench.base.files import check_writable, replacing, versions, write_json
 from cutbench.base.toml import line_of, located, one_of, read_toml
 from cutbench.case.case import Case, load_case
-from cutbench.run.files import check_writable, versions, write_json
 from cutbench.run.pool.worker import Run
 from cutbench.run.result import Result
 from cutbench.run.runner import run_case

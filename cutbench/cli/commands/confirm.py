@@ -38,12 +38,12 @@ def confirm(
     again to go on where it stopped.
     """
     from cutbench.base.errors import BadInput
+    from cutbench.base.files import check_writable
     from cutbench.maps import dataset as maps
     from cutbench.maps.confirmation import confirm as compare
     from cutbench.maps.confirmation import least_certain, marked
     from cutbench.maps.confirmed_points import FOLDER, RECORD
     from cutbench.maps.phase import save_phase
-    from cutbench.run.files import check_writable
 
     count, every_s = whole("--points", points), seconds("--checkpoint", checkpoint, 60.0)
     asked = changes(sets, {"h": in_mm(h), "depth": in_mm(depth), "element": element}, None, None)

@@ -21,7 +21,7 @@ def converge(
 ) -> None:
     """Change the numerics one by one and say how far each measure moves; start it again to go on."""
     leave_cores_to_workers()
-    from cutbench.run.files import check_writable
+    from cutbench.base.files import check_writable
     from cutbench.verification.convergence import compute, load_plan, markdown, write
 
     plan, processes = load_plan(study), whole("--workers", workers)

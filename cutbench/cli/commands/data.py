@@ -27,9 +27,9 @@ def data(
     for note in loaded.all_notes():
         typer.echo(f"note: {note}")
     if out is not None:
+        from cutbench.base.files import check_writable
         from cutbench.data.figure import plot_data
         from cutbench.run.figures import save
-        from cutbench.run.files import check_writable
 
         folder = check_writable(out)
         typer.echo(write_data(loaded, folder / "data.csv"))

@@ -21,8 +21,8 @@ def discover(
     refine: Refine = True,
 ) -> None:
     """Fit the baseline, show where it fails, name the mechanism that explains it and what it gains."""
+    from cutbench.base.files import check_writable
     from cutbench.data.campaign import load_campaign
-    from cutbench.run.files import check_writable
 
     loaded = load_campaign(campaign)
     count = whole("workers", workers)

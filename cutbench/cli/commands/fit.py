@@ -24,8 +24,8 @@ def fit(
     refine: Refine = True,
 ) -> None:
     """Fit a campaign's free parameters to all its train experiments, predict its test experiments."""
+    from cutbench.base.files import check_writable
     from cutbench.data.campaign import load_campaign
-    from cutbench.run.files import check_writable
 
     loaded = load_campaign(campaign)
     count = whole("workers", workers)

@@ -48,8 +48,9 @@ def run2d(
 def _follow(result: Result, folder: Path) -> None:
     """Trace the path of ``result``'s case and say what it shows; leaves with 130 if it was interrupted."""
     from cutbench.base.figure_style import save
+    from cutbench.base.files import write_json
     from cutbench.run.figures.snap_back import plot_follow
-    from cutbench.run.files import write_curve, write_json
+    from cutbench.run.files import write_curve
     from cutbench.run.snap_back import INTERRUPTED, trace_snap_back
     from cutbench.run.snap_back_report import describe_followed, sentence
 

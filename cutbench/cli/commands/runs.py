@@ -34,8 +34,8 @@ def runs(
 ) -> None:
     """List the runs that sweeps have kept; choose some; export them."""
     from cutbench.base.errors import BadInput
-    from cutbench.base.figure_style import replacing
-    from cutbench.run.files import check_writable, write_run
+    from cutbench.base.files import check_writable, replacing
+    from cutbench.run.files import write_run
     from cutbench.run.store import listing
     from cutbench.run.store.runs import Store
 

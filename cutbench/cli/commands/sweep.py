@@ -29,9 +29,9 @@ def sweep(
 ) -> None:
     """Compute a map; what is finished is never computed twice, so start it again to go on."""
     leave_cores_to_workers()
+    from cutbench.base.files import check_writable
     from cutbench.maps.study import load_study
     from cutbench.maps.sweep import run_study
-    from cutbench.run.files import check_writable
 
     plan, processes = load_study(study), whole("--workers", workers)
     check_writable(out)

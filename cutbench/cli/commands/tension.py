@@ -32,9 +32,9 @@ def tension(
     """Pull a strip of 12 × 30 × 3 mm between clamps: the bulk and cut laws of a cutting test, no blade."""
     from pathlib import Path
 
+    from cutbench.base.files import check_writable
     from cutbench.base.units import parse_quantity
     from cutbench.case.case import load_case
-    from cutbench.run.files import check_writable
     from cutbench.run.tension import NOTCH, save_tension, strip_case
 
     asked = changes(sets, {"h": in_mm(h), "depth": in_mm(elongation), "element": element}, with_, without)

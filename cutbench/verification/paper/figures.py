@@ -5,16 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from cutbench.base.figure_style import (
-    COLOURS,
-    DOUBLE_MM,
-    GREY,
-    LINE_COLOURS,
-    LINES,
-    new_figure,
-    replacing,
-    style,
-)
+from cutbench.base.figure_style import COLOURS, DOUBLE_MM, GREY, LINE_COLOURS, LINES, new_figure, style
+from cutbench.base.files import replacing
 from cutbench.run.result import Result
 from cutbench.verification.paper.base import CONVERGED, PAPER
 from cutbench.verification.paper.cases import CHANGES

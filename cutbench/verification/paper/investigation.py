@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cutbench.base.errors import BadInput
+from cutbench.base.files import check_writable
 from cutbench.base.toml import one_of
-from cutbench.run.files import check_writable
 from cutbench.run.pool.worker import Run
 from cutbench.run.store.runs import Store
 from cutbench.verification.paper import claims

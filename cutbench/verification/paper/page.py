@@ -15,7 +15,7 @@ import sys
 from pathlib import Path
 
 from cutbench.base.errors import BadInput
-from cutbench.base.figure_style import replacing
+from cutbench.base.files import replacing
 from cutbench.verification.paper.report import markdown
 
 BEGIN, END = "<!-- claims: begin -->", "<!-- claims: end -->"

@@ -7,8 +7,7 @@ import platform
 from collections.abc import Sequence
 from pathlib import Path
 
-from cutbench.base.figure_style import replacing
-from cutbench.run.files import check_writable, versions
+from cutbench.base.files import check_writable, replacing, versions
 from cutbench.verification.reference.base import Check
 from cutbench.verification.reference.runner import Verified
 

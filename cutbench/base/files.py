@@ -1,0 +1,85 @@
+"""Files that appear whole or not at all, what JSON can hold, and which versions a number depends on."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import platform
+import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+
+from cutbench.base.errors import BadInput
+
+_PACKAGES = ("cutbench", "numpy", "scipy", "scikit-fem", "meshio", "py-mkl-pardiso")
+
+
+@contextmanager
+def replacing(target: Path) -> Iterator[Path]:
+    """A temporary path beside ``target`` that takes its place when the block ends well.
+
+    A reader, or a kill half way, never meets half a file. The suffix is kept: writers go by it.
+    """
+    draft = target.with_name(f".{target.stem}-{os.getpid()}-{threading.get_ident()}{target.suffix}")
+    try:
+        yield draft
+        os.replace(draft, target)
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def check_writable(out_dir: str | Path) -> Path:
+    """Make ``out_dir`` if need be and try to write in it; raises BadInput (``--out``) if that fails."""
+    out = Path(out_dir)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=out, prefix=".try-"):
+            pass
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise BadInput(
+            key="--out", value=str(out_dir), expected=f"a folder that can be written to ({reason})"
+        ) from error
+    return out
+
+
+def write_json(record: object, path: str | Path) -> None:
+    """Write ``record`` as JSON, with null for what is not finite."""
+    text = json.dumps(plain(record), indent=2, ensure_ascii=False, allow_nan=False)
+    with replacing(Path(path)) as draft:
+        draft.write_text(text + "\n", encoding="utf-8")
+
+
+def plain(value):
+    """``value`` for JSON: numpy's numbers as Python's, and null for nan and infinity, which JSON lacks."""
+    if isinstance(value, dict) or hasattr(value, "items"):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [plain(item) for item in value]
+    if isinstance(value, (np.generic,)):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def number(value: float | None) -> float:
+    """The reverse of ``plain`` for a number."""
+    return math.nan if value is None else float(value)
+
+
+def versions() -> dict[str, str | None]:
+    """Versions of Python, cutbench and the libraries that a number depends on; None where not installed."""
+    found: dict[str, str | None] = {"python": platform.python_version()}
+    for name in _PACKAGES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = None
+    return found
