@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from cutbench.maps.dataset import load_map
     from cutbench.maps.study import Study, load_study
     from cutbench.maps.sweep import run_study
+    from cutbench.mechanisms import use_mechanisms
     from cutbench.run.result import Outcome, Result
     from cutbench.run.runner import run_case
 
@@ -43,6 +44,7 @@ _WHERE = {
     "maps.dataset": ("load_map",),
     "maps.study": ("Study", "load_study"),
     "maps.sweep": ("run_study",),
+    "mechanisms": ("use_mechanisms",),
     "run.result": ("Outcome", "Result"),
     "run.runner": ("run_case",),
 }
@@ -75,6 +77,7 @@ __all__ = [
     "run3d",
     "run_case",
     "run_study",
+    "use_mechanisms",
 ]
 
 

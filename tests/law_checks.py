@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from cutbench.base.units import Parameter, ureg
-from cutbench.case.model import DEFAULT, PROTOCOL, SPECIMEN, Model
+from cutbench.case.model import DEFAULT, Model
 from cutbench.mechanisms import registry
-from cutbench.mechanisms.base import Mechanism, Points
+from cutbench.mechanisms.base import Answer, Mechanism, Points
+from cutbench.mechanisms.given import PROTOCOL, SPECIMEN
 
 LAWS = registry()
 DECLARED: dict[str, Parameter] = {q.name: q for q in SPECIMEN + PROTOCOL} | {
@@ -64,7 +65,7 @@ def rng() -> np.random.Generator:
 def points(n: int, **more) -> Points:
     r = rng()
     X = np.stack([r.uniform(0, 15, n), r.uniform(0, HEIGHT, n), r.uniform(0, 15, n)])
-    return Points(X=X, depth=HEIGHT - X[1], dt=DT, speed=0.021, shared={}, **more)
+    return Points(X=X, depth=HEIGHT - X[1], dt=DT, speed=0.021, **more)
 
 
 def deformations(n: int = N) -> np.ndarray:
@@ -145,15 +146,16 @@ def jumps(n: int = N, closing: bool = True) -> np.ndarray:
 
 
 def cut(law, jump, jump_old, states=None, p=None, dt=DT, others=None):
-    """Traction of ``law``, the states of it and of those before it by name, and what they share."""
+    """Traction of ``law``, states by law up to it, and the points with what those before it answered."""
     n = jump.shape[-1]
     at = points(n, jump_old=jump_old)
-    at.dt = dt
+    at.dt, at.before = dt, {}
     new = {}
     for each in [*before(law), law]:
         q = p if each is law and p is not None else (others or {}).get(each.name, numbers(each))
         old = each.start(n, q) if states is None else states[each.name]
         T, new[each.name] = each.traction(jump, q, old, at)
+        at.before[each.role] = Answer(T, new[each.name], old)
     return T, new, at
 
 

@@ -11,7 +11,7 @@ import pytest
 from cutbench.base.errors import BadInput
 from cutbench.case.model import DEFAULT, PAPER, Model
 from cutbench.mechanisms import registry
-from cutbench.mechanisms.base import STEP, Points
+from cutbench.mechanisms.base import STEP, Answer, Points
 from cutbench.mechanisms.bulk._isotropic import cofactor, det
 from cutbench.mechanisms.cut.compact_cohesion import BELL
 
@@ -24,9 +24,7 @@ def parameters(**more) -> SimpleNamespace:
 
 
 def at_rest(**more) -> Points:
-    return Points(
-        **({"X": np.zeros((3, 1)), "depth": np.zeros(1), "dt": 1.0, "shared": {}, "laws": ()} | more)
-    )
+    return Points(**({"X": np.zeros((3, 1)), "depth": np.zeros(1), "dt": 1.0, "laws": ()} | more))
 
 
 def tension(stretch: float) -> np.ndarray:
@@ -193,11 +191,12 @@ INTERFACE = {"G_c": 0.01, "delta_c": 0.07, "beta": 0.8}
 
 
 def opened(law, s, p, old=0.0, **more):
-    """Normal traction (N,) at the opening s in units of δ_c, from a virgin interface."""
+    """Normal traction (N,) at the opening s in units of δ_c, from a virgin interface, and its damage."""
     jump = np.zeros((3, np.size(s)))
     jump[0] = np.asarray(s) * p.delta_c
     at = at_rest(jump_old=np.zeros_like(jump) + old, **more)
-    return law.traction(jump, p, law.start(np.size(s), p), at)[0][0], at
+    T, new = law.traction(jump, p, law.start(np.size(s), p), at)
+    return T[0], new["damage"]
 
 
 @pytest.mark.parametrize("q", [0.0, 0.3, 1.0])
@@ -207,7 +206,7 @@ def test_every_shape_has_the_same_work_of_separation_and_peaks_at_delta_c(q):
     T = opened(law, s, p)[0]
     assert np.trapezoid(T, s * p.delta_c) == pytest.approx(p.G_c, rel=1e-6)
     assert s[np.argmax(T)] == pytest.approx(1.0, abs=1e-3)
-    damage = opened(law, s, p)[1].shared["damage"]
+    damage = opened(law, s, p)[1]
     assert damage[0] == 0 and np.all(np.diff(damage) >= -1e-15)
 
 
@@ -226,10 +225,12 @@ def test_toughness_grows_with_the_logarithm_of_the_rate():
     jump, old = np.array([[0.1], [0.0], [0.0]]), np.array([[0.06], [0.0], [0.0]])
     at = at_rest(jump_old=old, dt=2.0)
     base = LAW["smith_ferrante"]
-    T = base.traction(jump, p, base.start(1, p), at)[0]
+    begun = base.start(1, p)
+    T, new = base.traction(jump, p, begun, at)
+    at.before = {"cohesive": Answer(T, new, begun)}
     extra = LAW["rate_toughness"].traction(jump, p, {}, at)[0]
     np.testing.assert_allclose(extra, 0.3 * np.log(1 + 0.02 / 0.01) * T, rtol=1e-12)
-    back = at_rest(jump_old=2 * jump, dt=2.0, shared=at.shared)
+    back = at_rest(jump_old=2 * jump, dt=2.0, before=at.before)
     assert not LAW["rate_toughness"].traction(jump, p, {}, back)[0].any(), "closing is not resisted"
 
 

@@ -114,8 +114,7 @@ def test_the_law_of_the_readme_is_neo_hooke_where_it_does_not_stiffen(tmp_path):
     (tmp_path / "my_laws" / "demiray.py").write_text(law, encoding="utf-8")
     (tmp_path / "compare.py").write_text(
         "import cutbench\n"
-        "from cutbench.mechanisms import bulk, registry\n"
-        "bulk.__path__.append('my_laws'); registry.cache_clear()\n"
+        "cutbench.use_mechanisms('my_laws')\n"
         "small = dict(depth='1 mm', h='0.7 mm')\n"
         "for changes in ({}, dict(with_='demiray', k=1e-9), dict(with_='demiray', k=0.3)):\n"
         "    print(cutbench.run2d('gelatin', **changes, **small).force_N[-1])\n",

@@ -43,7 +43,7 @@ from law_checks import (
 from cutbench.base.units import Parameter, unit_factor, ureg
 from cutbench.case.model import DEFAULT, Model
 from cutbench.mechanisms import SLOTS
-from cutbench.mechanisms.base import STEP, Mechanism
+from cutbench.mechanisms.base import STEP, Mechanism, cut_answers
 
 
 # -- what a person sees --------------------------------------------------------------------------
@@ -225,10 +225,9 @@ def together(model: Model, slot: str, p: SimpleNamespace) -> np.ndarray:
         states = {k: v for law in laws for k, v in law.start(N, p).items()}
         total = np.zeros((3, N))
         for old, jump in pairwise([np.zeros((3, N)), rng().permutation(jumps(), axis=1), jumps()]):
-            at, total, new = points(N, jump_old=old), np.zeros((3, N)), {}
-            for law in laws:
-                T, more = law.traction(jump, p, states, at)
-                total, new = total + T, new | more
+            total, new = np.zeros((3, N)), {}
+            for answer in cut_answers(laws, jump, p, states, points(N, jump_old=old)):
+                total, new = total + answer.traction, new | answer.new
             states = new
         return total
     if slot == "bulk":

@@ -13,32 +13,11 @@ from cutbench.base.errors import BadInput
 from cutbench.base.toml import one_of
 from cutbench.base.units import Parameter
 from cutbench.mechanisms import Mechanism, registry
+from cutbench.mechanisms.given import PROTOCOL, SPECIMEN
 
 #: The model as the paper states it, and the default: the same with a viscous term that converges.
 PAPER = ("neo_hookean", "volumetric", "smith_ferrante", "viscous", "contact", "coulomb", "adhesion")
 DEFAULT = tuple("viscous_degraded" if name == "viscous" else name for name in PAPER)
-
-SPECIMEN = (
-    Parameter(
-        "width", "mm", "W", "specimen across the blade", low=0, open_low=True, default=30.0, typical=30.0
-    ),
-    Parameter(
-        "length", "mm", "L", "specimen along the blade", low=0, open_low=True, default=30.0, typical=30.0
-    ),
-    Parameter("height", "mm", "H", "specimen height", low=0, open_low=True, default=21.0, typical=21.0),
-)
-PROTOCOL = (
-    Parameter("speed", "mm/s", "v", "blade speed", low=0, open_low=True, default=0.021, typical=0.021),
-    Parameter(
-        "depth",
-        "mm",
-        "u",
-        "blade travel (default: to 4 thicknesses above the base)",
-        low=0,
-        open_low=True,
-        typical=21.0,
-    ),
-)
 
 
 @dataclass(frozen=True)
@@ -112,6 +91,14 @@ class Model:
                     value=f"{other}, {m.name}",
                     expected=f"one mechanism of the role '{m.role}': take out {other} or {m.name}",
                 )
+        for m in asked:
+            for role in m.follows:
+                if (m.slot, role) not in roles:
+                    able = [o.name for o in registry().values() if (o.slot, o.role) == (m.slot, role)]
+                    raise BadInput(
+                        key="mechanisms", value=", ".join(self.mechanisms),
+                        expected=f"a mechanism of the role '{role}' for {m.name}, such as {', '.join(able)}",
+                    )  # fmt: skip
         if not any(m.slot == "bulk" and m.role != "volumetric" for m in asked):
             laws = [m.name for m in registry().values() if m.slot == "bulk" and m.role != "volumetric"]
             raise BadInput(

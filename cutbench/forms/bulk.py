@@ -45,7 +45,7 @@ class BulkForm(Form):
     def points(self, step) -> Points:
         """Without a step, internal variables are taken as they are."""
         dt, held = (None, True) if step is None else (step.dt, False)
-        return Points(X=self._X, depth=self._depth, dt=dt, laws=self.laws, shared={}, held=held)
+        return Points(X=self._X, depth=self._depth, dt=dt, laws=self.laws, held=held)
 
     def _stiffness(self, p):
         """Factor of the skins on all stresses, 1 or (nq, ne)."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from cutbench.forms.base import Form, Local, add_states, blend, component_major, gather
 from cutbench.forms.space import Faces
-from cutbench.mechanisms.base import STEP, Points
+from cutbench.mechanisms.base import STEP, Points, cut_answers
 
 
 class CutForm(Form):
@@ -68,7 +68,8 @@ class CutForm(Form):
     def start(self, p):
         n = self.faces.w.size
         state = add_states(*(law.start(n, p) for law in self.laws))
-        return {**state, "damage": np.zeros(n), "tractions": np.zeros((len(self.laws), 3, n))}
+        # Without a cohesive law nothing breaks.
+        return {"damage": np.zeros(n), **state, "tractions": np.zeros((len(self.laws), 3, n))}
 
     def carried(self, other, state, p):
         return {name: self.faces.from_others(other.faces, value) for name, value in state.items()}
@@ -85,8 +86,7 @@ class CutForm(Form):
     def points(self, step: object) -> Points:
         jump_old = self.jump(step.u_old)
         return Points(
-            X=self._X, depth=self._depth, dt=step.dt, jump_old=jump_old, shared={}, held=self.held,
-            closing=self.closing,
+            X=self._X, depth=self._depth, dt=step.dt, jump_old=jump_old, held=self.held, closing=self.closing
         )  # fmt: skip
 
     def _weights(self, p, at) -> np.ndarray:
@@ -96,20 +96,15 @@ class CutForm(Form):
             w = w * np.broadcast_to(skin.toughness(p, at), w.size).reshape(w.shape)
         return w
 
-    def _tractions(self, jump, p, state, at):
-        at.shared.clear()
-        parts, T = [], []
-        for law in self.laws:
-            traction, new = law.traction(jump, p, state, at)
-            T.append(traction)
-            parts.append(new)
-        return np.stack(T) if T else np.zeros((0, *jump.shape)), parts
+    def _answers(self, jump, p, state, at) -> tuple[np.ndarray, dict]:
+        """Tractions (laws, 3, nq·nf) and the new state."""
+        found = cut_answers(self.laws, jump, p, state, at)
+        T = np.stack([each.traction for each in found]) if found else np.zeros((0, *jump.shape))
+        return T, {"damage": state["damage"], **add_states(*(each.new for each in found))}
 
     def evaluate(self, u, p, state, step, tangent=True):
         jump, at = self.jump(u), self.points(step)
-        T, parts = self._tractions(jump, p, state, at)
-        new = add_states(*parts)
-        new["damage"] = at.shared.get("damage", state["damage"])
+        T, new = self._answers(jump, p, state, at)
         new["tractions"] = T
         total = T.sum(axis=0)
         nq, nf = self.faces.w.shape
@@ -123,7 +118,7 @@ class CutForm(Form):
             for c in range(nc):
                 probe = jump.astype(complex)
                 probe[c] += 1j * STEP
-                slope = self._tractions(probe, p, state, at)[0].sum(axis=0)[:nc].imag / STEP
+                slope = self._answers(probe, p, state, at)[0].sum(axis=0)[:nc].imag / STEP
                 D[:, c] = slope.reshape(nc, nq, nf)
             nd = self.dofs.shape[0]
             D = (D * w).transpose(2, 0, 1, 3).reshape(nq, nc, nc, nf)
@@ -140,8 +135,7 @@ class CutForm(Form):
         every path of equilibria, whichever way the blade goes.
         """
         jump, at = self.jump(u), self.points(step)
-        self._tractions(jump, p, state, at)
-        w, d = self.faces.w, np.real(at.shared.get("damage", state["damage"]))
+        w, d = self.faces.w, np.real(self._answers(jump, p, state, at)[1]["damage"])
         g = d**3 * (10 - 15 * d + 6 * d**2) if local else d
         by_damage = 30 * (d * (1 - d)) ** 2 if local else 1.0
         nc = self._frame.shape[0]
@@ -149,8 +143,7 @@ class CutForm(Form):
         for c in range(nc):
             probe = jump.astype(complex)
             probe[c] += 1j * STEP
-            self._tractions(probe, p, state, at)
-            by_jump = np.imag(at.shared.get("damage", 0.0)) / STEP
+            by_jump = np.imag(self._answers(probe, p, state, at)[1]["damage"]) / STEP
             slope[c] = (by_damage * by_jump).reshape(w.shape) * w
         along = np.einsum("cdf,cqf->dqf", self._frame, slope)
         return float(w.ravel() @ g), np.einsum("qaf,dqf->daf", self._N, along).reshape(self.dofs.shape)

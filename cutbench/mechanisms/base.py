@@ -7,9 +7,9 @@ stay clear of ``abs`` and ``norm`` so that a complex step differentiates them ex
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import SimpleNamespace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -27,13 +27,14 @@ class Points(SimpleNamespace):
 
     ``X`` (3, N) reference position in mm with X[1] the height; ``depth`` (N,) distance below the
     top face in the reference state; ``dt`` seconds; ``speed`` blade speed mm/s; slots add theirs
-    (``jump_old``, ``slip_rate``, …). ``shared`` carries what laws of one slot tell each other, in
-    the order of ``Mechanism.rank``. ``laws`` (slot bulk): all bulk laws of the model, for one that
-    scales what others answer. ``held``: internal variables keep their old values, and ``dt`` is not
-    needed. ``closing`` (slot cut): pressure in G at which closed faces would overlap by δ_c.
+    (``jump_old``, ``slip_rate``, …). ``laws`` (slot bulk): all bulk laws of the model, for one that
+    scales what others answer. ``before`` (slot cut): what the laws of lower ``Mechanism.rank`` have
+    answered, by role. ``held``: internal variables keep their old values, and ``dt`` is not needed.
+    ``closing`` (slot cut): pressure in G at which closed faces would overlap by δ_c.
     """
 
     held = False
+    before: Mapping[str | None, Answer] = {}
     #: With a pressure of G closed faces overlap by δ_c/70. A softer cut plane gives way under a blunt tip and
     #: wrinkles, and the onset of cutting then follows the mesh.
     closing = 5000.0
@@ -52,6 +53,8 @@ class Mechanism:
     rank: ClassVar[int] = 0
     #: At most one mechanism of a role is in a model (the cohesive law, the viscous form, …).
     role: ClassVar[str | None] = None
+    #: Roles without whose answers the law has none: a model that has the law has them too.
+    follows: ClassVar[tuple[str, ...]] = ()
 
     def groups(self, p: Params) -> Mapping[str, float]:
         """The law's dimensionless groups, by their text: ``{"(G_c/delta_c)/G": 10.1}``."""
@@ -104,15 +107,37 @@ class Bulk(Mechanism):
         return A
 
 
+class Answer(NamedTuple):
+    """What a cut law has answered in this step: its traction (3, N) and its ``new`` state; ``old`` is all
+    that the slot knew at the step's start."""
+
+    traction: np.ndarray
+    new: State
+    old: State
+
+    @property
+    def mean_damage(self) -> np.ndarray:
+        """Of the step (N,): the law's own ``mean_damage``, or half way between both ends if it has none."""
+        mean = self.new.get("mean_damage")
+        return (self.old["damage"] + self.new["damage"]) / 2 if mean is None else mean
+
+
 class Cut(Mechanism):
-    """Cohesive traction on the cut plane from the displacement jump."""
+    """Traction on the cut plane from the displacement jump. Each law names its ``role``.
+
+    That of the role ``cohesive`` parts the faces: its state has ``damage`` (N,), 0 where the interface is
+    whole and 1 where it is cut, which never falls. Where faces are cut, how far the cut is and how long steps
+    may be are read off it, and other laws find it in ``at.before["cohesive"]``, an ``Answer``. It may have
+    ``mean_damage`` (N,), the mean over the step, too.
+    """
 
     slot = "cut"
 
     def traction(self, jump: np.ndarray, p: Params, state: State, at: Points) -> tuple[np.ndarray, State]:
         """T (3, N) in MPa — normal, two tangential components — and the new state.
 
-        ``jump`` (3, N) in mm in the same components; ``at.jump_old`` at the start of the step.
+        ``jump`` (3, N) in mm in the same components; ``at.jump_old`` at the start of the step. The new state
+        has the names of ``start``, all of them.
         """
         raise NotImplementedError(self.name)
 
@@ -122,6 +147,16 @@ class Cut(Mechanism):
         ``None`` (the default): the ledger integrates T·d[[u]] over the steps instead.
         """
         return None
+
+
+def cut_answers(laws: Sequence[Cut], jump: np.ndarray, p: Params, state: State, at: Points) -> list[Answer]:
+    """What the cut laws of a model, by rank, answer, each with ``at.before``; ``state`` is of all."""
+    found: list[Answer] = []
+    for law in laws:
+        seen = {other.role: answer for other, answer in zip(laws, found, strict=False)}
+        traction, new = law.traction(jump, p, state, Points(**{**vars(at), "before": seen}))
+        found.append(Answer(traction, new, state))
+    return found
 
 
 class Blade(Mechanism):

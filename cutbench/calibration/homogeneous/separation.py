@@ -8,7 +8,7 @@ import numpy as np
 
 from cutbench.calibration.homogeneous.history import LoadingHistory
 from cutbench.case.model import Model
-from cutbench.mechanisms.base import Points
+from cutbench.mechanisms.base import Points, cut_answers
 
 #: Steps to each reading: laws may take means over a step, which lag by half of it.
 STEPS = 8
@@ -30,11 +30,10 @@ def traction(
         jump = np.zeros((3, count))
         jump[axis] = x
         # The middle of a specimen: no skin.
-        at = Points(X=np.zeros((3, count)), depth=np.full(count, 1e6), dt=dt, jump_old=old, shared={})
+        at = Points(X=np.zeros((3, count)), depth=np.full(count, 1e6), dt=dt, jump_old=old)
         T, new = np.zeros((3, count)), {}
-        for law in laws:
-            part, changed = law.traction(jump, p, state, at)
-            T, new = T + part, new | changed
+        for answer in cut_answers(laws, jump, p, state, at):
+            T, new = T + answer.traction, new | answer.new
         state, old = new, jump
         if reached:
             out.append(T[axis])

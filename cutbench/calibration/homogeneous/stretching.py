@@ -74,7 +74,7 @@ class _Body:
         """P₁₁ and P₃₃ (N,) at the free stretch exp(b), and the new state."""
         F = self.mode.deformation(stretch, np.exp(b))
         n = F.shape[-1]
-        at = Points(X=np.zeros((3, n)), depth=np.full(n, DEEP), dt=dt, laws=self.laws, shared={})
+        at = Points(X=np.zeros((3, n)), depth=np.full(n, DEEP), dt=dt, laws=self.laws)
         P, new = np.zeros((3, 3, n)), {}
         for law in self.laws:
             part, changed = law.stress(F, p, state, at)

@@ -18,6 +18,7 @@ class RateToughness(Cut):
     name = "rate_toughness"
     title = "rate toughness"
     role = "rate"
+    follows = ("cohesive",)
     parameters = (
         Parameter(
             "rate_toughening",
@@ -54,7 +55,7 @@ class RateToughness(Cut):
         delta_old = np.where(old_is_zero, 0, np.sqrt(np.where(old_is_zero, 1.0, old)))
         delta = np.sqrt(np.where(opens, now, 1.0))
         rate = np.where(opens, (delta - delta_old) / at.dt, 0)
-        T = p.rate_toughening * np.log(1 + rate / p.rate_reference) * at.shared["cohesive"]
+        T = p.rate_toughening * np.log(1 + rate / p.rate_reference) * at.before["cohesive"].traction
         # What resists closing is contact, not cohesion.
         T[0] = np.where(jump[0].real > 0, T[0], 0)
         return T, {}

@@ -29,7 +29,7 @@ class SmithFerrante(Cut):
     name = "smith_ferrante"
     title = "cohesive"
     role = "cohesive"
-    rank = -10  # shares damage and traction with the laws that scale them
+    rank = -10  # before the laws that scale its traction, or fade with its damage
     parameters = (
         Parameter("G_c", "J/m^2", "G_c", "work of separation", low=0, open_low=True, typical=10.0),
         Parameter("delta_c", "mm", "δ_c", "opening at peak traction", low=0, open_low=True, typical=0.07),
@@ -62,7 +62,7 @@ class SmithFerrante(Cut):
         return at.closing * p.G / p.delta_c**2
 
     def start(self, n, p):
-        return {"delta_max": np.zeros(n)}
+        return {"delta_max": np.zeros(n), "damage": np.zeros(n), "mean_damage": np.zeros(n)}
 
     def traction(self, jump, p, state, at):
         square = squared_opening(jump, p)
@@ -77,8 +77,7 @@ class SmithFerrante(Cut):
         T = np.stack([opening, *(K * keep * p.beta**2 * jump[1:])])
         start = state["delta_max"]
         mean = WEIGHTS @ self.keep((start + POINTS * (delta_max - start)) / p.delta_c, p)
-        at.shared.update(damage=1 - keep, mean_damage=1 - mean, stiffness=K, cohesive=T)
-        return T, {"delta_max": delta_max}
+        return T, {"delta_max": delta_max, "damage": 1 - keep, "mean_damage": 1 - mean}
 
     def work(self, jump, p, state, at):
         """Stored and dissipated together: a function of the opening and its maximum."""

@@ -34,7 +34,7 @@ class Viscous(Cut):
         return {"eta_reg v/delta_c": p.eta_reg * p.speed / p.delta_c}
 
     def viscosity(self, p, at):
-        """MPa s/mm."""
+        """MPa s/mm, a number or (N,)."""
         return p.G_c / p.delta_c**2 * p.eta_reg
 
     def traction(self, jump, p, state, at):

@@ -18,4 +18,5 @@ class ViscousDegraded(Viscous):
     title = "viscous (degraded)"
 
     def viscosity(self, p, at):
-        return super().viscosity(p, at) * (1 - at.shared.get("mean_damage", 0.0))
+        cohesive = at.before.get("cohesive")
+        return super().viscosity(p, at) * (1 - (0.0 if cohesive is None else cohesive.mean_damage))

@@ -66,7 +66,7 @@ class TourLaw(Cut):
         side = np.where(jump[0].real < 0, -1.0, 1.0)
         T, state = self._inner.traction(np.stack([side * jump[0], jump[1], jump[2]]), p, state, at)
         # Opening at T's weight, sliding without β², and damage from the ends of the facet.
-        kept = 1 - at.shared["damage"]
+        kept = 1 - state["damage"]
         ends = kept.reshape(self._along.size, -1)
         linear = (1 - self._along)[:, None] * ends[0] + self._along[:, None] * ends[-1]
         return np.stack([side * T[0], T[1] / p.beta**2, T[2] / p.beta**2]) * (linear.ravel() / kept), state

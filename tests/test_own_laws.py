@@ -1,0 +1,150 @@
+"""Laws of a user's own: taken up from a folder, at work in runs, and refused where something is missing."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from cutbench.base.errors import BadInput
+from cutbench.case.model import DEFAULT, Model
+from cutbench.mechanisms import Points, registry, use_mechanisms
+from cutbench.mechanisms.registered import laws_of, load_file
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = (ROOT / "docs" / "mechanisms.md").read_text(encoding="utf-8")
+
+
+def python(code: str, folder: Path) -> str:
+    """What a process of its own prints."""
+    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+    env = {**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1"}
+    (folder / "script.py").write_text(code, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "script.py"], cwd=folder, env=env, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.fixture
+def page_law(tmp_path) -> Path:
+    """The cohesive law of the page, in a file of its own."""
+    (text,) = re.findall(r"^```python\n# file: my_laws/finite\.py\n(.*?)^```$", PAGE, re.M | re.S)
+    path = tmp_path / "my_laws" / "finite.py"
+    path.parent.mkdir()
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_the_cohesive_law_of_the_page_costs_the_work_of_separation_and_damages(page_law):
+    (law,) = laws_of(load_file(page_law))
+    p = SimpleNamespace(G=0.0075, G_c=0.0053, delta_c=0.07, beta=1.0)
+    state, work, T_old, damage = law.start(1, p), 0.0, 0.0, [0.0]
+    for old, new in pairwise(np.linspace(0, 4 * p.delta_c, 2001)):
+        jump, before = np.zeros((3, 1)), np.zeros((3, 1))
+        jump[0], before[0] = new, old
+        T, state = law.traction(jump, p, state, Points(jump_old=before, dt=1.0))
+        work, T_old = work + (T[0, 0] + T_old) / 2 * (new - old), T[0, 0]
+        damage.append(float(state["damage"][0]))
+    assert work == pytest.approx(p.G_c, rel=1e-6)
+    assert damage[-1] == 1 and np.all(np.diff(damage) >= 0)
+
+
+def test_the_cohesive_law_of_the_page_cuts(page_law):
+    said = python(
+        "import cutbench\n"
+        "assert cutbench.use_mechanisms('my_laws') == ('finite',)\n"
+        "run = cutbench.run2d('gelatin', with_='finite', depth='5 mm', h='0.7 mm')\n"
+        "p = run.case.p\n"
+        "print(run.outcome.kind, run.curve['cut_length_mm'][-1],"
+        " run.curve['work_finite_mJ'][-1] / (p.G_c * p.length))\n",
+        page_law.parent.parent,
+    )
+    kind, cut, spent = said.split()
+    assert kind == "done"
+    assert float(cut) > 2, "the interface is cut"
+    # What is ahead of the cut has taken up some work, too.
+    assert float(cut) <= float(spent) < float(cut) + 2
+
+
+LAW = """
+import numpy as np
+from cutbench.mechanisms import Bulk, Cut, Parameter
+
+class Mine({base}):
+    name = "mine"
+    title = "mine"
+    {role}
+
+    def start(self, n, p):
+        return {start}
+
+    def traction(self, jump, p, state, at):
+        return 0 * jump, {new}
+"""
+STATE = '{"widest": np.zeros(n), "damage": np.zeros(n)}'
+KEPT = '{"widest": jump[0], "damage": jump[1]}'
+COHESIVE = 'role = "cohesive"'
+
+
+@pytest.mark.parametrize(
+    ("base", "role", "start", "new", "missing"),
+    [
+        ("Cut", COHESIVE, '{"widest": np.zeros(n)}', '{"widest": jump[0]}', "damage"),
+        ("Cut", COHESIVE, STATE, '{"widest": jump[0]}', "damage"),
+        ("Cut", COHESIVE, STATE, '{"damage": jump[0]}', "widest"),
+        ("Cut", "role = None", STATE, KEPT, "role"),
+        ("Cut", COHESIVE + "; reads = ('toughness_of_mine',)", STATE, KEPT, "toughness_of_mine"),
+        ("Cut", 'role = "rate"; follows = ("glue",)', "{}", "{}", "glue"),
+        ("Cut", COHESIVE + "; title = ''", STATE, KEPT, "title"),
+        ("Bulk", 'role = "isochoric"', STATE, KEPT, "stress"),
+        ("Cut", COHESIVE, STATE, "state['nothing']", "nothing"),
+    ],
+)
+def test_a_law_that_lacks_something_is_refused_by_name(tmp_path, base, role, start, new, missing):
+    known = set(registry())
+    (tmp_path / "mine.py").write_text(LAW.format(base=base, role=role, start=start, new=new))
+    with pytest.raises(BadInput, match="mine") as refused:
+        use_mechanisms(tmp_path)
+    assert missing in str(refused.value)
+    assert str(tmp_path / "mine.py") in str(refused.value)
+    assert set(registry()) == known, "nothing of it is left"
+
+
+@pytest.mark.parametrize(
+    ("text", "wrong"),
+    [
+        ("import nowhere_at_all", "nowhere_at_all"),
+        ("x = 1", "class"),
+        (
+            "from cutbench.mechanisms import NeoHookean\nclass Twice(NeoHookean):\n    name = 'neo_hookean'",
+            "name",
+        ),
+    ],
+)
+def test_a_file_without_a_law_of_its_own_is_refused(tmp_path, text, wrong):
+    (tmp_path / "mine.py").write_text(text)
+    with pytest.raises(BadInput, match=re.escape(wrong)):
+        use_mechanisms(tmp_path)
+
+
+def test_a_folder_that_is_not_there_is_refused(tmp_path):
+    with pytest.raises(BadInput, match="nowhere"):
+        use_mechanisms(tmp_path / "nowhere")
+
+
+def test_a_law_that_follows_another_needs_it_in_the_model():
+    followers = [law for law in registry().values() if law.follows]
+    assert followers
+    for law in followers:
+        leaders = [m.name for m in Model(DEFAULT).all if m.slot == law.slot and m.role in law.follows]
+        with pytest.raises(BadInput, match=law.name):
+            Model(DEFAULT).with_(law.name).without(*leaders)
