@@ -19,7 +19,6 @@ import pytest
 
 from cutbench.case.case import load_case
 from cutbench.case.materials import names as material_names
-from cutbench.case.numerics import ALIASES, CHOICES, KEYS, Numerics
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -158,25 +157,9 @@ def test_materials_are_as_the_readme_says(name):
     assert case.p.G_c / case.p.delta_c * 1e3 == pytest.approx(float(ratio.removesuffix(" kPa")), abs=0.05)
 
 
-def numerics_table() -> dict[str, tuple[str, str]]:
-    text = (ROOT / "docs" / "numerics.md").read_text(encoding="utf-8")
-    rows = re.findall(r"^\| `(\w+)` \| (.*?) \| (.*?) \|", text, re.M)
-    return {name: (default.strip("`"), choices) for name, default, choices in rows}
-
-
-def test_the_numerics_page_has_every_choice_with_its_default():
-    table = numerics_table()
-    assert {ALIASES.get(name, name) for name in table} == {ALIASES.get(key, key) for key in KEYS}
-    for name, (default, choices) in table.items():
-        field = ALIASES.get(name, name)
-        value = getattr(Numerics(), field)
-        if value is None:
-            assert default == "none"
-        elif isinstance(value, str):
-            assert default == value
-            assert tuple(choices.split(", ")) == CHOICES[field]
-        else:
-            assert float(default.removesuffix(" mm")) == value, name
+def test_tables_are_as_the_code_has_them():
+    done = run([sys.executable, "docs/tables.py", "--check"], ROOT)
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_links_lead_somewhere():

@@ -4,93 +4,98 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import one_of
 from cutbench.base.units import parse_quantity
 
-CHOICES: dict[str, tuple[str, ...]] = {
-    "element": ("P1", "P2", "P2P1"),
-    "normal": ("tool", "material"),
-    "gap": ("distance", "ellipse"),
-    "multiplier": ("carried", "none"),
-    "scheme": ("monolithic", "staggered"),
-    "symmetry": ("auto", "quarter", "half", "full"),
-    "stepping": ("adaptive", "paper"),
-    "predictor": ("front", "line", "repeat"),
-    "solver": ("auto", "superlu", "pardiso", "kept", "multigrid"),
-}
-#: Smallest and largest value of each number (None: no bound); ``h`` and steps are in mm.
-_RANGES: dict[str, tuple[float | None, float | None]] = {
-    "h_mm": (1e-3, 10.0),
-    "corner": (0.005, 1.0),
-    "shallow": (0.02, 1.0),
-    "around": (0.0, 100.0),
-    "slender": (1.0, 50.0),
-    "along": (1.0, 20.0),
-    "penalty": (1e-3, 1e6),
-    "stick": (1e-3, 1e6),
-    "closing": (0.0, 1e6),
-    "augmentations": (0, 50),
-    "damping_mm": (0.0, 1.0),
-    "layer": (0.0, 100.0),
-    "facet_degree": (1, 20),
-    "bulk_degree": (0, 10),
-    "step_mm": (1e-6, 5.0),
-    "step_min_mm": (1e-9, 1.0),
-    "damage_step": (1e-3, 1.0),
-    "energy_step": (1e-4, 1.0),
-    "tolerance": (1e-14, 1e-2),
-}
-#: Sizes that are chosen where they are 0.
-_CHOSEN = ("corner", "shallow")
 #: A length may be written with its unit under the short name (h = "0.4 mm") or bare under the long (h_mm).
 ALIASES = {"h": "h_mm", "step": "step_mm", "step_min": "step_min_mm"}
 
 
+def _within(default: float, low: float, high: float, chosen: bool = False) -> Any:
+    """A number with its bounds; ``chosen``: 0 lets the code choose. Names that end in _mm are lengths."""
+    return field(default=default, metadata={"low": low, "high": high, "chosen": chosen})
+
+
+def _one_of(default: str, *others: str) -> Any:
+    return field(default=default, metadata={"choices": (default, *others)})
+
+
 @dataclass(frozen=True)
 class Numerics:
-    """Every choice that is numerical; part of a case's identity."""
+    """Every choice that is numerical; part of a case's identity. docs/tables.py makes the table of it."""
 
-    h_mm: float = 0.03125  # element size along the cut plane
-    corner: float = 0.0  # the same under the tip, in units of h; 0: h/16, but not below 1/90 of the blade
-    shallow: float = 0.0  # and where the cut surges, in units of h; 0: h/4, but not below 1/22 of the blade
-    around: float = (
-        1.25  # where they are small: blade thicknesses about the front, going with it; 0: all (2D)
-    )
-    slender: float = 2.0  # elements at the cut plane are this many times taller than wide
-    along: float = 4.0  # and this many times longer along the blade than tall, at the most (3D)
-    element: str = "P2"  # P1 | P2 | P2P1 (mixed)
-    normal: str = "tool"  # tool | material
-    gap: str = "distance"  # distance | ellipse (the paper's dimensionless one)
-    penalty: float = 64000.0  # contact stiffness, in G per mm of penetration
-    stick: float = 25600.0  # stiffness of sticking, G per mm of slip
-    closing: float = 5000.0  # pressure at which the closed cut plane would overlap by delta_c, in G
-    multiplier: str = "carried"  # a step begins with the last one's contact pressure | none
-    augmentations: int = 0  # Uzawa updates a step at the most
-    facet_degree: int = 6  # quadrature degree on faces
-    bulk_degree: int = 0  # 0: what the element needs
-    scheme: str = "monolithic"  # monolithic | staggered (damage lags, repeated until it stands still)
-    stepping: str = "adaptive"  # adaptive | paper (a tenth when damage jumps, else five times)
-    predictor: str = "front"  # front (solved there first) | line | repeat (what was one element higher)
-    step_mm: float = 0.05  # largest step
-    step_min_mm: float = 1e-4
-    damage_step: float = 0.5  # the step shrinks if damage grows by more in one
-    energy_step: float = 0.05  # a step is refused if its energy closes worse than this
-    damping_mm: float = 3e-4  # bulk viscosity over G, times the speed: carries the run through snaps
-    layer: float = 1.0  # the surfaces at the blade resist bending as a layer that many delta_c thick
-    tolerance: float = 1e-8
-    symmetry: str = "auto"  # auto (the smallest part) | quarter (3D) | half | full
-    solver: str = "auto"  # auto | superlu | pardiso | kept | multigrid
-    mesh: str | None = None  # a mesh file of the user's
+    h_mm: float = _within(0.03125, 1e-3, 10.0)
+    """Element size at the cut plane, from where elements grow; at most 3 times the blade's thickness."""
+    corner: float = _within(0.0, 0.005, 1.0, chosen=True)
+    """Element size under the tip, in units of `h`; 0: h/16, but not below 1/90 of the blade's thickness."""
+    shallow: float = _within(0.0, 0.02, 1.0, chosen=True)
+    """Element size on the cut plane down to three blade thicknesses, where cutting begins, in units of `h`;
+    further down it grows to `h`. 0: h/4, but not below 1/22 of the blade's thickness."""
+    around: float = _within(1.25, 0.0, 100.0)
+    """How far above and below the front of the cut elements are that small, in blade thicknesses; the section
+    is meshed anew as the front goes down. 0: one mesh with small elements all the way."""
+    slender: float = _within(2.0, 1.0, 50.0)
+    """Elements at the cut plane are so many times taller than wide."""
+    along: float = _within(4.0, 1.0, 20.0)
+    """Elements are at most so many times longer along the blade than tall, in three dimensions."""
+    element: str = _one_of("P2", "P1", "P2P1")
+    """Quadratic or linear displacements, or quadratic ones with a linear pressure. P1 locks near ν = 0.5."""
+    normal: str = _one_of("tool", "material")
+    """Direction of the contact pressure: the blade's normal, or the material's, as in the paper."""
+    gap: str = _one_of("distance", "ellipse")
+    """Signed distance to the blade, or the paper's number times half the blade's thickness."""
+    penalty: float = _within(64000.0, 1e-3, 1e6)
+    """Contact stiffness, in G per mm of penetration."""
+    stick: float = _within(25600.0, 1e-3, 1e6)
+    """Stiffness of sticking, in G per mm of slip."""
+    closing: float = _within(5000.0, 0.0, 1e6)
+    """Pressure at which the closed cut plane would overlap by δ_c, in G."""
+    multiplier: str = _one_of("carried", "none")
+    """A step begins with the contact pressure of the last one, or with none."""
+    augmentations: int = _within(0, 0, 50)
+    """Uzawa updates a step at the most; each costs a solution and lessens the penetration."""
+    facet_degree: int = _within(6, 1, 20)
+    """Quadrature degree on faces."""
+    bulk_degree: int = _within(0, 0, 10)
+    """Quadrature degree in elements; 0: what the element needs beside a cut."""
+    scheme: str = _one_of("monolithic", "staggered")
+    """Damage solved with the displacements, or held and repeated until it stands still."""
+    stepping: str = _one_of("adaptive", "paper")
+    """Steps by effort and damage growth, or the paper's rule: a tenth when damage jumps, else five times."""
+    predictor: str = _one_of("front", "line", "repeat")
+    """Where Newton's method begins: on a line through the last two states, with the elements around the front
+    solved first; on the line itself; or with what happened one element higher."""
+    step_mm: float = _within(0.05, 1e-6, 5.0)
+    """Largest step of blade travel."""
+    step_min_mm: float = _within(1e-4, 1e-9, 1.0)
+    """Smallest step; a run that needs a smaller one ends as stalled, with its curve."""
+    damage_step: float = _within(0.5, 1e-3, 1.0)
+    """Growth of damage in a step that makes the next one smaller; twice as much refuses the step."""
+    energy_step: float = _within(0.05, 1e-4, 1.0)
+    """Part of the blade's work over the largest step that a step may leave open; more refuses the step."""
+    damping_mm: float = _within(3e-4, 0.0, 1.0)
+    """Bulk viscosity over G, times the speed; it carries a run through jumps."""
+    layer: float = _within(1.0, 0.0, 100.0)
+    """Surfaces at the blade resist bending as a layer so many δ_c thick."""
+    tolerance: float = _within(1e-8, 1e-14, 1e-2)
+    """Newton's residual relative to the forces in balance."""
+    symmetry: str = _one_of("auto", "quarter", "half", "full")
+    """Part of the block that is meshed; auto: the smallest that will do."""
+    solver: str = _one_of("auto", "superlu", "pardiso", "kept", "multigrid")
+    """Linear solver; auto: PARDISO where installed, else SuperLU; for blocks see [solid.md](solid.md)."""
+    mesh: str | None = None
+    """A mesh file; see [solid.md](solid.md)."""
 
     def set(self, values: Mapping[str, object]) -> Numerics:
         """With ``values`` as a person wrote them. BadInput names the key and what would be right."""
         new: dict[str, object] = {}
         for key, raw in values.items():
             name = ALIASES.get(key, key)
-            if name not in _KINDS:
+            if name not in _FIELDS:
                 raise BadInput(key=key, value=raw, expected=one_of(key, KEYS))
             if name in new:
                 raise BadInput(key=key, value=raw, expected=f"one of '{key}' and '{name}', they are the same")
@@ -182,9 +187,9 @@ def preset(name: object, values: Mapping[str, float], dim: int) -> Numerics:
     )
 
 
-_KINDS = {f.name: str(f.type) for f in fields(Numerics)}
+_FIELDS = {f.name: f for f in fields(Numerics)}
 #: All names that may be set, long and short.
-KEYS = (*ALIASES, *_KINDS)
+KEYS = (*ALIASES, *_FIELDS)
 
 
 def _read(name: str, key: str, raw: object) -> object:
@@ -194,21 +199,22 @@ def _read(name: str, key: str, raw: object) -> object:
         if not isinstance(raw, str) or not raw:
             raise BadInput(key=key, value=raw, expected="the path of a mesh file")
         return raw
-    if name in CHOICES:
-        if not isinstance(raw, str) or raw not in CHOICES[name]:
-            raise BadInput(key=key, value=raw, expected=one_of(str(raw), CHOICES[name]))
+    about = _FIELDS[name].metadata
+    if "choices" in about:
+        if not isinstance(raw, str) or raw not in about["choices"]:
+            raise BadInput(key=key, value=raw, expected=one_of(str(raw), about["choices"]))
         return raw
-    low, high = _RANGES[name]
+    low, high = about["low"], about["high"]
     unit = " mm" if name.endswith("_mm") else ""
     wanted = f"{low:g}{unit} <= {key} <= {high:g}{unit}"
-    if name in _CHOSEN:
+    if about["chosen"]:
         wanted = f"0 or {wanted}"
     value = _number(name, key, raw, wanted)
-    if value == 0 and name in _CHOSEN:
+    if value == 0 and about["chosen"]:
         return 0.0
     if not math.isfinite(value) or not low <= value <= high:
         raise BadInput(key=key, value=raw, expected=wanted)
-    if _KINDS[name] == "int":
+    if _FIELDS[name].type == "int":
         if value != int(value):
             raise BadInput(key=key, value=raw, expected=f"a whole number, {wanted}")
         return int(value)

@@ -1,0 +1,110 @@
+"""``python docs/tables.py [--check]``: the tables of these pages that are made from the code.
+
+Each stands between the marks ``<!-- table: NAME -->`` and ``<!-- end of table -->``. With ``--check`` nothing
+is written, and the exit status is 1 if a page is not as the code would have it.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import re
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import fields
+from itertools import pairwise
+from pathlib import Path
+
+from cutbench.case.model import DEFAULT
+from cutbench.case.numerics import ALIASES, Numerics, defaults
+from cutbench.mechanisms import registry
+from cutbench.mechanisms.base import Mechanism
+
+HERE = Path(__file__).resolve().parent
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def field_texts(cls: type) -> dict[str, str]:
+    """The string under each field of a dataclass."""
+    (whole,) = ast.parse(inspect.getsource(cls)).body
+    texts = {}
+    for one, below in pairwise(whole.body if isinstance(whole, ast.ClassDef) else ()):
+        if isinstance(one, ast.AnnAssign) and isinstance(below, ast.Expr):
+            texts[ast.unparse(one.target)] = " ".join(ast.literal_eval(below.value).split())
+    return texts
+
+
+def shown(value: object, unit: str) -> str:
+    if value is None:
+        return "none"
+    return f"`{value:g}{unit}`" if isinstance(value, (int, float)) else f"`{value}`"
+
+
+def numerics() -> str:
+    short, texts, rows = {long: name for name, long in ALIASES.items()}, field_texts(Numerics), []
+    for f in fields(Numerics):
+        unit, about, allowed = " mm" if f.name.endswith("_mm") else "", f.metadata, "a path"
+        plane, solid = (shown(getattr(defaults(dim), f.name), unit) for dim in (2, 3))
+        if "choices" in about:
+            allowed = ", ".join(about["choices"])
+        elif about:
+            allowed = f"{'0, or ' if about['chosen'] else ''}{about['low']:g} to {about['high']:g}{unit}"
+        solid = "" if solid == plane else solid
+        rows.append([f"`{short.get(f.name, f.name)}`", plane, solid, allowed, texts[f.name].rstrip(".")])
+    return table(("name", "default", "in three dimensions", "allowed", "what it does"), rows)
+
+
+def replaced(law: Mechanism) -> Mechanism | None:
+    """The law whose role ``law`` takes and whose parameters it keeps; none where it is added to a model."""
+    names = {q.name for q in law.parameters}
+    same = [o for o in registry().values() if o.role == law.role is not None and o.name != law.name]
+    inside = [o for o in same if {q.name for q in o.parameters} <= names and o.name in DEFAULT]
+    return next(iter(inside + [o for o in same if {q.name for q in o.parameters} < names]), None)
+
+
+def mechanisms() -> str:
+    rows = []
+    for law in registry().values():
+        about, _, _ = (sys.modules[type(law).__module__].__doc__ or "").partition("\n\n")
+        about = re.sub(r" \(paper[^)]*\)", "", " ".join(about.split())).replace("``", "`").rstrip(".,")
+        name = f"**`{law.name}`**" if law.name in DEFAULT else f"`{law.name}`"
+        other = replaced(law)
+        own = [q for q in law.parameters if other is None or q.name not in {o.name for o in other.parameters}]
+        units = [f"`{q.name}`" + ("" if q.unit == "1" else f" in {q.unit}") for q in own]
+        off = [f"`{q.name}` = {q.off:g}" for q in own if q.off is not None]
+        place = f"`{other.name}`" if other else ""
+        rows.append([law.slot, name, place, about, ", ".join(units), ", ".join(off)])
+    return table(("slot", "name", "in place of", "what it is", "parameters", "off at"), rows)
+
+
+TABLES: dict[str, Callable[[], str]] = {"numerics": numerics, "mechanisms": mechanisms}
+
+
+def renewed(text: str) -> str:
+    """A page with its tables made anew."""
+    return re.sub(
+        r"(<!-- table: (\w+) -->\n).*?(?=<!-- end of table -->)",
+        lambda found: f"{found[1]}{TABLES[found[2]]()}\n",
+        text,
+        flags=re.S,
+    )
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    check, stale = "--check" in (sys.argv[1:] if argv is None else argv), []
+    for page in sorted(HERE.glob("*.md")):
+        text = page.read_text(encoding="utf-8")
+        if (new := renewed(text)) != text:
+            stale.append(page.name)
+            if not check:
+                page.write_text(new, encoding="utf-8")
+    print(f"{'not as the code has it' if check else 'written'}: {', '.join(stale) or 'no page'}")
+    return 1 if check and stale else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
