@@ -11,7 +11,8 @@ import pytest
 from typer.testing import CliRunner
 
 from cutbench.base.errors import BadInput
-from cutbench.case.model import PAPER
+from cutbench.case.case import load_case
+from cutbench.case.model import DEFAULT, PAPER
 from cutbench.cli.main import app
 from cutbench.data import noise
 from cutbench.data.campaign import Campaign, FitPlan, load_campaign, start_case
@@ -86,17 +87,28 @@ def test_readings_cannot_be_changed(folder):
         slow.repetitions[0].y[0] = 0.0
 
 
-def test_without_a_baseline_it_is_the_papers(folder):
-    text = CAMPAIGN.replace('baseline = ["neo_hookean", "smith_ferrante", "contact", "adhesion"]\n', "")
+@pytest.mark.parametrize(
+    ("line", "mechanisms"),
+    [
+        ("", DEFAULT),
+        ('baseline = "default"', DEFAULT),
+        ('baseline = "paper"', PAPER),
+        ("baseline = ['paper']", PAPER),
+    ],
+)
+def test_a_baseline_is_the_model_of_every_run_or_a_set_by_its_name(folder, line, mechanisms):
+    text = CAMPAIGN.replace('baseline = ["neo_hookean", "smith_ferrante", "contact", "adhesion"]', line)
     (folder / "campaign.toml").write_text(text, encoding="utf-8")
-    assert set(load_campaign(folder / "campaign.toml").base.mechanisms) == set(PAPER)
+    base = load_campaign(folder / "campaign.toml").base
+    assert set(base.mechanisms) == set(mechanisms)
+    assert (base.model == load_case("gelatin").model) == (mechanisms is DEFAULT)
 
 
 def test_without_a_cut_it_is_the_part_that_the_tests_see():
     case, _ = start_case(None, kinds=("uniaxial",), parameters={"G": "0.4 MPa"})
     assert case.mechanisms == ("neo_hookean", "volumetric")
     case, _ = start_case("elastomer", kinds=("separation", "uniaxial"))
-    assert case.mechanisms == ("neo_hookean", "volumetric", "smith_ferrante", "viscous")
+    assert case.mechanisms == ("neo_hookean", "volumetric", "smith_ferrante", "viscous_degraded")
 
 
 def test_several_files_are_repetitions(folder):

@@ -251,11 +251,11 @@ free = ["G"]
     assert one.gain.gain == pytest.approx(other.gain.gain, rel=1e-3)
 
 
-def test_without_candidates_a_failing_baseline_is_unexplained(gent, tmp_path):
+def test_without_candidates_a_failing_baseline_is_undecided(gent, tmp_path):
     hidden, _ = gent
     d = discover(replace(hidden.campaign, candidates=()), workers=0)
-    assert d.verdict == "unexplained" and not d.found
-    assert "unexplained" in summary(d)
+    assert d.verdict == "undecided" and not d.found
+    assert "undecided" in summary(d)
     write_json(to_dict(d), tmp_path / "d.json")
     assert page(d).count("<svg") == 1
 

@@ -36,6 +36,7 @@ def summary(fit: Fit) -> str:
     k = len(fit.estimates)
     lines = [
         fit.campaign.title,
+        f"  model: {fit.case.model.described}",
         f"  {fit.status}: {fit.message}" if fit.message != fit.status else f"  {fit.status}",
         f"  {fit.readings} values, {k} parameter{'s' if k != 1 else ''}, chi2 = {fit.chi2:.4g},"
         f" reduced {fit.reduced_chi2:.3g}, {fit.evaluations} evaluations, {fit.seconds:.0f} s",
@@ -114,6 +115,7 @@ def to_dict(fit: Fit) -> dict:
     return {
         "schema": SCHEMA,
         "title": fit.campaign.title,
+        "model": fit.case.model.described,
         "status": fit.status,
         "message": fit.message,
         "parameters": parameters,

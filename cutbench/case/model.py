@@ -18,6 +18,8 @@ from cutbench.mechanisms.given import PROTOCOL, SPECIMEN
 #: The model as the paper states it, and the default: the same with a viscous term that converges.
 PAPER = ("neo_hookean", "volumetric", "smith_ferrante", "viscous", "contact", "coulomb", "adhesion")
 DEFAULT = tuple("viscous_degraded" if name == "viscous" else name for name in PAPER)
+#: Sets with a name of their own.
+SETS = {"default": DEFAULT, "paper": PAPER}
 
 
 @dataclass(frozen=True)
@@ -157,6 +159,12 @@ class Model:
                 values[q.name] = start * q.factor
             model = model.with_(name)
         return model, values
+
+    @property
+    def described(self) -> str:
+        """``default: neo_hookean, …``, ``paper: …``, or the mechanisms alone where the set has no name."""
+        name = next((f"{k}: " for k, each in SETS.items() if set(each) == set(self.mechanisms)), "")
+        return name + ", ".join(self.mechanisms)
 
     def without(self, *names: str) -> Model:
         """The model without ``names``."""

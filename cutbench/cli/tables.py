@@ -72,7 +72,7 @@ def material(source: str | Path) -> RenderableType:
             _row(notes, *(row.get(key, "") for key in ("quantity", "printed", "read", "why")))
         parts.append(notes)
     parts += [Text(f"{key}: {about[key]}") for key in ("note", "source", "doi") if key in about]
-    parts.append(Text(f"mechanisms: {', '.join(case.mechanisms)}"))
+    parts.append(Text(f"model: {case.model.described}"))
     return Stack(*parts)
 
 

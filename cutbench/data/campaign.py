@@ -17,7 +17,7 @@ from cutbench.base.errors import BadInput
 from cutbench.base.toml import located, one_of, read_toml
 from cutbench.base.units import Parameter
 from cutbench.case.case import Case, load_case
-from cutbench.case.model import PAPER, Model, mechanism
+from cutbench.case.model import SETS, Model, mechanism
 from cutbench.case.motion import Polyline, simplified
 from cutbench.case.numerics import KEYS
 from cutbench.case.values import names, resolve
@@ -176,23 +176,24 @@ def _sizes(experiment: Experiment) -> dict[str, str]:
 def start_case(
     material: str | Path | None,
     *,
-    baseline: Iterable[str] | None = None,
+    baseline: Iterable[str] = ("default",),
     kinds: Iterable[str] = ("cut",),
     parameters: Mapping[str, object] | None = None,
     name: str = "start",
 ) -> tuple[Case, tuple[str, ...]]:
     """The case that a campaign starts from, and notes on what was added to it.
 
-    Without ``baseline`` it is the paper's set, or the part of it that tests of these ``kinds`` see. A
-    baseline without a law for volume change gets ``volumetric``: a soft solid hardly changes its
-    volume, and a run without such a law has no unique answer. Raises BadInput.
+    ``baseline`` is a list of mechanisms or the name of a set, ``default`` (that of every run) or ``paper``:
+    of a set, the part that tests of these ``kinds`` see. A baseline without a law for volume change gets
+    ``volumetric``: a soft solid hardly changes its volume, and a run without such a law has no unique answer.
+    Raises BadInput.
     """
     notes: tuple[str, ...] = ()
-    if baseline is None:
+    listed = (baseline,) if isinstance(baseline, str) else tuple(baseline)
+    if len(listed) == 1 and listed[0] in SETS:
         seen = {slot for kind in kinds for slot in SLOTS[kind]} | {"bulk"}
-        model = Model(tuple(m for m in PAPER if registry()[m].slot in seen))
+        model = Model(tuple(m for m in SETS[listed[0]] if registry()[m].slot in seen))
     else:
-        listed = tuple(baseline)
         for each in listed:
             mechanism(each, key="baseline")
         try:
@@ -274,7 +275,7 @@ def _start(
     """The start case, each of whose faults is found where it is written; ``sizes`` are those of a cut."""
     parameters, numerics = table.get("parameters", {}), table.get("numerics", {})
     with located(path, text):
-        baseline = names("baseline", table["baseline"]) if "baseline" in table else None
+        baseline = names("baseline", table.get("baseline", "default"))
         material = table.get("material")
         if material is not None and not isinstance(material, str):
             raise BadInput(key="material", value=str(material)[:60], expected="a known name or a TOML file")

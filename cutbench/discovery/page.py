@@ -21,6 +21,7 @@ from cutbench.discovery.where import Section
 _SAID = {
     "mechanism": "A mechanism was found",
     "none": "Nothing is missing",
+    "undecided": "Something is missing, and candidates could not be tried",
     "unexplained": "Something is missing that no candidate explains",
 }
 
@@ -44,6 +45,7 @@ def page(d: Discovery) -> str:
         "VERDICT": _SAID[d.verdict],
         "CLASS": d.verdict,
         "SENTENCE": _text(verdict_sentence(d)),
+        "MODEL": _text(d.first.case.model.described),
         "GAIN": _text(gain_sentence(d)),
         "CURVES": pictures,
         "CAPTION": _caption(d),

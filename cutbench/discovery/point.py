@@ -159,10 +159,11 @@ def unknowns_of(point: Point, c: Candidate, score: Score, shapes: bool = True) -
     return known + new
 
 
-def extend(point: Point, score: Score, run: Predictor, *, shapes: bool = True) -> Point | None:
-    """The model with a candidate added, fitted from the score's step on; None where it cannot be computed.
+def extend(point: Point, score: Score, run: Predictor, *, shapes: bool = True) -> Point:
+    """The model with a candidate added, fitted from the score's step on.
 
-    Only the best start of ``PARTS`` is followed. ``shapes`` False: those of the score are kept.
+    Only the best start of ``PARTS`` is followed. ``shapes`` False: those of the score are kept. Raises
+    ComputationFailed where none can be computed.
     """
     c = score.column.candidate
     unknowns = unknowns_of(point, c, score, shapes)
@@ -175,7 +176,7 @@ def extend(point: Point, score: Score, run: Predictor, *, shapes: bool = True) -
     inverse.grids, inverse.weights = point.inverse.grids, dict(point.w.weights)
     low, high = inverse.bounds
     k, meshed = len(point.inverse.unknowns), any(e.kind == "cut" for e in point.campaign.train)
-    best = None
+    best, reason = None, ""
     for part in PARTS[:2] if meshed else PARTS:
         q = np.zeros(len(unknowns))
         q[:k] = np.clip(part * score.free, -1.0, 1.0)
@@ -186,14 +187,15 @@ def extend(point: Point, score: Score, run: Predictor, *, shapes: bool = True) -
         q = np.clip(q, low, high)
         try:
             r, J = inverse.whitened(q)
-        except (ComputationFailed, BadInput):
+        except (ComputationFailed, BadInput) as error:
+            reason = str(error)
             continue
         if best is None or r @ r < best[1] @ best[1]:
             best = q, r, J
         elif best is not None:
             break
     if best is None:
-        return None
+        raise ComputationFailed(reason)
     found = lm.minimise(
         inverse.whitened, best[0], low, high, MESHED if meshed else SMOOTH, first=(best[1], best[2])
     )

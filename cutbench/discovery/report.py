@@ -38,6 +38,13 @@ def verdict_sentence(d: Discovery) -> str:
             f"The baseline is wrong (most in {place}), and a numerical choice, {d.numerics.explains},"
             " explains that as well as any mechanism: no physical cause can be named before that is settled."
         )
+    if d.verdict == "undecided":
+        part = f"{names[0].upper()}{names[1:]} explains a part of that; " if d.found else ""
+        reasons = "; ".join(f"{called(name)}: {why}" for name, why in d.not_tried.items())
+        return (
+            f"The baseline is wrong beyond the scatter (most in {place}). {part}the cause is undecided, since"
+            f" candidates could not be tried: {reasons or 'there were none'}."
+        )
     if d.verdict == "unexplained" and not d.found:
         return (
             f"The baseline is wrong beyond the scatter (most in {place}), and none of the candidates explains"
@@ -83,7 +90,12 @@ def _place(s: Section) -> str:
 
 def summary(d: Discovery) -> str:
     """For the terminal."""
-    lines = [d.campaign.title, f"verdict: {d.verdict}", verdict_sentence(d)]
+    lines = [
+        d.campaign.title,
+        f"baseline: {d.first.case.model.described}",
+        f"verdict: {d.verdict}",
+        verdict_sentence(d),
+    ]
     if text := gain_sentence(d):
         lines.append(text)
     wrong = [s for s in d.wrong if s.wrong][:6]
@@ -151,6 +163,7 @@ def to_dict(d: Discovery) -> dict:
         "sentence": verdict_sentence(d),
         "gain_sentence": gain_sentence(d),
         "ranking": _ranking(d),
+        "not_tried": d.not_tried,
         "confounded": [list(group) for group in d.groups],
         "where_wrong": [_section(s) for s in d.wrong if s.wrong],
         "remains": [_section(s) for s in d.left if s.wrong],
@@ -174,8 +187,8 @@ def to_dict(d: Discovery) -> dict:
             "baseline": _residual(d.rounds[0]),
             "extended": _residual(d.rounds[-1]),
         },
-        "baseline": {"mechanisms": list(d.first.case.mechanisms), "parameters": _fitted(d.first)},
-        "extended": {"mechanisms": list(d.final.case.mechanisms), "parameters": _fitted(d.final)},
+        "baseline": _model(d.first),
+        "extended": _model(d.final),
         "rounds": [_round(r) for r in d.rounds],
         "bias_is": "measured less computed",
         "seconds": d.seconds,
@@ -297,13 +310,15 @@ def _residual(r: Round) -> dict:
     }  # fmt: skip
 
 
-def _fitted(p: Point) -> dict:
+def _model(p: Point) -> dict:
     deviations = p.deviations()
-    return {
+    parameters = {
         u.label: {"value": u.value(x) / u.quantity.factor, "sd": sd * abs(u.slope(x)) / u.quantity.factor,
                   "unit": u.quantity.unit}
         for u, x, sd in zip(p.inverse.unknowns, p.q, deviations, strict=True)
     }  # fmt: skip
+    model = p.case.model
+    return {"model": model.described, "mechanisms": list(model.mechanisms), "parameters": parameters}
 
 
 def _round(r: Round) -> dict:
@@ -315,4 +330,5 @@ def _round(r: Round) -> dict:
         "residual": _residual(r),
         "candidates": [_ranked(name, r, tried.get(name)) for name in _order(r)],
         "left_out": dict(r.left_out),
+        "not_tried": dict(r.failed),
     }

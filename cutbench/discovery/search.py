@@ -75,7 +75,8 @@ class Tried:
 @dataclass(frozen=True)
 class Round:
     """``point``: the model at its beginning; ``tried`` in the order of what they explain; ``group``: names
-    that these data cannot tell from the first of them; ``accepted``: name or None."""
+    that these data cannot tell from the first of them; ``accepted``: name or None. ``left_out``: candidates
+    that do not apply, ``failed``: those that could not be tried, each with the reason."""
 
     point: Point
     sensed: Sensed
@@ -84,6 +85,7 @@ class Round:
     group: tuple[str, ...]
     accepted: str | None
     left_out: Mapping[str, str]
+    failed: Mapping[str, str]
 
 
 @dataclass(frozen=True)
@@ -123,6 +125,13 @@ class Discovery:
     @property
     def first(self) -> Point:
         return self.rounds[0].point
+
+    @property
+    def not_tried(self) -> dict[str, str]:
+        """Candidates that could not be tried at last, each with the reason; where none was, also those that
+        do not apply."""
+        last = self.rounds[-1]
+        return {**({} if last.scores.scores else last.left_out), **last.failed}
 
     @property
     def groups(self) -> list[tuple[str, ...]]:
@@ -228,6 +237,8 @@ def _next(
     if r is None:
         if verdict == "mechanism":
             return [], "None is needed to tell the candidates apart: these tests do."
+        if verdict == "undecided":
+            return [], "None before the candidates that could not be tried have been."
         return [], (
             "Repeat the test that fails worst at another speed: what is left depends on time if it moves"
             " along the displacement, on place if it does not."
@@ -260,6 +271,8 @@ def _round(point: Point, run: Predictor, seed: int, say: Callable[[str], None]) 
     say(f"{len(chosen)} candidates beside {', '.join(point.case.mechanisms)}")
     sensed = sense(point.inverse, point.q, chosen, run)
     scores = score(sensed, point.w, point.residual, seed=seed)
+    scored = {s.name for s in scores.scores}
+    failed = {c.name: "no run could take it up beside the others" for c in chosen if c.name not in scored}
     meshed = any(e.kind == "cut" for e in point.campaign.train)
     worth = [s for s in scores.scores if s.p < PROMISING and s.gain > 1]
     tried = []
@@ -268,10 +281,7 @@ def _round(point: Point, run: Predictor, seed: int, say: Callable[[str], None]) 
         try:
             after = extend(point, s, run)
         except (ComputationFailed, BadInput) as error:
-            left_out = {**left_out, s.name: f"could not be fitted: {error}"}
-            continue
-        if after is None:
-            left_out = {**left_out, s.name: "could not be computed where the score puts it"}
+            failed[s.name] = str(error)
             continue
         after, held, kept = _shaped(point, s, after, scores, run)
         gain = max(scores.chi2 - after.chi2, 0.0)
@@ -286,7 +296,7 @@ def _round(point: Point, run: Predictor, seed: int, say: Callable[[str], None]) 
         # What the fitted tests cannot tell apart, those that were not fitted may.
         able.sort(key=lambda t: -t.heldout.gain)
     accepted = able[0].name if able else None
-    return Round(point, sensed, scores, tuple(tried), tuple(group), accepted, left_out)
+    return Round(point, sensed, scores, tuple(tried), tuple(group), accepted, left_out, failed)
 
 
 def _worth_a_name(this: Round, first: Round) -> bool:
@@ -333,7 +343,7 @@ def _shaped(
             one = extend(point, other, run, shapes=False)
         except (ComputationFailed, BadInput):
             continue
-        if one is None or one.chi2 > least + PRICE:
+        if one.chi2 > least + PRICE:
             continue
         mine = decide(point, one)
         if mine.better > held.better:
@@ -371,7 +381,8 @@ def _verdict(rounds: list[Round]) -> str:
     found = any(r.accepted for r in rounds)
     alone = all(len(e.repetitions) == 1 for e in rounds[0].point.campaign.train)
     left = last.p_residual < CHANCE
-    if not found:
-        return "unexplained" if left else "none"
-    rest = REST_ALONE if alone else REST
-    return "unexplained" if left and last.excess > rest * first.excess else "mechanism"
+    if not left or (found and last.excess <= (REST_ALONE if alone else REST) * first.excess):
+        return "mechanism" if found else "none"
+    # Nothing is unexplained before it was tried.
+    tried = any(r.scores.scores for r in rounds)
+    return "unexplained" if tried and not rounds[-1].failed else "undecided"

@@ -26,6 +26,7 @@ def data(
     show(data_table(loaded))
     for note in loaded.all_notes():
         typer.echo(f"note: {note}")
+    typer.echo(f"baseline: {loaded.model.described}")
     if out is not None:
         from cutbench.base.files import check_writable
         from cutbench.data.figure import plot_data

@@ -38,3 +38,5 @@ def discover(
     typer.echo("written: " + ", ".join(str(path) for path in paths))
     if found.interrupted:
         raise typer.Exit(130)
+    if found.verdict == "undecided":
+        raise typer.Exit(1)

@@ -1,0 +1,84 @@
+"""Discovery starts where the fit ends, and says what it could not try."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from invented import write_campaign
+from typer.testing import CliRunner
+
+import cutbench.mechanisms.bulk as bulk_laws
+from cutbench import mechanisms
+from cutbench.calibration.fitting import fit
+from cutbench.cli.main import app
+from cutbench.data.campaign import load_campaign
+from cutbench.discovery import discover
+
+#: Changes the curves like Yeoh's law, as far as its derivative says; with any strength it cannot be computed.
+SHY = '''
+import numpy as np
+from cutbench.base.errors import ComputationFailed
+from cutbench.mechanisms.bulk._isotropic import Isochoric
+from cutbench.mechanisms.bulk.neo_hookean import NeoHookean
+from cutbench.base.units import Parameter
+
+
+class Shy(Isochoric):
+    """Stiffening that cannot be computed."""
+
+    name = "shy"
+    title = "shy stiffening"
+    role = "isochoric"
+    parameters = (
+        *NeoHookean.parameters,
+        Parameter("shyness", "1", "s", "how shy", low=-9, high=9, off=0, default=0, typical=0.1),
+    )
+
+    def dW_dI1(self, I1, p, at):
+        if np.any(np.real(p.shyness) != 0):
+            raise ComputationFailed("nobody has seen it")
+        return p.G / 2 * (1 + 2 * p.shyness * (I1 - 3))
+
+    def W(self, I1, p, at):
+        return p.G / 2 * (I1 - 3) * (1 + p.shyness * (I1 - 3))
+'''
+
+
+@pytest.mark.parametrize("softening", [0.2, 0.6])
+@pytest.mark.parametrize("specimens", [1, 4])
+def test_a_large_misfit_does_not_shrink_the_baseline(tmp_path, softening, specimens):
+    campaign = load_campaign(write_campaign(tmp_path, softening=softening, specimens=specimens))
+    for c in fit(campaign, workers=0).compared:
+        if c.experiment.role == "train":
+            factor = c.fitted @ c.mean / (c.fitted @ c.fitted)
+            assert 0.75 < factor < 1.25
+
+
+@pytest.fixture
+def shy(tmp_path, monkeypatch):
+    """A mechanism that looks promising and cannot be computed."""
+    (tmp_path / "laws").mkdir()
+    (tmp_path / "laws" / "shy.py").write_text(SHY, encoding="utf-8")
+    monkeypatch.setattr(bulk_laws, "__path__", [*bulk_laws.__path__, str(tmp_path / "laws")])
+    mechanisms.registry.cache_clear()
+    yield "shy"
+    monkeypatch.undo()
+    mechanisms.registry.cache_clear()
+
+
+def test_what_could_not_be_tried_is_undecided(shy, tmp_path):
+    head = 'material = "meat"\nbaseline = ["neo_hookean"]\ncandidates = ["shy"]\n'
+    path = write_campaign(tmp_path, head=head)
+    done = CliRunner().invoke(app, ["discover", str(path), "--out", str(tmp_path / "d"), "--workers", "0"])
+    assert done.exit_code == 1, done.output
+    data = json.loads((tmp_path / "d" / "discovery.json").read_text(encoding="utf-8"))
+    assert data["verdict"] == "undecided" and data["found"] == []
+    assert "nobody has seen it" in data["not_tried"]["shy"]
+    for text in (done.output, (tmp_path / "d" / "discovery.html").read_text(encoding="utf-8")):
+        assert "nobody has seen it" in " ".join(text.split())
+
+
+def test_without_a_candidate_a_failing_baseline_is_undecided(tmp_path):
+    head = 'material = "meat"\nbaseline = ["neo_hookean"]\ncandidates = []\n'
+    assert discover(load_campaign(write_campaign(tmp_path, head=head)), workers=0).verdict == "undecided"
