@@ -160,7 +160,7 @@ def differences(old: Numbers, new: Numbers, curve: bool, tolerance: float) -> di
         else:
             gone.append(name)
             apart[name] = math.inf
-    where = max(apart, key=apart.__getitem__, default="")
+    where = max(apart, key=apart.__getitem__, default="") if any(apart.values()) else ""
     return {
         "largest": apart.get(where, 0.0), "where": where, "compared": len(apart), "note": note,
         "above": sorted(name for name, d in apart.items() if not d <= tolerance),

@@ -38,10 +38,14 @@ def field_texts(cls: type) -> dict[str, str]:
     return texts
 
 
+def digits(value: float) -> str:
+    return re.sub(r"e([-+])0*", lambda found: "e" + found[1].strip("+"), f"{value:g}")
+
+
 def shown(value: object, unit: str) -> str:
     if value is None:
         return "none"
-    return f"`{value:g}{unit}`" if isinstance(value, (int, float)) else f"`{value}`"
+    return f"`{digits(value)}{unit}`" if isinstance(value, (int, float)) else f"`{value}`"
 
 
 def numerics() -> str:
@@ -52,7 +56,8 @@ def numerics() -> str:
         if "choices" in about:
             allowed = ", ".join(about["choices"])
         elif about:
-            allowed = f"{'0, or ' if about['chosen'] else ''}{about['low']:g} to {about['high']:g}{unit}"
+            zero = "0, or " if about["chosen"] else ""
+            allowed = f"{zero}{digits(about['low'])} to {digits(about['high'])}{unit}"
         solid = "" if solid == plane else solid
         rows.append([f"`{short.get(f.name, f.name)}`", plane, solid, allowed, texts[f.name].rstrip(".")])
     return table(("name", "default", "in three dimensions", "allowed", "what it does"), rows)
