@@ -250,7 +250,9 @@ def test_a_study_finds_the_boundary_that_its_grid_has(study, tmp_path):
     found = run_study(study(STUDY), tmp_path / "sought", workers=0, run=analytic_runs.computed)
     ticks = 'points = 33\nscale = "log"'
     grid = study(STUDY.replace('mode = "boundary"\n', "").replace('scale = "log"', ticks))
-    whole = build_map(grid, {case.id: row_of(analytic_runs.computed(case), grid) for case in grid.grid})
+    whole = build_map(
+        grid, {case.id: row_of(analytic_runs.computed(case), grid.regime) for case in grid.grid}
+    )
     said = agreement(load_map(tmp_path / "sought" / "map.nc"), whole)
     assert said.points == 33 * 33 and said.far > 900 and said.wrong_far == 0 and said.wrong <= 12
     assert said.runs[0] <= 128 and said.runs[1] == 1089 and str(said.far) in said.text()

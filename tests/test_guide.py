@@ -15,6 +15,7 @@ from cutbench.cli.main import app
 from cutbench.maps import guidance as guides
 from cutbench.maps.dataset import LABELS, build_map, row_of
 from cutbench.maps.estimates import classical, compare, save_estimates
+from cutbench.maps.sections import Regime
 from cutbench.maps.study import load_study
 from cutbench.maps.sweep import run_study
 from cutbench.run.store.runs import Store
@@ -42,7 +43,9 @@ def map_of(text, folder):
     path = folder / "study.toml"
     path.write_text(text)
     study = load_study(path)
-    return build_map(study, {case.id: row_of(analytic_runs.computed(case), study) for case in study.grid})
+    return build_map(
+        study, {case.id: row_of(analytic_runs.computed(case), study.regime) for case in study.grid}
+    )
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +88,7 @@ def test_a_change_from_nothing_has_no_factor(data):
     study = GRID.replace("to = 10.0", "to = 2.0")
     meat = {c.lever: c for c in guides.guide(data, "meat").changes}
     assert all(math.isfinite(c.factor) for c in meat.values()) and "2.0" in study
-    bare = guides.Change("coating", "tau_W", "kPa", 0.0, 5.0, 4.0, None, {})
+    bare = guides.LeverChange("coating", "tau_W", "kPa", 0.0, 5.0, 4.0, None, {})
     assert (
         bare.factor == bare.effort == math.inf
         and "beyond the map" in bare.text()
@@ -103,14 +106,8 @@ def test_the_recommended_change_is_checked_by_runs_of_the_map(data, tmp_path):
 
 
 def test_a_check_that_fails_says_so():
-    row = row_of(analytic_runs.computed(load_case("gelatin")), load_study_stub())
+    row = row_of(analytic_runs.computed(load_case("gelatin")), Regime(0.1, None, onset_length_mm=0.1))
     assert not guides.Checked(row, row).crosses and "does NOT cross" in guides.Checked(row, row).text()
-
-
-def load_study_stub():
-    from types import SimpleNamespace
-
-    return SimpleNamespace(onset_length_mm=0.1, drop=0.1, surge_min=None)
 
 
 def test_a_material_outside_or_without_the_axes_is_refused(data, tmp_path):

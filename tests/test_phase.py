@@ -36,7 +36,7 @@ def study(tmp_path):
 
 
 def rows_of(study, n=None):
-    return {case.id: row_of(analytic_runs.computed(case), study) for case in study.cases()[:n]}
+    return {case.id: row_of(analytic_runs.computed(case), study.regime) for case in study.cases()[:n]}
 
 
 def panels(figure):
@@ -187,7 +187,7 @@ def test_a_boundary_that_was_sought_has_panels_of_its_third_axis_and_each_run_on
     s = load_study(path)
     plan, rows = plan_of(s), {}
     for _ in range(2):
-        rows |= {case.id: row_of(analytic_runs.computed(case), s) for case in plan.ask(rows)}
+        rows |= {case.id: row_of(analytic_runs.computed(case), s.regime) for case in plan.ask(rows)}
     data = build_map(s, rows, plan.ids, plan.estimates(rows))
     figure = draw_phase(data)
     axes = panels(figure)

@@ -9,10 +9,19 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import matplotlib
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.rcsetup import cycler
+
+if TYPE_CHECKING:
+    from matplotlib.typing import RcKeyType
+
+#: Keywords of a line or marker, as matplotlib takes them.
+Look = dict[str, Any]
 
 from cutbench.base.files import replacing
 
@@ -52,7 +61,7 @@ HATCHES = ("", "////", "....", "\\\\\\\\", "xxxx", "----", "oo", "++")
 #: Sequential map for stress: perceptually uniform, monotone in grey.
 FIELD_MAP = "cividis"
 
-RC = {
+RC: dict[RcKeyType, Any] = {
     "font.family": "sans-serif",
     "font.sans-serif": ["Arial", "Helvetica", "Liberation Sans", "DejaVu Sans"],
     "mathtext.fontset": "dejavusans",
@@ -65,7 +74,7 @@ RC = {
     "legend.frameon": False,
     "legend.handlelength": 2.4,
     "axes.linewidth": 0.6,
-    "axes.prop_cycle": matplotlib.cycler(color=LINE_COLOURS, linestyle=LINES[: len(LINE_COLOURS)]),
+    "axes.prop_cycle": cycler(color=LINE_COLOURS, linestyle=LINES[: len(LINE_COLOURS)]),
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.axisbelow": True,
@@ -94,9 +103,9 @@ def style() -> Iterator[None]:
 
 def new_figure(width_mm: float = SINGLE_MM, height_mm: float = 60.0) -> Figure:
     """An empty figure with constrained layout, outside pyplot: nothing to close, no display needed."""
-    figure = Figure(figsize=(width_mm / 25.4, height_mm / 25.4), layout="constrained")
+    layout = ConstrainedLayoutEngine(w_pad=0.03, h_pad=0.03, wspace=0.03, hspace=0.04)
+    figure = Figure(figsize=(width_mm / 25.4, height_mm / 25.4), layout=layout)
     FigureCanvasAgg(figure)
-    figure.get_layout_engine().set(w_pad=0.03, h_pad=0.03, wspace=0.03, hspace=0.04)
     return figure
 
 

@@ -15,7 +15,7 @@ import pint
 
 from cutbench.base.errors import BadInput
 
-ureg = pint.UnitRegistry()
+ureg: pint.UnitRegistry = pint.UnitRegistry()
 
 #: One number, then a unit or nothing. Pint alone would read "7,5 kPa" as 75 kPa and "7 5 kPa" as 35 kPa.
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf))\s*(.*?)\s*")
@@ -129,8 +129,10 @@ class _Unreadable(ValueError):
 @lru_cache(maxsize=20_000)
 def _value(text: str, unit: str) -> float:
     """Of ``text`` in ``unit``: maps and fits read the same few texts thousands of times."""
+    if (parts := _QUANTITY.fullmatch(text.replace("²", "^2").replace("³", "^3"))) is None:
+        raise _Unreadable
+    number, written = parts.groups()
     try:
-        number, written = _QUANTITY.fullmatch(text.replace("²", "^2").replace("³", "^3")).groups()
         # A unit holds no number of its own: parse_units refuses "5 kPa".
         quantity = ureg.Quantity(
             float(number), ureg.parse_units(f"1{written}" if written[:1] == "/" else written)

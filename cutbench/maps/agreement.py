@@ -74,8 +74,8 @@ def agreement(sought: xr.Dataset, grid: xr.Dataset) -> Agreement:
         far += int(beyond.sum())
         wrong += int(off.sum())
         wrong_far += int((off & beyond).sum())
-    runs = tuple(int((data["run_id"].values != "").sum()) for data in (sought, grid))
-    return Agreement(points, far, wrong, wrong_far, runs)
+    ran, gridded = (int((data["run_id"].values != "").sum()) for data in (sought, grid))
+    return Agreement(points, far, wrong, wrong_far, (ran, gridded))
 
 
 def _levels(data: xr.Dataset, names: list[str]) -> list[dict[str, float]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -287,6 +287,12 @@ def value_on(axis: Axis, case: Case) -> float | None:
     if axis.name == ETA_V.name:
         return case.p.eta_reg * case.p.speed
     return case.values[axis.name] / case.model.parameters()[axis.name].factor
+
+
+def values_on(axes: Sequence[Axis], case: Case) -> tuple[dict[str, float], list[str]]:
+    """Where a case lies on each axis, by its name; and the names of those it has no value of."""
+    found = {axis.name: value_on(axis, case) for axis in axes}
+    return {n: v for n, v in found.items() if v is not None}, [n for n, v in found.items() if v is None]
 
 
 def _axis_line(text: str, n: int, key: str) -> int | None:

@@ -23,7 +23,7 @@ from cutbench.maps import dataset as maps
 from cutbench.maps.boundary import margin
 from cutbench.maps.confirmed_points import RECORD
 from cutbench.run.files import read_run
-from cutbench.run.measures import ABRUPT, SMOOTH, label, measures
+from cutbench.run.measures import ABRUPT, SMOOTH
 from cutbench.run.result import Result
 
 #: What is compared, besides the label.
@@ -172,24 +172,8 @@ def _found(case: Case, folder: Path, run: Runner) -> Result:
 
 
 def _compared(data: xr.Dataset, point: MapPoint, flat: Result, block: Result) -> Confirmed:
-    numbers, labels = [], []
-    surge = float(data.attrs["surge_threshold"])
-    for result in (flat, block):
-        found = measures(
-            result.curve,
-            window_mm=result.case.p.thickness,
-            height_mm=result.case.p.height,
-            onset_length_mm=float(data.attrs["onset_length_mm"]),
-        )
-        numbers.append({name: found[name] for name in COMPARED})
-        regime = label(
-            found["drop_rel"],
-            found["surge"],
-            drop=float(data.attrs["drop_threshold"]),
-            surge_min=surge if math.isfinite(surge) else None,
-        )
-        labels.append(regime if result.outcome.done else None)
-    two, three = numbers
+    labels, numbers = zip(*map(maps.regime_of(data).of, (flat, block)), strict=True)
+    two, three = ({name: found[name] for name in COMPARED} for found in numbers)
     return Confirmed(
         point.name,
         dict(point.at),
@@ -198,7 +182,8 @@ def _compared(data: xr.Dataset, point: MapPoint, flat: Result, block: Result) ->
         block.case.id,
         flat.outcome.kind,
         block.outcome.kind,
-        *labels,
+        labels[0] if flat.outcome.done else None,
+        labels[1] if block.outcome.done else None,
         two,
         three,
         {name: three[name] / two[name] if two[name] else math.nan for name in COMPARED},

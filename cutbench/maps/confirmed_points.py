@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from cutbench.base.errors import BadInput
+from cutbench.base.figure_style import Look
 from cutbench.maps.coordinates import edges, is_log, nearest_level
 from cutbench.maps.dataset import axes_of
 
@@ -19,9 +20,9 @@ from cutbench.maps.dataset import axes_of
 RECORD, FOLDER = "confirm.json", "confirm"
 
 _HALO = [patheffects.withStroke(linewidth=2.6, foreground="white")]
-_LOOK = {"ls": "", "ms": 9.0, "mew": 1.3, "mfc": "none", "zorder": 5, "clip_on": False}
+_LOOK: Look = {"ls": "", "ms": 9.0, "mew": 1.3, "mfc": "none", "zorder": 5, "clip_on": False}
 #: By whether the label in three dimensions is the same; None: the block did not reach its depth.
-_KINDS = {
+_KINDS: dict[bool | None, Look] = {
     True: {"marker": "s", "mec": "black", "label": "3D: the same"},
     False: {"marker": "X", "mec": "#D55E00", "label": "3D: another"},
     None: {"marker": "s", "mec": "0.55", "label": "3D: not to its end"},
@@ -35,7 +36,7 @@ def read_confirmed(path: Path, data: xr.Dataset) -> list[dict]:
     """
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
-        points = [
+        points: list[dict] = [
             {
                 "at": {str(name): float(value) for name, value in point["at"].items()},
                 "agrees": None if point["agrees"] is None else bool(point["agrees"]),

@@ -13,8 +13,10 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
+from cutbench.base.figure_style import Look
+
 _HALO = [patheffects.withStroke(linewidth=2.2, foreground="white")]
-MATERIAL = {"marker": "D", "mfc": "#D55E00", "mec": "white", "ms": 6.0, "mew": 0.9, "ls": ""}
+MATERIAL: Look = {"marker": "D", "mfc": "#D55E00", "mec": "white", "ms": 6.0, "mew": 0.9, "ls": ""}
 
 
 #: Levels of a continuous third axis that a picture shows.
@@ -128,7 +130,8 @@ def axis_text(coordinate: xr.DataArray) -> str:
 
 def marks_of(data: xr.Dataset, x: str, y: str, panel: str) -> tuple[list[dict], list[str]]:
     """The materials of the study, each on the panel of the nearest level; and those outside the axes."""
-    inside, outside = [], []
+    inside: list[dict] = []
+    outside: list[str] = []
     for mark in json.loads(data.attrs["marks"]):
         ranges = [edges(data[n].values, is_log(data[n])) for n in (x, y) if n]
         here = [mark[n] for n in (x, y) if n]
@@ -154,7 +157,7 @@ def marks_of(data: xr.Dataset, x: str, y: str, panel: str) -> tuple[list[dict], 
     return inside, outside
 
 
-def nearest_level(value: float, levels: Sequence[float]) -> int:
+def nearest_level(value: float, levels: Sequence[float] | np.ndarray) -> int:
     """Index of the nearest level; ratios count among positive levels, and zero is a level like any."""
     v = np.asarray(levels, dtype=float)
     positive = np.abs(v[v != 0])

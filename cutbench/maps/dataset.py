@@ -20,8 +20,9 @@ from cutbench.base.errors import BadInput
 from cutbench.base.files import replacing
 from cutbench.case.case import Case
 from cutbench.maps.axes import Axis, sets, short
+from cutbench.maps.sections import Regime
 from cutbench.maps.study import case_at
-from cutbench.run.measures import ABRUPT, MEASURES, SMOOTH, UNCUT, label, measures
+from cutbench.run.measures import ABRUPT, MEASURES, SMOOTH, UNCUT
 from cutbench.run.result import OUTCOMES, Result
 
 if TYPE_CHECKING:
@@ -46,23 +47,17 @@ class MapRow:
     measures: Mapping[str, float] = field(default_factory=lambda: dict.fromkeys(MEASURES, math.nan))
 
 
-def row_of(result: Result, study: Study) -> MapRow:
+def row_of(result: Result, regime: Regime) -> MapRow:
     """What a map keeps of a run. The measures come from the curve, not from what the run noted:
     a study's own thresholds hold for runs that an earlier study left in the store."""
     outcome = result.outcome
     if not outcome.done:
         return MapRow(outcome.kind, outcome.message, outcome.reached_mm)
     try:
-        found = measures(
-            result.curve,
-            window_mm=result.case.p.thickness,
-            height_mm=result.case.p.height,
-            onset_length_mm=study.onset_length_mm,
-        )
+        label, found = regime.of(result)
     except (ValueError, KeyError) as error:
         return MapRow("failed", f"the curve cannot be read: {error}", outcome.reached_mm)
-    regime = label(found["drop_rel"], found["surge"], drop=study.drop, surge_min=study.surge_min)
-    return MapRow(outcome.kind, outcome.message, outcome.reached_mm, regime, found)
+    return MapRow(outcome.kind, outcome.message, outcome.reached_mm, label, found)
 
 
 def build_map(
@@ -132,9 +127,9 @@ def build_map(
             "base_case": json.dumps(study.base.to_dict(), default=str),
             "start_case": json.dumps((study.start or study.base).to_dict(), default=str),
             "changes": json.dumps(dict(study.changes), default=str),
-            "drop_threshold": study.drop,
-            "surge_threshold": math.nan if study.surge_min is None else study.surge_min,
-            "onset_length_mm": study.onset_length_mm,
+            "drop_threshold": study.regime.drop,
+            "surge_threshold": math.nan if study.regime.surge_min is None else study.regime.surge_min,
+            "onset_length_mm": study.regime.onset_length_mm,
             "window": "blade thickness",
             "plot_x": study.plot.x,
             "plot_y": study.plot.y,
@@ -151,7 +146,7 @@ def _estimated(study: Study, estimates: Mapping[tuple[int, ...], BoundaryEstimat
     levels = [k for k in range(len(dims)) if k not in free]
     arrays = {name: np.empty(study.shape) for name in ("mean", "spread", "unsure")}
     for chosen, estimate in estimates.items():
-        where: list[object] = [slice(None)] * len(dims)
+        where: list[slice | int] = [slice(None)] * len(dims)
         for k, i in zip(levels, chosen, strict=True):
             where[k] = i
         for name, array in arrays.items():
@@ -207,6 +202,15 @@ def store_of(data: xr.Dataset, folder: Path) -> Path:
 def axes_of(data: xr.Dataset) -> list[str]:
     """Names of a map's axes, in the study's order."""
     return list(json.loads(data.attrs["axes"]))
+
+
+def regime_of(data: xr.Dataset) -> Regime:
+    """What tells the regimes of a map apart."""
+    surge = float(data.attrs["surge_threshold"])
+    return Regime(
+        float(data.attrs["drop_threshold"]), surge if math.isfinite(surge) else None,
+        float(data.attrs["onset_length_mm"]),
+    )  # fmt: skip
 
 
 def axis_of(data: xr.Dataset, name: str) -> Axis:

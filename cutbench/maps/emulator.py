@@ -86,14 +86,10 @@ def likeliest(x: np.ndarray, y: np.ndarray) -> Kernel:
     d = x.shape[1]
     gaps = [(x[:, k][:, None] - x[:, k]) ** 2 for k in range(d)]
     bounds = [tuple(np.log(_AMPLITUDE)), *[tuple(np.log(_LENGTH))] * d, tuple(np.log(_SCATTER))]
-    best, value = None, np.inf
-    for length in (0.3, 1.0):
-        start = np.log([1.0, *[length] * d, 1e-4])
-        found = minimize(_cost, start, (gaps, y), jac=True, method="L-BFGS-B", bounds=bounds,
-                         options={"maxiter": 40})  # fmt: skip
-        if found.fun < value:
-            best, value = found.x, found.fun
-    amplitude, *lengths, scatter = np.exp(best)
+    starts = [np.log([1.0, *[length] * d, 1e-4]) for length in (0.3, 1.0)]
+    found = [minimize(_cost, start, (gaps, y), jac=True, method="L-BFGS-B", bounds=bounds,
+                      options={"maxiter": 40}) for start in starts]  # fmt: skip
+    amplitude, *lengths, scatter = np.exp(min(found, key=lambda best: best.fun).x)
     return Kernel(float(amplitude), tuple(map(float, lengths)), float(scatter))
 
 

@@ -10,16 +10,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from types import SimpleNamespace
 
 import numpy as np
 import xarray as xr
 
 from cutbench.base.errors import BadInput
 from cutbench.case.case import Case, load_case
-from cutbench.maps.axes import Axis, places, value_on
+from cutbench.maps.axes import Axis, places, values_on
 from cutbench.maps.boundary import SURE, margin, softened
-from cutbench.maps.dataset import LABELS, MapRow, axes_of, axis_of, case_on, places_of, row_of
+from cutbench.maps.dataset import LABELS, MapRow, axes_of, axis_of, case_on, places_of, regime_of, row_of
 from cutbench.maps.emulator import Emulator
 from cutbench.run.measures import ABRUPT, SMOOTH, UNCUT
 from cutbench.run.result import Result
@@ -158,8 +157,7 @@ def guide(data: xr.Dataset, material: str) -> Guide:
     """
     case = load_case(material)
     axes = [axis_of(data, name) for name in axes_of(data)]
-    at = _place(case, axes)
-    missing = [name for name, value in at.items() if value is None]
+    at, missing = values_on(axes, case)
     if missing:
         raise BadInput(
             key="--material", value=material, expected=f"a material that has a value of {', '.join(missing)}"
@@ -207,7 +205,7 @@ def _follow(
             moved = case.set(**{parameter: value if quantity.unit == "1" else f"{value!r} {quantity.unit}"})
         except BadInput:
             break
-        place = _place(moved, reader.axes)
+        place, _ = values_on(reader.axes, moved)
         if not reader.inside(place):
             break
         path.append(place)
@@ -268,11 +266,6 @@ def check(
 
     if not found.changes:
         raise BadInput(key="--check", value=found.material, expected="a material that a change moves across")
-    surge = data.attrs["surge_threshold"]
-    rules = SimpleNamespace(
-        onset_length_mm=data.attrs["onset_length_mm"], drop=data.attrs["drop_threshold"],
-        surge_min=surge if math.isfinite(surge) else None,
-    )  # fmt: skip
     rows = []
     for at in (found.at, found.changes[0].at):
         case = case_on(data, at)
@@ -280,12 +273,8 @@ def check(
         if result is None:
             result = computed(run, case)
             store.put(result)
-        rows.append(row_of(result, rules))
+        rows.append(row_of(result, regime_of(data)))
     return Checked(*rows)
-
-
-def _place(case: Case, axes: list[Axis]) -> dict[str, float | None]:
-    return {axis.name: value_on(axis, case) for axis in axes}
 
 
 def _coordinate(axis: Axis) -> Callable[[np.ndarray], np.ndarray]:

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 from matplotlib import colormaps, patheffects
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
@@ -24,7 +25,7 @@ from matplotlib.patches import Patch
 from scipy.interpolate import griddata
 from scipy.spatial import QhullError
 
-from cutbench.base.figure_style import DOUBLE_MM, new_figure, save, style
+from cutbench.base.figure_style import DOUBLE_MM, Look, new_figure, save, style
 from cutbench.maps.axes import BOUNDARY, ONE
 from cutbench.maps.boundary import SURE
 from cutbench.maps.confirmed_points import FOLDER, RECORD, draw_confirmed, handles_of, read_confirmed
@@ -48,7 +49,7 @@ from cutbench.run.measures import ABRUPT, SMOOTH, UNCUT
 #: Light (no drop) to dark; the darkest and lightest ends are left out so that markers and lines show.
 DROPS = LinearSegmentedColormap.from_list("drops", colormaps["cividis_r"](np.linspace(0.06, 0.9, 256)))
 
-_MARKERS = {
+_MARKERS: dict[str, Look] = {
     ABRUPT: {"marker": "o", "mfc": "black", "mec": "white", "ms": 4.2, "mew": 0.6, "label": "abrupt"},
     SMOOTH: {"marker": "o", "mfc": "white", "mec": "black", "ms": 3.8, "mew": 0.7, "label": "smooth"},
     UNCUT: {"marker": "_", "mfc": "black", "mec": "black", "ms": 5, "mew": 1.0, "label": "no cut"},
@@ -70,9 +71,9 @@ def draw_phase(data: xr.Dataset, confirmed: Sequence[Mapping] = ()) -> Figure:
     whole, fixed = _reduce(data)
     x, y, panel = (whole.attrs[f"plot_{name}"] for name in ("x", "y", "panel"))
     data, whole = panels_of(whole, panel)
-    levels = [None] if not panel else list(range(data.sizes[panel]))
-    columns = 2 if len(levels) == 4 else min(3, len(levels))
-    rows = math.ceil(len(levels) / columns)
+    panels = data.sizes[panel] if panel else 1
+    columns = 2 if panels == 4 else min(3, panels)
+    rows = math.ceil(panels / columns)
     with style():
         figure = new_figure(DOUBLE_MM, (66 if columns > 1 else 84) * rows + 16)
         axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
@@ -82,10 +83,10 @@ def draw_phase(data: xr.Dataset, confirmed: Sequence[Mapping] = ()) -> Figure:
         solid: set[bool | None] = set()
         image, bridged, classical = None, False, False
         for k, ax in enumerate(axes.flat):
-            if k >= len(levels):
+            if k >= panels:
                 ax.set_visible(False)
                 continue
-            part = data if levels[k] is None else data.isel({panel: levels[k]})
+            part = data.isel({panel: k}) if panel else data
             if y:
                 image = _cells(ax, part, x, y, top)
                 bridged |= _boundary(ax, part, x, y)
@@ -93,11 +94,11 @@ def draw_phase(data: xr.Dataset, confirmed: Sequence[Mapping] = ()) -> Figure:
                 classical |= _classical(ax, part, x, y)
             else:
                 _profile(ax, part, x)
-            seen |= _points(ax, part if levels[k] is None else slab(whole, data, panel, levels[k]), x, y)
-            draw_materials(ax, [m for m in marks if m["panel"] == (levels[k] or 0)], x, y, part)
-            solid |= draw_confirmed(ax, confirmed, part, x, y, (panel, levels[k], data[panel or x]))
-            _title(ax, data, panel, levels[k], k if len(levels) > 1 else None)
-            if k // columns == rows - 1 or k + columns >= len(levels):
+            seen |= _points(ax, slab(whole, data, panel, k) if panel else part, x, y)
+            draw_materials(ax, [m for m in marks if m["panel"] == k], x, y, part)
+            solid |= draw_confirmed(ax, confirmed, part, x, y, (panel, k, data[panel or x]))
+            _title(ax, data, panel, k, panels > 1)
+            if k // columns == rows - 1 or k + columns >= panels:
                 ax.set_xlabel(axis_text(data[x]))
                 ax.tick_params(labelbottom=True)
             if k % columns == 0:
@@ -297,13 +298,15 @@ def draw_samples(data: xr.Dataset) -> Figure:
     return figure
 
 
-def _title(ax: Axes, data: xr.Dataset, panel: str, level: int | None, number: int | None) -> None:
-    if number is not None:
-        ax.set_title(chr(ord("a") + number), loc="left", fontweight="bold")
-    if level is not None and (mechanism := data[panel].attrs.get("mechanism")):
-        ax.set_title(f"{'with' if data[panel].values[level] else 'without'} {mechanism}", fontsize=8.5)
-    elif level is not None:
-        value = data[panel].values[level]
+def _title(ax: Axes, data: xr.Dataset, panel: str, level: int, lettered: bool) -> None:
+    if lettered:
+        ax.set_title(chr(ord("a") + level), loc="left", fontweight="bold")
+    if not panel:
+        return
+    value = data[panel].values[level]
+    if mechanism := data[panel].attrs.get("mechanism"):
+        ax.set_title(f"{'with' if value else 'without'} {mechanism}", fontsize=8.5)
+    else:
         ax.set_title(f"{symbol(data[panel])} = {value:.3g}{unit_of(data[panel])}", fontsize=8.5)
 
 
@@ -317,7 +320,7 @@ def _legend(
     classical: bool,
     solid: Sequence[Line2D] = (),
 ) -> None:
-    handles = [
+    handles: list[Artist] = [
         Line2D([], [], ls="", **_MARKERS[name])
         for name in (ABRUPT, SMOOTH, UNCUT, NOT_COMPUTED, MISSING)
         if name in seen

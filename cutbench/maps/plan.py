@@ -116,9 +116,10 @@ def margin_of(row: MapRow, study: Study) -> float:
     """A run's margin against the study's thresholds; nan if it did not end well."""
     if row.outcome != "done":
         return math.nan
-    surge_min = math.nan if study.surge_min is None else study.surge_min
+    regime = study.regime
+    surge_min = math.nan if regime.surge_min is None else regime.surge_min
     found = margin(
         np.array(row.measures["drop_rel"]), np.array(row.measures["surge"]), np.array(row.label == UNCUT),
-        drop=study.drop, surge_min=surge_min,
+        drop=regime.drop, surge_min=surge_min,
     )  # fmt: skip
     return float(found)

@@ -10,6 +10,8 @@ from cutbench.base.toml import one_of
 from cutbench.base.units import parse_quantity
 from cutbench.case import materials
 from cutbench.maps.axes import Axis, refuse_unknown
+from cutbench.run.measures import label, measures
+from cutbench.run.result import Result
 
 #: A boundary is sought along so many continuous axes at the most.
 MAX_SOUGHT = 3
@@ -23,6 +25,23 @@ class Plot:
     y: str = ""
     panel: str = ""
     mark: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Regime:
+    """What tells smooth from abrupt, as ``cutbench.run.measures`` has it."""
+
+    drop: float
+    surge_min: float | None
+    onset_length_mm: float
+
+    def of(self, result: Result) -> tuple[str, dict[str, float]]:
+        """The regime of a run and its measures, from its curve."""
+        p = result.case.p
+        found = measures(
+            result.curve, window_mm=p.thickness, height_mm=p.height, onset_length_mm=self.onset_length_mm
+        )
+        return label(found["drop_rel"], found["surge"], drop=self.drop, surge_min=self.surge_min), found
 
 
 @dataclass(frozen=True)
@@ -64,7 +83,7 @@ def _whole(part: dict, key: str, default: int, low: int, high: int) -> int:
     return value
 
 
-def read_regime(part: dict) -> tuple[float, float | None, float]:
+def read_regime(part: dict) -> Regime:
     refuse_unknown(part, ("drop", "surge", "onset_length"))
     drop = _between(part, "drop", 0.1, 0, 1)
     surge = _between(part, "surge", None, 0, math.inf) if "surge" in part else None
@@ -73,7 +92,7 @@ def read_regime(part: dict) -> tuple[float, float | None, float]:
         raise BadInput(
             key="onset_length", value=part["onset_length"], expected="a length above 0, such as '0.1 mm'"
         )
-    return drop, surge, length
+    return Regime(drop, surge, length)
 
 
 def _between(part: dict, key: str, default: float | None, low: float, high: float) -> float:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import re
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -33,10 +33,12 @@ from cutbench.maps.axes import (
     refuse_unknown,
     switched,
     value_on,
+    values_on,
 )
 from cutbench.maps.sampling import coarse_to_fine, latin_hypercube, one_at_a_time
 from cutbench.maps.sections import (
     Plot,
+    Regime,
     Search,
     read_plot,
     read_regime,
@@ -68,9 +70,7 @@ class Study:
     base: Case
     axes: tuple[Axis, ...]
     grid: tuple[Case, ...]
-    drop: float
-    surge_min: float | None
-    onset_length_mm: float
+    regime: Regime
     plot: Plot
     mode: str = GRID
     samples: tuple[tuple[float, ...], ...] = ()
@@ -111,8 +111,7 @@ class Study:
         found = []
         for name in self.plot.mark:
             case = load_case(name)
-            at = {axis.name: value_on(axis, case) for axis in self.axes}
-            missing = [n for n, value in at.items() if value is None]
+            at, missing = values_on(self.axes, case)
             if missing:
                 raise BadInput(
                     file=str(self.path), key="mark", value=name, line=line_of(self.text, "mark", "plot"),
@@ -172,10 +171,12 @@ def load_study(path: str | Path) -> Study:
         base = start.set(mechanisms=whole.mechanisms, **changes)
     axes = read_axes(table, path, text, base.model, changes, mode)
     with located(path, text, "regime"):
-        drop, surge_min, onset_length_mm = read_regime(read_section(table, "regime"))
+        regime = read_regime(read_section(table, "regime"))
     with located(path, text, "plot"):
         plot = read_plot(read_section(table, "plot"), axes)
-    search, samples = None, ()
+    search: Search | None = None
+    samples: tuple[tuple[float, ...], ...] = ()
+    places: Iterable[tuple[float, ...]]
     if mode == BOUNDARY:
         with located(path, text, "boundary"):
             search = read_search(read_section(table, "boundary"), axes)
@@ -199,8 +200,8 @@ def load_study(path: str | Path) -> Study:
         for model in {case.model for case in cases}:
             check_driven(model)
     study = Study(
-        path, title, text, base, axes, () if mode == BOUNDARY else cases, drop, surge_min, onset_length_mm,
-        plot, mode, tuple(samples), search, start, changes,
+        path, title, text, base, axes, () if mode == BOUNDARY else cases, regime, plot, mode, samples,
+        search, start, changes,
     )  # fmt: skip
     study.marks()
     return study
@@ -237,7 +238,7 @@ def _middle(at: Mapping[str, float | None]) -> list[float]:
             key="base", value=", ".join(missing),
             expected="a base that has a value of every axis, from which one at a time departs",
         )  # fmt: skip
-    return list(at.values())
+    return [value for value in at.values() if value is not None]
 
 
 def _base(table: dict, path: Path) -> Case:

@@ -108,7 +108,7 @@ def run_study(
     ``run`` (a function that other processes can import) replaces ``cutbench.run.runner.run_case``.
     Raises BadInput for a study that cannot be read or a folder that cannot be written.
     """
-    study = study if isinstance(study, Study) else load_study(study)
+    study = study if isinstance(study, Study) else load_study(Path(study))
     if scheduler is not None:
         from cutbench.run.pool.cluster import check_scheduler
 
@@ -192,7 +192,7 @@ class _Sweep:
             for id in new:
                 result = self.store.get(id)
                 if result is not None and not (self.replace and not result.outcome.done):
-                    self.rows[id] = row_of(result, self.study)
+                    self.rows[id] = row_of(result, self.study.regime)
                     self.reused += 1
                 else:
                     self.todo.append(id)
@@ -261,7 +261,7 @@ class _Sweep:
 
     def given_up(self, id: str, message: str) -> None:
         """A run that never came back. It is not kept: what killed it says nothing of the case."""
-        self.rows[id] = row_of(failure(self.cases[id], message), self.study)
+        self.rows[id] = row_of(failure(self.cases[id], message), self.study.regime)
         self._report()
 
     def ended(self, id: str) -> None:
@@ -271,7 +271,7 @@ class _Sweep:
             # Not kept: the run was interrupted, or the store has been tampered with meanwhile.
             self.rows[id] = MapRow("interrupted", "the run was interrupted")
         else:
-            self.rows[id] = row_of(result, self.study)
+            self.rows[id] = row_of(result, self.study.regime)
             self.in_runs += result.timings.get("total", 0.0)
         self._report()
 

@@ -41,9 +41,9 @@ def verify(
     if paper or workers is not None:
         _paper(paper, quick, only, out, list_, workers)
         return
+    from cutbench.run.files import check_writable
     from cutbench.verification.reference import references, verify
     from cutbench.verification.reference.report import write
-    from cutbench.verify.files import check_writable
 
     chosen = _chosen(references(), quick, only)
     if list_:
@@ -83,8 +83,8 @@ def _paper(
     """The claims of the paper, from runs that are kept in ``out`` and computed once."""
     from cutbench.base.errors import BadInput
     from cutbench.cli.options import whole
+    from cutbench.run.files import check_writable
     from cutbench.verification.paper.investigation import investigate, select
-    from cutbench.verify.files import check_writable
 
     if not paper:
         raise BadInput(key="--workers", value=workers, expected="--paper with it")
