@@ -22,6 +22,7 @@ from cutbench.case.materials import names as material_names
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+TEXTS = [ROOT / "CONTRIBUTING.md", *PAGES]
 SET_UP = re.compile(r"<!-- set-up: (\w+) -->\s*$")
 KINDS = {"python", "console", "toml"}
 
@@ -162,8 +163,20 @@ def test_tables_are_as_the_code_has_them():
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.parametrize("page", TEXTS, ids=lambda page: page.name)
+def test_paths_are_there(page):
+    """Files and folders of the repository that a page names, and modules that are run with python -m."""
+    text = page.read_text(encoding="utf-8")
+    named = re.findall(r"(?<![\w/.])((?:cutbench|tests|docs|benchmarks|studies)/[\w./*-]+|\.ci/\w+)", text)
+    for path in named:
+        assert list(ROOT.glob(path.rstrip("./"))), f"{page.name}: {path}"
+    for module in re.findall(r"python -m ((?:cutbench|benchmarks)[\w.]*)", text):
+        path = ROOT / module.replace(".", "/")
+        assert path.is_dir() or path.with_suffix(".py").is_file(), f"{page.name}: {module}"
+
+
 def test_links_lead_somewhere():
-    for page in PAGES:
+    for page in TEXTS:
         for target, anchor in re.findall(
             r"\]\((?!https?:)([^)#]*)#?([^)]*)\)", page.read_text(encoding="utf-8")
         ):
