@@ -8,6 +8,7 @@ import skfem
 from form_checks import P, check_tangent, displacement, space_of, spaces, step_between
 
 from cutbench.case.case import load_case
+from cutbench.case.model import DEFAULT, Model
 from cutbench.forms.bending import BendingForm
 from cutbench.forms.space import Space
 from cutbench.run.build import build
@@ -27,7 +28,8 @@ def plate(dim: int, n: int, order: int) -> Space:
 
 
 def form_on(space: Space, **options) -> BendingForm:
-    return BendingForm(space.faces("cut", 4), space.X, LAYER, **options)
+    laws = [law for law in Model(DEFAULT).all if law.slot in ("bulk", "cut")]
+    return BendingForm(space.faces("cut", 4), space.X, LAYER, laws, **options)
 
 
 def bent(space: Space, out_of_plane) -> np.ndarray:

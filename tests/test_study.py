@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cutbench.base.errors import BadInput
-from cutbench.case.model import GROUPS
+from cutbench.case.model import groups
 from cutbench.maps.study import coarse_to_fine, load_study
 
 TRANSITION = Path(__file__).parents[1] / "studies" / "transition.toml"
@@ -72,7 +72,7 @@ def test_each_point_has_the_groups_of_its_place():
     study = load_study(TRANSITION)
     for index, case in list(study.points())[::7]:
         for axis, i in zip(study.axes, index, strict=True):
-            assert GROUPS[axis.name].value(case.p) == pytest.approx(axis.values[i], rel=1e-9, abs=1e-15)
+            assert groups()[axis.name].value(case.p) == pytest.approx(axis.values[i], rel=1e-9, abs=1e-15)
 
 
 def test_values_units_and_sections_arrive_in_the_cases(write):
@@ -234,7 +234,7 @@ def test_a_latin_hypercube_has_one_point_in_each_slice_and_all_levels_equally_of
     assert sorted((np.log10(cohesion) / 2 * 16).astype(int)) == list(range(16))
     assert sorted(speed) == [0.01] * 8 + [0.02] * 8 and sorted(adhesion) == [0.0] * 8 + [1.0] * 8
     for (index, case), values in zip(study.points(), study.samples, strict=True):
-        assert GROUPS["cohesion"].value(case.p) == pytest.approx(values[0], rel=1e-9)
+        assert groups()["cohesion"].value(case.p) == pytest.approx(values[0], rel=1e-9)
         assert case.p.speed == pytest.approx(values[1]) and ("adhesion" in case.mechanisms) == bool(values[2])
         assert study.case_at(values).id == case.id and len(index) == 1
     again, other = load_study(write(SAMPLED)), load_study(write(SAMPLED.replace("seed = 3", "seed = 4")))
@@ -302,7 +302,7 @@ def test_a_search_has_a_lattice_of_half_its_tolerances_and_levels(write):
     assert (study.search.start, study.search.batch, study.search.runs) == (5, 8, 60)
     assert study.axes[0].values[16] == pytest.approx(4.0) and study.axes[1].values[8] == pytest.approx(0.055)
     case = study.case_at([4.0, 0.055, 0.1])
-    assert GROUPS["cohesion"].value(case.p) == pytest.approx(4.0) and case.p.speed == 0.055
+    assert groups()["cohesion"].value(case.p) == pytest.approx(4.0) and case.p.speed == 0.055
     rest = load_study(write(BOUNDARY.split("[boundary]")[0]))
     assert rest.search.runs == max(16 * 8 // 8, 25 + 4 * 8)
 

@@ -31,7 +31,9 @@ class Parameter:
     ``unit`` is the unit shown and expected at the edges; ``low``/``high`` bound the value in that
     unit (``None``: unbounded; bounds are inclusive unless ``open_low``/``open_high``). ``off`` is
     the value that removes the mechanism's effect, ``None`` where no value does. ``typical`` is a
-    value in the middle of the field's experience: a start for fits and tests.
+    value in the middle of the field's experience: a start for fits and tests. ``lever`` is what a
+    designer calls it who can change it, for guides. ``sought``: a fit looks for it by itself. ``trial``: a
+    further test that would change it, in words, and by which factor.
     """
 
     name: str
@@ -45,6 +47,9 @@ class Parameter:
     typical: float = 1.0
     open_low: bool = False
     open_high: bool = False
+    lever: str = ""
+    sought: bool = True
+    trial: tuple[str, float] | None = None
 
     @property
     def factor(self) -> float:

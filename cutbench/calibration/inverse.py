@@ -34,8 +34,6 @@ GRID = 40
 #: change over the length of a step: a reading's derivative by q counts up to so many times the curve's
 #: maximum, and one beyond has an error of this part of the maximum.
 STEEP, JUMP = 6.0, 0.2
-#: Not looked for unless asked: known beforehand, or better known otherwise.
-NOT_BY_ITSELF = frozenset({"nu", "beta", "thickness", "tip"})
 
 
 def visible(experiment: Experiment, case: Case) -> set[str]:
@@ -72,7 +70,9 @@ def unknowns(campaign: Campaign) -> list[Unknown]:
         if name not in case.model.parameters():
             raise BadInput(key="fixed", value=name, expected=one_of(name, possible))
     if plan.free is None:
-        left_out = NOT_BY_ITSELF | given.keys() | set(plan.fixed)
+        parameters = case.model.parameters()
+        # Known beforehand, or better known otherwise.
+        left_out = {n for n, q in parameters.items() if not q.sought} | given.keys() | set(plan.fixed)
         chosen = {name for name in possible if name in seen and name not in left_out}
     else:
         chosen = set(plan.free)

@@ -222,14 +222,20 @@ class _Draft:
             model = model.without(*names("without", rest.pop("without")))
         motion = read_motion(rest.pop("motion")) if "motion" in rest else self.motion
         name, word = rest.pop("name", self.name), rest.pop("numerics", None)
-        if word == "paper" and "viscous_degraded" in model.mechanisms:
-            model = model.with_("viscous")  # as printed, whatever the damage
+        if word == "paper":
+            model = model.as_published()
         values = resolve(self.values, {k: v for k, v in rest.items() if k not in KEYS}, model)
-        start = self.numerics if word is None else preset(word, values, self.dim)
+        start = self.numerics if word is None else self._preset(word, model, values)
         numerics = start.set({k: v for k, v in rest.items() if k in KEYS})
         if numerics.mesh is not None:
             _digest(numerics.mesh)  # a mesh that cannot be read is refused here, not in the middle of a run
         return replace(self, name=name, model=model, values=values, numerics=numerics, motion=motion)
+
+    def _preset(self, word: object, model: Model, values: Mapping[str, float]) -> Numerics:
+        # What is still missing is named later; until then it is the typical value.
+        full = {n: q.typical * q.factor for n, q in model.parameters().items()} | dict(values)
+        modulus = model.shear_modulus(SimpleNamespace(**full))
+        return preset(word, self.dim, modulus, full.get("thickness", 1.0))
 
     def case(self) -> Case:
         given = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "model"}

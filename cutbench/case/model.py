@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from graphlib import TopologicalSorter
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,50 +13,34 @@ import numpy as np
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import one_of
 from cutbench.base.units import Parameter
-from cutbench.mechanisms import Mechanism, registry
+from cutbench.mechanisms import Group, Mechanism, Tool, Volumetric, registry
 from cutbench.mechanisms.given import PROTOCOL, SPECIMEN
 
-#: The model as the paper states it, and the default: the same with a viscous term that converges.
-PAPER = ("neo_hookean", "volumetric", "smith_ferrante", "viscous", "contact", "coulomb", "adhesion")
-DEFAULT = tuple("viscous_degraded" if name == "viscous" else name for name in PAPER)
-#: Sets with a name of their own.
+
+def _built_in(flag: str) -> tuple[str, ...]:
+    laws = [m for m in registry().values() if type(m).__module__.startswith("cutbench.mechanisms.")]
+    return tuple(m.name for m in laws if getattr(m, flag))
+
+
+#: The default model, and the model as the paper states it: they differ in a viscous term that converges.
+DEFAULT, PAPER = _built_in("standard"), _built_in("published")
+#: Models by a name of their own.
 SETS = {"default": DEFAULT, "paper": PAPER}
 
 
-@dataclass(frozen=True)
-class Group:
-    """A dimensionless number that a person may set; ``solve(p, value)`` gives its parameter's value."""
-
-    name: str
-    text: str
-    parameter: str
-    needs: tuple[str, ...]
-    value: Callable[[SimpleNamespace], float]
-    solve: Callable[[SimpleNamespace, float], float]
-
-    @property
-    def quantity(self) -> Parameter:
-        """The group as a number without unit, for reading what a person wrote."""
-        return Parameter(self.name, "1", self.text, f"sets {self.parameter}", low=0)
+def groups() -> dict[str, Group]:
+    """All that may be set in place of a parameter, by name, in the order in which it is applied: a later one
+    uses what an earlier one has set."""
+    known = {g.name: g for m in registry().values() for g in m.settable}
+    setters = {g.parameter: g.name for g in known.values()}
+    order = {name: [setters[need] for need in g.needs if need in setters] for name, g in known.items()}
+    return {name: known[name] for name in TopologicalSorter(order).static_order()}
 
 
-#: In the order in which they are applied: a later one uses what an earlier one has set.
-GROUPS: dict[str, Group] = {
-    g.name: g
-    for g in (
-        Group("opening", "delta_c/a", "delta_c", ("thickness",),
-              lambda p: p.delta_c / (p.thickness / 2), lambda p, x: x * p.thickness / 2),
-        Group("cohesion", "(G_c/delta_c)/G", "G_c", ("G", "delta_c"),
-              lambda p: p.G_c / p.delta_c / p.G, lambda p, x: x * p.G * p.delta_c),
-        Group("adhesion", "tau_W/(G_c/delta_c)", "tau_W", ("G_c", "delta_c"),
-              lambda p: p.tau_W / (p.G_c / p.delta_c), lambda p, x: x * p.G_c / p.delta_c),
-        Group("viscosity", "eta_reg v/delta_c", "eta_reg", ("speed", "delta_c"),
-              lambda p: p.eta_reg * p.speed / p.delta_c, lambda p, x: x * p.delta_c / p.speed),
-        Group("friction", "mu", "mu", (), lambda p: p.mu, lambda p, x: x),
-        Group("sharpness", "b/a", "tip", ("thickness",),
-              lambda p: p.tip / (p.thickness / 2), lambda p, x: x * p.thickness / 2),
-    )
-}  # fmt: skip
+def levers() -> dict[str, str]:
+    """What a designer can change, and the parameter that does it."""
+    declared = [*PROTOCOL, *SPECIMEN, *(q for m in registry().values() for q in m.parameters)]
+    return {q.lever: q.name for q in declared if q.lever}
 
 
 def mechanism(name: object, *, key: str = "mechanisms") -> Mechanism:
@@ -101,8 +86,8 @@ class Model:
                         key="mechanisms", value=", ".join(self.mechanisms),
                         expected=f"a mechanism of the role '{role}' for {m.name}, such as {', '.join(able)}",
                     )  # fmt: skip
-        if not any(m.slot == "bulk" and m.role != "volumetric" for m in asked):
-            laws = [m.name for m in registry().values() if m.slot == "bulk" and m.role != "volumetric"]
+        if not any(m.slot == "bulk" and not isinstance(m, Volumetric) for m in asked):
+            laws = [m.name for m in registry().values() if m.slot == "bulk" and not isinstance(m, Volumetric)]
             raise BadInput(
                 key="mechanisms", value=", ".join(self.mechanisms),
                 expected=f"a bulk law that resists shear: {', '.join(laws)}",
@@ -201,6 +186,20 @@ class Model:
         """All dimensionless groups of its mechanisms for parameters ``p`` (internal units)."""
         return {text: float(value) for m in self.all for text, value in m.groups(p).items()}
 
+    def shear_modulus(self, p: SimpleNamespace) -> float:
+        """Of slow loading at small strain, MPa."""
+        return sum(law.shear_modulus(p) for law in self.laws("bulk"))
+
+    @property
+    def tool(self) -> Tool | None:
+        """The law by which the blade meets the specimen, if there is one."""
+        return next((law for law in self.all if isinstance(law, Tool)), None)
+
+    def as_published(self) -> Model:
+        """The model with laws of the default model as the paper has them, where the two differ."""
+        roles = {(m.slot, m.role) for m in self.all if m.standard and not m.published}
+        return self.with_(*(n for n in PAPER if (registry()[n].slot, registry()[n].role) in roles))
+
     def record(self, displacement, force, time, p: SimpleNamespace):
         """What the rig records (displacement, force) of the true ones, (n,) each, in mm, N, s."""
         for law in self.laws("rig"):
@@ -220,15 +219,15 @@ class Model:
     def settable_groups(self) -> dict[str, Group]:
         """The groups that can be set in this model, in the order in which they are applied."""
         here = self.parameters()
-        return {n: g for n, g in GROUPS.items() if g.parameter in here and all(q in here for q in g.needs)}
+        return {n: g for n, g in groups().items() if g.parameter in here and all(q in here for q in g.needs)}
 
 
-def apply_groups(values: Mapping[str, float], groups: Mapping[str, float]) -> dict[str, float]:
-    """``values`` (internal units) with each group of ``groups`` solved for its parameter."""
+def apply_groups(values: Mapping[str, float], asked: Mapping[str, float]) -> dict[str, float]:
+    """``values`` (internal units) with each group of ``asked`` solved for its parameter."""
     p = SimpleNamespace(**values)
-    for name, group in GROUPS.items():
-        if name in groups:
-            setattr(p, group.parameter, group.solve(p, groups[name]))
+    for name, group in groups().items():
+        if name in asked:
+            setattr(p, group.parameter, group.solve(p, asked[name]))
     return vars(p)
 
 
@@ -238,5 +237,9 @@ def section_of(parameter: str) -> str:
         return "specimen"
     if any(q.name == parameter for q in PROTOCOL):
         return "protocol"
-    blade = (m for m in registry().values() if m.slot == "blade" and m.role == "contact")
-    return "blade" if any(q.name == parameter for m in blade for q in m.parameters) else "parameters"
+    return "blade" if any(q.name == parameter for m in tools() for q in m.parameters) else "parameters"
+
+
+def tools() -> list[Tool]:
+    """The registered laws by which a blade meets the specimen."""
+    return [m for m in registry().values() if isinstance(m, Tool)]

@@ -147,8 +147,8 @@ PAPER_SOLID = {"h_mm": 0.85, "along": 1.25}
 PRESETS = ("converged", "paper")
 
 
-def preset(name: object, values: Mapping[str, float], dim: int) -> Numerics:
-    """The numerics called ``name``; ``values`` give G and the blade. BadInput for an unknown name.
+def preset(name: object, dim: int, modulus: float, thickness: float) -> Numerics:
+    """The numerics called ``name``, for a shear ``modulus`` and a blade. BadInput for an unknown name.
 
     ``converged``: the defaults. ``paper``: linear elements of the paper's size, the material's normal, its
     dimensionless gap 1 − (x−c)ᵀA(x−c) with ε_N = 1 N/mm² and no multiplier, a cut plane that resists closing
@@ -160,7 +160,7 @@ def preset(name: object, values: Mapping[str, float], dim: int) -> Numerics:
     if name == "converged":
         return start
     # Our ellipse gap is a/2 times the dimensionless one, and the penalty is in G per mm of it.
-    penalty = 2 * PAPER_PENALTY / (values["G"] * values["thickness"] / 2)
+    penalty = 2 * PAPER_PENALTY / (modulus * thickness / 2)
     size = PAPER_SOLID if dim == 3 else {"h_mm": PAPER_EDGE}
     return replace(
         start,

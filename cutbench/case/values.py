@@ -7,14 +7,18 @@ from collections.abc import Iterable, Mapping
 
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import nearest
-from cutbench.base.units import Parameter
 from cutbench.case.mesh_sizes import AT_SURGE, UNDER_TIP, chosen
-from cutbench.case.model import GROUPS, PROTOCOL, SPECIMEN, Model, apply_groups, owners, section_of
+from cutbench.case.model import (
+    PROTOCOL,
+    SPECIMEN,
+    Model,
+    apply_groups,
+    groups,
+    owners,
+    section_of,
+    tools,
+)
 from cutbench.case.numerics import KEYS, Numerics
-from cutbench.mechanisms import registry
-
-#: η_reg by its invariant η_reg·v, as a length: the pseudo-time reading of the paper (t = blade travel).
-ETA_V = Parameter("eta_v", "mm", "η_reg v", "viscous length; sets eta_reg = eta_v/speed", low=0)
 
 #: Sharpest tip that an element resolves: its radius of curvature a²/b in element sizes.
 TIP_PER_ELEMENT = 1 / 20
@@ -42,13 +46,18 @@ def brief(raw: object) -> str:
 def settable(model: Model) -> list[str]:
     """Every name that sets a number of the physics in ``model``."""
     known = model.parameters()
-    extra = [ETA_V.name] if "eta_reg" in known else []
-    return [*known, *(g for g in model.settable_groups() if g not in known), *extra]
+    return [*known, *(g for g in model.settable_groups() if g not in known)]
+
+
+def parameter_of(name: str) -> str:
+    """The parameter that ``name`` sets: its own, or that of a group."""
+    known = groups()
+    return known[name].parameter if name in known else name
 
 
 def unknown(key: str, raw: object, model: Model) -> BadInput:
     """The error for a name that this model does not have: where it belongs, or which was meant."""
-    target = GROUPS[key].parameter if key in GROUPS else "eta_reg" if key == ETA_V.name else key
+    target = parameter_of(key)
     if target not in model.parameters() and (who := owners(target)):
         expected = (
             f"a parameter of this model ({', '.join(model.mechanisms)}); add the mechanism"
@@ -62,21 +71,19 @@ def unknown(key: str, raw: object, model: Model) -> BadInput:
 
 
 def parse_values(raw: Mapping[str, object], model: Model) -> tuple[dict[str, float], dict[str, float]]:
-    """Parameters (internal units, with ``eta_v`` among them) and groups. Raises BadInput.
+    """Parameters and groups, both in internal units. Raises BadInput.
 
     Two names that set the same parameter are refused.
     """
-    known, groups = model.parameters(), model.settable_groups()
+    known, there = model.parameters(), model.settable_groups()
     values: dict[str, float] = {}
     chosen: dict[str, float] = {}
     setter: dict[str, str] = {}
     for key, text in raw.items():
         if key in known:
             target, values[key] = key, known[key].parse(text, key=key)
-        elif key in groups:
-            target, chosen[key] = groups[key].parameter, groups[key].quantity.parse(text, key=key)
-        elif key == ETA_V.name and "eta_reg" in known:
-            target, values[key] = "eta_reg", ETA_V.parse(text, key=key)
+        elif key in there:
+            target, chosen[key] = there[key].parameter, there[key].quantity.parse(text, key=key)
         else:
             raise unknown(key, text, model)
         if target in setter:
@@ -92,11 +99,11 @@ def parse_values(raw: Mapping[str, object], model: Model) -> tuple[dict[str, flo
 def resolve(start: Mapping[str, float], changes: Mapping[str, object], model: Model) -> dict[str, float]:
     """Values of ``model`` (internal units): ``start``, with ``changes`` as a person wrote them.
 
-    Order: parameters, defaults for what is still missing, ``eta_v``, groups. A value that nothing
-    gives is left out, for the case to name.
+    Order: parameters, defaults for what is still missing, groups. A value that nothing gives is left out,
+    for the case to name.
     """
     known = model.parameters()
-    parsed, groups = parse_values(changes, model)
+    parsed, asked = parse_values(changes, model)
     values = {n: v for n, v in start.items() if n in known}
     sizes = {"height", "thickness"} & parsed.keys()
     if (
@@ -106,17 +113,14 @@ def resolve(start: Mapping[str, float], changes: Mapping[str, object], model: Mo
         and values.get("depth") == rounded(full_depth(values), 14)
     ):
         values.pop("depth")  # the blade went as far as it does by default: it still does
-    viscous_length = parsed.pop(ETA_V.name, None)
     values |= parsed
     values = {n: q.default * q.factor for n, q in known.items() if q.default is not None} | values
-    if viscous_length is not None:
-        values["eta_reg"] = viscous_length / values["speed"]
-    for name, value in groups.items():
-        set_too = {GROUPS[g].parameter for g in groups}
-        for need in GROUPS[name].needs:
+    set_too = {parameter_of(name) for name in asked}
+    for name, value in asked.items():
+        for need in groups()[name].needs:
             if need not in values and need not in set_too:
                 raise BadInput(key=name, value=value, expected=f"{need} beside it, from which it is solved")
-    return apply_groups(values, groups)
+    return apply_groups(values, asked)
 
 
 def misplaced(key: str, section: str, model: Model) -> str | None:
@@ -134,7 +138,7 @@ def section_hint(key: str, sections: Iterable[str]) -> str:
     """What to write instead of the top-level ``key`` of a case file."""
     if key in KEYS:
         return f"it in the section [numerics], '{key}' is not a section"
-    physics = [q.name for q in SPECIMEN + PROTOCOL] + list(GROUPS) + [ETA_V.name]
+    physics = [q.name for q in SPECIMEN + PROTOCOL] + list(groups())
     if key in physics or owners(key):
         return f"it in the section [{section_of(key)}], '{key}' is not a section"
     guess = nearest(key, sections)
@@ -192,8 +196,8 @@ def full_depth(v: Mapping[str, float]) -> float:
 
 def check_driven(model: Model) -> None:
     """Raise BadInput for a cut in which nothing meets the blade: it would move and nothing would happen."""
-    if not any(law.role == "contact" for law in model.laws("blade")):
-        laws = [m.name for m in registry().values() if m.slot == "blade" and m.role == "contact"]
+    if model.tool is None:
+        laws = [law.name for law in tools()]
         raise BadInput(
             key="mechanisms", value=", ".join(model.mechanisms),
             expected=f"a law by which the blade meets the specimen, {' or '.join(laws)}: without one nothing"

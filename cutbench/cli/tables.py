@@ -16,14 +16,10 @@ from rich.text import Text
 from cutbench.base.units import Parameter
 from cutbench.case import materials
 from cutbench.case.case import Case, load_case
-from cutbench.case.model import GROUPS
+from cutbench.case.model import groups as settable_groups
 from cutbench.case.model import mechanism as find_mechanism
 from cutbench.mechanisms import Mechanism, registry
 from cutbench.run.result import Result
-
-#: The numbers that place a material on a map, by their text in ``Case.groups``.
-_MAP_GROUPS = ("(G_c/delta_c)/G", "tau_W/(G_c/delta_c)", "eta_reg v/delta_c", "G_c/(G a)", "mu")
-_COLUMNS = ("G", "nu", "G_c", "delta_c", "eta_reg", "mu", "tau_W", "width")
 
 
 def _table(*heads: str, title: str | None = None) -> Table:
@@ -41,10 +37,13 @@ def material_table() -> RenderableType:
     """The known materials, a column each, with values and dimensionless groups."""
     cases = [load_case(name) for name in materials.names()]
     table = _table("", *(case.name for case in cases))
-    for name in _COLUMNS:
-        _row(table, name, *(case.shown().get(name, "-") for case in cases))
+    known = {name: q for case in cases for name, q in case.model.parameters().items()}
+    for name, q in known.items():
+        values = {case.values.get(name) for case in cases}
+        if values != {q.default and q.default * q.factor}:  # what all have by default says nothing
+            _row(table, name, *(case.shown().get(name, "-") for case in cases))
     table.add_section()
-    for text in _MAP_GROUPS:
+    for text in dict.fromkeys(text for case in cases for text in case.groups()):
         _row(table, text, *(_group(case, text) for case in cases))
     note = "a is half the blade's thickness. 'cutbench materials NAME' shows sources and corrections."
     return Stack(table, Text(note))
@@ -84,7 +83,7 @@ def mechanism_table() -> RenderableType:
         parameters = ", ".join(q.name if q.unit == "1" else f"{q.name} ({q.unit})" for q in m.parameters)
         _row(table, m.slot, m.name, m.role or "-", parameters or "-", off or "-", m.title)
     groups = _table("group", "is", "sets", title="dimensionless groups that can be set")
-    for g in GROUPS.values():
+    for g in settable_groups().values():
         _row(groups, g.name, g.text, g.parameter)
     return Stack(table, groups)
 
@@ -124,9 +123,8 @@ def _number(value: float | None) -> str:
 def result_table(result: Result) -> RenderableType:
     """What a run found, in one screen."""
     table = _table("", "value", title=f"{result.case.name} ({result.case.id})")
-    for text in _MAP_GROUPS:
-        if text in result.case.groups():
-            _row(table, text, _group(result.case, text))
+    for text in result.case.groups():
+        _row(table, text, _group(result.case, text))
     table.add_section()
     for name, value in result.measures.items():
         _row(table, name, "-" if math.isnan(value) else f"{value:.4g}")

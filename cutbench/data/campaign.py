@@ -24,7 +24,7 @@ from cutbench.case.values import names, resolve
 from cutbench.data import plausible
 from cutbench.data.experiment import SLOTS, Experiment
 from cutbench.data.recorded import placed, read_experiment
-from cutbench.mechanisms import registry
+from cutbench.mechanisms import Volumetric, registry
 
 #: Places in time at which the way of a blade that holds or returns is read off, before it is simplified.
 MOTION = 120
@@ -184,8 +184,8 @@ def start_case(
     """The case that a campaign starts from, and notes on what was added to it.
 
     ``baseline`` is a list of mechanisms or the name of a set, ``default`` (that of every run) or ``paper``:
-    of a set, the part that tests of these ``kinds`` see. A baseline without a law for volume change gets
-    ``volumetric``: a soft solid hardly changes its volume, and a run without such a law has no unique answer.
+    of a set, the part that tests of these ``kinds`` see. A baseline without a law for volume change gets the
+    default one: a soft solid hardly changes its volume, and a run without such a law has no unique answer.
     Raises BadInput.
     """
     notes: tuple[str, ...] = ()
@@ -200,9 +200,10 @@ def start_case(
             model = Model(listed)
         except BadInput as error:
             raise BadInput(key="baseline", value=error.value, expected=error.expected) from error
-        if not any(m.role == "volumetric" for m in model.laws("bulk")):
-            model = model.with_("volumetric")
-            notes += ("'volumetric' added to the baseline: it has no law for volume change",)
+        if not any(isinstance(m, Volumetric) for m in model.laws("bulk")):
+            added = next(n for n in SETS["default"] if isinstance(registry()[n], Volumetric))
+            model = model.with_(added)
+            notes += (f"'{added}' added to the baseline: it has no law for volume change",)
     if material is not None:
         return load_case(material, {"mechanisms": model.mechanisms, **(parameters or {})}), notes
     values = resolve({}, dict(parameters or {}), model)
@@ -259,7 +260,7 @@ def load_campaign(path: str | Path) -> Campaign:
 
 def _check(experiment: Experiment, base: Case) -> None:
     """Raise BadInput if a test cannot be of the material, or cannot be computed."""
-    plausible.check(experiment, base.p)
+    plausible.check(experiment, base)
     if experiment.kind == "cut":
         cut_case(experiment, base)
 

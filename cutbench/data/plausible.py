@@ -7,12 +7,13 @@ difference between specimens comes near, and near enough that a factor of a thou
 from __future__ import annotations
 
 from collections.abc import Callable
-from types import SimpleNamespace
 
 import numpy as np
 
+from cutbench.case.case import Case
 from cutbench.data.experiment import HOMOGENEOUS, Experiment
 from cutbench.data.repetition import Repetition
+from cutbench.mechanisms.base import Points
 
 #: Nominal stress of neo-Hooke at constant volume over G, by the stretch.
 NEO_HOOKE: dict[str, Callable[[np.ndarray], np.ndarray]] = {
@@ -28,20 +29,21 @@ CUT = (0.005, 50.0)
 STRENGTH = 300.0
 
 
-def check(experiment: Experiment, p: SimpleNamespace) -> None:
-    """Raise BadInput if the readings cannot be of a material with the parameters ``p`` (internal units)."""
+def check(experiment: Experiment, case: Case) -> None:
+    """Raise BadInput if the readings cannot be of the material of ``case``."""
+    modulus_MPa = case.model.shear_modulus(case.p)
     if experiment.kind == "cut":
         travel_fits(experiment)
     for r in experiment.repetitions:
         if experiment.kind in HOMOGENEOUS:
             _stretch(r)
-            _modulus(experiment, r, p.G)
+            _modulus(experiment, r, modulus_MPa)
         elif experiment.kind == "cut":
-            _cut(experiment, r, p.G)
+            _cut(experiment, r, modulus_MPa)
         elif experiment.kind == "sliding":
-            _sliding(experiment, r, p)
+            _sliding(experiment, r, case)
         else:
-            _separation(r, p)
+            _separation(r, case)
 
 
 def modulus(experiment: Experiment, r: Repetition) -> float:
@@ -115,9 +117,11 @@ def _cut(experiment: Experiment, r: Repetition, G: float) -> None:
         )  # fmt: skip
 
 
-def _sliding(experiment: Experiment, r: Repetition, p: SimpleNamespace) -> None:
+def _sliding(experiment: Experiment, r: Repetition, case: Case) -> None:
     pressure = experiment.pressure_MPa if r.pressure_MPa is None else float(np.median(r.pressure_MPa))
-    strength = getattr(p, "tau_W", 0.0) + getattr(p, "mu", 0.0) * pressure
+    at = Points(touched=np.ones(1), slid=np.zeros(1), slip_rate=np.zeros(1))
+    laws = case.model.laws("blade")
+    strength = sum(float(law.strength(np.array([pressure]), case.p, {}, at)[0]) for law in laws)
     found = float(np.median(np.abs(r.y)))
     if strength > 0 and found > 0 and not 1 / STRENGTH < found / strength < STRENGTH:
         raise r.wrong(
@@ -128,15 +132,15 @@ def _sliding(experiment: Experiment, r: Repetition, p: SimpleNamespace) -> None:
         )  # fmt: skip
 
 
-def _separation(r: Repetition, p: SimpleNamespace) -> None:
-    G_c, delta_c = getattr(p, "G_c", None), getattr(p, "delta_c", None)
-    if G_c is None or delta_c is None:
+def _separation(r: Repetition, case: Case) -> None:
+    parts = [law.estimate(case.p, 0.0, 0.0) for law in case.model.laws("cut")]
+    strength, opening = sum(e.strength for e in parts), sum(e.opening for e in parts)
+    if not strength:
         return
     i = int(np.argmax(r.y))
-    strength = G_c / (np.e * delta_c)
     for key, found, wanted, unit in (
         ("traction", 1e3 * r.y[i], 1e3 * strength, "kPa"),
-        ("opening", r.x[i], delta_c, "mm"),
+        ("opening", r.x[i], opening, "mm"),
     ):
         if found > 0 and not 1 / STRENGTH < found / wanted < STRENGTH:
             raise r.wrong(

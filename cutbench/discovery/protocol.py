@@ -125,17 +125,14 @@ def cut_proposals(point: Point, one: Score, other: Score, run: Predictor) -> lis
     """The same for cuts, by the steps that the score test proposes for two candidates."""
     e = next(e for e in point.campaign.train if e.kind == "cut")
     case = point.inverse.case(e, point.q)
-    made: list[tuple[str, dict[str, float]]] = [
-        (f"'{e.id}' ten times as fast", {"speed": 10 * case.values["speed"]}),
-        (f"'{e.id}' with a specimen half as wide", {"width": 0.5 * case.values["width"]}),
-        (f"'{e.id}' with a tip twice as long", {n: 2 * case.values[n] for n in ("tip",) if n in case.values}),
-        (f"'{e.id}' with a lubricated blade",
-         {n: 0.1 * case.values[n] for n in ("mu", "tau_W") if case.values.get(n)}),
-    ]  # fmt: skip
-    made = [(text, changes) for text, changes in made if changes]
+    made: dict[str, dict[str, float]] = {}
+    for q in case.model.parameters().values():
+        if q.trial and case.values[q.name]:
+            text, factor = q.trial
+            made.setdefault(f"'{e.id}' {text}", {})[q.name] = factor * case.values[q.name]
     free = tuple(dict.fromkeys(u.name for u in point.inverse.unknowns if u.experiment in (None, e.id)))
     found = []
-    for text, changes in made:
+    for text, changes in made.items():
         try:
             there = replace(case, values={**case.values, **changes})
             answers = run([_task(point, s, there, e, free) for s in (one, other)])

@@ -25,19 +25,23 @@ import scipy.sparse as sp
 
 from cutbench.forms.base import Form, Local, component_major
 from cutbench.forms.space import Faces
+from cutbench.mechanisms.base import Bulk, Cut
 
 
 class BendingForm(Form):
-    """On one surface, the top or a side of the cut plane, for a layer ``layer`` times δ_c thick."""
+    """On one surface, the top or a side of the cut plane, for a layer ``layer`` times δ_c thick.
+
+    Its modulus and δ_c, the opening at the peak of the cohesion, are those of ``laws``.
+    """
 
     name = "bending"
-    reads = ("G", "delta_c")
 
     def __init__(
         self,
         faces: Faces,
         X: np.ndarray,
         layer: float,
+        laws: Sequence[Bulk | Cut],
         mirrors: Sequence[tuple[np.ndarray, int]] = (),
         name: str | None = None,
     ):
@@ -59,7 +63,8 @@ class BendingForm(Form):
         for at, component in mirrors:
             matrix[component, ..., np.isin(nodes[0], at)] = 0.0
         self._matrix = matrix.reshape(dim * nn, dim * nn, n)  # for B = 1
-        self.layer = layer
+        self.layer, self._laws = layer, tuple(laws)
+        self.reads = tuple(n for law in laws for n in (*law.reads, *(q.name for q in law.parameters)))
         self.dofs = component_major(nodes, dim)
 
     def part(self, columns):
@@ -70,7 +75,9 @@ class BendingForm(Form):
 
     def stiffness(self, p):
         """B in N mm."""
-        return p.G * (self.layer * p.delta_c) ** 3 / 3
+        modulus = sum(law.shear_modulus(p) for law in self._laws if isinstance(law, Bulk))
+        opening = sum(law.estimate(p, 0.0, 0.0).opening for law in self._laws)
+        return modulus * (self.layer * opening) ** 3 / 3
 
     def _force(self, u, p):
         return self.stiffness(p) * np.einsum("ijn,jn->in", self._matrix, np.take(u, self.dofs))

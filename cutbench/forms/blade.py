@@ -15,6 +15,7 @@ from cutbench.forms.gap import ToolGap
 from cutbench.forms.normals import cross, inward, unit
 from cutbench.forms.sliding import shear
 from cutbench.forms.space import Faces
+from cutbench.mechanisms.base import Tool
 
 
 @dataclass(frozen=True)
@@ -42,8 +43,8 @@ class BladeForm(Form):
     def __init__(
         self, laws, faces: Faces, numerics: ContactNumerics, *, keep_touched: Sequence[str], height: float
     ):
-        self.contact = next(law for law in laws if law.role == "contact")
-        self.frictions = tuple(law for law in laws if law.role != "contact")
+        self.tool = next(law for law in laws if isinstance(law, Tool))
+        self.frictions = tuple(law for law in laws if law is not self.tool)
         self.faces, self.dim = faces, faces.X.shape[0]
         self._laws, self._numerics, self._height = tuple(laws), numerics, height
         self._kept = tuple(keep_touched)
@@ -51,7 +52,7 @@ class BladeForm(Form):
         for name, part in faces.parts.items():
             self._keeps[part] = name in keep_touched
         self.dofs = component_major(faces.nodes, self.dim)
-        self._gap = ToolGap(numerics.gap, self.contact, faces, height)
+        self._gap = ToolGap(numerics.gap, self.tool, faces, height)
         self._material = numerics.normal == "material"
         self._stiffness = numerics.stiffness
         self._tangential = numerics.tangential
@@ -159,7 +160,7 @@ class BladeForm(Form):
         g, gradient, H = self._gap.at(f.X + shift, near, p, step)
         direction, dn = (gradient, H) if self._gap.unit_gradient else unit(gradient, H)
         stiffness = np.full((nq, count), self._stiffness)
-        t_N, dp = self.contact.pressure(g, state["multiplier"][:, near], stiffness, p)
+        t_N, dp = self.tool.pressure(g, state["multiplier"][:, near], stiffness, p)
         push, turn = direction, ()
         if self._material:
             slopes = [f.tangents[s][:, None] + blend(f.dN[s], U) for s in range(dim - 1)]
@@ -233,7 +234,7 @@ class BladeForm(Form):
             taken = -mean("pressure") * (after - before)
         else:
             taken = -(mean("normal_traction") * slip).sum(axis=0)
-        out = {self.contact.name: float((taken * f.w).sum())}
+        out = {self.tool.name: float((taken * f.w).sum())}
         for i, law in enumerate(self.frictions):
             part = (old["shares"][i] * old["shear"] + new["shares"][i] * new["shear"]) / 2
             out[law.name] = -float((part * slip * f.w).sum())

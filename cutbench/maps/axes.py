@@ -15,8 +15,8 @@ from cutbench.base.errors import BadInput
 from cutbench.base.toml import located, one_of
 from cutbench.base.units import Parameter, parse_quantity
 from cutbench.case.case import Case
-from cutbench.case.model import GROUPS, Model
-from cutbench.case.values import ETA_V, settable
+from cutbench.case.model import Model, groups
+from cutbench.case.values import parameter_of, settable
 from cutbench.mechanisms import registry
 
 _AXIS = ("name", "mechanism", "from", "to", "points", "scale", "values", "tolerance")
@@ -27,16 +27,6 @@ GRID, SAMPLE, ONE, BOUNDARY = "grid", "lhs", "one-at-a-time", "boundary"
 MODES = (GRID, SAMPLE, ONE, BOUNDARY)
 #: Part of an axis to which a boundary is sought unless the study says otherwise: in a plane, in a box.
 TOLERANCE = {1: 1 / 32, 2: 1 / 32, 3: 1 / 16}
-
-#: How pictures write a group and call it.
-_GROUP_TEXTS = {
-    "opening": (r"$\delta_\mathrm{c}/a$", "opening"),
-    "cohesion": (r"$(G_\mathrm{c}/\delta_\mathrm{c})/G$", "cohesion"),
-    "adhesion": (r"$\tau_\mathrm{W}/(G_\mathrm{c}/\delta_\mathrm{c})$", "adhesion"),
-    "viscosity": (r"$\eta_\mathrm{reg}\,v/\delta_\mathrm{c}$", "viscosity"),
-    "friction": (r"$\mu$", "friction"),
-    "sharpness": (r"$b/a$", "sharpness"),
-}
 
 
 @dataclass(frozen=True)
@@ -124,7 +114,7 @@ def read_axes(
                         expected=f"an axis that sets something else: '{other.name}' sets {axis.sets} already",
                     )  # fmt: skip
             for key in changes:
-                if sets(key) == axis.sets:
+                if parameter_of(key) == axis.sets:
                     raise BadInput(
                         key="name",
                         value=axis.name,
@@ -160,14 +150,14 @@ def _axis(entry: dict, model: Model, mode: str, tolerance: float) -> Axis:
     refuse_unknown(entry, _AXIS)
     if "mechanism" in entry:
         return _switch(entry, model)
-    groups, parameters, names = model.settable_groups(), model.parameters(), settable(model)
+    there, parameters, names = model.settable_groups(), model.parameters(), settable(model)
     name = entry.get("name", "(missing)")
     if not isinstance(name, str) or name not in names:
         raise BadInput(key="name", value=name, expected=one_of(str(name), names))
     scale = entry.get("scale", "linear")
     if scale not in ("linear", "log"):
         raise BadInput(key="scale", value=scale, expected="'linear' or 'log'")
-    quantity = groups[name].quantity if name in groups else ETA_V if name == ETA_V.name else parameters[name]
+    quantity = there[name].quantity if name in there else parameters[name]
     continuous = mode in (SAMPLE, BOUNDARY) and "values" not in entry
     if "tolerance" in entry and not (mode == BOUNDARY and continuous):
         raise BadInput(
@@ -187,9 +177,11 @@ def _axis(entry: dict, model: Model, mode: str, tolerance: float) -> Axis:
         values = _spaced(entry, quantity, scale)
     if scale == "log" and values[0] <= 0:
         raise BadInput(key="scale", value=scale, expected="'linear', since a value is 0 or below")
-    symbol, long_name = _GROUP_TEXTS.get(name, (quantity.symbol, quantity.doc))
+    symbol, long_name = quantity.symbol, quantity.doc
+    if name in there:
+        symbol, long_name = there[name].symbol, there[name].title or name
     return Axis(
-        name, quantity.unit, symbol, long_name, values, scale, sets(name), continuous,
+        name, quantity.unit, symbol, long_name, values, scale, parameter_of(name), continuous,
         tolerance if continuous and mode == BOUNDARY else math.nan,
     )  # fmt: skip
 
@@ -269,23 +261,16 @@ def refuse_unknown(part: Mapping[str, object], known: tuple[str, ...]) -> None:
             raise BadInput(key=key, value=shown, expected=one_of(key, known))
 
 
-def sets(name: str) -> str:
-    """The parameter that an axis of this name sets."""
-    if name == ETA_V.name:
-        return "eta_reg"
-    return GROUPS[name].parameter if name in GROUPS else name
-
-
 def value_on(axis: Axis, case: Case) -> float | None:
     """Where a case lies on an axis, in the axis' unit; None if its model lacks the quantity."""
     if axis.mechanism:
         return float(axis.mechanism in case.mechanisms)
     if axis.sets not in case.values:
         return None
-    if axis.name in GROUPS:
-        return short(GROUPS[axis.name].value(case.p))
-    if axis.name == ETA_V.name:
-        return case.p.eta_reg * case.p.speed
+    known = groups()
+    if axis.name in known:
+        value = known[axis.name].value(case.p)
+        return short(value) if axis.unit == "1" else value
     return case.values[axis.name] / case.model.parameters()[axis.name].factor
 
 

@@ -19,7 +19,8 @@ import xarray as xr
 from cutbench.base.errors import BadInput
 from cutbench.base.files import replacing
 from cutbench.case.case import Case
-from cutbench.maps.axes import Axis, sets, short
+from cutbench.case.values import parameter_of
+from cutbench.maps.axes import Axis, short
 from cutbench.maps.sections import Regime
 from cutbench.maps.study import case_at
 from cutbench.run.measures import ABRUPT, MEASURES, SMOOTH, UNCUT
@@ -221,7 +222,7 @@ def axis_of(data: xr.Dataset, name: str) -> Axis:
     mechanism = str(about.get("mechanism", ""))
     return Axis(
         name, str(about["units"]), str(about.get("symbol", "")), str(about["long_name"]),
-        tuple(map(float, values)), str(about.get("scale", "linear")), mechanism or sets(name),
+        tuple(map(float, values)), str(about.get("scale", "linear")), mechanism or parameter_of(name),
         name in json.loads(data.attrs["continuous"]),
         json.loads(data.attrs["tolerance"]).get(name, math.nan), mechanism,
     )  # fmt: skip

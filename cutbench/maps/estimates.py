@@ -20,7 +20,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import xarray as xr
@@ -35,8 +34,6 @@ from cutbench.run.measures import ABRUPT, CLAMP, SMOOTH
 
 #: Part of the travel that counts as steady: the default of ``cutbench.run.measures.measures``.
 STEADY = 0.4
-#: Undegraded viscous laws resist over the whole opening.
-_LASTING = "viscous"
 
 
 @dataclass(frozen=True)
@@ -69,22 +66,20 @@ class Classical:
 
 def classical(case: Case) -> Classical | None:
     """The estimates for a case; None where its model has no blade or no cohesion."""
-    return classical_numbers(case.values, lasting=_LASTING in case.mechanisms)
-
-
-def classical_numbers(values: Mapping[str, float], *, lasting: bool) -> Classical | None:
-    """The same from values in internal units; ``lasting``: the viscous term does not fade."""
-    if not {"G", "G_c", "delta_c", "thickness", "tip"} <= values.keys():
+    p, tool = case.p, case.model.tool
+    if tool is None:
         return None
-    p = SimpleNamespace(**{"eta_reg": 0.0, "tau_W": 0.0} | dict(values))
-    k = 2 * math.pi / (math.log(4 * p.height / p.thickness) - 0.5)
-    onset = p.thickness * p.length * p.G_c / (math.e * p.delta_c)
-    travel = onset / (k * p.G * p.length)
-    rate = p.eta_reg * p.speed / p.delta_c * p.thickness / p.tip
-    viscous = rate * (p.thickness / p.delta_c if lasting else 1.0)
-    slope = 2 * p.tau_W * p.length
-    steady = p.length * p.G_c * (1 + viscous) + slope * travel
-    return Classical(onset, travel, steady, slope, onset * travel / 2, steady * p.thickness)
+    a, b = tool.half_axes(p)
+    parts = [law.estimate(p, 2 * a / b * p.speed, 2 * a) for law in case.model.all]
+    strength, _, work, drag = (sum(each) for each in zip(*parts, strict=True))
+    if not strength:
+        return None
+    k = 2 * math.pi / (math.log(2 * p.height / a) - 0.5)
+    onset = 2 * a * p.length * strength
+    travel = onset / (k * case.model.shear_modulus(p) * p.length)
+    slope = 2 * drag * p.length
+    steady = p.length * work + slope * travel
+    return Classical(onset, travel, steady, slope, onset * travel / 2, steady * 2 * a)
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ import xarray as xr
 
 from cutbench.base.errors import BadInput
 from cutbench.case.case import Case, load_case
+from cutbench.case.model import levers
 from cutbench.maps.axes import Axis, places, values_on
 from cutbench.maps.boundary import SURE, margin, softened
 from cutbench.maps.dataset import LABELS, MapRow, axes_of, axis_of, case_on, places_of, regime_of, row_of
@@ -24,8 +25,6 @@ from cutbench.run.measures import ABRUPT, SMOOTH, UNCUT
 from cutbench.run.result import Result
 from cutbench.run.store.runs import Store
 
-#: What a designer can change, and the parameter that does it.
-LEVERS = {"speed": "speed", "coating": "tau_W", "tip": "tip", "stiffness": "G", "toughness": "G_c"}
 #: Largest factor that is tried, either way, and how many steps it is reached in.
 _FACTOR, _STEPS = 100.0, 400
 #: Most runs that the process is put through; of a larger map those nearest to the boundary.
@@ -170,7 +169,7 @@ def guide(data: xr.Dataset, material: str) -> Guide:
         raise BadInput(key="--material", value=material, expected=f"a material within the map: {ranges}")
     (mean,), (spread,) = reader.margin([at])
     changes, still = [], {}
-    for lever, parameter in LEVERS.items():
+    for lever, parameter in levers().items():
         if parameter not in case.values:
             still[lever] = f"its model has no {parameter}"
             continue

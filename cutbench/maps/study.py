@@ -20,8 +20,8 @@ from cutbench.base.errors import BadInput
 from cutbench.base.toml import line_of, located, one_of, read_toml
 from cutbench.case import materials
 from cutbench.case.case import Case, load_case
-from cutbench.case.model import GROUPS, Model, section_of
-from cutbench.case.values import ETA_V, check_driven
+from cutbench.case.model import Model, section_of
+from cutbench.case.values import check_driven, parameter_of
 from cutbench.maps.axes import (
     BOUNDARY,
     GRID,
@@ -141,7 +141,7 @@ def case_at(
         kept["mechanisms"] = model.mechanisms
         here, elsewhere = model.parameters(), start.model.with_(*switches).parameters()
         for key in changes:
-            sets = GROUPS[key].parameter if key in GROUPS else "eta_reg" if key == ETA_V.name else key
+            sets = parameter_of(key)
             if sets in elsewhere and sets not in here:
                 del kept[key]
     own = {a.name: a.text(v) for a, v in zip(axes, values, strict=True) if not a.mechanism}

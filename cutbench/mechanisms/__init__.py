@@ -6,13 +6,16 @@ from cutbench.mechanisms.base import (
     Blade,
     Bulk,
     Cut,
+    Estimate,
+    Group,
     Mechanism,
     Points,
     Rig,
     Skin,
     Support,
+    Tool,
 )
-from cutbench.mechanisms.bulk._isotropic import Isochoric, Isotropic
+from cutbench.mechanisms.bulk._isotropic import Isochoric, Isotropic, Volumetric
 from cutbench.mechanisms.bulk.neo_hookean import NeoHookean
 from cutbench.mechanisms.cut.smith_ferrante import SmithFerrante
 from cutbench.mechanisms.registered import SLOTS, file_of, registry, use_mechanisms
@@ -23,6 +26,8 @@ __all__ = [
     "Blade",
     "Bulk",
     "Cut",
+    "Estimate",
+    "Group",
     "Isochoric",
     "Isotropic",
     "Mechanism",
@@ -33,6 +38,8 @@ __all__ = [
     "Skin",
     "SmithFerrante",
     "Support",
+    "Tool",
+    "Volumetric",
     "file_of",
     "registry",
     "use_mechanisms",

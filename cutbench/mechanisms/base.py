@@ -7,7 +7,8 @@ stay clear of ``abs`` and ``norm`` so that a complex step differentiates them ex
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, ClassVar, NamedTuple
 
@@ -40,6 +41,43 @@ class Points(SimpleNamespace):
     closing = 5000.0
 
 
+@dataclass(frozen=True)
+class Group:
+    """A number that a person may set in place of a parameter: a dimensionless group, or one with a ``unit``.
+
+    ``text`` is its formula as in ``Mechanism.groups``, ``symbol`` as pictures write it, ``title`` in words.
+    ``value(p)`` is the number, ``solve(p, x)`` the ``parameter`` that gives it, from what it ``needs``.
+    """
+
+    name: str
+    text: str
+    symbol: str
+    parameter: str
+    needs: tuple[str, ...]
+    value: Callable[[Params], float]
+    solve: Callable[[Params, float], float]
+    unit: str = "1"
+    title: str = ""
+
+    @property
+    def quantity(self) -> Parameter:
+        """The number as a parameter, for reading what a person wrote."""
+        return Parameter(self.name, self.unit, self.text, self.title or f"sets {self.parameter}", low=0)
+
+
+class Estimate(NamedTuple):
+    """What a law adds to estimates with pencil and paper; those of a model's laws add up.
+
+    ``strength`` MPa and ``opening`` mm at the peak of the cohesion, ``work`` mJ/mm² of cutting at a steady
+    rate, ``drag`` MPa on the blade's flanks at no pressure.
+    """
+
+    strength: float = 0.0
+    opening: float = 0.0
+    work: float = 0.0
+    drag: float = 0.0
+
+
 class Mechanism:
     """Base of all slots. Subclasses are stateless; one instance of each lives in the registry."""
 
@@ -55,10 +93,25 @@ class Mechanism:
     role: ClassVar[str | None] = None
     #: Roles without whose answers the law has none: a model that has the law has them too.
     follows: ClassVar[tuple[str, ...]] = ()
+    #: Whether the law, not what is derived from it, is in the default model, and in the paper's.
+    standard: ClassVar[bool] = False
+    published: ClassVar[bool] = False
+    #: Whether it is there for the march's sake alone: paths of equilibria leave it out.
+    regularises: ClassVar[bool] = False
+    #: What a person may set in place of the law's parameters, in case files, studies and options.
+    settable: ClassVar[tuple[Group, ...]] = ()
+
+    def __init_subclass__(cls) -> None:
+        for flag in ("standard", "published"):
+            setattr(cls, flag, vars(cls).get(flag, False))
 
     def groups(self, p: Params) -> Mapping[str, float]:
         """The law's dimensionless groups, by their text: ``{"(G_c/delta_c)/G": 10.1}``."""
         return {}
+
+    def estimate(self, p: Params, rate: float, width: float) -> Estimate:
+        """The law's part in steady cutting, where faces part at ``rate`` mm/s until ``width`` mm apart."""
+        return Estimate()
 
     def start(self, n: int, p: Params) -> State:
         """State of ``n`` virgin points."""
@@ -76,6 +129,14 @@ class Bulk(Mechanism):
     slot = "bulk"
     #: True where ``stress`` is the derivative of ``energy`` and there is no state.
     conservative: ClassVar[bool] = True
+
+    def shear_modulus(self, p: Params) -> float:
+        """Of slow loading at small strain, MPa: what stiffnesses and times of the numerics are scaled by."""
+        if not self.conservative:
+            return 0.0
+        F = np.eye(3)[:, :, None].copy()
+        F[0, 1] = 1e-6
+        return self.stress(F, p, self.start(1, p), Points(laws=(self,), dt=1.0))[0][0, 1, 0] / 1e-6
 
     def stress(self, F: np.ndarray, p: Params, state: State, at: Points) -> tuple[np.ndarray, State]:
         """P (3, 3, N) in MPa and the new state, for F (3, 3, N) and the state at the step's start.
@@ -171,6 +232,20 @@ class Blade(Mechanism):
         kept on the cut faces once they touched), ``at.slid`` the sliding distance in mm so far,
         ``at.slip_rate`` the sliding speed in mm/s.
         """
+        raise NotImplementedError(self.name)
+
+
+class Tool(Blade):
+    """The blade itself, which keeps the material out; its parameters are those of the section [blade]."""
+
+    role = "contact"
+
+    def half_axes(self, p: Params) -> tuple[float, float]:
+        """a and b of the elliptic tip, mm; its apex lies p.tip below the blade's reference point."""
+        raise NotImplementedError(self.name)
+
+    def pressure(self, gap: np.ndarray, multiplier, stiffness, p: Params) -> tuple[np.ndarray, np.ndarray]:
+        """Contact pressure t_N (N,) in MPa and its derivative by the gap."""
         raise NotImplementedError(self.name)
 
 

@@ -85,6 +85,14 @@ def _missing(law: Mechanism, known: Mapping[str, Mechanism]) -> Iterator[tuple[s
     for name in sorted(begun ^ ended):
         one, other = ("start", "traction") if name in begun else ("traction", "start")
         yield f"'{name}' from {one}() only", f"it from {other}() too: what is not returned is not kept"
+    if law.role == "cohesive":
+        found = law.estimate(typical(law, known), 0.0, 0.0)
+        for name in ("strength", "opening"):
+            if not getattr(found, name):
+                yield (
+                    f"no '{name}' from estimate()",
+                    f"the cohesion's {name} at its peak",
+                )
 
 
 def _states(law: Cut, known: Mapping[str, Mechanism]) -> tuple[set[str], set[str]]:

@@ -6,7 +6,15 @@ from cutbench.base.units import Parameter
 
 SPECIMEN = (
     Parameter(
-        "width", "mm", "W", "specimen across the blade", low=0, open_low=True, default=30.0, typical=30.0
+        "width",
+        "mm",
+        "W",
+        "specimen across the blade",
+        low=0,
+        open_low=True,
+        default=30.0,
+        typical=30.0,
+        trial=("with a specimen half as wide", 0.5),
     ),
     Parameter(
         "length", "mm", "L", "specimen along the blade", low=0, open_low=True, default=30.0, typical=30.0
@@ -14,7 +22,18 @@ SPECIMEN = (
     Parameter("height", "mm", "H", "specimen height", low=0, open_low=True, default=21.0, typical=21.0),
 )
 PROTOCOL = (
-    Parameter("speed", "mm/s", "v", "blade speed", low=0, open_low=True, default=0.021, typical=0.021),
+    Parameter(
+        "speed",
+        "mm/s",
+        "v",
+        "blade speed",
+        low=0,
+        open_low=True,
+        default=0.021,
+        typical=0.021,
+        lever="speed",
+        trial=("ten times as fast", 10.0),
+    ),
     Parameter(
         "depth",
         "mm",

@@ -8,6 +8,7 @@ import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.case.case import Case
+from cutbench.case.model import Model
 from cutbench.case.motion import Motion
 from cutbench.case.numerics import Numerics
 from cutbench.forms.bending import BendingForm
@@ -19,6 +20,7 @@ from cutbench.forms.geometry import Geometry, paired
 from cutbench.forms.mixed import MixedVolumetric
 from cutbench.forms.space import Faces, Space
 from cutbench.forms.support import SupportForm
+from cutbench.mechanisms import Volumetric
 from cutbench.solver.iterative import rigid_motions
 from cutbench.solver.march import March
 from cutbench.solver.newton import NewtonSettings
@@ -61,14 +63,15 @@ def geometry_of(case: Case, **where) -> Geometry:
     return geometry(case.values, case.numerics, **where)
 
 
-def contact_numerics(p, n: Numerics) -> ContactNumerics:
+def contact_numerics(model: Model, p, n: Numerics) -> ContactNumerics:
     """Stiffnesses of the contact for parameters ``p``, which may be complex."""
-    return ContactNumerics(n.penalty * p.G, n.stick * p.G, n.normal, n.gap, n.multiplier == "carried")
+    modulus = model.shear_modulus(p)
+    return ContactNumerics(n.penalty * modulus, n.stick * modulus, n.normal, n.gap, n.multiplier == "carried")
 
 
-def damping_viscosity(p, n: Numerics):
+def damping_viscosity(model: Model, p, n: Numerics):
     """Viscosity of the damping form, MPa s."""
-    return p.G * n.damping_mm / p.speed
+    return model.shear_modulus(p) * n.damping_mm / p.speed
 
 
 def first_centre(p) -> np.ndarray:
@@ -91,11 +94,11 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
     bulk, skins = model.laws("bulk"), model.laws("skin")
     forms = []
     if n.element == "P2P1":
-        if not any(law.role == "volumetric" for law in bulk):
+        pressure = next((law for law in bulk if isinstance(law, Volumetric)), None)
+        if pressure is None:
             raise BadInput(
                 key="element", value="P2P1", expected="P1 or P2 in a model without a law for volume change"
             )
-        pressure = next(law for law in bulk if law.role == "volumetric")
         forms.append(MixedVolumetric(pressure, space, degree, p.height, skins))
         bulk = tuple(law for law in bulk if law is not pressure)
     forms.insert(0, BulkForm(bulk, volume, p.height, skins))
@@ -109,18 +112,19 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
             stiff = {"bending": faces["cut"], "bending_top": faces["top"]}
             if geometry.split:
                 stiff["bending_minus"] = minus
-            forms += [BendingForm(side, space.X, n.layer, mirrors, name) for name, side in stiff.items()]
+            laws = [*model.laws("bulk"), *(law for law in cut if law.role == "cohesive")]
+            forms += [BendingForm(side, space.X, n.layer, laws, mirrors, k) for k, side in stiff.items()]
     elif geometry.split:
         raise BadInput(
             key="symmetry", value="full", expected="'half' where no law holds the cut plane together"
         )
     blade = model.laws("blade")
     # Without contact nothing meets the blade: neither friction nor adhesion then has a surface to act on.
-    if any(law.role == "contact" for law in blade):
+    if model.tool is not None:
         met, kept = Faces.joined(list(faces.values())), [name for name in faces if name != "top"]
-        forms.append(BladeForm(blade, met, contact_numerics(p, n), keep_touched=kept, height=p.height))
+        forms.append(BladeForm(blade, met, contact_numerics(model, p, n), keep_touched=kept, height=p.height))
     if n.damping_mm > 0:
-        forms.append(DampingForm(volume, damping_viscosity(p, n)))
+        forms.append(DampingForm(volume, damping_viscosity(model, p, n)))
     clamped = space.nodes_on(geometry.clamped)
     support = None
     for law in model.laws("support"):

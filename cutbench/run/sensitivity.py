@@ -80,7 +80,7 @@ def _direction(built: Built, name: str) -> Direction:
     setattr(p, name, getattr(p, name) + 1j * STEP)
     n = case.numerics
     forms = {}
-    contact = contact_numerics(p, n)
+    contact = contact_numerics(case.model, p, n)
     if isinstance(contact.stiffness, complex):
         forms |= {form.name: form.with_numerics(contact) for form in built.blades}
     volume = any(name in form.reads for form in built.problem.forms)
@@ -96,5 +96,5 @@ def _direction(built: Built, name: str) -> Direction:
         np.asarray(first_centre(p)),
         forms,
         volume,
-        damping_viscosity(p, n),
+        damping_viscosity(case.model, p, n),
     )

@@ -100,7 +100,7 @@ def timeless(case: Case) -> Case:
 
     A law depends on time only if one of its parameters has time in its unit (beside forces).
     """
-    viscous = [m.name for m in case.model.all if m.role == "viscous"]
+    viscous = [m.name for m in case.model.all if m.regularises]
     for law in case.model.all:
         if law.slot in ("bulk", "cut", "blade", "skin", "support") and law.name not in viscous:
             for q in law.parameters:
@@ -156,14 +156,14 @@ def trace_snap_back(
 
 def fading(case: Case, depth: float) -> list[tuple[str, Case]]:
     """Cases of less and less viscosity, up to ``depth`` mm of travel, and the last with half the steps."""
-    eta = case.values.get("eta_reg", 0.0)
-    factors = FADING if eta > 0 else (1.0,)
+    switches = [q for law in case.model.all if law.regularises for q in law.parameters if q.off is not None]
+    eta = {q: case.values[q.name] for q in switches if case.values[q.name] != q.off * q.factor}
+    factors = FADING if eta else (1.0,)
     cases = []
     for factor in factors:
-        changes = {"depth": f"{depth:.14g} mm"}
-        if eta > 0:
-            changes["eta_reg"] = f"{factor * eta:.14g} s"
-        cases.append((f"viscosity × {factor:g}" if eta > 0 else "no viscosity", case.set(**changes)))
+        values = {**case.values, "depth": depth} | {q.name: factor * value for q, value in eta.items()}
+        text = f"viscosity × {factor:g}" if eta else "no viscosity"
+        cases.append((text, replace(case, values=values)))
     n = case.numerics
     text, last = cases[-1]
     finer = last.set(

@@ -109,7 +109,7 @@ def describe_followed(followed: SnapBack) -> dict[str, object]:
             "cut_length_mm": float(followed.curve["cut_length_mm"][-1]),
             "stopped": followed.stopped,
             "released_points": int((followed.curve["released"] > 0).sum()),
-            "without": [m.name for m in followed.case.model.all if m.role == "viscous"],
+            "without": [m.name for m in followed.case.model.all if m.regularises],
         },
         "seconds": followed.seconds,
     }

@@ -253,7 +253,7 @@ class Path:
         for _ in range(rules.creeps):
             begun = self.problem.touched(at.states)
             step = step_to(self.centre0, at.travel + nudge, at.travel, at.u)
-            self._damping.viscosity = drag * self.problem.p.G  # over a step of 1 s
+            self._damping.viscosity = drag * self.problem.shear_modulus  # over a step of 1 s
             try:
                 u, result, iterations = newton(self.problem, at.u, begun, step, self.newton)
                 point = self._point(at, begun, step, u, result, iterations, RELEASE)

@@ -178,7 +178,9 @@ def _direction(problem, u, current, settings, shift, floor):
     shift.now = shift.relaxed()
     best = None
     for attempt in range(8):
-        data = current.data if shift.now == 0 else current.data + shift.now * problem.p.G * problem.metric
+        data = current.data
+        if shift.now != 0:
+            data = data + shift.now * problem.shear_modulus * problem.metric
         fault = None
         try:
             problem.factorize(data)

@@ -79,6 +79,11 @@ class Problem:
         self.displacements = slice(0, int(self.bulk.dofs.max()) + 1)
         self.timer.add("setup", start)
 
+    @property
+    def shear_modulus(self) -> float:
+        """Of the body at small strain, MPa: the size of what is added to tangents."""
+        return sum(law.shear_modulus(self.p) for law in self.bulk.laws)
+
     def start(self) -> dict[str, dict]:
         return {form.name: form.start(self.p) for form in self.forms}
 

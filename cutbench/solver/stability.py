@@ -37,7 +37,7 @@ def lowest_eigenvalue(problem: Problem, point: PathPoint, of: int = 4) -> float:
         b[free] = -x
         return problem.back_substitute(b)[free]
 
-    K, L = whole(current.data), problem.p.G * whole(problem.metric)
+    K, L = whole(current.data), problem.shear_modulus * whole(problem.metric)
     if free.size < SMALL:
         values = sl.eigvals(K.toarray(), L.toarray())
         values = values[np.isfinite(values)]  # L does not see a body that moves as a whole

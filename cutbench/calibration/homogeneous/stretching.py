@@ -19,6 +19,7 @@ from cutbench.base.errors import ComputationFailed
 from cutbench.calibration.homogeneous.history import LoadingHistory
 from cutbench.calibration.homogeneous.modes import MODES, Mode
 from cutbench.case.model import Model
+from cutbench.mechanisms import Volumetric
 from cutbench.mechanisms.base import STEP, Points
 
 #: Largest step of ln λ of laws with state, and fewest steps to a reading: their errors are of first order.
@@ -61,7 +62,7 @@ class _Body:
     def __init__(self, model: Model, p: SimpleNamespace, mode: Mode):
         self.laws, self.p, self.mode = model.laws("bulk"), p, mode
         self.real = SimpleNamespace(**{name: np.real(value) for name, value in vars(p).items()})
-        self.compressible = any(law.role == "volumetric" for law in self.laws)
+        self.resists_volume = any(isinstance(law, Volumetric) for law in self.laws)
         self.complex = any(np.iscomplexobj(value) for value in vars(p).values())
 
     def start(self, n: int) -> dict[str, np.ndarray]:
@@ -84,7 +85,7 @@ class _Body:
 
     def advance(self, stretch, guess, state, dt):
         """P₁₁ (N,), ln of the free stretch (N,) (real) and the new state after a step of ``dt`` s."""
-        if not self.compressible:
+        if not self.resists_volume:
             b = self.mode.lateral * np.log(stretch)
             P, free, new = self._stress(stretch, b, self.p, state, dt)
             return P - free * np.exp(b) / stretch, b, new

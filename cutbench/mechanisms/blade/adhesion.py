@@ -4,7 +4,7 @@
 """
 
 from cutbench.base.units import Parameter
-from cutbench.mechanisms.base import Blade
+from cutbench.mechanisms.base import Blade, Estimate, Group
 
 
 class Adhesion(Blade):
@@ -23,9 +23,21 @@ class Adhesion(Blade):
             off=0.0,
             default=0.0,
             typical=0.8,
+            lever="coating",
+            trial=("with a lubricated blade", 0.1),
         ),
     )
     reads = ("G_c", "delta_c")
+    standard = published = True
+    settable = (
+        Group(
+            "adhesion", "tau_W/(G_c/delta_c)", r"$\tau_\mathrm{W}/(G_\mathrm{c}/\delta_\mathrm{c})$", "tau_W",
+            ("G_c", "delta_c"), lambda p: p.tau_W / (p.G_c / p.delta_c), lambda p, x: x * p.G_c / p.delta_c,
+        ),
+    )  # fmt: skip
+
+    def estimate(self, p, rate, width):
+        return Estimate(drag=p.tau_W)
 
     def groups(self, p):
         return {"tau_W/(G_c/delta_c)": p.tau_W / (p.G_c / p.delta_c)}

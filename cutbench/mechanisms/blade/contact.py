@@ -7,23 +7,49 @@ under a band of thickness 2a. The paper never gives b.
 import numpy as np
 
 from cutbench.base.units import Parameter
-from cutbench.mechanisms.base import Blade
+from cutbench.mechanisms.base import Group, Tool
 
 #: Half-width of the rounded bracket, in units of the blade's half-thickness.
 SKIN = 0.01
 
 
-class Contact(Blade):
+class Contact(Tool):
     """The blade keeps the material out; it lends no shear strength of its own."""
 
     name = "contact"
     title = "contact"
-    role = "contact"
     rank = -10
+    standard = published = True
+    settable = (
+        Group(
+            "sharpness", "b/a", "$b/a$", "tip", ("thickness",),
+            lambda p: p.tip / (p.thickness / 2), lambda p, x: x * p.thickness / 2,
+        ),
+    )  # fmt: skip
     parameters = (
-        Parameter("thickness", "mm", "2a", "blade thickness", low=0, open_low=True, default=0.7, typical=0.7),
         Parameter(
-            "tip", "mm", "b", "length of the elliptic tip", low=0, open_low=True, default=1.05, typical=1.05
+            "thickness",
+            "mm",
+            "2a",
+            "blade thickness",
+            low=0,
+            open_low=True,
+            default=0.7,
+            typical=0.7,
+            sought=False,
+        ),
+        Parameter(
+            "tip",
+            "mm",
+            "b",
+            "length of the elliptic tip",
+            low=0,
+            open_low=True,
+            default=1.05,
+            typical=1.05,
+            lever="tip",
+            sought=False,
+            trial=("with a tip twice as long", 2.0),
         ),
         Parameter(
             "tilt",
@@ -49,14 +75,11 @@ class Contact(Blade):
         return {"b/a": 2 * p.tip / p.thickness}
 
     def half_axes(self, p):
-        """a and b of the elliptic tip, mm; its apex lies p.tip below the blade's reference point."""
         return p.thickness / 2, p.tip
 
     def pressure(self, gap, multiplier, stiffness, p):
-        """Contact pressure t_N (N,) in MPa and its derivative by the gap.
-
-        The Macaulay bracket is rounded over ``SKIN`` of the blade's half-thickness: a kink there
-        makes Newton's method cycle between contact states.
+        """t_N and its slope. The Macaulay bracket is rounded over ``SKIN`` of the blade's half-thickness: a
+        kink there makes Newton's method cycle between contact states.
         """
         depth = multiplier / stiffness - gap
         skin = SKIN * p.thickness / 2

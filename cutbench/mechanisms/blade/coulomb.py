@@ -1,7 +1,7 @@
 """Coulomb friction on the blade (paper, eq. flow_potential): strength μ t_N."""
 
 from cutbench.base.units import Parameter
-from cutbench.mechanisms.base import Blade
+from cutbench.mechanisms.base import Blade, Group
 
 
 class Coulomb(Blade):
@@ -11,8 +11,20 @@ class Coulomb(Blade):
     title = "Coulomb friction"
     role = "friction"
     parameters = (
-        Parameter("mu", "1", "μ", "friction coefficient", low=0, off=0.0, default=0.0, typical=0.2),
+        Parameter(
+            "mu",
+            "1",
+            "μ",
+            "friction coefficient",
+            low=0,
+            off=0.0,
+            default=0.0,
+            typical=0.2,
+            trial=("with a lubricated blade", 0.1),
+        ),
     )
+    standard = published = True
+    settable = (Group("friction", "mu", r"$\mu$", "mu", (), lambda p: p.mu, lambda p, x: x),)
 
     def groups(self, p):
         return {"mu": p.mu}

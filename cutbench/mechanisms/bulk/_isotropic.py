@@ -134,6 +134,9 @@ class Isochoric(Isotropic):
         """dW/dĪ₁ (N,), MPa; must accept complex Ī₁."""
         raise NotImplementedError(self.name)
 
+    def shear_modulus(self, p):
+        return 2 * self.dW_dI1(np.array([3.0]), p, None)[0]
+
     def W(self, I1, p, at):
         """Energy (N,), mJ/mm³."""
         raise NotImplementedError(self.name)
@@ -160,6 +163,9 @@ class Isochoric(Isotropic):
 
 class Volumetric(Isotropic):
     """Ψ = U(J). In the mixed formulation the pressure is an unknown of its own."""
+
+    def shear_modulus(self, p):
+        return 0.0
 
     def U(self, J, p):
         raise NotImplementedError(self.name)

@@ -10,7 +10,10 @@ class NeoHookean(Isochoric):
     name = "neo_hookean"
     title = "neo-Hooke"
     role = "isochoric"
-    parameters = (Parameter("G", "kPa", "G", "shear modulus", low=0, open_low=True, typical=25.0),)
+    standard = published = True
+    parameters = (
+        Parameter("G", "kPa", "G", "shear modulus", low=0, open_low=True, typical=25.0, lever="stiffness"),
+    )
 
     def dW_dI1(self, I1, p, at):
         return p.G / 2 + 0 * I1

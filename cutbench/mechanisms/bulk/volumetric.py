@@ -10,6 +10,7 @@ class QuadraticVolumetric(Volumetric):
     name = "volumetric"
     title = "volume change"
     role = "volumetric"
+    standard = published = True
     reads = ("G",)
     parameters = (
         Parameter(
@@ -22,6 +23,7 @@ class QuadraticVolumetric(Volumetric):
             open_high=True,
             default=0.49,
             typical=0.49,
+            sought=False,
         ),
     )
 

@@ -10,7 +10,7 @@ the undamaged stiffness: the two faces touch, whatever broke before.
 import numpy as np
 
 from cutbench.base.units import Parameter
-from cutbench.mechanisms.base import Cut
+from cutbench.mechanisms.base import Cut, Estimate, Group
 
 #: Points (5, 1) and weights (5,) on (0, 1) for means over a step.
 _x, _w = np.polynomial.legendre.leggauss(5)
@@ -31,11 +31,33 @@ class SmithFerrante(Cut):
     role = "cohesive"
     rank = -10  # before the laws that scale its traction, or fade with its damage
     parameters = (
-        Parameter("G_c", "J/m^2", "G_c", "work of separation", low=0, open_low=True, typical=10.0),
+        Parameter(
+            "G_c", "J/m^2", "G_c", "work of separation", low=0, open_low=True, typical=10.0, lever="toughness"
+        ),
         Parameter("delta_c", "mm", "δ_c", "opening at peak traction", low=0, open_low=True, typical=0.07),
-        Parameter("beta", "1", "β", "weight of sliding against opening", low=0, default=1.0, typical=1.0),
+        Parameter(
+            "beta",
+            "1",
+            "β",
+            "weight of sliding against opening",
+            low=0,
+            default=1.0,
+            typical=1.0,
+            sought=False,
+        ),
     )
     reads = ("G", "thickness")
+    standard = published = True
+    settable = (
+        Group(
+            "opening", "delta_c/a", r"$\delta_\mathrm{c}/a$", "delta_c", ("thickness",),
+            lambda p: p.delta_c / (p.thickness / 2), lambda p, x: x * p.thickness / 2,
+        ),
+        Group(
+            "cohesion", "(G_c/delta_c)/G", r"$(G_\mathrm{c}/\delta_\mathrm{c})/G$", "G_c", ("G", "delta_c"),
+            lambda p: p.G_c / p.delta_c / p.G, lambda p, x: x * p.G * p.delta_c,
+        ),
+    )  # fmt: skip
 
     def groups(self, p):
         return {
@@ -43,6 +65,10 @@ class SmithFerrante(Cut):
             "G_c/(G a)": p.G_c / (p.G * p.thickness / 2),
             "delta_c/a": p.delta_c / (p.thickness / 2),
         }
+
+    def estimate(self, p, rate, width):
+        peak = self.stiffness(p) * p.delta_c * self.keep(np.ones(1), p)[0]
+        return Estimate(strength=peak, opening=p.delta_c, work=p.G_c)
 
     def keep(self, s, p):
         """1 − d (N,) where the largest opening so far is s in units of δ_c."""

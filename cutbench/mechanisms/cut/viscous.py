@@ -7,7 +7,7 @@ refinement: the steady force has no limit. ``viscous_degraded`` has one.
 """
 
 from cutbench.base.units import Parameter
-from cutbench.mechanisms.base import Cut
+from cutbench.mechanisms.base import Cut, Estimate, Group
 
 ETA = Parameter(
     "eta_reg",
@@ -29,9 +29,25 @@ class Viscous(Cut):
     role = "viscous"
     parameters = (ETA,)
     reads = ("G_c", "delta_c", "speed")
+    published = regularises = True
+    settable = (
+        Group(
+            "viscosity", "eta_reg v/delta_c", r"$\eta_\mathrm{reg}\,v/\delta_\mathrm{c}$", "eta_reg",
+            ("speed", "delta_c"), lambda p: p.eta_reg * p.speed / p.delta_c,
+            lambda p, x: x * p.delta_c / p.speed,
+        ),
+        # By its invariant as a length: the pseudo-time reading of the paper (t = blade travel).
+        Group(
+            "eta_v", "eta_reg v", "η_reg v", "eta_reg", ("speed",), lambda p: p.eta_reg * p.speed,
+            lambda p, x: x / p.speed, "mm", "viscous length; sets eta_reg = eta_v/speed",
+        ),
+    )  # fmt: skip
 
     def groups(self, p):
         return {"eta_reg v/delta_c": p.eta_reg * p.speed / p.delta_c}
+
+    def estimate(self, p, rate, width):
+        return Estimate(work=p.G_c / p.delta_c**2 * p.eta_reg * rate * width)
 
     def viscosity(self, p, at):
         """MPa s/mm, a number or (N,)."""

@@ -8,6 +8,7 @@ constant rate, however much of the cohesion one step breaks. With d at the end, 
 one step would dissipate nothing.
 """
 
+from cutbench.mechanisms.base import Estimate
 from cutbench.mechanisms.cut.viscous import Viscous
 
 
@@ -16,6 +17,10 @@ class ViscousDegraded(Viscous):
 
     name = "viscous_degraded"
     title = "viscous (degraded)"
+    standard = True
+
+    def estimate(self, p, rate, width):
+        return Estimate(work=p.G_c / p.delta_c * p.eta_reg * rate)
 
     def viscosity(self, p, at):
         cohesive = at.before.get("cohesive")

@@ -35,9 +35,8 @@ def plot_section(result: Result, snapshot: Snapshot | Sequence[Snapshot] | None 
     halves = [_Half(s) for s in shown]
     top_kPa = max(h.top_kPa for h in halves) or 1.0
     p = result.case.p
-    for law in result.case.model.laws("blade"):
-        if law.role == "contact":  # a blade may be blunter than its drawing
-            p.tip = law.half_axes(p)[1]
+    if tool := result.case.model.tool:  # a blade may be blunter than its drawing
+        p.tip = tool.half_axes(p)[1]
     with style():
         n = len(halves)
         figure = new_figure(DOUBLE_MM, 82 if n == 1 else 48 + 190 / n)

@@ -15,7 +15,8 @@ from datetime import UTC, datetime
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import one_of
 from cutbench.base.units import parse_quantity
-from cutbench.case.model import GROUPS, Model
+from cutbench.case.model import Model
+from cutbench.case.model import groups as known_groups
 from cutbench.run.measures import MEASURES
 from cutbench.run.store.index import Head
 
@@ -61,8 +62,12 @@ def row_of(id: str, head: Head) -> dict[str, object]:
     known = Model(tuple(head["mechanisms"])).parameters()
     internal = {name: v * known[name].factor for name, v in values.items() if name in known}
     groups = {}
-    for name, group in GROUPS.items():
-        if group.parameter in internal and all(need in internal for need in group.needs):
+    for name, group in known_groups().items():
+        if (
+            group.unit == "1"
+            and group.parameter in internal
+            and all(need in internal for need in group.needs)
+        ):
             groups[name] = float(f"{group.value(_Attributes(internal)):.6g}")
     measures = {name: float(v) for name, v in head["measures"].items()}
     numerics = {k: v for k, v in head["numerics"].items() if v is not None}
