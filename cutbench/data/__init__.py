@@ -8,9 +8,9 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "campaign": ["Campaign", "load_campaign"],
+        "campaign": ["Campaign", "FitPlan", "load_campaign", "start_case"],
         "experiment": ["Experiment"],
-        "field_comparison": ["Comparison", "compare"],
+        "field_comparison": ["Comparison", "at_travel", "compare", "sample"],
         "fields": ["Field", "read_fields"],
         "repetition": ["Averaged", "Repetition"],
     },

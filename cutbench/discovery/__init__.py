@@ -5,6 +5,7 @@ found = discover(load_campaign("campaign.toml"))
 print(found.verdict, found.found)
 """
 
+from cutbench.discovery.report import gain_sentence, verdict_sentence
 from cutbench.discovery.search import Discovery, discover
 
-__all__ = ["Discovery", "discover"]
+__all__ = ["Discovery", "discover", "gain_sentence", "verdict_sentence"]
