@@ -33,7 +33,6 @@ _PRINTED = {
     "step": "0.1 mm",
     "normal": "material",
     "with_": "viscous",
-    "predictor": "repeat",
 }
 
 JOBS = (
