@@ -12,9 +12,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import typer
 
 from cutbench.base.errors import BadInput
 from cutbench.case.model import DEFAULT, Model
+from cutbench.cli.main import app
 from cutbench.mechanisms import Points, registry, use_mechanisms
 from cutbench.mechanisms.registered import laws_of, load_file
 
@@ -148,3 +150,78 @@ def test_a_law_that_follows_another_needs_it_in_the_model():
         leaders = [m.name for m in Model(DEFAULT).all if m.slot == law.slot and m.role in law.follows]
         with pytest.raises(BadInput, match=law.name):
             Model(DEFAULT).with_(law.name).without(*leaders)
+
+
+def test_every_command_takes_a_folder_of_laws():
+    for name, command in typer.main.get_command(app).commands.items():
+        assert "--mechanisms" in {o for q in command.params for o in q.opts}, name
+
+
+def cli(*words: str, folder: Path) -> subprocess.CompletedProcess:
+    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+    env = {**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1"}
+    args = [sys.executable, "-m", "cutbench", *words]
+    return subprocess.run(args, cwd=folder, env=env, capture_output=True, text=True, check=False)
+
+
+STUDY = """
+title = "two runs"
+base = "gelatin"
+mechanisms = ["neo_hookean", "volumetric", "finite", "viscous_degraded", "contact"]
+
+[protocol]
+depth = "0.2 mm"
+
+[numerics]
+h = "1.4 mm"
+
+[[axis]]
+name = "G_c"
+values = ["5 J/m^2", "6 J/m^2"]
+"""
+
+
+def test_workers_of_a_sweep_know_them(page_law, tmp_path):
+    (tmp_path / "study.toml").write_text(STUDY)
+    done = cli(
+        "sweep", "study.toml", "--out", "out", "--workers", "2", "--mechanisms", "my_laws", folder=tmp_path
+    )
+    assert done.returncode == 0, done.stderr
+    assert "2 of 2 runs, 0 not to the end" in done.stdout
+    listed = cli("runs", "out", "--columns", "mechanisms,outcome", "--mechanisms", "my_laws", folder=tmp_path)
+    assert listed.stdout.count("finite") == 2, listed.stdout + listed.stderr
+    unknown = cli("sweep", "study.toml", "--out", "other", folder=tmp_path)
+    assert unknown.returncode == 2 and "--mechanisms" in unknown.stderr
+    missing = cli("run2d", "gelatin", "--mechanisms", "nowhere", folder=tmp_path)
+    assert missing.returncode == 2 and "nowhere" in missing.stderr
+
+
+def test_a_case_takes_its_laws_along(page_law, tmp_path):
+    make = (
+        "import pickle, cutbench\n"
+        "cutbench.use_mechanisms('my_laws')\n"
+        "case = cutbench.load_case('gelatin', {'with': 'finite'})\n"
+        "pickle.dump((case, case.model, case.id), open('case.pickle', 'wb'))\n"
+    )
+    python(make, tmp_path)
+    said = python(
+        "import pickle\ncase, model, id = pickle.load(open('case.pickle', 'rb'))\n"
+        "print(case.id == id, model == case.model, [law.title for law in model.laws('cut')])\n",
+        tmp_path,
+    )
+    assert said.startswith("True True") and "cohesive (finite)" in said
+
+
+def test_a_package_offers_laws_by_an_entry_point(page_law, tmp_path):
+    site = tmp_path / "site"
+    about = site / "softlaws-1.0.dist-info"
+    about.mkdir(parents=True)
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: softlaws\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text("[cutbench.mechanisms]\nfinite = softlaws\n")
+    (site / "softlaws.py").write_text(page_law.read_text(encoding="utf-8"), encoding="utf-8")
+    said = python(
+        "import sys; sys.path.insert(0, 'site')\nimport cutbench\n"
+        "print('finite' in cutbench.known_mechanisms())\n",
+        tmp_path,
+    )
+    assert said.strip() == "True"

@@ -10,7 +10,7 @@ import hashlib
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType, SimpleNamespace
 
@@ -35,6 +35,7 @@ from cutbench.case.values import (
     section_hint,
     unknown,
 )
+from cutbench.mechanisms.registered import folders_of, take_up
 
 #: Part of every id: raise it when the same inputs come to mean another computation.
 SCHEMA = 1
@@ -94,7 +95,8 @@ class Case:
 
     def __reduce__(self):
         given = {f.name: getattr(self, f.name) for f in fields(self)}
-        return partial(Case, **given | {"values": dict(self.values)}), ()  # a MappingProxyType has no pickle
+        given["values"] = dict(self.values)  # a MappingProxyType has no pickle
+        return _unpickled, (folders_of(self.mechanisms), given)
 
     def __hash__(self) -> int:
         return hash(self.id)
@@ -240,6 +242,11 @@ class _Draft:
     def case(self) -> Case:
         given = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "model"}
         return Case(mechanisms=self.model.mechanisms, **given)
+
+
+def _unpickled(folders: tuple[Path, ...], given: dict) -> Case:
+    take_up(folders)  # another process does not know a user's own laws yet
+    return Case(**given)
 
 
 def load_case(

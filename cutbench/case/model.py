@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from graphlib import TopologicalSorter
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,6 +16,7 @@ from cutbench.base.toml import one_of
 from cutbench.base.units import Parameter
 from cutbench.mechanisms import Group, Mechanism, Tool, Volumetric, registry
 from cutbench.mechanisms.given import PROTOCOL, SPECIMEN
+from cutbench.mechanisms.registered import folders_of, take_up
 
 
 def _built_in(flag: str) -> tuple[str, ...]:
@@ -47,7 +49,8 @@ def mechanism(name: object, *, key: str = "mechanisms") -> Mechanism:
     """The registered mechanism called ``name``; BadInput with the nearest name otherwise."""
     known = registry()
     if not isinstance(name, str) or name not in known:
-        raise BadInput(key=key, value=name, expected=one_of(str(name), known))
+        own = "; the folder of a law of your own is named by --mechanisms DIR"
+        raise BadInput(key=key, value=name, expected=one_of(str(name), known) + own)
     return known[name]
 
 
@@ -94,6 +97,9 @@ class Model:
             )  # fmt: skip
         names = {m.name for m in asked}
         object.__setattr__(self, "mechanisms", tuple(name for name in registry() if name in names))
+
+    def __reduce__(self):
+        return _unpickled, (folders_of(self.mechanisms), self.mechanisms)
 
     @cached_property
     def all(self) -> tuple[Mechanism, ...]:
@@ -220,6 +226,11 @@ class Model:
         """The groups that can be set in this model, in the order in which they are applied."""
         here = self.parameters()
         return {n: g for n, g in groups().items() if g.parameter in here and all(q in here for q in g.needs)}
+
+
+def _unpickled(folders: tuple[Path, ...], names: tuple[str, ...]) -> Model:
+    take_up(folders)
+    return Model(names)
 
 
 def apply_groups(values: Mapping[str, float], asked: Mapping[str, float]) -> dict[str, float]:

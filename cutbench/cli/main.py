@@ -8,6 +8,7 @@ import typer
 
 from cutbench import __version__
 from cutbench.cli.commands import commands
+from cutbench.cli.options import with_laws
 
 app = typer.Typer(
     name="cutbench",
@@ -35,7 +36,7 @@ def _root(
 
 
 for _command in commands():
-    app.command()(_command)
+    app.command()(with_laws(_command))
 
 
 def main() -> None:

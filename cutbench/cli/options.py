@@ -41,6 +41,31 @@ def exits(command: Callable) -> Callable:
     return wrapped
 
 
+Laws = Annotated[
+    list[Path] | None,
+    typer.Option("--mechanisms", metavar="DIR", help="A folder with laws of your own; may be repeated."),
+]
+
+
+def with_laws(command: Callable) -> Callable:
+    """Give ``--mechanisms DIR`` to a command: the laws of the folder are known in all that it does."""
+
+    @functools.wraps(command)
+    @exits
+    def wrapped(*args: object, laws: list[Path] | None = None, **kwargs: object) -> object:
+        if laws:
+            from cutbench.mechanisms import use_mechanisms
+
+            use_mechanisms(*laws)
+        return command(*args, **kwargs)
+
+    own = inspect.signature(command, eval_str=True)
+    laws = inspect.Parameter("laws", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Laws)
+    wrapped.__signature__ = own.replace(parameters=[*own.parameters.values(), laws])
+    wrapped.__annotations__ = {n: q.annotation for n, q in wrapped.__signature__.parameters.items()}
+    return wrapped
+
+
 # The options of a run, the same for a section and for a block.
 Source = Annotated[str, typer.Argument(metavar="MATERIAL|FILE.toml", help="A material or a case file.")]
 Sets = Annotated[

@@ -12,7 +12,7 @@ import importlib.util
 import inspect
 import pkgutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -69,6 +69,12 @@ def use_mechanisms(*folders: str | Path) -> tuple[str, ...]:
         _folders = before
         registry.cache_clear()
         raise
+
+
+def take_up(folders: Sequence[Path]) -> None:
+    """``use_mechanisms`` where a process, a worker say, does not have all of ``folders`` yet."""
+    if not set(folders) <= set(_folders):
+        use_mechanisms(*folders)
 
 
 def folders_of(names: tuple[str, ...]) -> tuple[Path, ...]:
