@@ -9,7 +9,7 @@ import numpy as np
 from cutbench.case.case import Case
 from cutbench.run.build import Built, build
 from cutbench.run.sensitivity import start_sensitivities
-from cutbench.solver.march import Accepted
+from cutbench.solver.march import Accepted, Stalled
 
 
 class Marched:
@@ -26,24 +26,19 @@ class Marched:
     ):
         """``beside``: the march whose mesh and steps are taken; states are looked for near its own."""
         built = build(case, beside.geometry if beside else None)
-        if beside is not None:
-            built.march.schedule, built.march.known = beside.steps, beside.displacements
         follower = start_sensitivities(built, names) if names else None
-        damping = next((f for f in built.problem.forms if f.name == "damping"), None)
-        self.geometry = built.geometry
-        self.steps, self.switches, self.displacements = [], [], []
-        forces, slopes, pseudo_time_mm = [], [], 0.0
-        for step in built.march:
-            forces.append(step.force)
-            self.steps.append(
-                (step.pseudo_time_mm - pseudo_time_mm, damping.damping_factor if damping else 1.0)
-            )
-            pseudo_time_mm = step.pseudo_time_mm
-            self.switches.append(switches(built, step))
-            self.displacements.append(step.u)
-            if follower is not None:
-                slopes.append(follower.add(step))
-        self.stopped = built.march.stopped
+        self.geometry, self.stopped = built.geometry, None
+        self.steps, self.switches = [], []
+        forces, slopes = [], []
+        try:
+            for step in built.march.steps(given=beside.steps if beside else None):
+                forces.append(step.force)
+                self.steps.append(step.given)
+                self.switches.append(switches(built, step))
+                if follower is not None:
+                    slopes.append(follower.add(step))
+        except Stalled as error:
+            self.stopped = error.reason
         self.lost = None if follower is None else follower.lost
         self.unresolved = 0 if follower is None else follower.unresolved
         self.forces, self.slopes = np.array(forces), np.array(slopes)

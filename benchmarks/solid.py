@@ -48,6 +48,7 @@ def measured(job: dict) -> dict:
     from benchmarks.measure import peak_MB
     from cutbench.case.case import load_case
     from cutbench.run.build import build
+    from cutbench.solver.march import Stalled
 
     changes = {"numerics": "paper", "depth": f"{job['depth_mm']!r} mm"}
     if "h" in job:
@@ -59,9 +60,12 @@ def measured(job: dict) -> dict:
     since = time.perf_counter()
     built = build(case)
     ready = time.perf_counter()
-    last, iterations, steps = None, 0, 0
-    for last in built.march:
-        iterations, steps = iterations + last.iterations, steps + 1
+    last, iterations, steps, stopped = None, 0, 0, None
+    try:
+        for last in built.march:
+            iterations, steps = iterations + last.iterations, steps + 1
+    except Stalled as error:
+        stopped = error.reason
     done = time.perf_counter()
     problem = built.problem
     counts = getattr(problem.solver, "counts", {})
@@ -74,7 +78,7 @@ def measured(job: dict) -> dict:
         "library": problem.solver.name,
         "reached_mm": 0.0 if last is None else last.travel,
         "force_N": None if last is None else last.force * built.geometry.multiplicity,
-        "stopped": built.march.stopped,
+        "stopped": stopped,
         "setup_s": ready - since,
         "march_s": done - ready,
         "steps": steps,

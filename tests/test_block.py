@@ -149,7 +149,6 @@ def curve_of(case, geometry=None):
     """Travel, force and reaction (steps, 3) of the whole block."""
     built = build(case, geometry)
     rows = [(s.travel, s.force, s.reaction) for s in built.march]
-    assert built.march.stopped is None
     return np.array(rows) * np.array([1.0, built.geometry.multiplicity, built.geometry.multiplicity])
 
 

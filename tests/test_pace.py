@@ -1,6 +1,6 @@
 """How long the next step is: what is refused, and what the next one is made for."""
 
-from types import SimpleNamespace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,27 +8,26 @@ from coarse_runs import BRIEF
 
 from cutbench.run.build import build
 from cutbench.solver.newton import NoConvergence
-from cutbench.solver.step_control import EnergyError, StepControl, StepRules
+from cutbench.solver.step_control import EnergyError, StepControl, StepRules, StepState
 
 
 def test_where_errors_add_up_their_mean_counts():
     """A step may leave twice as much open as steps are to on average, but never more than any step may."""
-    pace = StepControl(StepRules(defect=0.04), None, 0.05)
-    drifting, allowed = pace.allowed(True), pace.allowed(False)
+    control, now = StepControl(StepRules(defect=0.04), False), StepState(0.05)
+    drifting, allowed = control.allowed(True), control.allowed(False)
     assert (drifting, allowed) == (0.01, 0.04)
-    pace.check(0.1, 0.019, drifting)
-    pace.check(0.1, 0.039, allowed)
+    control.check(now, 0.1, 0.019, drifting)
+    control.check(now, 0.1, 0.039, allowed)
     for defect, limit in ((0.021, drifting), (0.041, allowed)):
         with pytest.raises(EnergyError):
-            pace.check(0.1, defect, limit)
+            control.check(now, 0.1, defect, limit)
 
 
 def test_the_next_step_is_shorter_where_the_cut_hastens():
     sizes = []
     for growth in (0.3, 0.9):
-        pace = StepControl(StepRules(largest=1.0, damage=0.5), None, 0.02, easy=3)
-        pace.taken(2, growth, 0.0, 0.05)
-        sizes.append(pace.size)
+        control = StepControl(StepRules(largest=1.0, damage=0.5), False)
+        sizes.append(control.after(StepState(0.02, easy=3), 2, growth, 0.0, 0.05).size)
     assert sizes[0] > 0.02 > sizes[1]
 
 
@@ -54,17 +53,19 @@ def test_the_papers_steps_and_blocks_do_without():
 
 def test_a_refused_step_says_why():
     with pytest.raises(NoConvergence, match=r"damage grew by 1\.10"):
-        StepControl(StepRules(damage=0.5), None, 0.05).check(1.1, 0.0, 0.05)
+        StepControl(StepRules(damage=0.5), False).check(StepState(0.05), 1.1, 0.0, 0.05)
 
 
 def test_refused_steps_come_to_an_end_before_the_end_of_the_way():
     """After a crawl, whose steps are not shortened: the rest of the way may be shorter than they are."""
-    damping = SimpleNamespace(damping_factor=1.0)
-    pace, room, tried = StepControl(StepRules(), damping, 0.05, refused=50), 0.0036, []
+    now, room, tried = StepState(0.05, refused=50), 0.0036, []
     for _ in range(200):
-        pace.size = min(pace.size, room)
-        tried.append(damping.damping_factor)
-        if not pace.shorten(EnergyError("the energy of the step closes only to 9%"), True):
+        now = replace(now, size=min(now.size, room))
+        tried.append(now.damping_factor)
+        now = StepControl(StepRules()).shorter(
+            now, EnergyError("the energy of the step closes only to 9%"), True
+        )
+        if now is None:
             break
     assert len(tried) < 100
     assert tried[-1] == 1e7

@@ -120,9 +120,8 @@ def test_a_march_does_not_crawl(monkeypatch):
     case, newton = QUICK.set(depth="0.6 mm"), march.newton
 
     def stubborn(problem, u, states, step, settings, **options):
-        damping = next(form for form in problem.forms if form.name == "damping")
         travel = case.p.height + case.p.tip - step.centre[1]
-        if 0.3 < travel < 0.4 and damping.damping_factor < 100:
+        if 0.3 < travel < 0.4 and step.damping_factor < 100:
             raise march.NoConvergence("stubborn")
         return newton(problem, u, states, step, settings, **options)
 
@@ -137,9 +136,8 @@ def stubborn(case):
     newton = march.newton
 
     def found(problem, u, states, step, settings, **options):
-        damping = next(form for form in problem.forms if form.name == "damping")
         before, travel = (case.p.height + case.p.tip - c[1] for c in (step.centre_old, step.centre))
-        if before < 0.35 < travel and damping.damping_factor < 1e4:
+        if before < 0.35 < travel and step.damping_factor < 1e4:
             raise march.NoConvergence("stubborn")
         return newton(problem, u, states, step, settings, **options)
 
@@ -162,14 +160,10 @@ def test_raised_damping_leaves_no_force_on_the_curve(monkeypatch):
 def test_a_march_goes_on_where_the_blade_rests(monkeypatch):
     case = QUICK.set(depth="0.4 mm")
     monkeypatch.setattr(march, "newton", stubborn(case))
-    whole, kept = build(case).march, []
-    whole.between_steps = kept.append
-    steps = list(whole)
-    number = next(i for i, progress in enumerate(kept) if progress.pace["rests"])
+    steps = list(build(case).march)
+    number = next(i for i, step in enumerate(steps) if step.progress.control.rests)
     assert steps[number].between
-    again = build(case).march
-    again.resume = kept[number]
-    rest, same = list(again), steps[number + 1 :]
+    rest, same = list(build(case).march.steps(steps[number].progress)), steps[number + 1 :]
     assert [s.between for s in rest] == [s.between for s in same]
     # Solvers have seen other matrices before.
     for one in ("travel", "force"):

@@ -13,13 +13,16 @@ class Step:
     """One time step, as forms see it.
 
     ``u_old`` (ndof,) converged displacements at its start; ``centre``/``centre_old`` (3,) the
-    ellipse's centre in mm; ``dt`` in s.
+    ellipse's centre in mm; ``dt`` in s; ``damping_factor``: how many times its value the damping's viscosity
+    is. ``damage_held``: the cut's damage stays what its state says.
     """
 
     dt: float
     u_old: np.ndarray
     centre: np.ndarray
     centre_old: np.ndarray
+    damping_factor: float = 1.0
+    damage_held: bool = False
 
 
 @dataclass

@@ -21,8 +21,6 @@ class CutForm(Form):
     """
 
     name = "cohesion"
-    #: True while the staggered scheme keeps the damage where it is.
-    held = False
 
     def __init__(
         self, laws, plus: Faces, height: float, minus: Faces | None = None, skins=(), closing=Points.closing
@@ -86,7 +84,8 @@ class CutForm(Form):
     def points(self, step: object) -> Points:
         jump_old = self.jump(step.u_old)
         return Points(
-            X=self._X, depth=self._depth, dt=step.dt, jump_old=jump_old, held=self.held, closing=self.closing
+            X=self._X, depth=self._depth, dt=step.dt, jump_old=jump_old, held=step.damage_held,
+            closing=self.closing,
         )  # fmt: skip
 
     def _weights(self, p, at) -> np.ndarray:

@@ -23,8 +23,6 @@ class DampingForm(Form):
     def __init__(self, volume: Volume, viscosity: float):
         self.dim = volume.X.shape[0]
         self.viscosity = viscosity
-        #: Raised by the march where Newton's method cannot follow a snap, 1 otherwise.
-        self.damping_factor = 1.0
         self.dofs = component_major(volume.nodes, self.dim)
         grad = np.einsum("qma,mje->qjae", volume.dphi, volume.jinv)
         laplace = np.ascontiguousarray(np.einsum("qjae,qjbe,qe->abe", grad, grad, volume.w, optimize=True))
@@ -45,7 +43,7 @@ class DampingForm(Form):
 
     def factor(self, step) -> float:
         """What the tangent is in units of ``unit_matrix``."""
-        return self.viscosity * self.damping_factor / step.dt
+        return self.viscosity * step.damping_factor / step.dt
 
     def _force(self, u, step):
         du = gather(u - step.u_old, self.dofs, self.dim)

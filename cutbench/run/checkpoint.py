@@ -20,7 +20,7 @@ import numpy as np
 import cutbench
 
 #: Layout of the file; one of another layout, or of another version of cutbench, is not resumed from.
-SCHEMA = 3
+SCHEMA = 4
 #: Name of the file in a run's folder.
 NAME = "checkpoint.npz"
 

@@ -10,7 +10,7 @@ stored energy shows in the ledger's closure.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -56,79 +56,82 @@ def follows(case: Case) -> bool:
     )
 
 
-class RemeshedMarch:
-    """The marches of a case, one a mesh; iterate to get each accepted step. ``built``: the present one."""
+@dataclass(frozen=True)
+class Place:
+    """Which mesh: its front is between ``strides`` down and the next; ``kept`` (2, n) is small besides.
 
-    def __init__(self, case: Case):
-        self.case, self.follows = case, follows(case)
-        #: The front is between so many strides down and the next; and what is small besides (2, n).
-        self.place, self.kept = 0, np.zeros((2, 0))
-        #: Where a new mesh has been asked for in vain.
-        self._asked = -1
-        self.built = self._build() if self.follows else build(case)
-        #: Told of each new mesh before the march goes on there.
-        self.renewed: Callable[[Transfer], None] | None = None
+    ``asked``: of where a new one was asked for in vain.
+    """
+
+    strides: int = 0
+    kept: np.ndarray = field(default_factory=lambda: np.zeros((2, 0)))
+    asked: int = -1
+
+
+class RemeshedMarch:
+    """The marches of a case, one a mesh. ``built`` and ``place``: the present one."""
+
+    def __init__(self, case: Case, place: Place | None = None):
+        self.case, self.follows, self.place = case, follows(case), place or Place()
+        self.built = build(case, self._geometry() if self.follows else None)
 
     def __iter__(self) -> Iterator[Accepted]:
-        while True:
-            march = self.built.march
-            yield from march
-            if march.left is None:
-                return
-            self._renew(march.left)
+        return self.steps()
 
-    def state(self) -> dict:
-        """What ``restore`` needs to make the present mesh again."""
-        return {"place": self.place, "kept": self.kept}
-
-    def restore(self, state: dict) -> None:
-        """Go to another mesh before the march begins."""
-        self.place, self.kept = int(state["place"]), np.asarray(state["kept"])
-        if self.follows:
-            self.built = self._build()
+    def steps(
+        self, begin: Progress | None = None, renewed: Callable[[Transfer], None] | None = None
+    ) -> Iterator[Accepted]:
+        """Each accepted step, from ``begin`` on; ``renewed`` is told of each new mesh. Raises Stalled."""
+        now, done = begin, False
+        while not done:
+            if now is not None and self._leaves(now):
+                now, transfer = self.renew(now)
+                if transfer is not None and renewed is not None:
+                    renewed(transfer)
+            done = True
+            for step in self.built.march.steps(now):
+                yield step
+                if self._leaves(step.progress):
+                    now, done = step.progress, False
+                    break
 
     def _geometry(self):
         stride, around = lengths(self.case)
-        fine = (self.place * stride - around, (self.place + 1) * stride + around)
-        return geometry_of(self.case, fine=fine, kept=self.kept)
+        fine = (self.place.strides * stride - around, (self.place.strides + 1) * stride + around)
+        return geometry_of(self.case, fine=fine, kept=self.place.kept)
 
-    def _build(self, geometry=None, space=None) -> Built:
-        built = build(self.case, geometry or self._geometry(), space)
-        built.march.leaves = lambda now: self._place_of(now.states) not in (self.place, self._asked)
-        return built
+    def _leaves(self, now: Progress) -> bool:
+        return self.follows and self._strides(now) not in (self.place.strides, self.place.asked)
 
-    def _place_of(self, states: dict) -> int:
+    def _strides(self, now: Progress) -> int:
         height = self.built.form("cohesion").faces.X[1].ravel()
-        return int(front_depth(height, self.case.p.height, states) / lengths(self.case)[0])
+        return int(front_depth(height, self.case.p.height, now.states) / lengths(self.case)[0])
 
-    def _renew(self, now: Progress) -> None:
-        old, stayed = self.built, (self.place, self.kept)
-        self.place, misfits = self._place_of(now.states), np.zeros((2, 0))
-        self.kept = misfits
+    def renew(self, now: Progress) -> tuple[Progress, Transfer | None]:
+        """Go to the mesh of the present front: where the march goes on there, and what took it there.
+
+        Where elements of the new mesh would be inside out, the old one serves for another stride.
+        """
+        old, stayed = self.built, self.place
+        self.place, misfits = Place(self._strides(now)), np.zeros((2, 0))
         for _ in range(LOOKS):
             # A resumed run makes the mesh again from what is kept: nothing is added after it was made.
-            self.kept = np.hstack([self.kept, misfits])
+            self.place = replace(self.place, kept=np.hstack([self.place.kept, misfits]))
             geometry = self._geometry()
             space = Space.build(geometry.mesh, ORDER[self.case.numerics.element])
             misfits = _misfits(old.space, space, now.u)
             if misfits.size == 0:
                 break
-        new = self._build(geometry, space)
+        new = build(self.case, geometry, space)
         new.problem.timer = old.problem.timer
-        new.march.failures, new.march.between_steps = old.march.failures, old.march.between_steps
         transfer = Transfer(old, new)
-        new.march.resume = transfer.progress(now)
-        before, after = (b.form("bulk").smallest_volume_ratio(u) for b, u in
-                         ((old, now.u), (new, new.march.resume.u)))  # fmt: skip
+        then = transfer.progress(now)
+        before, after = (b.form("bulk").smallest_volume_ratio(u) for b, u in ((old, now.u), (new, then.u)))
         if after < USABLE * min(1.0, before):
-            # Elements of the new mesh would be inside out: the old one serves for another stride.
-            self.place, self.kept = stayed
-            self._asked = self._place_of(now.states)
-            old.march.resume, old.march.left = now, None
-            return
+            self.place = replace(stayed, asked=self.place.strides)
+            return now, None
         self.built = new
-        if self.renewed is not None:
-            self.renewed(transfer)
+        return then, transfer
 
 
 def _misfits(old: Space, new: Space, u: np.ndarray) -> np.ndarray:
@@ -169,16 +172,11 @@ class Transfer:
 
     def progress(self, now: Progress) -> Progress:
         """With the blade at rest until forces balance; what the last step did then goes on."""
-        before = None if now.u_before is None else self.displacements(now.u_before)
-        past = now.past and now.past | {"u": np.array([self.displacements(u) for u in now.past["u"]])}
-        pace = dict(now.pace)
-        if pace["damping_factor"] == 1 and not pace["rests"]:
-            pace |= {"rests": True, "vain": 0, "settles": True}
         return replace(
             now,
             u=self.displacements(now.u),
             states=self.states(now.states),
-            u_before=before,
-            pace=pace,
-            past=past,
+            u_before=None if now.u_before is None else self.displacements(now.u_before),
+            control=now.control.settled(),
+            past=now.past and now.past | {"u": [self.displacements(u) for u in now.past["u"]]},
         )

@@ -15,10 +15,10 @@ from cutbench.run.crossing import crosses
 from cutbench.run.fields import add_slopes, snapshot
 from cutbench.run.front import Front
 from cutbench.run.measures import forward, measures
-from cutbench.run.remeshing import RemeshedMarch
+from cutbench.run.remeshing import Place, RemeshedMarch, Transfer
 from cutbench.run.result import BENDING, SNAP, Outcome, Result, Snapshot
 from cutbench.run.sensitivity import checked, directions, start_sensitivities
-from cutbench.solver.march import Accepted, Progress
+from cutbench.solver.march import Accepted, Progress, Stalled
 
 #: What to try when a run stalls, by a word of the reason.
 _ADVICE = {
@@ -54,53 +54,57 @@ def run_case(
     began = time.perf_counter()
     check_driven(case.model)
     names = checked(case, sensitivities)
-    meshes = RemeshedMarch(case)
+    kept = checkpoint.load() if checkpoint is not None and not names else None
+    meshes = RemeshedMarch(case, Place(**kept["mesh"]) if kept else None)
     built = meshes.built
     slopes = [np.zeros(len(names))]
-    follower = None
-    if names:
-        follower = start_sensitivities(built, names)
-        meshes.renewed = lambda transfer: follower.go_on(
+    follower = start_sensitivities(built, names) if names else None
+
+    def moved(transfer: Transfer) -> None:
+        follower.go_on(
             transfer.new.problem, directions(transfer.new, names), transfer.displacements, transfer.states
         )
+
     ledger = Ledger(meshes)
     front = Front(built) if built.space.dim == 3 else None
     wanted = sorted(snapshots_mm)
     pictures: list[Snapshot] = []
-    interrupted = False
+    interrupted, stalled = False, ""
     last: tuple[Built, Accepted] | None = None
     keeper = _Keeper(meshes, ledger, front, pictures, began)
-    if checkpoint is not None and not names:
-        if kept := checkpoint.load():
-            keeper.restore(kept)
-            wanted = [d for d in wanted if d > ledger.farthest + 1e-9]
-            if on_step is not None:
-                on_step(ledger.last["displacement_mm"], ledger.last)
-        meshes.built.march.between_steps = lambda progress: checkpoint.offer(keeper.state(progress))
+    if kept:
+        keeper.restore(kept)
+        wanted = [d for d in wanted if d > ledger.farthest + 1e-9]
+        if on_step is not None:
+            on_step(ledger.last["displacement_mm"], ledger.last)
     try:
-        for step in meshes:
+        begin = Progress.of(kept["progress"]) if kept else None
+        for step in meshes.steps(begin, moved if names else None):
             built = meshes.built
             if follower is not None:
                 since = time.perf_counter()
                 slope = follower.add(step)
                 built.problem.timer.add("sensitivities", since)
             row = ledger.add(step)
-            if step.between:
-                continue
-            last = built, step
-            if follower is not None:
-                slopes.append(slope)
-            if front is not None:
-                front.add(step)
-            if wanted and step.travel >= wanted[0] - 1e-9:
-                pictures.append(snapshot(built, step))
+            if not step.between:
+                last = built, step
                 if follower is not None:
-                    add_slopes(pictures[-1], built, names, follower.displacements())
-                wanted = [d for d in wanted if d > step.travel + 1e-9]
-            if on_step is not None:
-                on_step(step.travel, row)
+                    slopes.append(slope)
+                if front is not None:
+                    front.add(step)
+                if wanted and step.travel >= wanted[0] - 1e-9:
+                    pictures.append(snapshot(built, step))
+                    if follower is not None:
+                        add_slopes(pictures[-1], built, names, follower.displacements())
+                    wanted = [d for d in wanted if d > step.travel + 1e-9]
+                if on_step is not None:
+                    on_step(step.travel, row)
+            if checkpoint is not None and not names:
+                checkpoint.offer(keeper.state(step.progress))
     except KeyboardInterrupt:
         interrupted = True
+    except Stalled as error:
+        stalled, ledger.refused = error.reason, ledger.refused + len(error.refused)
     built = meshes.built
     if checkpoint is not None and (interrupted or keeper.seconds() > checkpoint.every_s):
         checkpoint.write()
@@ -111,7 +115,7 @@ def run_case(
         curve["recorded_displacement_mm"], curve["recorded_force_N"] = shown
     reached = float(curve["displacement_mm"][-1])
     crossed = last is not None and crosses(last[0], last[1].u)
-    outcome = _outcome(built, reached, interrupted, crossed)
+    outcome = _outcome(built, reached, interrupted, stalled, crossed)
     if last is not None and wanted and not outcome.done:
         pictures.append(snapshot(*last))
     timer = built.problem.timer
@@ -119,7 +123,7 @@ def run_case(
     counts = {
         "steps": len(curve["displacement_mm"]),
         "iterations": ledger.iterations,
-        "rejected_steps": len(built.march.failures),
+        "rejected_steps": ledger.refused,
         "degrees_of_freedom": int(built.problem.free.size),
         **{f"{name}_calls": count for name, count in timer.counts.items()},
     }
@@ -150,7 +154,8 @@ class Ledger:
     """Curve and energy balance, a row a step: the blade's work against what each mechanism took up."""
 
     def __init__(self, meshes: RemeshedMarch):
-        self._meshes, self._rows, self.iterations = meshes, [], 0
+        self._meshes, self._rows = meshes, []
+        self.iterations = self.refused = 0
         built = meshes.built
         self._work: dict[str, float] = {}
         self._blade = 0.0
@@ -175,6 +180,7 @@ class Ledger:
         self._blade += (before + force) / 2 * (step.travel - travel)
         self._now = (step.travel, force)
         self.iterations += step.iterations
+        self.refused += len(step.refused)
         for name in self._names:
             done = step.work.get(name, 0.0) * scale
             self._work[name] = self._work.get(name, 0.0) + done
@@ -233,13 +239,14 @@ class Ledger:
             "now": self._now,
             "since": {**self._since},
             "iterations": self.iterations,
+            "refused": self.refused,
         }
 
     def restore(self, state: dict) -> None:
         self._rows = [dict(zip(state["names"], map(float, row), strict=True)) for row in state["rows"]]
         self._work, self._blade = state["work"], state["blade"]
         self._now, self._since = tuple(map(float, state["now"])), state["since"]
-        self.iterations = state["iterations"]
+        self.iterations, self.refused = state["iterations"], state["refused"]
 
     def columns(self) -> dict[str, np.ndarray]:
         return {key: np.array([row[key] for row in self._rows]) for key in self._rows[0]}
@@ -265,12 +272,10 @@ class _Keeper:
 
     def state(self, progress: Progress) -> Callable[[], dict]:
         """The tree of this moment; made when it is asked for, of what no later step changes."""
-        built = self._meshes.built
-        march, timer = built.march, built.problem.timer
+        timer = self._meshes.built.problem.timer
         parts = {
-            "mesh": self._meshes.state(),
-            "progress": vars(progress),
-            "failures": list(march.failures),
+            "mesh": vars(self._meshes.place),
+            "progress": progress.tree(),
             "ledger": self._ledger.state(),
             "front": None if self._front is None else self._front.state(),
             "seconds": {**timer.seconds},
@@ -281,11 +286,7 @@ class _Keeper:
         return lambda: {**parts, "snapshots": [vars(picture) for picture in pictures]}
 
     def restore(self, tree: dict) -> None:
-        self._meshes.restore(tree["mesh"])
-        built = self._meshes.built
-        march, timer = built.march, built.problem.timer
-        march.resume = Progress(**tree["progress"])
-        march.failures[:] = tree["failures"]
+        timer = self._meshes.built.problem.timer
         self._ledger.restore(tree["ledger"])
         if self._front is not None:
             self._front.restore(tree["front"])
@@ -296,7 +297,7 @@ class _Keeper:
         self._pictures[:] = [Snapshot(**picture) for picture in tree["snapshots"]]
 
 
-def _outcome(built: Built, reached: float, interrupted: bool, crossed: bool) -> Outcome:
+def _outcome(built: Built, reached: float, interrupted: bool, stalled: str, crossed: bool) -> Outcome:
     motion = built.march.motion
     depth = motion.depth
     if interrupted:
@@ -306,19 +307,18 @@ def _outcome(built: Built, reached: float, interrupted: bool, crossed: bool) -> 
             "The curve up to there is kept.",
             reached,
         )
-    if built.march.stopped is None:
+    if not stalled:
         caution = CROSSED if crossed else ""
         if motion.points:
             deepest = max(travel for _, travel in motion.points)
             text = f"went the whole way, {deepest:g} mm deep, to {reached:g} mm at last"
             return Outcome("done", text, caution, reached)
         return Outcome("done", f"reached {depth:g} mm", caution, reached)
-    reason = built.march.stopped
-    advice = next((text for word, text in _ADVICE.items() if word in reason), _ADVICE["residual"])
+    advice = next((text for word, text in _ADVICE.items() if word in stalled), _ADVICE["residual"])
     return Outcome(
         "stalled",
         f"no step above {built.march.rules.smallest:g} mm converges at {reached:.3f} mm of {depth:g} mm"
-        f" ({reason})",
+        f" ({stalled})",
         advice,
         reached,
     )

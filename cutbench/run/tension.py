@@ -23,7 +23,7 @@ from cutbench.run.build import Built, build
 from cutbench.run.result import Outcome
 from cutbench.solver.newton import NewtonSettings, NoConvergence, newton
 from cutbench.solver.problem import damage_growth
-from cutbench.solver.step_control import LARGEST_DAMPING_FACTOR
+from cutbench.solver.step_control import LARGEST_DAMPING
 
 #: The strip, and the speed at which its clamps part: those of the paper.
 SPECIMEN = {"width": "12 mm", "height": "30 mm", "length": "3 mm", "speed": "0.03 mm/s"}
@@ -135,7 +135,7 @@ class _Pull:
         self.moved = built.space.nodes_on("clamp") * 3
         problem.in_balance = np.arange(problem.ndof)
         self.newton = NewtonSettings(tolerance=n.tolerance)
-        self.damping = next((f for f in problem.forms if f.name == "damping"), None)
+        self.damped = any(form.name == "damping" for form in problem.forms)
         self.failures: list[str] = []
         self.stopped: str | None = None
         self.iterations = 0
@@ -148,11 +148,11 @@ class _Pull:
         n, p = case.numerics, case.p
         u, states, before = np.zeros(problem.ndof), problem.start(), None
         reached, size, last = 0.0, min(0.02, n.step_mm), 0.0
-        top, easy, nowhere = 0.0, 0, np.zeros(3)
+        top, easy, factor, nowhere = 0.0, 0, 1.0, np.zeros(3)
         X = self.built.space.X
         while reached < p.depth - 1e-9:
             size = min(size, p.depth - reached)
-            step = Step(size / p.speed, u, nowhere, nowhere)
+            step = Step(size / p.speed, u, nowhere, nowhere, factor)
             if before is None:  # uniform stretching without change of volume
                 guess = u.copy()
                 strain = size / p.height
@@ -172,12 +172,8 @@ class _Pull:
             except NoConvergence as error:
                 self.failures.append(f"{reached:.4f} mm: {error.reason}")
                 size, easy = size / 2, 0
-                if (
-                    self.damping is not None
-                    and size < GENTLE
-                    and self.damping.damping_factor < LARGEST_DAMPING_FACTOR
-                ):
-                    self.damping.damping_factor = max(10.0, 10 * self.damping.damping_factor)
+                if self.damped and size < GENTLE and factor < LARGEST_DAMPING:
+                    factor = max(10.0, 10 * factor)
                     size = max(size, n.step_min_mm)
                 elif size < n.step_min_mm:
                     self.stopped = error.reason
@@ -193,8 +189,7 @@ class _Pull:
             if self.row["force_N"] < TORN * top and self.row["cut_length_mm"] > 0:
                 return
             easy += 1
-            if self.damping is not None:
-                self.damping.damping_factor = max(1.0, 0.6 * self.damping.damping_factor)
+            factor = max(1.0, 0.6 * factor)
             if effort > 9 or growth > n.damage_step or defect > n.energy_step:
                 size *= 0.7
             elif effort <= 6 and growth < 0.7 * n.damage_step and 2 * defect < n.energy_step and easy > 1:

@@ -124,8 +124,6 @@ class Path:
         forms = {form.name: form for form in self.problem.forms}
         self._cut, self._damping = forms.get("cohesion"), forms.get("damping")
         self._bordered = Bordered(self.problem, self._cut, self.centre0, self.newton, self.rules.iterations)
-        if self._damping is not None:
-            self._damping.viscosity = 0.0  # equilibria are at rest
 
     def __iter__(self) -> Iterator[PathPoint]:
         problem, rules = self.problem, self.rules
@@ -252,8 +250,8 @@ class Path:
         rules, drag = self.rules, self.rules.drag
         for _ in range(rules.creeps):
             begun = self.problem.touched(at.states)
-            step = step_to(self.centre0, at.travel + nudge, at.travel, at.u)
-            self._damping.viscosity = drag * self.problem.shear_modulus  # over a step of 1 s
+            factor = drag * self.problem.shear_modulus / self._damping.viscosity  # over a step of 1 s
+            step = step_to(self.centre0, at.travel + nudge, at.travel, at.u, factor)
             try:
                 u, result, iterations = newton(self.problem, at.u, begun, step, self.newton)
                 point = self._point(at, begun, step, u, result, iterations, RELEASE)
@@ -263,8 +261,6 @@ class Path:
                 if drag > 1e3 * rules.drag:
                     break
                 continue
-            finally:
-                self._damping.viscosity = 0.0
             at = _State(point.travel, u, point.states, point.broken)
             yield point
             nudge = 0.0

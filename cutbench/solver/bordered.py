@@ -6,6 +6,8 @@ K w = −R and K v = −∂R/∂travel; then δtravel = (ΔC − [C(u) − C(u_o
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from cutbench.forms.base import Step
@@ -16,10 +18,12 @@ from cutbench.solver.newton import NewtonSettings, NoConvergence
 from cutbench.solver.problem import Problem
 
 
-def step_to(centre0: np.ndarray, travel: float, before: float, u_old: np.ndarray) -> Step:
-    """A step of the blade from the travel ``before``, mm, with nothing that depends on time."""
+def step_to(
+    centre0: np.ndarray, travel: float, before: float, u_old: np.ndarray, damping_factor: float = 0.0
+) -> Step:
+    """A step of the blade from the travel ``before``, mm, in 1 s; undamped, it has nothing of time."""
     down = np.array([0.0, 1.0, 0.0])
-    return Step(1.0, u_old, centre0 - travel * down, centre0 - before * down)
+    return Step(1.0, u_old, centre0 - travel * down, centre0 - before * down, damping_factor)
 
 
 class Bordered:
@@ -102,9 +106,7 @@ class Bordered:
 
     def _pushed(self, u, states, step) -> np.ndarray:
         """∂R/∂travel (ndof,): the blade moves against a body that stands still."""
-        moving = Step(
-            step.dt, step.u_old, step.centre - 1j * STEP * np.array([0.0, 1.0, 0.0]), step.centre_old
-        )
+        moving = replace(step, centre=step.centre - 1j * STEP * np.array([0.0, 1.0, 0.0]))
         out = np.zeros(self._problem.ndof)
         for form in self._problem.blades:
             local = form.evaluate(u, self._problem.p, states[form.name], moving, False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -15,7 +15,7 @@ from cutbench.solver.newton import BadGuess, NewtonSettings, NoConvergence, newt
 from cutbench.solver.predictor.history import History
 from cutbench.solver.predictor.window import Window
 from cutbench.solver.problem import Evaluation, Problem, damage_growth
-from cutbench.solver.step_control import StepControl, StepRules, drifts
+from cutbench.solver.step_control import SETTLES, StepControl, StepRules, StepState, drifts
 
 #: Staggered scheme: repetitions at the most, and the change of damage at which it stands still.
 STAGGERED_LOOPS = 200
@@ -65,7 +65,44 @@ class _Found:
         return self.spent - sum(self.work.values())
 
 
-@dataclass
+@dataclass(frozen=True)
+class Given:
+    """A step to take instead of choosing one: its length in mm, 0 at rest, and the damping in units of its
+    value; ``u``: displacements at its end in a march that hardly differs, from which they are looked for."""
+
+    advance: float
+    damping_factor: float = 1.0
+    u: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What a march is between two steps: enough to go on. ``pseudo_time_mm`` as in ``Accepted``."""
+
+    pseudo_time_mm: float
+    u: np.ndarray
+    states: dict[str, dict]
+    control: StepState
+    u_before: np.ndarray | None = None
+    size_before: float | None = None
+    force: float = 0.0
+    #: The blade's work so far, and what of it the ledger has left open.
+    spent: float = 0.0
+    left: float = 0.0
+    #: Steps that predictions are made from.
+    past: dict[str, list] | None = None
+
+    def tree(self) -> dict:
+        """As dictionaries of numbers and arrays."""
+        return {**vars(self), "control": vars(self.control)}
+
+    @classmethod
+    def of(cls, tree: dict) -> Progress:
+        """From what ``tree`` gave."""
+        return cls(**{**tree, "control": StepState(**tree["control"])})
+
+
+@dataclass(frozen=True)
 class Accepted:
     """A converged step. ``pseudo_time_mm``: its end, time × speed; travel where the blade never rests."""
 
@@ -82,31 +119,26 @@ class Accepted:
     #: Each inner solve: the states it began from and the displacements it found (one without augmentations).
     solves: list[tuple[dict[str, dict], np.ndarray]]
     #: The blade has been held meanwhile, and damping raised: a state between two points of the curve.
-    between: bool = False
+    between: bool
+    #: Where the march goes on.
+    progress: Progress
+    #: Why steps from the same place were refused before.
+    refused: tuple[str, ...]
+    #: The step itself, to take it again.
+    given: Given
 
 
-@dataclass
-class Progress:
-    """What a march is between two steps: enough to go on. ``pseudo_time_mm`` as in ``Accepted``."""
+class Stalled(ArithmeticError):
+    """No step that may be tried converges; ``refused``: why not, the last one last."""
 
-    pseudo_time_mm: float
-    u: np.ndarray
-    states: dict[str, dict]
-    u_before: np.ndarray | None = None
-    size_before: float | None = None
-    force: float = 0.0
-    #: The blade's work so far, and what of it the ledger has left open.
-    spent: float = 0.0
-    left: float = 0.0
-    #: Steps that predictions are made from.
-    past: dict[str, np.ndarray] | None = None
-    #: That of ``StepControl``.
-    pace: dict[str, float] | None = None
+    def __init__(self, refused: Sequence[str], reason: str):
+        super().__init__(reason)
+        self.refused, self.reason = tuple(refused), reason
 
 
-@dataclass
+@dataclass(frozen=True)
 class March:
-    """Drive the blade through its ``motion``; iterate to get each accepted step.
+    """Drive the blade through its ``motion``: iterate over ``steps`` to get each accepted one.
 
     ``centre0`` (3,): the ellipse's centre at zero travel; the blade moves along −y.
     """
@@ -117,22 +149,10 @@ class March:
     bottom: np.ndarray  # degrees of freedom whose reaction balances the blade's force
     rules: StepRules = field(default_factory=StepRules)
     newton: NewtonSettings = field(default_factory=NewtonSettings)
-    failures: list[str] = field(default_factory=list)
-    stopped: str | None = None
-    #: Steps to take instead of choosing them, each with its length in mm, 0 at rest, and the damping's boost.
-    schedule: Sequence[tuple[float, float]] | None = None
-    #: Displacements at the end of each of these steps in a march that hardly differs: looked for from there.
-    known: Sequence[np.ndarray] | None = None
-    #: Where to begin, if not at rest; and who is told of each step's end when the next one begins.
-    resume: Progress | None = None
-    between_steps: Callable[[Progress], None] | None = None
     #: What happened some elements higher: the window's guesses, or, without one, predictions themselves.
     past: History | None = None
     #: Looks for the next state around the front first.
     window: Window | None = None
-    #: Says of a step's end that another march goes on from there; this one ends, and keeps it in ``left``.
-    leaves: Callable[[Progress], bool] | None = None
-    left: Progress | None = None
 
     @property
     def speed(self) -> float:
@@ -143,86 +163,84 @@ class March:
         return self.centre0 - np.array([0.0, travel, 0.0])
 
     def __iter__(self) -> Iterator[Accepted]:
+        return self.steps()
+
+    def steps(
+        self, begin: Progress | None = None, given: Iterable[Given] | None = None
+    ) -> Iterator[Accepted]:
+        """Each accepted step from ``begin`` on, or from rest, to the end of the motion, or of the steps
+        ``given``. Raises Stalled.
+        """
         problem, rules, motion = self.problem, self.rules, self.motion
-        begin = self.resume or Progress(0.0, np.zeros(problem.ndof), problem.start())
-        pseudo_time_mm, u, states, force = begin.pseudo_time_mm, begin.u, begin.states, begin.force
-        u_before, size_before = begin.u_before, begin.size_before
-        spent_before, left_before = begin.spent, begin.left
-        if self.past is not None and begin.past is not None:
-            self.past.restore(begin.past)
-        damping = next((f for f in problem.forms if f.name == "damping"), None)
-        pace = StepControl(rules, damping, rules.first)
-        pace.damping_factor = 1.0
-        if begin.pace is not None:
-            pace.restore(begin.pace)
-        plan, chosen, known = iter(self.schedule or ()), self.schedule is None, iter(self.known or ())
-        while pace.rests or pseudo_time_mm < motion.end - 1e-9:
-            if not chosen:
-                pace.size, pace.damping_factor = next(plan, (None, 1.0))
-                if pace.size is None:
+        now = begin or Progress(0.0, np.zeros(problem.ndof), problem.start(), StepState(rules.first))
+        if self.past is not None:
+            self.past.restore(now.past)
+        control = StepControl(rules, any(form.name == "damping" for form in problem.forms))
+        plan, pace, refused = None if given is None else iter(given), now.control, []
+        while pace.rests or now.pseudo_time_mm < motion.end - 1e-9:
+            known = None
+            if plan is not None:
+                told = next(plan, None)
+                if told is None:
                     return
-                pace.rests = pace.size == 0
+                pace, known = pace.told(told.advance, told.damping_factor), told.u
             if not pace.rests:
-                pace.size = min(pace.size, motion.room(pseudo_time_mm))
-            size = pace.advance
+                pace = replace(pace, size=min(pace.size, motion.room(now.pseudo_time_mm)))
+            pseudo_time_mm, u, states, size = now.pseudo_time_mm, now.u, now.states, pace.advance
             travel, ahead = motion.travel(pseudo_time_mm), motion.travel(pseudo_time_mm + size)
-            step = Step(pace.duration / self.speed, u, self._centre(ahead), self._centre(travel))
+            step = Step(
+                control.duration(pace) / self.speed, u, self._centre(ahead), self._centre(travel),
+                pace.damping_factor,
+            )  # fmt: skip
             begun = problem.touched(states)
-            straight = None if u_before is None else u + (u - u_before) * (size / size_before)
+            straight = None if now.u_before is None else u + (u - now.u_before) * (size / now.size_before)
             if pace.rests:
                 straight = u
             try:
                 desperate = pace.damping_factor > 1 or size <= 2 * rules.smallest
-                straight = self._improved(straight, next(known, None), u, begun, step, desperate)
-                drift = (spent_before, left_before)
-                found = self._first_that_holds(u, straight, begun, step, size, force, drift)
+                straight = self._improved(straight, known, u, begun, step, desperate)
+                drift = (now.spent, now.left)
+                found = self._first_that_holds(u, straight, begun, step, size, now.force, drift)
                 growth = damage_growth(states, found.result.states)
                 # What the ledger leaves open is the error of the step, against the blade's work over the
                 # largest step: within a small jump of a fine step nothing is gained by closing better than
                 # that. A blade at rest is taken as one that moves.
-                whole = (abs(force) + abs(found.force)) / 2 * max(size, rules.largest)
+                whole = (abs(now.force) + abs(found.force)) / 2 * max(size, rules.largest)
                 defect = abs(found.left) / max(whole, 1e-300)
-                allowed = pace.allowed(drifts(found.spent, found.left, *drift))
-                if chosen:
-                    pace.check(growth, defect, allowed)
+                allowed = control.allowed(drifts(found.spent, found.left, *drift))
+                if plan is None:
+                    control.check(pace, growth, defect, allowed)
             except NoConvergence as error:
-                self.failures.append(f"{travel:.4f} mm, step {size:.2g} mm: {error.reason}")
-                if not chosen or not pace.shorten(error, pseudo_time_mm > 0):
-                    self.stopped = error.reason
-                    return
+                refused.append(f"{travel:.4f} mm, step {size:.2g} mm: {error.reason}")
+                less = control.shorter(pace, error, pseudo_time_mm > 0) if plan is None else None
+                if less is None:
+                    raise Stalled(refused, error.reason) from error
+                pace = less
                 continue
-            states = found.result.states
-            if pace.settles:
-                # Another mesh, the same way: what the last step did goes on.
-                u_before = None if u_before is None else u_before + found.u - u
-            else:
-                u_before, size_before = (None, None) if pace.rests else (u, size)
-            u, pseudo_time_mm = found.u, pseudo_time_mm + size
-            force = found.force
-            spent_before, left_before = spent_before + found.spent, left_before + found.left
-            reaction = found.result.residual[self.bottom].sum()
             if self.past is not None:
-                self.past.add(ahead, u, np.real(states["cohesion"]["damage"]))
-            effort = found.effort
-            yield Accepted(
-                ahead, pseudo_time_mm, step.dt, u, states, force, reaction, found.work, sum(effort), step,
-                found.solves,
-                between=pace.between,
-            )  # fmt: skip
-            pace.taken(max(effort), growth * self._cut_speed_factor(), defect, allowed)
+                damage = np.real(found.result.states["cohesion"]["damage"])
+                self.past.add(ahead, found.u, damage)
+            u_before, size_before = (None, None) if pace.rests else (u, size)
+            if pace.blade == SETTLES:
+                # Another mesh, the same way: what the last step did goes on.
+                u_before = None if now.u_before is None else now.u_before + found.u - u
+                size_before = now.size_before
+            taken, effort = pace, found.effort
+            pace = control.after(pace, max(effort), growth * self._cut_speed_factor(), defect, allowed)
+            pseudo_time_mm += size
             if motion.turns(pseudo_time_mm):
-                u_before, pace.size = None, min(pace.size, rules.first)
-            if self.between_steps is not None or self.leaves is not None:
-                past = None if self.past is None else self.past.state()
-                now = Progress(
-                    pseudo_time_mm, u, states, u_before, size_before, force,
-                    spent=spent_before, left=left_before, past=past, pace=pace.state(),
-                )  # fmt: skip
-                if self.leaves is not None and self.leaves(now):
-                    self.left = now
-                    return
-                if self.between_steps is not None:
-                    self.between_steps(now)
+                u_before, pace = None, replace(pace, size=min(pace.size, rules.first))
+            now = Progress(
+                pseudo_time_mm, found.u, found.result.states, pace, u_before, size_before, found.force,
+                spent=now.spent + found.spent, left=now.left + found.left,
+                past=None if self.past is None else self.past.state(),
+            )  # fmt: skip
+            yield Accepted(
+                ahead, pseudo_time_mm, step.dt, found.u, found.result.states, found.force,
+                found.result.residual[self.bottom].sum(), found.work, sum(effort), step, found.solves,
+                taken.between, now, tuple(refused), Given(size, step.damping_factor, found.u),
+            )  # fmt: skip
+            refused = []
 
     def _cut_speed_factor(self) -> float:
         """How many times faster than the blade the cut grows, within the rules."""
@@ -312,14 +330,11 @@ class March:
         held, effort = states["cohesion"], []
         settings = replace(self.newton, tolerance=max(STAGGERED_INNER, self.newton.tolerance))
         for _ in range(STAGGERED_LOOPS):
-            cut.held = True
-            try:
-                # From one loop to the next only the damage changes, and that less and less.
-                u, _, iterations = newton(
-                    self.problem, u, {**states, "cohesion": held}, step, settings, near=any(effort)
-                )
-            finally:
-                cut.held = False
+            # From one loop to the next only the damage changes, and that less and less.
+            still = replace(step, damage_held=True)
+            u, _, iterations = newton(
+                self.problem, u, {**states, "cohesion": held}, still, settings, near=any(effort)
+            )
             effort.append(iterations)
             # The state that this opening leads to, from the damage at the start of the step.
             grown = cut.evaluate(u, self.problem.p, states["cohesion"], step, tangent=False).state

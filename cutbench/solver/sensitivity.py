@@ -183,6 +183,7 @@ class Sensitivities:
             step.u_old + ih * old,
             step.centre + (direction.centre0 - self._centre0),
             step.centre_old + (direction.centre0 - self._centre0),
+            step.damping_factor,
         )
         complex_states = {
             form.name: {
@@ -205,7 +206,7 @@ class Sensitivities:
         """Derivative of the damping force at fixed u: it is linear, with the metric as its matrix."""
         form, free = self._damping, self._problem.free
         factor = form.factor(step)
-        slope = (direction.viscosity * form.damping_factor / moving.dt).imag / STEP
+        slope = (direction.viscosity * step.damping_factor / moving.dt).imag / STEP
         out = np.zeros(self._problem.ndof)
         out[free] = self._metric @ (slope * (u - step.u_old) - factor * old)[free]
         return out

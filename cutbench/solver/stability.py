@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import scipy.linalg as sl
 import scipy.sparse as sp
@@ -25,7 +27,7 @@ def lowest_eigenvalue(problem: Problem, point: PathPoint, of: int = 4) -> float:
     """
     if problem.metric is None:
         return np.nan
-    current = problem.evaluate(point.u, point.begun, point.step)
+    current = problem.evaluate(point.u, point.begun, replace(point.step, damping_factor=0.0))
     pattern, free = problem.pattern, problem.free
 
     def whole(data):

@@ -7,18 +7,16 @@ blade rests until it is back: states on the way there belong to no blade positio
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cutbench.forms.damping import DampingForm
 from cutbench.solver.newton import NoConvergence
 
 #: The damping is raised to this many times its value before a run gives up.
-LARGEST_DAMPING_FACTOR = 1e7
+LARGEST_DAMPING = 1e7
 #: And to this before a step is taken whose energy does not close: within a jump it then spreads over several.
-LARGEST_FACTOR_IN_A_JUMP = 1e4
+LEAKY_DAMPING = 1e4
 #: Where the ledger has left more than this part of the blade's whole work open, steps that add to it are held
 #: to a quarter of what they may leave open otherwise: errors of one sign must not add up.
 DRIFT = 0.005
@@ -61,10 +59,6 @@ class StepRules:
     paper: bool = False
 
 
-#: What a pace is between two steps.
-_STATE = ("size", "easy", "refused", "rests", "drags", "vain", "settles", "damping_factor")
-
-
 #: Part of what damage and the ledger may do in a step that the next one is made for.
 TARGET = 0.9
 
@@ -78,32 +72,27 @@ def drifts(spent: float, left: float, spent_before: float, left_before: float) -
     return left * left_before > 0 and abs(left_before + left) > DRIFT * (spent_before + spent)
 
 
-@dataclass
-class StepControl:
-    """``size`` of the next step in mm; ``easy`` steps since the last one that was refused; ``refused`` ones
-    since the last as long as ``StepRules.gentle``. ``damping``: the form whose boost it sets, or None."""
+#: What the blade does: it goes on; goes on against raised damping, where resting was in vain; rests until
+#: raised damping is back; rests for forces to balance on a new mesh.
+GOES, DRAGS, RESTS, SETTLES = "goes", "drags", "rests", "settles"
 
-    rules: StepRules
-    damping: DampingForm | None
+
+@dataclass(frozen=True)
+class StepState:
+    """What decides the next step: its ``size`` in mm, and how many times its value the damping is."""
+
     size: float
+    damping_factor: float = 1.0
+    blade: str = GOES
+    #: Steps since the last one that was refused; refused ones since the last as long as ``StepRules.gentle``;
+    #: and since the blade rests.
     easy: int = 0
     refused: int = 0
-    #: Whether the blade rests until raised damping is back; or goes on against it, where that was in vain.
-    rests: bool = False
-    drags: bool = False
-    #: Refused steps since the blade rests.
     vain: int = 0
-    #: Whether it rests for forces to balance on a new mesh.
-    settles: bool = False
 
-    def state(self) -> dict[str, float]:
-        """What ``restore`` needs."""
-        return {name: getattr(self, name) for name in _STATE}
-
-    def restore(self, state: Mapping[str, float]) -> None:
-        """Go on as the pace whose ``state`` this was."""
-        for name in _STATE:
-            setattr(self, name, state[name])
+    @property
+    def rests(self) -> bool:
+        return self.blade in (RESTS, SETTLES)
 
     @property
     def advance(self) -> float:
@@ -111,100 +100,113 @@ class StepControl:
         return 0.0 if self.rests else self.size
 
     @property
-    def duration(self) -> float:
-        """Its time times the speed: short where the blade rests, so that nothing creeps."""
-        return self.rules.smallest if self.rests else self.size
-
-    @property
     def between(self) -> bool:
         """Whether a step taken now ends between two points of the curve."""
-        return (self.damping_factor > 1 or self.settles) and not self.drags
+        return (self.damping_factor > 1 or self.blade == SETTLES) and self.blade != DRAGS
 
-    @property
-    def damping_factor(self) -> float:
-        return 1.0 if self.damping is None else self.damping.damping_factor
+    def settled(self) -> StepState:
+        """The same on a new mesh: the blade rests until forces balance there."""
+        if self.damping_factor > 1 or self.rests:
+            return self
+        return replace(self, blade=SETTLES, vain=0)
 
-    @damping_factor.setter
-    def damping_factor(self, value: float) -> None:
-        if self.damping is not None:
-            self.damping.damping_factor = value
+    def told(self, advance: float, damping_factor: float) -> StepState:
+        """The same with the next step given."""
+        blade = GOES if advance else SETTLES if self.blade == SETTLES else RESTS
+        return replace(self, size=advance or self.size, damping_factor=damping_factor, blade=blade)
+
+
+@dataclass(frozen=True)
+class StepControl:
+    """From one step to the next: ``accepts`` it or raises; what comes after is ``after`` it, or ``shorter``.
+
+    ``damped``: whether there is a damping to raise.
+    """
+
+    rules: StepRules
+    damped: bool = True
+
+    def duration(self, now: StepState) -> float:
+        """Time of the next step times the speed: short where the blade rests, so that nothing creeps."""
+        return self.rules.smallest if now.rests else now.size
 
     def allowed(self, drifting: bool) -> float:
         """Part of the blade's work over the largest step that a step may leave open."""
         return self.rules.defect / 4 if drifting else self.rules.defect
 
-    def check(self, growth: float, defect: float, allowed: float) -> None:
+    def check(self, now: StepState, growth: float, defect: float, allowed: float) -> None:
         """Raises NoConvergence where damage grew by too much, or too much of the energy is left open."""
-        rules, size = self.rules, self.size
-        if rules.paper or self.settles:
+        rules, size = self.rules, now.size
+        if rules.paper or now.blade == SETTLES:
             return
         if growth > 2 * rules.damage and size > 4 * rules.smallest:
             raise NoConvergence(f"damage grew by {growth:.2f}")
-        able = self.damping is not None and self.damping_factor < LARGEST_FACTOR_IN_A_JUMP
+        able = self.damped and now.damping_factor < LEAKY_DAMPING
         # Where errors add up, it is their mean over some steps that has to be small.
         if defect > min(2 * allowed, rules.defect) and (size > rules.finest or able):
             raise EnergyError(f"the energy of the step closes only to {defect:.0%}")
 
-    def shorten(self, error: NoConvergence, moves: bool) -> bool:
-        """After a refused step; False if nothing is left to try. ``moves``: the blade has gone some way."""
+    def shorter(self, now: StepState, error: NoConvergence, moves: bool) -> StepState | None:
+        """After a refused step; None if nothing is left to try. ``moves``: the blade has gone some way."""
         rules = self.rules
-        self.easy, self.refused = 0, self.refused + 1
-        leaky, crawls = isinstance(error, EnergyError), self.refused > rules.patience
-        if self.rests:
-            self.vain += 1
-            if self.vain > rules.tries:
-                self.rests, self.drags, self.settles = False, True, False
-                self.damping.damping_factor = max(10.0, self.damping_factor * self.size / rules.smallest)
-                return True
+        now = replace(now, easy=0, refused=now.refused + 1)
+        leaky, crawls = isinstance(error, EnergyError), now.refused > rules.patience
+        if now.rests and self.damped:
+            now = replace(now, vain=now.vain + 1)
+            if now.vain > rules.tries:
+                most = max(10.0, now.damping_factor * now.size / rules.smallest)
+                return replace(now, blade=DRAGS, damping_factor=most)
         slowest = rules.finest if leaky else rules.gentle
-        if not self.rests and self.size > (slowest if crawls else rules.smallest):
-            snaps = moves and self.size <= rules.gentle and not leaky
-            self.size = max(self.size * (rules.tenth if snaps else rules.shrink), rules.smallest)
-        elif self.damping is None:
-            return False
-        elif not self.rests and crawls and self.size < rules.finest and self.damping_factor == 1:
+        if not now.rests and now.size > (slowest if crawls else rules.smallest):
+            snaps = moves and now.size <= rules.gentle and not leaky
+            size = max(now.size * (rules.tenth if snaps else rules.shrink), rules.smallest)
+            return replace(now, size=size)
+        if not self.damped:
+            return None
+        if not now.rests and crawls and now.size < rules.finest and now.damping_factor == 1:
             # Once: near the end of its way a step stays as short, and only damping is left to try.
-            self.size, self.damping.damping_factor = rules.finest, 10.0
-        elif self.damping_factor < LARGEST_DAMPING_FACTOR:
-            self.damping.damping_factor = max(10.0, self.damping_factor * 10)
-        else:
-            return False
-        return True
+            return replace(now, size=rules.finest, damping_factor=10.0)
+        if now.damping_factor < LARGEST_DAMPING:
+            return replace(now, damping_factor=max(10.0, now.damping_factor * 10))
+        return None
 
-    def taken(self, hardest: int, growth: float, defect: float, allowed: float) -> None:
-        """After a step of ``size`` that needed ``hardest`` iterations at the most."""
-        rules, size = self.rules, self.size
-        self.easy += 1
-        if self.rests:
-            self._calm(hardest <= rules.iterations and defect < 0.35 * allowed)
-            return
-        if self.drags:
-            self.damping.damping_factor = max(1.0, self.damping_factor * 0.6)
-            self.drags = self.damping_factor > 1
-        elif self.damping_factor > 1:
+    def after(self, now: StepState, hardest: int, growth: float, defect: float, allowed: float) -> StepState:
+        """After a step that needed ``hardest`` iterations at the most."""
+        rules, size = self.rules, now.size
+        now = replace(now, easy=now.easy + 1)
+        if now.rests:
+            return self._rested(now, hardest <= rules.iterations and defect < 0.35 * allowed)
+        if now.blade == DRAGS:
+            less = max(1.0, now.damping_factor * 0.6)
+            now = replace(now, damping_factor=less, blade=DRAGS if less > 1 else GOES)
+        elif now.damping_factor > 1:
             # What the damping is over a step, a force per displacement, stays the same.
-            self.rests, self.vain = True, 0
-            self.damping.damping_factor = max(1.0, self.damping_factor * rules.smallest / size)
+            less = max(1.0, now.damping_factor * rules.smallest / size)
+            now = replace(now, blade=RESTS, vain=0, damping_factor=less)
+        return replace(
+            now,
+            size=self._size(now, hardest, growth, defect, allowed),
+            refused=0 if size >= rules.gentle else now.refused,
+        )
+
+    def _size(self, now: StepState, hardest: int, growth: float, defect: float, allowed: float) -> float:
+        rules, size = self.rules, now.size
         if rules.paper:
-            less = max(size / 10, rules.smallest)
-            self.size = less if growth > rules.damage else min(5 * size, rules.largest)
-        elif hardest > rules.iterations + 3 or growth > rules.damage or defect > 0.7 * allowed:
-            self.size = max(0.7 * size, min(size, rules.smallest))
-        elif hardest <= rules.iterations and self.easy > 1:
+            return max(size / 10, rules.smallest) if growth > rules.damage else min(5 * size, rules.largest)
+        if hardest > rules.iterations + 3 or growth > rules.damage or defect > 0.7 * allowed:
+            return max(0.7 * size, min(size, rules.smallest))
+        if hardest <= rules.iterations and now.easy > 1:
             # Damage grows with the step, and what the ledger leaves open with its square.
             room = min(
                 TARGET * rules.damage / max(growth, 1e-9), np.sqrt(TARGET * 0.7 * allowed / max(defect, 1e-9))
             )
             if room > rules.least:
-                self.size = min(size * min(room, rules.grow), rules.largest)
-        if size >= rules.gentle:
-            self.refused = 0
+                return min(size * min(room, rules.grow), rules.largest)
+        return size
 
-    def _calm(self, easily: bool) -> None:
+    def _rested(self, now: StepState, easily: bool) -> StepState:
         """After a step at rest: damping goes back, and once it has been at its value the blade goes on."""
-        if self.damping_factor == 1:
-            self.rests = self.settles = False
-        else:
-            self.damping.damping_factor = max(
-                1.0, self.damping_factor * (self.rules.calm if easily else self.rules.shrink)
-            )
+        if now.damping_factor == 1:
+            return replace(now, blade=GOES)
+        less = now.damping_factor * (self.rules.calm if easily else self.rules.shrink)
+        return replace(now, damping_factor=max(1.0, less))

@@ -107,10 +107,11 @@ class History:
             self._down = sp.block_diag([whole, rest], format="csr")
         return self._down
 
-    def state(self) -> dict[str, np.ndarray]:
+    def state(self) -> dict[str, list]:
         """What ``restore`` needs to go on from here."""
-        return {"travel": np.array(self.travel), "u": np.array(self._u), "length": np.array(self._length)}
+        return {"travel": [*self.travel], "u": [*self._u], "length": [*self._length]}
 
-    def restore(self, state: dict[str, np.ndarray]) -> None:
-        self.travel, self._length = state["travel"].tolist(), state["length"].tolist()
-        self._u = list(state["u"])
+    def restore(self, state: dict[str, list] | None) -> None:
+        """Go on from ``state``, or from nothing."""
+        state = state or {"travel": [], "u": [], "length": []}
+        self.travel, self._u, self._length = [*state["travel"]], [*state["u"]], [*state["length"]]

@@ -106,10 +106,6 @@ class Window:
         return u
 
     def _newton(self, part: SubProblem, u, states, step, settings: NewtonSettings) -> np.ndarray:
-        if part.damping is not None:
-            part.damping.damping_factor = next(
-                form.damping_factor for form in self._problem.forms if form.name == "damping"
-            )
         tolerance = max(ENOUGH, settings.tolerance)
         near = replace(settings, tolerance=tolerance, iterations=ITERATIONS)
         try:

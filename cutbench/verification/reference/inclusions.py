@@ -10,6 +10,7 @@ between the ends of each facet.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from importlib import resources
 from types import SimpleNamespace
 
@@ -130,11 +131,8 @@ def fixed_point(problem: Problem, cut: CutForm, u, states: dict, step, right):
     """Displacements at fixed damage and damage at fixed displacements in turn, until damage stands still."""
     held, w = states["cohesion"], cut.faces.w.ravel()
     for _ in range(200):
-        cut.held = True
-        try:
-            u, result = solve(problem, u, {**states, "cohesion": held}, step)
-        finally:
-            cut.held = False
+        still = replace(step, damage_held=True)
+        u, result = solve(problem, u, {**states, "cohesion": held}, still)
         new = problem.evaluate(u, states, step, tangent=False).states["cohesion"]
         change = np.sqrt(w @ (new["damage"] - held["damage"]) ** 2) / w.sum()
         held = new

@@ -13,6 +13,7 @@ from cutbench.forms.geometry import Geometry
 from cutbench.forms.space import Faces, Space
 from cutbench.models3d.mesh import tetrahedra
 from cutbench.run.build import Built, build
+from cutbench.solver.march import Given
 from cutbench.verification.reference.base import Check, Reference
 
 #: A small block, so that the cut opens on the way and the force falls; contact so soft that rounding stays
@@ -28,36 +29,24 @@ THICKNESS = 0.5
 def compute() -> Iterator[Check]:
     flat = load_case("gelatin", CASE)
     half = build(flat)
-    travel, force, steps, found = curve(half)
-    right = [u.reshape(-1, 2) for u in found]
-    both = [np.concatenate([u, u * [-1, 1]]).ravel() for u in right]
-    in_space = [np.pad(u, ((0, 0), (0, 1))).ravel() for u in right]
+    travel, force, steps = curve(half)
     top = force.max()
-    for name, built, known in (
-        ("whole section", build(flat.set(symmetry="full")), both),
-        ("one layer", layer(flat, half), in_space),
+    for name, built, there in (
+        ("whole section", build(flat.set(symmetry="full")), lambda u: np.concatenate([u, u * [-1, 1]])),
+        ("one layer", layer(flat, half), lambda u: np.pad(u, ((0, 0), (0, 1)))),
     ):
         # Both begin each step from the half's solution: it has to be theirs.
-        built.march.schedule, built.march.known = steps, known
-        d, F, *_ = curve(built)
+        d, F, _ = curve(built, [replace(given, u=there(given.u.reshape(-1, 2)).ravel()) for given in steps])
         yield Check(f"{name}: largest force", "mN", 1e3 * top, 1e3 * F.max(), 1e-6)
         off = np.abs(np.interp(travel, d, F) - force).max()
         yield Check(f"{name}: largest difference of the curves, over it", "1", 0.0, off / top, 1e-6)
 
 
-def curve(built: Built) -> tuple[np.ndarray, np.ndarray, list[tuple[float, float]], list[np.ndarray]]:
-    """Travel in mm and force in N of the whole block; steps (way in mm, boost of damping), and their ends."""
-    damping, rows, steps, found, pseudo_time_mm = built.form("damping"), [], [], [], 0.0
-    for step in built.march:
-        steps.append((step.pseudo_time_mm - pseudo_time_mm, damping.damping_factor))
-        found.append(step.u)
-        pseudo_time_mm = step.pseudo_time_mm
-        if not step.between:
-            rows.append((step.travel, step.force))
-    if built.march.stopped is not None:
-        raise ArithmeticError(f"the run stopped at {rows[-1][0]:.3f} mm: {built.march.stopped}")
-    travel, force = np.array(rows).T
-    return travel, force * built.geometry.multiplicity, steps, found
+def curve(built: Built, given: list[Given] | None = None) -> tuple[np.ndarray, np.ndarray, list[Given]]:
+    """Travel in mm and force in N of the whole block, and the steps taken, which may be ``given``."""
+    steps = list(built.march.steps(given=given))
+    travel, force = np.array([(step.travel, step.force) for step in steps if not step.between]).T
+    return travel, force * built.geometry.multiplicity, [step.given for step in steps]
 
 
 @dataclass(frozen=True)
