@@ -99,10 +99,10 @@ def test_a_change_from_nothing_has_no_factor(data):
 def test_the_recommended_change_is_checked_by_runs_of_the_map(data, tmp_path):
     found = guides.guide(data, "gelatin")
     store = Store(tmp_path / "runs")
-    tried = guides.check(data, found, store, analytic_runs.computed)
+    tried = guides.check(data, found, store.root, analytic_runs.computed)
     assert tried.crosses and tried.before.label == "abrupt" and tried.after.label == "smooth"
     assert "it crosses" in tried.text() and len(store) == 2
-    guides.check(data, found, store, run=None)  # both are in the store: nothing is computed
+    guides.check(data, found, store.root, run=None)  # both are in the store: nothing is computed
 
 
 def test_a_check_that_fails_says_so():

@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 from cutbench.base.errors import BadInput
 from cutbench.case.case import load_case
 from cutbench.cli.main import app
+from cutbench.maps.sweep import run_study
 from cutbench.run.files import read_run
 from cutbench.run.measures import measures
 from cutbench.run.store.index import NAME
@@ -46,7 +47,7 @@ def test_the_list_holds_what_the_folders_hold(store):
         result = store.get(id)
         assert head["name"] == result.case.name and head["outcome"] == "done" and head["seconds"] == 1.5
         assert head["values"]["G"] == [pytest.approx(result.case.p.G * 1e3), "kPa"]
-        assert head["groups"] == pytest.approx(result.case.groups())
+        assert head["computation"] == result.case.computation and head["versions"]["cutbench"]
     with sqlite3.connect(store.root / NAME) as db:
         assert db.execute("SELECT count(*) FROM runs WHERE outcome = 'done'").fetchone() == (4,)
     db.close()
@@ -115,13 +116,81 @@ def test_what_cannot_be_used_is_named_with_what_to_do(store):
     path.write_text(json.dumps(record | {"format": 99}))
     (store.path(second) / "run.json").write_text("{")
     record = json.loads((store.path(third) / "run.json").read_text())
-    record["case"]["mechanisms"] = ["phlogiston"]
+    del record["case"]["values"]
     (store.path(third) / "run.json").write_text(json.dumps(record))
     (store.root / NAME).unlink()
     found = Store(store.root).unreadable()
     assert set(found) == {first, second, third}
-    assert "format 99" in found[first] and "version" in found[first] and "damaged" in found[second]
+    assert "format 99" in found[first] and "cutbench 0." in found[first] and "damaged" in found[second]
     assert "inputs" in found[third]
+
+
+# -- runs of another computation ------------------------------------------------------------------------
+OTHER = "0123456789ab"
+
+
+@pytest.fixture
+def other_code(monkeypatch):
+    """Calling it gives this process another computation, as if a file of the engine had changed."""
+
+    def change():
+        for module in ("case", "computation"):
+            monkeypatch.setattr(f"cutbench.case.{module}.computation_of", lambda model: OTHER)
+
+    return change
+
+
+def test_a_run_of_other_code_is_not_found_and_stays_listed_with_what_wrote_it(store, other_code):
+    before = store.heads()
+    here = {head["computation"] for head in before.values()}
+    other_code()
+    assert not store.has(result_of(G="5 kPa").id)
+    fresh = result_of(G="5 kPa", name="gel 5")
+    assert store.put(fresh) and store.get(fresh.id).computation == OTHER
+    heads = store.heads()
+    assert heads.keys() == {*before, fresh.id}
+    done = run(store.root)
+    assert done.exit_code == 0 and f"3 of 5 are by cutbench {fresh.versions['cutbench']}" in done.output
+    assert all(found in done.output for found in here) and OTHER not in done.output
+    assert row_of(fresh.id, heads[fresh.id])["computation"] == OTHER
+
+
+def test_a_sweep_that_goes_on_with_other_code_computes_anew(tmp_path, other_code):
+    study = tmp_path / "study.toml"
+    study.write_text('base = "gelatin"\n[[axis]]\nname = "cohesion"\nvalues = [2.0, 4.0]\n')
+    first = run_study(study, tmp_path / "out", workers=0, run=computed)
+    other_code()
+    second = run_study(study, tmp_path / "out", workers=0, run=computed)
+    assert first.map.attrs["computation"] != second.map.attrs["computation"] == OTHER
+    ids = [set(sweep.map["run_id"].values) for sweep in (first, second)]
+    assert second.status.reused == 0 and not ids[0] & ids[1]
+    assert {Store(tmp_path / "out/runs").get(id).computation for id in ids[1]} == {OTHER}
+
+
+def test_an_old_run_is_handed_on_with_what_wrote_it(store, other_code, tmp_path):
+    other_code()
+    id, head = next(iter(store.heads().items()))
+    assert run(store.root, "--export", tmp_path / "out").exit_code == 0
+    back = read_run(tmp_path / "out" / id)
+    assert (back.id, back.computation, back.versions) == (id, head["computation"], head["versions"])
+    assert Store(tmp_path / "copy").put(back) and Store(tmp_path / "copy").get(id).computation != OTHER
+
+
+def test_a_run_with_numerics_of_then_is_listed_and_its_writer_named(store, tmp_path):
+    id = next(iter(store.heads()))
+    path = store.path(id) / "run.json"
+    record = json.loads(path.read_text())
+    record["case"]["numerics"]["normal"] = "blended"
+    del record["computation"]
+    record["versions"]["cutbench"] = "0.0.7"
+    path.write_text(json.dumps(record))
+    (store.root / NAME).unlink()
+    store = Store(store.root)
+    assert store.heads()[id]["numerics"]["normal"] == "blended" and store.get(id) is None
+    assert not store.unreadable()
+    done = run(store.root, "--export", tmp_path / "out")
+    assert done.exit_code == 0 and "blended" in done.output and "cutbench 0.0.7" in done.output
+    assert len(list((tmp_path / "out").iterdir())) == 3
 
 
 def test_a_row_has_values_groups_and_measures(store):

@@ -21,7 +21,8 @@ from rich.console import Console
 
 from cutbench.base.errors import BadInput
 from cutbench.cli.progress import show_progress
-from cutbench.maps.dataset import LABELS, case_on, load_map
+from cutbench.maps.cases import case_on
+from cutbench.maps.dataset import LABELS, load_map
 from cutbench.maps.study import load_study
 from cutbench.maps.sweep import run_study
 from cutbench.run.store.runs import Store

@@ -1,23 +1,19 @@
-"""Files that appear whole or not at all, what JSON can hold, and which versions a number depends on."""
+"""Files that appear whole or not at all, and what JSON can hold."""
 
 from __future__ import annotations
 
 import json
 import math
 import os
-import platform
 import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib import metadata
 from pathlib import Path
 
 import numpy as np
 
 from cutbench.base.errors import BadInput
-
-_PACKAGES = ("cutbench", "numpy", "scipy", "scikit-fem", "meshio", "py-mkl-pardiso")
 
 
 @contextmanager
@@ -72,14 +68,3 @@ def plain(value):
 def number(value: float | None) -> float:
     """The reverse of ``plain`` for a number."""
     return math.nan if value is None else float(value)
-
-
-def versions() -> dict[str, str | None]:
-    """Versions of Python, cutbench and the libraries that a number depends on; None where not installed."""
-    found: dict[str, str | None] = {"python": platform.python_version()}
-    for name in _PACKAGES:
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            found[name] = None
-    return found

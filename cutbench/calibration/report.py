@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cutbench.base.files import versions, write_json
+from cutbench.base.files import write_json
+from cutbench.base.versions import versions
 from cutbench.calibration.fitted import ComparedCurve, Estimate, Fit
 
 #: Layout of fit.json.

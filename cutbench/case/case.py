@@ -14,10 +14,11 @@ from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType, SimpleNamespace
 
-from cutbench.base.errors import BadInput
+from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.toml import located, read_toml
 from cutbench.case import materials
 from cutbench.case.calibrated import Far, far
+from cutbench.case.computation import computation_of, mesh_digest
 from cutbench.case.model import DEFAULT, Model, section_of
 from cutbench.case.motion import Polyline, checked_motion, read_motion
 from cutbench.case.numerics import ALIASES, KEYS, Numerics, defaults, preset
@@ -36,9 +37,6 @@ from cutbench.case.values import (
     unknown,
 )
 from cutbench.mechanisms.registered import folders_of, take_up
-
-#: Part of every id: raise it when the same inputs come to mean another computation.
-SCHEMA = 1
 
 _TOP = ("material", "base", "mechanisms", *SECTIONS, "numerics")
 
@@ -96,7 +94,7 @@ class Case:
     def __reduce__(self):
         given = {f.name: getattr(self, f.name) for f in fields(self)}
         given["values"] = dict(self.values)  # a MappingProxyType has no pickle
-        return _unpickled, (folders_of(self.mechanisms), given)
+        return _unpickled, (folders_of(self.mechanisms), given), {"_asked": self.computation}
 
     def __hash__(self) -> int:
         return hash(self.id)
@@ -111,16 +109,30 @@ class Case:
         return SimpleNamespace(**self.values)
 
     @cached_property
+    def computation(self) -> str:
+        """12 hex digits of the source that computes this model: see ``cutbench.case.computation``.
+
+        Raises ComputationFailed in a process that has other code than the one that sent the case.
+        """
+        found = computation_of(self.model)
+        if (asked := vars(self).get("_asked", found)) != found:
+            raise ComputationFailed(
+                f"'{self.name}' is to be computed by computation {asked}, this process has {found}: install"
+                " one cutbench on all machines, and change no file of it while runs are computed"
+            )
+        return found
+
+    @cached_property
     def id(self) -> str:
         """16 hex digits of all that decides the outcome; the name and the order of writing do not.
 
-        A mesh file counts by its content. Raises BadInput if it cannot be read.
+        The computation counts by its source, a mesh file by its content; BadInput if that cannot be read.
         """
         numerics = asdict(self.numerics)
         if self.numerics.mesh is not None:
-            numerics["mesh"] = _digest(self.numerics.mesh)
+            numerics["mesh"] = mesh_digest(self.numerics.mesh)
         content = {
-            "schema": SCHEMA,
+            "computation": self.computation,
             "dim": self.dim,
             "mechanisms": self.mechanisms,
             "values": {name: f"{value:.14g}" for name, value in self.values.items()},
@@ -167,11 +179,9 @@ class Case:
         return _Draft(model=self.model, **given).changed(changes).case()
 
     def to_dict(self) -> dict:
-        """Plain data with units, for JSON; ``from_dict`` gives the same case and id."""
+        """Plain data with units, for JSON; ``from_dict`` gives the same case."""
         known = self.model.parameters()
         return {
-            "schema": SCHEMA,
-            "id": self.id,
             "name": self.name,
             "dim": self.dim,
             "mechanisms": list(self.mechanisms),
@@ -230,7 +240,7 @@ class _Draft:
         start = self.numerics if word is None else self._preset(word, model, values)
         numerics = start.set({k: v for k, v in rest.items() if k in KEYS})
         if numerics.mesh is not None:
-            _digest(numerics.mesh)  # a mesh that cannot be read is refused here, not in the middle of a run
+            mesh_digest(numerics.mesh)  # what cannot be read is refused here, not in the middle of a run
         return replace(self, name=name, model=model, values=values, numerics=numerics, motion=motion)
 
     def _preset(self, word: object, model: Model, values: Mapping[str, float]) -> Numerics:
@@ -334,12 +344,3 @@ def _load(source: str | Path, seen: tuple[Path, ...], dim: int) -> tuple[_Draft,
     with located(path, text):
         changes |= {"name": about.get("name", path.stem), "mechanisms": model.mechanisms}
         return start.changed(changes), path, text
-
-
-def _digest(mesh: str) -> str:
-    try:
-        return hashlib.sha256(Path(mesh).read_bytes()).hexdigest()
-    except OSError as error:
-        raise BadInput(
-            key="mesh", value=mesh, expected=f"a mesh file that can be read ({error.strerror})"
-        ) from error

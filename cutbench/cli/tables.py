@@ -122,7 +122,7 @@ def _number(value: float | None) -> str:
 
 def result_table(result: Result) -> RenderableType:
     """What a run found, in one screen."""
-    table = _table("", "value", title=f"{result.case.name} ({result.case.id})")
+    table = _table("", "value", title=f"{result.case.name} ({result.id})")
     for text in result.case.groups():
         _row(table, text, _group(result.case, text))
     table.add_section()

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from cutbench.base.files import versions
 from cutbench.base.units import Parameter
+from cutbench.base.versions import versions
 from cutbench.discovery.heldout import Heldout, compare
 from cutbench.discovery.point import Point
 from cutbench.discovery.score import Score

@@ -21,6 +21,7 @@ from cutbench.case.case import Case
 from cutbench.case.numerics import Numerics, defaults
 from cutbench.maps import dataset as maps
 from cutbench.maps.boundary import margin
+from cutbench.maps.cases import case_on
 from cutbench.maps.confirmed_points import RECORD
 from cutbench.run.files import read_run
 from cutbench.run.measures import ABRUPT, SMOOTH
@@ -84,7 +85,7 @@ def least_certain(data: xr.Dataset, count: int) -> list[MapPoint]:
     for i in order[np.isfinite(distance[order])]:
         at = {name: float(values.ravel()[i]) for name, values in places.items()}
         text = ", ".join(f"{name} = {value:.4g}" for name, value in at.items())
-        points.append(MapPoint(text, at, maps.case_on(data, at), float(near.ravel()[i])))
+        points.append(MapPoint(text, at, case_on(data, at), float(near.ravel()[i])))
     return points
 
 
@@ -94,7 +95,7 @@ def marked(data: xr.Dataset) -> list[MapPoint]:
     for mark in json.loads(data.attrs.get("marks", "[]")):
         at = {name: mark[name] for name in maps.axes_of(data)}
         if all(value is not None and math.isfinite(value) for value in at.values()):
-            case = replace(maps.case_on(data, at), name=mark["name"])
+            case = replace(case_on(data, at), name=mark["name"])
             points.append(MapPoint(mark["name"], at, case))
     return points
 
@@ -163,7 +164,7 @@ def _found(case: Case, folder: Path, run: Runner) -> Result:
     """The run of ``case`` in ``folder``, computed unless it ended there before."""
     try:
         old = read_run(folder)
-        if old.case.id == case.id and old.outcome.kind in ("done", "stalled"):
+        if old.id == case.id and old.outcome.kind in ("done", "stalled"):
             return old
     except BadInput:
         pass
@@ -178,8 +179,8 @@ def _compared(data: xr.Dataset, point: MapPoint, flat: Result, block: Result) ->
         point.name,
         dict(point.at),
         point.margin,
-        flat.case.id,
-        block.case.id,
+        flat.id,
+        block.id,
         flat.outcome.kind,
         block.outcome.kind,
         labels[0] if flat.outcome.done else None,

@@ -9,7 +9,6 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,11 +17,10 @@ import xarray as xr
 
 from cutbench.base.errors import BadInput
 from cutbench.base.files import replacing
-from cutbench.case.case import Case
+from cutbench.base.versions import versions
 from cutbench.case.values import parameter_of
-from cutbench.maps.axes import Axis, short
+from cutbench.maps.axes import Axis
 from cutbench.maps.sections import Regime
-from cutbench.maps.study import case_at
 from cutbench.run.measures import ABRUPT, MEASURES, SMOOTH, UNCUT
 from cutbench.run.result import OUTCOMES, Result
 
@@ -126,6 +124,8 @@ def build_map(
             "tolerance": json.dumps({a.name: a.tolerance for a in study.axes if math.isfinite(a.tolerance)}),
             "study": study.text,
             "base_case": json.dumps(study.base.to_dict(), default=str),
+            "cutbench": versions()["cutbench"] or "",
+            "computation": study.base.computation,
             "start_case": json.dumps((study.start or study.base).to_dict(), default=str),
             "changes": json.dumps(dict(study.changes), default=str),
             "drop_threshold": study.regime.drop,
@@ -184,6 +184,8 @@ def load_map(path: str | os.PathLike[str]) -> xr.Dataset:
     data.attrs.setdefault("tolerance", "{}")
     data.attrs.setdefault("start_case", data.attrs["base_case"])
     data.attrs.setdefault("changes", "{}")
+    data.attrs.setdefault("cutbench", "")
+    data.attrs.setdefault("computation", "")
     return data
 
 
@@ -234,19 +236,6 @@ def places_of(data: xr.Dataset) -> dict[str, np.ndarray]:
     if list(data["label"].dims) != names:
         return {name: data[name].values for name in names}
     return dict(zip(names, np.meshgrid(*(data[n].values for n in names), indexing="ij"), strict=True))
-
-
-def case_on(data: xr.Dataset, values: Mapping[str, float]) -> Case:
-    """The case at a place of a map (axis name -> value), as its study makes it. Raises BadInput if the
-    values do not fit one another."""
-    start = _case(data.attrs["start_case"])
-    axes = [axis_of(data, name) for name in axes_of(data)]
-    return case_at(start, json.loads(data.attrs["changes"]), axes, [short(values[a.name]) for a in axes])
-
-
-@lru_cache(maxsize=8)
-def _case(text: str) -> Case:
-    return Case.from_dict(json.loads(text))
 
 
 def save_map(data: xr.Dataset, folder: Path) -> None:

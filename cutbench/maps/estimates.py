@@ -28,8 +28,10 @@ from matplotlib.figure import Figure
 from cutbench.base.errors import BadInput
 from cutbench.base.figure_style import COLOURS, DOUBLE_MM, new_figure, save, style
 from cutbench.case.case import Case
+from cutbench.case.physics import Physics
+from cutbench.maps.cases import physics_on
 from cutbench.maps.coordinates import axis_text, is_log, plain_log
-from cutbench.maps.dataset import LABELS, axes_of, case_on, places_of
+from cutbench.maps.dataset import LABELS, axes_of, places_of
 from cutbench.run.measures import ABRUPT, CLAMP, SMOOTH
 
 #: Part of the travel that counts as steady: the default of ``cutbench.run.measures.measures``.
@@ -64,7 +66,7 @@ class Classical:
         return self.steady_N + self.slope_N_per_mm * (travel_mm - self.onset_mm)
 
 
-def classical(case: Case) -> Classical | None:
+def classical(case: Case | Physics) -> Classical | None:
     """The estimates for a case; None where its model has no blade or no cohesion."""
     p, tool = case.p, case.model.tool
     if tool is None:
@@ -126,7 +128,7 @@ class EstimateComparison:
 def estimated_margin(data: xr.Dataset, values: Mapping[str, float]) -> float:
     """``Classical.margin`` at a place of a map (axis name -> value); nan where there is none."""
     try:
-        found = classical(case_on(data, values))
+        found = classical(physics_on(data, values))
     except BadInput:
         return math.nan
     return math.nan if found is None else found.margin(data.attrs["drop_threshold"])
@@ -142,7 +144,7 @@ def compare(data: xr.Dataset) -> EstimateComparison:
     for index in np.argwhere(decided):
         here = tuple(index)
         values = {name: float(places[name][here]) for name in names}
-        case = case_on(data, values)
+        case = physics_on(data, values)
         found = classical(case)
         if found is None:
             continue
@@ -160,7 +162,7 @@ def compare(data: xr.Dataset) -> EstimateComparison:
     return EstimateComparison({name: np.array(v) for name, v in axes.items()}, arrays)
 
 
-def _middle_of_steady(case: Case) -> float:
+def _middle_of_steady(case: Case | Physics) -> float:
     """The middle of the travel over which ``cutbench.run.measures.measures`` takes the steady force."""
     end = min(case.p.depth, case.p.height - CLAMP * case.p.thickness)
     return (1 - STEADY / 2) * (end if end > 0 else case.p.depth)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import xarray as xr
@@ -19,7 +20,8 @@ from cutbench.case.case import Case, load_case
 from cutbench.case.model import levers
 from cutbench.maps.axes import Axis, places, values_on
 from cutbench.maps.boundary import SURE, margin, softened
-from cutbench.maps.dataset import LABELS, MapRow, axes_of, axis_of, case_on, places_of, regime_of, row_of
+from cutbench.maps.cases import case_on, physics_on
+from cutbench.maps.dataset import LABELS, MapRow, axes_of, axis_of, places_of, regime_of, row_of
 from cutbench.maps.emulator import Emulator
 from cutbench.run.measures import ABRUPT, SMOOTH, UNCUT
 from cutbench.run.result import Result
@@ -251,23 +253,23 @@ class Checked:
         """In words, with the two drops."""
         drops = [f"{row.label} (drop {row.measures['drop_rel']:.3g})" for row in (self.before, self.after)]
         verdict = "it crosses" if self.crosses else "it does NOT cross"
-        return f"checked by two runs of the map's own model: {drops[0]} before, {drops[1]} after: {verdict}"
+        return f"checked by two runs of the map's own case: {drops[0]} before, {drops[1]} after: {verdict}"
 
 
 def check(
-    data: xr.Dataset, found: Guide, store: Store, run: Callable[[Case], Result] | None = None
+    data: xr.Dataset, found: Guide, runs: str | Path, run: Callable[[Case], Result] | None = None
 ) -> Checked:
-    """Run the map's case at the material's place and after the first change; runs go into ``store``.
+    """Run the map's case at the material's place and after the first change; they go into the store ``runs``.
 
-    Raises BadInput if there is no change to check.
+    Raises BadInput if there is no change to check, or the map is of numerics that are no longer there.
     """
     from cutbench.run.pool.worker import computed
 
     if not found.changes:
         raise BadInput(key="--check", value=found.material, expected="a material that a change moves across")
-    rows = []
-    for at in (found.at, found.changes[0].at):
-        case = case_on(data, at)
+    cases = [case_on(data, at) for at in (found.at, found.changes[0].at)]
+    store, rows = Store(runs), []
+    for case in cases:
         result = store.get(case.id)
         if result is None:
             result = computed(run, case)
@@ -291,7 +293,7 @@ def _coordinate(axis: Axis) -> Callable[[np.ndarray], np.ndarray]:
 
 def _differences(data: xr.Dataset, case: Case, at: dict[str, float]) -> dict[str, tuple[float, float]]:
     """Dimensionless groups of the map's own case and of the material where they differ by a per cent."""
-    ours, theirs = case_on(data, at).groups(), case.groups()
+    ours, theirs = physics_on(data, at).groups(), case.groups()
     return {
         name: (ours[name], theirs[name])
         for name in ours.keys() & theirs.keys()

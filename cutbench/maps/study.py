@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from cutbench.base.toml import line_of, located, one_of, read_toml
 from cutbench.case import materials
 from cutbench.case.case import Case, load_case
 from cutbench.case.model import Model, section_of
+from cutbench.case.physics import Physics
 from cutbench.case.values import check_driven, parameter_of
 from cutbench.maps.axes import (
     BOUNDARY,
@@ -49,6 +51,9 @@ from cutbench.maps.sections import (
 
 _SECTIONS = ("parameters", "specimen", "blade", "protocol", "numerics")
 _TOP = ("title", "mode", "base", "mechanisms", *_SECTIONS, "axis", "sample", "boundary", "regime", "plot")
+
+
+Startable = TypeVar("Startable", Case, Physics)
 
 
 @dataclass(frozen=True)
@@ -122,8 +127,8 @@ class Study:
 
 
 def case_at(
-    start: Case, changes: Mapping[str, object], axes: Sequence[Axis], values: Sequence[float]
-) -> Case:
+    start: Startable, changes: Mapping[str, object], axes: Sequence[Axis], values: Sequence[float]
+) -> Startable:
     """``start`` with ``changes`` and the values of the axes, the switched mechanisms first.
 
     Groups among the changes are solved anew: they hold along the axes. What ``changes`` say about a

@@ -17,9 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-import cutbench
-
-#: Layout of the file; one of another layout, or of another version of cutbench, is not resumed from.
+#: Layout of the file; one of another layout is not resumed from.
 SCHEMA = 4
 #: Name of the file in a run's folder.
 NAME = "checkpoint.npz"
@@ -29,7 +27,8 @@ NAME = "checkpoint.npz"
 class Checkpoint:
     """Keeps a run's state in ``path``, written at most every ``every_s`` seconds.
 
-    ``key`` says which run the file belongs to; a file of another one is ignored, and replaced.
+    ``key`` says which run the file belongs to, by its id, which other code changes; a file of another one is
+    ignored, and replaced.
     """
 
     path: Path
@@ -83,7 +82,7 @@ class Checkpoint:
         self.path.unlink(missing_ok=True)
 
     def _head(self) -> dict:
-        return {"schema": SCHEMA, "version": cutbench.__version__, "key": self.key}
+        return {"schema": SCHEMA, "key": self.key}
 
 
 def _packed(value, arrays: dict[str, np.ndarray]):

@@ -21,7 +21,8 @@ import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.figure_style import save
-from cutbench.base.files import check_writable, number, plain, replacing, versions, write_json
+from cutbench.base.files import check_writable, number, plain, replacing, write_json
+from cutbench.base.versions import written_by
 from cutbench.run.result import Outcome, Result, ordered_columns
 
 if TYPE_CHECKING:
@@ -85,7 +86,8 @@ def describe(result: Result, *, command: str | None = None) -> dict:
     case, outcome = result.case, result.outcome
     return {
         "schema": SCHEMA,
-        "id": case.id,
+        "id": result.id,
+        "computation": result.computation,
         "name": case.name,
         "case": case.to_dict(),
         "groups": plain(case.groups()),
@@ -98,7 +100,7 @@ def describe(result: Result, *, command: str | None = None) -> dict:
         "measures": plain(result.measures),
         "counts": plain(result.counts),
         "timings_s": plain(result.timings),
-        "versions": versions(),
+        "versions": result.versions,
         "platform": {
             "system": platform.platform(),
             "machine": platform.machine(),
@@ -185,7 +187,9 @@ def read_run(out_dir: str | Path) -> Result:
         outcome = Outcome(**{**record["outcome"], "reached_mm": number(record["outcome"]["reached_mm"])})
         measures, counts, timings = (record[key] for key in ("measures", "counts", "timings_s"))
     except BadInput as error:
-        raise BadInput(file=str(path), key=error.key, value=error.value, expected=error.expected) from error
+        by = written_by(record.get("versions", {}).get("cutbench"), record.get("computation"))
+        expected = f"{error.expected}; {by} wrote this run"
+        raise BadInput(file=str(path), key=error.key, value=error.value, expected=expected) from error
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise BadInput(key="run", value=str(path), expected="the run.json that a run wrote") from error
     return Result(
@@ -195,6 +199,9 @@ def read_run(out_dir: str | Path) -> Result:
         timings={key: number(value) for key, value in timings.items()},
         counts=counts,
         measures={key: number(value) for key, value in measures.items()},
+        id=record["id"],
+        computation=record.get("computation", ""),
+        versions=record["versions"],
     )
 
 

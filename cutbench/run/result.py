@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from cutbench.base.versions import versions
+
 if TYPE_CHECKING:
     from cutbench.case.case import Case
 
@@ -81,7 +83,8 @@ class Result:
 
     ``curve`` maps column names (units in the name) to arrays of one length, a value a step;
     ``timings`` are seconds, ``counts`` integers (steps, iterations, …), ``measures`` floats whose
-    unit is in their name.
+    unit is in their name. ``id``, ``computation`` and ``versions`` say which run it is and what computed
+    it: this process, unless they are read from a file.
     """
 
     case: Case
@@ -93,6 +96,13 @@ class Result:
     measures: dict[str, float] = field(default_factory=dict)
     #: dF/dθ (n,) along the curve by parameter, N per internal unit (mm, N, s); at fixed steps.
     sensitivities: dict[str, np.ndarray] = field(default_factory=dict)
+    id: str = ""
+    computation: str = ""
+    versions: dict[str, str | None] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.id:
+            self.id, self.computation, self.versions = self.case.id, self.case.computation, versions()
 
     @property
     def displacement_mm(self) -> np.ndarray:

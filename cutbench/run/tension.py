@@ -10,7 +10,6 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
@@ -242,26 +241,3 @@ def _measures(case: Case, curve: dict[str, np.ndarray]) -> dict[str, float]:
         out["onset_mm"] = float(e[i - 1] + part * (e[i] - e[i - 1]))
         out["onset_N"] = float(F[i - 1] + part * (F[i] - F[i - 1]))
     return out
-
-
-def save_tension(test: Tension, folder: str | Path) -> dict[str, Path]:
-    """Write tension.json, curve.csv and tension.png into ``folder``; returns the paths by name."""
-    from cutbench.base.figure_style import save
-    from cutbench.base.files import write_json
-    from cutbench.run.figures.tension import plot_tension
-    from cutbench.run.files import write_curve
-
-    folder = Path(folder)
-    paths = {"curve": folder / "curve.csv", "record": folder / "tension.json"}
-    write_curve(test.curve, paths["curve"], list(test.curve))
-    paths["picture"] = save(plot_tension([test]), folder / "tension.png")[0]
-    record = {
-        "case": test.case.to_dict(),
-        "notch_mm": test.notch_mm,
-        "outcome": {"kind": test.outcome.kind, "message": test.outcome.message},
-        "measures": test.measures,
-        "counts": test.counts,
-        "timings_s": test.timings,
-    }
-    write_json(record, paths["record"])
-    return paths

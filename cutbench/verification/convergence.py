@@ -14,8 +14,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from cutbench.base.errors import BadInput
-from cutbench.base.files import check_writable, replacing, versions, write_json
+from cutbench.base.files import check_writable, replacing, write_json
 from cutbench.base.toml import line_of, located, one_of, read_toml
+from cutbench.base.versions import versions
 from cutbench.case.case import Case, load_case
 from cutbench.run.pool.worker import Run
 from cutbench.run.result import Result

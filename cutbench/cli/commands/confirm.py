@@ -40,6 +40,7 @@ def confirm(
     from cutbench.base.errors import BadInput
     from cutbench.base.files import check_writable
     from cutbench.maps import dataset as maps
+    from cutbench.maps.cases import remarks
     from cutbench.maps.confirmation import confirm as compare
     from cutbench.maps.confirmation import least_certain, marked
     from cutbench.maps.confirmed_points import FOLDER, RECORD
@@ -48,6 +49,8 @@ def confirm(
     count, every_s = whole("--points", points), seconds("--checkpoint", checkpoint, 60.0)
     asked = changes(sets, {"h": in_mm(h), "depth": in_mm(depth), "element": element}, None, None)
     data = maps.load_map(map_)
+    for note in remarks(data):
+        typer.echo(note)
     chosen = least_certain(data, 3 if count is None else count) + (marked(data) if materials else [])
     if not chosen:
         raise BadInput(

@@ -20,16 +20,17 @@ def guide(
 ) -> None:
     """Say how far a material is from the other regime, and which change gets it there soonest."""
     from cutbench.maps import guidance as guides
+    from cutbench.maps.cases import remarks
     from cutbench.maps.dataset import load_map, store_of
 
     path = source / "map.nc" if source.is_dir() else source
     data = load_map(path)
     found = guides.guide(data, material)
     typer.echo(found.text())
+    for note in remarks(data):
+        typer.echo(note)
     if check:
-        from cutbench.run.store.runs import Store
-
-        tried = guides.check(data, found, Store(store_of(data, path.parent)))
+        tried = guides.check(data, found, store_of(data, path.parent))
         typer.echo(tried.text())
         if not tried.crosses:
             raise typer.Exit(1)

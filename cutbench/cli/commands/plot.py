@@ -30,6 +30,7 @@ def plot(
 
         paths = save(plot_curve(read_run(source)), source / "curve.png")
     elif grid.is_file():
+        from cutbench.maps.cases import remarks
         from cutbench.maps.dataset import load_map, store_of
         from cutbench.maps.estimates import save_estimates
         from cutbench.maps.page import save_page
@@ -41,7 +42,8 @@ def plot(
         pictures, words = save_estimates(data, grid.parent)
         page = save_page(data, Store(runs) if runs.is_dir() else None, grid.parent)
         paths = [*save_phase(data, grid.parent), *pictures, page]
-        typer.echo(words)
+        for note in (words, *remarks(data)):
+            typer.echo(note)
         if against is not None:
             from cutbench.maps.agreement import agreement
 

@@ -59,13 +59,16 @@ def runs(
     if export is not None:
         check_writable(export)
         for id in ids:
-            result = store.get(id)
-            if result is not None:
-                write_run(result, export / id)
+            try:
+                write_run(store.read(id), export / id)
                 typer.echo(export / id)
+            except BadInput as error:  # of a version whose cases this one cannot read
+                typer.echo(f"not exported: {error}", err=True)
     if csv is None and json is None and export is None:
         show(_table(names, rows))
     typer.echo(f"{len(ids)} of {len(heads)} runs")
+    for writer, count in listing.others(heads[id] for id in ids).items():
+        typer.echo(f"{count} of {len(ids)} are by {writer}: sweeps compute these anew", err=True)
     for id, reason in store.unreadable().items():
         typer.echo(f"{id}: {reason}", err=True)
 

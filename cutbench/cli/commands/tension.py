@@ -35,7 +35,8 @@ def tension(
     from cutbench.base.files import check_writable
     from cutbench.base.units import parse_quantity
     from cutbench.case.case import load_case
-    from cutbench.run.tension import NOTCH, save_tension, strip_case
+    from cutbench.run.figures.tension import save_tension
+    from cutbench.run.tension import NOTCH, strip_case
 
     asked = changes(sets, {"h": in_mm(h), "depth": in_mm(elongation), "element": element}, with_, without)
     model = {key: asked.pop(key) for key in ("with", "without") if key in asked}

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
-from cutbench.base.figure_style import COLOURS, LINES, SINGLE_MM, new_figure, style
+from cutbench.base.figure_style import COLOURS, LINES, SINGLE_MM, new_figure, save, style
+from cutbench.run.files import write_curve, write_json
 
 if TYPE_CHECKING:
     from cutbench.run.tension import Tension
@@ -33,3 +35,23 @@ def plot_tension(tests: Sequence[Tension]) -> Figure:
         title = f"{tests[0].case.name}: strip in tension"
         figure.suptitle(title, fontsize=9, fontweight="bold", x=0.02, ha="left")
     return figure
+
+
+def save_tension(test: Tension, folder: str | Path) -> dict[str, Path]:
+    """Write tension.json, curve.csv and tension.png into ``folder``; returns the paths by name."""
+    folder = Path(folder)
+    paths = {"curve": folder / "curve.csv", "record": folder / "tension.json"}
+    write_curve(test.curve, paths["curve"], list(test.curve))
+    paths["picture"] = save(plot_tension([test]), folder / "tension.png")[0]
+    record = {
+        "id": test.case.id,
+        "computation": test.case.computation,
+        "case": test.case.to_dict(),
+        "notch_mm": test.notch_mm,
+        "outcome": {"kind": test.outcome.kind, "message": test.outcome.message},
+        "measures": test.measures,
+        "counts": test.counts,
+        "timings_s": test.timings,
+    }
+    write_json(record, paths["record"])
+    return paths

@@ -34,6 +34,7 @@ def computed(run: Run | None, case: Case) -> Result:
     """What ``run`` (default: ``cutbench.run.runner.run_case``) makes of a case; a failure is a result too."""
     if run is None:
         from cutbench.run.runner import run_case as run
+    _ = case.id  # refused here, not in a result, where this process has other code than the one that asks
     try:
         return run(case)
     except CutbenchError as error:

@@ -12,13 +12,14 @@ import json
 import sqlite3
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 NAME = "index.sqlite"
 #: Layout of the table; another one is thrown away and made again.
-_LAYOUT = 1
+_LAYOUT = 2
 _WAIT_S = 30.0
 
-Head = dict[str, object]
+Head = dict[str, Any]
 
 
 class Index:

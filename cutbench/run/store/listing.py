@@ -8,20 +8,23 @@ import json
 import math
 import operator
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import one_of
-from cutbench.base.units import parse_quantity
-from cutbench.case.model import Model
+from cutbench.base.units import parse_quantity, unit_factor
+from cutbench.case.computation import computation_here
 from cutbench.case.model import groups as known_groups
 from cutbench.run.measures import MEASURES
 from cutbench.run.store.index import Head
+from cutbench.run.store.runs import writer
 
 #: Columns that every run has, before its values.
-_GENERAL = ("id", "name", "outcome", "reached_mm", "seconds", "dim", "mechanisms", "written", "message")
+_GENERAL = ("id", "name", "outcome", "reached_mm", "seconds", "dim", "mechanisms", "written", "message",
+            "cutbench", "computation")  # fmt: skip
 #: What a listing shows when it is not told.
 DEFAULT = ("id", "name", "outcome", "drop_rel", "onset_mm", "peak_N", "steady_N", "seconds", "written")
 _SIGNS: dict[str, Callable[[object, object], bool]] = {
@@ -59,8 +62,7 @@ class Condition:
 def row_of(id: str, head: Head) -> dict[str, object]:
     """A run as one flat row: general columns, values in their units, groups by name, measures."""
     values = {name: float(v) for name, (v, _) in head["values"].items()}
-    known = Model(tuple(head["mechanisms"])).parameters()
-    internal = {name: v * known[name].factor for name, v in values.items() if name in known}
+    internal = {name: float(v) * unit_factor(unit) for name, (v, unit) in head["values"].items()}
     groups = {}
     for name, group in known_groups().items():
         if (
@@ -81,12 +83,20 @@ def row_of(id: str, head: Head) -> dict[str, object]:
         "mechanisms": " ".join(head["mechanisms"]),
         "written": datetime.fromtimestamp(head["written"], UTC).strftime("%Y-%m-%d %H:%M:%S"),
         "message": head["message"],
+        "cutbench": head["versions"].get("cutbench"),
+        "computation": head["computation"],
     } | numerics | values | groups | measures  # fmt: skip
 
 
 class _Attributes:
     def __init__(self, values: Mapping[str, float]):
         self.__dict__.update(values)
+
+
+def others(heads: Iterable[Head]) -> dict[str, int]:
+    """How many runs are of another computation than this process's, by what wrote them."""
+    of_others = (head for head in heads if head["computation"] != computation_here(head["mechanisms"]))
+    return dict(Counter(writer(head) for head in of_others))
 
 
 def units(heads: Iterable[Head]) -> dict[str, str]:
@@ -118,7 +128,7 @@ def parse_condition(text: str, known: Sequence[str], unit: Mapping[str, str]) ->
     sign = "=" if sign == "==" else sign
     if column not in known and column not in MEASURES:
         raise BadInput(key="--where", value=column, expected=one_of(column, known))
-    if column in ("id", "name", "outcome", "mechanisms", "written", "message"):
+    if column in ("id", "name", "outcome", "mechanisms", "written", "message", "cutbench", "computation"):
         return Condition(column, sign, raw)
     if column in unit:
         return Condition(column, sign, float(parse_quantity(raw, unit[column], key=column)))

@@ -1,9 +1,10 @@
-"""Finished runs on disk, under the hash of their inputs: what is there is never computed again.
+"""Finished runs on disk, under their ids: what is there is never computed again.
 
-``ROOT/<id[:2]>/<id>/`` holds ``run.json`` (inputs, outcome, measures, cost, versions) and
-``curve.npz``. An entry appears whole or not at all (it is written beside and renamed), so several
-processes may share a store, and one that is killed leaves nothing that looks finished. Beside the
-folders ``index.sqlite`` lists them; it is a copy, made again whenever it is not there.
+The computation is part of an id (``cutbench.case.computation``): a run of other code is not found, and stays
+listed with the version that wrote it. ``ROOT/<id[:2]>/<id>/`` holds ``run.json`` (inputs, outcome, measures,
+cost, computation, versions) and ``curve.npz``. An entry appears whole or not at all (it is written beside and
+renamed), so several processes may share a store, and one that is killed leaves nothing that looks finished.
+Beside the folders ``index.sqlite`` lists them; it is a copy, made again whenever it is not there.
 """
 
 from __future__ import annotations
@@ -16,14 +17,14 @@ import tempfile
 import time
 import uuid
 import zipfile
-from collections.abc import Iterator
-from importlib import metadata
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cutbench.base.errors import BadInput
+from cutbench.base.versions import written_by
 from cutbench.case.case import Case
 from cutbench.run.result import Outcome, Result
 from cutbench.run.store.index import Head, Index
@@ -65,17 +66,31 @@ class Store:
     def get(self, id: str) -> Result | None:
         """The run (without snapshots); None where there is none, or only one that cannot be read."""
         try:
-            record = self._record(self.path(id))
-            return Result(
-                case=Case.from_dict(record["case"]),
-                curve=_read_curve(self.path(id) / "curve.npz"),
-                outcome=Outcome(**record["outcome"]),
-                timings=record["timings"],
-                counts=record["counts"],
-                measures=record["measures"],
-            )
+            return self.read(id)
         except _UNREADABLE:
             return None
+
+    def read(self, id: str) -> Result:
+        """The run (without snapshots). Raises BadInput, which names the version that wrote it, where its case
+        is none of this cutbench, and other errors where it is not there or damaged."""
+        record = self._record(self.path(id))
+        try:
+            case = Case.from_dict(record["case"])
+        except BadInput as error:
+            expected = f"{error.expected}; {writer(record)} wrote this run and can read it"
+            file = str(self.path(id) / "run.json")
+            raise BadInput(file=file, key=error.key, value=error.value, expected=expected) from error
+        return Result(
+            case=case,
+            curve=_read_curve(self.path(id) / "curve.npz"),
+            outcome=Outcome(**record["outcome"]),
+            timings=record["timings"],
+            counts=record["counts"],
+            measures=record["measures"],
+            id=record["id"],
+            computation=record.get("computation", ""),
+            versions=record["versions"],
+        )
 
     def put(self, result: Result, *, replace: bool = False) -> bool:
         """Keep a run; True if it was written.
@@ -85,7 +100,7 @@ class Store:
         """
         if result.outcome.kind == "interrupted":
             return False
-        id = result.case.id
+        id = result.id
         home = self.path(id)
         home.parent.mkdir(parents=True, exist_ok=True)
         fresh = self._folder(".new-")
@@ -120,8 +135,8 @@ class Store:
 
     def heads(self) -> dict[str, Head]:
         """What there is to say of each run without its curve, by id: name, outcome, message, reached_mm,
-        dim, mechanisms, values (with unit), numerics, groups, measures, seconds, counts, versions,
-        written (seconds since 1970). Entries that cannot be read are left out: see ``unreadable``."""
+        dim, mechanisms, values (with unit), numerics, measures, seconds, counts, computation, versions,
+        written (seconds since 1970). Damaged entries are left out: see ``unreadable``."""
         return self._index.refresh(self._there(), self._head)
 
     def unreadable(self) -> dict[str, str]:
@@ -131,9 +146,8 @@ class Store:
             try:
                 record = json.loads((self.path(id) / "run.json").read_text(encoding="utf-8"))
                 layout = record.get("format")
-                known = f"format {layout}, this cutbench reads {FORMAT}: use the version that wrote it"
-                written = (record.get("versions") or {}).get("cutbench", "unknown")
-                found[id] = f"{known} ({written})" if layout != FORMAT else "its inputs cannot be read"
+                known = f"format {layout}, not {FORMAT}: {writer(record)} wrote it and can read it"
+                found[id] = known if layout != FORMAT else "its inputs cannot be read"
             except (*_UNREADABLE, AttributeError) as error:
                 found[id] = (
                     f"damaged ({type(error).__name__}): remove its folder, or let a sweep write it again"
@@ -170,20 +184,20 @@ class Store:
     def _head(self, id: str) -> Head | None:
         try:
             record = self._record(self.path(id))
-            case = Case.from_dict(record["case"])
+            case = record["case"]
             return {
-                "name": case.name,
+                "name": case["name"],
                 "outcome": record["outcome"]["kind"],
                 "message": record["outcome"]["message"],
                 "reached_mm": record["outcome"]["reached_mm"],
-                "dim": case.dim,
-                "mechanisms": list(case.mechanisms),
-                "values": {key: [v["value"], v["unit"]] for key, v in record["case"]["values"].items()},
-                "numerics": record["case"]["numerics"],
-                "groups": case.groups(),
+                "dim": case["dim"],
+                "mechanisms": list(case["mechanisms"]),
+                "values": {key: [v["value"], v["unit"]] for key, v in case["values"].items()},
+                "numerics": case["numerics"],
                 "measures": record["measures"],
                 "seconds": record["timings"].get("total"),
                 "counts": record["counts"],
+                "computation": record.get("computation", ""),
                 "versions": record["versions"],
                 "written": (self.path(id) / "run.json").stat().st_mtime,
             }
@@ -227,7 +241,8 @@ def _to_record(result: Result) -> dict[str, Any]:
     outcome = result.outcome
     return {
         "format": FORMAT,
-        "id": result.case.id,
+        "id": result.id,
+        "computation": result.computation,
         "case": result.case.to_dict(),
         "outcome": {
             "kind": outcome.kind,
@@ -238,18 +253,13 @@ def _to_record(result: Result) -> dict[str, Any]:
         "measures": {name: float(value) for name, value in result.measures.items()},
         "timings": {name: float(value) for name, value in result.timings.items()},
         "counts": {name: int(value) for name, value in result.counts.items()},
-        "versions": _versions(),
+        "versions": result.versions,
     }
 
 
-def _versions() -> dict[str, str]:
-    found = {}
-    for package in ("cutbench", "numpy", "scipy", "scikit-fem"):
-        try:
-            found[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            found[package] = "unknown"
-    return found
+def writer(record: Mapping[str, Any]) -> str:
+    """What wrote a record or a head, in words."""
+    return written_by((record.get("versions") or {}).get("cutbench"), record.get("computation"))
 
 
 def _read_curve(path: Path) -> dict[str, np.ndarray]:

@@ -7,7 +7,8 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from cutbench.base.files import check_writable, replacing, versions, write_json
+from cutbench.base.files import check_writable, replacing, write_json
+from cutbench.base.versions import versions
 from cutbench.run.result import Result
 from cutbench.verification.paper.base import CONVERGED, NUMERICS, PAPER, Finding
 from cutbench.verification.paper.cases import CHANGES

@@ -7,7 +7,8 @@ import platform
 from collections.abc import Sequence
 from pathlib import Path
 
-from cutbench.base.files import check_writable, replacing, versions
+from cutbench.base.files import check_writable, replacing
+from cutbench.base.versions import versions
 from cutbench.verification.reference.base import Check
 from cutbench.verification.reference.runner import Verified
 

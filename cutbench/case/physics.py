@@ -1,0 +1,58 @@
+"""A model and its values without numerics: what can be said of a case that another version has computed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+from cutbench.base.errors import BadInput
+from cutbench.case.model import Model
+from cutbench.case.numerics import KEYS
+from cutbench.case.values import names, resolve
+
+
+@dataclass(frozen=True)
+class Physics:
+    """Laws and all their values in internal units. Raises BadInput if one is missing."""
+
+    model: Model
+    values: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        if missing := [name for name in self.model.parameters() if name not in self.values]:
+            raise BadInput(key=missing[0], value="(missing)", expected="a value, which these laws need today")
+
+    @classmethod
+    def from_dict(cls, data: Mapping) -> Physics:
+        """That of a case as ``Case.to_dict`` describes it, whatever its numerics are. Raises BadInput."""
+        try:
+            model = Model(tuple(data["mechanisms"]))
+            written = {
+                key: entry["value"] if entry["unit"] == "1" else f"{entry['value']!r} {entry['unit']}"
+                for key, entry in data["values"].items()
+            }
+        except (KeyError, TypeError, AttributeError) as error:
+            raise BadInput(
+                key="case", value=str(error), expected="a case as Case.to_dict() writes it"
+            ) from error
+        return cls(model, resolve({}, written, model))
+
+    @property
+    def mechanisms(self) -> tuple[str, ...]:
+        return self.model.mechanisms
+
+    @property
+    def p(self) -> SimpleNamespace:
+        """The values by attribute, as laws read them."""
+        return SimpleNamespace(**self.values)
+
+    def groups(self) -> dict[str, float]:
+        """The dimensionless groups of all its mechanisms."""
+        return self.model.groups(self.p)
+
+    def set(self, mechanisms: object = None, **changes: object) -> Physics:
+        """With other laws and values as ``Case.set`` takes them; numerical choices are passed over."""
+        model = self.model if mechanisms is None else Model(names("mechanisms", mechanisms))
+        own = {key: value for key, value in changes.items() if key not in KEYS}
+        return Physics(model, resolve(self.values, own, model))

@@ -1,0 +1,73 @@
+"""What a map's places stand for: laws and values, whatever wrote it, and cases where this cutbench can."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from functools import lru_cache
+
+import xarray as xr
+
+from cutbench.base.errors import BadInput
+from cutbench.base.versions import written_by
+from cutbench.case.case import Case
+from cutbench.case.computation import computation_here
+from cutbench.case.physics import Physics
+from cutbench.maps.axes import short
+from cutbench.maps.dataset import axes_of, axis_of
+from cutbench.maps.study import Startable, case_at
+
+
+def case_on(data: xr.Dataset, values: Mapping[str, float]) -> Case:
+    """The case at a place of a map (axis name -> value), as its study makes it and this cutbench computes it.
+
+    Raises BadInput if the values do not fit one another, or the map's numerics are none of this cutbench's.
+    """
+    try:
+        return _at(_case(data.attrs["start_case"]), json.loads(data.attrs["changes"]), data, values)
+    except BadInput as error:
+        if not (other := other_writer(data)):
+            raise
+        raise BadInput(
+            file=data.encoding.get("source"), key=error.key, value=error.value,
+            expected=f"{error.expected}; {other} wrote this map and can compute more of it, this one cannot:"
+            " sweep its study again",
+        ) from error  # fmt: skip
+
+
+def physics_on(data: xr.Dataset, values: Mapping[str, float]) -> Physics:
+    """Laws and values at a place of a map, whatever version and numerics it is of. Raises BadInput."""
+    start, numerics = _physics(data.attrs["start_case"])
+    changes = {k: v for k, v in json.loads(data.attrs["changes"]).items() if k not in numerics}
+    return _at(start, changes, data, values)
+
+
+def other_writer(data: xr.Dataset) -> str:
+    """What wrote a map, in words, if that was another computation than this process's; else empty."""
+    here = computation_here(json.loads(data.attrs["base_case"])["mechanisms"])
+    if data.attrs["computation"] == here:
+        return ""
+    return written_by(data.attrs["cutbench"], data.attrs["computation"])
+
+
+def remarks(data: xr.Dataset) -> list[str]:
+    """What to know of a map before it is used, in sentences."""
+    other = other_writer(data)
+    return [f"The map is by {other}: it holds for that, and runs computed now are of another."] * bool(other)
+
+
+def _at(start: Startable, changes: dict, data: xr.Dataset, values: Mapping[str, float]) -> Startable:
+    axes = [axis_of(data, name) for name in axes_of(data)]
+    return case_at(start, changes, axes, [short(values[a.name]) for a in axes])
+
+
+@lru_cache(maxsize=8)
+def _case(text: str) -> Case:
+    return Case.from_dict(json.loads(text))
+
+
+@lru_cache(maxsize=8)
+def _physics(text: str) -> tuple[Physics, frozenset[str]]:
+    """Of a stored case, with the names of its numerics."""
+    stored = json.loads(text)
+    return Physics.from_dict(stored), frozenset(stored["numerics"])
