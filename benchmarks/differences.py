@@ -9,7 +9,7 @@ import numpy as np
 from cutbench.case.case import Case
 from cutbench.run.build import Built, build
 from cutbench.run.sensitivity import start_sensitivities
-from cutbench.solver.march import Accepted, Stalled
+from cutbench.solver.march import Accepted, Given, Stalled
 
 
 class Marched:
@@ -23,15 +23,18 @@ class Marched:
         case: Case,
         names: Sequence[str] = (),
         beside: Marched | None = None,
+        steps: Sequence[float] | None = None,
     ):
-        """``beside``: the march whose mesh and steps are taken; states are looked for near its own."""
+        """``beside``: the march whose mesh and steps are taken; states are looked for near its own.
+        ``steps``: their lengths in mm, where the march is not to choose them itself."""
         built = build(case, beside.geometry if beside else None)
         follower = start_sensitivities(built, names) if names else None
+        given = None if steps is None else [Given(size) for size in steps]
         self.geometry, self.stopped = built.geometry, None
         self.steps, self.switches = [], []
         forces, slopes = [], []
         try:
-            for step in built.march.steps(given=beside.steps if beside else None):
+            for step in built.march.steps(given=beside.steps if beside else given):
                 forces.append(step.force)
                 self.steps.append(step.given)
                 self.switches.append(switches(built, step))
@@ -81,3 +84,24 @@ def differences(case: Case, name: str, middle: Marched, by: float) -> tuple[np.n
         for a, b, c in zip(plus.switches[:n], minus.switches[:n], middle.switches[:n], strict=True)
     ]
     return (plus.forces[:n] - minus.forces[:n]) / (2 * by), np.array(same, dtype=bool)
+
+
+def extrapolated(
+    case: Case, name: str, middle: Marched, i: int, part: float = 1e-5, closer: float = 4.0, most: int = 4
+) -> tuple[np.ndarray, np.ndarray]:
+    """dF/dθ (n,) from central differences at two distances, and how far the two are apart (n,).
+
+    θ = ``name`` is the ``i``-th that ``middle`` was differentiated by. The first distance moves the force by
+    about ``part`` of its largest value; for as long as anything switches within it, it is ``closer`` times
+    shorter, and the second is so once more: a point that switches bends all that follows. Raises ValueError
+    where something switches within ``most`` distances, or a march does not get to the end.
+    """
+    by = part * np.abs(middle.forces).max() / np.abs(middle.slopes[:, i]).max()
+    kept: list[np.ndarray] = []
+    for k in range(most):
+        values, same = differences(case, name, middle, by / closer**k)
+        kept = [*kept, values] if same.all() and values.size == middle.forces.size else []
+        if len(kept) == 2:
+            far, near = kept
+            return near + (near - far) / (closer**2 - 1), np.abs(near - far)
+    raise ValueError(f"{name}: something switches within {by / closer ** (most - 1):g}")
