@@ -17,13 +17,13 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.rcsetup import cycler
 
+from cutbench.base.files import replacing
+
 if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType
 
 #: Keywords of a line or marker, as matplotlib takes them.
 Look = dict[str, Any]
-
-from cutbench.base.files import replacing
 
 #: Widths of one and two journal columns, mm.
 SINGLE_MM, DOUBLE_MM = 85.0, 180.0

@@ -7,7 +7,7 @@ mechanisms say.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from types import SimpleNamespace
@@ -96,7 +96,7 @@ def _rates(model: Model, parts: list[str]) -> str:
     )
 
 
-def _dimensions(unit: str) -> Mapping[str, float]:
+def _dimensions(unit: str) -> Collection[str]:
     return {} if unit == "1" else ureg.Unit(unit).dimensionality
 
 

@@ -339,7 +339,7 @@ def _load(source: str | Path, seen: tuple[Path, ...], dim: int) -> tuple[_Draft,
                 parse_values(part, model)
             changes |= part
     mesh = changes.get("mesh")
-    if mesh is not None and not Path(mesh).is_absolute():
+    if isinstance(mesh, str) and not Path(mesh).is_absolute():
         changes["mesh"] = str(path.parent / mesh)
     with located(path, text):
         changes |= {"name": about.get("name", path.stem), "mechanisms": model.mechanisms}

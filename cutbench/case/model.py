@@ -15,6 +15,7 @@ from cutbench.base.errors import BadInput
 from cutbench.base.toml import one_of
 from cutbench.base.units import Parameter
 from cutbench.mechanisms import Group, Mechanism, Tool, Volumetric, registry
+from cutbench.mechanisms.base import Rig
 from cutbench.mechanisms.given import PROTOCOL, SPECIMEN
 from cutbench.mechanisms.registered import folders_of, take_up
 
@@ -208,8 +209,9 @@ class Model:
 
     def record(self, displacement, force, time, p: SimpleNamespace):
         """What the rig records (displacement, force) of the true ones, (n,) each, in mm, N, s."""
-        for law in self.laws("rig"):
-            displacement, force = law.record(displacement, force, time, p)
+        for law in self.all:
+            if isinstance(law, Rig):
+                displacement, force = law.record(displacement, force, time, p)
         return displacement, force
 
     def shown(self, course: np.ndarray, p: SimpleNamespace) -> np.ndarray:
@@ -218,9 +220,10 @@ class Model:
         Where its compliance would take the record back, while the force falls faster than the blade moves,
         it stands still until the record is beyond where it was: the specimen has snapped meanwhile.
         """
-        x, force = self.record(*course, p)
+        displacement, force, time = course
+        x, force = self.record(displacement, force, time, p)
         on = np.real(x) > np.append(-np.inf, np.maximum.accumulate(np.real(x))[:-1])
-        return np.stack([x[on], force[on], course[2][on]])
+        return np.stack([x[on], force[on], time[on]])
 
     def settable_groups(self) -> dict[str, Group]:
         """The groups that can be set in this model, in the order in which they are applied."""

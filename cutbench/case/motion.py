@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -57,8 +56,9 @@ class Motion:
 
 def read_motion(raw: object) -> Polyline:
     """From pairs of a time and a travel with their units, or of numbers in s and mm. Raises BadInput."""
-    pairs = isinstance(raw, Sequence) and not isinstance(raw, str)
-    if not pairs or not all(isinstance(p, Sequence) and not isinstance(p, str) and len(p) == 2 for p in raw):
+    if not isinstance(raw, (list, tuple)) or not all(
+        isinstance(p, (list, tuple)) and len(p) == 2 for p in raw
+    ):
         raise BadInput(
             key="motion", value=str(raw)[:60],
             expected="pairs of time and travel, such as [['0 s', '0 mm'], ['9 s', '2 mm'], ['99 s', '2 mm']]",
@@ -67,7 +67,9 @@ def read_motion(raw: object) -> Polyline:
 
 
 def _number(raw: object, unit: str) -> float:
-    return float(raw) if type(raw) in (int, float) else parse_quantity(raw, unit, key="motion")
+    if isinstance(raw, (int, float)) and not isinstance(raw, bool):
+        return float(raw)
+    return parse_quantity(raw, unit, key="motion")
 
 
 def simplified(motion: Polyline, part: float = 0.005) -> Polyline:

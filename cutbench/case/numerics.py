@@ -92,7 +92,7 @@ class Numerics:
 
     def set(self, values: Mapping[str, object]) -> Numerics:
         """With ``values`` as a person wrote them. BadInput names the key and what would be right."""
-        new: dict[str, object] = {}
+        new: dict[str, Any] = {}
         for key, raw in values.items():
             name = ALIASES.get(key, key)
             if name not in _FIELDS:
@@ -116,25 +116,25 @@ class Numerics:
 #: Where a solid's defaults differ: its elements are as few as a run in minutes allows. Faces larger than the
 #: tip is round meet its apex alone: along the tool's normal they would be pushed down, not apart. Their
 #: contact is the soft one that blocks were measured with.
-_SOLID = {
-    "h_mm": 1.0,
-    "corner": 0.25,
-    "shallow": 1.0,
-    "around": 0.0,
-    "step_mm": 0.1,
-    "slender": 8.0,
-    "facet_degree": 4,
-    "bulk_degree": 2,
-    "normal": "material",
-    "penalty": 1000.0,
-    "stick": 400.0,
-    "multiplier": "none",
-}
+_SOLID = Numerics(
+    h_mm=1.0,
+    corner=0.25,
+    shallow=1.0,
+    around=0.0,
+    step_mm=0.1,
+    slender=8.0,
+    facet_degree=4,
+    bulk_degree=2,
+    normal="material",
+    penalty=1000.0,
+    stick=400.0,
+    multiplier="none",
+)
 
 
 def defaults(dim: int) -> Numerics:
     """The choices of a case that makes none, in 2 or 3 dimensions."""
-    return Numerics(**_SOLID) if dim == 3 else Numerics()
+    return _SOLID if dim == 3 else Numerics()
 
 
 #: The paper's mean edge in mm, of 47,801 tetrahedra in 30 × 30 × 21 mm, and its penalty ε_N in N/mm².
@@ -142,7 +142,7 @@ PAPER_EDGE, PAPER_PENALTY = 1.5, 1.0
 #: The paper does not give its stiffness of sticking; in G per mm.
 PAPER_STICK = 400.0
 #: In three dimensions elements grow away from the cut plane: this size on it gives as many as the paper's.
-PAPER_SOLID = {"h_mm": 0.85, "along": 1.25}
+PAPER_SOLID: dict[str, Any] = {"h_mm": 0.85, "along": 1.25}
 #: Sets of choices under one word.
 PRESETS = ("converged", "paper")
 

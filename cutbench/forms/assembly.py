@@ -51,7 +51,7 @@ class Pattern:
         self.indices, self.indptr = met.indices.astype(np.int32), met.indptr.astype(np.int32)
         numbered = sp.csr_matrix((np.arange(1, met.nnz + 1), self.indices, self.indptr), shape=(n, n))
         self.diagonal = numbered.diagonal() - 1
-        self.blocks = {}
+        self.blocks: dict[str, Block] = {}
         self._stacks: dict[tuple[str, ...], sp.csr_matrix] = {}
         for name, dofs in dof_tables.items():
             twin = next((block for block in self.blocks.values() if np.array_equal(block.dofs, dofs)), None)
@@ -60,7 +60,7 @@ class Pattern:
     def _block(self, dofs: np.ndarray, numbered: sp.csr_matrix) -> Block:
         """Scatter of the local entries of ``dofs``; ``numbered`` holds places in the CSR values, from 1."""
         nd, count = dofs.shape
-        where, reached = [], []
+        entries, reached = [], []
         for i in range(nd):  # a row of all local matrices at a time, to spare memory
             row = np.broadcast_to(self.number[dofs[i]], (nd, count)).ravel()
             col = self.number[dofs].ravel()
@@ -68,15 +68,15 @@ class Pattern:
             if self.symmetric:
                 keep &= row <= col
             chosen = np.flatnonzero(keep)
-            where.append(chosen + i * nd * count)
+            entries.append(chosen + i * nd * count)
             if chosen.size == 0:  # all of it fixed: a sparse matrix has no empty selection
                 reached.append(np.zeros(0, int))
                 continue
             reached.append(np.asarray(numbered[row[chosen], col[chosen]]).ravel() - 1)
-        where, reached = np.concatenate(where), np.concatenate(reached)
+        at, where = np.concatenate(reached), np.concatenate(entries)
         used = np.zeros(self.indices.size, bool)
-        used[reached] = True
-        row = (np.cumsum(used) - 1)[reached]
+        used[at] = True
+        row = (np.cumsum(used) - 1)[at]
         places = np.flatnonzero(used)
         matrix = sp.csr_matrix((np.ones(row.size), (row, where)), shape=(places.size, nd * nd * count))
         vector = sp.csr_matrix(

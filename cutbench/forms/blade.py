@@ -64,7 +64,7 @@ class BladeForm(Form):
             reference = np.broadcast_to(
                 faces.tangents[:, :, None], (self.dim - 1, self.dim, 1, faces.size.size)
             )
-            along = np.einsum("dqf,df->qf", cross(reference), faces.normal)
+            along = np.einsum("dqf,df->qf", cross(list(reference)), faces.normal)
             self._sign = np.sign(along)
 
     def with_numerics(self, numerics: ContactNumerics) -> BladeForm:
@@ -161,7 +161,8 @@ class BladeForm(Form):
         direction, dn = (gradient, H) if self._gap.unit_gradient else unit(gradient, H)
         stiffness = np.full((nq, count), self._stiffness)
         t_N, dp = self.tool.pressure(g, state["multiplier"][:, near], stiffness, p)
-        push, turn = direction, ()
+        push = direction
+        turn: Sequence[np.ndarray] = ()
         if self._material:
             slopes = [f.tangents[s][:, None] + blend(f.dN[s], U) for s in range(dim - 1)]
             push, turn = inward(slopes, self._sign[:, near], tangent)
@@ -183,7 +184,7 @@ class BladeForm(Form):
         new["active"][:, near] = np.real(t_N) > 0
         new["normal_traction"][:, :, near] = normal_traction
         vector[:, near] = -np.einsum("qaf,dqf->daf", f.N, total * f.w).reshape(nd, count)
-        if tangent:
+        if matrix is not None:
             D = dp * push[:, None] * gradient[None]
             if not self._material:
                 D += t_N * dn

@@ -99,7 +99,8 @@ class BulkForm(Form):
 
     def evaluate(self, u, p, state, step, tangent=True):
         k, at, w = Kinematics(self._in_plane(u)), self.points(step), self.weights(p)
-        vector = matrix = 0.0
+        vector: np.ndarray = np.zeros(())
+        matrix = vector
         if self._isotropic:
             F, C = self._push(k.F), self._push(k.C)
             s, c = self._summed("stress_factors", k, p, at, w)

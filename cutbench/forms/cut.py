@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cutbench.forms.base import Form, Local, add_states, blend, component_major, gather
+from cutbench.forms.base import Form, Local, Step, add_states, blend, component_major, gather
 from cutbench.forms.space import Faces
 from cutbench.mechanisms.base import STEP, Points, cut_answers
 
@@ -81,7 +81,7 @@ class CutForm(Form):
             out[c] = (self._frame[c][:, None] * values).sum(axis=0).ravel()
         return out
 
-    def points(self, step: object) -> Points:
+    def points(self, step: Step) -> Points:
         jump_old = self.jump(step.u_old)
         return Points(
             X=self._X, depth=self._depth, dt=step.dt, jump_old=jump_old, held=step.damage_held,

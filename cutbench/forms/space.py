@@ -97,13 +97,9 @@ class Faces:
         if len(sets) == 1:
             return sets[0]
         ends = np.cumsum([0, *(each.size.size for each in sets)])
-        return cls(
-            "+".join(each.name for each in sets),
-            *(np.concatenate([getattr(each, name) for each in sets], axis=-1) for name in FACE_ARRAYS),
-            tuple(
-                (each.name, slice(int(a), int(b))) for each, a, b in zip(sets, ends, ends[1:], strict=False)
-            ),
-        )
+        places = tuple((f.name, slice(int(a), int(b))) for f, a, b in zip(sets, ends, ends[1:], strict=False))
+        arrays = {name: np.concatenate([getattr(f, name) for f in sets], axis=-1) for name in FACE_ARRAYS}
+        return cls("+".join(f.name for f in sets), **arrays, sets=places)
 
 
 @dataclass(frozen=True)
@@ -282,6 +278,6 @@ def _triangle(x: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         v = across[:, None] + np.outer(bend, s)
         weights.append(np.outer(w, w).ravel() * np.abs(u[0] * v[1] - u[1] * v[0]))
     # Quadrilaterals share points on their common edges.
-    points, weights = np.hstack(points), np.concatenate(weights)
-    _, first, place = np.unique(np.round(points, 12), axis=1, return_index=True, return_inverse=True)
-    return points[:, first], np.bincount(place.ravel(), weights)
+    at = np.hstack(points)
+    _, first, place = np.unique(np.round(at, 12), axis=1, return_index=True, return_inverse=True)
+    return at[:, first], np.bincount(place.ravel(), np.concatenate(weights))

@@ -15,7 +15,7 @@ from cutbench.mechanisms.base import Blade, Bulk, Cut, Mechanism, Points, Rig, S
 from cutbench.mechanisms.given import PROTOCOL, SPECIMEN
 
 #: The base of each slot and the methods that a law of it must have.
-BASES = {
+BASES: dict[str, tuple[type[Mechanism], tuple[str, ...]]] = {
     "bulk": (Bulk, ("stress", "energy")),
     "cut": (Cut, ("traction",)),
     "blade": (Blade, ("strength",)),

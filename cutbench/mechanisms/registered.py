@@ -94,6 +94,7 @@ def laws_of(module: ModuleType) -> list[Mechanism]:
         item()
         for item in vars(module).values()
         if isinstance(item, type)
+        and issubclass(item, Mechanism)
         and issubclass(item, tuple(base for base, _ in BASES.values()))
         and item.__module__ == module.__name__
         and "name" in vars(item)

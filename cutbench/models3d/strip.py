@@ -30,7 +30,7 @@ def strip(width: float, between: float, thickness: float, notch: float, h: float
     tip = width - notch
     most = max(h, LARGEST * width)
     x = _away(between / 2, h, most)
-    above = (tip + _away(notch, h, most))[1:] if notch else []
+    above = (tip + _away(notch, h, most))[1:] if notch else np.zeros(0)
     y = np.concatenate([tip - _away(tip, h, most)[::-1], above])
     z = np.linspace(0, thickness / 2, max(LAYERS, int(np.ceil(thickness / 2 / (4 * h)))) + 1)
     box = skfem.MeshTet.init_tensor(x, y, z)

@@ -4,6 +4,8 @@ t_N = ⟨λ − ε g⟩ with the gap g > 0 outside. The blade's section is an el
 under a band of thickness 2a. The paper never gives b.
 """
 
+from typing import ClassVar
+
 import numpy as np
 
 from cutbench.base.units import Parameter
@@ -26,7 +28,7 @@ class Contact(Tool):
             lambda p: p.tip / (p.thickness / 2), lambda p, x: x * p.thickness / 2,
         ),
     )  # fmt: skip
-    parameters = (
+    parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "thickness",
             "mm",

@@ -1,5 +1,7 @@
 """Coulomb friction on the blade (paper, eq. flow_potential): strength μ t_N."""
 
+from typing import ClassVar
+
 from cutbench.base.units import Parameter
 from cutbench.mechanisms.base import Blade, Group
 
@@ -10,7 +12,7 @@ class Coulomb(Blade):
     name = "coulomb"
     title = "Coulomb friction"
     role = "friction"
-    parameters = (
+    parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "mu",
             "1",

@@ -37,7 +37,7 @@ class Branch:
         self.F, J = F, det(F)
         self.j = J ** (-2 / 3)
         self.f = cofactor(F) / J  # F⁻ᵀ
-        self.metric, self.s, self.D = metric, s, None
+        self.metric, self.s, self.D = metric, s or 0.0, np.ones_like(J)
         if s is not None:
             A = metric + s * self.j * _times(F.transpose(1, 0, 2), F)
             self.D = det(A) ** (1 / 3)
@@ -61,7 +61,7 @@ class Branch:
         """dP/dF over G_v (dim, dim, dim, dim, N), C_i moving with F unless it is held."""
         j, trace = self.j, self.trace
         L = _times(self.K, self.H)
-        flow = 0 * j if self.s is None else self.s * j / self.D
+        flow = self.s * j / self.D
         by = 2 * self.H - 2 / 3 * trace * self.f  # d(J^(−2/3) C : C_i⁻¹)/dF at fixed C_i, over J^(−2/3)
         square = (self.K * self.K).sum(axis=(0, 1))
         pull = j * by + flow * j * (trace / 3 * by - 2 * L + 2 / 3 * square * self.f)

@@ -9,7 +9,7 @@ from cutbench.mechanisms.base import Bulk
 from cutbench.mechanisms.bulk import _branch
 
 
-def branch_parameters(number: str, time: float, ratio: float) -> tuple[Parameter, Parameter]:
+def branch_parameters(number: str, time: float, ratio: float) -> tuple[Parameter, ...]:
     """Modulus over G and relaxation time of a branch; it is off where its modulus is 0."""
     sub = "₀₁₂"[int(number)]
     return (

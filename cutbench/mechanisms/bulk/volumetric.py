@@ -1,5 +1,7 @@
 """Resistance to volume change (paper, eq. for Ψ_vol): U = κ/2 (J − 1)², κ = 2G(1+ν)/(3(1−2ν))."""
 
+from typing import ClassVar
+
 from cutbench.base.units import Parameter
 from cutbench.mechanisms.bulk._isotropic import Volumetric
 
@@ -12,7 +14,7 @@ class QuadraticVolumetric(Volumetric):
     role = "volumetric"
     standard = published = True
     reads = ("G",)
-    parameters = (
+    parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "nu",
             "1",

@@ -7,6 +7,8 @@ the paper has γ_t in one and γ_t² in the other; only then is T a gradient. Cl
 the undamaged stiffness: the two faces touch, whatever broke before.
 """
 
+from typing import ClassVar
+
 import numpy as np
 
 from cutbench.base.units import Parameter
@@ -30,7 +32,7 @@ class SmithFerrante(Cut):
     title = "cohesive"
     role = "cohesive"
     rank = -10  # before the laws that scale its traction, or fade with its damage
-    parameters = (
+    parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "G_c", "J/m^2", "G_c", "work of separation", low=0, open_low=True, typical=10.0, lever="toughness"
         ),
