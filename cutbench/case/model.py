@@ -15,7 +15,7 @@ from cutbench.base.errors import BadInput
 from cutbench.base.toml import one_of
 from cutbench.base.units import Parameter
 from cutbench.mechanisms import Group, Mechanism, Tool, Volumetric, registry
-from cutbench.mechanisms.base import Rig
+from cutbench.mechanisms.base import Bulk, Rig
 from cutbench.mechanisms.given import PROTOCOL, SPECIMEN
 from cutbench.mechanisms.registered import folders_of, take_up
 
@@ -195,7 +195,7 @@ class Model:
 
     def shear_modulus(self, p: SimpleNamespace) -> float:
         """Of slow loading at small strain, MPa."""
-        return sum(law.shear_modulus(p) for law in self.laws("bulk"))
+        return sum(law.shear_modulus(p) for law in self.all if isinstance(law, Bulk))
 
     @property
     def tool(self) -> Tool | None:
