@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 from rich import box
@@ -19,6 +20,7 @@ from cutbench.case.case import Case, load_case
 from cutbench.case.model import groups as settable_groups
 from cutbench.case.model import mechanism as find_mechanism
 from cutbench.mechanisms import Mechanism, registry
+from cutbench.mechanisms.checks import Finding
 from cutbench.run.result import Result
 
 
@@ -104,6 +106,15 @@ def mechanism(name: str) -> RenderableType:
     doc = inspect.cleandoc(sys.modules[type(m).__module__].__doc__ or type(m).__doc__ or "")
     parts += [Text(f"slot: {m.slot}" + (f", one of its kind: {m.role}" if m.role else "")), Text(doc)]
     return Stack(*parts)
+
+
+def findings_table(found: Iterable[Finding]) -> RenderableType:
+    """What checks of laws have found, a row each."""
+    table = _table("law", "check", "", "what it requires, and what is wrong")
+    for each in found:
+        said = f"{each.says}: {each.wrong}" if each.wrong else each.says
+        _row(table, each.law, each.check, "FAILED" if each.wrong else "ok", said)
+    return table
 
 
 def group_texts(m: Mechanism) -> list[str]:

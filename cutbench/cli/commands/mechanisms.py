@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -12,8 +13,22 @@ from cutbench.cli.options import exits, show
 @exits
 def mechanisms(
     name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="Show all about one.")] = None,
+    check: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.py", help="Test the laws in a file as those of the package are tested."),
+    ] = None,
 ) -> None:
-    """List the known mechanisms with parameters, units and groups, or show one with its source."""
-    from cutbench.cli.tables import mechanism, mechanism_table
+    """List the known mechanisms with parameters and groups, show one with its source, or check a file."""
+    from cutbench.cli.tables import findings_table, mechanism, mechanism_table
 
-    show(mechanism_table() if name is None else mechanism(name))
+    if check is None:
+        show(mechanism_table() if name is None else mechanism(name))
+        return
+    from cutbench.mechanisms.checks import check_file
+
+    found = list(check_file(check))
+    show(findings_table(found))
+    wrong = sum(bool(each.wrong) for each in found)
+    typer.echo(f"{len(found)} checks, {wrong} failed")
+    if wrong:
+        raise typer.Exit(1)

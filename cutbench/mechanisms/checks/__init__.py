@@ -1,0 +1,59 @@
+"""What every law must satisfy: run by the tests on all, by ``cutbench mechanisms --check`` on a file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from cutbench.base.errors import BadInput
+from cutbench.mechanisms.base import Mechanism
+from cutbench.mechanisms.checks import every_slot, of_bulk, of_cut, of_surfaces  # noqa: F401
+from cutbench.mechanisms.checks.base import CHECKS, Check
+from cutbench.mechanisms.checks.trial import Trial
+from cutbench.mechanisms.complete import refuse_incomplete
+from cutbench.mechanisms.registered import laws_of, load_file, registry
+
+
+class Finding(NamedTuple):
+    """One check of one law, by their names, what it requires, and what is wrong (empty: nothing)."""
+
+    law: str
+    check: str
+    says: str
+    wrong: str
+
+
+def checks_of(law: Mechanism) -> Iterator[Check]:
+    """The requirements on a law of its slot."""
+    return (check for check in CHECKS if check.slot in ("", law.slot))
+
+
+def check_file(path: str | Path) -> Iterator[Finding]:
+    """Every check of the laws in a file, one after the other; a law that lacks something has one finding.
+
+    Raises BadInput for a file that cannot be read or has no law.
+    """
+    laws = laws_of(load_file(Path(path).resolve()))
+    known = registry() | {law.name: law for law in laws}
+    for law in laws:
+        try:
+            refuse_incomplete(law, known)
+        except BadInput as error:
+            wrong = f"{error.value}: expected {error.expected}"
+            yield Finding(law.name, "is_complete", "What a law of its slot must have is there", wrong)
+            continue
+        trial = Trial(law, known)
+        for check in checks_of(law):
+            yield Finding(law.name, check.name, check.says, _wrong(check, trial))
+
+
+def _wrong(check: Check, trial: Trial) -> str:
+    try:
+        check.run(trial)
+    except AssertionError as error:
+        lines = [line.strip() for line in str(error).strip().splitlines() if line.strip()]
+        return " ".join(lines[:6]) or "it does not"
+    except Exception as error:  # whatever a law does wrong
+        return f"{type(error).__name__}: {error}"
+    return ""

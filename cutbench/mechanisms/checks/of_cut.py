@@ -1,0 +1,106 @@
+"""What every law of the cut must satisfy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+
+from cutbench.mechanisms.base import STEP
+from cutbench.mechanisms.checks.base import check, close
+from cutbench.mechanisms.checks.trial import DT, NEW_UNITS, N, Trial, in_new_units, rng
+
+
+def _paths(t: Trial, count: int, substeps: int = 40) -> Iterator[list[np.ndarray]]:
+    """Closed paths from zero through a few jumps (3, 1) and back, in small steps."""
+    r = rng()
+    for _ in range(count):
+        k = r.integers(1, 6)
+        turns = np.stack([r.uniform(-0.02, 3, k), r.uniform(-3, 3, k), r.uniform(-3, 3, k)]) * t.length
+        turns = np.concatenate([np.zeros((3, 1)), turns, np.zeros((3, 1))], axis=1).T[:, :, None]
+        pieces = [
+            (1 - s) * a + s * b for a, b in pairwise(turns) for s in np.linspace(0, 1, substeps + 1)[1:]
+        ]
+        yield [turns[0], *pieces]
+
+
+@check("cut")
+def virgin_interface_carries_nothing(t: Trial) -> None:
+    """A closed virgin interface has no traction."""
+    zero = np.zeros((3, N))
+    assert np.array_equal(t.cut(zero, zero)[0], zero)
+
+
+@check("cut")
+def traction_differentiates(t: Trial) -> None:
+    """A complex step in the jump gives the derivative of the traction."""
+    old, states = t.loaded()
+    jump, h = t.jumps(), 1e-7
+    for c in range(3):
+        e = np.eye(3)[:, [c]]
+        exact = t.cut(jump + 1j * STEP * e, old, states)[0].imag / STEP
+        central = (t.cut(jump + h * e, old, states)[0] - t.cut(jump - h * e, old, states)[0]) / (2 * h)
+        close(exact, central, 1e-6)
+        assert np.abs(exact).max() > 0
+
+
+@check("cut")
+def traction_is_the_works_derivative(t: Trial) -> None:
+    """Along any history dW/d⟦u⟧ = T, where the law knows its work."""
+    (old, states), jump, p, name = t.loaded(), t.jumps(), t.numbers(), t.law.name
+    T, new, at = t.cut(jump, old, states)
+    if t.law.work(jump, p, new[name], at) is None:
+        return
+    for c in range(3):
+        probe = jump + 1j * STEP * np.eye(3)[:, [c]]
+        _, moved, at = t.cut(probe, old, states)
+        close(t.law.work(probe, p, moved[name], at).imag / STEP, T[c], 1e-12)
+
+
+@check("cut")
+def cycles_give_no_energy(t: Trial) -> None:
+    """On closed paths of the jump a law takes up work, or none."""
+    for steps in _paths(t, 12):
+        states, T_old, work, passed = None, 0.0, 0.0, 0.0
+        for old, jump in pairwise(steps):
+            T, states, _ = t.cut(jump, old, states)
+            piece = float(((T + T_old) / 2 * (jump - old)).sum())
+            T_old, work, passed = T, work + piece, passed + abs(piece)
+        assert work >= -0.02 * passed
+
+
+@check("cut")
+def damage_is_handed_over(t: Trial) -> None:
+    """The cohesive law's damage runs from 0 to 1, never falls, and costs the work of separation."""
+    law, p, zero = t.law, t.numbers(), np.zeros((3, 1))
+    if law.role != "cohesive":
+        return
+    for steps in _paths(t, 12, 5):
+        states, damage, lost = None, 0.0, 0.0
+        for old, jump in pairwise(steps):
+            _, states, at = t.cut(jump, old, states)
+            now = float(states[law.name]["damage"][0])
+            assert damage <= now <= 1, "damage grows from 0 to 1 and never falls"
+            damage, spent = now, law.work(zero, p, states[law.name], at)
+            if spent is not None:  # what is left at zero jump is dissipated
+                assert spent[0] >= lost - 1e-14 * law.estimate(p, 0.0, 0.0).work
+                lost = spent[0]
+    wide, states, work, T_old = 100 * t.length, None, 0.0, 0.0
+    openings = np.concatenate([np.linspace(0, 0.2 * wide, 2001), [wide]])
+    for old, new in pairwise(openings):
+        T, states, at = t.cut(np.array([[new], [0.0], [0.0]]), np.array([[old], [0.0], [0.0]]), states)
+        work, T_old = work + float(T[0, 0] + T_old) / 2 * (new - old), T[0, 0]
+    assert abs(states[law.name]["damage"][0] - 1) < 1e-9, "a wide open cut is cut"
+    expected = law.estimate(p, 0.0, 0.0).work
+    assert abs(work - expected) < 1e-3 * expected, "opening costs the work of separation of its estimate"
+
+
+@check("cut")
+def traction_has_its_dimension(t: Trial) -> None:
+    """Tractions change with the units as stresses do."""
+    jump, p = t.jumps(), t.numbers()
+    others = {m.name: t.rewritten(Trial(m, t.known).numbers()) for m in t.before()}
+    zero, L = np.zeros_like(jump), NEW_UNITS["[length]"]
+    there = t.cut(jump * L, zero, p=t.rewritten(p), dt=DT * NEW_UNITS["[time]"], others=others)[0]
+    close(there, in_new_units(t.cut(jump, zero, p=p)[0], "MPa"), 1e-12)

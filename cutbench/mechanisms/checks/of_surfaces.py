@@ -1,0 +1,92 @@
+"""What every law of blade, skin, support and rig must satisfy."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cutbench.mechanisms.base import STEP, Tool
+from cutbench.mechanisms.checks.base import check, close
+from cutbench.mechanisms.checks.trial import (
+    NEW_UNITS,
+    PRESSURE,
+    N,
+    Trial,
+    factors,
+    in_new_units,
+    points,
+    recorded,
+    sliding,
+)
+
+
+@check("blade")
+def strength_is_not_negative(t: Trial) -> None:
+    """Shear strengths are finite and never negative."""
+    value = t.strength(PRESSURE)
+    assert np.shape(value) == (N,) and np.isfinite(value).all() and value.min() >= 0
+    assert isinstance(t.law, Tool) or value.max() > 0
+
+
+@check("blade")
+def strength_differentiates(t: Trial) -> None:
+    """A complex step in the pressure gives the derivative of the strength."""
+    t_N, h = PRESSURE[1:].min() + PRESSURE, 1e-6
+    exact = np.imag(t.strength(t_N + 1j * STEP)) / STEP + np.zeros(N)
+    close(exact, (t.strength(t_N + h) - t.strength(t_N - h)) / (2 * h), 1e-6, atol=1e-9)
+
+
+@check("blade")
+def strength_has_its_dimension(t: Trial) -> None:
+    """Strengths change with the units as stresses do."""
+    p, at = t.numbers(), sliding(NEW_UNITS["[length]"], NEW_UNITS["[time]"])
+    there = t.strength(in_new_units(PRESSURE, "MPa"), t.rewritten(p), at)
+    close(there, in_new_units(t.strength(PRESSURE, p), "MPa"), 1e-12)
+
+
+@check("blade")
+def contact_keeps_out_and_never_pulls(t: Trial) -> None:
+    """The blade's own law: the deeper, the harder, and nothing at a distance."""
+    if not isinstance(t.law, Tool):
+        return
+    p, stiffness, h = t.numbers(), 3.0, 1e-8
+    gap = np.linspace(-0.1, 0.1, 401) + 1e-5
+    for multiplier in (0.0, 0.02):
+        t_N, slope = t.law.pressure(gap, multiplier, stiffness, p)
+        assert t_N.min() >= 0 and slope.max() <= 0 and np.all(np.diff(t_N) <= 0) and t_N[-1] == 0
+        bracket = np.maximum(multiplier - stiffness * gap, 0)
+        assert np.abs(t_N - bracket).max() <= 0.01 * stiffness * t.law.half_axes(p)[0]
+        up, down = (t.law.pressure(gap + s * h, multiplier, stiffness, p)[0] for s in (1, -1))
+        close(slope, (up - down) / (2 * h), 1e-5)
+        probe = t.law.pressure(gap + 1j * STEP, multiplier, stiffness, p)[0]
+        close(probe.imag / STEP, slope, 1e-13)
+
+
+@check("skin")
+def skin_scales(t: Trial) -> None:
+    """Factors are positive, 1 where the skin is off, and have no unit."""
+    p, at = t.numbers(), points()
+    off = {q.name: q.off * q.factor for q in t.law.parameters if q.off is not None}
+    assert factors([t.law], p).min() > 0
+    assert np.array_equal(factors([t.law], t.numbers(**off)), np.ones((2, N)))
+    at.X, at.depth = at.X * NEW_UNITS["[length]"], at.depth * NEW_UNITS["[length]"]
+    close(factors([t.law], t.rewritten(p), at), factors([t.law], p), 1e-12)
+
+
+@check("rig")
+def rig_records(t: Trial) -> None:
+    """Off it records what happened, and the same in other units."""
+    x, p = np.linspace(0, 21, N), t.numbers()
+    assert np.array_equal(recorded([t.law], t.numbers(**t.switches())), [x, np.sin(x)])
+    L, T, F = NEW_UNITS["[length]"], NEW_UNITS["[time]"], in_new_units(1.0, "N")
+    here, there = recorded([t.law], p), recorded([t.law], t.rewritten(p), L, T, F)
+    close(there[0], here[0] * L, 1e-12)
+    close(there[1], here[1] * F, 1e-12)
+
+
+@check("support")
+def support_gives(t: Trial) -> None:
+    """Its compliance is not negative, and changes with the units as a length per stress does."""
+    p = t.numbers()
+    here, there = t.law.compliance(p), t.law.compliance(t.rewritten(p))
+    assert here >= 0
+    assert abs(there - in_new_units(here, "mm/MPa")) <= 1e-12 * abs(there)
