@@ -1,4 +1,4 @@
-"""The predictor that repeats what happened one element higher."""
+"""What happened some elements higher, as a guess at the next step."""
 
 from __future__ import annotations
 
@@ -9,8 +9,6 @@ from coarse_runs import SOFT
 from cutbench.base.errors import BadInput
 from cutbench.case.case import load_case
 from cutbench.run.build import build
-from cutbench.run.checkpoint import Checkpoint
-from cutbench.run.runner import run_case
 
 COARSE = load_case(
     "gelatin",
@@ -27,19 +25,12 @@ COARSE = load_case(
         **SOFT,
     },
 )
-#: Three millimetres behind the onset the states repeat.
-STEADY_MM = 6.0
-
-
-@pytest.fixture(scope="module")
-def runs():
-    return {name: run_case(COARSE.set(predictor=name)) for name in ("line", "repeat")}
 
 
 @pytest.mark.parametrize("element", ["P1", "P2", "P2P1"])
 @pytest.mark.parametrize("symmetry", ["half", "full"])
 def test_displacements_go_down_by_an_element(element, symmetry):
-    built = build(COARSE.set(element=element, symmetry=symmetry, predictor="repeat"))
+    built = build(COARSE.set(element=element, symmetry=symmetry))
     past, X = built.march.past, built.space.X
     field = np.zeros(built.problem.ndof)
     field[: built.space.ndof] = np.column_stack([np.where(X[0] < 0, -1.0, 1.0) + X[0], X[1]]).ravel()
@@ -47,7 +38,7 @@ def test_displacements_go_down_by_an_element(element, symmetry):
     damage = np.zeros(built.form("cohesion").faces.w.size)
     for travel, cut in ((0.0, 0.0), (1.0, 2.0), (2.0, 3.0)):
         past.add(travel, travel * field, np.full_like(damage, cut * past.fall / COARSE.p.height))
-    guess = past.guess(0.5, 2 * field)
+    guess = next(past.guesses(0.5, 2 * field))
     moved = (guess - 2 * field)[: built.space.ndof].reshape(-1, 2) / 0.5
     inside = X[1] + past.fall < COARSE.p.height
     off = (X[0] != 0) | (symmetry == "half")
@@ -58,15 +49,15 @@ def test_displacements_go_down_by_an_element(element, symmetry):
 
 
 def test_nothing_is_foreseen_before_the_cut_is_an_element_long():
-    built = build(COARSE.set(predictor="repeat"))
+    built = build(COARSE)
     past, n = built.march.past, built.form("cohesion").faces.w.size
-    assert past.guess(0.1, np.zeros(built.problem.ndof)) is None
+    assert not list(past.guesses(0.1, np.zeros(built.problem.ndof)))
     for travel in (1.0, 2.0):
         past.add(travel, np.zeros(built.problem.ndof), np.zeros(n))
-    assert past.guess(0.1, np.zeros(built.problem.ndof)) is None
+    assert not list(past.guesses(0.1, np.zeros(built.problem.ndof)))
     # Nor with a cut as long that was there from the start.
     past.add(3.0, np.zeros(built.problem.ndof), np.ones(n))
-    assert past.guess(1.0, np.zeros(built.problem.ndof)) is None
+    assert not list(past.guesses(1.0, np.zeros(built.problem.ndof)))
 
 
 def test_a_long_step_is_foreseen_from_further_up():
@@ -88,34 +79,6 @@ def test_a_long_step_is_foreseen_from_further_up():
     np.testing.assert_array_equal(past._at(5.0), 7 * field)
     past.add(4.5, field, 5 * damage)
     assert past.travel == [4.5]
-
-
-def test_it_takes_fewer_iterations_to_the_same_curve(runs):
-    line, repeat = runs["line"], runs["repeat"]
-    assert line.outcome.done and repeat.outcome.done
-    # A third less where nothing surges, less where steps are short for it.
-    assert repeat.counts["factorization_calls"] < 0.85 * line.counts["factorization_calls"]
-    assert repeat.measures["onset_mm"] == pytest.approx(line.measures["onset_mm"], rel=1e-6)
-    means = [np.mean(r.force_N[r.displacement_mm > STEADY_MM]) for r in (line, repeat)]
-    assert means[1] == pytest.approx(means[0], rel=0.05)
-    assert abs(repeat.curve["closure"][-1]) < 0.02
-
-
-def test_it_goes_on_from_a_checkpoint(runs, tmp_path):
-    case, whole = COARSE.set(predictor="repeat"), runs["repeat"]
-    file = tmp_path / "checkpoint.npz"
-
-    def stop(travel, row):
-        if travel > STEADY_MM:
-            raise KeyboardInterrupt
-
-    first = run_case(case, checkpoint=Checkpoint(file, case.id), on_step=stop)
-    assert first.outcome.kind == "interrupted"
-    again = run_case(case, checkpoint=Checkpoint(file, case.id))
-    assert (
-        np.abs(np.interp(whole.displacement_mm, again.displacement_mm, again.force_N) - whole.force_N).max()
-        < 1e-5
-    )
 
 
 def test_another_word_is_refused():

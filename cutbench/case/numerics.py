@@ -66,9 +66,9 @@ class Numerics:
     """Damage solved with the displacements, or held and repeated until it stands still."""
     stepping: str = _one_of("adaptive", "paper")
     """Steps by effort and damage growth, or the paper's rule: a tenth when damage jumps, else five times."""
-    predictor: str = _one_of("front", "line", "repeat")
+    predictor: str = _one_of("front", "line")
     """Where Newton's method begins: on a line through the last two states, with the elements around the front
-    solved first; on the line itself; or with what happened one element higher."""
+    solved first; or on the line itself."""
     step_mm: float = _within(0.05, 1e-6, 5.0)
     """Largest step of blade travel."""
     step_min_mm: float = _within(1e-4, 1e-9, 1.0)

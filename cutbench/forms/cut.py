@@ -126,6 +126,11 @@ class CutForm(Form):
             matrix = matrix.reshape(nd, nd, nf)
         return Local(vector.reshape(self.dofs.shape[0], -1), matrix, new)
 
+    def cut_area(self, state) -> np.ndarray:
+        """Of each point (n,) what has lost its cohesion, mm or mm²: from half damage on, in proportion,
+        (2d − 1)₊, so that it grows smoothly."""
+        return self.faces.w.ravel() * np.clip(2 * np.real(state["damage"]) - 1, 0, 1)
+
     def broken(self, u, p, state, step, local: bool = True) -> tuple[float, np.ndarray]:
         """Length or area of the cut, ∫ g(d) dA, and its derivative by the local displacements (nd, nf).
 

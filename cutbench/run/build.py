@@ -156,11 +156,7 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
         paper=n.stepping == "paper",
     )
     looks_ahead = bool(cut) and n.predictor == "front" and n.scheme == "monolithic"
-    past = None
-    if cut and n.predictor == "repeat" and not case.motion:
-        past = History(space, faces["cut"], ndof)
-    elif looks_ahead and dim == 2:
-        past = History(space, faces["cut"], ndof, REMEMBERED)
+    past = History(space, faces["cut"], ndof, REMEMBERED) if looks_ahead and dim == 2 else None
     march = March(
         problem,
         first_centre(p),

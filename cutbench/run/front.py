@@ -86,10 +86,9 @@ class Front:
         self.onset, self._pattern = state["onset"], state["pattern"]
 
     def lengths(self, step: Accepted) -> np.ndarray:
-        """Cut length (n,) of each strip in mm: its area weighted by (2d − 1)₊, over its width."""
-        damage = np.real(step.states["cohesion"]["damage"])
-        weight = self._form.faces.w.ravel() * np.clip(2 * damage - 1, 0, 1)
-        return np.bincount(self._strip, weight, self.z.size) / self._share
+        """Cut length (n,) of each strip in mm: its cut area over its width."""
+        area = self._form.cut_area(step.states["cohesion"])
+        return np.bincount(self._strip, area, self.z.size) / self._share
 
     def add(self, step: Accepted) -> None:
         """Take one accepted step."""

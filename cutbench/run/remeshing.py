@@ -50,7 +50,6 @@ def follows(case: Case) -> bool:
         stride + 2 * around < WORTH * case.p.height
         and n.mesh is None
         and n.element != "P2P1"
-        and n.predictor != "repeat"
         and bool(case.model.laws("cut"))
         and not case.model.laws("support")
     )

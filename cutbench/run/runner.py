@@ -205,15 +205,12 @@ class Ledger:
         return row
 
     def _cut_length(self, step: Accepted) -> float:
-        """Length of cut plane (3D: mean over the blade) that has lost its cohesion.
-
-        Counted from half damage on, in proportion: (2d − 1)₊, so that it grows smoothly.
-        """
+        """Length of cut plane (3D: mean over the blade) that has lost its cohesion."""
         if "cohesion" not in step.states:
             return 0.0
         built = self._meshes.built
         form = built.form("cohesion")
-        cut = float(form.faces.w.ravel() @ np.clip(2 * step.states["cohesion"]["damage"] - 1, 0, 1))
+        cut = float(form.cut_area(step.states["cohesion"]).sum())
         if form.dim == 3:
             X = form.faces.X[2]
             cut /= np.ptp(built.space.X[2]) if X.size else 1.0

@@ -210,8 +210,7 @@ class _Pull:
         p, built = self.built.case.p, self.built
         cut = 0.0
         if "cohesion" in states:
-            w = built.form("cohesion").faces.w.ravel()
-            cut = float(w @ np.clip(2 * states["cohesion"]["damage"] - 1, 0, 1)) / (p.length / 2)
+            cut = float(built.form("cohesion").cut_area(states["cohesion"]).sum()) / (p.length / 2)
         self.row = {
             "elongation_mm": reached,
             "force_N": (force := self._force(result)),

@@ -47,7 +47,7 @@ class Bordered:
     def solve(self, amount, old, travel, states, broken, u, reached):
         """From ``old`` at ``travel``, where C is ``broken``, on by ``amount`` of C, first looked for at ``u``
         and the travel ``reached``. Returns (Step, u, Evaluation, iterations) or raises NoConvergence."""
-        problem, settings, free = self._problem, self._settings, self._problem.free
+        problem, settings = self._problem, self._settings
         moving = problem.displacements
         floor = settings.smallest_ratio * min(1.0, problem.bulk.smallest_volume_ratio(old))
         if problem.bulk.smallest_volume_ratio(u) < floor:
@@ -55,10 +55,9 @@ class Bordered:
         current, C, slope, step = self._look(u, reached, travel, states, old)
         for iteration in range(self._iterations + 1):
             gap = amount - (C - broken)
-            size = float(np.linalg.norm(current.residual[free]))
+            size, worst = problem.out_of_balance(current), problem.relative_residual(current)
             if not np.isfinite(size):
                 raise NoConvergence("the residual is not finite")
-            worst = size / current.scale
             near = settings.tolerance if iteration < self._iterations else settings.stagnant
             if worst <= near and abs(gap) <= 1e-6 * amount:
                 return step, u, current, iteration
@@ -89,7 +88,7 @@ class Bordered:
             for part in (1.0, 0.5, 0.25, 0.1, 0.03):
                 trial = (u + part * alpha * du, reached + part * alpha * way)
                 seen = self._look(*trial, travel, states, old)
-                r = float(np.linalg.norm(seen[0].residual[free]))
+                r = problem.out_of_balance(seen[0])
                 if np.isfinite(r) and (best is None or r < best[0]):
                     best = (r, trial, seen)
                 if r <= allowed * max(size, settings.tolerance * current.scale):

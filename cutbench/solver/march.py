@@ -22,11 +22,6 @@ STAGGERED_LOOPS = 200
 STAGGERED_TOLERANCE = 1e-4
 #: Residual over the forces at which a loop ends whose damage is not yet the last.
 STAGGERED_INNER = 1e-5
-#: What the ledger may leave open in a step that was foreseen from an element higher: of the step's own work,
-#: and in units of what is allowed otherwise; where the ledger drifts, a tenth of it.
-CREDIBLE = 2.0
-#: Such a prediction is tried where it leaves less than this part of the residual of a straight one.
-BETTER = 0.5
 
 
 @dataclass
@@ -149,7 +144,7 @@ class March:
     bottom: np.ndarray  # degrees of freedom whose reaction balances the blade's force
     rules: StepRules = field(default_factory=StepRules)
     newton: NewtonSettings = field(default_factory=NewtonSettings)
-    #: What happened some elements higher: the window's guesses, or, without one, predictions themselves.
+    #: What happened some elements higher: how fast the cut grows, and what the window guesses.
     past: History | None = None
     #: Looks for the next state around the front first.
     window: Window | None = None
@@ -200,7 +195,7 @@ class March:
                 desperate = pace.damping_factor > 1 or size <= 2 * rules.smallest
                 straight = self._improved(straight, known, u, begun, step, desperate)
                 drift = (now.spent, now.left)
-                found = self._first_that_holds(u, straight, begun, step, size, now.force, drift)
+                found = self._first_that_holds(u, straight, begun, step, now.force)
                 growth = damage_growth(states, found.result.states)
                 # What the ledger leaves open is the error of the step, against the blade's work over the
                 # largest step: within a small jump of a fine step nothing is gained by closing better than
@@ -265,41 +260,14 @@ class March:
         finally:
             self.problem.timer.add("window", began)
 
-    def _first_that_holds(self, u, straight, states, step, size, force, drift) -> _Found:
-        """A step from the better of two predictions: a straight line, and what happened one element higher.
-
-        Where the second leads to a state that energy does not lead to, it has jumped ahead of a snap: then
-        the first decides. It stays with a state for as long as there is equilibrium near it.
-        """
-        repeats = self.past is not None and self.window is None and straight is not None
-        repeated = self.past.guess(size, u) if repeats else None
-        guesses = [guess for guess in (straight, u) if guess is not None]
-        if repeated is not None and self._relative_residual(
-            repeated, states, step
-        ) < BETTER * self._relative_residual(straight, states, step):
-            try:
-                found = self._found(repeated, states, step, force)
-                part = CREDIBLE * self.rules.defect
-                if drifts(found.spent, found.left, *drift):
-                    part /= 10
-                if abs(found.left) <= part * abs(found.spent):
-                    return found
-            except NoConvergence:
-                pass
-        for i, guess in enumerate(guesses):
-            try:
-                return self._found(guess, states, step, force)
-            except NoConvergence as error:
-                # The last state is a better start only where the prediction itself was unusable.
-                if i == len(guesses) - 1 or not isinstance(error, BadGuess):
-                    raise
-        raise AssertionError("a march always has its last state to begin from")
-
-    def _relative_residual(self, u, states, step) -> float:
-        """Residual over the forces in balance."""
-        e = self.problem.evaluate(u, states, step, tangent=False)
-        size = float(np.linalg.norm(e.residual[self.problem.free])) / e.scale
-        return size if np.isfinite(size) else np.inf
+    def _first_that_holds(self, u, straight, states, step, force) -> _Found:
+        """A step from ``straight``; where it is None, or elements are inside out there, from the last state."""
+        try:
+            return self._found(u if straight is None else straight, states, step, force)
+        except BadGuess:
+            if straight is None:
+                raise
+            return self._found(u, states, step, force)
 
     def _found(self, guess, states, step, force) -> _Found:
         return _Found(self.problem, states, step, force, *self._solve(guess, states, step))

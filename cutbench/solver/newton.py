@@ -8,7 +8,7 @@ import numpy as np
 
 from cutbench.forms.base import Step
 from cutbench.solver.linear import SingularMatrix
-from cutbench.solver.problem import Evaluation, Problem
+from cutbench.solver.problem import Problem
 
 
 class NoConvergence(ArithmeticError):
@@ -70,12 +70,7 @@ def newton(
     ``near``: the guess solves a problem that hardly differs, and the solver still has its factorization.
     Steps with that come first; they may suffice, and then no tangent is assembled.
     """
-    free = problem.free
-
-    def norm(e: Evaluation) -> float:
-        value = float(np.linalg.norm(e.residual[free]))
-        return value if np.isfinite(value) else np.inf
-
+    norm = problem.out_of_balance
     # Elements may lose volume, but not most of what the last step left them.
     floor = settings.smallest_ratio * min(1.0, problem.bulk.smallest_volume_ratio(step.u_old))
     if problem.bulk.smallest_volume_ratio(u) < floor:
@@ -137,12 +132,11 @@ def _chords(problem, u, current, size, states, step, settings):
     Near the solution the tangent hardly changes: a residual and a back-substitution cost a third of
     a full Newton step.
     """
-    free = problem.free
     goal = settings.tolerance * current.scale
     while size > goal:
         trial_u = u + problem.back_substitute(current.residual, how="correction")
         trial = problem.evaluate(trial_u, states, step, tangent=False)
-        r = float(np.linalg.norm(trial.residual[free]))
+        r = problem.out_of_balance(trial)
         if not r < settings.chord * size:
             break
         u, current, size = trial_u, trial, r

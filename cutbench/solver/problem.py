@@ -133,6 +133,15 @@ class Problem:
         self.timer.add("assembly" if tangent else "residual", begin)
         return Evaluation(residual, data, new, scale)
 
+    def out_of_balance(self, found: Evaluation) -> float:
+        """Length of the residual on the free degrees of freedom, N; infinite where it is not finite."""
+        size = float(np.linalg.norm(found.residual[self.free]))
+        return size if np.isfinite(size) else np.inf
+
+    def relative_residual(self, found: Evaluation) -> float:
+        """The same over the forces in balance."""
+        return self.out_of_balance(found) / max(found.scale, np.finfo(float).tiny)
+
     def factorize(self, data: np.ndarray) -> None:
         begin = time.perf_counter()
         self.solver.refactor(data)

@@ -1,4 +1,4 @@
-"""Where the next step's solution is looked for: what the block did when its cut was one element shorter.
+"""A guess at the next step's solution: what the block did when its cut was one element shorter.
 
 Once the cut runs, everything near the blade moves down with it, and on a mesh whose elements along the cut
 are alike the states repeat, one element lower, each time the cut has grown by one: the small snaps from
@@ -74,10 +74,6 @@ class History:
             for _ in range(n):
                 du = down @ du
             yield u + du
-
-    def guess(self, size: float, u: np.ndarray) -> np.ndarray | None:
-        """The first of ``guesses``, if there is one."""
-        return next(self.guesses(size, u), None)
 
     def speed(self) -> float:
         """Growth of the cut per travel, over its last element; 1 before it is so long."""

@@ -239,5 +239,4 @@ def _relative_residual(problem: Problem, u: np.ndarray, states: dict, step, floo
     """Residual over the forces in balance; infinite where an element's volume ratio is below ``floor``."""
     if problem.bulk.smallest_volume_ratio(u) <= floor:
         return np.inf
-    e = problem.evaluate(u, states, step, tangent=False)
-    return float(np.linalg.norm(e.residual[problem.free])) / max(e.scale, np.finfo(float).tiny)
+    return problem.relative_residual(problem.evaluate(u, states, step, tangent=False))
