@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 from types import SimpleNamespace
@@ -34,7 +34,12 @@ SETS = {"default": DEFAULT, "paper": PAPER}
 def groups() -> dict[str, Group]:
     """All that may be set in place of a parameter, by name, in the order in which it is applied: a later one
     uses what an earlier one has set."""
-    known = {g.name: g for m in registry().values() for g in m.settable}
+    return dict(_ordered(tuple(registry().values())))
+
+
+@lru_cache(maxsize=4)
+def _ordered(laws: tuple[Mechanism, ...]) -> dict[str, Group]:
+    known = {g.name: g for m in laws for g in m.settable}
     setters = {g.parameter: g.name for g in known.values()}
     order = {name: [setters[need] for need in g.needs if need in setters] for name, g in known.items()}
     return {name: known[name] for name in TopologicalSorter(order).static_order()}

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from functools import lru_cache
+from collections.abc import Callable, Mapping
 
 import xarray as xr
 
@@ -24,7 +23,8 @@ def case_on(data: xr.Dataset, values: Mapping[str, float]) -> Case:
     Raises BadInput if the values do not fit one another, or the map's numerics are none of this cutbench's.
     """
     try:
-        return _at(_case(data.attrs["start_case"]), json.loads(data.attrs["changes"]), data, values)
+        start = Case.from_dict(json.loads(data.attrs["start_case"]))
+        return _by_place(start, json.loads(data.attrs["changes"]), data)(values)
     except BadInput as error:
         if not (other := other_writer(data)):
             raise
@@ -35,11 +35,11 @@ def case_on(data: xr.Dataset, values: Mapping[str, float]) -> Case:
         ) from error  # fmt: skip
 
 
-def physics_on(data: xr.Dataset, values: Mapping[str, float]) -> Physics:
-    """Laws and values at a place of a map, whatever version and numerics it is of. Raises BadInput."""
-    start, numerics = _physics(data.attrs["start_case"])
-    changes = {k: v for k, v in json.loads(data.attrs["changes"]).items() if k not in numerics}
-    return _at(start, changes, data, values)
+def physics_on(data: xr.Dataset) -> Callable[[Mapping[str, float]], Physics]:
+    """Laws and values by place of a map, whatever version and numerics it is of. Raises BadInput."""
+    stored = json.loads(data.attrs["start_case"])
+    changes = {k: v for k, v in json.loads(data.attrs["changes"]).items() if k not in stored["numerics"]}
+    return _by_place(Physics.from_dict(stored), changes, data)
 
 
 def other_writer(data: xr.Dataset) -> str:
@@ -56,18 +56,8 @@ def remarks(data: xr.Dataset) -> list[str]:
     return [f"The map is by {other}: it holds for that, and runs computed now are of another."] * bool(other)
 
 
-def _at(start: Startable, changes: dict, data: xr.Dataset, values: Mapping[str, float]) -> Startable:
+def _by_place(
+    start: Startable, changes: Mapping[str, object], data: xr.Dataset
+) -> Callable[[Mapping[str, float]], Startable]:
     axes = [axis_of(data, name) for name in axes_of(data)]
-    return case_at(start, changes, axes, [short(values[a.name]) for a in axes])
-
-
-@lru_cache(maxsize=8)
-def _case(text: str) -> Case:
-    return Case.from_dict(json.loads(text))
-
-
-@lru_cache(maxsize=8)
-def _physics(text: str) -> tuple[Physics, frozenset[str]]:
-    """Of a stored case, with the names of its numerics."""
-    stored = json.loads(text)
-    return Physics.from_dict(stored), frozenset(stored["numerics"])
+    return lambda values: case_at(start, changes, axes, [short(values[axis.name]) for axis in axes])

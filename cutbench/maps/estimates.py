@@ -17,7 +17,7 @@ Abrupt, then: 1 − F_s(d_on)/F_on ≥ the study's threshold, and U ≥ 2a F_s(d
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -125,18 +125,23 @@ class EstimateComparison:
         return "; ".join(parts) + "."
 
 
-def estimated_margin(data: xr.Dataset, values: Mapping[str, float]) -> float:
-    """``Classical.margin`` at a place of a map (axis name -> value); nan where there is none."""
-    try:
-        found = classical(physics_on(data, values))
-    except BadInput:
-        return math.nan
-    return math.nan if found is None else found.margin(data.attrs["drop_threshold"])
+def estimated_margin(data: xr.Dataset) -> Callable[[Mapping[str, float]], float]:
+    """``Classical.margin`` by place of a map (axis name -> value); nan where there is none."""
+    physics = physics_on(data)
+
+    def margin(values: Mapping[str, float]) -> float:
+        try:
+            found = classical(physics(values))
+        except BadInput:
+            return math.nan
+        return math.nan if found is None else found.margin(data.attrs["drop_threshold"])
+
+    return margin
 
 
 def compare(data: xr.Dataset) -> EstimateComparison:
     """Every run of a map that reached its depth against the estimates."""
-    names, places = axes_of(data), places_of(data)
+    names, places, physics = axes_of(data), places_of(data), physics_on(data)
     decided = np.isin(data["label"].values, [LABELS.index(ABRUPT), LABELS.index(SMOOTH)])
     axes: dict[str, list[float]] = {name: [] for name in names}
     keys = ("drop", "peak_N", "steady_N", "drop_estimate", "onset_N", "steady_estimate_N")
@@ -144,7 +149,7 @@ def compare(data: xr.Dataset) -> EstimateComparison:
     for index in np.argwhere(decided):
         here = tuple(index)
         values = {name: float(places[name][here]) for name in names}
-        case = physics_on(data, values)
+        case = physics(values)
         found = classical(case)
         if found is None:
             continue

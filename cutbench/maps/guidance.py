@@ -293,7 +293,7 @@ def _coordinate(axis: Axis) -> Callable[[np.ndarray], np.ndarray]:
 
 def _differences(data: xr.Dataset, case: Case, at: dict[str, float]) -> dict[str, tuple[float, float]]:
     """Dimensionless groups of the map's own case and of the material where they differ by a per cent."""
-    ours, theirs = physics_on(data, at).groups(), case.groups()
+    ours, theirs = physics_on(data)(at).groups(), case.groups()
     return {
         name: (ours[name], theirs[name])
         for name in ours.keys() & theirs.keys()

@@ -216,7 +216,8 @@ def _classical(ax: Axes, part: xr.Dataset, x: str, y: str) -> bool:
         (np.geomspace if is_log(part[n]) else np.linspace)(part[n].values[0], part[n].values[-1], _TRIED)
         for n in (x, y)
     ]
-    found = np.array([[estimated_margin(part, fixed | {x: a, y: b}) for a in grids[0]] for b in grids[1]])
+    margin = estimated_margin(part)
+    found = np.array([[margin(fixed | {x: a, y: b}) for a in grids[0]] for b in grids[1]])
     known = found[np.isfinite(found)]
     if known.size == 0 or not known.min() < 0 <= known.max():
         return False

@@ -1,0 +1,128 @@
+"""Every file that comes with cutbench opens through what a person opens it with; no list is kept."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import tomllib
+from pathlib import Path
+
+import pytest
+from analytic_runs import computed
+from typer.testing import CliRunner
+
+import cutbench
+from cutbench.cli.main import app
+from cutbench.maps.cases import other_writer
+from cutbench.maps.dataset import load_map
+from cutbench.maps.study import load_study
+from cutbench.verification.convergence import load_plan
+
+HERE = Path(__file__).parents[1]
+FILES = sorted(p for p in (HERE / "studies").rglob("*") if p.is_file() and "__pycache__" not in p.parts)
+MATERIALS = sorted((Path(cutbench.__file__).parent).rglob("materials/*.toml"))
+MAPS = [path for path in FILES if path.suffix == ".nc"]
+TOML = [path for path in FILES if path.suffix == ".toml"]
+#: Read by people, or by Python.
+OTHER = [path for path in FILES if path.suffix in (".md", ".py") or path.name.startswith("LICENSE")]
+DATA = [path for path in FILES if path not in (*MAPS, *TOML, *OTHER)]
+
+
+def name_of(path: Path) -> str:
+    return path.relative_to(HERE).as_posix()
+
+
+def said(*args, code=0) -> str:
+    done = CliRunner().invoke(app, [str(arg) for arg in args])
+    text = re.sub(r"\s+", " ", done.output)
+    assert done.exit_code == code, text or done.exception
+    return text
+
+
+@pytest.fixture
+def no_solver(monkeypatch):
+    """Runs by formula: what is opened here is not to be computed."""
+    monkeypatch.setattr("cutbench.run.runner.run_case", lambda case, **options: computed(case))
+
+
+@pytest.fixture
+def copied(request, tmp_path) -> Path:
+    """A shipped map in a folder of its own, in which commands may write."""
+    folder = tmp_path / request.param.parent.name
+    folder.mkdir()
+    return Path(shutil.copy(request.param, folder))
+
+
+every_map = pytest.mark.parametrize("copied", MAPS, indirect=True, ids=name_of)
+
+
+def test_there_is_something_to_open():
+    assert MAPS and TOML and DATA and MATERIALS
+
+
+# -- maps ---------------------------------------------------------------------------------------------
+@every_map
+def test_a_map_guides_the_materials_that_lie_on_it_and_says_what_computed_it(copied):
+    data = load_map(copied)
+    told = {}
+    for material in ("gelatin", "elastomer", "meat"):
+        done = CliRunner().invoke(app, ["guide", str(copied), "--material", material])
+        text = re.sub(r"\s+", " ", done.output)
+        assert (done.exit_code == 0 and "There cutting is" in text) or "within the map" in text, text
+        if done.exit_code == 0:
+            told[material] = text
+    assert told and data.attrs["cutbench"] and data.attrs["computation"]
+    assert all(other_writer(data) in text for text in told.values())
+
+
+@every_map
+def test_a_map_is_drawn_and_a_boundary_held_against_its_grid(copied):
+    grid = HERE / "studies" / "results" / f"{copied.parent.name}-grid"
+    text = said("plot", copied.parent, *(("--against", grid) if grid.is_dir() else ()))
+    for name in ("phase.png", "estimates.png", "map.html"):
+        assert (copied.parent / name).stat().st_size > 10_000 and name in text
+    assert not grid.is_dir() or "the regimes differ at" in text
+
+
+@every_map
+@pytest.mark.parametrize("command", ["confirm", "guide"])
+def test_more_of_a_map_is_computed_or_what_wrote_it_is_named(copied, command, no_solver):
+    data = load_map(copied)
+    asks = {
+        "confirm": ["--points", "1", "--no-materials"],
+        "guide": ["--material", "elastomer", "--check"],
+    }
+    done = CliRunner().invoke(app, [command, str(copied), *asks[command]])
+    text = re.sub(r"\s+", " ", done.output)
+    assert done.exit_code in (0, 1, 2) and not isinstance(done.exception, (KeyError, ValueError, TypeError))
+    if done.exit_code == 2 and other_writer(data):
+        assert other_writer(data) in text or "a change moves across" in text
+        assert not (copied.parent / "runs").exists()
+
+
+# -- studies, campaigns, materials -----------------------------------------------------------------------
+@pytest.mark.parametrize("path", TOML, ids=name_of)
+def test_a_toml_file_is_read_by_its_command(path, tmp_path):
+    table = tomllib.loads(path.read_text(encoding="utf-8"))
+    if "experiment" in table:
+        assert str(len(table["experiment"])) in said("data", path, "--out", tmp_path)
+    elif "change" in table:
+        assert load_plan(path).changes
+    elif "axis" in table:
+        study = load_study(path)
+        assert study.axes and study.base.id
+    else:
+        assert cutbench.load_case(path).id
+
+
+@pytest.mark.parametrize("path", MATERIALS, ids=lambda path: path.stem)
+def test_a_material_is_shown_and_is_a_case(path):
+    assert path.stem in said("materials", path.stem) and path.stem in said("materials")
+    assert cutbench.load_case(path.stem).id == cutbench.load_case(path).id
+
+
+@pytest.mark.parametrize("path", DATA, ids=name_of)
+def test_a_data_file_belongs_to_a_campaign(path):
+    campaigns = [tomllib.loads(toml.read_text(encoding="utf-8")) for toml in path.parent.glob("*.toml")]
+    named = [e["data"] for campaign in campaigns for e in campaign.get("experiment", ())]
+    assert path.name in [name for data in named for name in (data if isinstance(data, list) else [data])]
