@@ -8,6 +8,7 @@ from functools import cached_property, lru_cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -112,7 +113,7 @@ class Model:
         """Its mechanisms, by slot, rank and name."""
         return tuple(registry()[name] for name in self.mechanisms)
 
-    def laws(self, slot: str) -> tuple[Mechanism, ...]:
+    def laws(self, slot: str) -> tuple[Any, ...]:
         """The mechanisms of one slot in the order in which they are evaluated."""
         return tuple(m for m in self.all if m.slot == slot)
 

@@ -60,9 +60,10 @@ def with_laws(command: Callable) -> Callable:
         return command(*args, **kwargs)
 
     own = inspect.signature(command, eval_str=True)
-    laws = inspect.Parameter("laws", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Laws)
-    wrapped.__signature__ = own.replace(parameters=[*own.parameters.values(), laws])
-    wrapped.__annotations__ = {n: q.annotation for n, q in wrapped.__signature__.parameters.items()}
+    folders = inspect.Parameter("laws", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Laws)
+    both = own.replace(parameters=[*own.parameters.values(), folders])
+    vars(wrapped)["__signature__"] = both
+    wrapped.__annotations__ = {n: q.annotation for n, q in both.parameters.items()}
     return wrapped
 
 

@@ -11,6 +11,7 @@ from cutbench.case.case import Case
 from cutbench.case.model import Model
 from cutbench.case.motion import Motion
 from cutbench.case.numerics import Numerics
+from cutbench.forms.base import Form
 from cutbench.forms.bending import BendingForm
 from cutbench.forms.blade import BladeForm, ContactNumerics
 from cutbench.forms.bulk import BulkForm
@@ -92,7 +93,7 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
     degree = 1 if order == 1 else n.bulk_degree or DEGREE[n.element]
     volume = space.volume(degree)
     bulk, skins = model.laws("bulk"), model.laws("skin")
-    forms = []
+    forms: list[Form] = []
     if n.element == "P2P1":
         pressure = next((law for law in bulk if isinstance(law, Volumetric)), None)
         if pressure is None:

@@ -156,8 +156,8 @@ def trace_snap_back(
 
 def fading(case: Case, depth: float) -> list[tuple[str, Case]]:
     """Cases of less and less viscosity, up to ``depth`` mm of travel, and the last with half the steps."""
-    switches = [q for law in case.model.all if law.regularises for q in law.parameters if q.off is not None]
-    eta = {q: case.values[q.name] for q in switches if case.values[q.name] != q.off * q.factor}
+    fade = [q for law in case.model.all if law.regularises for q in law.parameters]
+    eta = {q: v for q in fade if q.off is not None and (v := case.values[q.name]) != q.off * q.factor}
     factors = FADING if eta else (1.0,)
     cases = []
     for factor in factors:

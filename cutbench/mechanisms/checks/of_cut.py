@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -86,12 +87,13 @@ def damage_is_handed_over(t: Trial) -> None:
             if spent is not None:  # what is left at zero jump is dissipated
                 assert spent[0] >= lost - 1e-14 * law.estimate(p, 0.0, 0.0).work
                 lost = spent[0]
-    wide, states, work, T_old = 100 * t.length, None, 0.0, 0.0
+    wide, work, T_old = 100 * t.length, 0.0, 0.0
+    torn: Any = None
     openings = np.concatenate([np.linspace(0, 0.2 * wide, 2001), [wide]])
     for old, new in pairwise(openings):
-        T, states, at = t.cut(np.array([[new], [0.0], [0.0]]), np.array([[old], [0.0], [0.0]]), states)
+        T, torn, _ = t.cut(np.array([[new], [0.0], [0.0]]), np.array([[old], [0.0], [0.0]]), torn)
         work, T_old = work + float(T[0, 0] + T_old) / 2 * (new - old), T[0, 0]
-    assert abs(states[law.name]["damage"][0] - 1) < 1e-9, "a wide open cut is cut"
+    assert abs(torn[law.name]["damage"][0] - 1) < 1e-9, "a wide open cut is cut"
     expected = law.estimate(p, 0.0, 0.0).work
     assert abs(work - expected) < 1e-3 * expected, "opening costs the work of separation of its estimate"
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -26,8 +27,8 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(20240611)
 
 
-def dimension(unit: str) -> dict[str, float]:
-    return {} if unit == "1" else dict(ureg.Unit(unit).dimensionality)
+def dimension(unit: str) -> dict[str, Any]:
+    return {} if unit == "1" else dict(ureg.Unit(unit).dimensionality.items())
 
 
 def in_new_units(value, unit: str):
@@ -72,7 +73,7 @@ class Trial:
     """One law among all that are ``known`` (the registered ones, unless given)."""
 
     def __init__(self, law: Mechanism, known: Mapping[str, Mechanism] | None = None):
-        self.law = law
+        self.law: Any = law  # of one slot or another
         self.known = {**(registry() if known is None else known), law.name: law}
         self.declared = declared(self.known)
 
@@ -101,7 +102,7 @@ class Trial:
         """The laws of the default model."""
         return [law for law in self.known.values() if law.standard]
 
-    def context(self, without: bool = False) -> list[Mechanism]:
+    def context(self, without: bool = False) -> list[Any]:
         """The default laws of the slot, with the law in the place of the one that has its role, by rank.
 
         ``without``: without it, and with that one if the law has a switch of its own.
@@ -113,7 +114,7 @@ class Trial:
             others = [m for m in others if law.role is None or m.role != law.role]
         return sorted([*others, *([] if without else [law])], key=lambda m: (m.rank, m.name))
 
-    def before(self) -> list[Mechanism]:
+    def before(self) -> list[Any]:
         """Those that answer before the law."""
         return [other for other in self.context() if other.rank < self.law.rank]
 
@@ -153,13 +154,14 @@ class Trial:
     def cut(self, jump, jump_old, states=None, p=None, dt: float = DT, others=None):
         """Traction, states by law up to it, and the points with what those before it answered."""
         n, new = jump.shape[-1], {}
-        at = points(n, jump_old=jump_old, dt=dt, before={})
+        seen: dict[str | None, Answer] = {}
+        at = points(n, jump_old=jump_old, dt=dt, before=seen)
         for each in [*self.before(), self.law]:
             q = (others or {}).get(each.name) or typical(each, self.known)
             q = p if each is self.law and p is not None else q
             old = each.start(n, q) if states is None else states[each.name]
             T, new[each.name] = each.traction(jump, q, old, at)
-            at.before[each.role] = Answer(T, new[each.name], old)
+            seen[each.role] = Answer(T, new[each.name], old)
         return T, new, at
 
     def loaded(self) -> tuple[np.ndarray, dict]:
@@ -217,7 +219,7 @@ GAP = np.linspace(-0.1, 0.1, N) + 1e-5
 
 def _body(law: Mechanism, p) -> list[np.ndarray]:
     """What a blade's own law says beside its strength."""
-    return [law.pressure(GAP, 0.0, 3.0, p)[0], law.half_axes(p)] if isinstance(law, Tool) else []
+    return [law.pressure(GAP, 0.0, 3.0, p)[0], np.array(law.half_axes(p))] if isinstance(law, Tool) else []
 
 
 def factors(laws: list, p, at: Points | None = None) -> np.ndarray:
