@@ -45,7 +45,7 @@ def section(n: int = 5, width: float = 10.0, height: float = 8.0, low: float = 0
 
 
 def empty(x, y, configuration="deformed") -> Field:
-    return Field(x, y, np.full((2, y.size, x.size), np.nan), None, configuration)
+    return Field(x, y, np.full((2, y.size, x.size), np.nan), np.nan, configuration)
 
 
 # -- triangles ---------------------------------------------------------------------------------------
@@ -162,7 +162,7 @@ def test_strain_of_a_homogeneous_deformation(configuration):
     x = np.linspace(0, 4, 5)
     at = np.stack(np.meshgrid(x, x))
     gradient = F - np.eye(2) if configuration == "reference" else np.eye(2) - np.linalg.inv(F)
-    field = Field(x, x, np.einsum("ij,jyx->iyx", gradient, at), None, configuration)
+    field = Field(x, x, np.einsum("ij,jyx->iyx", gradient, at), np.nan, configuration)
     E = (F.T @ F - np.eye(2)) / 2
     np.testing.assert_allclose(field.strain, np.broadcast_to(E[:, :, None, None], (2, 2, 5, 5)), atol=1e-12)
 
@@ -171,7 +171,9 @@ def test_a_rotation_strains_nothing():
     c, s = np.cos(0.5), np.sin(0.5)
     x = np.linspace(0, 4, 5)
     at = np.stack(np.meshgrid(x, x))
-    field = Field(x, x, np.einsum("ij,jyx->iyx", np.array([[c - 1, -s], [s, c - 1]]), at), None, "reference")
+    field = Field(
+        x, x, np.einsum("ij,jyx->iyx", np.array([[c - 1, -s], [s, c - 1]]), at), np.nan, "reference"
+    )
     np.testing.assert_allclose(field.strain, 0, atol=1e-12)
 
 
@@ -265,7 +267,7 @@ def test_fields_that_do_not_meet_the_body_are_refused():
     with pytest.raises(BadInput, match="the travel of the run's fields, 3 mm"):
         compare(Field(far.x, far.y, far.u, 9.0), section())
     with pytest.raises(BadInput, match="did you mean 'deformed'"):
-        Field(far.x, far.y, far.u, None, "deformd")
+        Field(far.x, far.y, far.u, np.nan, "deformd")
 
 
 # -- a run -------------------------------------------------------------------------------------------
@@ -299,7 +301,7 @@ def test_a_picture_of_little(run):
     """One field far from the cut, without a travel: drawn all the same."""
     field = sample(run.snapshots[0], empty(np.linspace(4, 8, 5), np.linspace(2, 8, 4), "reference"))
     figure = plot_dic(
-        compare(Field(field.x, field.y, field.u, None, "reference"), run.snapshots[0]), "little"
+        compare(Field(field.x, field.y, field.u, np.nan, "reference"), run.snapshots[0]), "little"
     )
     assert len(figure.axes) == 15 + 10
 

@@ -51,10 +51,9 @@ def data_table(campaign: Campaign) -> Table:
 def _time(e: Experiment) -> str:
     if not e.timed:
         return "not known"
-    r = e.repetitions[0]
     unit = "1/s" if e.x_unit == "1" else "mm/s"
     history = "" if e.monotone else ", holds or returns"
-    return f"{r.time_s[-1] - r.time_s[0]:.4g} s at {e.travel_speed:.3g} {unit}{history}"
+    return f"{e.repetitions[0].duration_s:.4g} s at {e.travel_speed:.3g} {unit}{history}"
 
 
 def write_data(campaign: Campaign, path: Path) -> Path:

@@ -55,7 +55,7 @@ def write_comparisons(found: Sequence[Comparison], title: str, folder: Path) -> 
             table = np.concatenate(parts).reshape(len(_HEADER) - 1, -1).T
             for row in table:
                 cells = ["" if math.isnan(v) else repr(float(v)) for v in row]
-                writer.writerow([repr(float(c.measured.travel_mm)), *cells])
+                writer.writerow([repr(c.measured.travel_mm), *cells])
     numbers = [{"travel_mm": c.measured.travel_mm, **c.numbers()} for c in found]
     with replacing(paths[1]) as draft:
         draft.write_text(json.dumps({"fields": numbers}, indent=2) + "\n", encoding="utf-8")

@@ -59,12 +59,16 @@ def with_laws(command: Callable) -> Callable:
             use_mechanisms(*laws)
         return command(*args, **kwargs)
 
-    own = inspect.signature(command, eval_str=True)
+    own = inspect.signature(command, eval_str=True).parameters.values()
     folders = inspect.Parameter("laws", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Laws)
-    both = own.replace(parameters=[*own.parameters.values(), folders])
-    vars(wrapped)["__signature__"] = both
-    wrapped.__annotations__ = {n: q.annotation for n, q in both.parameters.items()}
-    return wrapped
+    return _taking(wrapped, [*own, folders])
+
+
+def _taking(command: Callable, options: list[inspect.Parameter]) -> Callable:
+    """A command with these options: typer reads them from the signature."""
+    vars(command)["__signature__"] = inspect.Signature(options)
+    command.__annotations__ = {each.name: each.annotation for each in options}
+    return command
 
 
 # The options of a run, the same for a section and for a block.
@@ -192,13 +196,10 @@ def run_options(*, dim: int) -> Callable[[Callable], Callable]:
             case, folder = asked(material, changes(sets, options, with_, without), out, dim=dim)
             command(Wanted(case, folder, every_s), **own)
 
-        # typer reads a command's options from its signature.
         shared = [*inspect.signature(wrapped, eval_str=True).parameters.values()][:-1]
         own = [*inspect.signature(command, eval_str=True).parameters.values()][1:]
         functools.update_wrapper(wrapped, command)
-        wrapped.__signature__ = inspect.Signature([*shared, *own])
-        wrapped.__annotations__ = {each.name: each.annotation for each in (*shared, *own)}
-        return wrapped
+        return _taking(wrapped, [*shared, *own])
 
     return give
 

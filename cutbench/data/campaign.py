@@ -128,7 +128,7 @@ class Campaign:
 def cut_case(experiment: Experiment, base: Case) -> Case:
     """``base`` with the specimen, the blade, the speed and the depth of a ``cut`` test. Raises BadInput."""
     known = base.model.parameters()
-    sizes = {name: value for name, value in _sizes(experiment).items() if name in known}
+    sizes: dict[str, object] = {n: value for n, value in _sizes(experiment).items() if n in known}
     # What was set on the machine is exact; six digits are what a time column gives.
     speed = f"{experiment.speed or float(f'{experiment.travel_speed:.6g}')!r} mm/s"
     if experiment.timed:
@@ -151,6 +151,7 @@ def measured_motion(experiment: Experiment) -> Polyline:
     It begins in the time that the blade takes from the top to where the first reading found it.
     """
     grid = experiment.on_grid(MOTION)
+    assert grid.time_s is not None, "a motion is measured in a timed test"
     travel = np.clip(grid.x, 0.0, experiment.reach)
     first = lead_s(experiment)
     points = [(first + float(t), float(d)) for t, d in zip(grid.time_s - grid.time_s[0], travel, strict=True)]
@@ -235,7 +236,7 @@ def load_campaign(path: str | Path) -> Campaign:
                 key="experiment", value="(missing)" if tables is None else "a single table",
                 expected="one or more, each opened with [[experiment]]",
             )  # fmt: skip
-    experiments = []
+    experiments: list[Experiment] = []
     for number, part in enumerate(tables):
         with placed(path, text, number):
             made = read_experiment(part, path.parent)

@@ -45,10 +45,8 @@ def repetitions_of(
             way = np.cumsum(np.append(abs(x[0] - (kind in HOMOGENEOUS)), np.abs(np.diff(x))))
             # Equal abscissas, as coarse sensors give them, need times that differ.
             time = (way + 1e-9 * way[-1] * np.arange(x.size)) / speed
-        parts = [None if a is None else a[keep] for a in (x, y, time)]
-        found.append(
-            Repetition(*parts, title, None if pressure is None else pressure[keep], file, lines[keep])
-        )
+        time, pressure = (None if a is None else a[keep] for a in (time, pressure))
+        found.append(Repetition(x[keep], y[keep], time, title, pressure, file, lines[keep]))
     return found
 
 

@@ -7,6 +7,7 @@ or opening (mm) and traction (MPa) for ``sliding`` and ``separation``.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -157,12 +158,12 @@ class Experiment:
         return sum(r.x.size for r in self.repetitions)
 
     @property
-    def travel_speed(self) -> float | None:
-        """Mean speed of what moves (mm/s, or 1/s of stretch), from the time where there is one."""
+    def travel_speed(self) -> float:
+        """Mean speed of what moves (mm/s, or 1/s of stretch), from the time where there is one; or nan."""
         rates = []
         for r in self.repetitions:
             if r.time_s is None:
-                return self.speed
+                return math.nan if self.speed is None else self.speed
             steps = np.abs(np.diff(r.x))
             moving = steps > 0.1 * steps.mean()
             rates.append(steps[moving].sum() / np.diff(r.time_s)[moving].sum())
@@ -200,13 +201,13 @@ class Experiment:
         if self.kind in HOMOGENEOUS and r.x.min() <= 0:
             i = int(r.x.argmin())
             raise r.wrong("stretch", f"{r.x[i]:g}", "stretches above 0 (1 is undeformed)", i)
-        if self.kind == "cut" and r.time_s is None and (i := first_return(r.x)) is not None:
+        if self.kind == "cut" and r.time_s is None and (k := first_return(r.x)) is not None:
             raise r.wrong(
                 "displacement",
-                f"{r.x[i]:g} mm",
-                f"at least {r.x[:i].max():g} mm, where the blade had been: a test with holds or returns"
+                f"{r.x[k]:g} mm",
+                f"at least {r.x[:k].max():g} mm, where the blade had been: a test with holds or returns"
                 " needs a time column",
-                i,
+                k,
             )
         if r.pressure_MPa is not None and r.pressure_MPa.min() < 0:
             i = int(r.pressure_MPa.argmin())
@@ -266,13 +267,10 @@ class Experiment:
         orders = [order(r) if self.monotone else np.arange(r.x.size) for r in reps]
         grid, along, matrices = self.averaging(n)
 
-        def brought(key: str) -> np.ndarray | None:
-            if getattr(reps[0], key) is None:
-                return None
+        def brought(key: str) -> np.ndarray:
             return np.stack([A @ getattr(r, key)[o] for A, r, o in zip(matrices, reps, orders, strict=True)])
 
-        curves, times, pressures = brought("y"), brought("time_s"), brought("pressure_MPa")
-        x = brought("x").mean(axis=0)
+        curves, x = brought("y"), brought("x").mean(axis=0)
         noises = []
         for A, s, r, o in zip(matrices, along, reps, orders, strict=True):
             sigma = noise.roughness(s, r.y[o])
@@ -291,8 +289,8 @@ class Experiment:
             reading=np.sqrt(np.mean([np.diag(c) for c in noises], axis=0)),
             covariance=covariance,
             curves=curves,
-            time_s=None if times is None else times.mean(axis=0),
-            pressure_MPa=None if pressures is None else pressures.mean(axis=0),
+            time_s=brought("time_s").mean(axis=0) if self.timed else None,
+            pressure_MPa=None if reps[0].pressure_MPa is None else brought("pressure_MPa").mean(axis=0),
             estimated=len(reps) == 1,
             note=note,
         )

@@ -155,7 +155,7 @@ def _travel(snapshot: Snapshot) -> float:
 
 def compare(field: Field, snapshot: Snapshot) -> Comparison:
     """``field`` beside what the run gives. Raises BadInput if no point lies in the body or travels differ."""
-    if field.travel_mm is not None and abs(field.travel_mm - snapshot.displacement_mm) > _APART:
+    if abs(field.travel_mm - snapshot.displacement_mm) > _APART:
         raise BadInput(
             key="travel", value=f"{field.travel_mm:g} mm",
             expected=f"the travel of the run's fields, {snapshot.displacement_mm:g} mm",

@@ -55,7 +55,7 @@ def plot_dic(comparison: Comparison, title: str = "") -> Figure:
                 axes.set(xlim=(x.min(), x.max()), ylim=(y.min(), y.max()), aspect="equal")
         for axes in grid[-1]:
             axes.set_xlabel("x (mm)")
-        travel = "" if measured.travel_mm is None else f"blade travel {measured.travel_mm:g} mm"
+        travel = "" if np.isnan(measured.travel_mm) else f"blade travel {measured.travel_mm:g} mm"
         figure.suptitle(
             ", ".join(filter(None, (title, travel))), fontsize=9, fontweight="bold", x=0.02, ha="left"
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -25,12 +26,13 @@ POINTS = 150
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """Displacements ``u`` (2, ny, nx) in mm on the grid ``x`` (nx,), ``y`` (ny,) in mm; nan where unknown."""
+    """Displacements ``u`` (2, ny, nx) in mm on the grid ``x`` (nx,), ``y`` (ny,) in mm, at a blade travel;
+    nan where unknown."""
 
     x: np.ndarray
     y: np.ndarray
     u: np.ndarray
-    travel_mm: float | None = None
+    travel_mm: float = math.nan
     configuration: str = "deformed"
 
     def __post_init__(self) -> None:
@@ -76,7 +78,7 @@ def read_fields(
     configuration: str = "deformed",
     shift_mm: tuple[float, float] = (0.0, 0.0),
     y_down: bool = False,
-    travel_mm: float | None = None,
+    travel_mm: float = math.nan,
 ) -> list[Field]:
     """The fields in a text file, in the order of blade travel: a row a point.
 
@@ -103,16 +105,14 @@ def read_fields(
     data = dict(table.columns)
     if y_down:
         data |= {"y": -data["y"], "u_y": -data["u_y"]}
-    travels = data.get("travel")
-    if travels is None:
-        travels = np.full(table.lines.size, np.nan if travel_mm is None else travel_mm)
+    travels = data["travel"] if "travel" in data else np.full(table.lines.size, travel_mm)
     fields = []
     for travel in np.unique(travels):
         here = np.isnan(travels) if np.isnan(travel) else travels == travel
         points = np.stack([data["x"][here] + shift_mm[0], data["y"][here] + shift_mm[1]])
         u = np.stack([data["u_x"][here], data["u_y"][here]])
         x, y, field = _gridded(path, points, u, table.lines[here])
-        fields.append(Field(x, y, field, None if np.isnan(travel) else float(travel), configuration))
+        fields.append(Field(x, y, field, float(travel), configuration))
     return fields
 
 
@@ -156,7 +156,7 @@ def _axis(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return axis, np.argmin(np.abs(values[:, None] - axis), axis=1)
 
 
-def read_fields_of(table: Mapping[str, object], folder: Path) -> tuple[tuple[Field, ...], float]:
+def read_fields_of(table: object, folder: Path) -> tuple[tuple[Field, ...], float]:
     """The fields that ``table``, the section ``fields`` of an experiment, describes, and their noise in mm.
 
     Raises BadInput; where the fault is in the data file, the error names that file and its line.
@@ -185,19 +185,20 @@ def read_fields_of(table: Mapping[str, object], folder: Path) -> tuple[tuple[Fie
     for key in ("columns", "units"):
         if not isinstance(table.get(key, {}), dict):
             raise _wrong(f"fields.{key}", table[key], f"a table, such as {key} = {{ … }}")
-    travel = table.get("travel")
+    right, up = (parse_quantity(part, "mm", key="fields.shift") for part in shift)
+    travel = parse_quantity(table["travel"], "mm", key="fields.travel") if "travel" in table else math.nan
     fields = read_fields(
         folder / data,
         columns=table.get("columns"),
         units=table.get("units"),
         configuration=configuration,
-        shift_mm=tuple(parse_quantity(part, "mm", key="fields.shift") for part in shift),
+        shift_mm=(right, up),
         y_down=table.get("y_down", False),
-        travel_mm=None if travel is None else parse_quantity(travel, "mm", key="fields.travel"),
+        travel_mm=travel,
     )
     for field in fields:
-        if field.travel_mm is None or not field.travel_mm > 0:
-            value = None if field.travel_mm is None else f"{field.travel_mm:g} mm"
+        if not field.travel_mm > 0:
+            value = None if math.isnan(field.travel_mm) else f"{field.travel_mm:g} mm"
             raise _wrong("fields.travel", value, "blade travels above 0: a column 'travel [mm]', or travel")
     return tuple(thinned(field) for field in fields), noise
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -35,13 +36,12 @@ def plot_data(campaign: Campaign, n: int = 80) -> Figure:
         averaged = {e.id: e.on_grid(n) for e in campaign.experiments}
         for axes, (experiment, kind) in zip(grid.ravel(), panels, strict=False):
             _panel(axes, experiment, averaged[experiment.id], kind)
-        entries: dict[str, object] = {}
+        entries: dict[str, Artist] = {}
         for axes in grid.ravel():
             for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
                 entries.setdefault(label, handle)
-        figure.legend(
-            entries.values(), entries.keys(), loc="outside lower center", ncols=1 if columns == 1 else 3
-        )
+        wide = 1 if columns == 1 else 3
+        figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=wide)
         figure.suptitle(campaign.title, fontsize=9, fontweight="bold", x=0.02, ha="left")
     return figure
 
@@ -54,12 +54,12 @@ def _panel(axes: Axes, experiment: Experiment, averaged: Averaged, over: str) ->
     scale = 1.0 if experiment.y_unit == "N" else 1e3
     several = averaged.repetitions > 1
     for r in experiment.repetitions:
-        along = r.x if over == "x" else r.time_s
+        along = r.x if over == "x" or r.time_s is None else r.time_s
         if several:
             axes.plot(along, scale * r.y, color=GREY, lw=0.6, ls="-", label="repetitions")
         else:
             axes.plot(along, scale * r.y, ".", color=COLOURS["black"], ms=3, label="readings of one specimen")
-    along = averaged.x if over == "x" else averaged.time_s
+    along = averaged.x if over == "x" or averaged.time_s is None else averaged.time_s
     spread = averaged.scatter if several else averaged.reading
     if over == "time" or experiment.monotone:
         low, high = (scale * (averaged.mean + sign * 2 * spread) for sign in (-1, 1))

@@ -13,7 +13,7 @@ import numpy as np
 from cutbench.case.case import Case
 from cutbench.data.experiment import HOMOGENEOUS, Experiment
 from cutbench.data.repetition import Repetition
-from cutbench.mechanisms.base import Points
+from cutbench.mechanisms.base import Blade, Points
 
 #: Nominal stress of neo-Hooke at constant volume over G, by the stretch.
 NEO_HOOKE: dict[str, Callable[[np.ndarray], np.ndarray]] = {
@@ -120,7 +120,7 @@ def _cut(experiment: Experiment, r: Repetition, G: float) -> None:
 def _sliding(experiment: Experiment, r: Repetition, case: Case) -> None:
     pressure = experiment.pressure_MPa if r.pressure_MPa is None else float(np.median(r.pressure_MPa))
     at = Points(touched=np.ones(1), slid=np.zeros(1), slip_rate=np.zeros(1))
-    laws = case.model.laws("blade")
+    laws = [law for law in case.model.all if isinstance(law, Blade)]
     strength = sum(float(law.strength(np.array([pressure]), case.p, {}, at)[0]) for law in laws)
     found = float(np.median(np.abs(r.y)))
     if strength > 0 and found > 0 and not 1 / STRENGTH < found / strength < STRENGTH:

@@ -112,7 +112,7 @@ def read_experiment(table: Mapping[str, object], folder: Path) -> Experiment:
     source = table.get("source", "")
     if not isinstance(source, str):
         raise BadInput(key="source", value=str(source)[:60], expected="a text in quotes")
-    notes = (f"source: {source}",) if source else ()
+    notes: tuple[str, ...] = (f"source: {source}",) if source else ()
     if table.get("stress") == "cauchy":
         notes += ("Cauchy stress turned into nominal stress at constant volume, P = σ/λ",)
     if kind == "sliding" and not pressure and not {"pressure", "normal_force"} & columns.keys():
@@ -285,8 +285,9 @@ def _pressure(table: Mapping, columns: Mapping, specimen: Mapping[str, float]) -
 def _files(table: Mapping, folder: Path) -> list[tuple[Path, str | None]]:
     """Data files, each with the repetition that it is if there are several."""
     data = table.get("data")
-    listed = data if isinstance(data, list) else [data]
-    if not listed or not all(isinstance(name, str) and name.strip() for name in listed):
+    given = data if isinstance(data, list) else [data]
+    listed = [name for name in given if isinstance(name, str) and name.strip()]
+    if not listed or len(listed) < len(given):
         raise BadInput(
             key="data", value=_shown(data), expected="a file beside this one, such as data = 'slow.csv'"
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,6 +36,11 @@ class Repetition:
                 values = np.array(values, dtype=int if key == "lines" else float)
                 values.flags.writeable = False
                 object.__setattr__(self, key, values)
+
+    @property
+    def duration_s(self) -> float:
+        """From the first reading to the last; nan where times are not known."""
+        return math.nan if self.time_s is None else float(self.time_s[-1] - self.time_s[0])
 
     def wrong(self, key: str, value: object, expected: str, at: int | None = None) -> BadInput:
         """The error about reading ``at`` (or all of them), where it stands in the file."""

@@ -130,12 +130,13 @@ def _split(line: str, separator: str | None) -> list[str]:
 
 
 def _find(path: Path, lines: list[str], columns: Mapping[str, str | int]) -> _Layout:
-    numbered = [c for c in columns.values() if isinstance(c, int)]
-    if numbered and len(numbered) < len(columns):
+    numbered = {role: c for role, c in columns.items() if isinstance(c, int)}
+    named = {role: c for role, c in columns.items() if isinstance(c, str)}
+    if numbered and named:
         raise BadInput(
             key="columns", value=str(dict(columns)), expected="names of columns or numbers, not both"
         )
-    return _by_number(path, lines, columns) if numbered else _by_name(path, lines, columns)
+    return _by_number(path, lines, numbered) if numbered else _by_name(path, lines, named)
 
 
 def _by_number(path: Path, lines: list[str], columns: Mapping[str, int]) -> _Layout:

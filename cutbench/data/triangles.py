@@ -51,7 +51,8 @@ def gradient(nodes: np.ndarray, N: np.ndarray, values: np.ndarray) -> np.ndarray
     ``nodes``, ``values`` (p, 3 or 6, 2) at the nodes of each point's element.
     """
     corners = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])[: N.shape[1]]
-    dN = shape(*(N @ corners).T, N.shape[1])[1]
+    r, s = (N @ corners).T
+    dN = shape(r, s, N.shape[1])[1]
     by_place, by_value = (np.einsum("kpa,pai->pik", dN, v) for v in (nodes, values))
     return by_value @ np.linalg.inv(by_place)
 

@@ -126,7 +126,7 @@ def _span(q: Parameter, campaign: Campaign) -> tuple[float, float] | None:
             ranges.append((t / 30, t * 2))
         elif dimension == "[length]" and e.x_unit == "mm":
             ranges.append((e.reach / 15, e.reach))
-        elif dimension == "[length] / [time]" and (v := e.travel_speed or e.speed):
+        elif dimension == "[length] / [time]" and (v := e.travel_speed) > 0:
             ranges.append((v / 30, v * 10))
     if not ranges:
         return None
@@ -136,5 +136,5 @@ def _span(q: Parameter, campaign: Campaign) -> tuple[float, float] | None:
 def duration(e: Experiment) -> float | None:
     """Seconds that a test took, if that is known."""
     if e.timed:
-        return float(np.mean([r.time_s[-1] - r.time_s[0] for r in e.repetitions]))
+        return float(np.mean([r.duration_s for r in e.repetitions]))
     return e.reach / e.speed if e.speed and e.kind == "cut" else None

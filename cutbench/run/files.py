@@ -12,7 +12,7 @@ import os
 import platform
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -115,9 +115,9 @@ def describe(result: Result, *, command: str | None = None) -> dict:
     }
 
 
-def write_curve(curve: dict[str, np.ndarray], path: str | Path, names: Sequence[str] | None = None) -> None:
+def write_curve(curve: Mapping[str, np.ndarray], path: str | Path, names: Sequence[str] = ()) -> None:
     """Write ``curve`` as CSV, a row a step, every digit kept; ``names`` orders columns that are no run's."""
-    names = ordered_columns(curve) if names is None else names
+    names = names or ordered_columns(list(curve))
     with replacing(Path(path)) as draft, draft.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(names)

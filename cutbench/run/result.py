@@ -117,7 +117,7 @@ class Result:
     @property
     def ledger(self) -> tuple[str, ...]:
         """Names of the energy ledger's entries, as the curve holds them (``force_<name>_N``)."""
-        return ledger_entries(self.curve)
+        return ledger_entries(list(self.curve))
 
 
 def ledger_entries(columns: Sequence[str]) -> tuple[str, ...]:

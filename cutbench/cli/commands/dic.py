@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -55,17 +56,17 @@ def dic(
     parts = [in_mm(part.strip()) for part in shift.split(",")]
     if len(parts) != 2:
         raise BadInput(key="--shift", value=shift, expected="two lengths, such as --shift=-15,0")
-    offset = tuple(parse_quantity(part, "mm", key="--shift") for part in parts)
-    given = None if at is None else parse_quantity(in_mm(at), "mm", key="--travel")
+    right, up = (parse_quantity(part, "mm", key="--shift") for part in parts)
+    given = math.nan if at is None else parse_quantity(in_mm(at), "mm", key="--travel")
     measured = read_fields(
-        fields, configuration="reference" if reference else "deformed", y_down=y_down, shift_mm=offset,
+        fields, configuration="reference" if reference else "deformed", y_down=y_down, shift_mm=(right, up),
         travel_mm=given,
     )  # fmt: skip
     for field in measured:
-        if field.travel_mm is None or field.travel_mm <= 0:
+        if not field.travel_mm > 0:
             raise BadInput(
                 file=str(fields), key="travel",
-                value="(missing)" if field.travel_mm is None else f"{field.travel_mm:g} mm",
+                value="(missing)" if math.isnan(field.travel_mm) else f"{field.travel_mm:g} mm",
                 expected="blade travels above 0, as a column 'travel [mm]' or by --travel",
             )  # fmt: skip
     options = {"h": in_mm(h), "depth": f"{measured[-1].travel_mm!r} mm"}

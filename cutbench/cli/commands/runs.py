@@ -47,7 +47,7 @@ def runs(
     chosen = [name.strip() for name in columns.split(",")] if columns else None
     wanted = chosen or list(listing.DEFAULT)
     names, rows = listing.table_of(heads, where or [], ["id", *wanted], sort)
-    ids, names, rows = [row[0] for row in rows], names[1:], [row[1:] for row in rows]
+    ids, names, rows = [str(row[0]) for row in rows], names[1:], [row[1:] for row in rows]
     if csv is not None or json is not None:
         whole = listing.table_of({id: heads[id] for id in ids}, [], chosen, sort)
         for path, text in ((csv, listing.to_csv), (json, listing.to_json)):

@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from cutbench.calibration.homogeneous import LoadingHistory
 from cutbench.calibration.homogeneous.separation import traction
 from cutbench.verification.paper.base import Ask, Claim, Finding, at_least, below
@@ -14,7 +16,8 @@ ABOUT = 0.01
 def read(runs):
     run = runs["base"]
     p = run.case.p
-    at_peak, at_blade = traction(LoadingHistory.along([p.delta_c, p.thickness]), run.case.model, p)[:, 0]
+    openings = LoadingHistory.along(np.array([p.delta_c, p.thickness]))
+    at_peak, at_blade = traction(openings, run.case.model, p)[:, 0]
     left = ratio(float(at_blade), float(at_peak))
     damage = observed(run, "damage_at_widest")[1]
     found = float(damage[-1]) if damage.size else math.nan

@@ -92,7 +92,7 @@ def best_tip(material: str, results: Mapping[float, Result]) -> float:
     target, own = TARGETS[material], load_case(material).p.tip
     miss = {tip: abs(target.of(result) - target.published_mm) for tip, result in results.items()}
     told = {tip: m for tip, m in miss.items() if math.isfinite(m)}
-    best = min(told, key=told.get, default=own)
+    best = min(told, key=lambda tip: told[tip], default=own)
     return own if told.get(own, math.inf) < told.get(best, 0.0) + PAPER_EDGE else best
 
 

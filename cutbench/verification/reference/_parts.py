@@ -76,10 +76,10 @@ def stay(u: np.ndarray, dt: float = 1.0) -> Step:
 
 
 def solve(
-    problem: Problem, u: np.ndarray, states: dict, step: Step, **settings: float
+    problem: Problem, u: np.ndarray, states: dict, step: Step, tolerance: float = 1e-8
 ) -> tuple[np.ndarray, Evaluation]:
     """Equilibrium from the guess ``u``, whose fixed components are the boundary values."""
-    u, result, _ = newton(problem, u, states, step, NewtonSettings(**settings))
+    u, result, _ = newton(problem, u, states, step, NewtonSettings(tolerance=tolerance))
     return u, result
 
 
@@ -88,7 +88,7 @@ class DeadLoad(Form):
 
     def __init__(self, nodes: np.ndarray, vector: np.ndarray, name: str = "load"):
         """``nodes`` (nn, n); ``vector`` (dim, nn, n) nodal forces at full load."""
-        self.name, self.part = name, 1.0
+        self.name, self.loaded = name, 1.0
         self.dofs = component_major(nodes, vector.shape[0])
         self._vector = vector.reshape(self.dofs.shape)
 
@@ -100,7 +100,7 @@ class DeadLoad(Form):
         return cls(volume.nodes, np.einsum("qa,dqe,qe->dae", volume.phi, b, volume.w))
 
     def evaluate(self, u, p, state, step, tangent=True):
-        return Local(-self.part * self._vector + 0 * u[0], None, {})
+        return Local(-self.loaded * self._vector + 0 * u[0], None, {})
 
 
 def body_force(gradient: Callable[[np.ndarray], np.ndarray], G: float, nu: float) -> Callable:

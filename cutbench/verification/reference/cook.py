@@ -70,7 +70,7 @@ def membrane(
     u, most, work, before = np.zeros(ndof), 0, 0.0, 0.0
     stored = {law.name: 0.0 for form in forms for law in form.laws}
     for part in np.arange(1, loads + 1) / loads:
-        step, load.part = stay(u), part
+        step, load.loaded = stay(u), part
         u, _, iterations = newton(problem, u, problem.start(), step, FREELY)
         most = max(most, iterations)
         work += (before + part) / 2 * total @ (u - step.u_old)

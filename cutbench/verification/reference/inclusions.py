@@ -78,7 +78,8 @@ def plate() -> tuple[skfem.MeshTri, np.ndarray]:
     with (resources.files(__package__) / "inclusions.npz").open("rb") as file, np.load(file) as stored:
         points, triangles, part = stored["points_mm"], stored["triangles"].astype(int), stored["part"]
     inside = part > 1
-    t, p = np.empty_like(triangles), []
+    t = np.empty_like(triangles)
+    p: list[np.ndarray] = []
     for body in (~inside, inside):
         used, number = np.unique(triangles[body], return_inverse=True)
         t[body] = number.reshape(-1, 3) + sum(map(len, p))

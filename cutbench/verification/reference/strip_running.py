@@ -58,7 +58,7 @@ def running(p) -> tuple[float, float, float]:
     zone = process_zone(p)
     body = strip(p, "P2P1", FINE * zone, (RUN + 1) * zone, viscosity=1e-6 * p.G)
     ((u, states),) = pulled(body, (REST,))
-    stretch, way, rows = stretch_for(REST * p.G_c, p), [], []
+    stretch, ways, rows = stretch_for(REST * p.G_c, p), [], []
     for node in led(body, u, RUN * zone):
         old = u
         u, new, stretch, pull = equilibrium(body, u, states, stretch, node, p.delta_c / 2)
@@ -70,8 +70,8 @@ def running(p) -> tuple[float, float, float]:
         spent = 2 * work.pop("smith_ferrante")
         given = pull * (u[body.grip[0]] - old[body.grip[0]])  # by the grips, as the stretch settles
         rows.append((spent, given - 2 * sum(work.values())))
-        way.append(body.front - float(body.space.X[1, node]))
-    way = np.array(way)
+        ways.append(body.front - float(body.space.X[1, node]))
+    way = np.array(ways)
     first = np.flatnonzero(way <= way[-1] - MEASURED * zone)[-1]
     spent, released = np.array(rows)[first + 1 :].sum(axis=0) / (way[-1] - way[first])
     return stretch, float(spent), float(released)

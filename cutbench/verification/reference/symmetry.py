@@ -13,7 +13,7 @@ from cutbench.forms.geometry import Geometry
 from cutbench.forms.space import Faces, Space
 from cutbench.models3d.mesh import tetrahedra
 from cutbench.run.build import Built, build
-from cutbench.solver.march import Given
+from cutbench.solver.march import Accepted, Given
 from cutbench.verification.reference.base import Check, Reference
 
 #: A small block, so that the cut opens on the way and the force falls; contact so soft that rounding stays
@@ -36,17 +36,17 @@ def compute() -> Iterator[Check]:
         ("one layer", layer(flat, half), lambda u: np.pad(u, ((0, 0), (0, 1)))),
     ):
         # Both begin each step from the half's solution: it has to be theirs.
-        d, F, _ = curve(built, [replace(given, u=there(given.u.reshape(-1, 2)).ravel()) for given in steps])
+        d, F, _ = curve(built, [replace(s.given, u=there(s.u.reshape(-1, 2)).ravel()) for s in steps])
         yield Check(f"{name}: largest force", "mN", 1e3 * top, 1e3 * F.max(), 1e-6)
         off = np.abs(np.interp(travel, d, F) - force).max()
         yield Check(f"{name}: largest difference of the curves, over it", "1", 0.0, off / top, 1e-6)
 
 
-def curve(built: Built, given: list[Given] | None = None) -> tuple[np.ndarray, np.ndarray, list[Given]]:
+def curve(built: Built, given: list[Given] | None = None) -> tuple[np.ndarray, np.ndarray, list[Accepted]]:
     """Travel in mm and force in N of the whole block, and the steps taken, which may be ``given``."""
     steps = list(built.march.steps(given=given))
     travel, force = np.array([(step.travel, step.force) for step in steps if not step.between]).T
-    return travel, force * built.geometry.multiplicity, [step.given for step in steps]
+    return travel, force * built.geometry.multiplicity, steps
 
 
 @dataclass(frozen=True)
