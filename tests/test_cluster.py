@@ -17,7 +17,8 @@ import pytest
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.maps.study import load_study
 from cutbench.maps.sweep import run_study
-from cutbench.run.pool.cluster import check_scheduler, remote
+from cutbench.run.pool.cluster import check_scheduler
+from cutbench.run.pool.worker import work
 from cutbench.run.store.runs import Store
 
 HERE = Path(__file__).parent
@@ -108,9 +109,9 @@ def test_without_dask_it_says_what_to_install(monkeypatch):
 
 def test_a_worker_that_does_not_see_the_store_sends_the_run_back(study, slow_log, tmp_path):
     case, store = study.grid[0], Store(tmp_path / "runs")
-    sent = remote(analytic_runs.fake_run, case, str(tmp_path / "elsewhere"), store.mark(), False)
+    sent = work(analytic_runs.fake_run, case, tmp_path / "elsewhere", store.mark(), False)
     assert sent.case.id == case.id and not store.has(case.id)
-    assert remote(analytic_runs.fake_run, case, str(store.root), store.mark(), False) is None
+    assert work(analytic_runs.fake_run, case, store.root, store.mark(), False) is None
     assert store.has(case.id) and store.mark() == Store(store.root).mark()
 
 
@@ -130,14 +131,18 @@ def test_workers_come_and_go_and_lost_runs_are_done_again(study, slow_log, tmp_p
     workers = [cluster("worker"), cluster("worker")]
     killed = []
 
-    def on_status(status):
-        if status.finished >= 4 * (len(killed) + 1) and len(killed) < 3:
+    def on_progress(finished, total, text):
+        if finished >= 4 * (len(killed) + 1) and len(killed) < 3:
             killed.append(workers.pop(0))
             killed[-1].send_signal(signal.SIGKILL)
             workers.append(cluster("worker"))
 
     done = run_study(
-        study, tmp_path / "out", scheduler=cluster.address, run=analytic_runs.fake_run, progress=on_status
+        study,
+        tmp_path / "out",
+        scheduler=cluster.address,
+        run=analytic_runs.fake_run,
+        on_progress=on_progress,
     )
     assert len(killed) == 3 and done.complete and done.status.failed == 0
     ids = slow_log.read_text().split()
@@ -155,14 +160,18 @@ def test_a_lost_scheduler_loses_no_finished_run(study, slow_log, tmp_path, clust
     rng = random.Random(5)
     after = rng.randint(3, 12)
 
-    def on_status(status):
-        if status.finished >= after and scheduler.poll() is None:
+    def on_progress(finished, total, text):
+        if finished >= after and scheduler.poll() is None:
             scheduler.kill()
             scheduler.wait()
 
     with pytest.raises(ComputationFailed, match="start the same command again"):
         run_study(
-            study, tmp_path / "out", scheduler=cluster.address, run=analytic_runs.fake_run, progress=on_status
+            study,
+            tmp_path / "out",
+            scheduler=cluster.address,
+            run=analytic_runs.fake_run,
+            on_progress=on_progress,
         )
     time.sleep(0.5)
     kept = {result.case.id for result in Store(tmp_path / "out" / "runs")}

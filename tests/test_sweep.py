@@ -20,7 +20,7 @@ import pytest
 from rich.console import Console
 
 from cutbench.base.errors import BadInput
-from cutbench.cli.progress import show_progress
+from cutbench.cli.progress import bar
 from cutbench.maps.cases import case_on
 from cutbench.maps.dataset import LABELS, load_map
 from cutbench.maps.study import load_study
@@ -46,7 +46,13 @@ def computed(log) -> Counter:
 
 def test_the_map_holds_what_the_curves_say(study, log, tmp_path):
     told = []
-    sweep = run_study(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run, progress=told.append)
+    sweep = run_study(
+        study,
+        tmp_path / "out",
+        workers=0,
+        run=analytic_runs.fake_run,
+        on_progress=lambda *at: told.append(at),
+    )
     assert sweep.complete and not sweep.interrupted
     assert computed(log) == Counter(case.id for case in study.cases())
     files = {
@@ -70,8 +76,7 @@ def test_the_map_holds_what_the_curves_say(study, log, tmp_path):
     assert set(np.unique(data["label"])) == {LABELS.index("abrupt"), LABELS.index("smooth")}
     assert data["peak_N"].attrs["units"] == "N" and data["cohesion"].attrs["long_name"] == "cohesion"
     assert data.attrs["study"] == STUDY
-    assert told[0].finished == 0 and told[-1].finished == told[-1].total == 24
-    assert told[0].seconds_left is None and told[-1].seconds_left == 0
+    assert told[0][:2] == (0, 24) and told[-1][:2] == (24, 24)
     with open(sweep.out / "map.csv", newline="") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 24 and {row["label"] for row in rows} == {"abrupt", "smooth"}
@@ -210,10 +215,10 @@ def test_workers_compute_with_one_thread_and_the_caller_keeps_its_own(study, log
 
 def test_the_bar_shows_runs_failures_and_time_left(study, log, tmp_path):
     console = Console(record=True, force_terminal=True, width=120, file=io.StringIO())
-    with show_progress(console) as tell:
-        run_study(study, tmp_path / "out", workers=0, run=analytic_runs.unlucky_run, progress=tell)
+    with bar("map", "runs", console=console) as on_progress:
+        run_study(study, tmp_path / "out", workers=0, run=analytic_runs.unlucky_run, on_progress=on_progress)
     text = console.export_text()
-    assert "24/24" in text and "failed" in text and "left" in text
+    assert "24 of 24 runs" in text and "failed" in text and "left" in text
 
 
 def test_a_folder_that_cannot_be_written_and_a_bad_number_of_workers_are_bad_input(study, tmp_path):

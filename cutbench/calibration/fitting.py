@@ -22,10 +22,11 @@ from cutbench.calibration import lm
 from cutbench.calibration.fitted import ComparedCurve, Estimate, Fit, Profile
 from cutbench.calibration.identifiability import Unknown, identifiability, information_inverse
 from cutbench.calibration.inverse import GRID, Inverse, field_note, unknowns
-from cutbench.calibration.prediction import Prediction, Predictor, cores, predictor
+from cutbench.calibration.prediction import Prediction, Predictor, predictor
 from cutbench.calibration.weights import Weights
 from cutbench.data.campaign import Campaign
 from cutbench.data.experiment import Experiment
+from cutbench.run.pool.pool import cores
 
 #: A parameter that the fit may choose is left at its start where the data know it worse than this.
 HOPELESS = 3.0

@@ -6,18 +6,13 @@ one complex step a parameter. Both give a curve on the grid on which the measure
 
 from __future__ import annotations
 
-import multiprocessing
-import os
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from cutbench.base.errors import BadInput, ComputationFailed
-from cutbench.base.threads import one_thread_each
 from cutbench.calibration.homogeneous import slopes
 from cutbench.case.case import Case
 from cutbench.data.campaign import lead_s
@@ -26,7 +21,7 @@ from cutbench.data.field_comparison import at_travel, sample, sampled_slopes
 from cutbench.data.noise import averaging
 from cutbench.data.repetition import Averaged
 from cutbench.mechanisms.base import STEP
-from cutbench.run.pool.worker import begin_worker
+from cutbench.run.pool.pool import Job, TaskPool
 from cutbench.run.result import Result
 from cutbench.run.runner import run_case
 
@@ -177,46 +172,22 @@ def _homogeneous(task: Task) -> Prediction:
 
 
 class Predictor:
-    """Predictions of several tasks at once, the runs on ``workers`` processes (0: in this one)."""
+    """Predictions of several tasks at once, the runs on a pool's processes."""
 
-    def __init__(self, pool: ProcessPoolExecutor | None):
+    def __init__(self, pool: TaskPool):
         self._pool = pool
 
     def __call__(self, tasks: Sequence[Task]) -> list[Prediction]:
         """In the order of ``tasks``. Raises ComputationFailed if one falls short."""
-        if self._pool is None:
-            return [predict(task) for task in tasks]
-        cuts = {}
-        try:
-            for i, task in enumerate(tasks):
-                if task.experiment.kind == "cut":
-                    cuts[i] = self._pool.submit(predict, task)
-            return [cuts[i].result() if i in cuts else predict(task) for i, task in enumerate(tasks)]
-        except BrokenProcessPool as error:
-            raise ComputationFailed("a process that computed a cut was ended from outside") from error
-        finally:
-            for future in cuts.values():
-                future.cancel()
+        cuts = [i for i, task in enumerate(tasks) if task.experiment.kind == "cut" and self._pool.count]
+        found = {i: predict(task) for i, task in enumerate(tasks) if i not in cuts}
+        for done in self._pool.run(Job(i, predict, (tasks[i],)) for i in cuts):
+            found[done.key] = done.result()
+        return [found[i] for i in range(len(tasks))]
 
 
 @contextmanager
 def predictor(workers: int) -> Iterator[Predictor]:
-    """Processes that live as long as the block: started by spawn, one thread each, gone with this one."""
-    if workers < 2:
-        yield Predictor(None)
-        return
-    context = multiprocessing.get_context("spawn")
-    mine, theirs = context.Pipe(duplex=False)
-    with one_thread_each():
-        pool = ProcessPoolExecutor(workers, mp_context=context, initializer=begin_worker, initargs=(mine,))
-        try:
-            yield Predictor(pool)
-        finally:
-            theirs.close()
-            pool.shutdown(wait=False, cancel_futures=True)
-            mine.close()
-
-
-def cores() -> int:
-    """Processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    """With processes that live as long as the block; one alone would only wait, so it is this one."""
+    with TaskPool(workers if workers > 1 else 0) as pool:
+        yield Predictor(pool)

@@ -12,7 +12,7 @@ from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.calibration.fitted import Fit
 from cutbench.calibration.fitting import fit
 from cutbench.calibration.inverse import GRID
-from cutbench.calibration.prediction import Predictor, cores, predictor
+from cutbench.calibration.prediction import Predictor, predictor
 from cutbench.data.campaign import Campaign
 from cutbench.discovery.candidates import candidates
 from cutbench.discovery.columns import Sensed, sense
@@ -22,6 +22,7 @@ from cutbench.discovery.point import Point, baseline, extend, settled, undetermi
 from cutbench.discovery.protocol import Proposal, cut_proposals, proposals, sentence
 from cutbench.discovery.score import Score, Scores, deviations, score
 from cutbench.discovery.where import Section, sections
+from cutbench.run.pool.pool import cores
 
 #: Chance of naming something where there is nothing, of all candidates together.
 CHANCE = 0.005

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from cutbench.base.errors import BadInput
 from cutbench.base.files import check_writable, replacing, write_json
+from cutbench.base.progress import OnProgress, silent
 from cutbench.base.toml import line_of, located, one_of, read_toml
 from cutbench.base.versions import versions
 from cutbench.case.case import Case, load_case
@@ -158,7 +159,7 @@ def compute(
     out: str | os.PathLike[str],
     *,
     workers: int | None = None,
-    on_progress: Callable[[int, int], None] = lambda done, total: None,
+    on_progress: OnProgress = silent,
     run: Run = run_case,
 ) -> list[ConvergenceRow]:
     """Run what is missing of ``plan`` and compare; runs are kept in ``out/runs``."""

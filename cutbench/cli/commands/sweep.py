@@ -9,6 +9,7 @@ import typer
 
 from cutbench.base.threads import leave_cores_to_workers
 from cutbench.cli.options import doubted, exits, whole
+from cutbench.cli.progress import bar
 
 
 @exits
@@ -36,10 +37,11 @@ def sweep(
     plan, processes = load_study(study), whole("--workers", workers)
     check_writable(out)
     doubted(plan.base, *plan.cases())
-    done = run_study(
-        plan, out, workers=processes, progress=True, retry_failed=retry_failed, scheduler=scheduler,
-        store=store,
-    )  # fmt: skip
+    with bar(plan.title, "runs") as on_progress:
+        done = run_study(
+            plan, out, workers=processes, on_progress=on_progress, retry_failed=retry_failed,
+            scheduler=scheduler, store=store,
+        )  # fmt: skip
     status = done.status
     typer.echo(f"{status.finished} of {status.total} runs, {status.failed} not to the end; map in {done.out}")
     for line in done.words():

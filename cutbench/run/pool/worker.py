@@ -1,42 +1,67 @@
-"""One process of a sweep: compute a run, keep it, end with the sweep. Each loads this: keep it light."""
+"""One process of a pool: compute a run, keep it, end with the pool. Each loads this: keep it light."""
 
 from __future__ import annotations
 
 import os
+import pickle
 import signal
 import threading
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from cutbench.base.errors import CutbenchError
+from cutbench.base.errors import ComputationFailed, CutbenchError
 from cutbench.case.case import Case
+from cutbench.run import runner
 from cutbench.run.result import Outcome, Result
 from cutbench.run.store.runs import Store
 
 Run = Callable[[Case], Result]
 
+#: A job that takes its process down so often, with no other beside it, is given up.
+LOSSES = 3
+_BEGUN: set[bytes] = set()
 
-def work(run: Run | None, case: Case, root: Path, replace: bool) -> None:
+
+class WorkerLost(ComputationFailed):
+    """A job took its process down again and again."""
+
+    def __init__(self, what: str):
+        super().__init__(
+            f"{what} (out of memory, or killed; in a script, start processes under if __name__ == '__main__')"
+        )
+
+
+class PoolLost(ComputationFailed):
+    """The Dask scheduler is gone, and what was under way with it."""
+
+    def __init__(self, error: object):
+        super().__init__(f"the Dask scheduler was lost ({error or type(error).__name__})")
+
+
+def work(run: Run | None, case: Case, root: Path, mark: str, replace: bool) -> Result | None:
     """In a worker: compute one run and keep it, whatever becomes of it.
 
-    What another sweep on the same store has finished meanwhile is left as it is.
+    What another has finished meanwhile in the same store is left as it is. A worker that does not see the
+    store (by its ``mark``) sends the run back.
     """
+    if not (root / mark).is_file():
+        return computed(run, case)
     store = Store(root)
     there = store.get(case.id)
     if there is None or (replace and not there.outcome.done):
         store.put(computed(run, case), replace=replace)
+    return None
 
 
 def computed(run: Run | None, case: Case) -> Result:
     """What ``run`` (default: ``cutbench.run.runner.run_case``) makes of a case; a failure is a result too."""
-    if run is None:
-        from cutbench.run.runner import run_case as run
     _ = case.id  # refused here, not in a result, where this process has other code than the one that asks
     try:
-        return run(case)
+        return (run or runner.run_case)(case)
     except CutbenchError as error:
         return failure(case, str(error))
     except Exception as error:  # one run's defect must not end the others; the map shows it
@@ -49,8 +74,8 @@ def failure(case: Case, message: str) -> Result:
     return Result(case, curve, Outcome("failed", message))
 
 
-def begin_worker(lifeline: Connection) -> None:
-    """Leave Ctrl-C to the parent, and end with it: a killed sweep leaves no process behind."""
+def begin_worker(lifeline: Connection, init: Callable[[], None] | None = None) -> None:
+    """Leave Ctrl-C to the parent, and end with it: a parent that is killed leaves no process behind."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def watch() -> None:
@@ -58,3 +83,14 @@ def begin_worker(lifeline: Connection) -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
+    if init is not None:
+        init()
+
+
+def called(init: Callable[[], None] | None, call: Callable[..., Any], args: tuple) -> Any:
+    """``call(*args)``, after ``init`` the first time in a process that somebody else began."""
+    key = pickle.dumps(init)
+    if init is not None and key not in _BEGUN:
+        init()
+        _BEGUN.add(key)
+    return call(*args)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from cutbench.base.errors import BadInput
 from cutbench.base.files import check_writable
+from cutbench.base.progress import OnProgress, silent
 from cutbench.base.toml import one_of
 from cutbench.run.pool.worker import Run
 from cutbench.run.store.runs import Store
@@ -33,14 +34,14 @@ def investigate(
     *,
     only: Sequence[str] = (),
     workers: int | None = None,
-    on_progress: Callable[[int, int], None] = lambda done, total: None,
+    on_progress: OnProgress = silent,
     runs: Mapping[str, Run] | None = None,
     figures: bool = True,
 ) -> Investigation:
     """Hold the paper's claims (``only`` these) against runs, which go into ``out/runs`` and are made once.
 
     Writes claims.json, claims.md and pictures into ``out``. ``workers`` processes compute (default: one a
-    core; 0: this one); ``on_progress(done, total)`` counts the runs asked for so far. ``runs`` replaces how a
+    core; 0: this one); ``on_progress`` counts the runs asked for so far. ``runs`` replaces how a
     kind of test is run.
     A KeyboardInterrupt passes through: runs that ended are kept, and the same call goes on from there.
     Raises BadInput for a claim that is not known, or a folder that cannot be written.

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Iterable, Mapping
 
 from cutbench.base.errors import ComputationFailed
-from cutbench.base.threads import one_thread_each
+from cutbench.base.progress import OnProgress, silent
 from cutbench.case.case import Case
-from cutbench.run.pool.worker import Run, begin_worker, work
+from cutbench.run.pool.pool import Job, TaskPool
+from cutbench.run.pool.worker import Run, WorkerLost, work
 from cutbench.run.result import Result
 from cutbench.run.store.runs import Store
 from cutbench.verification.paper.base import BLOCK, CUT, NOTCHED, TENSION
@@ -24,7 +21,7 @@ RUNS: dict[str, Run | None] = {CUT: observed_run, BLOCK: None, TENSION: pulled, 
 class Runner:
     """Runs by id. ``workers`` processes compute (default: one a core; 0: this one).
 
-    ``on_progress(done, total)`` is told.
+    ``on_progress`` counts the runs asked for so far.
     ``runs`` replaces how tests are run, by kind, with functions that other processes can import.
     """
 
@@ -33,11 +30,10 @@ class Runner:
         store: Store,
         *,
         workers: int | None = None,
-        on_progress: Callable[[int, int], None] = lambda done, total: None,
+        on_progress: OnProgress = silent,
         runs: Mapping[str, Run] | None = None,
     ):
-        self.store, self._tell = store, on_progress
-        self._workers = (os.cpu_count() or 1) if workers is None else workers
+        self.store, self._on_progress, self._workers = store, on_progress, workers
         self._runs = {**RUNS, **(runs or {})}
         self.results: dict[str, Result] = {}
         self.kinds: dict[str, str] = {}
@@ -58,14 +54,18 @@ class Runner:
             else:
                 self.results[id] = kept
         self._report(len(todo))
-        if self._workers == 0 or len(todo) < 2:
-            for i, (case, kind) in enumerate(todo):
-                self._run(case, kind)
-                self._take(case)
-                self._report(len(todo) - i - 1)
-        else:
-            with one_thread_each():
-                self._in_pool(todo)
+        root, mark = self.store.root.resolve(), self.store.mark()
+        jobs = (Job(case.id, work, (self._fresh(case, kind), case, root, mark, True)) for case, kind in todo)
+        with TaskPool(self._workers if len(todo) > 1 else 0) as pool:
+            for count, done in enumerate(pool.run(jobs), 1):
+                try:
+                    done.result()
+                except WorkerLost as error:
+                    raise ComputationFailed(
+                        f"{error}; runs that ended are kept: start again, perhaps with fewer --workers"
+                    ) from error
+                self._take(done.key)
+                self._report(len(todo) - count)
 
     def _kept(self, id: str, kind: str) -> Result | None:
         """A run from the store, if it holds what claims read: a sweep's run lacks the looks at its fields."""
@@ -76,40 +76,17 @@ class Runner:
             return None
         return result
 
-    def _run(self, case: Case, kind: str) -> None:
+    def _fresh(self, case: Case, kind: str) -> Run | None:
+        """How a test of this kind is run, anew: what the store has of it is not what claims read."""
         self.store.remove(case.id)
-        work(self._runs[kind], case, self.store.root, True)
+        return self._runs[kind]
 
-    def _in_pool(self, todo: list[tuple[Case, str]]) -> None:
-        context = multiprocessing.get_context("spawn")
-        lifeline, end = context.Pipe(duplex=False)
-        pool = ProcessPoolExecutor(self._workers, context, initializer=begin_worker, initargs=(lifeline,))
-        try:
-            flying = {}
-            for case, kind in todo:
-                self.store.remove(case.id)
-                flying[pool.submit(work, self._runs[kind], case, self.store.root, True)] = case
-            for count, future in enumerate(as_completed(flying), 1):
-                case = flying[future]
-                future.result()
-                self._take(case)
-                self._report(len(todo) - count)
-        except BrokenProcessPool as error:
-            raise ComputationFailed(
-                "a process died (out of memory, or killed); runs that ended are kept: start again, perhaps"
-                " with fewer --workers"
-            ) from error
-        finally:
-            end.close()  # ends the workers in the middle of a run, should there still be any
-            pool.shutdown(wait=True, cancel_futures=True)
-            lifeline.close()
-
-    def _take(self, case: Case) -> None:
-        result = self.store.get(case.id)
+    def _take(self, id: str) -> None:
+        result = self.store.get(id)
         if result is None:  # not kept: interrupted in the process that computed it
             raise KeyboardInterrupt
-        self.results[case.id] = result
+        self.results[id] = result
         self.computed += 1
 
     def _report(self, left: int) -> None:
-        self._tell(len(self.results), len(self.results) + left)
+        self._on_progress(len(self.results), len(self.results) + left, "")
