@@ -24,6 +24,7 @@ import numpy as np
 from benchmarks.hidden import FAMILIES, OUTSIDE, SCATTER, VISIBLE, Hidden, make
 from cutbench.base.errors import CutbenchError
 from cutbench.base.files import write_json
+from cutbench.base.progress import silent
 from cutbench.calibration.fitting import fit
 from cutbench.calibration.inverse import GRID
 from cutbench.calibration.prediction import predictor
@@ -182,7 +183,7 @@ def _known(args) -> list[dict]:
     return data["rows"] if {k: data[k] for k in _asked(args)} == _asked(args) else []
 
 
-def _told(text: str) -> None:
+def _told(done: float, total: float, text: str) -> None:
     print(f"    {text}", flush=True)
 
 
@@ -209,7 +210,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             break
         hidden = make(number, effect, family, many, args.seed)
         try:
-            found = discover(hidden.campaign, workers=args.workers, told=_told if args.told else None)
+            found = discover(
+                hidden.campaign, workers=args.workers, on_progress=_told if args.told else silent
+            )
             rows.append(judge(hidden, found, args.workers))
         except CutbenchError as error:
             print(f"{number} {effect}: {error}", flush=True)

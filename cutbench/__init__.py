@@ -10,9 +10,11 @@ What is heavy is loaded when it is first used.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from cutbench.base.progress import OnProgress, silent
 
 if TYPE_CHECKING:
     from cutbench.base.errors import BadInput, ComputationFailed, CutbenchError
@@ -85,7 +87,7 @@ def run2d(
     source: str | Path | Case,
     *,
     snapshots_mm: Sequence[float] = (),
-    on_step: Callable[[float, dict], None] | None = None,
+    on_progress: OnProgress = silent,
     **changes: object,
 ) -> Result:
     """Cut a material (a name or a TOML file) in plane strain.
@@ -94,28 +96,28 @@ def run2d(
     ``without="adhesion"``. ``snapshots_mm`` are blade travels at which fields are kept. Raises
     BadInput; how the run ended is in the result's ``outcome``.
     """
-    return _cut(source, 2, snapshots_mm, on_step, changes)
+    return _cut(source, 2, snapshots_mm, on_progress, changes)
 
 
 def run3d(
     source: str | Path | Case,
     *,
     snapshots_mm: Sequence[float] = (),
-    on_step: Callable[[float, dict], None] | None = None,
+    on_progress: OnProgress = silent,
     **changes: object,
 ) -> Result:
     """Cut a material (a name or a TOML file) in three dimensions; takes and raises what ``run2d`` does.
 
     By default a quarter of the block stands for it all (``symmetry="half"`` or ``"full"`` mesh more).
     """
-    return _cut(source, 3, snapshots_mm, on_step, changes)
+    return _cut(source, 3, snapshots_mm, on_progress, changes)
 
 
 def _cut(
     source: str | Path | Case,
     dim: int,
     snapshots_mm: Sequence[float],
-    on_step: Callable[[float, dict], None] | None,
+    on_progress: OnProgress,
     changes: dict[str, object],
 ) -> Result:
     from dataclasses import replace
@@ -127,7 +129,7 @@ def _cut(
         case = replace(source.set(**changes), dim=dim)
     else:
         case = load_case(source, changes, dim=dim)
-    return run_case(case, on_step=on_step, snapshots_mm=snapshots_mm)
+    return run_case(case, on_progress=on_progress, snapshots_mm=snapshots_mm)
 
 
 def known_materials() -> dict[str, Case]:

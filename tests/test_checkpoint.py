@@ -59,17 +59,19 @@ def test_an_interrupted_run_goes_on_and_ends_on_the_same_curve(tmp_path, dim, h,
     whole = run_case(case, snapshots_mm=marks)
     seen = []
 
-    def stop(travel, row):
+    def stop(travel, total, text):
         seen.append(travel)
         if travel > 0.5 * case.p.depth and len(seen) > 3:
             raise KeyboardInterrupt
 
-    first = run_case(case, on_step=stop, snapshots_mm=marks, checkpoint=Checkpoint(tmp_path / NAME, case.id))
+    first = run_case(
+        case, on_progress=stop, snapshots_mm=marks, checkpoint=Checkpoint(tmp_path / NAME, case.id)
+    )
     assert first.outcome.kind == "interrupted"
     seen.clear()
     again = run_case(
         case,
-        on_step=lambda travel, row: seen.append(travel),
+        on_progress=lambda travel, *_: seen.append(travel),
         snapshots_mm=marks,
         checkpoint=Checkpoint(tmp_path / NAME, case.id),
     )

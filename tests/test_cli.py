@@ -24,7 +24,7 @@ def solver(monkeypatch):
     """A stand-in for the solver that notes what it was asked and ends as it is told."""
     asked = SimpleNamespace(case=None, snapshots=None, kind="done", raises=None)
 
-    def run_case(case, *, on_step=None, snapshots_mm=(), checkpoint=None):
+    def run_case(case, *, on_progress=None, snapshots_mm=(), checkpoint=None):
         asked.case, asked.snapshots = case, list(snapshots_mm)
         if asked.raises is not None:
             raise asked.raises
@@ -32,7 +32,7 @@ def solver(monkeypatch):
         force = 0.1 * travel
         zero = np.zeros_like(travel)
         for at, value in zip(travel, force, strict=True):
-            on_step(float(at), {"force_N": float(value)})
+            on_progress(float(at), case.p.depth, f"{value:.3g} N")
         curve = {
             "displacement_mm": travel,
             "force_N": force,

@@ -240,9 +240,10 @@ def cutting(**options):
 
 def test_a_cutting_campaign_gives_its_truth_back():
     told = []
-    found = fit(cutting(seed=5), workers=0, refine=False, told=lambda stage, m: told.append(stage))
+    found = fit(cutting(seed=5), workers=0, refine=False, on_progress=lambda *at: told.append(at))
     assert found.status == "converged"
-    assert set(told) == {"rough", "final"}
+    assert {text.partition(":")[0] for _, _, text in told} == {"rough", "final"}
+    assert [done for done, _, _ in told] == sorted(done for done, _, _ in told)
     for e in found.estimates:
         assert e.low < SOLID.values[e.label] < e.high, e.label
     assert found.estimate("G").value == pytest.approx(SOLID.values["G"], rel=0.06)

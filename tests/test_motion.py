@@ -159,11 +159,11 @@ def test_speed_is_no_parameter_of_a_motion():
 def test_a_hold_goes_on_from_a_checkpoint(tmp_path, held):
     case, file = CASE.set(motion=THERE), tmp_path / "checkpoint.npz"
 
-    def stop(travel, row):
-        if row["time_s"] > 90:
+    def stop(done, total, text):
+        if done > 90 * case.p.speed:
             raise KeyboardInterrupt
 
-    first = run_case(case, checkpoint=Checkpoint(file, case.id), on_step=stop)
+    first = run_case(case, checkpoint=Checkpoint(file, case.id), on_progress=stop)
     assert first.outcome.kind == "interrupted"
     again = run_case(case, checkpoint=Checkpoint(file, case.id))
     np.testing.assert_allclose(again.force_N, held.force_N, rtol=1e-5, atol=1e-8)

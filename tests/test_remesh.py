@@ -163,12 +163,12 @@ def test_derivatives_go_on_from_mesh_to_mesh(case):
 
 
 def test_a_killed_run_goes_on_on_its_mesh(case, followed, tmp_path):
-    def stop(displacement_mm, row):
-        if displacement_mm > 1.7:
+    def stop(done, total, text):
+        if done > 1.7:
             raise KeyboardInterrupt
 
     path = tmp_path / NAME
-    first = run_case(case, on_step=stop, checkpoint=Checkpoint(path, case.id))
+    first = run_case(case, on_progress=stop, checkpoint=Checkpoint(path, case.id))
     assert first.outcome.kind == "interrupted"
     second = run_case(case, checkpoint=Checkpoint(path, case.id))
     np.testing.assert_allclose(second.displacement_mm, followed.displacement_mm, rtol=1e-9)

@@ -170,34 +170,34 @@ def test_the_undegraded_viscosity_costs_more(cutting):
 def test_ctrl_c_keeps_the_curve(brief):
     seen = []
 
-    def stop(travel, row):
-        seen.append((travel, row["force_N"]))
+    def stop(travel, total, text):
+        seen.append(travel)
         if len(seen) == 5:
             raise KeyboardInterrupt
 
-    result = run_case(BRIEF, on_step=stop)
+    result = run_case(BRIEF, on_progress=stop)
     assert result.outcome.kind == "interrupted"
-    assert result.outcome.reached_mm == seen[-1][0] < BRIEF.p.depth
-    assert [tuple(pair) for pair in zip(result.displacement_mm[1:], result.force_N[1:], strict=True)] == seen
+    assert result.outcome.reached_mm == pytest.approx(seen[-1]) < BRIEF.p.depth
+    assert result.displacement_mm[1:] == pytest.approx(seen)
     for name, column in result.curve.items():
         np.testing.assert_array_equal(column, brief.curve[name][:6], err_msg=name)
 
 
 def test_an_interrupted_run_leaves_a_picture_where_one_was_wanted():
-    def stop(travel, row):
+    def stop(travel, total, text):
         if travel > 0.2:
             raise KeyboardInterrupt
 
-    result = run_case(BRIEF, on_step=stop, snapshots_mm=(0.9,))
+    result = run_case(BRIEF, on_progress=stop, snapshots_mm=(0.9,))
     assert [s.displacement_mm for s in result.snapshots] == [result.displacement_mm[-1]]
 
 
 def test_steps_are_told_as_they_come(brief):
-    rows = []
-    result = run_case(BRIEF, on_step=lambda travel, row: rows.append(row))
-    assert {name: [0.0, *(row[name] for row in rows)] for name in result.curve} == {
-        name: column.tolist() for name, column in result.curve.items()
-    }
+    seen = []
+    result = run_case(BRIEF, on_progress=lambda *at: seen.append(at))
+    assert [done for done, _, _ in seen] == pytest.approx(result.displacement_mm[1:])
+    assert {total for _, total, _ in seen} == {BRIEF.p.depth}
+    assert [text for _, _, text in seen] == [f"{force:.3g} N" for force in result.force_N[1:]]
 
 
 @pytest.mark.parametrize(

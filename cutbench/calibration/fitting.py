@@ -9,14 +9,16 @@ known with R − 1 degrees of freedom, and the parts are combined after Welch (1
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import nullcontext
 
 import numpy as np
 from scipy import stats
 
 from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.base.progress import OnProgress, silent
 from cutbench.base.toml import one_of
 from cutbench.calibration import lm
 from cutbench.calibration.fitted import ComparedCurve, Estimate, Fit, Profile
@@ -47,7 +49,7 @@ def fit(
     workers: int | None = None,
     refine: bool = True,
     profile: Sequence[str] = (),
-    told: Callable[[str, lm.Minimum], None] | None = None,
+    on_progress: OnProgress = silent,
     grid: int = GRID,
     run: Predictor | None = None,
 ) -> Fit:
@@ -55,8 +57,9 @@ def fit(
 
     ``workers`` processes compute the cuts (default: one a core; 0: this process), or those of ``run``.
     ``refine``: measure the computation's own error. ``profile``: labels whose profile likelihood is
-    computed, at several fits each. ``told(stage, minimum)`` hears of each point taken. Ctrl-C ends with what
-    is there. Raises BadInput, and ComputationFailed if the start values cannot be computed.
+    computed, at several fits each. ``on_progress`` has the evaluations of all stages,
+    whose number is not known. Ctrl-C ends with what is there. Raises BadInput, and ComputationFailed if the
+    start values cannot be computed.
     """
     began = time.perf_counter()
     looked_for = unknowns(campaign)
@@ -66,13 +69,14 @@ def fit(
     runs = sum(e.kind == "cut" for e in campaign.experiments)
     own = predictor(min(cores() if workers is None else workers, runs)) if run is None else nullcontext(run)
     with own as run:
-        return _Fitting(campaign, Inverse(campaign, looked_for, run, grid), told, refine).go(profile, began)
+        inverse = Inverse(campaign, looked_for, run, grid)
+        return _Fitting(campaign, inverse, on_progress, refine).go(profile, began)
 
 
 class _Fitting:
-    def __init__(self, campaign: Campaign, inverse: Inverse, told, refine: bool):
+    def __init__(self, campaign: Campaign, inverse: Inverse, on_progress: OnProgress, refine: bool):
         self.campaign, self.inverse, self.refine = campaign, inverse, refine
-        self._told = told or (lambda stage, minimum: None)
+        self._on_progress = on_progress
         self.notes = list(campaign.notes)
         self.evaluations, self.history = 0, []
 
@@ -123,8 +127,12 @@ class _Fitting:
 
     def _minimise(self, stage: str, q: np.ndarray, settings: lm.Settings) -> lm.Minimum:
         low, high = self.inverse.bounds
+
+        def on_progress(done: float, total: float, text: str) -> None:
+            self._on_progress(self.evaluations + done, math.nan, f"{stage}: {text}")
+
         best = lm.minimise(
-            self.inverse.whitened, q, low, high, settings, lambda m: self._told(stage, m),
+            self.inverse.whitened, q, low, high, settings, on_progress,
             first=self.inverse.whitened(q),
         )  # fmt: skip
         self.evaluations += best.evaluations

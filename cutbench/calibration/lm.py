@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cutbench.base.errors import ComputationFailed
+from cutbench.base.progress import OnProgress, silent
 
 #: Length of the step after one in vain, relative to that, and what a good step adds to the length allowed.
 SHORTER, LONGER = 0.5, 3.0
@@ -61,12 +62,12 @@ def minimise(
     low: np.ndarray,
     high: np.ndarray,
     settings: Settings | None = None,
-    told: Callable[[Minimum], None] | None = None,
+    on_progress: OnProgress = silent,
     first: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Minimum:
-    """From ``q`` within ``low`` and ``high`` (k,). ``told`` hears of each point taken; ``first`` saves the
-    evaluation at the start. Raises ComputationFailed if the start itself cannot be computed; a
-    KeyboardInterrupt ends with the best so far."""
+    """From ``q`` within ``low`` and ``high`` (k,). ``on_progress`` counts evaluations up to the most that are
+    allowed; ``first`` saves the evaluation at the start. Raises ComputationFailed if the start itself cannot
+    be computed; a KeyboardInterrupt ends with the best so far."""
     settings = settings or Settings()
     q = np.clip(np.asarray(q, dtype=float), low, high)
     r, J = first if first is not None else residual(q)
@@ -76,8 +77,7 @@ def minimise(
     reach, reason, jagged = settings.reach, "", False
     diagonal = np.zeros(q.size)
     try:
-        if told is not None:
-            told(best)
+        on_progress(best.evaluations, settings.evaluations, f"χ² {best.chi2:.5g}")
         while True:
             A, g = best.J.T @ best.J, best.J.T @ best.r
             diagonal = np.maximum(diagonal, np.diag(A))
@@ -116,8 +116,7 @@ def minimise(
                 damping = max(damping * max(1 / 5, 1 - (2 * ratio - 1) ** 3), 1e-9)
                 growth, failed, jagged = 2.0, 0, False
                 reach = min(LONGER * reach, settings.reach)
-                if told is not None:
-                    told(best)
+                on_progress(best.evaluations, settings.evaluations, f"χ² {best.chi2:.5g}")
                 continue
             failed, jagged = failed + 1, J_mean is not None
             if J_mean is not None:

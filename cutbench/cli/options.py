@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from cutbench.cli.progress import bar
 
 if TYPE_CHECKING:
     from cutbench.case.calibrated import Far
@@ -215,10 +217,9 @@ def computed(
     from cutbench.run.runner import run_case  # the solver is loaded only once the input is known to be good
 
     keep = None if folder is None else Checkpoint(folder / NAME, case.id, every_s)
-    with travel(case) as on_step:
-        return run_case(
-            case, on_step=on_step, snapshots_mm=[part * case.p.depth for part in snapshots], checkpoint=keep
-        )
+    with bar(case.name, "mm") as on_progress:
+        at = [part * case.p.depth for part in snapshots]
+        return run_case(case, on_progress=on_progress, snapshots_mm=at, checkpoint=keep)
 
 
 def finish(result: Result, folder: Path, plane: Result | None = None) -> None:
@@ -282,27 +283,6 @@ def show(*parts: object) -> None:
         console = Console(width=160)
     for part in parts:
         console.print(part)
-
-
-@contextmanager
-def travel(case: Case) -> Iterator[Callable[[float, dict], None]]:
-    """A bar of the blade's travel with the time left, on standard error."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-
-    columns = (
-        TextColumn("[bold]{task.description}"), BarColumn(),
-        TextColumn("{task.completed:.2f} of {task.total:g} mm  {task.fields[force]}"),
-        TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(),
-    )  # fmt: skip
-    with Progress(*columns, console=Console(stderr=True)) as bar:
-        task = bar.add_task(case.name, total=case.p.depth, force="")
-
-        def on_step(displacement_mm: float, row: dict) -> None:
-            force = row.get("force_N")
-            bar.update(task, completed=displacement_mm, force="" if force is None else f"{force:.3g} N")
-
-        yield on_step
 
 
 def _show_result(result: Result, folder: Path) -> None:

@@ -3,12 +3,14 @@ by."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.base.progress import OnProgress
 from cutbench.calibration import lm
 from cutbench.calibration.fitted import Fit
 from cutbench.calibration.fitting import fit
@@ -213,7 +215,7 @@ def _extended_plan(point: Point) -> FitPlan:
     )
 
 
-def settled(point: Point, run: Predictor, refine: bool, grid: int, say: Callable[[str], None]) -> Point:
+def settled(point: Point, run: Predictor, refine: bool, grid: int, on_progress: OnProgress) -> Point:
     """An extended model of cuts fitted as the baseline was: until nothing is gained, with the mesh's error
     measured anew; for choosing between candidates a few steps were enough. Others are as they are.
 
@@ -221,18 +223,18 @@ def settled(point: Point, run: Predictor, refine: bool, grid: int, say: Callable
     """
     if not any(e.kind == "cut" for e in point.campaign.train):
         return point
-    say("fitting the extended model")
+    on_progress(math.nan, math.nan, "fitting the extended model")
     campaign = replace(point.campaign, base=point.case, plan=_extended_plan(point))
     try:
         fitted = fit(
             campaign, refine=refine, grid=grid, run=run,
-            told=lambda stage, minimum: say(f"fitting the extended model, {stage}: χ² {minimum.chi2:.4g}"),
+            on_progress=lambda done, total, text: on_progress(done, total, f"extended model, {text}"),
         )  # fmt: skip
         if fitted.status == "interrupted":
             raise KeyboardInterrupt
         return baseline(fitted, run, grid)
     except (ComputationFailed, BadInput) as error:
-        say(f"not fitted further: {error}")
+        on_progress(math.nan, math.nan, f"not fitted further: {error}")
         return point
 
 

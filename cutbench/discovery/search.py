@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.base.progress import OnProgress, silent
 from cutbench.calibration.fitted import Fit
 from cutbench.calibration.fitting import fit
 from cutbench.calibration.inverse import GRID
@@ -147,21 +149,22 @@ def discover(
     *,
     workers: int | None = None,
     refine: bool = True,
-    told: Callable[[str], None] | None = None,
+    on_progress: OnProgress = silent,
     grid: int = GRID,
     seed: int = 0,
 ) -> Discovery:
-    """Ctrl-C after a mechanism was found ends with that.
+    """``on_progress`` has what is done now; how much there is to do is not known. Ctrl-C after a mechanism
+    was found ends with that.
 
     Raises BadInput, and ComputationFailed if the baseline cannot be computed.
     """
-    began, say = time.perf_counter(), told or (lambda text: None)
+    began = time.perf_counter()
     campaign = _plain(campaign)
     count = cores() if workers is None else workers
-    say("fitting the baseline")
+    on_progress(math.nan, math.nan, "fitting the baseline")
     fitted = fit(
         campaign, workers=count, refine=refine, grid=grid,
-        told=lambda stage, minimum: say(f"fitting the baseline, {stage}: χ² {minimum.chi2:.4g}"),
+        on_progress=lambda done, total, text: on_progress(done, total, f"fitting the baseline, {text}"),
     )  # fmt: skip
     if fitted.status == "interrupted":
         raise KeyboardInterrupt
@@ -174,9 +177,9 @@ def discover(
         interrupted = False
         while True:
             try:
-                this = _round(point, run, seed, say)
+                this = _round(point, run, seed, on_progress)
                 if not rounds:
-                    numerics = _numerics(this, run, seed, say)
+                    numerics = _numerics(this, run, seed, on_progress)
             except KeyboardInterrupt:
                 if not rounds:
                     raise
@@ -190,7 +193,7 @@ def discover(
             found.append(this.accepted)
             point = next(t.point for t in this.tried if t.name == this.accepted)
             try:
-                point = settled(point, run, refine, grid, say)
+                point = settled(point, run, refine, grid, on_progress)
             except KeyboardInterrupt:
                 interrupted = True
                 break
@@ -198,7 +201,7 @@ def discover(
         verdict = "mechanism" if interrupted else _verdict(rounds)
         proposed, text = [], "Not asked: interrupted."
         if not interrupted:
-            proposed, text = _next(rounds, verdict, run, say)
+            proposed, text = _next(rounds, verdict, run, on_progress)
     stopped = (
         ("Interrupted: what was found stands, what else there may be was not asked.",) if interrupted else ()
     )
@@ -210,7 +213,7 @@ def discover(
     )  # fmt: skip
 
 
-def _numerics(this: Round, run: Predictor, seed: int, say: Callable[[str], None]) -> NumericalCauses:
+def _numerics(this: Round, run: Predictor, seed: int, on_progress: OnProgress) -> NumericalCauses:
     """Of cuts whose baseline fails: what another mesh, element or normal would change."""
     promising = any(t.p_any < CHANCE for t in this.tried)
     if this.scores.p_residual > CHANCE and not promising:
@@ -218,7 +221,7 @@ def _numerics(this: Round, run: Predictor, seed: int, say: Callable[[str], None]
     columns, missing = numerical_columns(this.point, run)
     if not columns:
         return NumericalCauses((), {}, None, missing)
-    say("numerical causes: " + ", ".join(c.candidate.name for c in columns))
+    on_progress(math.nan, math.nan, "numerical causes: " + ", ".join(c.candidate.name for c in columns))
     scores = score(with_columns(this.sensed, columns), this.point.w, this.point.residual, seed=seed)
     shares = {s.name: s.gain / scores.excess if scores.excess > 0 else 0.0 for s in scores.scores}
     best = scores.scores[0]
@@ -228,7 +231,7 @@ def _numerics(this: Round, run: Predictor, seed: int, say: Callable[[str], None]
 
 
 def _next(
-    rounds: list[Round], verdict: str, run: Predictor, say: Callable[[str], None]
+    rounds: list[Round], verdict: str, run: Predictor, on_progress: OnProgress
 ) -> tuple[list[Proposal], str]:
     """The test that would separate the first two of the first group."""
     named = [r for r in rounds if r.accepted] or rounds[:1]
@@ -246,7 +249,7 @@ def _next(
         )
     first = r.accepted if r.accepted in r.group else r.group[0]
     second = next(name for name in r.group if name != first)
-    say(f"looking for a test that tells {first} from {second}")
+    on_progress(math.nan, math.nan, f"looking for a test that tells {first} from {second}")
     points = {t.name: t.point for t in r.tried}
     scored = {s.name: s for s in r.scores.scores}
     kinds = {e.kind for e in r.point.campaign.train}
@@ -267,9 +270,9 @@ def _plain(campaign: Campaign) -> Campaign:
     return replace(campaign, plan=replace(plan, free=free or None, own=own))
 
 
-def _round(point: Point, run: Predictor, seed: int, say: Callable[[str], None]) -> Round:
+def _round(point: Point, run: Predictor, seed: int, on_progress: OnProgress) -> Round:
     chosen, left_out = candidates(point.campaign, point.case)
-    say(f"{len(chosen)} candidates beside {', '.join(point.case.mechanisms)}")
+    on_progress(math.nan, math.nan, f"{len(chosen)} candidates beside {', '.join(point.case.mechanisms)}")
     sensed = sense(point.inverse, point.q, chosen, run)
     scores = score(sensed, point.w, point.residual, seed=seed)
     scored = {s.name for s in scores.scores}
@@ -278,7 +281,7 @@ def _round(point: Point, run: Predictor, seed: int, say: Callable[[str], None]) 
     worth = [s for s in scores.scores if s.p < PROMISING and s.gain > 1]
     tried = []
     for s in _simplest(worth)[:FITS_MESHED] if meshed else worth[:FITS]:
-        say(f"fitting {s.name}: score {s.z:.1f}")
+        on_progress(math.nan, math.nan, f"fitting {s.name}: score {s.z:.1f}")
         try:
             after = extend(point, s, run)
         except (ComputationFailed, BadInput) as error:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from cutbench.base.progress import OnProgress, silent
 from cutbench.case.case import Case
 from cutbench.case.values import check_driven
 from cutbench.run.build import Built
@@ -37,14 +38,14 @@ CROSSED = "(Beside the blade the surface passes through itself: nothing keeps on
 def run_case(
     case: Case,
     *,
-    on_step: Callable[[float, dict], None] | None = None,
+    on_progress: OnProgress = silent,
     snapshots_mm: Sequence[float] = (),
     sensitivities: Sequence[str] = (),
     checkpoint: Checkpoint | None = None,
 ) -> Result:
     """March ``case`` to its depth.
 
-    ``on_step(displacement_mm, row)`` is called after each step; fields are kept at the first step at
+    ``on_progress`` has the blade's time × speed in mm, and its force; fields are kept at the first step at
     or past each of ``snapshots_mm``. ``sensitivities`` names parameters: ``result.sensitivities`` then has
     dF/dθ along the curve, and each snapshot du/dθ. ``checkpoint`` keeps the state of the run, which begins
     from what it holds; derivatives are not part of it, so a run with both begins anew. A KeyboardInterrupt
@@ -72,11 +73,15 @@ def run_case(
     interrupted, stalled = False, ""
     last: tuple[Built, Accepted] | None = None
     keeper = _Keeper(meshes, ledger, front, pictures, began)
+
+    def report() -> None:
+        now = ledger.last
+        on_progress(now["time_s"] * case.p.speed, built.march.motion.end, f"{now['force_N']:.3g} N")
+
     if kept:
         keeper.restore(kept)
         wanted = [d for d in wanted if d > ledger.farthest + 1e-9]
-        if on_step is not None:
-            on_step(ledger.last["displacement_mm"], ledger.last)
+        report()
     try:
         begin = Progress.of(kept["progress"]) if kept else None
         for step in meshes.steps(begin, moved if names else None):
@@ -85,7 +90,7 @@ def run_case(
                 since = time.perf_counter()
                 slope = follower.add(step)
                 built.problem.timer.add("sensitivities", since)
-            row = ledger.add(step)
+            ledger.add(step)
             if not step.between:
                 last = built, step
                 if follower is not None:
@@ -97,8 +102,7 @@ def run_case(
                     if follower is not None:
                         add_slopes(pictures[-1], built, names, follower.displacements())
                     wanted = [d for d in wanted if d > step.travel + 1e-9]
-                if on_step is not None:
-                    on_step(step.travel, row)
+                report()
             if checkpoint is not None and not names:
                 checkpoint.offer(keeper.state(step.progress))
     except KeyboardInterrupt:

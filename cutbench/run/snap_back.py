@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from cutbench.base.errors import BadInput
+from cutbench.base.progress import OnProgress, silent
 from cutbench.base.units import ureg
 from cutbench.case.case import Case
 from cutbench.case.numerics import Numerics
@@ -130,16 +131,16 @@ def trace_snap_back(
     case: Case,
     run: Result,
     *,
-    on_point: Callable[[float, dict], None] = lambda travel, row: None,
+    on_progress: OnProgress = silent,
     limit: bool = True,
 ) -> SnapBack:
     """Trace the path of ``case`` at rest, and repeat ``run``, the run as asked for, with less viscosity.
 
-    ``on_point(travel_mm, row)`` is called after each point. A KeyboardInterrupt ends the path with what it
+    ``on_progress`` has the travel in mm and the force. A KeyboardInterrupt ends the path with what it
     has, and leaves the limit out. Raises BadInput as ``timeless`` does.
     """
     began = time.perf_counter()
-    curve, stopped, interrupted = trace(timeless(case), on_point)
+    curve, stopped, interrupted = trace(timeless(case), on_progress)
     jumps = tuple(jumps_of(curve, case.p.thickness))
     runs = []
     if limit and not interrupted:
@@ -174,7 +175,7 @@ def fading(case: Case, depth: float) -> list[tuple[str, Case]]:
 
 def trace(
     case: Case,
-    on_point: Callable[[float, dict], None] = lambda travel, row: None,
+    on_progress: OnProgress = silent,
     rules: PathRules | None = None,
 ):
     """The path of a case without time: columns by name, why it stopped (None: it did not), interrupted.
@@ -215,7 +216,7 @@ def trace(
                 row["softest"] = lowest_eigenvalue(built.problem, point)
                 after += back > 0
             rows.append(row)
-            on_point(point.travel, row)
+            on_progress(point.travel, case.p.depth, f"{row['force_N']:.3g} N")
             farthest = max(farthest, point.travel)
             if turned is None and back > TURNED * thickness:
                 turned = farthest

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from cutbench.base.errors import BadInput
+from cutbench.base.progress import OnProgress, silent
 from cutbench.base.units import Parameter
 from cutbench.case.case import Case
 from cutbench.forms.base import Step
@@ -88,11 +89,11 @@ def run_tension(
     case: Case,
     notch_mm: float,
     *,
-    on_step: Callable[[float, float], None] | None = None,
+    on_progress: OnProgress = silent,
 ) -> Tension:
     """Pull the strip ``case`` (from ``strip_case``) to its depth, or until it is torn.
 
-    ``on_step(elongation_mm, force_N)`` is called after each step. A KeyboardInterrupt ends the test with what
+    ``on_progress`` has the elongation in mm and the force. A KeyboardInterrupt ends the test with what
     it has.
     """
     began = time.perf_counter()
@@ -103,8 +104,7 @@ def run_tension(
     try:
         for row in pull:
             rows.append(row)
-            if on_step is not None:
-                on_step(row["elongation_mm"], row["force_N"])
+            on_progress(row["elongation_mm"], p.depth, f"{row['force_N']:.3g} N")
     except KeyboardInterrupt:
         interrupted = True
     curve = {name: np.array([row[name] for row in rows]) for name in rows[0]}

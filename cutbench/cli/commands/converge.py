@@ -9,6 +9,7 @@ import typer
 
 from cutbench.base.threads import leave_cores_to_workers
 from cutbench.cli.options import Workers, exits, whole
+from cutbench.cli.progress import bar
 
 
 @exits
@@ -27,11 +28,9 @@ def converge(
     plan, processes = load_plan(study), whole("--workers", workers)
     check_writable(out)
 
-    def tell(done: int, total: int) -> None:
-        typer.echo(f"{done} of {total} runs", err=True)
-
     try:
-        rows = compute(plan, out, workers=processes, on_progress=tell)
+        with bar("converge", "runs") as on_progress:
+            rows = compute(plan, out, workers=processes, on_progress=on_progress)
     except KeyboardInterrupt:
         typer.echo("interrupted: start the same command again to go on", err=True)
         raise typer.Exit(130) from None

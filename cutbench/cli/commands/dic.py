@@ -20,14 +20,14 @@ from cutbench.cli.options import (
     exits,
     in_mm,
     show,
-    travel,
 )
+from cutbench.cli.progress import bar
 
 
 @exits
 def dic(
     material: Source,
-    fields: Annotated[Path, typer.Argument(metavar="FIELDS.csv", help="Columns x, y, u_x, u_y, travel.")],
+    fields: Annotated[Path, typer.Argument(metavar="FIELDS.csv", help="Columns x, y, u_x, u_y.")],
     sets: Sets = None,
     h: Size = None,
     without: Without = None,
@@ -74,8 +74,8 @@ def dic(
     # One step before each field too: between the two the displacements are interpolated.
     step = case.numerics.step_mm
     wanted = sorted({max(f.travel_mm - back, 0.0) for f in measured for back in (step, 0.0)})
-    with travel(case) as on_step:
-        result = run_case(case, on_step=on_step, snapshots_mm=wanted)
+    with bar(case.name, "mm") as on_progress:
+        result = run_case(case, on_progress=on_progress, snapshots_mm=wanted)
     computed = [(f, at_travel(result.snapshots, f.travel_mm)) for f in measured]
     found = [compare(f, s) for f, s in computed if s is not None]
     show(field_table(found, case.name))

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from cutbench.cli.options import CampaignFile, Refine, Workers, exits, whole
+from cutbench.cli.progress import bar
 
 
 @exits
@@ -32,7 +33,8 @@ def discover(
     from cutbench.discovery.page import write_discovery
     from cutbench.discovery.report import summary
 
-    found = run(loaded, workers=count, refine=refine, told=lambda text: typer.echo(text, err=True))
+    with bar("discover") as on_progress:
+        found = run(loaded, workers=count, refine=refine, on_progress=on_progress)
     paths = write_discovery(found, folder)
     typer.echo(summary(found))
     typer.echo("written: " + ", ".join(str(path) for path in paths))

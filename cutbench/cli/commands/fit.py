@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from cutbench.cli.options import CampaignFile, Refine, Workers, exits, whole
+from cutbench.cli.progress import bar
 
 
 @exits
@@ -34,10 +35,10 @@ def fit(
     from cutbench.calibration.fitting import fit as run
     from cutbench.calibration.report import summary, write_fit
 
-    def told(stage: str, minimum: object) -> None:
-        typer.echo(f"{stage}: chi2 = {minimum.chi2:.5g} after {minimum.evaluations} evaluations", err=True)
-
-    found = run(loaded, workers=count, refine=refine, profile=tuple(profile or ()), told=told)
+    with bar("fit") as on_progress:
+        found = run(
+            loaded, workers=count, refine=refine, profile=tuple(profile or ()), on_progress=on_progress
+        )
     paths = write_fit(found, folder)
     typer.echo(summary(found))
     typer.echo("written: " + ", ".join(str(path) for path in paths))

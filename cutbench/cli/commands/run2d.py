@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cutbench.cli.options import Wanted, computed, exits, finish, run_options, show, travel
+from cutbench.cli.options import Wanted, computed, exits, finish, run_options, show
+from cutbench.cli.progress import bar
 
 if TYPE_CHECKING:
     from cutbench.run.result import Result
@@ -54,8 +55,8 @@ def _follow(result: Result, folder: Path) -> None:
     from cutbench.run.snap_back import INTERRUPTED, trace_snap_back
     from cutbench.run.snap_back_report import describe_followed, sentence
 
-    with travel(result.case) as on_point:
-        found = trace_snap_back(result.case, result, on_point=on_point)
+    with bar(result.case.name, "mm") as on_progress:
+        found = trace_snap_back(result.case, result, on_progress=on_progress)
     curves = [(text, run.curve) for text, run in found.limit]
     figure = plot_follow(result.curve, found.curve, found.jump, curves, title=result.case.name)
     record, path, picture = (folder / name for name in _FOLLOWED)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cutbench.cli.options import Element, Out, Sets, Size, Source, With, Without, changes, exits, in_mm, show
+from cutbench.cli.progress import bar
 
 if TYPE_CHECKING:
     from cutbench.run.tension import Tension
@@ -57,11 +58,10 @@ def tension(
 
 
 def _pulled(case, notch_mm: float) -> Tension:
-    from cutbench.cli.options import travel
     from cutbench.run.tension import run_tension
 
-    with travel(case) as on_step:
-        return run_tension(case, notch_mm, on_step=lambda mm, N: on_step(mm, {"force_N": N}))
+    with bar(case.name, "mm") as on_progress:
+        return run_tension(case, notch_mm, on_progress=on_progress)
 
 
 def _table(test: Tension):

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from cutbench.cli.options import exits, show
+from cutbench.cli.progress import bar
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Sequence
 
     from rich.table import Table
 
@@ -54,7 +54,9 @@ def verify(
     done: list[Verified] = []
     interrupted = False
     try:
-        _watched(verify, chosen, done)
+        with bar("verify", "s") as on_progress:
+            for one in verify(chosen, on_progress=on_progress):
+                done.append(one)
     except KeyboardInterrupt:
         interrupted = True
     complete = len(done) == len(chosen)
@@ -98,7 +100,7 @@ def _paper(
         raise BadInput(key="--out", value="(missing)", expected="a folder for the runs behind the claims")
     processes = whole("--workers", workers)
     check_writable(out)
-    with _counted() as on_progress:
+    with bar("claims", "runs") as on_progress:
         try:
             found = investigate(out, only=only or (), workers=processes, on_progress=on_progress)
         except KeyboardInterrupt:
@@ -108,18 +110,6 @@ def _paper(
     typer.echo(f"{len(found.runner.results)} runs, {found.runner.computed} of them computed now")
     for path in found.paths:
         typer.echo(path)
-
-
-@contextmanager
-def _counted() -> Iterator[Callable[[int, int], None]]:
-    """A bar of the runs asked for so far, on standard error."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("[bold]{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True)) as bar:
-        task = bar.add_task("runs", total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 def _claims(chosen: Sequence[Claim]) -> Table:
@@ -160,25 +150,6 @@ def _chosen(known: dict[str, Reference], quick: bool, only: list[str] | None) ->
         if quick and not known[name].quick:
             raise BadInput(key="--only", value=name, expected=f"no --quick with it: {name} takes longer")
     return [r for r in known.values() if (r.quick or not quick) and (not only or r.name in only)]
-
-
-def _watched(verify, chosen: Sequence[Reference], done: list[Verified]) -> None:
-    """Run under a bar with the time left, on standard error."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-
-    columns = (
-        TextColumn("[bold]{task.description}"), BarColumn(), TextColumn("{task.fields[count]}"),
-        TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(elapsed_when_finished=False),
-    )  # fmt: skip
-    with Progress(*columns, console=Console(stderr=True), speed_estimate_period=600) as bar:
-        task = bar.add_task("verify", total=sum(r.seconds for r in chosen), count=f"0 of {len(chosen)}")
-
-        def on_done(one: Verified) -> None:
-            done.append(one)
-            bar.update(task, advance=one.reference.seconds, count=f"{len(done)} of {len(chosen)}")
-
-        verify(chosen, on_start=lambda r: bar.update(task, description=r.name), on_done=on_done)
 
 
 def _contents(chosen: Sequence[Reference]) -> Table:

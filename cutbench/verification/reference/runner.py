@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from cutbench.base.progress import OnProgress, silent
 from cutbench.verification.reference.base import Check, Reference
 
 
@@ -23,16 +24,15 @@ class Verified:
         return self.failure is None and bool(self.checks) and all(check.passed for check in self.checks)
 
 
-def verify(
-    references: Iterable[Reference],
-    *,
-    on_start: Callable[[Reference], None] = lambda reference: None,
-    on_done: Callable[[Verified], None] = lambda verified: None,
-) -> None:
-    """Compute the problems in turn and hand each to ``on_done``. KeyboardInterrupt passes through."""
-    for reference in references:
-        on_start(reference)
-        on_done(_verify(reference))
+def verify(references: Sequence[Reference], *, on_progress: OnProgress = silent) -> Iterator[Verified]:
+    """Compute the problems in turn. ``on_progress`` has the seconds that they take on one core, roughly."""
+    total = sum(reference.seconds for reference in references)
+    done = 0.0
+    for i, reference in enumerate(references):
+        on_progress(done, total, f"{reference.name}, {i + 1} of {len(references)}")
+        yield _verify(reference)
+        done += reference.seconds
+    on_progress(total, total, "")
 
 
 def _verify(reference: Reference) -> Verified:
