@@ -30,14 +30,14 @@ def _times(A: np.ndarray, B: np.ndarray) -> np.ndarray:
 class Branch:
     """One branch at F (3, 3, N), with C_i ``metric`` (3, 3, N) after the step.
 
-    ``s`` is Δt/τ; ``None`` leaves C_i as it is given.
+    ``s`` is Δt/τ, a number or one for each point; ``None`` leaves C_i as it is given.
     """
 
-    def __init__(self, F: np.ndarray, metric: np.ndarray, s: float | None):
+    def __init__(self, F: np.ndarray, metric: np.ndarray, s: float | np.ndarray | None):
         self.F, J = F, det(F)
         self.j = J ** (-2 / 3)
         self.f = cofactor(F) / J  # F⁻ᵀ
-        self.metric, self.s, self.D = metric, s or 0.0, np.ones_like(J)
+        self.metric, self.s, self.D = metric, 0.0 if s is None else s, np.ones_like(J)
         if s is not None:
             A = metric + s * self.j * _times(F.transpose(1, 0, 2), F)
             self.D = det(A) ** (1 / 3)
