@@ -50,7 +50,7 @@ def shown(value: object, unit: str) -> str:
 
 def numerics() -> str:
     short, texts, rows = {long: name for name, long in ALIASES.items()}, field_texts(Numerics), []
-    for f in fields(Numerics):
+    for f in (f for f in fields(Numerics) if f.name != "tuning"):
         unit, about, allowed = " mm" if f.name.endswith("_mm") else "", f.metadata, "a path"
         plane, solid = (shown(getattr(defaults(dim), f.name), unit) for dim in (2, 3))
         if "choices" in about:

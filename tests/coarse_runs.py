@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -21,6 +22,13 @@ BRIEF = CUTTING.set(depth="1.1 mm")
 SOFT = {"penalty": 1000, "stick": 400, "multiplier": "none"}
 #: For comparisons that hold on any element: the quickest.
 QUICK = BRIEF.set(element="P1")
+
+
+def tuned(case, part, **changes):
+    """``case`` with other tuned numbers in one part of them."""
+    tuning = case.numerics.tuning
+    tuning = replace(tuning, **{part: replace(getattr(tuning, part), **changes)})
+    return replace(case, numerics=replace(case.numerics, tuning=tuning))
 
 
 @cache

@@ -10,6 +10,7 @@ import sys
 from types import SimpleNamespace
 
 import pytest
+from coarse_runs import tuned
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -74,6 +75,18 @@ def test_id_sees_what_matters_and_nothing_else(gelatin):
         load_case("gelatin", dim=3),
     ]
     assert len({gelatin.id, *(case.id for case in others)}) == 1 + len(others)
+
+
+@pytest.mark.parametrize(
+    ("part", "changes"),
+    [("steps", {"calm": 0.3}), ("newton", {"cuts": 7}), ("window", {"caution": (1.0, 0.5)}),
+     ("remesh", {"looks": 9}), ("path", {"leaps": (0.1,)})],
+)  # fmt: skip
+def test_id_sees_every_tuned_number_and_a_file_keeps_them(gelatin, part, changes):
+    other = tuned(gelatin, part, **changes)
+    assert other.id != gelatin.id
+    again = Case.from_dict(json.loads(json.dumps(other.to_dict())))
+    assert again == other and again.numerics.tuning == other.numerics.tuning
 
 
 def test_id_is_the_same_in_another_process(gelatin):

@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 
 from cutbench.base.errors import BadInput
 from cutbench.case.case import load_case
+from cutbench.case.tuning import PathTuning
 from cutbench.cli.main import app
 from cutbench.forms.base import Form, Local
 from cutbench.forms.cut import CutForm
@@ -33,7 +34,7 @@ from cutbench.run.snap_back import (
     trace,
 )
 from cutbench.run.snap_back_report import describe_followed, sentence
-from cutbench.solver.arc_length import Path, PathRules
+from cutbench.solver.arc_length import Path
 from cutbench.solver.problem import Problem
 from cutbench.solver.stability import SMALL, lowest_eigenvalue
 from cutbench.verification.reference._parts import bulk_forms, law, parameters, piola, space_of
@@ -81,7 +82,7 @@ def bar_of(along, across):
     ]
     forms.append(DampingForm(space.volume(1), 1.0))
     problem = Problem(forms, ndof, np.arange(1, ndof, 2), p)
-    rules = PathRules(travel=0.05, growth=0.01, first=1e-3)
+    rules = PathTuning(travel=0.05, growth=0.01, first=1e-3)
     return problem, Path(problem, np.zeros(3), 0.7, np.array([], int), rules)
 
 
@@ -285,7 +286,7 @@ def test_viscosity_fades_and_steps_halve():
 @pytest.fixture(scope="module")
 def cut():
     case = timeless(load_case("gelatin", {"h": "0.8 mm", "depth": "3 mm"}))
-    return case, *trace(case, rules=PathRules(points=80))
+    return case, *trace(case, rules=PathTuning(points=80))
 
 
 def test_the_path_of_a_cut_passes_its_turning_point(cut):

@@ -14,7 +14,7 @@ from cutbench.solver.step_control import EnergyError, StepControl, StepRules, St
 def test_where_errors_add_up_their_mean_counts():
     """A step may leave twice as much open as steps are to on average, but never more than any step may."""
     control, now = StepControl(StepRules(defect=0.04), False), StepState(0.05)
-    drifting, allowed = control.allowed(True), control.allowed(False)
+    drifting, allowed = control.allowed(1.0, 0.1, 1.0, 0.1), control.allowed(1.0, 0.1, 1.0, -0.1)
     assert (drifting, allowed) == (0.01, 0.04)
     control.check(now, 0.1, 0.019, drifting)
     control.check(now, 0.1, 0.039, allowed)
@@ -48,7 +48,8 @@ def test_haste_is_the_cut_over_the_travel():
 
 
 def test_the_papers_steps_and_blocks_do_without():
-    assert build(BRIEF.set(stepping="paper")).march.rules.cut_speed_factor == 1
+    for changes in ({"stepping": "paper"}, {"predictor": "line"}):
+        assert build(BRIEF.set(**changes)).march._cut_speed_factor() == 1
 
 
 def test_a_refused_step_says_why():

@@ -12,6 +12,7 @@ from coarse_runs import (
     SOFT,
     force_at,
     seen_by_blade,
+    tuned,
 )
 
 from cutbench.case.numerics import Numerics
@@ -19,7 +20,6 @@ from cutbench.mechanisms.base import Points
 from cutbench.run.build import build
 from cutbench.run.runner import run_case
 from cutbench.solver import march
-from cutbench.solver import step_control as pace
 
 
 def test_a_law_by_itself_closes_as_it_does_in_a_run():
@@ -92,7 +92,7 @@ def test_the_staggered_scheme_tends_to_the_monolithic_one():
     assert apart[1] < 0.4 * apart[0] < 0.4 * 0.01
 
 
-def test_errors_of_the_ledger_do_not_add_up(monkeypatch):
+def test_errors_of_the_ledger_do_not_add_up():
     """Beyond half a per cent of the work, steps that would add to what is open are held tighter."""
     # A run whose steps leave enough open to be held.
     case = COARSE.set(
@@ -106,9 +106,8 @@ def test_errors_of_the_ledger_do_not_add_up(monkeypatch):
         predictor="line",
         **SOFT,
     )
-    held, allowed = run_case(case), pace.DRIFT
-    monkeypatch.setattr(pace, "DRIFT", 1.0)
-    free = run_case(case)
+    held, allowed = run_case(case), case.numerics.tuning.steps.drift
+    free = run_case(tuned(case, "steps", drift=1.0))
     most = [np.abs(run.curve["closure"]).max() for run in (held, free)]
     # What one step leaves open before that much is, it may; two in a row it may not.
     assert most[1] > 1.5 * allowed, "nothing to hold"

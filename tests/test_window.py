@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from coarse_runs import BRIEF, PRESSED, force_at
+from coarse_runs import BRIEF, PRESSED, force_at, tuned
 from form_checks import HEIGHT, P, blade, blade_case, bulk_form, displacement, space_of, spaces, step_between
 
 from cutbench.case.model import DEFAULT, Model
@@ -19,7 +19,6 @@ from cutbench.forms.space import Faces
 from cutbench.run.build import build
 from cutbench.run.runner import run_case
 from cutbench.solver.newton import NoConvergence
-from cutbench.solver.predictor import window
 
 
 def check_part(form, u, state, step, p=P) -> None:
@@ -80,9 +79,8 @@ def test_some_faces_keep_their_names():
     np.testing.assert_array_equal(some.nodes[:, 1:], space.faces("cut", 4).nodes[:, [0, 2]])
 
 
-def test_the_window_is_in_balance_and_the_rest_stays(monkeypatch):
-    monkeypatch.setattr(window, "SPOTS", 0)
-    built = build(BRIEF)
+def test_the_window_is_in_balance_and_the_rest_stays():
+    built = build(tuned(BRIEF, "window", spots=0))
     before, last = islice((step for step in built.march if step.travel > 0.15), 2)
     problem, step = built.problem, last.step
     states = last.solves[0][0]
@@ -176,35 +174,33 @@ def test_nodes_beside_the_blade_keep_their_distance(at_rest):
     )
     nodes = form.gap_of_nodes(space.X, last, touching["blade"], problem.p, before)[2]
     held = problem.is_free[2 * nodes] & problem.is_free[2 * nodes + 1]
-    held &= ~part.problem.is_free[2 * nodes] & (was < window.TOUCH)
+    held &= ~part.problem.is_free[2 * nodes] & (was < 0.01)
     assert held.sum() > 3
     assert np.abs(now - was)[held].max() < 0.1 * np.abs(loose - was)[held].max()
     np.testing.assert_array_equal(found[part.problem.free], guess[part.problem.free])
 
 
-def test_a_window_that_is_nearly_solved_will_do(monkeypatch):
-    built = build(BRIEF)
+def test_a_window_that_is_nearly_solved_will_do():
+    # Five iterations do not solve it.
+    few = tuned(BRIEF, "window", iterations=5, enough=1e-10)
+    built, usable = build(few), few.numerics.tuning.window.usable
+    strict = build(tuned(few, "window", usable=0.0)).march.window
     before, last = islice((step for step in built.march if step.travel > 0.15), 2)
     march, problem, step = built.march, built.problem, last.step
     states = last.solves[0][0]
     straight = before.u + (before.u - before.step.u_old) * (last.dt / before.dt)
 
-    def found():
-        return march.window.solved(straight, before.u, states, step, march.newton)
+    def found(window):
+        return window.solved(straight, before.u, states, step, march.newton)
 
     def relative_residual(u):
         e = problem.evaluate(u, states, step, tangent=False)
         return np.linalg.norm(e.residual[problem.free]) / e.scale
 
-    # Five iterations do not solve it.
-    monkeypatch.setattr(window, "ITERATIONS", 5)
-    monkeypatch.setattr(window, "ENOUGH", 1e-10)
-    with monkeypatch.context() as strict:
-        strict.setattr(window, "USABLE", 0.0)
-        with pytest.raises(NoConvergence, match="5 iterations") as error:
-            found()
-    assert 0 < error.value.nearest[0] < window.USABLE
-    assert relative_residual(found()) < 0.2 * relative_residual(straight)
+    with pytest.raises(NoConvergence, match="5 iterations") as error:
+        found(strict)
+    assert 0 < error.value.nearest[0] < usable
+    assert relative_residual(found(march.window)) < 0.2 * relative_residual(straight)
 
 
 BOND = {"with_": "imperfect_bond", "bond_compliance": "0.3 mm/kPa"}

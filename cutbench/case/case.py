@@ -22,6 +22,7 @@ from cutbench.case.computation import computation_of, mesh_digest
 from cutbench.case.model import DEFAULT, Model, section_of
 from cutbench.case.motion import Polyline, checked_motion, read_motion
 from cutbench.case.numerics import ALIASES, KEYS, Numerics, defaults, preset
+from cutbench.case.tuning import Tuning
 from cutbench.case.values import (
     SECTIONS,
     brief,
@@ -128,7 +129,7 @@ class Case:
 
         The computation counts by its source, a mesh file by its content; BadInput if that cannot be read.
         """
-        numerics = asdict(self.numerics)
+        numerics = self.numerics.digits()
         if self.numerics.mesh is not None:
             numerics["mesh"] = mesh_digest(self.numerics.mesh)
         content = {
@@ -136,7 +137,7 @@ class Case:
             "dim": self.dim,
             "mechanisms": self.mechanisms,
             "values": {name: f"{value:.14g}" for name, value in self.values.items()},
-            "numerics": {k: f"{v:.14g}" if isinstance(v, float) else v for k, v in numerics.items()},
+            "numerics": numerics,
         }
         if self.motion:
             content["motion"] = [[f"{number:.14g}" for number in point] for point in self.motion]
@@ -189,7 +190,8 @@ class Case:
                 name: {"value": rounded(value / known[name].factor, 15), "unit": known[name].unit}
                 for name, value in self.values.items()
             },
-            "numerics": asdict(self.numerics),
+            "numerics": {k: v for k, v in asdict(self.numerics).items() if k != "tuning"},
+            "tuning": asdict(self.numerics.tuning),
         } | ({"motion": [list(point) for point in self.motion]} if self.motion else {})
 
     @classmethod
@@ -203,7 +205,8 @@ class Case:
             }
             changes = {**written, **data["numerics"]}
             motion = read_motion(data.get("motion", ()))
-            draft = _Draft(name=data["name"], model=model, dim=data["dim"], motion=motion)
+            numerics = Numerics(tuning=Tuning.of(data["tuning"]) if "tuning" in data else Tuning())
+            draft = _Draft(name=data["name"], model=model, dim=data["dim"], motion=motion, numerics=numerics)
             return draft.changed(changes).case()
         except (KeyError, TypeError, AttributeError) as error:
             raise BadInput(

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import one_of
 from cutbench.base.units import parse_quantity
+from cutbench.case.tuning import Tuning
 
 #: A length may be written with its unit under the short name (h = "0.4 mm") or bare under the long (h_mm).
 ALIASES = {"h": "h_mm", "step": "step_mm", "step_min": "step_min_mm"}
@@ -89,6 +90,20 @@ class Numerics:
     """Linear solver; auto: PARDISO where installed, else SuperLU; for blocks see [solid.md](solid.md)."""
     mesh: str | None = None
     """A mesh file; see [solid.md](solid.md)."""
+    tuning: Tuning = field(default_factory=Tuning)
+    """The numbers that nobody sets."""
+
+    def digits(self) -> dict[str, Any]:
+        """As it counts in a case's id."""
+
+        def shown(value: object) -> object:
+            if isinstance(value, dict):
+                return {k: shown(v) for k, v in value.items()}
+            if isinstance(value, tuple):
+                return [shown(v) for v in value]
+            return f"{value:.14g}" if isinstance(value, float) else value
+
+        return {k: shown(v) for k, v in asdict(self).items()}
 
     def set(self, values: Mapping[str, object]) -> Numerics:
         """With ``values`` as a person wrote them. BadInput names the key and what would be right."""
@@ -187,7 +202,8 @@ def preset(name: object, dim: int, modulus: float, thickness: float) -> Numerics
     )
 
 
-_FIELDS = {f.name: f for f in fields(Numerics)}
+#: What a person may set.
+_FIELDS = {f.name: f for f in fields(Numerics) if f.name != "tuning"}
 #: All names that may be set, long and short.
 KEYS = (*ALIASES, *_FIELDS)
 

@@ -26,7 +26,7 @@ from cutbench.solver.iterative import rigid_motions
 from cutbench.solver.march import March
 from cutbench.solver.newton import NewtonSettings
 from cutbench.solver.predictor.history import History
-from cutbench.solver.predictor.window import REMEMBERED, Window
+from cutbench.solver.predictor.window import Window
 from cutbench.solver.problem import Problem
 from cutbench.solver.step_control import StepRules
 
@@ -142,30 +142,31 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
     # A section is small, and the mixed element's matrix no elasticity alone: both are factorized.
     modes = rigid_motions(space.X) if dim == 3 and ndof == space.ndof else None
     problem = Problem(forms, ndof, np.unique(np.concatenate(fixed)), p, solver=n.solver, modes=modes)
+    tuned = n.tuning
     rules = StepRules(
+        **vars(tuned.steps),
         largest=n.step_mm,
         smallest=n.step_min_mm,
-        first=min(0.02, n.step_mm),
         damage=n.damage_step,
         defect=n.energy_step,
-        # A step that is refused costs a block minutes: it stays with one that goes well.
-        least=1.2 if dim == 3 else 1.0,
         augmentations=n.augmentations,
         staggered=n.scheme == "staggered",
-        # A block has too few elements for its surge to be so well resolved.
-        cut_speed_factor=3.0 if dim == 2 and n.stepping != "paper" else 1.0,
         paper=n.stepping == "paper",
     )
     looks_ahead = bool(cut) and n.predictor == "front" and n.scheme == "monolithic"
-    past = History(space, faces["cut"], ndof, REMEMBERED) if looks_ahead and dim == 2 else None
+    past = window = None
+    if looks_ahead:
+        # A block has too few elements for its surge to be so well resolved.
+        past = History(space, faces["cut"], ndof, tuned.window.remembered) if dim == 2 else None
+        window = Window(problem, space, faces["cut"], p.thickness, past, tuned.window)
     march = March(
         problem,
         first_centre(p),
         Motion(p.depth, p.speed, case.motion),
         clamped * dim + 1,
         rules,
-        NewtonSettings(tolerance=n.tolerance),
-        past=past,
-        window=Window(problem, space, faces["cut"], p.thickness, past) if looks_ahead else None,
+        NewtonSettings(**vars(tuned.newton), tolerance=n.tolerance),
+        past,
+        window,
     )
     return Built(case, geometry, space, problem, march)

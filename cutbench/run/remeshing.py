@@ -1,7 +1,7 @@
 """Meshes that follow the front: a march goes on from one to the next, with all that its state has.
 
 Small elements are needed where the cut runs. All down the plane they are most of a section's, and of a
-run's time. So the section is meshed anew each time the front has come ``STRIDE`` blade thicknesses further;
+run's time. So the section is meshed anew each time the front has come a blade thickness further;
 displacements and histories are read off the old mesh at the new one's points, and the blade rests until
 forces balance. Elements grow only where larger ones hold the same displacements. What that changes of the
 stored energy shows in the ledger's closure.
@@ -22,22 +22,12 @@ from cutbench.run.build import ORDER, Built, build, geometry_of
 from cutbench.solver.march import Accepted, Progress
 from cutbench.solver.predictor.window import front_depth
 
-#: The front goes so far on one mesh, in blade thicknesses; and in elements of the plane, at least. So many
-#: are small above it and below, too.
-STRIDE, FEWEST = 1.0, 8
-#: Where more than this part of the height had small elements, one mesh serves.
-WORTH = 0.5
-#: What displacements within an element may differ by on a new mesh, in units of its size; where they do more,
-#: elements stay small. So many times that is looked at.
-MISFIT, LOOKS = 0.02, 8
-#: Part of the smallest volume ratio that a new mesh has to keep.
-USABLE = 0.25
-
 
 def lengths(case: Case) -> tuple[float, float]:
     """How far the front goes on one mesh, and elements are small above it and below, mm."""
-    n, thickness = case.numerics, case.p.thickness
-    return max(STRIDE * thickness, FEWEST * n.h_mm), max(n.around * thickness, FEWEST * n.h_mm)
+    n, thickness, tuning = case.numerics, case.p.thickness, case.numerics.tuning.remesh
+    least = tuning.fewest * n.h_mm
+    return max(tuning.stride * thickness, least), max(n.around * thickness, least)
 
 
 def follows(case: Case) -> bool:
@@ -47,7 +37,7 @@ def follows(case: Case) -> bool:
         return False
     stride, around = lengths(case)
     return (
-        stride + 2 * around < WORTH * case.p.height
+        stride + 2 * around < n.tuning.remesh.worth * case.p.height
         and n.mesh is None
         and n.element != "P2P1"
         and bool(case.model.laws("cut"))
@@ -111,14 +101,14 @@ class RemeshedMarch:
 
         Where elements of the new mesh would be inside out, the old one serves for another stride.
         """
-        old, stayed = self.built, self.place
+        old, stayed, tuning = self.built, self.place, self.case.numerics.tuning.remesh
         self.place, misfits = Place(self._strides(now)), np.zeros((2, 0))
-        for _ in range(LOOKS):
+        for _ in range(tuning.looks):
             # A resumed run makes the mesh again from what is kept: nothing is added after it was made.
             self.place = replace(self.place, kept=np.hstack([self.place.kept, misfits]))
             geometry = self._geometry()
             space = Space.build(geometry.mesh, ORDER[self.case.numerics.element])
-            misfits = _misfits(old.space, space, now.u)
+            misfits = _misfits(old.space, space, now.u, tuning.misfit)
             if misfits.size == 0:
                 break
         new = build(self.case, geometry, space)
@@ -126,22 +116,23 @@ class RemeshedMarch:
         transfer = Transfer(old, new)
         then = transfer.progress(now)
         before, after = (b.form("bulk").smallest_volume_ratio(u) for b, u in ((old, now.u), (new, then.u)))
-        if after < USABLE * min(1.0, before):
+        if after < tuning.usable * min(1.0, before):
             self.place = replace(stayed, asked=self.place.strides)
             return now, None
         self.built = new
         return then, transfer
 
 
-def _misfits(old: Space, new: Space, u: np.ndarray) -> np.ndarray:
-    """Centres (2, n) of those elements of ``new`` that do not hold the displacements ``u`` of ``old``."""
+def _misfits(old: Space, new: Space, u: np.ndarray, most: float) -> np.ndarray:
+    """Centres (2, n) of those elements of ``new`` that do not hold the displacements ``u`` of ``old``
+    to within ``most`` of their size."""
     volume = new.volume(2 * new.order)
     nodal = u.reshape(-1, old.dim)
     held = np.einsum("qa,ead->qed", volume.phi, (old.probes(new.inside) @ nodal)[volume.nodes.T])
     meant = (old.probes(volume.X.reshape(old.dim, -1)) @ nodal).reshape(held.shape)
     corners = new.mesh.p[:, new.mesh.t]
     size = np.ptp(corners, axis=1).max(axis=0)
-    large = np.linalg.norm(held - meant, axis=2).max(axis=0) > MISFIT * size
+    large = np.linalg.norm(held - meant, axis=2).max(axis=0) > most * size
     return corners[..., large].mean(axis=1)
 
 

@@ -20,10 +20,11 @@ from cutbench.base.progress import OnProgress, silent
 from cutbench.base.units import ureg
 from cutbench.case.case import Case
 from cutbench.case.numerics import Numerics
+from cutbench.case.tuning import PathTuning
 from cutbench.run.remeshing import RemeshedMarch, follows
 from cutbench.run.result import Result
 from cutbench.run.runner import Ledger, run_case
-from cutbench.solver.arc_length import RELEASE, Path, PathRules
+from cutbench.solver.arc_length import RELEASE, Path
 from cutbench.solver.stability import lowest_eigenvalue
 
 #: Viscosities of the limit, in units of the case's; the last one also with half the steps.
@@ -176,7 +177,7 @@ def fading(case: Case, depth: float) -> list[tuple[str, Case]]:
 def trace(
     case: Case,
     on_progress: OnProgress = silent,
-    rules: PathRules | None = None,
+    rules: PathTuning | None = None,
 ):
     """The path of a case without time: columns by name, why it stopped (None: it did not), interrupted.
 
@@ -188,7 +189,14 @@ def trace(
     meshes = RemeshedMarch(replace(case, numerics=replace(case.numerics, around=around)))
     built = meshes.built
     march = built.march
-    path = Path(built.problem, march.centre0, case.p.depth, march.bottom, rules or PathRules(), march.newton)
+    path = Path(
+        built.problem,
+        march.centre0,
+        case.p.depth,
+        march.bottom,
+        rules or case.numerics.tuning.path,
+        march.newton,
+    )
     scale, thickness = built.geometry.multiplicity, case.p.thickness
     rows: list[dict[str, float]] = []
     work: dict[str, float] = {}

@@ -23,7 +23,6 @@ from cutbench.run.build import Built, build
 from cutbench.run.result import Outcome
 from cutbench.solver.newton import NewtonSettings, NoConvergence, newton
 from cutbench.solver.problem import damage_growth
-from cutbench.solver.step_control import LARGEST_DAMPING
 
 #: The strip, and the speed at which its clamps part: those of the paper.
 SPECIMEN = {"width": "12 mm", "height": "30 mm", "length": "3 mm", "speed": "0.03 mm/s"}
@@ -133,7 +132,7 @@ class _Pull:
         problem, n = built.problem, built.case.numerics
         self.moved = built.space.nodes_on("clamp") * 3
         problem.in_balance = np.arange(problem.ndof)
-        self.newton = NewtonSettings(tolerance=n.tolerance)
+        self.newton = NewtonSettings(**vars(n.tuning.newton), tolerance=n.tolerance)
         self.damped = any(form.name == "damping" for form in problem.forms)
         self.failures: list[str] = []
         self.stopped: str | None = None
@@ -146,7 +145,7 @@ class _Pull:
         problem, case = self.built.problem, self.built.case
         n, p = case.numerics, case.p
         u, states, before = np.zeros(problem.ndof), problem.start(), None
-        reached, size, last = 0.0, min(0.02, n.step_mm), 0.0
+        reached, size, last = 0.0, min(n.tuning.steps.first, n.step_mm), 0.0
         top, easy, factor, nowhere = 0.0, 0, 1.0, np.zeros(3)
         X = self.built.space.X
         while reached < p.depth - 1e-9:
@@ -171,7 +170,7 @@ class _Pull:
             except NoConvergence as error:
                 self.failures.append(f"{reached:.4f} mm: {error.reason}")
                 size, easy = size / 2, 0
-                if self.damped and size < GENTLE and factor < LARGEST_DAMPING:
+                if self.damped and size < GENTLE and factor < n.tuning.steps.largest_damping:
                     factor = max(10.0, 10 * factor)
                     size = max(size, n.step_min_mm)
                 elif size < n.step_min_mm:

@@ -25,6 +25,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from cutbench.case.tuning import PathTuning
 from cutbench.forms.base import Step
 from cutbench.solver.bordered import Bordered, step_to
 from cutbench.solver.newton import NewtonSettings, NoConvergence, newton
@@ -32,39 +33,6 @@ from cutbench.solver.problem import Problem, damage_growth
 
 #: What was given at a point: travel, growth of the cut or of all damage; or nothing, the body was let go.
 TRAVEL, CUT, DAMAGE, RELEASE = "travel", "cut", "damage", "release"
-
-
-@dataclass(frozen=True)
-class PathRules:
-    """Lengths in mm. ``travel``: largest step of it; ``growth``, ``first``, ``smallest``: steps of C."""
-
-    travel: float = 0.1
-    growth: float = 0.03
-    first: float = 0.005
-    smallest: float = 1e-4
-    #: Where no equilibrium is near, larger steps are tried before the body is let go.
-    leaps: tuple[float, ...] = (0.03, 0.06)
-    #: C is given instead of the travel where it grows faster than this, per travel.
-    breaks: float = 0.5
-    #: Largest growth of damage anywhere in a step, and largest change of the travel.
-    damage: float = 0.6
-    stride: float = 0.15
-    #: Where the blade turns, its first step the other way is at most this: a longer one changes the branch.
-    turn: float = 0.02
-    iterations: int = 10
-    easy: int = 6
-    grow: float = 1.5
-    shrink: float = 0.25
-    #: Points at most.
-    points: int = 3000
-    #: A release: drag at its start and end in units of G, its decay, and steps at the most.
-    drag: float = 1.0
-    rest: float = 1e-4
-    decay: float = 0.4
-    creeps: int = 60
-    #: Travel, mm, before a release that follows another, and such releases at the most.
-    nudge: float = 0.01
-    nudges: int = 20
 
 
 @dataclass
@@ -115,7 +83,7 @@ class Path:
     centre0: np.ndarray
     depth: float
     bottom: np.ndarray
-    rules: PathRules = field(default_factory=PathRules)
+    rules: PathTuning = field(default_factory=PathTuning)
     newton: NewtonSettings = field(default_factory=NewtonSettings)
     stopped: str | None = None
     failures: list[str] = field(default_factory=list)

@@ -15,13 +15,7 @@ from cutbench.solver.newton import BadGuess, NewtonSettings, NoConvergence, newt
 from cutbench.solver.predictor.history import History
 from cutbench.solver.predictor.window import Window
 from cutbench.solver.problem import Evaluation, Problem, damage_growth
-from cutbench.solver.step_control import SETTLES, StepControl, StepRules, StepState, drifts
-
-#: Staggered scheme: repetitions at the most, and the change of damage at which it stands still.
-STAGGERED_LOOPS = 200
-STAGGERED_TOLERANCE = 1e-4
-#: Residual over the forces at which a loop ends whose damage is not yet the last.
-STAGGERED_INNER = 1e-5
+from cutbench.solver.step_control import SETTLES, StepControl, StepRules, StepState
 
 
 @dataclass
@@ -167,7 +161,9 @@ class March:
         ``given``. Raises Stalled.
         """
         problem, rules, motion = self.problem, self.rules, self.motion
-        now = begin or Progress(0.0, np.zeros(problem.ndof), problem.start(), StepState(rules.first))
+        now = begin or Progress(
+            0.0, np.zeros(problem.ndof), problem.start(), StepState(min(rules.first, rules.largest))
+        )
         if self.past is not None:
             self.past.restore(now.past)
         control = StepControl(rules, any(form.name == "damping" for form in problem.forms))
@@ -194,7 +190,6 @@ class March:
             try:
                 desperate = pace.damping_factor > 1 or size <= 2 * rules.smallest
                 straight = self._improved(straight, known, u, begun, step, desperate)
-                drift = (now.spent, now.left)
                 found = self._first_that_holds(u, straight, begun, step, now.force)
                 growth = damage_growth(states, found.result.states)
                 # What the ledger leaves open is the error of the step, against the blade's work over the
@@ -202,7 +197,7 @@ class March:
                 # that. A blade at rest is taken as one that moves.
                 whole = (abs(now.force) + abs(found.force)) / 2 * max(size, rules.largest)
                 defect = abs(found.left) / max(whole, 1e-300)
-                allowed = control.allowed(drifts(found.spent, found.left, *drift))
+                allowed = control.allowed(found.spent, found.left, now.spent, now.left)
                 if plan is None:
                     control.check(pace, growth, defect, allowed)
             except NoConvergence as error:
@@ -239,7 +234,7 @@ class March:
 
     def _cut_speed_factor(self) -> float:
         """How many times faster than the blade the cut grows, within the rules."""
-        if self.past is None:
+        if self.past is None or self.rules.paper:
             return 1.0
         return min(max(1.0, self.past.speed()), self.rules.cut_speed_factor)
 
@@ -261,7 +256,7 @@ class March:
             self.problem.timer.add("window", began)
 
     def _first_that_holds(self, u, straight, states, step, force) -> _Found:
-        """A step from ``straight``; where it is None, or elements are inside out there, from the last state."""
+        """A step from ``straight``; where it is None, or has elements inside out, from the last state."""
         try:
             return self._found(u if straight is None else straight, states, step, force)
         except BadGuess:
@@ -296,8 +291,8 @@ class March:
             return u, result, [iterations]
         cut = next(f for f in self.problem.forms if f.name == "cohesion")
         held, effort = states["cohesion"], []
-        settings = replace(self.newton, tolerance=max(STAGGERED_INNER, self.newton.tolerance))
-        for _ in range(STAGGERED_LOOPS):
+        settings = replace(self.newton, tolerance=max(self.newton.staggered_tolerance, self.newton.tolerance))
+        for _ in range(self.newton.staggered_loops):
             # From one loop to the next only the damage changes, and that less and less.
             still = replace(step, damage_held=True)
             u, _, iterations = newton(
@@ -308,8 +303,10 @@ class March:
             grown = cut.evaluate(u, self.problem.p, states["cohesion"], step, tangent=False).state
             change = np.abs(grown["damage"] - held["damage"]).max(initial=0.0)
             held = grown
-            if change < STAGGERED_TOLERANCE:
+            if change < self.newton.staggered_change:
                 if settings is self.newton:
                     return u, self.problem.evaluate(u, states, step, tangent=False), effort
                 settings = self.newton
-        raise NoConvergence(f"damage still changes by {change:.1e} after {STAGGERED_LOOPS} staggered loops")
+        raise NoConvergence(
+            f"damage still changes by {change:.1e} after {self.newton.staggered_loops} staggered loops"
+        )

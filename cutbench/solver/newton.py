@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cutbench.case.tuning import NewtonTuning
 from cutbench.forms.base import Step
 from cutbench.solver.linear import SingularMatrix
 from cutbench.solver.problem import Problem
@@ -25,41 +26,10 @@ class BadGuess(NoConvergence):
 
 
 @dataclass(frozen=True)
-class NewtonSettings:
-    """Lengths in mm. ``tolerance`` is relative to the forces in balance."""
+class NewtonSettings(NewtonTuning):
+    """The tuned numbers with what a user chooses: ``tolerance`` is relative to the forces in balance."""
 
     tolerance: float = 1e-8
-    #: Accepted where rounding keeps the residual from falling further.
-    stagnant: float = 1e-7
-    iterations: int = 60
-    #: Largest change of a displacement in one iteration, and the one beyond which the tangent is
-    #: regularised, at most with ``largest_shift`` times G.
-    reach: float = 0.3
-    trust: float = 0.2
-    largest_shift: float = 300.0
-    #: What it begins with, in units of G, where the guess leaves more than ``far`` of the forces.
-    cautious: float = 0.0
-    far: float = 0.2
-    #: How much less the next iteration has, where a direction was found at once.
-    relax: float = 4.0
-    #: Part of a Newton step that has to be free of inverted elements, or the tangent is regularised.
-    whole: float = 0.5
-    #: Line search: evaluations at the most, and the part of the work that may be left.
-    cuts: int = 6
-    slack: float = 0.8
-    #: Iterations before a residual that does not fall counts as cycling.
-    patience: int = 20
-    #: A Newton step that leaves less than ``close`` of the residual is followed by steps with its
-    #: factorization, as long as each leaves less than ``chord``.
-    close: float = 0.1
-    chord: float = 0.2
-    #: Part of the last step's smallest volume ratio below which a state is not tried.
-    smallest_ratio: float = 0.25
-
-
-#: A full step from below this part of the forces is likely to be followed by steps with its factorization:
-#: no tangent is assembled on the way.
-NEARLY = 0.02
 
 
 def newton(
@@ -93,7 +63,7 @@ def newton(
             current = problem.evaluate(u, states, step)
         du, alpha = _direction(problem, u, current, settings, shift, floor)
         before, base = size, (u, current)
-        wants = eager and (size > NEARLY * current.scale or shift.now > 0)
+        wants = eager and (size > settings.nearly * current.scale or shift.now > 0)
         u, current = _search(problem, u, du, alpha, current, states, step, settings, floor, wants)
         eager = np.array_equal(u, base[0] + alpha * du)
         size = norm(current)

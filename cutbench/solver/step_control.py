@@ -11,65 +11,29 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cutbench.case.tuning import StepTuning
 from cutbench.solver.newton import NoConvergence
-
-#: The damping is raised to this many times its value before a run gives up.
-LARGEST_DAMPING = 1e7
-#: And to this before a step is taken whose energy does not close: within a jump it then spreads over several.
-LEAKY_DAMPING = 1e4
-#: Where the ledger has left more than this part of the blade's whole work open, steps that add to it are held
-#: to a quarter of what they may leave open otherwise: errors of one sign must not add up.
-DRIFT = 0.005
 
 
 @dataclass(frozen=True)
-class StepRules:
-    """Blade travel per step in mm: largest, smallest, first; targets that change it."""
+class StepRules(StepTuning):
+    """The tuned numbers with what a user chooses: blade travel per step in mm, largest and smallest."""
 
     largest: float = 0.1
     smallest: float = 1e-4
-    first: float = 0.02
+    #: Growth of damage that makes the next step smaller; twice as much refuses a step.
     damage: float = 0.2
-    iterations: int = 6
-    grow: float = 1.5
-    #: By less than this it does not grow at all.
-    least: float = 1.0
-    shrink: float = 0.5
-    tenth: float = 0.1
-    augmentations: int = 0
     #: Largest part of the blade's work in a step that the ledger may leave open.
     defect: float = 0.05
-    #: Below this step, in mm, where Newton's method fails the next one is a tenth: a snap has begun.
-    gentle: float = 0.03
-    #: After so many refused steps since the last one as long as that it is no snap, and damping is raised at
-    #: any step below it until one is as long again.
-    patience: int = 40
-    #: Below this step, in mm, one whose energy does not close is taken where damping has been raised in vain.
-    finest: float = 5e-3
-    #: Steps at rest that may be refused before the blade goes on against raised damping.
-    tries: int = 30
-    #: What is left of raised damping after a step at rest that was easy.
-    calm: float = 0.2
+    augmentations: int = 0
     #: Damage is held during Newton's method and updated until it stands still (the paper's scheme).
     staggered: bool = False
-    #: Where the cut grows faster than the blade goes, steps are made for less damage by as much, and so many
-    #: times less at the most: the cut then gathers speed, and rates are differences over a step.
-    cut_speed_factor: float = 1.0
     #: A tenth of the step when damage grew by more than ``damage``, else five times (the paper's rule).
     paper: bool = False
 
 
-#: Part of what damage and the ledger may do in a step that the next one is made for.
-TARGET = 0.9
-
-
 class EnergyError(NoConvergence):
     """A step that converged, but whose energy does not close."""
-
-
-def drifts(spent: float, left: float, spent_before: float, left_before: float) -> bool:
-    """Whether a step adds to what the ledger has left open so far, and that is too much already."""
-    return left * left_before > 0 and abs(left_before + left) > DRIFT * (spent_before + spent)
 
 
 #: What the blade does: it goes on; goes on against raised damping, where resting was in vain; rests until
@@ -130,9 +94,12 @@ class StepControl:
         """Time of the next step times the speed: short where the blade rests, so that nothing creeps."""
         return self.rules.smallest if now.rests else now.size
 
-    def allowed(self, drifting: bool) -> float:
-        """Part of the blade's work over the largest step that a step may leave open."""
-        return self.rules.defect / 4 if drifting else self.rules.defect
+    def allowed(self, spent: float, left: float, spent_before: float, left_before: float) -> float:
+        """Part of the blade's work over the largest step that a step may leave open: less where it adds to
+        what the ledger has left open so far, and that is too much already."""
+        rules = self.rules
+        drifts = left * left_before > 0 and abs(left_before + left) > rules.drift * (spent_before + spent)
+        return rules.defect / 4 if drifts else rules.defect
 
     def check(self, now: StepState, growth: float, defect: float, allowed: float) -> None:
         """Raises NoConvergence where damage grew by too much, or too much of the energy is left open."""
@@ -141,7 +108,7 @@ class StepControl:
             return
         if growth > 2 * rules.damage and size > 4 * rules.smallest:
             raise NoConvergence(f"damage grew by {growth:.2f}")
-        able = self.damped and now.damping_factor < LEAKY_DAMPING
+        able = self.damped and now.damping_factor < rules.jump_damping
         # Where errors add up, it is their mean over some steps that has to be small.
         if defect > min(2 * allowed, rules.defect) and (size > rules.finest or able):
             raise EnergyError(f"the energy of the step closes only to {defect:.0%}")
@@ -159,14 +126,14 @@ class StepControl:
         slowest = rules.finest if leaky else rules.gentle
         if not now.rests and now.size > (slowest if crawls else rules.smallest):
             snaps = moves and now.size <= rules.gentle and not leaky
-            size = max(now.size * (rules.tenth if snaps else rules.shrink), rules.smallest)
+            size = max(now.size * (rules.snap if snaps else rules.shrink), rules.smallest)
             return replace(now, size=size)
         if not self.damped:
             return None
         if not now.rests and crawls and now.size < rules.finest and now.damping_factor == 1:
             # Once: near the end of its way a step stays as short, and only damping is left to try.
             return replace(now, size=rules.finest, damping_factor=10.0)
-        if now.damping_factor < LARGEST_DAMPING:
+        if now.damping_factor < rules.largest_damping:
             return replace(now, damping_factor=max(10.0, now.damping_factor * 10))
         return None
 
@@ -193,14 +160,13 @@ class StepControl:
         rules, size = self.rules, now.size
         if rules.paper:
             return max(size / 10, rules.smallest) if growth > rules.damage else min(5 * size, rules.largest)
-        if hardest > rules.iterations + 3 or growth > rules.damage or defect > 0.7 * allowed:
-            return max(0.7 * size, min(size, rules.smallest))
+        if hardest > rules.iterations + 3 or growth > rules.damage or defect > rules.shorter * allowed:
+            return max(rules.shorter * size, min(size, rules.smallest))
         if hardest <= rules.iterations and now.easy > 1:
             # Damage grows with the step, and what the ledger leaves open with its square.
-            room = min(
-                TARGET * rules.damage / max(growth, 1e-9), np.sqrt(TARGET * 0.7 * allowed / max(defect, 1e-9))
-            )
-            if room > rules.least:
+            by_energy = np.sqrt(rules.target * rules.shorter * allowed / max(defect, 1e-9))
+            room = min(rules.target * rules.damage / max(growth, 1e-9), by_energy)
+            if room > 1:
                 return min(size * min(room, rules.grow), rules.largest)
         return size
 

@@ -15,36 +15,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from cutbench.case.tuning import WindowTuning
 from cutbench.forms.space import Faces, Space
 from cutbench.solver.newton import BadGuess, NewtonSettings, NoConvergence, newton
 from cutbench.solver.predictor.history import History
 from cutbench.solver.predictor.part import SubProblem
 from cutbench.solver.problem import Problem
-
-#: Half of the window's width, and how far it reaches ahead of the front and behind, in blade thicknesses.
-REACH = 1.0
-#: And at least this many elements of the cut plane.
-ELEMENTS = 3
-#: The window follows the front in steps of this part of that length.
-FOLLOWS = 0.25
-#: A part's residual, over its own forces, that is small enough; and iterations, at the most.
-ENOUGH, ITERATIONS = 1e-3, 15
-#: Where it stays above that, what is still a better beginning than a shorter step.
-USABLE = 0.02
-#: Regularisation that Newton's method begins with where the front has been moved, in units of G, and how much
-#: less each iteration has.
-CAUTIOUS, RELAX = 64.0, 8.0
-#: Parts of the front's expected advance that are tried where all of it inverts elements.
-CAUTION = (1.0, 0.75, 0.5)
-#: How often, and how near to the front in blade thicknesses, what a moved state lacks is smoothed.
-SMOOTHINGS, NEAR = 4, 0.15
-#: Where else the whole problem's residual is above this part of the forces a part is solved too: so many,
-#: each of so many nodes at least.
-WRONG, SPOTS, FEWEST = 0.01, 2, 60
-#: Nodes nearer to the blade than this keep their distance in a prediction, mm.
-TOUCH = 0.01
-#: Elements of the cut plane that the past is remembered for.
-REMEMBERED = 3
 
 
 def front_depth(height: np.ndarray, top: float, states: dict) -> float:
@@ -59,10 +35,18 @@ def front_depth(height: np.ndarray, top: float, states: dict) -> float:
 class Window:
     """Parts of a problem: around the front of its cut, and where else a prediction is wrong."""
 
-    def __init__(self, problem: Problem, space: Space, cut: Faces, thickness: float, past: History | None):
+    def __init__(
+        self,
+        problem: Problem,
+        space: Space,
+        cut: Faces,
+        thickness: float,
+        past: History | None,
+        tuning: WindowTuning,
+    ):
         """``cut``: the faces of the cut plane; ``thickness`` of the blade in mm; ``past``: what the march
         remembers."""
-        self._problem, self._space, self._past = problem, space, past
+        self._problem, self._space, self._past, self._tuning = problem, space, past, tuning
         self._cut = next(form for form in problem.forms if form.name == "cohesion")
         self._height = cut.X[1].ravel()
         self._top = float(space.X[1].max())
@@ -70,8 +54,8 @@ class Window:
         # other parts saved anything.
         self._flat = space.dim == 2
         self._tall = float(np.median(np.ptp(space.X[1, cut.nodes], axis=0)))
-        self._reach = max(REACH * thickness, ELEMENTS * self._tall)
-        self._smoothed = max(NEAR * thickness, self._tall)
+        self._reach = max(tuning.reach * thickness, tuning.elements * self._tall)
+        self._smoothed = max(tuning.near * thickness, self._tall)
         self._place: int | None = None
         self._part: SubProblem | None = None
         self._spot: tuple[np.ndarray, SubProblem] | None = None
@@ -89,13 +73,17 @@ class Window:
         begin = self._begun(u, last, np.real(states["cohesion"]["damage"]), part, of_part, step, settings)
         # What has been moved is wrong by little, but by much in the element at the front: without
         # regularisation the first directions invert elements.
-        moved = settings if begin is u else replace(settings, cautious=CAUTIOUS, relax=RELAX)
+        moved = (
+            settings
+            if begin is u
+            else replace(settings, cautious=self._tuning.cautious, relax=self._tuning.relax)
+        )
         try:
             u = self._newton(part, begin, of_part, step, moved)
         except BadGuess:
             # All turn elements inside out: begin as it was, and yield to the edge.
             u = self._newton(part, last + part.extended(u - last), of_part, step, settings)
-        for _ in range(SPOTS if self._flat else 0):
+        for _ in range(self._tuning.spots if self._flat else 0):
             part = self._worst(u, states, step)
             if part is None:
                 break
@@ -106,13 +94,13 @@ class Window:
         return u
 
     def _newton(self, part: SubProblem, u, states, step, settings: NewtonSettings) -> np.ndarray:
-        tolerance = max(ENOUGH, settings.tolerance)
-        near = replace(settings, tolerance=tolerance, iterations=ITERATIONS)
+        tolerance = max(self._tuning.enough, settings.tolerance)
+        near = replace(settings, tolerance=tolerance, iterations=self._tuning.iterations)
         try:
             return newton(part.problem, u, states, step, near)[0]
         except NoConvergence as error:
             left, nearest = error.nearest
-            if left > USABLE:
+            if left > self._tuning.usable:
                 raise
             return nearest
 
@@ -120,12 +108,12 @@ class Window:
     def _around(self, states: dict) -> SubProblem:
         """The part around the front. Of the state alone: a run may resume."""
         depth = front_depth(self._height, self._top, states)
-        place = int(depth / (FOLLOWS * self._reach))
+        place = int(depth / (self._tuning.follows * self._reach))
         if place != self._place:
-            front = self._top - place * FOLLOWS * self._reach
+            front = self._top - place * self._tuning.follows * self._reach
             X = self._space.X
             near = (np.abs(X[0]) < self._reach) & (X[1] < front + self._reach)
-            inside = near & (X[1] > front - (1 + FOLLOWS) * self._reach)
+            inside = near & (X[1] > front - (1 + self._tuning.follows) * self._reach)
             self._place, self._part = place, SubProblem(self._problem, X.shape[0], inside)
         return self._part
 
@@ -137,7 +125,7 @@ class Window:
             return u
         floor = settings.smallest_ratio * min(1.0, part.problem.bulk.smallest_volume_ratio(last))
         best, begin = _relative_residual(part.problem, u, states, step, floor), u
-        moved = (self._moved(u, last, damage, part, caution * advance) for caution in CAUTION)
+        moved = (self._moved(u, last, damage, part, caution * advance) for caution in self._tuning.caution)
         for guesses in (self._repeated(u, last, part, step), moved):
             for guess in guesses:
                 relative_residual = _relative_residual(part.problem, guess, states, step, floor)
@@ -171,9 +159,10 @@ class Window:
                 form.gap_of_nodes(self._space.X, v, states[form.name], problem.p, at)
                 for v, at in ((u, step), (last, before))
             )
+            near = was[0] < self._tuning.touch_mm
             for i in range(dim):
                 places = nodes * dim + i
-                held = (was[0] < TOUCH) & problem.is_free[places] & ~part.problem.is_free[places]
+                held = near & problem.is_free[places] & ~part.problem.is_free[places]
                 u[places[held]] -= ((gap - was[0]) * normal[i])[held]
         return u
 
@@ -206,7 +195,7 @@ class Window:
         lacked = above @ change - (moved - now[nodes])
         depth = self._top - self._height[damage > 0.5].min()
         near = np.hypot(space.X[0, nodes], self._top - space.X[1, nodes] - depth) < self._smoothed
-        for _ in range(SMOOTHINGS):
+        for _ in range(self._tuning.smoothings):
             lacked[near] = (part.average @ lacked)[near]
         guess = u.copy()
         places = nodes[:, None] * dim + np.arange(dim)
@@ -221,14 +210,14 @@ class Window:
         found = problem.evaluate(u, states, step, tangent=False)
         forces = np.zeros(problem.ndof)
         forces[problem.free] = found.residual[problem.free]
-        if not WRONG * found.scale < np.linalg.norm(forces) < np.inf:
+        if not self._tuning.wrong * found.scale < np.linalg.norm(forces) < np.inf:
             return None
         node = int(np.linalg.norm(forces[: space.ndof].reshape(-1, space.dim), axis=1).argmax())
         if node in self._part.nodes:
             return None
         if self._spot is None or node not in self._spot[0]:
             away = np.linalg.norm(space.X - space.X[:, [node]], axis=0)
-            least = min(FEWEST, away.size) - 1
+            least = min(self._tuning.fewest, away.size) - 1
             reach = max(self._reach, float(np.partition(away, least)[least]))
             core = np.flatnonzero(away < reach / 2)
             self._spot = core, SubProblem(problem, space.dim, away <= reach)

@@ -1,0 +1,230 @@
+"""The tuned numbers of a computation, each with its reason: part of a case's identity; nobody sets them.
+
+What a user may choose stands in ``numerics``. These decide how quickly and how surely a run gets to its end,
+and less than 1 % of onset, peak, drop and steady force.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+
+
+@dataclass(frozen=True)
+class StepTuning:
+    """How long the next step is, and when damping is raised. Lengths in mm of blade travel."""
+
+    first: float = 0.02
+    """First step, and the one after a corner of the motion: the tip indents by less than it is round."""
+    iterations: int = 6
+    """A step that needs no more lets the next one grow; one that needs half as many again makes it
+    shorter."""
+    grow: float = 1.5
+    """Growth from one step to the next at most: steps that double are refused as often as they are taken."""
+    shrink: float = 0.5
+    """What is left of a step that was refused, and of raised damping after a step at rest that was hard."""
+    shorter: float = 0.7
+    """What is left of a step that was taken, but hard; and the part of the energy allowed that counts as
+    it."""
+    snap: float = 0.1
+    """What is left of a refused step below ``gentle``: a snap is tens of times shorter than what leads to
+    it."""
+    target: float = 0.9
+    """Part of what damage and the ledger may do in a step that the next one is made for: its prediction
+    errs."""
+    gentle: float = 0.03
+    """Below this step, where Newton's method fails, a snap has begun."""
+    finest: float = 5e-3
+    """Below this step one whose energy does not close is taken where damping has been raised in vain."""
+    patience: int = 40
+    """Refused steps after which shorter ones are not tried, but damping: a crawl at the smallest step costs a
+    thousand steps a tenth of a millimetre."""
+    tries: int = 30
+    """Steps at rest that may be refused before the blade goes on against raised damping."""
+    calm: float = 0.2
+    """What is left of raised damping after a step at rest that was easy."""
+    largest_damping: float = 1e7
+    """Damping is raised to this many times its value before a run gives up: it then holds all in place."""
+    jump_damping: float = 1e4
+    """And to this before a step is taken whose energy does not close: a jump then spreads over several."""
+    drift: float = 0.005
+    """Where the ledger has left more than this part of the whole work open, steps that add to it are held
+    to a
+    quarter of what they may leave open otherwise: errors of one sign must not add up."""
+    cut_speed_factor: float = 3.0
+    """Where the cut grows faster than the blade goes, steps are made for less damage by as much, and so many
+    times less at the most: the cut then gathers speed, and rates are differences over a step."""
+
+
+@dataclass(frozen=True)
+class NewtonTuning:
+    """Newton's method, its regularisation and its line search. Lengths in mm."""
+
+    stagnant: float = 1e-7
+    """Residual that is accepted where rounding keeps it from falling further."""
+    iterations: int = 60
+    """At the most: a step that needs more is cheaper in two."""
+    reach: float = 0.3
+    """Largest change of a displacement in one iteration: some elements."""
+    trust: float = 0.2
+    """The one beyond which the tangent is regularised: a direction so long comes of a near singularity."""
+    largest_shift: float = 300.0
+    """Regularisation at the most, in G: no element moves by more than a part of itself then."""
+    cautious: float = 0.0
+    """Regularisation to begin with, in G, where the guess leaves more than ``far`` of the forces."""
+    far: float = 0.2
+    """Part of the forces beyond which a guess is far from equilibrium."""
+    relax: float = 4.0
+    """How much less regularisation the next iteration has, where a direction was found at once."""
+    whole: float = 0.5
+    """Part of a Newton step that has to be free of inverted elements, or the tangent is regularised."""
+    cuts: int = 6
+    """Evaluations of a line search at the most: each costs a third of an iteration."""
+    slack: float = 0.8
+    """Part of the work of the residual that a line search may leave: it is there against cycles, not to
+    minimise."""
+    patience: int = 20
+    """Iterations before a residual that does not fall counts as cycling."""
+    close: float = 0.1
+    """A Newton step that leaves less than this of the residual is followed by steps with its
+    factorization."""
+    chord: float = 0.2
+    """As long as each of them leaves less than this: a new factorization costs as much as three."""
+    nearly: float = 0.02
+    """A full step from below this part of the forces is likely to be followed by such: no tangent is
+    assembled
+    on the way."""
+    smallest_ratio: float = 0.25
+    """Part of the last step's smallest volume ratio below which a state is not tried."""
+    staggered_loops: int = 200
+    """Repetitions of the staggered scheme at the most."""
+    staggered_change: float = 1e-4
+    """Change of damage at which it stands still."""
+    staggered_tolerance: float = 1e-5
+    """Residual over the forces at which a loop ends whose damage is not yet the last."""
+
+
+@dataclass(frozen=True)
+class WindowTuning:
+    """The elements around the front that are solved first. Lengths in blade thicknesses unless in mm."""
+
+    reach: float = 1.0
+    """Half of its width, and how far it goes ahead of the front and behind: what the front moves in a
+    step."""
+    elements: int = 3
+    """And at least so many elements of the cut plane."""
+    follows: float = 0.25
+    """It goes down with the front in steps of this part of its reach: its pattern is analysed anew each
+    time."""
+    enough: float = 1e-3
+    """A part's residual over its own forces that is small enough: what surrounds it is not exact either."""
+    iterations: int = 15
+    """Newton's iterations on a part at the most."""
+    usable: float = 0.02
+    """Where they do not get to ``enough``, what is still a better beginning than a shorter step."""
+    cautious: float = 64.0
+    """Regularisation to begin with where the front has been moved, in G: elements there are wrong by much."""
+    relax: float = 8.0
+    """How much less of that each iteration has."""
+    caution: tuple[float, ...] = (1.0, 0.75, 0.5)
+    """Parts of the front's expected advance that are tried where all of it inverts elements."""
+    smoothings: int = 4
+    """How often what a moved state lacks is averaged near the front, where it differs within an element."""
+    near: float = 0.15
+    """So near to the front."""
+    wrong: float = 0.01
+    """Where else the residual is above this part of the forces a part is solved too."""
+    spots: int = 2
+    """So many such parts."""
+    fewest: int = 60
+    """Of so many nodes at least: smaller ones push the error out of themselves."""
+    touch_mm: float = 0.01
+    """Nodes nearer to the blade than this keep their distance in a prediction."""
+    remembered: int = 3
+    """Elements of the cut plane that the past is remembered for: a step is at most as long."""
+
+
+@dataclass(frozen=True)
+class RemeshTuning:
+    """Meshes that follow the front."""
+
+    stride: float = 1.0
+    """The front goes so far on one mesh, in blade thicknesses."""
+    fewest: int = 8
+    """And so many elements of the plane at least: as many are small above it and below, too."""
+    worth: float = 0.5
+    """Where more than this part of the height had small elements, one mesh serves."""
+    misfit: float = 0.02
+    """What displacements within an element may differ by on a new mesh, in units of its size; where they do
+    more, elements stay small."""
+    looks: int = 8
+    """So many times that is looked at."""
+    usable: float = 0.25
+    """Part of the smallest volume ratio that a new mesh has to keep."""
+
+
+@dataclass(frozen=True)
+class PathTuning:
+    """Paths through snap-backs (``solver.arc_length``). Lengths in mm; C is the cut's length."""
+
+    travel: float = 0.1
+    """Largest step of the travel."""
+    growth: float = 0.03
+    """Largest step of C: an element or two."""
+    first: float = 0.005
+    """First step of C, where it takes the place of the travel."""
+    smallest: float = 1e-4
+    """Smallest step of either."""
+    leaps: tuple[float, ...] = (0.03, 0.06)
+    """Where no equilibrium is near, larger steps of C are tried before the body is let go."""
+    breaks: float = 0.5
+    """C is given instead of the travel where it grows faster than this, per travel."""
+    damage: float = 0.6
+    """Largest growth of damage anywhere in a step: more jumps to another branch."""
+    stride: float = 0.15
+    """Largest change of the travel in a step."""
+    turn: float = 0.02
+    """Where the blade turns, its first step the other way is at most this: a longer one changes the
+    branch."""
+    iterations: int = 10
+    """Newton's iterations at the most: where it needs more, another branch is found."""
+    easy: int = 6
+    """A step that needs no more lets the next one grow."""
+    grow: float = 1.5
+    """By this."""
+    shrink: float = 0.25
+    """What is left of a step that was refused."""
+    points: int = 3000
+    """Points at most."""
+    drag: float = 1.0
+    """Drag of a release at its start, in G: elements move by a part of themselves."""
+    rest: float = 1e-4
+    """And at its end."""
+    decay: float = 0.4
+    """What is left of it after each step."""
+    creeps: int = 60
+    """Steps of a release at the most."""
+    nudge: float = 0.01
+    """Travel before a release that follows another."""
+    nudges: int = 20
+    """Such releases at the most."""
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """All of them."""
+
+    steps: StepTuning = field(default_factory=StepTuning)
+    newton: NewtonTuning = field(default_factory=NewtonTuning)
+    window: WindowTuning = field(default_factory=WindowTuning)
+    remesh: RemeshTuning = field(default_factory=RemeshTuning)
+    path: PathTuning = field(default_factory=PathTuning)
+
+    @classmethod
+    def of(cls, data: Mapping[str, Mapping]) -> Tuning:
+        """From what ``dataclasses.asdict`` made of one, and JSON of that."""
+        parts = {}
+        for f in fields(cls):
+            part = {k: tuple(v) if isinstance(v, list) else v for k, v in data[f.name].items()}
+            parts[f.name] = f.default_factory(**part)
+        return cls(**parts)
