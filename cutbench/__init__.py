@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from cutbench.case.model import DEFAULT, PAPER, Model
     from cutbench.case.numerics import Numerics
     from cutbench.data.campaign import Campaign, load_campaign
+    from cutbench.data.examples import copy_examples
     from cutbench.discovery.search import Discovery, discover
     from cutbench.maps.dataset import load_map
     from cutbench.maps.study import Study, load_study
@@ -42,6 +43,7 @@ _WHERE = {
     "case.model": ("DEFAULT", "PAPER", "Model"),
     "case.numerics": ("Numerics",),
     "data.campaign": ("Campaign", "load_campaign"),
+    "data.examples": ("copy_examples",),
     "discovery.search": ("Discovery", "discover"),
     "maps.dataset": ("load_map",),
     "maps.study": ("Study", "load_study"),
@@ -67,6 +69,7 @@ __all__ = [
     "Outcome",
     "Result",
     "Study",
+    "copy_examples",
     "discover",
     "fit",
     "known_materials",

@@ -1,0 +1,24 @@
+"""``cutbench examples``: studies and measured campaigns to start from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cutbench.cli.options import exits
+
+
+@exits
+def examples(
+    out: Annotated[Path, typer.Option(metavar="DIR", help="A new folder to copy them into.")] = Path(
+        "examples"
+    ),
+) -> None:
+    """Copy the example studies and campaigns, readings and all, into a folder."""
+    from cutbench.data.examples import copy_examples
+
+    folder = copy_examples(out)
+    for path in sorted(folder.rglob("*.toml")):
+        typer.echo(path)

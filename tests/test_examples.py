@@ -1,0 +1,62 @@
+"""The examples that come with an installed cutbench, and the sections of its files: documented and there."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import cutbench
+from cutbench.case.model import PROTOCOL, SPECIMEN, section_of
+from cutbench.cli.main import app
+from cutbench.data.campaign import load_campaign
+from cutbench.maps.study import load_study
+from cutbench.mechanisms import registry
+
+ROOT = Path(__file__).resolve().parents[1]
+IN_WHEEL = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["hatch"]["build"]["targets"][
+    "wheel"
+]["force-include"]
+
+
+def test_examples_are_copied_and_can_be_read(tmp_path):
+    folder = cutbench.copy_examples(tmp_path / "examples")
+    for name in ("rubber/treloar", "silicone/meunier", "silicone/rtv615", "synthetic/cutting"):
+        assert load_campaign(folder / f"{name}.toml").train
+    assert load_study(folder / "transition.toml").axes
+    assert not (folder / "results").exists()
+    with pytest.raises(cutbench.BadInput, match="not there yet"):
+        cutbench.copy_examples(folder)
+
+
+def test_the_command_says_what_it_copied(tmp_path):
+    done = CliRunner().invoke(app, ["examples", "--out", str(tmp_path / "new")])
+    assert done.exit_code == 0 and "treloar.toml" in done.output
+    again = CliRunner().invoke(app, ["examples", "--out", str(tmp_path / "new")])
+    assert again.exit_code == 2 and "not there yet" in again.output
+
+
+def test_what_the_documentation_opens_is_in_the_wheel():
+    shipped = set()
+    for source, target in IN_WHEEL.items():
+        assert target.startswith("cutbench/data/examples/") and (ROOT / source).exists()
+        shipped.add(Path(target).relative_to("cutbench/data/examples").parts[0])
+    pages = [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
+    used = set()
+    for page in pages:
+        for block in re.findall(r"^```python\n(.*?)^```$", page.read_text("utf-8"), re.M | re.S):
+            assert "__file__" not in block, f"{page.name}: a path beside the package is not in a wheel"
+            used |= set(re.findall(r"examples / \"([\w.]+)\"", block))
+    assert used and used <= shipped
+
+
+@pytest.mark.parametrize("section", ["blade", "specimen", "protocol"])
+def test_the_keys_of_each_section_are_documented(section):
+    page = (ROOT / "docs" / "data.md").read_text("utf-8")
+    parameters = [q for law in registry().values() for q in law.parameters] + [*SPECIMEN, *PROTOCOL]
+    row = re.search(rf"^\| `\[{section}\]` \|.*$", page, re.M)[0]
+    for name in {q.name for q in parameters if section_of(q.name) == section}:
+        assert f"`{name}`" in row
