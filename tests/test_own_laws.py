@@ -225,3 +225,43 @@ def test_a_package_offers_laws_by_an_entry_point(page_law, tmp_path):
         tmp_path,
     )
     assert said.strip() == "True"
+
+
+def test_a_law_brings_its_group_and_its_lever(tmp_path):
+    (tmp_path / "my_laws").mkdir()
+    (tmp_path / "my_laws" / "sticky.py").write_text(
+        "from cutbench.mechanisms import Blade, Estimate, Group, Parameter\n\n\n"
+        "class Sticky(Blade):\n"
+        "    name, title, role = 'sticky', 'sticky', 'sticky'\n"
+        "    reads = ('G',)\n"
+        "    tau = Parameter('tau_s', 'kPa', 't', 'grip', low=0, off=0.0, default=0.0, lever='wash')\n"
+        "    parameters = (tau,)\n"
+        "    settable = (Group('grip', 'tau_s/G', 't', 'tau_s', ('G',), lambda p: p.tau_s / p.G,\n"
+        "                      lambda p, x: x * p.G),)\n\n"
+        "    def groups(self, p):\n        return {'tau_s/G': p.tau_s / p.G}\n\n"
+        "    def strength(self, t_N, p, state, at):\n        return p.tau_s * at.touched\n\n"
+        "    def estimate(self, p, rate, width):\n        return Estimate(drag=p.tau_s)\n"
+    )
+    names = str([*Model(DEFAULT).mechanisms, "sticky"]).replace("'", '"')
+    (tmp_path / "study.toml").write_text(
+        f'title = "grip"\nbase = "gelatin"\nmechanisms = {names}\n\n'
+        '[[axis]]\nname = "grip"\nvalues = [0.1, 0.3]\n'
+    )
+    said = python(
+        "import cutbench\nfrom cutbench.case.model import levers\n"
+        "from cutbench.maps.estimates import classical\n"
+        "cutbench.use_mechanisms('my_laws')\n"
+        "case = cutbench.load_case('gelatin', {'with': 'sticky', 'grip': 0.2})\n"
+        "bare = cutbench.load_case('gelatin')\n"
+        "print(case.values['tau_s'] / case.p.G, case.groups()['tau_s/G'], levers()['wash'])\n"
+        "print(classical(case).slope_N_per_mm > classical(bare).slope_N_per_mm)\n",
+        tmp_path,
+    )
+    assert said.split() == ["0.2", "0.2", "tau_s", "True"]
+    said = python(
+        "import cutbench\ncutbench.use_mechanisms('my_laws')\n"
+        "study = cutbench.load_study('study.toml')\n"
+        "print(*[round(case.values['tau_s'] / case.p.G, 9) for case in study.cases()])\n",
+        tmp_path,
+    )
+    assert said.split() == ["0.1", "0.3"]

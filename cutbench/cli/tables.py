@@ -101,6 +101,8 @@ def mechanism(name: str) -> RenderableType:
     parts: list[RenderableType] = [values] if m.parameters else [Text(f"{m.title} ({m.name}): no parameters")]
     if groups := group_texts(m):
         parts.append(Text(f"groups: {', '.join(groups)}"))
+    if m.settable:
+        parts.append(Text(f"may be set: {', '.join(f'{g.name} = {g.text}' for g in m.settable)}"))
     if m.reads:
         parts.append(Text(f"reads: {', '.join(m.reads)}"))
     doc = inspect.cleandoc(sys.modules[type(m).__module__].__doc__ or type(m).__doc__ or "")
