@@ -39,8 +39,8 @@ Numbers = dict[str, np.ndarray]
 
 #: Parts of a report that say how it was computed, not what came out.
 IGNORED = {
-    "case", "counts", "id", "message", "numerics", "platform", "reproduce", "run_id", "schema", "seconds",
-    "timings_s", "versions",
+    "case", "computation", "counts", "id", "message", "numerics", "platform", "reproduce", "run_id", "schema",
+    "seconds", "timings_s", "versions",
 }  # fmt: skip
 #: Numbers that are errors or chances themselves: relative to one, as they are relative already.
 ERRORS = ("closure", "reaction_error", "chance")

@@ -17,6 +17,7 @@ from pathlib import Path
 
 from cutbench.case.model import DEFAULT
 from cutbench.case.numerics import ALIASES, Numerics, defaults
+from cutbench.case.tuning import Tuning
 from cutbench.mechanisms import registry
 from cutbench.mechanisms.base import Mechanism
 
@@ -34,7 +35,9 @@ def field_texts(cls: type) -> dict[str, str]:
     texts = {}
     for one, below in pairwise(whole.body if isinstance(whole, ast.ClassDef) else ()):
         if isinstance(one, ast.AnnAssign) and isinstance(below, ast.Expr):
-            texts[ast.unparse(one.target)] = " ".join(ast.literal_eval(below.value).split())
+            texts[ast.unparse(one.target)] = " ".join(ast.literal_eval(below.value).split()).replace(
+                "``", "`"
+            )
     return texts
 
 
@@ -63,6 +66,23 @@ def numerics() -> str:
     return table(("name", "default", "in three dimensions", "allowed", "what it does"), rows)
 
 
+def tuning() -> str:
+    """A heading and a table for each part."""
+    parts = []
+    for part in fields(Tuning):
+        numbers = getattr(Tuning(), part.name)
+        texts, about = field_texts(type(numbers)), " ".join((type(numbers).__doc__ or "").split())
+        rows = [[f"`{n}`", value(getattr(numbers, n)), texts[n].rstrip(".")] for n in texts]
+        parts.append(
+            f"## {part.name}\n\n{about.replace('``', '`')}\n\n{table(('name', 'value', 'why'), rows)}"
+        )
+    return "\n\n".join(parts)
+
+
+def value(number: float | tuple[float, ...]) -> str:
+    return ", ".join(digits(one) for one in (number if isinstance(number, tuple) else (number,)))
+
+
 def replaced(law: Mechanism) -> Mechanism | None:
     """The law whose role ``law`` takes and whose parameters it keeps; none where it is added to a model."""
     names = {q.name for q in law.parameters}
@@ -86,7 +106,7 @@ def mechanisms() -> str:
     return table(("slot", "name", "in place of", "what it is", "parameters", "off at"), rows)
 
 
-TABLES: dict[str, Callable[[], str]] = {"numerics": numerics, "mechanisms": mechanisms}
+TABLES: dict[str, Callable[[], str]] = {"numerics": numerics, "tuning": tuning, "mechanisms": mechanisms}
 
 
 def renewed(text: str) -> str:
