@@ -15,8 +15,12 @@ from cutbench.mechanisms.given import PROTOCOL, SPECIMEN
 ROOT = Path(cutbench.__file__).parent
 #: Reference problems and published claims are of certain laws.
 OF_CERTAIN_LAWS = ("mechanisms", "verification")
-#: Numbers that a parameter's name happens to be as well: Greek letters, and the picture of phases.
-OTHERWISE = {"base/figure_style.py": {"beta", "mu", "nu"}, "maps/__init__.py": {"phase"}}
+#: Words that a parameter's name happens to be as well: Greek letters, a picture of phases, energy that drifts.
+OTHERWISE = {
+    "base/figure_style.py": {"beta", "mu", "nu"},
+    "maps/__init__.py": {"phase"},
+    "solver/step_control.py": {"drift"},
+}
 
 LAWS = registry().values()
 #: The blade is a body like the specimen: meshes, pictures and checks know its sizes.
