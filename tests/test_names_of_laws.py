@@ -15,7 +15,7 @@ from cutbench.mechanisms.given import PROTOCOL, SPECIMEN
 ROOT = Path(cutbench.__file__).parent
 #: Reference problems and published claims are of certain laws.
 OF_CERTAIN_LAWS = ("mechanisms", "verification")
-#: Words that a parameter's name happens to be as well: Greek letters, a picture of phases, energy that drifts.
+#: Words that happen to be the names of parameters: Greek letters, a picture of phases, energy that drifts.
 OTHERWISE = {
     "base/figure_style.py": {"beta", "mu", "nu"},
     "maps/__init__.py": {"phase"},
