@@ -26,11 +26,10 @@ from cutbench.base.errors import CutbenchError
 from cutbench.base.files import write_json
 from cutbench.base.progress import silent
 from cutbench.calibration.fitting import fit
-from cutbench.calibration.inverse import GRID
 from cutbench.calibration.prediction import predictor
 from cutbench.data.experiment import Experiment
 from cutbench.discovery import Discovery, discover
-from cutbench.discovery.point import Point, baseline
+from cutbench.discovery.point import Point, point_of
 
 #: What is left of an effect in the fitted tests counts as shown by so many standard deviations: chance among
 #: all candidates takes some three of them.
@@ -74,7 +73,7 @@ def uneventful(hidden: Hidden, d: Discovery, workers: int = 0) -> Point:
     none of the effect's doing."""
     fitted = fit(replace(d.campaign, experiments=hidden.without.experiments), workers=workers)
     with predictor(workers) as run:
-        return baseline(fitted, run, GRID)
+        return point_of(fitted, run)
 
 
 def judge(hidden: Hidden, d: Discovery, workers: int = 0) -> dict:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from invented import write_campaign
 from typer.testing import CliRunner
@@ -45,6 +47,18 @@ class Shy(Isochoric):
 '''
 
 
+@pytest.mark.parametrize(("softening", "specimens"), [(0.2, 4), (0.6, 4), (0.6, 1)])
+def test_the_baseline_is_the_fit(tmp_path, softening, specimens):
+    campaign = load_campaign(write_campaign(tmp_path, softening=softening, specimens=specimens))
+    fitted, found = fit(campaign, workers=0), discover(replace(campaign, candidates=()), workers=0)
+    assert found.first.values == pytest.approx(fitted.values, rel=1e-9)
+    assert found.first.chi2 == pytest.approx(fitted.chi2, rel=1e-9)
+    for c in fitted.compared:
+        curve = found.first.y.get(c.experiment.id, found.first.tests.get(c.experiment.id))
+        np.testing.assert_allclose(curve, c.fitted, rtol=1e-9)
+    assert found.rounds[0].scores.chi2 == pytest.approx(fitted.chi2, rel=1e-3)
+
+
 @pytest.mark.parametrize("softening", [0.2, 0.6])
 @pytest.mark.parametrize("specimens", [1, 4])
 def test_a_large_misfit_does_not_shrink_the_baseline(tmp_path, softening, specimens):
@@ -82,3 +96,16 @@ def test_what_could_not_be_tried_is_undecided(shy, tmp_path):
 def test_without_a_candidate_a_failing_baseline_is_undecided(tmp_path):
     head = 'material = "meat"\nbaseline = ["neo_hookean"]\ncandidates = []\n'
     assert discover(load_campaign(write_campaign(tmp_path, head=head)), workers=0).verdict == "undecided"
+
+
+def test_values_far_from_those_of_the_material_are_tried(tmp_path):
+    """What readings can be of is asked of the material, not of values that a fit tries."""
+    head = """baseline = ["neo_hookean"]
+candidates = ["mullins"]
+[parameters]
+G = "0.4 kPa"
+[fit]
+bounds = { G = ["0.1 kPa", "0.2 kPa"] }
+"""
+    found = discover(load_campaign(write_campaign(tmp_path, head=head)), workers=0)
+    assert found.first.values["G"] < 3e-4 and not found.not_tried and found.verdict != "undecided"

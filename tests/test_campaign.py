@@ -14,10 +14,10 @@ from cutbench.base.errors import BadInput
 from cutbench.case.case import load_case
 from cutbench.case.model import DEFAULT, PAPER
 from cutbench.cli.main import app
-from cutbench.data import noise
 from cutbench.data.campaign import Campaign, FitPlan, load_campaign, start_case
+from cutbench.data.covariance import Block, Factors, matern, roughness
 from cutbench.data.experiment import Experiment
-from cutbench.data.repetition import Repetition, turning_points
+from cutbench.data.repetition import Repetition, averaging, turning_points
 
 STUDIES = Path(__file__).parents[1] / "studies"
 
@@ -77,7 +77,8 @@ def test_it_survives_a_process(folder):
     campaign = load_campaign(folder / "campaign.toml")
     again = pickle.loads(pickle.dumps(campaign))
     a, b = (c.experiments[0].on_grid(30) for c in (campaign, again))
-    np.testing.assert_array_equal(a.covariance, b.covariance)
+    np.testing.assert_array_equal(a.curves, b.curves)
+    np.testing.assert_array_equal(a.deviation, b.deviation)
     assert again.case("slow").id == campaign.case("slow").id
 
 
@@ -263,10 +264,10 @@ def test_rtv615_as_its_header_says():
 def test_averages_keep_lines_and_lower_the_noise():
     s = np.sort(np.random.default_rng(0).uniform(0, 10, 400))
     grid = np.linspace(s[0], s[-1], 30)
-    A = noise.averaging(s, grid)
+    A = averaging(s, grid)
     np.testing.assert_allclose(A @ (3 - 2 * s), 3 - 2 * grid, atol=1e-12)
     assert 0.15 < np.sqrt((A[5:-5] ** 2).sum(axis=1)).mean() < 0.45  # thirteen readings each: 0.28
-    few = noise.averaging(s[::40], s[::40])
+    few = averaging(s[::40], s[::40])
     np.testing.assert_allclose(few, np.eye(10), atol=1e-12)
 
 
@@ -276,11 +277,11 @@ def test_roughness_is_the_noise(sigma):
     smooth = 2 * np.minimum(s, 3) + np.sin(s)
     jump = np.where(s > 6, -3.0, 0.0)
     noisy = smooth + jump + sigma * np.random.default_rng(1).standard_normal(s.size)
-    found = noise.roughness(s, noisy)
+    found = roughness(s, noisy)
     assert found.mean() == pytest.approx(sigma, rel=0.12)
     # A noise that doubles half way is seen to grow.
     louder = smooth + sigma * np.where(s > 6, 2, 1) * np.random.default_rng(2).standard_normal(s.size)
-    found = noise.roughness(s, louder)
+    found = roughness(s, louder)
     assert 1.2 < found[s > 7].mean() / found[s < 5].mean() < 2.2
 
 
@@ -289,7 +290,7 @@ def specimens(count: int, seed: int, n: int = 200) -> Experiment:
     rng = np.random.default_rng(seed)
     s = np.linspace(0.1, 12, n)
     force = 2 * np.minimum(s, 3) + 0.3 * s
-    C = 0.04**2 * noise.matern(np.abs(s[:, None] - s), 3.0) * force[:, None] * force
+    C = 0.04**2 * matern(np.abs(s[:, None] - s), 3.0) * force[:, None] * force
     root = np.linalg.cholesky(C + 1e-12 * np.eye(n))
     made = [
         Repetition(s, force + root @ rng.standard_normal(n) + 0.03 * rng.standard_normal(n), name=str(i))
@@ -305,11 +306,12 @@ def test_covariance_of_the_mean_is_that_of_means():
     truth = 2 * np.minimum(x, 3) + 0.3 * x
     sums = np.stack([np.ones(40) / 40, truth / (truth @ truth), np.eye(40)[20]])
     means = np.array([sums @ g.mean for g in grids])
-    stated = np.array([np.einsum("ki,ij,kj->k", sums, g.covariance, sums) for g in grids]).mean(axis=0)
+    covariances = [Block.of(g, Factors.of([g]), g.mean).total for g in grids]
+    stated = np.array([np.einsum("ki,ij,kj->k", sums, C, sums) for C in covariances]).mean(axis=0)
     actual = ((means - sums @ truth) ** 2).mean(axis=0)
     # 150 campaigns know a variance to 12 %.
     np.testing.assert_allclose(stated, actual, rtol=0.4)
-    assert all(np.linalg.eigvalsh(g.covariance)[0] > 0 for g in grids[:10])
+    assert all(np.linalg.eigvalsh(C)[0] > 0 for C in covariances[:10])
     assert np.mean([g.scatter.mean() / truth.mean() for g in grids]) == pytest.approx(0.04, rel=0.25)
 
 

@@ -9,8 +9,8 @@ from cutbench.base.errors import ComputationFailed
 from cutbench.base.units import Parameter
 from cutbench.calibration import lm
 from cutbench.calibration.identifiability import Unknown, identifiability, information_inverse
-from cutbench.calibration.weights import Factors, Weights, correction, measured_error, smooth
-from cutbench.data.noise import matern
+from cutbench.calibration.mesh_error import correction, measured_error, smooth
+from cutbench.data.covariance import USUAL_FACTOR, Block, Covariance, Factors, matern
 from cutbench.data.repetition import Averaged
 from cutbench.mechanisms import registry
 
@@ -156,7 +156,7 @@ def grid_of(curves: np.ndarray, reading: float) -> Averaged:
     m = curves.shape[1]
     sd = np.full(m, reading)
     x = np.linspace(0, 1, m)
-    return Averaged(x, curves.mean(axis=0), np.zeros(m), sd, np.eye(m), curves)
+    return Averaged(x, curves.mean(axis=0), np.zeros(m), sd, curves)
 
 
 def test_the_factor_of_specimens_is_recovered_and_noise_is_not_taken_for_it():
@@ -182,20 +182,60 @@ def test_whitened_residuals_have_unit_variance():
         noise = 0.01 * rng.standard_normal((3, 25))
         curves = y * (1 + 0.03 * rng.standard_normal((3, 1))) + noise
         grid = grid_of(curves, 0.01)
-        w = Weights.of(grid, pooled, y, np.zeros((25, 25)))
-        white.append(w.white(grid.mean - y))
+        white.append(Block.of(grid, pooled, y).white(grid.mean - y))
     assert np.var(white) == pytest.approx(1.0, abs=0.15)
 
 
 def test_the_covariance_is_that_of_its_parts():
     y = np.linspace(0.5, 1, 10)
     computed = 0.1**2 * np.eye(10)
-    w = Weights.of(grid_of(y[None], 0.2), Factors(0.25, 3), y, computed)
-    np.testing.assert_allclose(
-        w.covariance, 0.25 * np.outer(y, y) + (0.2**2 + 0.1**2) * np.eye(10), atol=1e-7
+    alike = np.stack([y, y, y])
+    block = Block.of(grid_of(alike, 0.2), Factors(0.27, 3), y, computed)
+    expected = 0.09 * np.outer(y, y) + (0.2**2 / 3 + 0.1**2) * np.eye(10)
+    np.testing.assert_allclose(block.total, expected, rtol=0.01, atol=1e-4)
+    L = np.linalg.cholesky(block.total)
+    np.testing.assert_allclose(block.white(y), np.linalg.solve(L, y), rtol=1e-9)
+
+
+def test_one_specimen_leaves_what_is_usual_between_specimens():
+    """Its noise alone would make a factor of a per cent look like a discovery."""
+    y = np.linspace(0.2, 1, 40)
+    covariance = Covariance.of({"a": grid_of(y[None], 1e-3)}, {"a": "uniaxial"}, {"a": y})
+    assert covariance.factors["uniaxial"].variance == pytest.approx(USUAL_FACTOR**2)
+    deviation = covariance.tests["a"].deviation / y
+    assert np.all((deviation > 0.02) & (deviation < 0.06))
+    bend = 0.03 * y * np.sin(np.pi * np.linspace(0, 1, 40))
+    assert 0.3 < np.linalg.norm(covariance.white({"a": bend})) < 3
+
+
+@pytest.mark.parametrize("specimens", [1, 3, 8])
+def test_drawn_data_scatter_as_their_own_covariance_says(specimens):
+    rng = np.random.default_rng(7)
+    y = np.linspace(0.3, 1, 30)
+    curves = y * (1 + 0.03 * rng.standard_normal((specimens, 1))) + 0.01 * rng.standard_normal(
+        (specimens, 30)
     )
-    L = np.linalg.cholesky(w.covariance)
-    np.testing.assert_allclose(w.white(y), np.linalg.solve(L, y), rtol=1e-9)
+    covariance = Covariance.of({"a": grid_of(curves, 0.01)}, {"a": "cut"}, {"a": y})
+    drawn = [covariance.draw(rng) for _ in range(200)]
+    means = np.array([residual["a"].mean() for residual, _ in drawn])
+    stated = np.sqrt(np.mean([made.tests["a"].total.mean() for _, made in drawn]))
+    assert means.std() == pytest.approx(stated, rel=0.35)
+    assert abs(means.mean()) < 0.3 * stated
+
+
+def test_a_curve_that_misses_the_shape_gains_nothing_by_shrinking():
+    """Weights in proportion to the measured curve would have it shrink; ours stand on the computed one."""
+    x = np.linspace(0, 1, 40)
+    measured, model = 1 - (1 - x) ** 4, x  # far from one another
+    rng = np.random.default_rng(8)
+    for specimens in (1, 5):
+        curves = measured * (1 + 0.03 * rng.standard_normal((specimens, 1)))
+        grid, factor = grid_of(curves + 1e-3 * rng.standard_normal(curves.shape), 1e-3), 1.0
+        for _ in range(5):
+            w = Covariance.of({"a": grid}, {"a": "cut"}, {"a": factor * model})
+            J, r = w.white({"a": model}), w.white({"a": grid.mean})
+            factor = (J @ r) / (J @ J)
+        assert 0.8 < factor / (model @ grid.mean / (model @ model)) < 1.25
 
 
 def test_the_computations_error_is_taken_from_a_finer_mesh():

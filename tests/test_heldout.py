@@ -17,7 +17,7 @@ from cutbench.case.model import DEFAULT, Model
 from cutbench.data.experiment import Experiment
 from cutbench.data.repetition import Repetition
 from cutbench.discovery.heldout import TESTS, Heldout
-from cutbench.discovery.point import baseline
+from cutbench.discovery.point import point_of
 
 BETTER = Heldout(TESTS, 50.0, 10.0, 0.3, 0.1, 2.0, 1.4, 0.5, "N", 0.4)
 
@@ -74,7 +74,7 @@ def test_a_compliance_needs_no_run_of_its_own(strength):
 def test_what_is_left_of_an_effect_is_beyond_the_free_parameters(effect, family, shown):
     hidden = make(3, effect, family, True, 11)
     with predictor(0) as run:
-        point = baseline(fit(hidden.campaign, workers=0), run, 80)
+        point = point_of(fit(hidden.campaign, workers=0), run)
         assert (left_over(point, hidden.clean) > SHOWN) == shown
         # A factor of all curves is what the stiffness or the friction can take up.
         more = {k: (x, 1.01 * y, t) for k, (x, y, t) in hidden.clean.items()}

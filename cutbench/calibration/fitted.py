@@ -11,8 +11,10 @@ import numpy as np
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import one_of
 from cutbench.calibration.identifiability import Identifiability, Unknown, correlations
+from cutbench.calibration.inverse import Inverse
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
+from cutbench.data.covariance import Covariance
 from cutbench.data.experiment import Experiment
 from cutbench.run.measures import TRANSITION
 
@@ -95,7 +97,8 @@ class Fit:
     """What a fit leaves. ``covariance`` (k, k) of the scaled parameters, widened by the reduced χ² where that
     is above 1; ``case``: the model with the values found; ``before``/``after``: what the data can tell at
     the start and at the end; ``fixed``: what the fit left at its start, with the reason. ``status``:
-    ``converged``, ``stopped`` or ``interrupted``.
+    ``converged``, ``stopped`` or ``interrupted``. ``inverse`` is the problem that was solved, ``q`` (k,) its
+    answer, ``data_covariance`` that of the readings less the computed curves.
     """
 
     campaign: Campaign
@@ -114,6 +117,9 @@ class Fit:
     evaluations: int
     history: tuple[float, ...]
     seconds: float
+    inverse: Inverse
+    q: np.ndarray
+    data_covariance: Covariance
     profiles: tuple[Profile, ...] = field(default=())
 
     @property

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 
 import numpy as np
@@ -25,9 +25,11 @@ from cutbench.calibration.fitted import ComparedCurve, Estimate, Fit, Profile
 from cutbench.calibration.identifiability import Unknown, identifiability, information_inverse
 from cutbench.calibration.inverse import GRID, Inverse, field_note, unknowns
 from cutbench.calibration.prediction import Prediction, Predictor, predictor
-from cutbench.calibration.weights import Weights
+from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
+from cutbench.data.covariance import Block, Covariance
 from cutbench.data.experiment import Experiment
+from cutbench.data.repetition import Averaged
 from cutbench.run.pool.pool import cores
 
 #: A parameter that the fit may choose is left at its start where the data know it worse than this.
@@ -52,25 +54,30 @@ def fit(
     on_progress: OnProgress = silent,
     grid: int = GRID,
     run: Predictor | None = None,
+    looked_for: Sequence[Unknown] | None = None,
+    start: Case | None = None,
+    grids: Mapping[str, Averaged] | None = None,
 ) -> Fit:
     """Fit what ``campaign.plan`` leaves free to all train experiments; predict the test experiments.
 
     ``workers`` processes compute the cuts (default: one a core; 0: this process), or those of ``run``.
     ``refine``: measure the computation's own error. ``profile``: labels whose profile likelihood is
-    computed, at several fits each. ``on_progress`` has the evaluations of all stages,
-    whose number is not known. Ctrl-C ends with what is there. Raises BadInput, and ComputationFailed if the
-    start values cannot be computed.
+    computed, at several fits each. ``on_progress`` has the evaluations of all stages, whose number is not
+    known. Ctrl-C ends with what is there. ``looked_for`` in place of what the plan says, from the values of
+    ``start``, a case of another model perhaps; ``grids`` where they are known. Raises BadInput, and
+    ComputationFailed if the start values cannot be computed.
     """
     began = time.perf_counter()
-    looked_for = unknowns(campaign)
+    chosen = looked_for is None and campaign.plan.free is None
+    looked_for = unknowns(campaign) if looked_for is None else looked_for
     for label in profile:
         if label not in (known := [u.label for u in looked_for]):
             raise BadInput(key="profile", value=label, expected=one_of(label, known))
     runs = sum(e.kind == "cut" for e in campaign.experiments)
     own = predictor(min(cores() if workers is None else workers, runs)) if run is None else nullcontext(run)
     with own as run:
-        inverse = Inverse(campaign, looked_for, run, grid)
-        return _Fitting(campaign, inverse, on_progress, refine).go(profile, began)
+        inverse = Inverse(campaign, looked_for, run, grid, start=start, grids=grids)
+        return _Fitting(campaign, inverse, on_progress, refine).go(profile, began, chosen)
 
 
 class _Fitting:
@@ -79,16 +86,19 @@ class _Fitting:
         self._on_progress = on_progress
         self.notes = list(campaign.notes)
         self.evaluations, self.history = 0, []
+        self.covariance: Covariance
 
-    def go(self, profile: Sequence[str], began: float) -> Fit:
+    def go(self, profile: Sequence[str], began: float, choose: bool) -> Fit:
         inverse = self.inverse
         q = np.zeros(len(inverse.unknowns))
-        inverse.guess_weights(q)
-        before = identifiability(inverse.whitened(q)[1], inverse.unknowns)
+        self.covariance = inverse.guessed(q)
+        J = self._whitened(q)[1]
+        before = identifiability(J, inverse.unknowns)
         fixed = {}
-        if self.campaign.plan.free is None:
-            kept, fixed = _worth_it(inverse.whitened(q)[1], inverse.unknowns, self.campaign.plan.own)
-            q = inverse.keep(kept)
+        if choose:
+            kept, fixed = _worth_it(J, inverse.unknowns, self.campaign.plan.own)
+            inverse = self.inverse = inverse.only(kept)
+            q = np.zeros(len(kept))
         best = self._minimise("rough", q, ROUGH)
         if best.message != INTERRUPTED:
             best = self._with_measured_error(best)
@@ -122,8 +132,14 @@ class _Fitting:
             self.evaluations,
             tuple(self.history),
             time.perf_counter() - began,
+            inverse,
+            best.q,
+            self.covariance,
             tuple(profiles),
         )
+
+    def _whitened(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return self.inverse.whitened(q, self.covariance)
 
     def _minimise(self, stage: str, q: np.ndarray, settings: lm.Settings) -> lm.Minimum:
         low, high = self.inverse.bounds
@@ -132,8 +148,8 @@ class _Fitting:
             self._on_progress(self.evaluations + done, math.nan, f"{stage}: {text}")
 
         best = lm.minimise(
-            self.inverse.whitened, q, low, high, settings, on_progress,
-            first=self.inverse.whitened(q),
+            self._whitened, q, low, high, settings, on_progress,
+            first=self._whitened(q),
         )  # fmt: skip
         self.evaluations += best.evaluations
         self.history += best.history
@@ -144,11 +160,12 @@ class _Fitting:
         inverse, notes = self.inverse, []
         settings = FINAL if any(e.kind == "cut" for e in self.campaign.train) else SMOOTH
         for _ in range(ROUNDS):
-            before = dict(inverse.weights)
             try:
-                notes = inverse.measure_error(best.q) if self.refine else inverse.guess_weights(best.q) or []
+                self.covariance, notes = (
+                    inverse.measured(best.q) if self.refine else (inverse.guessed(best.q), [])
+                )
             except KeyboardInterrupt:
-                inverse.weights, best.message = before, INTERRUPTED
+                best.message = INTERRUPTED
                 break
             at = best.q
             best = self._minimise("final", at, settings)
@@ -189,15 +206,16 @@ class _Fitting:
         """Welch and Satterthwaite's (k,): of the factors, of each test's other scatter, of the rest."""
         gain = covariance @ best.J.T
         rest = np.diag(covariance).copy()
-        by_factor = {kind: np.zeros(rest.size) for kind in self.inverse.factors}
+        factors = self.covariance.factors
+        by_factor = {kind: np.zeros(rest.size) for kind in factors}
         parts, first = [], 0
         for e in self.campaign.train:
-            w = self.inverse.weights[e.id]
-            mine = gain[:, first : first + w.shift.size]
-            first += w.shift.size
-            by_factor[e.kind] += _share(mine, w, w.by_factor)
-            parts.append((_share(mine, w, w.other), w.dof))
-        parts += [(by_factor[kind], pooled.dof) for kind, pooled in self.inverse.factors.items()]
+            block = self.covariance.tests[e.id]
+            mine = gain[:, first : first + len(block.total)]
+            first += len(block.total)
+            by_factor[e.kind] += _share(mine, block, block.by_factor)
+            parts.append((_share(mine, block, block.other), block.dof))
+        parts += [(by_factor[kind], pooled.dof) for kind, pooled in factors.items()]
         uncertain = np.zeros(rest.size)
         for part, dof in parts:
             if dof > 0:
@@ -211,8 +229,8 @@ class _Fitting:
         inverse, found = self.inverse, self.inverse.predictions(q)
         sides = {}
         for e in self.campaign.train:
-            w, p = inverse.weights[e.id], found[e.id]
-            sides[e.id] = self._beside(e, p, p.y + w.shift, np.sqrt(np.diag(w.covariance)), q)
+            block, p = self.covariance.tests[e.id], found[e.id]
+            sides[e.id] = self._beside(e, p, p.y + block.shift, block.deviation, q)
             self.notes += [field_note(e, p, "fit")] if e.fields else []
         for e in () if status == INTERRUPTED else self.campaign.test:
             try:
@@ -269,7 +287,7 @@ class _Fitting:
         start = best.q + covariance[:, k] / covariance[k, k] * (q - best.q[k])
         low[k] = high[k] = start[k] = q
         found = lm.minimise(
-            self.inverse.whitened, start, low, high, lm.Settings(promise=0.1, evaluations=6, failures=3)
+            self._whitened, start, low, high, lm.Settings(promise=0.1, evaluations=6, failures=3)
         )
         self.evaluations += found.evaluations
         if found.message == INTERRUPTED:
@@ -308,6 +326,6 @@ def _worth_it(
     return kept, fixed
 
 
-def _share(gain: np.ndarray, w: Weights, part: np.ndarray) -> np.ndarray:
+def _share(gain: np.ndarray, w: Block, part: np.ndarray) -> np.ndarray:
     """Variance (k,) of q due to a part (m, m) of the readings' covariance; ``gain`` (k, m) is whitened."""
     return np.einsum("km,mn,kn->k", gain, w.white(w.white(part).T), gain)

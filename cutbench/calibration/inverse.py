@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,22 +10,21 @@ import numpy as np
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.toml import one_of
 from cutbench.calibration.identifiability import Unknown
-from cutbench.calibration.prediction import Prediction, Predictor, Task
-from cutbench.calibration.weights import (
-    Factors,
-    FieldWeights,
-    Weights,
-    along,
+from cutbench.calibration.mesh_error import (
     correction,
+    field_block,
     finer,
     guessed_error,
     measured_error,
     smooth,
 )
+from cutbench.calibration.prediction import Prediction, Predictor, Task
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
+from cutbench.data.covariance import Covariance
 from cutbench.data.experiment import SLOTS, Experiment
 from cutbench.data.fields import laid_out
+from cutbench.data.repetition import Averaged
 from cutbench.run.sensitivity import differentiable
 
 #: Values on which each experiment is compared.
@@ -102,28 +101,48 @@ def _unknown(campaign: Campaign, name: str, experiment: str | None) -> Unknown:
 
 
 class Inverse:
-    """Residuals of a campaign's train experiments as a function of q (k,), the scaled unknowns."""
+    """Residuals of a campaign's train experiments as a function of q (k,), the scaled unknowns.
 
-    def __init__(self, campaign: Campaign, looked_for: Sequence[Unknown], run: Predictor, grid: int = GRID):
+    ``start`` is the case whose other values stay (default: the campaign's), ``grids`` by id where the
+    experiments are compared. What was computed is kept by q; nothing else changes.
+    """
+
+    def __init__(
+        self,
+        campaign: Campaign,
+        looked_for: Sequence[Unknown],
+        run: Predictor,
+        grid: int = GRID,
+        *,
+        start: Case | None = None,
+        grids: Mapping[str, Averaged] | None = None,
+    ):
         self.campaign, self.unknowns, self._run = campaign, list(looked_for), run
-        self.grids = {e.id: e.on_grid(grid) for e in campaign.experiments}
-        self.weights: dict[str, Weights] = {}
-        #: Of the displacement fields of an experiment, where it has some.
-        self.field_weights: dict[str, FieldWeights] = {}
-        #: By kind of test, from its train experiments.
-        self.factors = {
-            kind: Factors.of([self.grids[e.id] for e in campaign.train if e.kind == kind])
-            for kind in {e.kind for e in campaign.train}
-        }
+        self.start = start or campaign.base
+        self.grids = grids or {e.id: e.on_grid(grid) for e in campaign.experiments}
         self._known: dict[bytes, dict[str, Prediction]] = {}
 
-    def keep(self, kept: Sequence[int]) -> np.ndarray:
-        """Go on with the unknowns of these numbers alone, at their starts; what was computed there stays."""
-        start = self._known.get(np.zeros(len(self.unknowns)).tobytes())
-        self.unknowns = [self.unknowns[i] for i in kept]
-        q = np.zeros(len(self.unknowns))
-        self._known = {} if start is None else {q.tobytes(): start}
-        return q
+    def other(self, looked_for: Sequence[Unknown], start: Case, run: Predictor | None = None) -> Inverse:
+        """The same data with other unknowns, from another case."""
+        return Inverse(self.campaign, looked_for, run or self._run, start=start, grids=self.grids)
+
+    def only(self, kept: Sequence[int]) -> Inverse:
+        """With the unknowns of these numbers alone, at their starts; what was computed there stays."""
+        made = self.other([self.unknowns[i] for i in kept], self.start)
+        return made._knowing(self._known.get(np.zeros(len(self.unknowns)).tobytes()))
+
+    def moved(self, q: np.ndarray, run: Predictor | None = None) -> Inverse:
+        """With the values at ``q`` for starts; what was computed there stays."""
+        return self.other(self.at(q), self.base(q), run)._knowing(self._known.get(q.tobytes()))
+
+    def at(self, q: np.ndarray) -> list[Unknown]:
+        """The unknowns with their values at ``q`` for starts."""
+        return [replace(u, start=u.value(x)) for u, x in zip(self.unknowns, q, strict=True)]
+
+    def _knowing(self, found: dict[str, Prediction] | None) -> Inverse:
+        if found is not None:
+            self._known[np.zeros(len(self.unknowns)).tobytes()] = found
+        return self
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -136,7 +155,7 @@ class Inverse:
         Where each experiment has a value of its own: that of ``experiment``; the mean for one that was
         not fitted.
         """
-        case = self.campaign.base
+        case = self.start
         values = dict(case.values)
         for name in dict.fromkeys(u.name for u in self.unknowns):
             mine = [(u, x) for u, x in zip(self.unknowns, q, strict=True) if u.name == name]
@@ -175,7 +194,7 @@ class Inverse:
 
     def names(self, e: Experiment) -> tuple[str, ...]:
         """Of the unknowns that a test can depend on."""
-        seen = visible(e, self.campaign.base)
+        seen = visible(e, self.start)
         mine = [u.name for u in self.unknowns if u.name in seen and u.experiment in (None, e.id)]
         return tuple(dict.fromkeys(mine))
 
@@ -196,7 +215,7 @@ class Inverse:
         J = self._scaled(e, prediction, prediction.slopes, q)
         if e.kind == "cut" and J.shape[1]:
             # Jags of the curve wander with the parameters: their derivatives are large and hold for no step.
-            J = np.stack([smooth(along(self.grids[e.id]), column) for column in J.T], axis=1)
+            J = np.stack([smooth(self.grids[e.id].along, column) for column in J.T], axis=1)
         return J
 
     @staticmethod
@@ -212,59 +231,69 @@ class Inverse:
         part = self._gentle(e, self._derivatives(e, prediction, q), prediction.y)
         return np.diag((1 - part**2) * (JUMP * np.abs(prediction.y).max()) ** 2)
 
-    def guess_weights(self, q: np.ndarray) -> None:
+    def guessed(self, q: np.ndarray) -> Covariance:
         """From the readings, the curves at ``q`` and a guess of the computation's error."""
         found = self.predictions(q)
+        error = {e.id: self._jumps(e, found[e.id], q) for e in self.campaign.train}
         for e in self.campaign.train:
-            x = along(self.grids[e.id])
-            error = self._jumps(e, found[e.id], q)
             if e.kind == "cut":
-                error = error + guessed_error(x, found[e.id].y)
-            self.weights[e.id] = Weights.of(self.grids[e.id], self.factors[e.kind], found[e.id].y, error)
-            if e.fields:
-                self.field_weights[e.id] = FieldWeights.of(e, found[e.id].fields)
+                error[e.id] = error[e.id] + guessed_error(self.grids[e.id].along, found[e.id].y)
+        return self._covariance(q, error)
 
-    def measure_error(self, q: np.ndarray) -> list[str]:
-        """Weights at ``q``, with the cuts computed on a finer mesh there; says what that found."""
-        self.guess_weights(q)
+    def measured(self, q: np.ndarray) -> tuple[Covariance, list[str]]:
+        """The covariance at ``q`` with the cuts computed on a finer mesh there; says what that found."""
         cuts = [e for e in self.campaign.train if e.kind == "cut"]
         if not cuts:
-            return []
+            return self.guessed(q), []
         coarse = self.predictions(q)
         try:
-            fine = self.predicted(q, cuts, fine=True)
+            answers = self.predicted(q, cuts, fine=True)
         except (ComputationFailed, BadInput) as error:
-            return [f"The computation's own error is not known, 5 % were assumed: {error}"]
-        notes = []
-        for e, p in zip(cuts, fine, strict=True):
-            grid, y = self.grids[e.id], coarse[e.id].y
-            x = along(grid)
-            shift = correction(x, y, p.y)
-            part = 100 * np.sqrt(np.mean((p.y - y) ** 2)) / np.abs(y).max()
+            return self.guessed(q), [f"The computation's own error is not known, 5 % were assumed: {error}"]
+        fine = dict(zip([e.id for e in cuts], answers, strict=True))
+        unsure = {e.id: self._jumps(e, coarse[e.id], q) for e in self.campaign.train}
+        shift, notes = {}, []
+        for e in cuts:
+            x, y, better = self.grids[e.id].along, coarse[e.id].y, fine[e.id].y
+            part = 100 * np.sqrt(np.mean((better - y) ** 2)) / np.abs(y).max()
             notes.append(
                 f"'{e.id}': finer numerics change the computed curve by {part:.1f} % of its"
                 " maximum (root mean square); the fit allows for that."
             )
-            error = measured_error(x, y, p.y) + self._jumps(e, coarse[e.id], q)
-            self.weights[e.id] = Weights.of(grid, self.factors["cut"], y + shift, error, shift)
-            if e.fields:
-                self.field_weights[e.id] = FieldWeights.of(e, coarse[e.id].fields, p.fields)
-        return notes
+            shift[e.id] = correction(x, y, better)
+            unsure[e.id] = unsure[e.id] + measured_error(x, y, better)
+        return self._covariance(q, unsure, shift, fine), notes
 
-    def whitened(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _covariance(
+        self,
+        q: np.ndarray,
+        error: Mapping[str, np.ndarray],
+        shift: Mapping[str, np.ndarray] | None = None,
+        fine: Mapping[str, Prediction] | None = None,
+    ) -> Covariance:
+        found, train, shift, fine = self.predictions(q), self.campaign.train, shift or {}, fine or {}
+        fields = {
+            e.id: field_block(e, found[e.id].fields, fine[e.id].fields if e.id in fine else None)
+            for e in train
+            if e.fields
+        }
+        y = {e.id: found[e.id].y + shift.get(e.id, 0.0) for e in train}
+        return Covariance.of(self.grids, {e.id: e.kind for e in train}, y, error, shift, fields)
+
+    def whitened(self, q: np.ndarray, covariance: Covariance) -> tuple[np.ndarray, np.ndarray]:
         """Residuals (M,), computed less measured, and their derivatives (M, k)."""
         rows, slopes = [], []
         found = self.predictions(q)
         for e in self.campaign.train:
-            p, w = found[e.id], self.weights[e.id]
-            rows.append(w.white(p.y + w.shift - self.grids[e.id].mean))
-            slopes.append(w.white(self.slopes(e, p, q)))
+            p, block = found[e.id], covariance.tests[e.id]
+            rows.append(block.white(p.y + block.shift - self.grids[e.id].mean))
+            slopes.append(block.white(self.slopes(e, p, q)))
         # Fields last: what counts degrees of freedom by curves looks at the first rows.
         for e in self.campaign.train:
-            if e.id in self.field_weights:
-                w, p = self.field_weights[e.id], found[e.id]
-                rows.append(w.white(p.fields - laid_out(e.fields)))
-                slopes.append(w.white(self._scaled(e, p, p.field_slopes, q)))
+            if e.id in covariance.fields:
+                block, p = covariance.fields[e.id], found[e.id]
+                rows.append(block.white(p.fields - laid_out(e.fields)))
+                slopes.append(block.white(self._scaled(e, p, p.field_slopes, q)))
         return np.concatenate(rows), np.concatenate(slopes)
 
 

@@ -18,8 +18,7 @@ from cutbench.case.case import Case
 from cutbench.data.campaign import lead_s
 from cutbench.data.experiment import Experiment
 from cutbench.data.field_comparison import at_travel, sample, sampled_slopes
-from cutbench.data.noise import averaging
-from cutbench.data.repetition import Averaged
+from cutbench.data.repetition import Averaged, averaging
 from cutbench.mechanisms.base import STEP
 from cutbench.run.pool.pool import Job, TaskPool
 from cutbench.run.result import Result

@@ -18,8 +18,16 @@ import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import one_of
-from cutbench.data import noise
-from cutbench.data.repetition import Averaged, Repetition, first_return, is_monotone, order, turning_points
+from cutbench.data.covariance import roughness, scatter_covariance
+from cutbench.data.repetition import (
+    Averaged,
+    Repetition,
+    averaging,
+    first_return,
+    is_monotone,
+    order,
+    turning_points,
+)
 
 if TYPE_CHECKING:
     from cutbench.data.fields import Field
@@ -258,7 +266,7 @@ class Experiment:
         return np.append(0.0, np.cumsum(np.abs(np.diff(r.x)))) / np.abs(np.diff(r.x)).sum()
 
     def on_grid(self, n: int = 80) -> Averaged:
-        """Mean, scatter and covariance of the mean on at most ``n`` values (see ``cutbench.data.noise``).
+        """Mean, scatter and reading noise on at most ``n`` values (see ``cutbench.data.covariance``).
 
         The grid is even along x, or, in a test with holds or returns, along time with the turning
         points added. One repetition of no more than ``n`` readings stays as it is.
@@ -273,9 +281,11 @@ class Experiment:
         curves, x = brought("y"), brought("x").mean(axis=0)
         noises = []
         for A, s, r, o in zip(matrices, along, reps, orders, strict=True):
-            sigma = noise.roughness(s, r.y[o])
+            sigma = roughness(s, r.y[o])
             noises.append((A * sigma**2) @ A.T)
-        scatter, covariance = noise.covariance_of_mean(grid, curves, noises)
+        mean, reading = curves.mean(axis=0), np.mean(noises, axis=0)
+        several = len(reps) > 1
+        scatter = scatter_covariance(grid, curves - mean, reading) if several else np.zeros_like(reading)
         note = ""
         if len(reps) == 1:
             note = (
@@ -284,10 +294,9 @@ class Experiment:
             )
         return Averaged(
             x=x,
-            mean=curves.mean(axis=0),
+            mean=mean,
             scatter=np.sqrt(np.diag(scatter)),
-            reading=np.sqrt(np.mean([np.diag(c) for c in noises], axis=0)),
-            covariance=covariance,
+            reading=np.sqrt(np.diag(reading)),
             curves=curves,
             time_s=brought("time_s").mean(axis=0) if self.timed else None,
             pressure_MPa=None if reps[0].pressure_MPa is None else brought("pressure_MPa").mean(axis=0),
@@ -304,7 +313,7 @@ class Experiment:
         grid, sharp = self._grid(along, n)
         if len(reps) == 1 and reps[0].x.size <= n and np.all(np.diff(along[0]) > 0):
             return along[0], along, [np.eye(along[0].size)]
-        return grid, along, [noise.averaging(s, grid, sharp) for s in along]
+        return grid, along, [averaging(s, grid, sharp) for s in along]
 
     def _grid(self, along: list[np.ndarray], n: int) -> tuple[np.ndarray, np.ndarray]:
         """Grid (m,) and where on it the way turns, or its speed changes (m,)."""

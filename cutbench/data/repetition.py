@@ -57,16 +57,15 @@ class Averaged:
 
     ``x`` (n,) abscissa and ``time_s`` (n,) or None; ``pressure_MPa`` (n,) or None; ``mean`` (n,) of the
     ordinate; ``scatter`` (n,) and ``reading`` (n,): standard deviations between specimens and of one
-    repetition's reading noise on the grid; ``covariance`` (n, n) of the mean; ``curves`` (R, n) the
-    repetitions. ``estimated`` is true where there was nothing to repeat: the noise is then taken from
-    the roughness of one curve, and nothing is known of the scatter; ``note`` says so in words.
+    repetition's reading noise on the grid; ``curves`` (R, n) the repetitions. ``estimated`` is true where
+    there was nothing to repeat: the noise is then taken from the roughness of one curve, and nothing is
+    known of the scatter; ``note`` says so in words.
     """
 
     x: np.ndarray
     mean: np.ndarray
     scatter: np.ndarray
     reading: np.ndarray
-    covariance: np.ndarray
     curves: np.ndarray
     time_s: np.ndarray | None = None
     pressure_MPa: np.ndarray | None = None
@@ -85,7 +84,48 @@ class Averaged:
     @property
     def deviation(self) -> np.ndarray:
         """Standard deviation (n,) of the mean."""
-        return np.sqrt(np.diag(self.covariance))
+        return np.sqrt((self.scatter**2 + self.reading**2) / self.repetitions)
+
+    @property
+    def factors(self) -> np.ndarray:
+        """Of the repetitions' least-squares lines on the mean (R,), 1 on average."""
+        return self.curves @ self.mean / (self.mean @ self.mean)
+
+    @property
+    def along(self) -> np.ndarray:
+        """The coordinate (n,) along which the curve is smooth: x if it only grows, else the time, else the
+        path."""
+        if np.all(np.diff(self.x) > 0):
+            return self.x
+        if self.time_s is not None:
+            return self.time_s
+        return np.append(0.0, np.cumsum(np.abs(np.diff(self.x)) + 1e-9 * np.ptp(self.x)))
+
+
+def averaging(s: np.ndarray, grid: np.ndarray, sharp: np.ndarray | None = None) -> np.ndarray:
+    """Matrix A (m, n) that brings readings at ``s`` (n,), ascending, to ``grid`` (m,), ascending.
+
+    A local line through the readings between the midpoints to the neighbouring grid values, where
+    four or more lie there on both sides; else, and where ``sharp`` (m,) is true (a turning point),
+    linear interpolation.
+    """
+    A = np.zeros((grid.size, s.size))
+    edges = np.concatenate([grid[:1], (grid[1:] + grid[:-1]) / 2, grid[-1:]])
+    first = np.searchsorted(s, edges[:-1], side="left")
+    last = np.searchsorted(s, edges[1:], side="right")
+    for i, g in enumerate(grid):
+        near = slice(first[i], last[i])
+        x = s[near]
+        if x.size >= 4 and x[0] <= g <= x[-1] and not (sharp is not None and sharp[i]):
+            spread = ((x - x.mean()) ** 2).sum()
+            if spread > 0:
+                A[i, near] = 1 / x.size + (g - x.mean()) * (x - x.mean()) / spread
+                continue
+        j = int(np.clip(np.searchsorted(s, g), 1, s.size - 1))
+        width = s[j] - s[j - 1]
+        part = float(np.clip((g - s[j - 1]) / width, 0, 1)) if width > 0 else 1.0
+        A[i, j - 1], A[i, j] = 1 - part, part
+    return A
 
 
 def turning_points(x: np.ndarray, part: float = 0.02) -> np.ndarray:

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from cutbench.base.figure_style import COLOURS, DOUBLE_MM, GREY, SINGLE_MM, new_figure, style
 from cutbench.data.experiment import Experiment
 from cutbench.discovery.heldout import expected
+from cutbench.discovery.outcome import Discovery
 from cutbench.discovery.point import Point
-from cutbench.discovery.search import Discovery
 
 BASE, MORE = "Baseline", "Extended model"
 
@@ -53,9 +53,8 @@ def _experiment(top, bottom, d: Discovery, e: Experiment) -> None:
     x, label = grid.x, f"{e.x_name}" + ("" if e.x_unit == "1" else f" ({e.x_unit})")
     if not e.monotone and grid.time_s is not None:
         x, label = grid.time_s, "time (s)"
-    weights = d.first.w.weights.get(e.id)
-    C = weights.covariance if weights is not None else expected(d.first, e)
-    sd = scale * np.sqrt(np.diag(C))
+    block = d.first.w.tests.get(e.id) or expected(d.first, e)
+    sd = scale * block.deviation
     mean = scale * grid.mean
     base, more = scale * _curve(d.first, e), _curve(d.final, e) if d.found else None
     top.fill_between(x, mean - 2 * sd, mean + 2 * sd, color=COLOURS["sky"], alpha=0.5, lw=0,

@@ -19,10 +19,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
-from cutbench.calibration.weights import Factors
+from cutbench.data.covariance import Block, Factors
 from cutbench.data.experiment import Experiment
 from cutbench.discovery.point import Point, tested
-from cutbench.discovery.whiten import of_one, usual
 
 #: A parameter that the rest of the data knows worse than this (in q) is not determined by it.
 LOST = 0.5
@@ -34,12 +33,13 @@ TELLING = 2.0
 
 @dataclass(frozen=True)
 class HeldOutPart:
-    """Readings (m,) held out, their covariance (m, m) and unit, and the value that errors are taken relative
-    to."""
+    """Readings (m,) held out, their covariance (m, m), the deviation (m,) that scatter and noise make, and
+    the value that errors are taken relative to."""
 
     experiment: Experiment
     measured: np.ndarray
     covariance: np.ndarray
+    deviation: np.ndarray
     size: float
     of: str
 
@@ -104,7 +104,7 @@ def compare(before: Point, after: Point, *, tests: bool = True) -> Heldout:
         d, scale = y1 - y0, p.size if relative else 1.0
         plain += np.array([
             ((y0 - p.measured) ** 2).sum(), ((y1 - p.measured) ** 2).sum(),
-            4 * d @ p.covariance @ d / scale**2, np.trace(p.covariance),
+            4 * d @ p.covariance @ d / scale**2, (p.deviation**2).sum(),
         ]) / scale**2  # fmt: skip
         shape += np.array([_beyond_factor(y, p.measured) for y in (y0, y1)]) / scale**2
         count += p.measured.size
@@ -127,15 +127,15 @@ def _pooled(point: Point) -> dict[str, Factors]:
     kinds = {e.kind for e in point.campaign.experiments}
     grids = point.inverse.grids
     return {
-        kind: usual(Factors.of([grids[e.id] for e in point.campaign.experiments if e.kind == kind]))
+        kind: Factors.of([grids[e.id] for e in point.campaign.experiments if e.kind == kind]).usual
         for kind in kinds
     }
 
 
-def expected(point: Point, e: Experiment) -> np.ndarray:
-    """Covariance (m, m) of the mean of a test experiment's readings about what a right model predicts."""
+def expected(point: Point, e: Experiment) -> Block:
+    """Covariance of the mean of a test experiment's readings about what a right model predicts."""
     grid = point.inverse.grids[e.id]
-    return of_one(e, grid, _pooled(point)[e.kind], grid.mean, grid.repetitions)
+    return Block.of(grid, _pooled(point)[e.kind], grid.mean)
 
 
 def _tests(before: Point, after: Point):
@@ -143,8 +143,8 @@ def _tests(before: Point, after: Point):
     pooled, parts = _pooled(before), []
     for e in both:
         grid = before.inverse.grids[e.id]
-        C = of_one(e, grid, pooled[e.kind], grid.mean, grid.repetitions)
-        parts.append(HeldOutPart(e, grid.mean, C, float(np.abs(grid.mean).max()), e.id))
+        C = Block.of(grid, pooled[e.kind], grid.mean)
+        parts.append(HeldOutPart(e, grid.mean, C.total, C.deviation, float(np.abs(grid.mean).max()), e.id))
     return parts, [before.tests[e.id] for e in both], [after.tests[e.id] for e in both], TESTS
 
 
@@ -155,23 +155,25 @@ def _folds(before: Point, after: Point):
         grid = before.inverse.grids[e.id]
         size = float(np.abs(grid.mean).max())
         if len(train) >= FEWEST_TESTS and _determined(before, e.id) and _determined(after, e.id):
-            C = of_one(e, grid, pooled[e.kind], grid.mean, grid.repetitions)
-            parts.append(HeldOutPart(e, grid.mean, C, size, e.id))
+            C = Block.of(grid, pooled[e.kind], grid.mean)
+            parts.append(HeldOutPart(e, grid.mean, C.total, C.deviation, size, e.id))
             for point, into in ((before, one), (after, other)):
                 into.append(_without(point, e.id, np.zeros(0, dtype=int), None))
             ways.append("one experiment after the other")
         elif grid.repetitions > 1:
-            C = of_one(e, grid, pooled[e.kind], grid.mean, 1)
+            C = Block.of(grid, pooled[e.kind], grid.mean, count=1)
             for k in range(grid.repetitions):
                 rest = np.delete(grid.curves, k, axis=0).mean(axis=0)
-                parts.append(HeldOutPart(e, grid.curves[k], C, size, f"{e.id}, {k + 1}"))
+                parts.append(HeldOutPart(e, grid.curves[k], C.total, C.deviation, size, f"{e.id}, {k + 1}"))
                 for point, into in ((before, one), (after, other)):
                     into.append(_without(point, e.id, None, rest))
             ways.append("one repetition after the other")
         else:
-            C = of_one(e, grid, pooled[e.kind], grid.mean, 1)
+            C = Block.of(grid, pooled[e.kind], grid.mean, count=1)
             for gap in np.array_split(np.arange(grid.x.size), FIFTHS):
-                parts.append(HeldOutPart(e, grid.mean[gap], C[np.ix_(gap, gap)], size, e.id))
+                parts.append(
+                    HeldOutPart(e, grid.mean[gap], C.total[np.ix_(gap, gap)], C.deviation[gap], size, e.id)
+                )
                 for point, into in ((before, one), (after, other)):
                     into.append(_without(point, e.id, np.setdiff1d(np.arange(grid.x.size), gap), None)[gap])
             ways.append("one fifth of the readings after the other")
@@ -182,9 +184,9 @@ def _information(point: Point, skip: str) -> tuple[np.ndarray, np.ndarray]:
     """JᵀJ and Jᵀr of all train experiments but one."""
     k = point.q.size
     A, g = np.zeros((k, k)), np.zeros(k)
-    for id in point.w.ids:
+    for id in point.w.tests:
         if id != skip:
-            white = point.w.weights[id].white(np.column_stack([point.J[id], point.residual[id]]))
+            white = point.w.tests[id].white(np.column_stack([point.J[id], point.residual[id]]))
             A, g = A + white[:, :-1].T @ white[:, :-1], g + white[:, :-1].T @ white[:, -1]
     return A, g
 
@@ -203,12 +205,12 @@ def _without(point: Point, id: str, kept: np.ndarray | None, rest: np.ndarray | 
     """Prediction (m,) of experiment ``id`` by a fit that has seen only its readings ``kept`` (all: None),
     with ``rest`` (m,) as their mean (None: as measured)."""
     A, g = _information(point, id)
-    J, residual, w = point.J[id], point.residual[id], point.w.weights[id]
+    J, residual, w = point.J[id], point.residual[id], point.w.tests[id]
     if rest is not None:
         residual = point.y[id] - rest
     if kept is None or kept.size:
         i = np.arange(residual.size) if kept is None else kept
-        L = cholesky(w.covariance[np.ix_(i, i)], lower=True)
+        L = cholesky(w.total[np.ix_(i, i)], lower=True)
         white = solve_triangular(L, np.column_stack([J, residual])[i], lower=True)
         A, g = A + white[:, :-1].T @ white[:, :-1], g + white[:, :-1].T @ white[:, -1]
     # What the rest does not determine stays about where it is: q is not known to change by more than 1.
@@ -220,5 +222,5 @@ def _without(point: Point, id: str, kept: np.ndarray | None, rest: np.ndarray | 
 
 def better_than(one: Point, other: Point) -> Sequence[float]:
     """Fall of χ² of the train data from ``one`` to ``other``, and its standard error 2 |d|."""
-    d = one.w.white({id: other.y[id] - one.y[id] for id in one.w.ids})
+    d = one.w.white({id: other.y[id] - one.y[id] for id in one.w.tests})
     return float(one.chi2 - other.chi2), float(2 * np.linalg.norm(d))

@@ -3,7 +3,7 @@ residual?
 
 The change of a computed curve by a numerical choice is one more column for the score test. The mesh and the
 steps have been halved, roughly, by the fit already, which corrects for what that changes and allows for what
-it leaves open (``cutbench.calibration.weights``); what is scored here is what remains along that change.
+it leaves open (``cutbench.calibration.mesh_error``); what is scored here is what remains along that change.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.units import Parameter
+from cutbench.calibration.mesh_error import ADDED
 from cutbench.calibration.prediction import Predictor, Task
-from cutbench.calibration.weights import ADDED
 from cutbench.case.case import Case
 from cutbench.discovery.candidates import Candidate
 from cutbench.discovery.columns import Column, Sensed
@@ -35,7 +35,7 @@ def numerical_columns(point: Point, run: Predictor) -> tuple[list[Column], dict[
     if not cuts:
         return [], {}
     columns, missing = [], {}
-    by = {e.id: point.w.shift[e.id] / ADDED for e in cuts}
+    by = {e.id: point.w.tests[e.id].shift / ADDED for e in cuts}
     if any(np.any(v) for v in by.values()):
         columns.append(_column("element size and step", by, point))
     for name in ("locking", "contact normal"):
@@ -48,7 +48,9 @@ def numerical_columns(point: Point, run: Predictor) -> tuple[list[Column], dict[
         except (ComputationFailed, BadInput) as error:
             missing[name] = str(error)
             continue
-        by = {e.id: p.y + point.w.shift[e.id] - point.y[e.id] for e, p in zip(cuts, answers, strict=True)}
+        by = {
+            e.id: p.y + point.w.tests[e.id].shift - point.y[e.id] for e, p in zip(cuts, answers, strict=True)
+        }
         columns.append(_column(name, by, point))
     return columns, missing
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from cutbench.base.files import replacing, write_json
 from cutbench.discovery.figures import curves, ranking, svg
+from cutbench.discovery.outcome import Discovery
 from cutbench.discovery.report import (
     called,
     estimates,
@@ -15,7 +16,6 @@ from cutbench.discovery.report import (
     to_dict,
     verdict_sentence,
 )
-from cutbench.discovery.search import Discovery
 from cutbench.discovery.where import Section
 
 _SAID = {

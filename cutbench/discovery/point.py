@@ -17,13 +17,12 @@ from cutbench.calibration.fitting import fit
 from cutbench.calibration.identifiability import Unknown, information_inverse
 from cutbench.calibration.inverse import Inverse
 from cutbench.calibration.prediction import Predictor
-from cutbench.calibration.weights import ADDED, along, guessed_error, measured_error
 from cutbench.case.case import Case
-from cutbench.data.campaign import Campaign, FitPlan
+from cutbench.data.campaign import Campaign
+from cutbench.data.covariance import Covariance
 from cutbench.data.experiment import Experiment
 from cutbench.discovery.candidates import Candidate
 from cutbench.discovery.score import Score
-from cutbench.discovery.whiten import Whitening, whitening
 
 #: Fits without a mesh go to the bottom; with one, as far as it pays.
 SMOOTH = lm.Settings(promise=0.05, evaluations=15, failures=5)
@@ -40,7 +39,7 @@ class Point:
 
     inverse: Inverse
     q: np.ndarray
-    w: Whitening
+    w: Covariance
     y: Mapping[str, np.ndarray]
     J: Mapping[str, np.ndarray]
     tests: Mapping[str, np.ndarray]
@@ -61,7 +60,7 @@ class Point:
     @property
     def residual(self) -> dict[str, np.ndarray]:
         """Computed less measured (m,) by id."""
-        return {id: self.y[id] - self.inverse.grids[id].mean for id in self.w.ids}
+        return {id: self.y[id] - self.inverse.grids[id].mean for id in self.w.tests}
 
     @property
     def r(self) -> np.ndarray:
@@ -84,13 +83,12 @@ class Point:
 def _gathered(
     inverse: Inverse,
     q: np.ndarray,
-    w: Whitening,
+    w: Covariance,
     shift: Mapping[str, np.ndarray],
     converged: bool,
-    run: Predictor,
 ) -> Point:
     found = inverse.predictions(q)
-    y = {e.id: found[e.id].y + w.shift[e.id] for e in inverse.campaign.train}
+    y = {e.id: found[e.id].y + w.tests[e.id].shift for e in inverse.campaign.train}
     J = {e.id: inverse.slopes(e, found[e.id], q) for e in inverse.campaign.train}
     tests, trouble, onset = {}, [], {id: p.onset_mm for id, p in found.items()}
     for e in inverse.campaign.test:
@@ -103,39 +101,18 @@ def _gathered(
     return Point(inverse, q, w, y, J, tests, tuple(trouble), onset, shift, converged)
 
 
-def baseline(fitted: Fit, run: Predictor, grid: int) -> Point:
-    """The baseline where the fit left it."""
-    campaign = replace(fitted.campaign, base=fitted.case)
-    unknowns = [replace(e.unknown, start=e.value) for e in fitted.estimates]
-    inverse = Inverse(campaign, unknowns, run, grid)
-    q = np.zeros(len(unknowns))
-    found = inverse.predictions(q)
-    computed, shift = {}, {}
+def point_of(fitted: Fit, run: Predictor) -> Point:
+    """The model where a fit has left it: its problem, its answer, its covariance."""
+    inverse, shift = fitted.inverse, {}
     curves = {c.experiment.id: c.fitted for c in fitted.compared}
-    for e in campaign.train:
-        x, y = along(inverse.grids[e.id]), found[e.id].y
-        shift[e.id] = curves[e.id] - y if e.kind == "cut" else np.zeros(y.size)
-        if e.kind != "cut":
-            computed[e.id] = np.zeros((y.size, y.size))
-        elif np.abs(shift[e.id]).max() > 1e-6 * np.abs(y).max():
-            computed[e.id] = measured_error(x, y, y + shift[e.id] / ADDED)
-        else:
-            computed[e.id], shift[e.id] = guessed_error(x, y), np.zeros(y.size)
-    means = {e.id: inverse.grids[e.id].mean for e in campaign.train}
-    w = whitening(campaign, inverse.grids, means, computed, shift)
-    inverse.weights = dict(w.weights)
-    meshed = any(e.kind == "cut" for e in campaign.train)
-    converged = True
-    if not meshed:
-        best = lm.minimise(inverse.whitened, q, *inverse.bounds, SMOOTH)
-        q, converged = best.q, best.converged
-    test_shift = {}
-    if any(e.kind == "cut" for e in campaign.test):
-        for e in campaign.test:
-            if e.kind == "cut" and e.id in curves:
-                (p,) = inverse.predicted(q, [e], fine=False)
-                test_shift[e.id] = curves[e.id] - p.y
-    return _gathered(inverse, q, w, test_shift, converged, run)
+    for e in fitted.campaign.test:
+        if e.kind == "cut" and e.id in curves:
+            (p,) = inverse.predicted(fitted.q, [e], fine=False)
+            shift[e.id] = curves[e.id] - p.y
+    inverse = inverse.moved(fitted.q, run)
+    return _gathered(
+        inverse, np.zeros(fitted.q.size), fitted.data_covariance, shift, fitted.status == "converged"
+    )
 
 
 class _Shape(Unknown):
@@ -170,12 +147,9 @@ def extend(point: Point, score: Score, run: Predictor, *, shapes: bool = True) -
     c = score.column.candidate
     unknowns = unknowns_of(point, c, score, shapes)
     new = {u.name: u.start for u in unknowns[len(point.inverse.unknowns) :]}
-    model = point.campaign.base.model.extended(c.name)
-    here = point.case
-    values = {**here.values, **model[1], **score.column.shapes, **new}
-    base = replace(here, mechanisms=model[0].mechanisms, values=values)
-    inverse = Inverse(replace(point.campaign, base=base), unknowns, run, len(next(iter(point.y.values()))))
-    inverse.grids, inverse.weights = point.inverse.grids, dict(point.w.weights)
+    model, off = point.case.model.extended(c.name)
+    values = {**point.case.values, **off, **score.column.shapes, **new}
+    inverse = point.inverse.other(unknowns, replace(point.case, mechanisms=model.mechanisms, values=values))
     low, high = inverse.bounds
     k, meshed = len(point.inverse.unknowns), any(e.kind == "cut" for e in point.campaign.train)
     best, reason = None, ""
@@ -188,7 +162,7 @@ def extend(point: Point, score: Score, run: Predictor, *, shapes: bool = True) -
             )
         q = np.clip(q, low, high)
         try:
-            r, J = inverse.whitened(q)
+            r, J = inverse.whitened(q, point.w)
         except (ComputationFailed, BadInput) as error:
             reason = str(error)
             continue
@@ -199,43 +173,37 @@ def extend(point: Point, score: Score, run: Predictor, *, shapes: bool = True) -
     if best is None:
         raise ComputationFailed(reason)
     found = lm.minimise(
-        inverse.whitened, best[0], low, high, MESHED if meshed else SMOOTH, first=(best[1], best[2])
+        lambda q: inverse.whitened(q, point.w),
+        best[0],
+        low,
+        high,
+        MESHED if meshed else SMOOTH,
+        first=(best[1], best[2]),
     )
     if found.message == "interrupted":
         raise KeyboardInterrupt
-    return _gathered(inverse, found.q, point.w, point.test_shift, found.converged, run)
+    return _gathered(inverse, found.q, point.w, point.test_shift, found.converged)
 
 
-def _extended_plan(point: Point) -> FitPlan:
-    """The plan of a fit of all that was looked for at ``point``, within the same bounds."""
-    plan, unknowns = point.campaign.plan, point.inverse.unknowns
-    free = dict.fromkeys(u.name for u in unknowns if u.name not in plan.own)
-    return replace(
-        plan, free=tuple(free), bounds={**plan.bounds, **{u.name: (u.low, u.high) for u in unknowns}}
-    )
-
-
-def settled(point: Point, run: Predictor, refine: bool, grid: int, on_progress: OnProgress) -> Point:
-    """An extended model of cuts fitted as the baseline was: until nothing is gained, with the mesh's error
-    measured anew; for choosing between candidates a few steps were enough. Others are as they are.
+def settled(point: Point, run: Predictor, refine: bool, on_progress: OnProgress) -> Point:
+    """An extended model fitted as the baseline was, with a covariance of its own; for choosing between
+    candidates that of the baseline and a few steps were enough.
 
     Raises KeyboardInterrupt.
     """
-    if not any(e.kind == "cut" for e in point.campaign.train):
-        return point
     on_progress(math.nan, math.nan, "fitting the extended model")
-    campaign = replace(point.campaign, base=point.case, plan=_extended_plan(point))
     try:
         fitted = fit(
-            campaign, refine=refine, grid=grid, run=run,
+            point.campaign, refine=refine, run=run, looked_for=point.inverse.at(point.q), start=point.case,
+            grids=point.inverse.grids,
             on_progress=lambda done, total, text: on_progress(done, total, f"extended model, {text}"),
         )  # fmt: skip
-        if fitted.status == "interrupted":
-            raise KeyboardInterrupt
-        return baseline(fitted, run, grid)
     except (ComputationFailed, BadInput) as error:
         on_progress(math.nan, math.nan, f"not fitted further: {error}")
         return point
+    if fitted.status == "interrupted":
+        raise KeyboardInterrupt
+    return point_of(fitted, run)
 
 
 def undetermined(point: Point, c: Candidate) -> bool:

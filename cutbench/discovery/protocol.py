@@ -18,13 +18,12 @@ from scipy.linalg import cholesky, solve_triangular
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.calibration.homogeneous import LoadingHistory, respond
 from cutbench.calibration.prediction import Predictor, Task
-from cutbench.calibration.weights import Factors
 from cutbench.case.case import Case
+from cutbench.data.covariance import deviating
 from cutbench.data.experiment import HOMOGENEOUS, Experiment
 from cutbench.discovery.candidates import duration
 from cutbench.discovery.point import Point
 from cutbench.discovery.score import Score
-from cutbench.discovery.whiten import smooth, usual
 from cutbench.run.sensitivity import extended
 
 READINGS = 40
@@ -112,10 +111,10 @@ def _histories(e: Experiment):
 def _judged(point: Point, e: Experiment, text: str, a: np.ndarray, b: np.ndarray, x: np.ndarray) -> Proposal:
     grid = point.inverse.grids[e.id]
     noise = float(np.median(grid.reading) / np.abs(grid.mean).max())
-    pooled = usual(Factors.of([point.inverse.grids[o.id] for o in point.campaign.train if o.kind == e.kind]))
+    pooled = point.w.factors[e.kind]
     count = max(grid.repetitions, 3)
     top = np.abs(a).max()
-    C = pooled.variance / count * np.outer(a, a) + smooth(x, a, 0.01) / count
+    C = pooled.variance / count * np.outer(a, a) + deviating(x, a, 0.01) / count
     C += np.diag(np.full(a.size, (max(noise, 1e-3) * top) ** 2 / count))
     away = solve_triangular(cholesky(C, lower=True), b - a, lower=True)
     return Proposal(text, float(np.linalg.norm(away)), float(np.abs(b - a).max() / top))

@@ -9,9 +9,9 @@ import numpy as np
 from cutbench.base.units import Parameter
 from cutbench.base.versions import versions
 from cutbench.discovery.heldout import Heldout, compare
+from cutbench.discovery.outcome import CHANCE, Discovery, Round, Tried
 from cutbench.discovery.point import Point
 from cutbench.discovery.score import Score
-from cutbench.discovery.search import CHANCE, Discovery, Round, Tried
 from cutbench.discovery.where import Section
 from cutbench.mechanisms import registry
 
@@ -276,8 +276,8 @@ def _train(d: Discovery) -> dict:
     for e in d.campaign.train:
         grid = d.first.inverse.grids[e.id]
         scale = float(np.abs(grid.mean).max()) if relative else 1.0
-        C = d.first.w.weights[e.id].covariance
-        parts = (d.first.residual[e.id] ** 2, d.final.residual[e.id] ** 2, np.diag(C))
+        sd = d.first.w.tests[e.id].deviation
+        parts = (d.first.residual[e.id] ** 2, d.final.residual[e.id] ** 2, sd**2)
         sums += [p.sum() / scale**2 for p in parts]
         count += grid.x.size
     b, x, n = np.sqrt(sums / count)

@@ -4,7 +4,7 @@ Residuals and derivatives are whitened and freed of what the free parameters can
 span of their derivatives); what a candidate gains in χ² is then the squared length of the residual's part
 along its columns, with strengths kept within their bounds (most of them cannot be negative). Rao (1948),
 10.1017/S0305004100023987. How large a gain chance alone makes, with the best value of a shape picked
-afterwards, is seen in draws of data without any effect, see ``Whitening.draw``.
+afterwards, is seen in draws of data without any effect, see ``Covariance.draw``.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg, stats
+from scipy import linalg, optimize, stats
 
+from cutbench.data.covariance import Covariance
 from cutbench.discovery.columns import Column, Sensed
-from cutbench.discovery.whiten import Whitening
 
 #: Draws without effect.
 DRAWS = 240
@@ -83,7 +83,7 @@ def deviations(p: float) -> float:
 
 
 def score(
-    sensed: Sensed, w: Whitening, residual: Mapping[str, np.ndarray], draws: int = DRAWS, seed: int = 0
+    sensed: Sensed, w: Covariance, residual: Mapping[str, np.ndarray], draws: int = DRAWS, seed: int = 0
 ) -> Scores:
     """``residual`` (m,) by id, computed less measured. The answer does not depend on the experiments'
     order."""
@@ -166,8 +166,8 @@ class _Stack:
         self.all = {id: np.hstack([sensed.J[id], *(c.by[id] for c in columns)]) for id in sensed.J}
         self.dof = sum(y.size for y in sensed.y.values()) - self.k
 
-    def gains(self, w: Whitening, residual: Mapping[str, np.ndarray]) -> _Gains:
-        white = w.white({id: np.column_stack([self.all[id], residual[id]]) for id in w.ids})
+    def gains(self, w: Covariance, residual: Mapping[str, np.ndarray]) -> _Gains:
+        white = w.white({id: np.column_stack([self.all[id], residual[id]]) for id in w.tests})
         J, C, r = white[:, : self.k], white[:, self.k : -1], white[:, -1]
         size = np.linalg.norm(J, axis=0)
         Q, R, _ = linalg.qr(J / np.where(size > 0, size, 1), mode="economic", pivoting=True)
@@ -203,24 +203,11 @@ def _signs(column: Column) -> list[int]:
 
 
 def _bounded(A: np.ndarray, r: np.ndarray, signs: Sequence[int]) -> np.ndarray:
-    """b (p,) of the right signs that makes |r + A b| least; p is small: every subset is tried."""
-    p = A.shape[1]
-    G, g = A.T @ A, A.T @ r
-    best, b_best = 0.0, np.zeros(p)
-    for count in range(1, p + 1):
-        for on in itertools.combinations(range(p), count):
-            i = list(on)
-            if any(G[j, j] <= 0 for j in i):
-                continue
-            scale = np.sqrt(np.diag(G)[i])
-            b = (
-                -np.linalg.lstsq(G[np.ix_(i, i)] / np.outer(scale, scale), g[i] / scale, rcond=1e-8)[0]
-                / scale
-            )
-            if any(s and s * v < 0 for s, v in zip([signs[j] for j in i], b, strict=True)):
-                continue
-            gained = -(2 * g[i] @ b + b @ G[np.ix_(i, i)] @ b)
-            if gained > best:
-                best, b_best = gained, np.zeros(p)
-                b_best[i] = b
-    return b_best
+    """b (p,) of the right signs that makes |r + A b| least."""
+    size = np.linalg.norm(A, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    # What may have either sign is the difference of two that may not.
+    parts = [(j, s) for j, sign in enumerate(signs) for s in ((sign,) if sign else (1, -1))]
+    number, sign = (np.array(each) for each in zip(*parts, strict=True))
+    found, _ = optimize.nnls(A[:, number] / size[number] * sign, -r)
+    return np.bincount(number, found * sign, A.shape[1]) / size

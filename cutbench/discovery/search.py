@@ -4,38 +4,33 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.progress import OnProgress, silent
-from cutbench.calibration.fitted import Fit
 from cutbench.calibration.fitting import fit
 from cutbench.calibration.inverse import GRID
 from cutbench.calibration.prediction import Predictor, predictor
 from cutbench.data.campaign import Campaign
 from cutbench.discovery.candidates import candidates
-from cutbench.discovery.columns import Sensed, sense
+from cutbench.discovery.columns import sense
 from cutbench.discovery.heldout import TESTS, Heldout, better_than, compare, decide
 from cutbench.discovery.numerical import numerical_columns, with_columns
-from cutbench.discovery.point import Point, baseline, extend, settled, undetermined
+from cutbench.discovery.outcome import CHANCE, SHARE, SHARE_WEAK, Discovery, NumericalCauses, Round, Tried
+from cutbench.discovery.point import Point, extend, point_of, settled, undetermined
 from cutbench.discovery.protocol import Proposal, cut_proposals, proposals, sentence
 from cutbench.discovery.score import Score, Scores, deviations, score
-from cutbench.discovery.where import Section, sections
+from cutbench.discovery.where import sections
 from cutbench.run.pool.pool import cores
 
-#: Chance of naming something where there is nothing, of all candidates together.
-CHANCE = 0.005
 #: A candidate on its own is worth a fit if it gains more than chance does this often.
 PROMISING = 0.1
 #: Chances below this are all alike: the draws do not reach so far.
 TOLD = 1e-4
 #: So many are fitted in a round, without a mesh and with one.
 FITS, FITS_MESHED = 6, 3
-#: A mechanism is named only if it explains this part of what is wrong.
-SHARE, SHARE_WEAK = 0.3, 0.6
 #: What may stay significant beside what was found, as a part of what was wrong; more is unexplained. Where
 #: the scatter between specimens was not measured, more of it may be scatter.
 REST, REST_ALONE = 0.1, 0.5
@@ -48,100 +43,6 @@ APART, APART_MESHED = 2.0, 3.0
 SHAPES, OPEN = 3, 5
 #: Mechanisms found, at the most.
 MOST = 4
-
-
-@dataclass(frozen=True)
-class Tried:
-    """A candidate fitted for real. ``gain`` in χ²; ``p_any``: so much by chance for any candidate; ``share``
-    of what was wrong; ``behind``: χ² (with the price of its parameters) above the best of the round, and the
-    standard error of that. ``shapes_open``: the train data do not determine its shapes."""
-
-    score: Score
-    point: Point
-    heldout: Heldout
-    gain: float
-    p_any: float
-    share: float
-    behind: float = 0.0
-    behind_se: float = 0.0
-    shapes_open: bool = False
-
-    @property
-    def name(self) -> str:
-        return self.score.name
-
-    @property
-    def convincing(self) -> bool:
-        return self.p_any < CHANCE and self.share >= SHARE and self.heldout.accepted
-
-
-@dataclass(frozen=True)
-class Round:
-    """``point``: the model at its beginning; ``tried`` in the order of what they explain; ``group``: names
-    that these data cannot tell from the first of them; ``accepted``: name or None. ``left_out``: candidates
-    that do not apply, ``failed``: those that could not be tried, each with the reason."""
-
-    point: Point
-    sensed: Sensed
-    scores: Scores
-    tried: tuple[Tried, ...]
-    group: tuple[str, ...]
-    accepted: str | None
-    left_out: Mapping[str, str]
-    failed: Mapping[str, str]
-
-
-@dataclass(frozen=True)
-class NumericalCauses:
-    """Scores of numerical causes; ``explains``: name of one that explains the residual as well as the best
-    mechanism does, None otherwise; ``missing``: what could not be computed, and why."""
-
-    scores: tuple[Score, ...]
-    shares: Mapping[str, float]
-    explains: str | None
-    missing: Mapping[str, str]
-
-
-@dataclass(frozen=True)
-class Discovery:
-    """All that was found out. ``final``: the extended model; the last of ``rounds`` has its residual.
-
-    ``wrong``: sections of the baseline's curves; ``left``: of the final model's, the most significant first.
-    """
-
-    campaign: Campaign
-    fit: Fit
-    verdict: str
-    found: tuple[str, ...]
-    rounds: tuple[Round, ...]
-    final: Point
-    gain: Heldout | None
-    wrong: tuple[Section, ...]
-    left: tuple[Section, ...]
-    numerics: NumericalCauses
-    proposed: tuple[Proposal, ...]
-    next_experiment: str
-    seconds: float
-    notes: tuple[str, ...]
-    interrupted: bool = False
-
-    @property
-    def first(self) -> Point:
-        return self.rounds[0].point
-
-    @property
-    def not_tried(self) -> dict[str, str]:
-        """Candidates that could not be tried at last, each with the reason; where none was, also those that
-        do not apply."""
-        last = self.rounds[-1]
-        return {**({} if last.scores.scores else last.left_out), **last.failed}
-
-    @property
-    def groups(self) -> list[tuple[str, ...]]:
-        """Of mechanisms that cannot be told apart, for each that was found (or would have been first)."""
-        if self.verdict == "none":
-            return []
-        return [r.group for r in self.rounds if len(r.group) > 1 and (r.accepted or not self.found)]
 
 
 def discover(
@@ -170,7 +71,7 @@ def discover(
         raise KeyboardInterrupt
     runs = 3 * sum(e.kind == "cut" for e in campaign.experiments)
     with predictor(min(count, runs)) as run:
-        point = baseline(fitted, run, grid)
+        point = point_of(fitted, run)
         rounds: list[Round] = []
         found: list[str] = []
         numerics = NumericalCauses((), {}, None, {})
@@ -193,7 +94,7 @@ def discover(
             found.append(this.accepted)
             point = next(t.point for t in this.tried if t.name == this.accepted)
             try:
-                point = settled(point, run, refine, grid, on_progress)
+                point = settled(point, run, refine, on_progress)
             except KeyboardInterrupt:
                 interrupted = True
                 break
@@ -290,7 +191,7 @@ def _round(point: Point, run: Predictor, seed: int, on_progress: OnProgress) -> 
         after, held, kept = _shaped(point, s, after, scores, run)
         gain = max(scores.chi2 - after.chi2, 0.0)
         # Where chance made the residual as small as noise, what gains anything gains all of it.
-        share = gain / scores.excess if scores.excess > 0 else 1.0
+        share = min(gain / scores.excess, 1.0) if scores.excess > 0 else 1.0
         tried.append(Tried(s, after, held, gain, scores.p_any(s.name, gain), share, shapes_open=kept))
     tried, group = _ordered(tried, scores, meshed)
     # A residual that is not significant as a whole needs a candidate that explains most of it.
@@ -303,10 +204,16 @@ def _round(point: Point, run: Predictor, seed: int, on_progress: OnProgress) -> 
     return Round(point, sensed, scores, tuple(tried), tuple(group), accepted, left_out, failed)
 
 
+def _wrong(point: Point, first: Round) -> float:
+    """χ² of ``point`` beyond what noise explains, as the baseline's covariance has it."""
+    r = first.point.w.white(point.residual)
+    return max(float(r @ r) - first.scores.expected, 0.0)
+
+
 def _worth_a_name(this: Round, first: Round) -> bool:
     """Whether what a later round would add is more than what a verdict leaves unmentioned."""
-    gain = next((t.gain for t in this.tried if t.name == this.accepted), 0.0)
-    return gain > REST * first.scores.excess
+    after = next((t.point for t in this.tried if t.name == this.accepted), this.point)
+    return _wrong(this.point, first) - _wrong(after, first) > REST * first.scores.excess
 
 
 def _simplest(scores: list[Score]) -> list[Score]:
@@ -381,11 +288,12 @@ def _ordered(tried: list[Tried], scores: Scores, meshed: bool) -> tuple[list[Tri
 
 
 def _verdict(rounds: list[Round]) -> str:
-    first, last = rounds[0].scores, rounds[-1].scores
+    first, last = rounds[0], rounds[-1]
     found = any(r.accepted for r in rounds)
-    alone = all(len(e.repetitions) == 1 for e in rounds[0].point.campaign.train)
-    left = last.p_residual < CHANCE
-    if not left or (found and last.excess <= (REST_ALONE if alone else REST) * first.excess):
+    alone = all(len(e.repetitions) == 1 for e in first.point.campaign.train)
+    left = last.scores.p_residual < CHANCE
+    most = (REST_ALONE if alone else REST) * first.scores.excess
+    if not left or (found and _wrong(last.point, first) <= most):
         return "mechanism" if found else "none"
     # Nothing is unexplained before it was tried.
     tried = any(r.scores.scores for r in rounds)

@@ -50,13 +50,13 @@ def sections(point: Point) -> list[Section]:
     """Of all train experiments, the most significant first."""
     found = []
     for e in point.campaign.train:
-        grid, w = point.inverse.grids[e.id], point.w.weights[e.id]
+        grid, w = point.inverse.grids[e.id], point.w.tests[e.id]
         r = -point.residual[e.id]
         for name, mask in _masks(e, point, r).items():
             i = np.flatnonzero(mask)
             mean = np.zeros(r.size)
             mean[i] = 1 / i.size
-            sd = float(np.sqrt(mean @ w.covariance @ mean))
+            sd = float(np.sqrt(mean @ w.total @ mean))
             bias = float(mean @ r)
             found.append(
                 Section(e, name.split("#")[0], float(grid.x[i[0]]), float(grid.x[i[-1]]), bias, bias / sd,

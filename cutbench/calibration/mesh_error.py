@@ -1,0 +1,109 @@
+"""How far a computed curve is from what its equations say: its mesh and steps, measured on finer ones.
+
+That error is often larger than the noise of averaged readings, so a fit that ignores it trusts its readings
+too much. The same case with steps, elements and give of the contact about half as large gives e = y_fine −
+y. Its smooth part goes on under refinement: if the error is of first order, the exact curve is y + 2 e; if
+of a higher one, a little beyond y + e. The fit adds 1.5 e and takes 0.7 e for one standard deviation of
+what is still missing. What is left of e are the jags of both meshes, an element or a step long: those of
+the finer take the place of the others, and their size is that of an error that extends over a few grid
+values.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cutbench.case.case import Case
+from cutbench.data.covariance import Block, matern, scatter_covariance, sound
+from cutbench.data.experiment import Experiment
+from cutbench.data.fields import laid_out
+
+#: Numerics of the finer computation, relative to those of the fit.
+FINER = {"h_mm": 0.7, "step_mm": 0.5, "penalty": 2.0, "stick": 2.0}
+#: What is added of the difference's smooth part, and what stays uncertain of it.
+ADDED, UNSURE = 1.5, 0.7
+#: In grid values: the window of the smooth part (standard deviation), and the length of jags.
+WINDOW, JAG = 6.0, 4.0
+#: Specimens' displacements differ by this part: they hardly depend on how stiff all of a specimen is.
+FIELD_FACTOR = 0.01
+#: Error of a computed curve before it has been measured: of its smooth part, and of its jags.
+FIRST_GUESS, FIRST_JAGS = 0.05, 0.02
+
+
+def field_block(e: Experiment, computed: np.ndarray, fine: np.ndarray | None = None) -> Block:
+    """Covariance (f, f) of one experiment's displacement fields; places that one of the two lacks count
+    nothing.
+
+    It has the noise at every place, the factor by which one specimen differs from others, and what finer
+    numerics change: as a whole, and place by place. ``computed`` (f,) in mm, ``fine`` with finer numerics.
+    """
+    measured = laid_out(e.fields)
+    known = np.isfinite(measured) & np.isfinite(computed)
+    if fine is None:
+        change = FIRST_GUESS * np.where(known, np.abs(computed), 0.0)
+    else:
+        known &= np.isfinite(fine)
+        change = np.where(known, fine - computed, 0.0)
+    size = np.where(known, computed, 0.0)
+    total = FIELD_FACTOR**2 * np.outer(size, size) + np.outer(change, change)
+    # Next to the cut one step more or less moves much; nobody can use such a place.
+    return Block(sound(total + np.diag(change**2 + e.field_noise_mm**2)), known=known)
+
+
+def finer(case: Case) -> Case:
+    """The same test with smaller elements and steps and a stiffer blade surface."""
+    n = case.numerics
+    numbers = {name: factor * getattr(n, name) for name, factor in FINER.items()}
+    numbers["step_mm"] = max(numbers["step_mm"], n.step_min_mm)
+    return case.set(**numbers)
+
+
+def guessed_error(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Covariance (m, m) of a computed curve's own error before it has been measured."""
+    size = np.maximum(np.abs(y), 0.1 * np.abs(y).max())
+    length = np.ptp(x) / 3
+    smooth = FIRST_GUESS**2 * np.outer(size, size) * matern(np.abs(x[:, None] - x), length)
+    rough = np.outer(size, size) * matern(np.abs(x[:, None] - x), JAG * np.ptp(x) / (x.size - 1))
+    return smooth + FIRST_JAGS**2 * rough + np.diag((0.1 * FIRST_JAGS * size) ** 2)
+
+
+def measured_error(x: np.ndarray, y: np.ndarray, fine: np.ndarray) -> np.ndarray:
+    """Covariance (m, m) of a computed curve with ``correction`` added, on ``x`` (m,), even."""
+    e, spacing = fine - y, np.ptp(x) / (x.size - 1)
+    gentle = smooth(x, e)
+    missing = scatter_covariance(x, np.stack([gentle, -gentle]) / np.sqrt(2), np.zeros((x.size, x.size)))
+    size = np.sqrt(2 * _nearby(x, x, (e - gentle) ** 2))  # of both meshes, and of what neither resolves
+    rough = size[:, None] * size * matern(np.abs(x[:, None] - x), JAG * spacing)
+    return UNSURE**2 * missing + rough + np.diag(jags(x, e) + jags(x, y))
+
+
+def correction(x: np.ndarray, y: np.ndarray, fine: np.ndarray) -> np.ndarray:
+    """What (m,) brings a computed curve nearer to the limit of fine meshes."""
+    gentle = smooth(x, fine - y)
+    return ADDED * gentle + (fine - y - gentle)
+
+
+def smooth(x: np.ndarray, e: np.ndarray) -> np.ndarray:
+    """Local lines through ``e`` (m,) under a Gaussian window."""
+    width = WINDOW * np.ptp(x) / (x.size - 1)
+    d = x - x[:, None]
+    weight = np.exp(-((d / width) ** 2) / 2)
+    s0, s1, s2 = (weight.sum(axis=1), (weight * d).sum(axis=1), (weight * d * d).sum(axis=1))
+    return (s2 * (weight @ e) - s1 * ((weight * d) @ e)) / (s0 * s2 - s1 * s1)
+
+
+def _nearby(x: np.ndarray, at: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Mean (m,) of ``values`` (n,), known ``at`` (n,), in a window about each x (m,), a tenth of all wide."""
+    window = np.exp(-(((x[:, None] - at) / (np.ptp(x) / 10)) ** 2) / 2)
+    return window @ values / window.sum(axis=1)
+
+
+def jags(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Variance (m,) of what is not smooth in a computed curve on ``x`` (m,), even.
+
+    What each value differs from the cubic through its four neighbours, as ``data.covariance.roughness`` has
+    it, but as a mean square: the jags of a mesh come one by one, and a median would not see them.
+    """
+    weights = np.array([1, -4, 6, -4, 1]) / np.sqrt(70)
+    rough = np.convolve(y, weights, mode="valid") ** 2
+    return _nearby(x, x[2:-2], rough)

@@ -1,0 +1,287 @@
+"""How far measured curves can be trusted: one covariance for fits, discovery and what data can tell.
+
+The model of repetition r of a test at the abscissa s: y_r(s) = f(s) (1 + a_r) + b_r(s) + e_r(s). Specimens
+differ above all by a factor, 1 + a_r: one is stiffer than the next from the first reading to the last. b_r is
+what else differs between them, smooth along the curve; e_r is the noise of single readings, white.
+
+- Reading noise. Each reading is held against the cubic through its four neighbours (few readings:
+  the line through two). The difference, divided by sqrt(1 + sum of squared weights), has the
+  variance of the noise; a smooth curve adds next to nothing to it (Gasser, Sroka & Jennen-Steinmetz
+  1986, 10.1093/biomet/73.3.625). Its size is 1.4826 times the median of the absolute value, which
+  jumps of the curve do not move; half from all readings, half from a window along the curve.
+- Factor. Its variance is pooled over all tests of a kind: by the few repetitions of one test it would look
+  far better known than it is. It is drawn towards what is usual of soft solids, worth a few specimens. It
+  stands on a computed curve, not on the measured one: in proportion to the measured one, a curve that misses
+  the readings' shape would come nearer to them by shrinking to nothing (Peelle's puzzle).
+- Other differences. From the residuals e (R, n) of R repetitions, without their factors, about their mean,
+  S = eᵀe/(R − 1) less the noise; with few repetitions S is singular, so it is drawn towards T = D M D, where
+  D² is the diagonal of S smoothed along the curve and M a Matérn-3/2 correlation whose length is that of the
+  residuals: (w T + (R − 1) S)/(w + R − 1), w = 4. Where one specimen was measured, the usual is taken: a
+  smooth deviation by some per cent. Alone that would hand a fit to the slope of the misfit and leave its size
+  alone, so that a model that misses the shape ends far from all readings: where the computed curve misses by
+  more than can be scatter, the misfit counts as noise of single readings too, up to as much as leaves the
+  curve a few independent values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+
+from cutbench.data.repetition import Averaged
+
+#: Weight of the smooth target against the sample covariance, in repetitions.
+PRIOR = 4.0
+#: The noise is never taken for smaller than this part of the largest value: no load cell is better.
+FLOOR = 1e-3
+#: 1/Φ⁻¹(3/4): from the median of |x| to the standard deviation of normal x.
+_MAD = 1.4826
+#: Factor between specimens: what is taken for it before any is measured, and how many specimens that is
+#: worth.
+USUAL_FACTOR, WORTH = 0.02, 2
+#: Smooth difference of one specimen's curve from another's where only one was measured, relative; a curve has
+#: so many independent values of it; by so many of its standard deviations a right model may miss it.
+USUAL_SHAPE, INDEPENDENT, BEYOND = 0.03, 3, 2.0
+#: What is left to the laws' time steps; a fit does not count it.
+LEAST_SHAPE = 0.002
+
+
+def roughness(s: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Standard deviation (n,) of the reading noise of ``y`` (n,) along ``s`` (n,), ascending."""
+    floor = FLOOR * float(np.max(np.abs(y), initial=0.0))
+    s, where, back = np.unique(s, return_index=True, return_inverse=True)
+    values = y[where]
+    reach = 2 if s.size >= 12 else 1
+    if s.size < 2 * reach + 1:
+        return np.full(y.size, floor)
+    middle = np.arange(reach, s.size - reach)
+    offsets = [k for k in range(-reach, reach + 1) if k]
+    guess, gain = np.zeros(middle.size), np.ones(middle.size)
+    for k in offsets:
+        weight = np.ones(middle.size)
+        for j in offsets:
+            if j != k:
+                weight *= (s[middle] - s[middle + j]) / (s[middle + k] - s[middle + j])
+        guess += weight * values[middle + k]
+        gain += weight**2
+    rough = np.abs(values[middle] - guess) / np.sqrt(gain)
+    overall = _MAD * np.median(rough)
+    half = max(5, middle.size // 12)
+    centres = np.unique(np.linspace(0, middle.size - 1, min(middle.size, 60)).round().astype(int))
+    here = _MAD * np.array([np.median(rough[max(0, i - half) : i + half + 1]) for i in centres])
+    sigma = np.sqrt((overall**2 + here**2) / 2)
+    along_s = np.interp(np.arange(s.size), middle[centres], sigma)
+    return np.maximum(along_s[back.ravel()], floor)
+
+
+def scatter_covariance(grid: np.ndarray, residuals: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """Covariance (n, n) between specimens along ``grid`` (n,) from ``residuals`` (R, n), R >= 2.
+
+    ``noise`` (n, n) is the mean covariance of the repetitions' reading noise on the grid; it is
+    taken off. The result is positive semidefinite.
+    """
+    count = residuals.shape[0] - 1
+    sample = residuals.T @ residuals / count - noise
+    variance = _smooth(grid, np.clip(np.diag(sample), 0, None))
+    deviation = np.sqrt(np.maximum(variance, 0.01 * variance.mean()))
+    distance = np.abs(grid[:, None] - grid)
+    target = deviation[:, None] * deviation * matern(distance, _length(grid, sample, deviation))
+    C = (PRIOR * target + count * sample) / (PRIOR + count)
+    root = _root(C)
+    return root @ root.T
+
+
+def matern(distance: np.ndarray, length: float) -> np.ndarray:
+    """Matérn-3/2 correlation at ``distance``."""
+    r = np.sqrt(3) * distance / length
+    return (1 + r) * np.exp(-r)
+
+
+def deviating(x: np.ndarray, y: np.ndarray, part: float) -> np.ndarray:
+    """Covariance (m, m) of a deviation by ``part`` of ``y`` (m,), smooth along ``x`` over a third of it."""
+    size = np.maximum(np.abs(y), 0.05 * np.abs(y).max())
+    return part**2 * np.outer(size, size) * matern(np.abs(x[:, None] - x), np.ptp(x) / 3)
+
+
+def _smooth(grid: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """``values`` (n,) under a Gaussian window, a tenth of the grid wide."""
+    width = (grid[-1] - grid[0]) / 10
+    weight = np.exp(-(((grid[:, None] - grid) / width) ** 2) / 2)
+    return weight @ values / weight.sum(axis=1)
+
+
+def _length(grid: np.ndarray, sample: np.ndarray, deviation: np.ndarray) -> float:
+    """Distance at which the correlation of the residuals falls to that of the Matérn curve at its length."""
+    whole, spacing = grid[-1] - grid[0], (grid[-1] - grid[0]) / (grid.size - 1)
+    scale = deviation[:, None] * deviation
+    distance = np.abs(grid[:, None] - grid)
+    level = float(matern(np.array(1.0), 1.0))
+    for k in range(1, grid.size):
+        ring = np.abs(distance - k * spacing) <= spacing / 2
+        total = scale[ring].sum()
+        if total > 0 and sample[ring].sum() / total < level:
+            return float(max(k, 2) * spacing)
+    return float(whole)
+
+
+def _root(C: np.ndarray) -> np.ndarray:
+    values, vectors = np.linalg.eigh((C + C.T) / 2)
+    return vectors * np.sqrt(np.clip(values, 0, None))
+
+
+def sound(C: np.ndarray) -> np.ndarray:
+    """Symmetric, and with a diagonal that keeps it positive definite."""
+    C = (C + C.T) / 2
+    return C + np.diag(1e-8 * np.diag(C) + 1e-12 * np.diag(C).max())
+
+
+@dataclass(frozen=True)
+class Factors:
+    """Variance of the factor by which specimens differ, with its degrees of freedom (0: not known)."""
+
+    variance: float = 0.0
+    dof: int = 0
+
+    @classmethod
+    def of(cls, grids: Sequence[Averaged]) -> Factors:
+        """Pooled over tests: the factor of a repetition is that of its least-squares line on the mean."""
+        total, dof = 0.0, 0
+        for grid in grids:
+            if grid.dof > 0:
+                a = grid.factors
+                # What the reading noise does to a factor is no scatter.
+                noise = (grid.reading**2 * grid.mean**2).sum() / (grid.mean**2).sum() ** 2
+                total += max(((a - a.mean()) ** 2).sum() - grid.dof * noise, 0.0)
+                dof += grid.dof
+        return cls(total / dof, dof) if dof else cls()
+
+    @property
+    def usual(self) -> Factors:
+        """Drawn towards what is usual."""
+        dof = self.dof + WORTH
+        return Factors((self.dof * self.variance + WORTH * USUAL_FACTOR**2) / dof, dof)
+
+
+@dataclass(frozen=True)
+class Block:
+    """Of one test: ``total`` (m, m) of the mean reading less the computed value.
+
+    ``by_factor`` comes from the factors of specimens, ``other`` from their other differences, known with
+    ``dof`` degrees of freedom; ``scatter`` is that of a single specimen as it is, smooth. ``computed`` is the
+    error of the computed curve, and ``shift`` (m,) what is known of that and added to the curve.
+    ``deviation`` (m,): of each reading. ``known`` (m,): values that count; None: all.
+    """
+
+    total: np.ndarray
+    by_factor: np.ndarray | float = 0.0
+    other: np.ndarray | float = 0.0
+    scatter: np.ndarray | float = 0.0
+    deviation: np.ndarray | float = 0.0
+    dof: int = 0
+    computed: np.ndarray | float = 0.0
+    shift: np.ndarray | float = 0.0
+    known: np.ndarray | None = None
+
+    @classmethod
+    def of(
+        cls,
+        grid: Averaged,
+        pooled: Factors,
+        y: np.ndarray,
+        computed: np.ndarray | float = 0.0,
+        shift: np.ndarray | float = 0.0,
+        count: int | None = None,
+    ) -> Block:
+        """About the curve ``y`` (m,) with ``shift`` in it; of the mean of ``count`` specimens (default: those
+        that were measured)."""
+        count, along = count or grid.repetitions, grid.along
+        if grid.repetitions > 1:
+            alike = grid.curves / grid.factors[:, None]
+            scatter = scatter_covariance(along, alike - alike.mean(axis=0), np.diag(grid.reading**2))
+            other = scatter / count
+        else:
+            scatter = deviating(along, y, USUAL_SHAPE)
+            usual = np.trace(scatter) / y.size
+            missed = max(((grid.mean - y) ** 2).mean() - BEYOND**2 * usual, 0.0)
+            other = (scatter + np.eye(y.size) * min(missed, usual * y.size / INDEPENDENT)) / count
+        by_factor = pooled.variance / count * np.outer(y, y)
+        rest = np.diag(grid.reading**2) / count + computed
+        least = deviating(along, y, LEAST_SHAPE)
+        deviation = np.sqrt(np.diag(by_factor + scatter / count + least + rest))
+        total = sound(by_factor + other + rest)
+        return cls(total, by_factor, other, scatter, deviation, grid.dof, computed, shift)
+
+    def white(self, values: np.ndarray) -> np.ndarray:
+        """L⁻¹ values for total = L Lᵀ, (m,) or (m, k); 0 where nothing is known."""
+        if self.known is not None:
+            known = self.known.reshape(-1, *(1,) * (values.ndim - 1))
+            values = np.where(known & np.isfinite(values), values, 0.0)
+        return solve_triangular(cholesky(self.total, lower=True), values, lower=True)
+
+
+@dataclass(frozen=True)
+class Covariance:
+    """Of several tests, by id: ``grids`` as measured, ``y`` (m,) the computed curves that it stands on, their
+    ``tests``, the ``factors`` of each kind of test; ``fields``: of displacements, where a test has some."""
+
+    grids: Mapping[str, Averaged]
+    kinds: Mapping[str, str]
+    y: Mapping[str, np.ndarray]
+    factors: Mapping[str, Factors]
+    tests: Mapping[str, Block]
+    fields: Mapping[str, Block] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls,
+        grids: Mapping[str, Averaged],
+        kinds: Mapping[str, str],
+        y: Mapping[str, np.ndarray],
+        computed: Mapping[str, np.ndarray | float] | None = None,
+        shift: Mapping[str, np.ndarray | float] | None = None,
+        fields: Mapping[str, Block] | None = None,
+    ) -> Covariance:
+        """For the tests that ``kinds`` names. ``y``: with ``shift`` added."""
+        pooled = {
+            kind: Factors.of([grids[id] for id in kinds if kinds[id] == kind]).usual
+            for kind in dict.fromkeys(kinds.values())
+        }
+        computed, shift = computed or {}, shift or {}
+        tests = {
+            id: Block.of(grids[id], pooled[kind], y[id], computed.get(id, 0.0), shift.get(id, 0.0))
+            for id, kind in kinds.items()
+        }
+        return cls({id: grids[id] for id in kinds}, kinds, y, pooled, tests, fields or {})
+
+    def white(self, by: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Whitened values of all tests stacked, (M,) or (M, k)."""
+        return np.concatenate([block.white(by[id]) for id, block in self.tests.items()])
+
+    def draw(self, rng: np.random.Generator) -> tuple[dict[str, np.ndarray], Covariance]:
+        """Residuals by id, computed less measured, of data that the model describes, and the covariance that
+        a laboratory would have estimated from these: few repetitions cost what they should."""
+        grids, normal = {}, rng.standard_normal
+        # The order of the tests in a file is not to change what is drawn.
+        for id in sorted(self.tests):
+            curves = np.stack([self._specimen(id, normal) for _ in range(self.grids[id].repetitions)])
+            grids[id] = replace(self.grids[id], curves=curves, mean=curves.mean(axis=0))
+        blocks = self.tests
+        made = Covariance.of(
+            grids, self.kinds, self.y, {id: b.computed for id, b in blocks.items()},
+            {id: b.shift for id, b in blocks.items()},
+        )  # fmt: skip
+        residual = {}
+        for id in sorted(blocks):
+            y = self.y[id]
+            error = _root(deviating(grids[id].along, y, LEAST_SHAPE) + blocks[id].computed)
+            residual[id] = y + error @ normal(y.size) - grids[id].mean
+        return residual, made
+
+    def _specimen(self, id: str, normal) -> np.ndarray:
+        grid, y, block = self.grids[id], self.y[id], self.tests[id]
+        factor = 1 + np.sqrt(self.factors[self.kinds[id]].variance) * normal()
+        smooth = _root(np.asarray(block.scatter)) @ normal(y.size)
+        return y * factor + smooth + grid.reading * normal(y.size)

@@ -1,0 +1,114 @@
+"""What a discovery is made of: candidates that were fitted, rounds, numerical causes, and all of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from cutbench.calibration.fitted import Fit
+from cutbench.data.campaign import Campaign
+from cutbench.discovery.columns import Sensed
+from cutbench.discovery.heldout import Heldout
+from cutbench.discovery.point import Point
+from cutbench.discovery.protocol import Proposal
+from cutbench.discovery.score import Score, Scores
+from cutbench.discovery.where import Section
+
+#: Chance of naming something where there is nothing, of all candidates together.
+CHANCE = 0.005
+#: A mechanism is named only if it explains this part of what is wrong.
+SHARE, SHARE_WEAK = 0.3, 0.6
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A candidate fitted for real. ``gain`` in χ²; ``p_any``: so much by chance for any candidate; ``share``
+    of what was wrong; ``behind``: χ² (with the price of its parameters) above the best of the round, and the
+    standard error of that. ``shapes_open``: the train data do not determine its shapes."""
+
+    score: Score
+    point: Point
+    heldout: Heldout
+    gain: float
+    p_any: float
+    share: float
+    behind: float = 0.0
+    behind_se: float = 0.0
+    shapes_open: bool = False
+
+    @property
+    def name(self) -> str:
+        return self.score.name
+
+    @property
+    def convincing(self) -> bool:
+        return self.p_any < CHANCE and self.share >= SHARE and self.heldout.accepted
+
+
+@dataclass(frozen=True)
+class Round:
+    """``point``: the model at its beginning; ``tried`` in the order of what they explain; ``group``: names
+    that these data cannot tell from the first of them; ``accepted``: name or None. ``left_out``: candidates
+    that do not apply, ``failed``: those that could not be tried, each with the reason."""
+
+    point: Point
+    sensed: Sensed
+    scores: Scores
+    tried: tuple[Tried, ...]
+    group: tuple[str, ...]
+    accepted: str | None
+    left_out: Mapping[str, str]
+    failed: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class NumericalCauses:
+    """Scores of numerical causes; ``explains``: name of one that explains the residual as well as the best
+    mechanism does, None otherwise; ``missing``: what could not be computed, and why."""
+
+    scores: tuple[Score, ...]
+    shares: Mapping[str, float]
+    explains: str | None
+    missing: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Discovery:
+    """All that was found out. ``final``: the extended model; the last of ``rounds`` has its residual.
+
+    ``wrong``: sections of the baseline's curves; ``left``: of the final model's, the most significant first.
+    """
+
+    campaign: Campaign
+    fit: Fit
+    verdict: str
+    found: tuple[str, ...]
+    rounds: tuple[Round, ...]
+    final: Point
+    gain: Heldout | None
+    wrong: tuple[Section, ...]
+    left: tuple[Section, ...]
+    numerics: NumericalCauses
+    proposed: tuple[Proposal, ...]
+    next_experiment: str
+    seconds: float
+    notes: tuple[str, ...]
+    interrupted: bool = False
+
+    @property
+    def first(self) -> Point:
+        return self.rounds[0].point
+
+    @property
+    def not_tried(self) -> dict[str, str]:
+        """Candidates that could not be tried at last, each with the reason; where none was, also those that
+        do not apply."""
+        last = self.rounds[-1]
+        return {**({} if last.scores.scores else last.left_out), **last.failed}
+
+    @property
+    def groups(self) -> list[tuple[str, ...]]:
+        """Of mechanisms that cannot be told apart, for each that was found (or would have been first)."""
+        if self.verdict == "none":
+            return []
+        return [r.group for r in self.rounds if len(r.group) > 1 and (r.accepted or not self.found)]
