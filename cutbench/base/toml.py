@@ -82,6 +82,22 @@ def one_of(name: str, known: Iterable[str]) -> str:
     return f"one of {', '.join(known)}" + (f"; did you mean '{guess}'?" if guess else "")
 
 
+def among(key: str, name: object, known: Iterable[object], *, value: object = None) -> None:
+    """Raise BadInput unless ``name`` is one of the ``known``; ``value`` is shown where that is another."""
+    names = list(known)
+    if name not in names:
+        raise BadInput(
+            key=key, value=name if value is None else value, expected=one_of(str(name), map(str, names))
+        )
+
+
+def written(key: str, raw: object, expected: str, *, value: object = None) -> str:
+    """``raw`` if it is a text with something in it. Raises BadInput."""
+    if not isinstance(raw, str) or not raw.strip():
+        raise BadInput(key=key, value=raw if value is None else value, expected=expected)
+    return raw
+
+
 @contextmanager
 def located(
     file: str | Path,

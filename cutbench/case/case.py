@@ -15,7 +15,7 @@ from pathlib import Path
 from types import MappingProxyType, SimpleNamespace
 
 from cutbench.base.errors import BadInput, ComputationFailed
-from cutbench.base.toml import located, read_toml
+from cutbench.base.toml import located, read_toml, written
 from cutbench.case import materials
 from cutbench.case.calibrated import Far, far
 from cutbench.case.computation import computation_of, mesh_digest
@@ -61,8 +61,7 @@ class Case:
     def __post_init__(self) -> None:
         if self.dim not in (2, 3):
             raise BadInput(key="dim", value=self.dim, expected="2 or 3")
-        if not isinstance(self.name, str) or not self.name.strip():
-            raise BadInput(key="name", value=self.name, expected="a name, such as 'gelatin'")
+        written("name", self.name, "a name, such as 'gelatin'")
         model = Model(tuple(self.mechanisms))
         known = model.parameters()
         for key, value in self.values.items():

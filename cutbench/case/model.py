@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from cutbench.base.errors import BadInput
-from cutbench.base.toml import one_of
+from cutbench.base.toml import among, one_of
 from cutbench.base.units import Parameter
 from cutbench.mechanisms import Group, Mechanism, Tool, Volumetric, registry
 from cutbench.mechanisms.base import Bulk, Rig
@@ -167,8 +167,7 @@ class Model:
     def without(self, *names: str) -> Model:
         """The model without ``names``."""
         for name in names:
-            if name not in self.mechanisms:
-                raise BadInput(key="without", value=name, expected=one_of(str(name), self.mechanisms))
+            among("without", name, self.mechanisms)
         return Model(tuple(m for m in self.mechanisms if m not in names))
 
     def parameters(self) -> dict[str, Parameter]:

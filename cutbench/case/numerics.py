@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 from cutbench.base.errors import BadInput
-from cutbench.base.toml import one_of
+from cutbench.base.toml import among, one_of
 from cutbench.base.units import parse_quantity
 from cutbench.case.tuning import Tuning
 
@@ -169,8 +169,7 @@ def preset(name: object, dim: int, modulus: float, thickness: float) -> Numerics
     dimensionless gap 1 − (x−c)ᵀA(x−c) with ε_N = 1 N/mm² and no multiplier, a cut plane that resists closing
     as it resists opening, damage and adhesion staggered, its steps.
     """
-    if name not in PRESETS:
-        raise BadInput(key="numerics", value=name, expected=one_of(str(name), PRESETS))
+    among("numerics", name, PRESETS)
     start = defaults(dim)
     if name == "converged":
         return start
@@ -217,8 +216,7 @@ def _read(name: str, key: str, raw: object) -> object:
         return raw
     about = _FIELDS[name].metadata
     if "choices" in about:
-        if not isinstance(raw, str) or raw not in about["choices"]:
-            raise BadInput(key=key, value=raw, expected=one_of(str(raw), about["choices"]))
+        among(key, raw, about["choices"])
         return raw
     low, high = about["low"], about["high"]
     unit = " mm" if name.endswith("_mm") else ""

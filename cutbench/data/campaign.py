@@ -14,7 +14,7 @@ from types import MappingProxyType
 import numpy as np
 
 from cutbench.base.errors import BadInput
-from cutbench.base.toml import located, one_of, read_toml
+from cutbench.base.toml import among, located, one_of, read_toml, written
 from cutbench.base.units import Parameter
 from cutbench.case.case import Case, load_case
 from cutbench.case.model import SETS, Model, mechanism
@@ -223,13 +223,11 @@ def load_campaign(path: str | Path) -> Campaign:
     table, text = read_toml(path)
     with located(path, text):
         for key, part in table.items():
-            if key not in _TOP:
-                raise BadInput(key=key, value=str(part)[:60], expected=one_of(key, _TOP))
+            among(key, key, _TOP, value=str(part)[:60])
             if key in ("parameters", "numerics", "fit") and not isinstance(part, dict):
                 raise BadInput(key=key, value=str(part)[:60], expected=f"a section, written [{key}]")
         title = table.get("title", path.stem)
-        if not isinstance(title, str) or not title.strip():
-            raise BadInput(key="title", value=title, expected="a title, such as 'PDMS, three speeds'")
+        written("title", title, "a title, such as 'PDMS, three speeds'")
         tables = table.get("experiment")
         if not isinstance(tables, list) or not tables or not all(isinstance(t, dict) for t in tables):
             raise BadInput(
@@ -324,16 +322,12 @@ def _plan(part: Mapping, baseline: Model, candidates: tuple[str, ...]) -> FitPla
         known = {q.name: q for q in registry()[name].parameters} | known
     lists: dict[str, tuple[str, ...]] = {}
     for key, raw in part.items():
-        if key not in ("free", "fixed", "own", "bounds"):
-            raise BadInput(
-                key=key, value=str(raw)[:60], expected=one_of(key, ("free", "fixed", "own", "bounds"))
-            )
+        among(key, key, ("free", "fixed", "own", "bounds"), value=str(raw)[:60])
         if key == "bounds" and not isinstance(raw, dict):
             raise BadInput(key=key, value=str(raw)[:60], expected="bounds = { G = ['1 kPa', '900 kPa'] }")
         listed = tuple(raw) if key == "bounds" else _listed(key, raw)
         for name in listed:
-            if name not in known:
-                raise BadInput(key=key, value=name, expected=one_of(name, known))
+            among(key, name, known)
         if key != "bounds":
             lists[key] = listed
     bounds = {}

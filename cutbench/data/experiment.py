@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cutbench.base.errors import BadInput
-from cutbench.base.toml import one_of
+from cutbench.base.toml import among, written
 from cutbench.data.covariance import roughness, scatter_covariance
 from cutbench.data.repetition import (
     Averaged,
@@ -71,15 +71,13 @@ class Experiment:
     field_noise_mm: float = 0.0
 
     def __post_init__(self) -> None:
-        if not isinstance(self.id, str) or not self.id.strip():
-            raise BadInput(key="id", value=self.id, expected="a name, such as 'slow'")
+        written("id", self.id, "a name, such as 'slow'")
         for key, value, known in (
             ("kind", self.kind, KINDS),
             ("role", self.role, ROLES),
             ("direction", self.direction, ("opening", "sliding")),
         ):
-            if value not in known:
-                raise BadInput(key=key, value=value, expected=one_of(str(value), known))
+            among(key, value, known)
         if self.speed is not None and not (np.isfinite(self.speed) and self.speed > 0):
             raise BadInput(key="speed", value=self.speed, expected="a speed above 0, such as '0.02 mm/s'")
         for key in ("specimen", "blade"):

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from cutbench.base.errors import BadInput
-from cutbench.base.toml import one_of
+from cutbench.base.toml import among, one_of
 from cutbench.base.units import parse_quantity
 from cutbench.data.table import read_table
 
@@ -36,12 +36,7 @@ class Field:
     configuration: str = "deformed"
 
     def __post_init__(self) -> None:
-        if self.configuration not in CONFIGURATIONS:
-            raise BadInput(
-                key="configuration",
-                value=self.configuration,
-                expected=one_of(self.configuration, CONFIGURATIONS),
-            )
+        among("configuration", self.configuration, CONFIGURATIONS)
         if self.u.shape != (2, self.y.size, self.x.size):
             raise BadInput(key="u", value=str(self.u.shape), expected=f"(2, {self.y.size}, {self.x.size})")
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from cutbench.base.errors import BadInput
-from cutbench.base.toml import located, one_of
+from cutbench.base.toml import among, located, one_of, written
 from cutbench.base.units import parse_quantity
 from cutbench.data.conversion import area_of, repetitions_of
 from cutbench.data.experiment import HOMOGENEOUS, KINDS, ROLES, Experiment
@@ -85,8 +85,7 @@ def read_experiment(table: Mapping[str, object], folder: Path) -> Experiment:
                 expected = f"it in a test of kind {' or '.join(owners)}, not {kind}"
             raise BadInput(key=key, value=str(table[key])[:60], expected=expected)
     name = table.get("id")
-    if not isinstance(name, str) or not name.strip():
-        raise BadInput(key="id", value=_shown(name), expected="a name, such as id = 'slow'")
+    name = written("id", name, "a name, such as id = 'slow'", value=_shown(name))
     role = _choice(table, "role", ROLES, "train")
     specimen = _lengths(table, "specimen", _SPECIMEN[kind])
     columns = _columns(table, kind)
@@ -151,8 +150,7 @@ def _section(table: Mapping, key: str) -> dict:
 def _lengths(table: Mapping, key: str, known: tuple[str, ...]) -> dict[str, float]:
     found = {}
     for name, raw in _section(table, key).items():
-        if name not in known:
-            raise BadInput(key=f"{key}.{name}", value=str(raw)[:60], expected=one_of(name, known))
+        among(f"{key}.{name}", name, known, value=str(raw)[:60])
         unit = "mm^2" if name == "area" else "mm"
         found[name] = parse_quantity(raw, unit, key=f"{key}.{name}")
         if not (np.isfinite(found[name]) and found[name] > 0):

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from cutbench.base.errors import BadInput
-from cutbench.base.toml import located, one_of
+from cutbench.base.toml import among, located, one_of
 from cutbench.base.units import Parameter, parse_quantity
 from cutbench.case.case import Case
 from cutbench.case.model import Model, groups
@@ -152,8 +152,7 @@ def _axis(entry: dict, model: Model, mode: str, tolerance: float) -> Axis:
         return _switch(entry, model)
     there, parameters, names = model.settable_groups(), model.parameters(), settable(model)
     name = entry.get("name", "(missing)")
-    if not isinstance(name, str) or name not in names:
-        raise BadInput(key="name", value=name, expected=one_of(str(name), names))
+    among("name", name, names)
     scale = entry.get("scale", "linear")
     if scale not in ("linear", "log"):
         raise BadInput(key="scale", value=scale, expected="'linear' or 'log'")
@@ -188,8 +187,7 @@ def _axis(entry: dict, model: Model, mode: str, tolerance: float) -> Axis:
 
 def _switch(entry: dict, model: Model) -> Axis:
     name = entry["mechanism"]
-    if not isinstance(name, str) or name not in registry():
-        raise BadInput(key="mechanism", value=str(name), expected=one_of(str(name), registry()))
+    among("mechanism", name, registry())
     for key in entry:
         if key not in ("mechanism", "values"):
             raise BadInput(key=key, value=entry[key], expected="only values beside a mechanism")

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from cutbench.base.errors import BadInput
-from cutbench.base.toml import one_of
+from cutbench.base.toml import among
 from cutbench.base.units import parse_quantity
 from cutbench.case import materials
 from cutbench.maps.axes import Axis, refuse_unknown
@@ -110,8 +110,7 @@ def read_plot(part: dict, axes: tuple[Axis, ...]) -> Plot:
     for key in ("x", "y", "panel"):
         if key in part:
             name = part[key]
-            if name not in names:
-                raise BadInput(key=key, value=name, expected=one_of(str(name), names))
+            among(key, name, names)
             if name in chosen.values():
                 raise BadInput(key=key, value=name, expected="an axis that the picture does not show already")
             chosen[key] = name
@@ -125,8 +124,7 @@ def read_plot(part: dict, axes: tuple[Axis, ...]) -> Plot:
             key="mark", value=str(mark), expected=f"a list of materials, such as {materials.names()}"
         )
     for name in mark:
-        if name not in materials.names():
-            raise BadInput(key="mark", value=name, expected=one_of(name, materials.names()))
+        among("mark", name, materials.names())
     return Plot(**chosen, mark=tuple(mark))
 
 

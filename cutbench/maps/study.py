@@ -18,7 +18,7 @@ from typing import TypeVar
 import numpy as np
 
 from cutbench.base.errors import BadInput
-from cutbench.base.toml import line_of, located, one_of, read_toml
+from cutbench.base.toml import among, line_of, located, read_toml, written
 from cutbench.case import materials
 from cutbench.case.case import Case, load_case
 from cutbench.case.model import Model, section_of
@@ -160,11 +160,9 @@ def load_study(path: str | Path) -> Study:
     with located(path, text):
         refuse_unknown(table, _TOP)
         title = table.get("title", path.stem)
-        if not isinstance(title, str) or not title.strip():
-            raise BadInput(key="title", value=title, expected="a title, such as 'Smooth and abrupt cutting'")
+        written("title", title, "a title, such as 'Smooth and abrupt cutting'")
         mode = table.get("mode", GRID)
-        if mode not in MODES:
-            raise BadInput(key="mode", value=mode, expected=one_of(str(mode), MODES))
+        among("mode", mode, MODES)
         for section, owner in (("sample", SAMPLE), ("boundary", BOUNDARY)):
             if section in table and mode != owner:
                 raise BadInput(key=section, value=f"[{section}]", expected=f"it only where mode = '{owner}'")

@@ -14,7 +14,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from cutbench.base.errors import BadInput
-from cutbench.base.toml import one_of
+from cutbench.base.toml import among
 from cutbench.case.case import Case
 from cutbench.case.model import SPECIMEN, Model
 from cutbench.mechanisms.base import STEP
@@ -42,8 +42,7 @@ def checked(case: Case, names: Sequence[str]) -> tuple[str, ...]:
                 value=name,
                 expected=f"a parameter that leaves the mesh and the travel as they are: {', '.join(known)}",
             )
-        if name not in known:
-            raise BadInput(key="sensitivities", value=name, expected=one_of(str(name), known))
+        among("sensitivities", name, known)
         if name == "speed" and case.motion:
             raise BadInput(key="sensitivities", value=name, expected="a blade without a motion of its own")
     return tuple(dict.fromkeys(names))

@@ -16,7 +16,7 @@ from pathlib import Path
 from cutbench.base.errors import BadInput
 from cutbench.base.files import check_writable, replacing, write_json
 from cutbench.base.progress import OnProgress, silent
-from cutbench.base.toml import line_of, located, one_of, read_toml
+from cutbench.base.toml import among, line_of, located, read_toml, written
 from cutbench.base.versions import versions
 from cutbench.case.case import Case, load_case
 from cutbench.run.pool.worker import Run
@@ -96,8 +96,7 @@ def load_plan(path: str | Path) -> ConvergencePlan:
     table, text = read_toml(path)
     with located(path, text):
         for key in table:
-            if key not in _TOP:
-                raise BadInput(key=key, value=str(table[key]), expected=one_of(key, _TOP))
+            among(key, key, _TOP, value=str(table[key]))
         names = table.get("materials", [])
         if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
             raise BadInput(key="materials", value=str(names), expected='a list of names, such as ["gelatin"]')
@@ -124,10 +123,8 @@ def load_plan(path: str | Path) -> ConvergencePlan:
 
 def _change(entry: dict, number: int, names: list[str]) -> NumericalChange:
     name, kind = entry.get("name"), entry.get("kind", "refinement")
-    if not isinstance(name, str) or not name.strip():
-        raise BadInput(key=f"change {number}: name", value=str(name), expected="a name, such as 'h/2'")
-    if kind not in _KINDS:
-        raise BadInput(key="kind", value=str(kind), expected=one_of(str(kind), _KINDS))
+    name = written(f"change {number}: name", name, "a name, such as 'h/2'", value=str(name))
+    among("kind", kind, _KINDS)
     only = entry.get("materials", [])
     if not isinstance(only, list) or any(m not in names for m in only):
         raise BadInput(key=f"{name}: materials", value=str(only), expected=f"a list of some of {names}")

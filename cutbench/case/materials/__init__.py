@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from cutbench.base.errors import BadInput
-from cutbench.base.toml import one_of, read_toml
+from cutbench.base.toml import among, one_of, read_toml
 
 _HERE = Path(__file__).parent
 _ABOUT = ("name", "source", "doi", "note", "corrections")
@@ -40,8 +40,7 @@ def about(source: str | Path) -> dict:
 def check_about(section: Mapping) -> dict:
     """``section`` if it is a ``[material]`` section as it should be. Raises BadInput."""
     for key, value in section.items():
-        if key not in _ABOUT:
-            raise BadInput(key=key, value=value, expected=one_of(key, _ABOUT))
+        among(key, key, _ABOUT, value=value)
         if key == "corrections":
             for row in value if isinstance(value, list) else [value]:
                 if not isinstance(row, Mapping) or set(row) - set(_CORRECTION):

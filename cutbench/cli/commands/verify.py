@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cutbench.base.toml import among
 from cutbench.cli.options import exits, show
 from cutbench.cli.progress import bar
 
@@ -142,11 +143,9 @@ def _verdicts(judged: Sequence[Judged]) -> Table:
 
 def _chosen(known: dict[str, Reference], quick: bool, only: list[str] | None) -> list[Reference]:
     from cutbench.base.errors import BadInput
-    from cutbench.base.toml import one_of
 
     for name in only or ():
-        if name not in known:
-            raise BadInput(key="--only", value=name, expected=one_of(name, known))
+        among("--only", name, known)
         if quick and not known[name].quick:
             raise BadInput(key="--only", value=name, expected=f"no --quick with it: {name} takes longer")
     return [r for r in known.values() if (r.quick or not quick) and (not only or r.name in only)]

@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from cutbench.base.errors import BadInput
 from cutbench.base.files import check_writable
 from cutbench.base.progress import OnProgress, silent
-from cutbench.base.toml import one_of
+from cutbench.base.toml import among
 from cutbench.run.pool.worker import Run
 from cutbench.run.store.runs import Store
 from cutbench.verification.paper import claims
@@ -64,6 +63,5 @@ def select(only: Sequence[str] = ()) -> list[Claim]:
     """The claims of these ids, all without any. Raises BadInput for an id that is not known."""
     known = claims()
     for id in only:
-        if id not in known:
-            raise BadInput(key="--only", value=id, expected=one_of(id, known))
+        among("--only", id, known)
     return [claim for id, claim in known.items() if not only or id in only]
