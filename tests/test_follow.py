@@ -17,7 +17,8 @@ from cutbench.base.errors import BadInput
 from cutbench.case.case import load_case
 from cutbench.case.tuning import PathTuning
 from cutbench.cli.main import app
-from cutbench.forms.base import Form, Local
+from cutbench.forms.base import Local
+from cutbench.forms.blade import BladeForm
 from cutbench.forms.cut import CutForm
 from cutbench.forms.damping import DampingForm
 from cutbench.run.result import Outcome, Result
@@ -44,7 +45,7 @@ LONG = 2.0  # mm
 SECTION = 1.0  # mm
 
 
-class Spring(Form):
+class Spring(BladeForm):
     """Pulls one side along x, its other end at the travel; where a problem has its blade."""
 
     name = "blade"

@@ -20,7 +20,7 @@ from matplotlib.rcsetup import cycler
 from cutbench.base.files import replacing
 
 if TYPE_CHECKING:
-    from matplotlib.typing import RcKeyType
+    from matplotlib.typing import LineStyleType, RcKeyType
 
 #: Keywords of a line or marker, as matplotlib takes them.
 Look = dict[str, Any]
@@ -44,7 +44,7 @@ GREY = "#7A7A7A"
 LINE_COLOURS = tuple(colour for name, colour in COLOURS.items() if name != "yellow")
 
 #: Line styles in the order of the colours, so that series differ in grey print too.
-LINES = (
+LINES: tuple[LineStyleType, ...] = (
     "-",
     (0, (5, 1.5)),
     (0, (1, 1.2)),

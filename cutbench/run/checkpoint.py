@@ -14,6 +14,7 @@ import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -59,7 +60,7 @@ class Checkpoint:
         """Write the state offered last. A disk that cannot take it does not end the run."""
         if self._latest is None:
             return
-        arrays: dict[str, np.ndarray] = {}
+        arrays: dict[str, Any] = {}
         tree = _packed(self._latest(), arrays)
         arrays |= {"head": np.array(json.dumps(self._head())), "tree": np.array(json.dumps(tree))}
         draft = None

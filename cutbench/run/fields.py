@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cutbench.forms.base import blend, gather
+from cutbench.forms.mixed import MixedVolumetric
 from cutbench.mechanisms.bulk._isotropic import det
 from cutbench.run.build import Built
 from cutbench.run.result import SLOPE, Snapshot
@@ -57,18 +58,18 @@ def add_slopes(picture: Snapshot, built: Built, names: Sequence[str], by_name: S
 
 
 def _stress(built: Built, step: Accepted, p):
-    form = built.form("bulk")
+    form = built.problem.bulk
     F = form.deformation(step.u)
     P = form.stress(step.u, p, step.states["bulk"])
-    mixed = next((f for f in built.problem.forms if f.name == "pressure"), None)
-    if mixed is not None:
-        P = P + mixed.stress(step.u)
+    for mixed in built.problem.forms:
+        if isinstance(mixed, MixedVolumetric):
+            P = P + mixed.stress(step.u)
     return P, F
 
 
 def _to_nodes(built: Built, values: np.ndarray) -> np.ndarray:
     """Volume-weighted element means, averaged over the elements of each node: (n, components)."""
-    space, volume = built.space, built.form("bulk").volume
+    space, volume = built.space, built.problem.bulk.volume
     nq, ne = volume.w.shape
     weight = volume.w.sum(axis=0)
     integral = (values.reshape(-1, nq, ne) * volume.w).sum(axis=1)

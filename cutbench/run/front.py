@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from cutbench.forms.base import blend
+from cutbench.forms.space import Faces
 from cutbench.run.build import Built
 from cutbench.run.fields import snapshot
 from cutbench.solver.march import Accepted
@@ -46,8 +47,8 @@ class Front:
     """
 
     def __init__(self, built: Built, strips: int | None = None):
-        self._built, self._form = built, built.form("cohesion") if built.case.model.laws("cut") else None
-        self._last = (0.0, None)
+        self._built, self._form = built, built.problem.cut
+        self._last = (0.0, np.empty(0))
         self._peaks: list[tuple[float, float]] = []
         self._pattern = np.full(3, math.nan)
         self._stress: dict[int, float] = {}
@@ -87,6 +88,7 @@ class Front:
 
     def lengths(self, step: Accepted) -> np.ndarray:
         """Cut length (n,) of each strip in mm: its cut area over its width."""
+        assert self._form is not None, "there are no strips without a cut"
         area = self._form.cut_area(step.states["cohesion"])
         return np.bincount(self._strip, area, self.z.size) / self._share
 
@@ -104,7 +106,7 @@ class Front:
         if begun.size:
             part = (ONSET_MM - before[begun]) / np.maximum(now[begun] - before[begun], 1e-300)
             self.onset[begun] = travel + np.clip(part, 0, 1) * (step.travel - travel)
-            self._look(step, begun)
+            self._look(self._form.faces, step, begun)
         self._last = (step.travel, now)
 
     def _pressures(self, step: Accepted, lengths: np.ndarray) -> np.ndarray:
@@ -123,9 +125,8 @@ class Front:
         mean = float(w @ pressure[inner] / w.sum()) if w.size else math.nan
         return np.array([pressure[top], place[top] if pressure[top] > 0 else math.nan, mean])
 
-    def _look(self, step: Accepted, begun: np.ndarray) -> None:
+    def _look(self, faces: Faces, step: Accepted, begun: np.ndarray) -> None:
         """Largest von Mises stress in the process zone of the strips that have just begun."""
-        faces = self._form.faces
         stress = snapshot(self._built, step).point_data["von_mises"]
         here = blend(faces.N, stress[faces.nodes][None])[0].ravel()
         damage = np.real(step.states["cohesion"]["damage"])

@@ -62,9 +62,9 @@ def run_case(
     follower = start_sensitivities(built, names) if names else None
 
     def moved(transfer: Transfer) -> None:
-        follower.go_on(
-            transfer.new.problem, directions(transfer.new, names), transfer.displacements, transfer.states
-        )
+        if follower is not None:
+            there = directions(transfer.new, names)
+            follower.go_on(transfer.new.problem, there, transfer.displacements, transfer.states)
 
     ledger = Ledger(meshes)
     front = Front(built) if built.space.dim == 3 else None
@@ -164,7 +164,8 @@ class Ledger:
         self._work: dict[str, float] = {}
         self._blade = 0.0
         # Since the last row: where the blade is, its force, and what each mechanism took up.
-        self._now, self._since = (0.0, 0.0), {}
+        self._now = (0.0, 0.0)
+        self._since: dict[str, float] = {}
         # A curve starts at the origin: nothing touched, nothing spent.
         model = built.case.model
         names = [law.name for slot in ("bulk", "cut", "blade", "support") for law in model.laws(slot)]
@@ -246,7 +247,8 @@ class Ledger:
     def restore(self, state: dict) -> None:
         self._rows = [dict(zip(state["names"], map(float, row), strict=True)) for row in state["rows"]]
         self._work, self._blade = state["work"], state["blade"]
-        self._now, self._since = tuple(map(float, state["now"])), state["since"]
+        travel, force = map(float, state["now"])
+        self._now, self._since = (travel, force), state["since"]
         self.iterations, self.refused = state["iterations"], state["refused"]
 
     def columns(self) -> dict[str, np.ndarray]:

@@ -17,6 +17,7 @@ from cutbench.base.errors import BadInput
 from cutbench.base.toml import among
 from cutbench.case.case import Case
 from cutbench.case.model import SPECIMEN, Model
+from cutbench.forms.base import Form
 from cutbench.mechanisms.base import STEP
 from cutbench.run.build import Built, contact_numerics, damping_viscosity, first_centre
 from cutbench.solver.sensitivity import Direction, Sensitivities
@@ -78,7 +79,7 @@ def _direction(built: Built, name: str) -> Direction:
     p = SimpleNamespace(**case.values)
     setattr(p, name, getattr(p, name) + 1j * STEP)
     n = case.numerics
-    forms = {}
+    forms: dict[str, Form] = {}
     contact = contact_numerics(case.model, p, n)
     if isinstance(contact.stiffness, complex):
         forms |= {form.name: form.with_numerics(contact) for form in built.blades}

@@ -253,6 +253,7 @@ class Multigrid:
                 self._renew()
             try:
                 most = MOST if fresh else OLD_HIERARCHY
+                assert self._cycle is not None, "a hierarchy is made before it is used"
                 x, count = gmres(self._matrix.__matmul__, self._cycle, b, tolerance=tolerance, most=most)
             except Stagnation as error:
                 if fresh:

@@ -44,7 +44,7 @@ def _checked(
     return x
 
 
-def make_solver(name: str, indptr, indices, n: int, symmetric: bool):
+def make_solver(name: str, indptr, indices, n: int, symmetric: bool) -> Pardiso | SuperLU:
     """A solver for one CSR pattern; ``symmetric``: the upper triangle is given."""
     if name == "auto":
         name = available()[0]
@@ -90,6 +90,7 @@ class Pardiso:
 
     def back(self, b: np.ndarray) -> np.ndarray:
         """Back-substitution with the last factorization, not checked."""
+        assert self._solver is not None, "a matrix is factorized before it is solved with"
         return self._solver.solve(np.ascontiguousarray(b))
 
     def solve(self, b: np.ndarray) -> np.ndarray:
@@ -103,8 +104,7 @@ class SuperLU:
 
     def __init__(self, indptr, indices, n, symmetric):
         self._pattern, self._n, self._symmetric = (indices, indptr), n, symmetric
-        self._order = None
-        self._lu = None
+        self._order: np.ndarray | None = None
 
     def _full(self, data):
         A = sp.csr_matrix((data, *self._pattern), shape=(self._n, self._n))

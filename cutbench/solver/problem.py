@@ -9,6 +9,10 @@ import numpy as np
 
 from cutbench.forms.assembly import Pattern
 from cutbench.forms.base import Form, Step
+from cutbench.forms.blade import BladeForm
+from cutbench.forms.bulk import BulkForm
+from cutbench.forms.cut import CutForm
+from cutbench.forms.damping import DampingForm
 from cutbench.solver.iterative import solver_for
 
 
@@ -49,7 +53,10 @@ class Problem:
     ):
         """``modes`` (ndof, 6): rigid motions of a solid, for solvers that iterate."""
         self.forms, self.ndof, self.fixed, self.p = list(forms), ndof, fixed, p
-        self.blades = [form for form in self.forms if form.name == "blade"]
+        self.bulk = next(form for form in forms if isinstance(form, BulkForm))
+        self.cut = next((form for form in forms if isinstance(form, CutForm)), None)
+        self.blades = [form for form in forms if isinstance(form, BladeForm)]
+        self.damping = next((form for form in forms if isinstance(form, DampingForm)), None)
         self.symmetric = all(form.symmetric for form in forms)
         self.timer = Timer()
         start = time.perf_counter()
@@ -68,13 +75,11 @@ class Problem:
             self.symmetric,
             None if modes is None else modes[self.free],
         )
-        self.bulk = next(form for form in forms if form.name == "bulk")
-        damping = next((form for form in forms if form.name == "damping"), None)
         #: Stiffness of the damping form at unit viscosity over unit time: the metric of regularised steps.
-        self.metric = None
-        if damping is not None:
+        self.metric: np.ndarray | None = None
+        if self.damping is not None:
             self.metric = np.zeros(self.pattern.indices.size)
-            self.pattern.add(self.metric, "damping", damping.unit_matrix)
+            self.pattern.add(self.metric, "damping", self.damping.unit_matrix)
         #: Lengths among the unknowns; pressures of a mixed element stand behind them.
         self.displacements = slice(0, int(self.bulk.dofs.max()) + 1)
         self.timer.add("setup", start)
@@ -109,17 +114,13 @@ class Problem:
         begin = time.perf_counter()
         p = self.p if p is None else p
         vectors, matrices, new = {}, {}, {}
-        damping = None
         # A trial state may have inverted elements; the caller sees that it is not finite.
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             for form in self.forms:
                 # Damping's matrix is a multiple of the metric, which stands assembled already.
-                constant = form.name == "damping"
-                local = form.evaluate(u, p, states[form.name], step, tangent and not constant)
+                local = form.evaluate(u, p, states[form.name], step, tangent and form is not self.damping)
                 vectors[form.name], new[form.name] = local.vector, local.state
-                if constant:
-                    damping = form
-                elif local.matrix is not None:
+                if local.matrix is not None:
                     matrices[form.name] = local.matrix
             forces = self.pattern.vectors(vectors)
             residual = forces.sum(axis=0)
@@ -128,8 +129,8 @@ class Problem:
             data = None
             if tangent:
                 data = self.pattern.matrices(matrices)
-                if damping is not None:
-                    data += damping.factor(step) * self.metric
+                if self.damping is not None and self.metric is not None:
+                    data += self.damping.factor(step) * self.metric
         self.timer.add("assembly" if tangent else "residual", begin)
         return Evaluation(residual, data, new, scale)
 

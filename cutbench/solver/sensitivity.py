@@ -83,17 +83,15 @@ class Sensitivities:
     def _take(self, problem: Problem, directions: Sequence[Direction]) -> None:
         self._problem, self._directions = problem, tuple(directions)
         start = problem.start()
-        forms = [form for form in problem.forms if form.name != "damping"]
-        self._damping = next((form for form in problem.forms if form.name == "damping"), None)
+        forms = [form for form in problem.forms if form is not problem.damping]
         # A form without a state is a function of u and p: its tangent matrix says all about it.
         self._stateless = [form for form in forms if not start[form.name]]
         self._stateful = [form for form in forms if start[form.name]]
-        self._blades = [form for form in forms if form.name == "blade"]
         pattern = problem.pattern
         self._solver = make_solver(
             problem.solver.name, pattern.indptr, pattern.indices, problem.free.size, problem.symmetric
         )
-        if self._damping is not None:
+        if problem.metric is not None:
             metric = pattern.csr(problem.metric)
             self._metric = metric + sp.triu(metric, 1).T if problem.symmetric else metric
 
@@ -114,7 +112,7 @@ class Sensitivities:
             return forces
         self._rates = after
         for i, rates in enumerate(after):
-            forces[i] = sum(form.force(rates.states[form.name])[1] for form in self._blades)
+            forces[i] = sum(form.force(rates.states[form.name])[1] for form in self._problem.blades)
         return forces
 
     def displacements(self) -> list[np.ndarray]:
@@ -124,12 +122,14 @@ class Sensitivities:
     def _begun(self, ended: dict) -> dict:
         """Rates of the states that a step begins from. Θ is a switch: it has no derivative of its own."""
         begun = {name: {k: v for k, v in rates.items() if k != "touched"} for name, rates in ended.items()}
-        blades = {form.name: form.begun(begun[form.name]) for form in self._blades if form.name in begun}
+        blades = {
+            form.name: form.begun(begun[form.name]) for form in self._problem.blades if form.name in begun
+        }
         return {**begun, **blades}
 
     def _augmented(self, begun: dict, found: dict) -> dict:
         parts = {}
-        for form in self._blades:
+        for form in self._problem.blades:
             multiplier = form.augment(found[form.name])["multiplier"]
             parts[form.name] = {**begun.get(form.name, {}), "multiplier": multiplier}
         return {**begun, **parts}
@@ -164,9 +164,11 @@ class Sensitivities:
         problem, pattern = self._problem, self._problem.pattern
         data = np.zeros(pattern.indices.size)
         for form in self._stateless:
-            pattern.add(data, form.name, form.evaluate(u, problem.p, {}, step, True).matrix)
-        if self._damping is not None:
-            data += self._damping.factor(step) * problem.metric
+            local = form.evaluate(u, problem.p, {}, step, True)
+            if local.matrix is not None:
+                pattern.add(data, form.name, local.matrix)
+        if problem.damping is not None and problem.metric is not None:
+            data += problem.damping.factor(step) * problem.metric
         volume = pattern.csr(data.copy())
         for form in self._stateful:
             local = form.evaluate(u, problem.p, states[form.name], step, True)
@@ -198,14 +200,13 @@ class Sensitivities:
             for form in self._stateless:
                 local = form.evaluate(u, direction.p, {}, moving, False)
                 trial.rest += self._problem.pattern.vector(form.name, local.vector).imag / STEP
-        if self._damping is not None:
-            trial.rest += self._damped(direction, u, old, step, moving)
+        if (damping := self._problem.damping) is not None:
+            trial.rest += self._damped(damping.factor(step), direction, u, old, step, moving)
         return trial
 
-    def _damped(self, direction, u, old, step, moving) -> np.ndarray:
+    def _damped(self, factor: float, direction, u, old, step, moving) -> np.ndarray:
         """Derivative of the damping force at fixed u: it is linear, with the metric as its matrix."""
-        form, free = self._damping, self._problem.free
-        factor = form.factor(step)
+        free = self._problem.free
         slope = (direction.viscosity * step.damping_factor / moving.dt).imag / STEP
         out = np.zeros(self._problem.ndof)
         out[free] = self._metric @ (slope * (u - step.u_old) - factor * old)[free]

@@ -24,6 +24,7 @@ from cutbench.base.figure_style import (
     LINE_COLOURS,
     LINES,
     SINGLE_MM,
+    Look,
     new_figure,
     save,
     style,
@@ -128,7 +129,7 @@ def plot_front(result: Result, snapshots: Sequence[Snapshot] | None = None) -> F
         colours = LINE_COLOURS
         drawn = []
         for i, s in enumerate(shown):
-            look = {"color": colours[i % len(colours)], "linestyle": LINES[i % len(LINES)]}
+            look: Look = {"color": colours[i % len(colours)], "linestyle": LINES[i % len(LINES)]}
             if _front_line(axes, s, s.faces["cut"]["X"], lw=1.2, **look):
                 drawn.append((*axes.plot([], [], lw=1.2, **look), f"{s.displacement_mm:.2f} mm"))
         X = shown[-1].points
@@ -186,8 +187,8 @@ def plot_beside(result: Result, plane: Result) -> Figure:
         figure = new_figure(SINGLE_MM, 62)
         axes = figure.subplots()
         axes.plot(result.displacement_mm, result.force_N, color="black", ls="-", label="three dimensions")
-        look = {"color": COLOURS["blue"], "ls": LINES[1], "label": "plane strain"}
-        axes.plot(plane.displacement_mm, plane.force_N, **look)
+        blue, dashed = COLOURS["blue"], LINES[1]
+        axes.plot(plane.displacement_mm, plane.force_N, color=blue, ls=dashed, label="plane strain")
         axes.set(xlabel="blade travel (mm)", ylabel="force (N)")
         axes.set_xlim(left=0)
         axes.set_ylim(bottom=0)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
-from cutbench.base.figure_style import COLOURS, LINES, SINGLE_MM, new_figure, save, style
+from cutbench.base.figure_style import COLOURS, LINES, SINGLE_MM, Look, new_figure, save, style
 from cutbench.run.files import write_curve, write_json
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ def plot_tension(tests: Sequence[Tension]) -> Figure:
         colours = ["black", *COLOURS.values()]
         for i, test in enumerate(tests):
             notch = f"notch {test.notch_mm:g} mm" if test.notch_mm else "whole"
-            look = {"color": colours[i % len(colours)], "ls": LINES[i % len(LINES)]}
+            look: Look = {"color": colours[i % len(colours)], "ls": LINES[i % len(LINES)]}
             axes.plot(test.curve["elongation_mm"], test.curve["force_N"], label=notch, **look)
             if test.measures["onset_mm"] > 0:
                 place = test.measures["onset_mm"], test.measures["onset_N"]

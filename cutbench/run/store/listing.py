@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from typing import Any
 
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import one_of
@@ -27,7 +28,7 @@ _GENERAL = ("id", "name", "outcome", "reached_mm", "seconds", "dim", "mechanisms
             "cutbench", "computation")  # fmt: skip
 #: What a listing shows when it is not told.
 DEFAULT = ("id", "name", "outcome", "drop_rel", "onset_mm", "peak_N", "steady_N", "seconds", "written")
-_SIGNS: dict[str, Callable[[object, object], bool]] = {
+_SIGNS: dict[str, Callable[[Any, Any], bool]] = {
     ">=": operator.ge, "<=": operator.le, "!=": operator.ne, "=": operator.eq, ">": operator.gt,
     "<": operator.lt,
 }  # fmt: skip

@@ -107,7 +107,7 @@ class Store:
         try:
             _write(fresh / "run.json", json.dumps(_to_record(result), indent=1, allow_nan=True).encode())
             with open(fresh / "curve.npz", "wb") as file:
-                np.savez(file, **{name: np.asarray(column) for name, column in result.curve.items()})
+                np.savez(file, **dict[str, Any](result.curve))
                 file.flush()
                 os.fsync(file.fileno())
             while True:

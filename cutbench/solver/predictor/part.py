@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cutbench.forms.base import Form
-from cutbench.solver.linear import make_solver
+from cutbench.solver.linear import Pardiso, SuperLU, make_solver
 from cutbench.solver.problem import Problem
 
 
@@ -24,7 +24,7 @@ class SubProblem:
             if form not in able:
                 free[form.dofs] = False
         #: The forms that have a part here, each with which of its columns that is.
-        self.chosen = []
+        self.chosen: list[tuple[Form, np.ndarray]] = []
         for form in able:
             met = (free[form.dofs] & (form.dofs < moving.size)).any(axis=0)
             # What stands behind the displacements belongs to elements, all of which have to be here.
@@ -32,10 +32,9 @@ class SubProblem:
             free[others[others >= moving.size]] = False
             if met.any():
                 self.chosen.append((form, np.flatnonzero(met)))
-        parts = [form.part(columns) for form, columns in self.chosen]
+        parts = [part for form, columns in self.chosen if (part := form.part(columns)) is not None]
         solver = "superlu" if whole.solver.name == "superlu" else "auto"
         self.problem = Problem(parts, whole.ndof, np.flatnonzero(~free), whole.p, solver=solver)
-        self.damping = next((form for form in parts if form.name == "damping"), None)
         elements = self.problem.bulk.volume.nodes
         #: Nodes (n,) of its elements, with those at its edge.
         self.nodes, local = np.unique(elements, return_inverse=True)
@@ -44,7 +43,7 @@ class SubProblem:
         meets = sp.csr_array((np.ones(elements.size), (local.ravel(), number.ravel())))
         #: (n, n): mean over the nodes of all elements that a node belongs to.
         self.average = sp.diags_array(1 / (meets.sum(axis=1) * elements.shape[0])) @ meets @ meets.T
-        self._smooth = None
+        self._smooth: Pardiso | SuperLU | None = None
 
     def picked(self, states: dict) -> dict:
         """What the part has of ``states``, by form."""
@@ -52,10 +51,10 @@ class SubProblem:
 
     def extended(self, du: np.ndarray) -> np.ndarray:
         """``du`` (ndof,) where it is held, and a harmonic function of that where it is free."""
-        problem, du = self.problem, du.copy()
+        problem, damping, du = self.problem, self.problem.damping, du.copy()
         free = problem.free
         du[free] = 0.0
-        if self.damping is None:
+        if damping is None or problem.metric is None:
             return du
         if self._smooth is None:
             data = problem.metric.copy()
@@ -65,6 +64,6 @@ class SubProblem:
             name = problem.solver.name
             self._smooth = make_solver(name, pattern.indptr, pattern.indices, free.size, problem.symmetric)
             self._smooth.refactor(data)
-        local = np.einsum("ije,je->ie", self.damping.unit_matrix, np.take(du, self.damping.dofs))
+        local = np.einsum("ije,je->ie", damping.unit_matrix, np.take(du, damping.dofs))
         du[free] = self._smooth.solve(-problem.pattern.vectors({"damping": local}).sum(axis=0)[free])
         return du
