@@ -53,6 +53,9 @@ class Spring(BladeForm):
     def __init__(self, nodes):
         self.dofs = 2 * nodes[None]
 
+    def start(self, p):
+        return {}
+
     def touch(self, state):
         return state
 

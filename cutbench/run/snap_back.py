@@ -12,6 +12,7 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -124,8 +125,8 @@ def _has_time(unit: str) -> bool:
     """True if ``unit``, in mm, N and s, has a power of s."""
     if unit == "1":
         return False
-    powers = dict(ureg.Quantity(1.0, unit).dimensionality)
-    return float(powers.get("[time]", 0)) + 2 * float(powers.get("[mass]", 0)) != 0
+    powers: Mapping[str, Any] = ureg.Quantity(1.0, unit).dimensionality
+    return powers.get("[time]", 0) + 2 * powers.get("[mass]", 0) != 0
 
 
 def trace_snap_back(

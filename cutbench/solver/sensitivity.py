@@ -122,10 +122,8 @@ class Sensitivities:
     def _begun(self, ended: dict) -> dict:
         """Rates of the states that a step begins from. Θ is a switch: it has no derivative of its own."""
         begun = {name: {k: v for k, v in rates.items() if k != "touched"} for name, rates in ended.items()}
-        blades = {
-            form.name: form.begun(begun[form.name]) for form in self._problem.blades if form.name in begun
-        }
-        return {**begun, **blades}
+        blades = [form for form in self._problem.blades if form.name in begun]
+        return {**begun, **{form.name: form.begun(begun[form.name]) for form in blades}}
 
     def _augmented(self, begun: dict, found: dict) -> dict:
         parts = {}
