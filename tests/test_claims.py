@@ -13,10 +13,10 @@ import pytest
 from typer.testing import CliRunner
 
 from cutbench.base.errors import BadInput
+from cutbench.base.files import plain
 from cutbench.case.case import load_case
 from cutbench.case.numerics import Numerics
 from cutbench.cli.main import app
-from cutbench.run.files import _plain
 from cutbench.run.result import Outcome, Result, Snapshot
 from cutbench.run.store.runs import Store
 from cutbench.verification.paper import cases as cases_of_claims
@@ -338,4 +338,4 @@ def test_the_page_shows_what_claims_json_holds():
     assert not lacking or f"Not in the table yet: {', '.join(lacking)}." in page
     for image in re.findall(r"\]\((figures/.*?\.png)\)", page):
         assert (DOCS / image).stat().st_size < 150_000
-    assert _plain(record) == record
+    assert plain(record) == record
