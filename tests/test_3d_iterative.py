@@ -146,8 +146,6 @@ def test_auto_keeps_factorizations_in_solids_and_nowhere_else(solid, monkeypatch
     monkeypatch.setattr(iterative, "SMALL", 10)
     assert isinstance(solver_for("auto", *parts(A), False, modes), Kept)
     assert not isinstance(solver_for("auto", *parts(A), False), (Kept, Multigrid))
-    monkeypatch.setattr(iterative, "LARGE", 20)
-    assert isinstance(solver_for("auto", *parts(A), False, modes), Multigrid)
     monkeypatch.setattr(iterative, "pyamg", None)
     assert isinstance(solver_for("auto", *parts(A), False, modes), Kept)
     with pytest.raises(BadInput, match="PyAMG"):

@@ -12,6 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 
 from cutbench.base.errors import BadInput
 from cutbench.solver.linear import RESIDUAL, SingularMatrix, make_solver
@@ -36,21 +37,16 @@ OLD_HIERARCHY, MOST = 60, 400
 #: Directions that GMRES keeps before it restarts.
 RESTART = 100
 
-#: Unknowns above which ``auto`` takes multigrid, where PyAMG is installed: by the growth of the fill, a
-#: factorization of a solid this large should need some 10 GB (an estimate: the largest measured had 62,000).
-LARGE = 300_000
-
 
 def solver_for(name: str, indptr, indices, n: int, symmetric: bool, modes: np.ndarray | None = None):
     """A solver for one CSR pattern, as ``make_solver``, with the iterative ones.
 
     ``modes`` (n, 6), the rigid motions, are given in three dimensions, and there ``auto`` keeps
-    factorizations (``kept``) or, for large n, makes none (``multigrid``). Those have methods
-    ``direction`` and ``correction`` beside ``solve``, less exact and cheaper. Raises BadInput for
-    ``multigrid`` without PyAMG.
+    factorizations (``kept``). The iterative ones have methods ``direction`` and ``correction`` beside
+    ``solve``, less exact and cheaper. Raises BadInput for ``multigrid`` without PyAMG.
     """
     if name == "auto" and modes is not None and n > SMALL:
-        name = "multigrid" if n > LARGE and pyamg is not None else "kept"
+        name = "kept"
     if name == "kept":
         direct = make_solver("auto", indptr, indices, n, symmetric)
         return Kept(direct, indptr, indices, n, symmetric)
@@ -88,57 +84,29 @@ def gmres(
     most: int,
     restart: int = RESTART,
 ) -> tuple[np.ndarray, int]:
-    """Solve A x = b by flexible GMRES (Saad 1993), preconditioned from the right.
+    """Solve A x = b by scipy's GMRES, preconditioned from the right.
 
     So the residual it watches is that of the equations, and ends at ``tolerance`` times |b|. Returns x and
     the iterations; raises Stagnation after ``most``.
     """
-    x, size = np.zeros_like(b), float(np.linalg.norm(b))
+    size, inner, done = float(np.linalg.norm(b)), min(restart, most), 0
     if size == 0:
-        return x, 0
-    done, r = 0, b
-    while True:
-        beta = float(np.linalg.norm(r))
-        if beta <= tolerance * size:
-            return x, done
-        if done >= most or not np.isfinite(beta):
-            raise Stagnation(f"residual {beta / size:.1e} after {done} iterations")
-        m = min(restart, most - done)
-        V, Z = [r / beta], []
-        H = np.zeros((m + 1, m))
-        rotations: list[tuple[float, float]] = []
-        g = np.zeros(m + 1)
-        g[0] = beta
-        k = 0
-        for k in range(m):
-            Z.append(precondition(V[k]))
-            w = matvec(Z[k])
-            for _ in range(2):  # twice is enough to keep the directions orthogonal
-                for i, v in enumerate(V):
-                    h = float(v @ w)
-                    H[i, k] += h
-                    w = w - h * v
-            H[k + 1, k] = float(np.linalg.norm(w))
-            if H[k + 1, k] > 0:
-                V.append(w / H[k + 1, k])
-            for i, (c, s) in enumerate(rotations):
-                H[i, k], H[i + 1, k] = c * H[i, k] + s * H[i + 1, k], c * H[i + 1, k] - s * H[i, k]
-            length = float(np.hypot(H[k, k], H[k + 1, k]))
-            if not np.isfinite(length) or length == 0:
-                raise Stagnation("the preconditioned matrix is singular")
-            c, s = H[k, k] / length, H[k + 1, k] / length
-            rotations.append((c, s))
-            exact = H[k + 1, k] == 0
-            H[k, k], H[k + 1, k] = length, 0.0
-            g[k], g[k + 1] = c * g[k], -s * g[k]
-            if abs(g[k + 1]) <= tolerance * size or exact:
-                break
-        count = k + 1
-        y = np.linalg.solve(np.triu(H[:count, :count]), g[:count])
-        for z, value in zip(Z, y, strict=True):
-            x = x + value * z
-        done += count
-        r = b - matvec(x)
+        return np.zeros_like(b), 0
+
+    def count(_: float) -> None:
+        nonlocal done
+        done += 1
+
+    A = spla.LinearOperator((b.size, b.size), lambda y: matvec(precondition(y)), dtype=float)
+    y = spla.gmres(
+        A, b, rtol=tolerance, atol=0.0, restart=inner, maxiter=-(-most // inner), callback=count,
+        callback_type="pr_norm",
+    )[0]  # fmt: skip
+    x = precondition(y)
+    left = float(np.linalg.norm(b - matvec(x))) / size
+    if not left <= tolerance * (1 + 1e-3):  # rounding
+        raise Stagnation(f"residual {left:.1e} after {done} iterations")
+    return x, done
 
 
 class _Matrix:
