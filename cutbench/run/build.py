@@ -141,7 +141,15 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
         fixed.append(traction[np.isin(held, np.concatenate(fixed))])
     # A section is small, and the mixed element's matrix no elasticity alone: both are factorized.
     modes = rigid_motions(space.X) if dim == 3 and ndof == space.ndof else None
-    problem = Problem(forms, ndof, np.unique(np.concatenate(fixed)), p, solver=n.solver, modes=modes)
+    problem = Problem(
+        forms,
+        ndof,
+        np.unique(np.concatenate(fixed)),
+        p,
+        solver=n.solver,
+        modes=modes,
+        pulled=model.tool is None,
+    )
     tuned = n.tuning
     rules = StepRules(
         **vars(tuned.steps),

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,12 +17,11 @@ from cutbench.base.errors import BadInput
 from cutbench.base.progress import OnProgress, silent
 from cutbench.base.units import Parameter
 from cutbench.case.case import Case
-from cutbench.forms.base import Step
 from cutbench.models3d.strip import strip
 from cutbench.run.build import Built, build
 from cutbench.run.result import Outcome
-from cutbench.solver.newton import NewtonSettings, NoConvergence, newton
-from cutbench.solver.problem import damage_growth
+from cutbench.solver.march import Load, Stalled
+from cutbench.solver.problem import Evaluation, Problem
 
 #: The strip, and the speed at which its clamps part: those of the paper.
 SPECIMEN = {"width": "12 mm", "height": "30 mm", "length": "3 mm", "speed": "0.03 mm/s"}
@@ -31,8 +30,6 @@ NOTCH = Parameter("notch", "mm", "c", "length of the notch", low=0, default=2.4)
 TORN = 0.05
 #: Mirror images that the meshed part stands for.
 IMAGES = 4
-#: Below this step the damping is raised where Newton's method fails, mm.
-GENTLE = 5e-3
 #: Slots of the laws that a strip has.
 SLOTS = ("bulk", "cut")
 
@@ -98,126 +95,81 @@ def run_tension(
     began = time.perf_counter()
     p = case.p
     geometry = strip(p.width, p.height, p.length, notch_mm, case.numerics.h_mm)
-    pull = _Pull(build(case, geometry))
-    rows, interrupted = [pull.row], False
+    built = build(case, geometry)
+    clamp = _Clamp(built)
+    march = replace(built.march, centre0=np.zeros(3), window=None, load=clamp)
+    rows = [dict.fromkeys((*_row(built, 0.0, 0.0, {}), "closure"), 0.0)]
+    interrupted, stalled, refused, iterations, top = False, "", 0, 0, 0.0
     try:
-        for row in pull:
-            rows.append(row)
-            on_progress(row["elongation_mm"], p.depth, f"{row['force_N']:.3g} N")
+        for step in march.steps():
+            iterations, refused = iterations + step.iterations, refused + len(step.refused)
+            row = _row(built, step.travel, step.force * IMAGES, step.states)
+            # Damping that is still raised holds a strip back: one that has torn all the same is torn.
+            torn = row["force_N"] < TORN * top and row["cut_length_mm"] > 0
+            if step.between and not torn:
+                continue
+            spent, left = step.progress.spent, step.progress.left
+            rows.append(row | {"closure": left / spent if spent else 0.0})
+            on_progress(step.travel, p.depth, f"{row['force_N']:.3g} N")
+            top = max(top, row["force_N"])
+            if torn:
+                break
     except KeyboardInterrupt:
         interrupted = True
+    except Stalled as error:
+        stalled, refused = error.reason, refused + len(error.refused)
     curve = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     reached = float(curve["elongation_mm"][-1])
     if interrupted:
         outcome = Outcome("interrupted", f"stopped by the user at {reached:.3f} mm", "", reached)
-    elif pull.stopped is not None:
+    elif stalled:
         advice = "Try a smaller h, or damping_mm = 1e-3."
-        text = f"no smaller step converges at {reached:.3f} mm of {p.depth:g} mm ({pull.stopped})"
+        text = f"no smaller step converges at {reached:.3f} mm of {p.depth:g} mm ({stalled})"
         outcome = Outcome("stalled", text, advice, reached)
     else:
         what = "torn" if reached < p.depth - 1e-9 else "reached"
         outcome = Outcome("done", f"{what} at {reached:.3f} mm", "", reached)
-    timer = pull.built.problem.timer
-    counts = {"steps": len(rows), "iterations": pull.iterations, "rejected_steps": len(pull.failures)}
-    counts["degrees_of_freedom"] = int(pull.built.problem.free.size)
-    timings = {**timer.seconds, "total": time.perf_counter() - began}
+    counts = {"steps": len(rows), "iterations": iterations, "rejected_steps": refused}
+    counts["degrees_of_freedom"] = int(built.problem.free.size)
+    timings = {**built.problem.timer.seconds, "total": time.perf_counter() - began}
     return Tension(case, notch_mm, curve, outcome, _measures(case, curve), counts, timings)
 
 
-class _Pull:
-    """Steps of the clamps; iterate to get the row of each converged one."""
+class _Clamp(Load):
+    """Clamps that part by the travel: each goes half of it, and the meshed part has one."""
 
     def __init__(self, built: Built):
-        self.built = built
-        problem, n = built.problem, built.case.numerics
-        self.moved = built.space.nodes_on("clamp") * 3
-        problem.in_balance = np.arange(problem.ndof)
-        self.newton = NewtonSettings(**vars(n.tuning.newton), tolerance=n.tolerance)
-        self.damped = any(form.name == "damping" for form in problem.forms)
-        self.failures: list[str] = []
-        self.stopped: str | None = None
-        self.iterations = 0
-        self.spent = self.taken = 0.0
-        self.row = {"elongation_mm": 0.0, "force_N": 0.0, "time_s": 0.0, "stress_MPa": 0.0}
-        self.row |= {"cut_length_mm": 0.0, "closure": 0.0}
+        self._moved, self._fixed = built.space.nodes_on("clamp") * 3, built.problem.fixed
+        self._X, self._height = built.space.X, built.geometry.height
 
-    def __iter__(self):
-        problem, case = self.built.problem, self.built.case
-        n, p = case.numerics, case.p
-        u, states, before = np.zeros(problem.ndof), problem.start(), None
-        reached, size, last = 0.0, min(n.tuning.steps.first, n.step_mm), 0.0
-        top, easy, factor, nowhere = 0.0, 0, 1.0, np.zeros(3)
-        X = self.built.space.X
-        while reached < p.depth - 1e-9:
-            size = min(size, p.depth - reached)
-            step = Step(size / p.speed, u, nowhere, nowhere, factor)
-            if before is None:  # uniform stretching without change of volume
-                guess = u.copy()
-                strain = size / p.height
-                guess[: X.size] += (X * np.array([[strain], [-strain / 2], [-strain / 2]])).T.ravel()
-                guess[problem.fixed] = 0.0
-            else:
-                guess = u + (u - before) * (size / last)
-            guess[self.moved] = (reached + size) / 2
-            try:
-                new, result, effort = newton(problem, guess, states, step, self.newton)
-                growth = damage_growth(states, result.states)
-                if growth > 2 * n.damage_step and size > 4 * n.step_min_mm:
-                    raise NoConvergence(f"damage grew by {growth:.2f}")
-                spent, taken, defect = self._energy(new, states, result, step, size)
-                if defect > 3 * n.energy_step and size > GENTLE:
-                    raise NoConvergence(f"the energy of the step closes only to {defect:.0%}")
-            except NoConvergence as error:
-                self.failures.append(f"{reached:.4f} mm: {error.reason}")
-                size, easy = size / 2, 0
-                if self.damped and size < GENTLE and factor < n.tuning.steps.largest_damping:
-                    factor = max(10.0, 10 * factor)
-                    size = max(size, n.step_min_mm)
-                elif size < n.step_min_mm:
-                    self.stopped = error.reason
-                    return
-                continue
-            self.spent, self.taken = self.spent + spent, self.taken + taken
-            reached, last = reached + size, size
-            before, u, states = u, new, result.states
-            self.iterations += effort
-            self._add(reached, result, states)
-            yield self.row
-            top = max(top, self.row["force_N"])
-            if self.row["force_N"] < TORN * top and self.row["cut_length_mm"] > 0:
-                return
-            easy += 1
-            factor = max(1.0, 0.6 * factor)
-            if effort > 9 or growth > n.damage_step or defect > n.energy_step:
-                size *= 0.7
-            elif effort <= 6 and growth < 0.7 * n.damage_step and 2 * defect < n.energy_step and easy > 1:
-                size = min(1.5 * size, n.step_mm)
+    def force(self, problem: Problem, found: Evaluation) -> float:
+        return float(found.residual[self._moved].sum()) / 2
 
-    def _force(self, result) -> float:
-        return float(result.residual[self.moved].sum()) * self.built.geometry.multiplicity
+    def begun(self, u: np.ndarray, before: float, travel: float) -> np.ndarray:
+        """Uniform stretching without change of volume."""
+        guess, strain = u.copy(), (travel - before) / (2 * self._height)
+        stretched = self._X * np.array([[strain], [-strain / 2], [-strain / 2]])
+        guess[: self._X.size] += stretched.T.ravel()
+        guess[self._fixed] = 0.0
+        return self.placed(guess, travel)
 
-    def _energy(self, u, old, result, step, size: float) -> tuple[float, float, float]:
-        """Work of the clamps and of the mechanisms in a step, mJ, and their relative difference."""
-        problem = self.built.problem
-        spent = (self.row["force_N"] + self._force(result)) / 2 * size
-        taken = sum(problem.work(u, old, result.states, step).values()) * IMAGES
-        # Against the work over a largest step: within a small jump nothing is gained by closing better.
-        whole = spent / size * max(size, self.built.case.numerics.step_mm)
-        return spent, taken, abs(spent - taken) / max(whole, 1e-300)
+    def placed(self, guess: np.ndarray, travel: float) -> np.ndarray:
+        guess = guess.copy()
+        guess[self._moved] = travel / 2
+        return guess
 
-    def _add(self, reached: float, result, states) -> None:
-        p, built = self.built.case.p, self.built
-        cut = 0.0
-        if "cohesion" in states:
-            cut = float(built.form("cohesion").cut_area(states["cohesion"]).sum()) / (p.length / 2)
-        self.row = {
-            "elongation_mm": reached,
-            "force_N": (force := self._force(result)),
-            "time_s": reached / p.speed,
-            "stress_MPa": force / (p.width * p.length),
-            "cut_length_mm": cut,
-            "closure": (self.spent - self.taken) / self.spent if self.spent else 0.0,
-        }
+
+def _row(built: Built, travel: float, force: float, states: Mapping[str, dict]) -> dict[str, float]:
+    p, cut = built.case.p, 0.0
+    if "cohesion" in states:
+        cut = float(built.form("cohesion").cut_area(states["cohesion"]).sum()) / (p.length / 2)
+    return {
+        "elongation_mm": travel,
+        "force_N": force,
+        "time_s": travel / p.speed,
+        "stress_MPa": force / (p.width * p.length),
+        "cut_length_mm": cut,
+    }
 
 
 def _measures(case: Case, curve: dict[str, np.ndarray]) -> dict[str, float]:

@@ -18,6 +18,22 @@ from cutbench.solver.problem import Evaluation, Problem, damage_growth
 from cutbench.solver.step_control import SETTLES, StepControl, StepRules, StepState
 
 
+class Load:
+    """What drives a march: a blade, which forms know by its place. Of the meshed part."""
+
+    def force(self, problem: Problem, found: Evaluation) -> float:
+        """Force along the travel, N."""
+        return problem.force(found.states)
+
+    def begun(self, u: np.ndarray, before: float, travel: float) -> np.ndarray:
+        """Where a step from ``u``, at the travel ``before``, is looked for that goes on from none."""
+        return u
+
+    def placed(self, guess: np.ndarray, travel: float) -> np.ndarray:
+        """``guess`` with the displacements that are given at ``travel``."""
+        return guess
+
+
 @dataclass
 class _Found:
     """What was found for a step from ``begun``, where the blade's force was ``force_before``.
@@ -26,6 +42,7 @@ class _Found:
     """
 
     problem: Problem
+    load: Load
     begun: dict[str, dict]
     step: Step
     force_before: float
@@ -40,7 +57,7 @@ class _Found:
 
     @cached_property
     def force(self) -> float:
-        return self.problem.force(self.result.states)
+        return self.load.force(self.problem, self.result)
 
     @cached_property
     def spent(self) -> float:
@@ -142,6 +159,7 @@ class March:
     past: History | None = None
     #: Looks for the next state around the front first.
     window: Window | None = None
+    load: Load = field(default_factory=Load)
 
     @property
     def speed(self) -> float:
@@ -187,10 +205,12 @@ class March:
             straight = None if now.u_before is None else u + (u - now.u_before) * (size / now.size_before)
             if pace.rests:
                 straight = u
+            if straight is not None:
+                straight = self.load.placed(straight, ahead)
             try:
                 desperate = pace.damping_factor > 1 or size <= 2 * rules.smallest
                 straight = self._improved(straight, known, u, begun, step, desperate)
-                found = self._first_that_holds(u, straight, begun, step, now.force)
+                found = self._first_that_holds(u, straight, begun, step, now.force, travel, ahead)
                 growth = damage_growth(states, found.result.states)
                 # What the ledger leaves open is the error of the step, against the blade's work over the
                 # largest step: within a small jump of a fine step nothing is gained by closing better than
@@ -255,17 +275,18 @@ class March:
         finally:
             self.problem.timer.add("window", began)
 
-    def _first_that_holds(self, u, straight, states, step, force) -> _Found:
+    def _first_that_holds(self, u, straight, states, step, force, before, travel) -> _Found:
         """A step from ``straight``; where it is None, or has elements inside out, from the last state."""
         try:
-            return self._found(u if straight is None else straight, states, step, force)
+            guess = self.load.begun(u, before, travel) if straight is None else straight
+            return self._found(guess, states, step, force)
         except BadGuess:
             if straight is None:
                 raise
-            return self._found(u, states, step, force)
+            return self._found(self.load.placed(u, travel), states, step, force)
 
     def _found(self, guess, states, step, force) -> _Found:
-        return _Found(self.problem, states, step, force, *self._solve(guess, states, step))
+        return _Found(self.problem, self.load, states, step, force, *self._solve(guess, states, step))
 
     def _solve(self, u, states, step):
         """Newton's method, inside the loops that hold damage or multipliers (none by default).

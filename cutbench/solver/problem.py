@@ -50,8 +50,10 @@ class Problem:
         *,
         solver: str = "auto",
         modes: np.ndarray | None = None,
+        pulled: bool = False,
     ):
-        """``modes`` (ndof, 6): rigid motions of a solid, for solvers that iterate."""
+        """``modes`` (ndof, 6): rigid motions of a solid, for solvers that iterate. ``pulled``: its largest
+        forces are where it is held."""
         self.forms, self.ndof, self.fixed, self.p = list(forms), ndof, fixed, p
         self.bulk = next(form for form in forms if isinstance(form, BulkForm))
         self.cut = next((form for form in forms if isinstance(form, CutForm)), None)
@@ -65,8 +67,8 @@ class Problem:
         #: The same as a mask (ndof,).
         self.is_free = np.zeros(ndof, bool)
         self.is_free[self.free] = True
-        #: Where forces count as in balance; a specimen that is pulled has its largest where it is held.
-        self.in_balance = self.free
+        #: Where forces count as in balance.
+        self.in_balance = np.arange(ndof) if pulled else self.free
         self.solver = solver_for(
             solver,
             self.pattern.indptr,
