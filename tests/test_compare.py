@@ -74,7 +74,7 @@ def test_other_steps_on_the_same_line_are_no_equal_curve(tmp_path):
     coarse = {"time_s": (0, 1, 2), "force_N": (0, 0.5, 1)}
     found = side_by_side(tmp_path, {"curve": coarse}, {"curve": finer})
     assert not found["equal"] and found["files"]["curve.csv"]["largest"] == 0
-    assert any("4 rows instead of 3" in line for line in compare.told(found))
+    assert any("4 instead of 3" in line for line in compare.told(found))
 
 
 def test_an_onset_that_appears_is_a_difference(tmp_path):
