@@ -10,6 +10,7 @@ import math
 import re
 from dataclasses import dataclass
 from functools import cache, lru_cache
+from typing import Any
 
 import pint
 
@@ -50,6 +51,11 @@ class Parameter:
     lever: str = ""
     sought: bool = True
     trial: tuple[str, float] | None = None
+
+    @classmethod
+    def effect(cls, *about: str, low: float = 0.0, **rest: Any) -> Parameter:
+        """That of an effect which 0 switches off, the default; 0 is its lowest value if ``low`` is not."""
+        return cls(*about, low=low, off=0.0, default=0.0, **rest)
 
     @property
     def factor(self) -> float:

@@ -14,14 +14,11 @@ class Adhesion(Blade):
     title = "adhesion"
     role = "adhesion"
     parameters = (
-        Parameter(
+        Parameter.effect(
             "tau_W",
             "kPa",
             "τ_W",
             "shear strength of adhesion and wear",
-            low=0,
-            off=0.0,
-            default=0.0,
             typical=0.8,
             lever="coating",
             trial=("with a lubricated blade", 0.1),

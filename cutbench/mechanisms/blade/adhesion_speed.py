@@ -17,15 +17,12 @@ class AdhesionSpeed(Blade):
     title = "adhesion by speed"
     role = "adhesion_speed"
     parameters = (
-        Parameter(
+        Parameter.effect(
             "tau_v",
             "kPa",
             "τ_v",
             "shear strength gained for each e-fold of the sliding speed",
-            low=0.0,
             high=1e3,
-            off=0.0,
-            default=0.0,
             typical=0.3,
         ),
         Parameter(

@@ -14,16 +14,8 @@ class AdhesionWear(Blade):
     title = "adhesion by sliding"
     role = "adhesion_wear"
     parameters = (
-        Parameter(
-            "wear",
-            "kPa/mm",
-            "w_s",
-            "shear strength gained for each mm slid",
-            low=0.0,
-            high=1e3,
-            off=0.0,
-            default=0.0,
-            typical=0.2,
+        Parameter.effect(
+            "wear", "kPa/mm", "w_s", "shear strength gained for each mm slid", high=1e3, typical=0.2
         ),
     )
     reads = ("G", "height")

@@ -14,16 +14,8 @@ class BluntTip(Contact):
     title = "contact (blunt tip)"
     parameters = (
         *Contact.parameters,
-        Parameter(
-            "blunting",
-            "1",
-            "w",
-            "growth of the tip's radius, relative",
-            low=0.0,
-            high=20.0,
-            off=0.0,
-            default=0.0,
-            typical=0.5,
+        Parameter.effect(
+            "blunting", "1", "w", "growth of the tip's radius, relative", high=20.0, typical=0.5
         ),
     )
 

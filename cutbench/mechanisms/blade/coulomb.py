@@ -13,16 +13,8 @@ class Coulomb(Blade):
     title = "Coulomb friction"
     role = "friction"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter(
-            "mu",
-            "1",
-            "μ",
-            "friction coefficient",
-            low=0,
-            off=0.0,
-            default=0.0,
-            typical=0.2,
-            trial=("with a lubricated blade", 0.1),
+        Parameter.effect(
+            "mu", "1", "μ", "friction coefficient", typical=0.2, trial=("with a lubricated blade", 0.1)
         ),
     )
     standard = published = True

@@ -15,15 +15,12 @@ class CoulombSaturating(Coulomb):
     title = "saturating friction"
     parameters = (
         *Coulomb.parameters,
-        Parameter(
+        Parameter.effect(
             "inv_p_s",
             "1/kPa",
             "1/p_s",
             "one over the pressure at which friction saturates",
-            low=0.0,
             high=100.0,
-            off=0.0,
-            default=0.0,
             typical=0.05,
         ),
     )

@@ -15,15 +15,12 @@ class Compressible(QuadraticVolumetric):
     title = "compressibility"
     parameters = (
         *QuadraticVolumetric.parameters,
-        Parameter(
+        Parameter.effect(
             "compressibility",
             "1",
             "c",
             "compliance to volume change beside that of ν, in units of 1/G",
-            low=0.0,
             high=10.0,
-            off=0.0,
-            default=0.0,
             typical=0.1,
         ),
     )

@@ -22,16 +22,8 @@ class Gent(Isochoric):
     role = "isochoric"
     parameters = (
         *NeoHookean.parameters,
-        Parameter(
-            "inv_J_m",
-            "1",
-            "1/J_m",
-            "strain stiffening: one over Ī₁ − 3 at locking",
-            low=0.0,
-            high=2.0,
-            off=0.0,
-            default=0.0,
-            typical=0.05,
+        Parameter.effect(
+            "inv_J_m", "1", "1/J_m", "strain stiffening: one over Ī₁ − 3 at locking", high=2.0, typical=0.05
         ),
     )
 

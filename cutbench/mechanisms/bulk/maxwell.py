@@ -13,16 +13,8 @@ def branch_parameters(number: str, time: float, ratio: float) -> tuple[Parameter
     """Modulus over G and relaxation time of a branch; it is off where its modulus is 0."""
     sub = "₀₁₂"[int(number)]
     return (
-        Parameter(
-            f"g_{number}",
-            "1",
-            f"g{sub}",
-            "modulus of the Maxwell branch over G",
-            low=0.0,
-            high=50.0,
-            off=0.0,
-            default=0.0,
-            typical=ratio,
+        Parameter.effect(
+            f"g_{number}", "1", f"g{sub}", "modulus of the Maxwell branch over G", high=50.0, typical=ratio
         ),
         Parameter(
             f"tau_{number}",

@@ -29,16 +29,8 @@ class Mullins(Bulk):
     conservative = False
     reads = ("G",)
     parameters = (
-        Parameter(
-            "softening",
-            "1",
-            "ς",
-            "largest part of the stress that is lost",
-            low=0.0,
-            high=0.95,
-            off=0.0,
-            default=0.0,
-            typical=0.3,
+        Parameter.effect(
+            "softening", "1", "ς", "largest part of the stress that is lost", high=0.95, typical=0.3
         ),
         Parameter(
             "softening_energy",

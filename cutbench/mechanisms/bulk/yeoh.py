@@ -16,10 +16,8 @@ class Yeoh(Isochoric):
     role = "isochoric"
     parameters = (
         *NeoHookean.parameters,
-        Parameter(
-            "c2", "1", "c₂", "quadratic term 2 C₂/G", low=-0.05, high=5, off=0, default=0, typical=0.05
-        ),
-        Parameter("c3", "1", "c₃", "cubic term 2 C₃/G", low=0, high=5, off=0, default=0, typical=0.002),
+        Parameter.effect("c2", "1", "c₂", "quadratic term 2 C₂/G", low=-0.05, high=5, typical=0.05),
+        Parameter.effect("c3", "1", "c₃", "cubic term 2 C₃/G", high=5, typical=0.002),
     )
 
     def groups(self, p):

@@ -31,16 +31,8 @@ class CompactCohesion(SmithFerrante):
     title = "cohesive (shape)"
     parameters = (
         *SmithFerrante.parameters,
-        Parameter(
-            "compactness",
-            "1",
-            "q",
-            "shape: 0 Smith–Ferrante, 1 a bell without tail",
-            low=0.0,
-            high=1.0,
-            off=0.0,
-            default=0.0,
-            typical=0.5,
+        Parameter.effect(
+            "compactness", "1", "q", "shape: 0 Smith–Ferrante, 1 a bell without tail", high=1.0, typical=0.5
         ),
     )
 

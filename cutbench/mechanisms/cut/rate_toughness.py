@@ -20,15 +20,12 @@ class RateToughness(Cut):
     role = "rate"
     follows = ("cohesive",)
     parameters = (
-        Parameter(
+        Parameter.effect(
             "rate_toughening",
             "1",
             "k",
             "relative growth of G_c for each e-fold of the opening rate",
-            low=0.0,
             high=20.0,
-            off=0.0,
-            default=0.0,
             typical=0.3,
         ),
         Parameter(

@@ -9,15 +9,8 @@ refinement: the steady force has no limit. ``viscous_degraded`` has one.
 from cutbench.base.units import Parameter
 from cutbench.mechanisms.base import Cut, Estimate, Group
 
-ETA = Parameter(
-    "eta_reg",
-    "s",
-    "η_reg",
-    "viscous time of the opening; η_reg · speed is what counts",
-    low=0,
-    off=0.0,
-    default=0.0,
-    typical=2.38,
+ETA = Parameter.effect(
+    "eta_reg", "s", "η_reg", "viscous time of the opening; η_reg · speed is what counts", typical=2.38
 )
 
 

@@ -14,16 +14,8 @@ class ContactOffset(Rig):
     title = "contact-point offset"
     rank = 1
     parameters = (
-        Parameter(
-            "offset",
-            "mm",
-            "u_0",
-            "displacement recorded at contact",
-            low=-10.0,
-            high=10.0,
-            off=0.0,
-            default=0.0,
-            typical=0.2,
+        Parameter.effect(
+            "offset", "mm", "u_0", "displacement recorded at contact", low=-10.0, high=10.0, typical=0.2
         ),
     )
     reads = ("height",)

@@ -11,17 +11,7 @@ class ForceDrift(Rig):
     title = "load-cell drift"
     rank = 2  # the machine gives under the true force
     parameters = (
-        Parameter(
-            "drift",
-            "N/s",
-            "D",
-            "rate of the force's zero",
-            low=-1e3,
-            high=1e3,
-            off=0.0,
-            default=0.0,
-            typical=5e-4,
-        ),
+        Parameter.effect("drift", "N/s", "D", "rate of the force's zero", low=-1e3, high=1e3, typical=5e-4),
     )
     reads = ("G", "length", "height", "speed")
 

@@ -10,17 +10,7 @@ class MachineCompliance(Rig):
     name = "machine_compliance"
     title = "machine compliance"
     parameters = (
-        Parameter(
-            "compliance",
-            "mm/N",
-            "C_m",
-            "machine's compliance",
-            low=0.0,
-            high=10.0,
-            off=0.0,
-            default=0.0,
-            typical=0.05,
-        ),
+        Parameter.effect("compliance", "mm/N", "C_m", "machine's compliance", high=10.0, typical=0.05),
     )
     reads = ("G", "length")
 

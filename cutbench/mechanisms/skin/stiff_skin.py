@@ -15,15 +15,12 @@ class StiffSkin(Skin):
     name = "stiff_skin"
     title = "stiff surface layer"
     parameters = (
-        Parameter(
+        Parameter.effect(
             "skin_stiffness",
             "1",
             "s",
             "what the surface's modulus has over that of the block, relative",
-            low=0.0,
             high=100.0,
-            off=0.0,
-            default=0.0,
             typical=2.0,
         ),
         THICKNESS,

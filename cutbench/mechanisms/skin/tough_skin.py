@@ -11,15 +11,12 @@ class ToughSkin(Skin):
     name = "tough_skin"
     title = "tough surface layer"
     parameters = (
-        Parameter(
+        Parameter.effect(
             "skin_toughness",
             "1",
             "s_c",
             "what the surface's G_c has over that of the block, relative",
-            low=0.0,
             high=100.0,
-            off=0.0,
-            default=0.0,
             typical=1.0,
         ),
         THICKNESS,

@@ -15,16 +15,8 @@ class UnevenToughness(Skin):
     name = "uneven_toughness"
     title = "uneven toughness"
     parameters = (
-        Parameter(
-            "unevenness",
-            "1",
-            "A",
-            "amplitude of the toughness over its mean",
-            low=0.0,
-            high=0.95,
-            off=0.0,
-            default=0.0,
-            typical=0.4,
+        Parameter.effect(
+            "unevenness", "1", "A", "amplitude of the toughness over its mean", high=0.95, typical=0.4
         ),
         Parameter(
             "wavelength", "mm", "Λ", "period along the cut", low=0.1, high=100.0, default=2.0, typical=2.0

@@ -14,15 +14,12 @@ class ImperfectBond(Support):
     title = "imperfect bonding"
     role = "bond"
     parameters = (
-        Parameter(
+        Parameter.effect(
             "bond_compliance",
             "mm/kPa",
             "c_b",
             "tangential displacement of the base per shear traction",
-            low=0.0,
             high=1e4,
-            off=0.0,
-            default=0.0,
             typical=0.3,
         ),
     )
