@@ -62,6 +62,17 @@ class Parameter:
         """Multiply a value in ``unit`` by this to have it in the consistent system."""
         return unit_factor(self.unit)
 
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """``low`` and ``high`` in the consistent system; infinite where there is none."""
+        low, high = -math.inf if self.low is None else self.low, math.inf if self.high is None else self.high
+        return low * self.factor, high * self.factor
+
+    @property
+    def off_value(self) -> float:
+        """``off`` in the consistent system; nan where no value removes the effect."""
+        return math.nan if self.off is None else self.off * self.factor
+
     def range_text(self) -> str:
         """The admissible range in words, for error messages: ``"0 kPa < G"``."""
         unit = "" if self.unit == "1" else f" {self.unit}"

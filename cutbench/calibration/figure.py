@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cutbench.base.figure_style import COLOURS, DOUBLE_MM, GREY, SINGLE_MM, new_figure, style
+from cutbench.base.figure_style import COLOURS, DOUBLE_MM, GREY, SINGLE_MM, legend_below, new_figure, style
 
 if TYPE_CHECKING:
     from cutbench.calibration.fitted import ComparedCurve, Fit
@@ -36,13 +36,7 @@ def plot_fit(fit: Fit) -> Figure:
             _curve(top, fit.compared[i])
             _residual(bottom, fit.compared[i])
             bottom.sharex(top)
-        entries: dict[str, object] = {}
-        for each in axes.ravel():
-            for handle, label in zip(*each.get_legend_handles_labels(), strict=True):
-                entries.setdefault(label, handle)
-        figure.legend(
-            entries.values(), entries.keys(), loc="outside lower center", ncols=min(3, len(entries))
-        )
+        legend_below(figure, axes.ravel(), 3)
         figure.suptitle(fit.campaign.title, fontsize=9, fontweight="bold", x=0.02, ha="left")
     return figure
 

@@ -85,7 +85,8 @@ class _Fitting:
         self.campaign, self.inverse, self.refine = campaign, inverse, refine
         self._on_progress = on_progress
         self.notes = list(campaign.notes)
-        self.evaluations, self.history = 0, []
+        self.evaluations = 0
+        self.history: list[float] = []
         self.covariance: Covariance
 
     def go(self, profile: Sequence[str], began: float, choose: bool) -> Fit:
@@ -94,7 +95,7 @@ class _Fitting:
         self.covariance = inverse.guessed(q)
         J = self._whitened(q)[1]
         before = identifiability(J, inverse.unknowns)
-        fixed = {}
+        fixed: dict[str, str] = {}
         if choose:
             kept, fixed = _worth_it(J, inverse.unknowns, self.campaign.plan.own)
             inverse = self.inverse = inverse.only(kept)
@@ -157,7 +158,8 @@ class _Fitting:
 
     def _with_measured_error(self, best: lm.Minimum) -> lm.Minimum:
         """The final stage: weights are made where the rough one ended, and again if it moved far."""
-        inverse, notes = self.inverse, []
+        inverse = self.inverse
+        notes: list[str] = []
         settings = FINAL if any(e.kind == "cut" for e in self.campaign.train) else SMOOTH
         for _ in range(ROUNDS):
             try:

@@ -61,9 +61,9 @@ class Unknown:
         """The parameter (internal units) at q, within its bounds, and off those that are open."""
         raw = self.start * math.exp(min(q, 200.0)) if self.logarithmic else self.start + self.scale * q
         low, high, quantity = self.low, self.high, self.quantity
-        if quantity.open_low and low == quantity.low * quantity.factor:
+        if quantity.open_low and low == quantity.bounds[0]:
             low += INSIDE * self.scale
-        if quantity.open_high and high == quantity.high * quantity.factor:
+        if quantity.open_high and high == quantity.bounds[1]:
             high -= INSIDE * self.scale
         return min(max(raw, low), high)
 

@@ -90,10 +90,7 @@ def unknowns(campaign: Campaign) -> list[Unknown]:
 
 def _unknown(campaign: Campaign, name: str, experiment: str | None) -> Unknown:
     q = campaign.model.parameters()[name]
-    low = -np.inf if q.low is None else q.low * q.factor
-    high = np.inf if q.high is None else q.high * q.factor
-    if name in campaign.plan.bounds:
-        low, high = campaign.plan.bounds[name]
+    low, high = campaign.plan.bounds.get(name, q.bounds)
     start = min(max(campaign.base.values[name], low), high)
     if q.open_high and start == high:
         start = campaign.base.values[name]

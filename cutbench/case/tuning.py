@@ -7,7 +7,7 @@ and less than 1 % of onset, peak, drop and steady force.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, replace
 
 
 @dataclass(frozen=True)
@@ -224,7 +224,7 @@ class Tuning:
     def of(cls, data: Mapping[str, Mapping]) -> Tuning:
         """From what ``dataclasses.asdict`` made of one, and JSON of that."""
         parts = {}
-        for f in fields(cls):
-            part = {k: tuple(v) if isinstance(v, list) else v for k, v in data[f.name].items()}
-            parts[f.name] = f.default_factory(**part)
+        for name, part in vars(cls()).items():
+            given = {k: tuple(v) if isinstance(v, list) else v for k, v in data[name].items()}
+            parts[name] = replace(part, **given)
         return cls(**parts)

@@ -165,6 +165,10 @@ class Factors:
         return Factors((self.dof * self.variance + WORTH * USUAL_FACTOR**2) / dof, dof)
 
 
+def _nothing() -> np.ndarray:
+    return np.zeros(())
+
+
 @dataclass(frozen=True)
 class Block:
     """Of one test: ``total`` (m, m) of the mean reading less the computed value.
@@ -176,13 +180,13 @@ class Block:
     """
 
     total: np.ndarray
-    by_factor: np.ndarray | float = 0.0
-    other: np.ndarray | float = 0.0
-    scatter: np.ndarray | float = 0.0
-    deviation: np.ndarray | float = 0.0
+    by_factor: np.ndarray = field(default_factory=_nothing)
+    other: np.ndarray = field(default_factory=_nothing)
+    scatter: np.ndarray = field(default_factory=_nothing)
+    deviation: np.ndarray = field(default_factory=_nothing)
     dof: int = 0
-    computed: np.ndarray | float = 0.0
-    shift: np.ndarray | float = 0.0
+    computed: np.ndarray = field(default_factory=_nothing)
+    shift: np.ndarray = field(default_factory=_nothing)
     known: np.ndarray | None = None
 
     @classmethod
@@ -191,13 +195,14 @@ class Block:
         grid: Averaged,
         pooled: Factors,
         y: np.ndarray,
-        computed: np.ndarray | float = 0.0,
-        shift: np.ndarray | float = 0.0,
+        computed: np.ndarray | None = None,
+        shift: np.ndarray | None = None,
         count: int | None = None,
     ) -> Block:
         """About the curve ``y`` (m,) with ``shift`` in it; of the mean of ``count`` specimens (default: those
         that were measured)."""
         count, along = count or grid.repetitions, grid.along
+        computed, shift = (_nothing() if given is None else given for given in (computed, shift))
         if grid.repetitions > 1:
             alike = grid.curves / grid.factors[:, None]
             scatter = scatter_covariance(along, alike - alike.mean(axis=0), np.diag(grid.reading**2))
@@ -240,8 +245,8 @@ class Covariance:
         grids: Mapping[str, Averaged],
         kinds: Mapping[str, str],
         y: Mapping[str, np.ndarray],
-        computed: Mapping[str, np.ndarray | float] | None = None,
-        shift: Mapping[str, np.ndarray | float] | None = None,
+        computed: Mapping[str, np.ndarray] | None = None,
+        shift: Mapping[str, np.ndarray] | None = None,
         fields: Mapping[str, Block] | None = None,
     ) -> Covariance:
         """For the tests that ``kinds`` names. ``y``: with ``shift`` added."""
@@ -251,7 +256,7 @@ class Covariance:
         }
         computed, shift = computed or {}, shift or {}
         tests = {
-            id: Block.of(grids[id], pooled[kind], y[id], computed.get(id, 0.0), shift.get(id, 0.0))
+            id: Block.of(grids[id], pooled[kind], y[id], computed.get(id), shift.get(id))
             for id, kind in kinds.items()
         }
         return cls({id: grids[id] for id in kinds}, kinds, y, pooled, tests, fields or {})

@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cutbench.base.figure_style import COLOURS, DOUBLE_MM, GREY, SINGLE_MM, new_figure, style
+from cutbench.base.figure_style import COLOURS, DOUBLE_MM, GREY, SINGLE_MM, legend_below, new_figure, style
 
 if TYPE_CHECKING:
     from cutbench.data.campaign import Campaign
@@ -36,12 +35,7 @@ def plot_data(campaign: Campaign, n: int = 80) -> Figure:
         averaged = {e.id: e.on_grid(n) for e in campaign.experiments}
         for axes, (experiment, kind) in zip(grid.ravel(), panels, strict=False):
             _panel(axes, experiment, averaged[experiment.id], kind)
-        entries: dict[str, Artist] = {}
-        for axes in grid.ravel():
-            for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-                entries.setdefault(label, handle)
-        wide = 1 if columns == 1 else 3
-        figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=wide)
+        legend_below(figure, grid.ravel(), 1 if columns == 1 else 3)
         figure.suptitle(campaign.title, fontsize=9, fontweight="bold", x=0.02, ha="left")
     return figure
 

@@ -51,8 +51,7 @@ class Candidate:
 
     def range(self, q: Parameter) -> tuple[float, float]:
         """Bounds of a strength, internal units."""
-        low = -math.inf if q.low is None else q.low * q.factor
-        return low, math.inf if q.high is None else q.high * q.factor
+        return q.bounds
 
 
 def candidates(campaign: Campaign, base: Case) -> tuple[list[Candidate], dict[str, str]]:
@@ -103,8 +102,7 @@ def _kin(one: Parameter, other: Parameter) -> bool:
 
 def _values(q: Parameter, campaign: Campaign, count: int, taken: Sequence[float]) -> list[float]:
     """Values of one shape (internal units) within its bounds, in ascending order."""
-    low = -math.inf if q.low is None else q.low * q.factor
-    high = math.inf if q.high is None else q.high * q.factor
+    low, high = q.bounds
     if low < 0 < high:  # not a size: an angle, say
         reach = min(high, math.pi)
         return list(np.linspace(-reach, reach, count, endpoint=False))

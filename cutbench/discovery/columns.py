@@ -66,7 +66,7 @@ def sense(inverse: Inverse, q: np.ndarray, chosen: Sequence[Candidate], run: Pre
     plan = _runs(inverse, cuts[0], q, chosen) if cuts else []
     tasks = [_task(inverse, e, q, group) for group in plan for e in cuts]
     answers = _run_all(run, tasks)
-    rigs = {}
+    rigs: dict[str, tuple[Candidate, list[tuple[Task, Prediction]]]] = {}
     for (i, group), (j, e) in ((g, c) for g in enumerate(plan) for c in enumerate(cuts)):
         p = answers[i * len(cuts) + j]
         if i == 0:
@@ -79,11 +79,10 @@ def sense(inverse: Inverse, q: np.ndarray, chosen: Sequence[Candidate], run: Pre
     columns = []
     for c in chosen:
         for k, shapes in enumerate(c.grid):
-            by = {e.id: parts.get((c.name, k, e.id)) for e in inverse.campaign.train}
-            if any(by[e.id] is None for e in inverse.campaign.train if c.seen_by(e)):
-                continue
-            by = {id: np.zeros((y[id].size, len(c.strengths))) if v is None else v for id, v in by.items()}
-            columns.append(Column(c, shapes, by))
+            if all((c.name, k, e.id) in parts for e in inverse.campaign.train if c.seen_by(e)):
+                none = {e.id: np.zeros((y[e.id].size, len(c.strengths))) for e in inverse.campaign.train}
+                slopes = {id: parts.get((c.name, k, id), zero) for id, zero in none.items()}
+                columns.append(Column(c, shapes, slopes))
     for c, seen in rigs.values():
         columns += [Column(c, c.grid[0], {**{id: np.zeros((v.size, 1)) for id, v in y.items()}, **by})
                     for by in _secants(c, seen)]  # fmt: skip
@@ -97,7 +96,7 @@ def _secants(c: Candidate, seen: Sequence[tuple[Task, Prediction]]) -> list[dict
     level = np.sqrt(np.mean([np.mean(y**2) for y, _ in by_slope]))
     steep = np.sqrt(np.mean([np.mean(slope**2) for _, slope in by_slope]))
     low, high = c.range(q)
-    off, found = q.off * q.factor, []
+    off, found = q.off_value, []
     for size in (part * level / max(steep, 1e-300) for part in PARTS):
         for value in (off + size, off - size):
             if low <= value <= high:

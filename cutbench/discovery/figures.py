@@ -9,7 +9,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from cutbench.base.figure_style import COLOURS, DOUBLE_MM, GREY, SINGLE_MM, new_figure, style
+from cutbench.base.figure_style import COLOURS, DOUBLE_MM, GREY, SINGLE_MM, legend_below, new_figure, style
 from cutbench.data.experiment import Experiment
 from cutbench.discovery.heldout import expected
 from cutbench.discovery.outcome import Discovery
@@ -20,7 +20,7 @@ BASE, MORE = "Baseline", "Extended model"
 
 def curves(d: Discovery) -> Figure:
     """A column for each experiment (three side by side at most): curves above, what is left over below."""
-    shown = [e for e in d.campaign.experiments if _curve(d.first, e) is not None]
+    shown = [e for e in d.campaign.experiments if e.id in _curves(d.first)]
     columns = min(3, len(shown))
     rows = -(-len(shown) // columns)
     with style():
@@ -33,18 +33,12 @@ def curves(d: Discovery) -> Figure:
                 bottom.set_visible(False)
                 continue
             _experiment(top, bottom, d, shown[i])
-        entries: dict[str, object] = {}
-        for each in axes.ravel():
-            for handle, label in zip(*each.get_legend_handles_labels(), strict=True):
-                entries.setdefault(label, handle)
-        figure.legend(
-            entries.values(), entries.keys(), loc="outside lower center", ncols=min(4, len(entries))
-        )
+        legend_below(figure, axes.ravel(), 4)
     return figure
 
 
-def _curve(p: Point, e: Experiment) -> np.ndarray | None:
-    return p.y.get(e.id, p.tests.get(e.id))
+def _curves(p: Point) -> dict[str, np.ndarray]:
+    return {**p.tests, **p.y}
 
 
 def _experiment(top, bottom, d: Discovery, e: Experiment) -> None:
@@ -56,7 +50,7 @@ def _experiment(top, bottom, d: Discovery, e: Experiment) -> None:
     block = d.first.w.tests.get(e.id) or expected(d.first, e)
     sd = scale * block.deviation
     mean = scale * grid.mean
-    base, more = scale * _curve(d.first, e), _curve(d.final, e) if d.found else None
+    base, more = scale * _curves(d.first)[e.id], _curves(d.final).get(e.id) if d.found else None
     top.fill_between(x, mean - 2 * sd, mean + 2 * sd, color=COLOURS["sky"], alpha=0.5, lw=0,
                      label="Measured mean ± 2 standard deviations")  # fmt: skip
     top.plot(x, mean, ".", color=COLOURS["black"], ms=2.5, label="Measured mean")

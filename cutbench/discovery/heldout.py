@@ -150,7 +150,9 @@ def _tests(before: Point, after: Point):
 
 def _folds(before: Point, after: Point):
     train = sorted(before.campaign.train, key=lambda e: e.id)
-    pooled, parts, one, other, ways = _pooled(before), [], [], [], []
+    pooled, parts, ways = _pooled(before), [], []
+    one: list[np.ndarray] = []
+    other: list[np.ndarray] = []
     for e in train:
         grid = before.inverse.grids[e.id]
         size = float(np.abs(grid.mean).max())

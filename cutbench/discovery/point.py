@@ -130,7 +130,7 @@ def unknowns_of(point: Point, c: Candidate, score: Score, shapes: bool = True) -
     new = []
     for q, value in zip(c.strengths, score.strengths, strict=True):
         low, high = plan.bounds.get(q.name, c.range(q))
-        new.append(Unknown(q, float(np.clip(q.off * q.factor + value, low, high)), low, high))
+        new.append(Unknown(q, float(np.clip(q.off_value + value, low, high)), low, high))
     for q in c.shapes if shapes else ():
         low, high = plan.bounds.get(q.name, c.range(q))
         kind = _Shape if low > 0 else Unknown
@@ -157,9 +157,8 @@ def extend(point: Point, score: Score, run: Predictor, *, shapes: bool = True) -
         q = np.zeros(len(unknowns))
         q[:k] = np.clip(part * score.free, -1.0, 1.0)
         for i, (s, value) in enumerate(zip(c.strengths, score.strengths, strict=True), start=k):
-            q[i] = unknowns[i].q(
-                float(np.clip(s.off * s.factor + part * value, unknowns[i].low, unknowns[i].high))
-            )
+            u = unknowns[i]
+            q[i] = u.q(float(np.clip(s.off_value + part * value, u.low, u.high)))
         q = np.clip(q, low, high)
         try:
             r, J = inverse.whitened(q, point.w)

@@ -213,7 +213,7 @@ def _ranked(name: str, r: Round, t: Tried | None) -> dict:
     if t is None:
         c = s.column.candidate
         values = dict(zip([q.name for q in c.strengths], s.strengths, strict=True))
-        shown = {q.name: _value(q, q.off * q.factor + values[q.name], math.inf) for q in c.strengths}
+        shown = {q.name: _value(q, q.off_value + values[q.name], math.inf) for q in c.strengths}
         return {**entry, "parameters": shown, "gain_heldout": None, "gain_se": None}
     return {
         **entry,

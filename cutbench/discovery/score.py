@@ -136,14 +136,12 @@ def tail(draws: np.ndarray, value: float) -> float:
     levels = np.array([0.5, 0.8, 0.9, 0.95, 0.98])
     seen = np.quantile(draws, levels)
     use = seen > 0.01 * seen[-1]
-    best = None
+    fits = []
     for a, b in itertools.product((1, 2, 3, 6, 12, 40), TAILS):
         like = stats.f.ppf(levels[use], a, b)
         ratio = np.log(seen[use] / like)
-        misfit = ratio.std()
-        if best is None or misfit < best[0]:
-            best = misfit, a, b, math.exp(ratio.mean())
-    _, a, b, scale = best
+        fits.append((ratio.std(), a, b, math.exp(ratio.mean())))
+    _, a, b, scale = min(fits, key=lambda fit: fit[0])
     return float(min(stats.f.sf(value / scale, a, b), (count + 1) / (draws.size + 1)))
 
 
@@ -197,8 +195,7 @@ def _signs(column: Column) -> list[int]:
     signs = []
     for q in column.candidate.strengths:
         low, high = column.candidate.range(q)
-        off = q.off * q.factor
-        signs.append(1 if off <= low else -1 if off >= high else 0)
+        signs.append(1 if q.off_value <= low else -1 if q.off_value >= high else 0)
     return signs
 
 

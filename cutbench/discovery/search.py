@@ -100,9 +100,8 @@ def discover(
                 break
         gain = compare(rounds[0].point, point) if found else None
         verdict = "mechanism" if interrupted else _verdict(rounds)
-        proposed, text = [], "Not asked: interrupted."
-        if not interrupted:
-            proposed, text = _next(rounds, verdict, run, on_progress)
+        asked = ([], "Not asked: interrupted.") if interrupted else _next(rounds, verdict, run, on_progress)
+        proposed, text = asked
     stopped = (
         ("Interrupted: what was found stands, what else there may be was not asked.",) if interrupted else ()
     )

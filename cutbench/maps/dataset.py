@@ -99,7 +99,11 @@ def build_map(
         *collect(lambda row: row.message, str),
         {"long_name": "what the run said at its end"},
     )
-    data["run_id"] = (dims, table_ids.astype(str), {"long_name": "hash of the run's inputs; its folder in the store"})
+    data["run_id"] = (
+        dims,
+        table_ids.astype(str),
+        {"long_name": "hash of the run's inputs; its folder in the store"},
+    )
     if not study.on_grid:
         samples = np.array(study.samples, dtype=float).reshape(-1, len(study.axes))
     coords = {

@@ -107,9 +107,7 @@ def timeless(case: Case) -> Case:
     for law in case.model.all:
         if law.slot in ("bulk", "cut", "blade", "skin", "support") and law.name not in viscous:
             for q in law.parameters:
-                if _has_time(q.unit) and case.values[q.name] != (
-                    math.nan if q.off is None else q.off * q.factor
-                ):
+                if _has_time(q.unit) and case.values[q.name] != q.off_value:
                     raise BadInput(
                         key="--follow",
                         value=law.name,
@@ -160,7 +158,7 @@ def trace_snap_back(
 def fading(case: Case, depth: float) -> list[tuple[str, Case]]:
     """Cases of less and less viscosity, up to ``depth`` mm of travel, and the last with half the steps."""
     fade = [q for law in case.model.all if law.regularises for q in law.parameters]
-    eta = {q: v for q in fade if q.off is not None and (v := case.values[q.name]) != q.off * q.factor}
+    eta = {q: v for q in fade if q.off is not None and (v := case.values[q.name]) != q.off_value}
     factors = FADING if eta else (1.0,)
     cases = []
     for factor in factors:

@@ -31,10 +31,10 @@ def traction(
         jump[axis] = x
         # The middle of a specimen: no skin.
         at = Points(X=np.zeros((3, count)), depth=np.full(count, 1e6), dt=dt, jump_old=old)
-        T, new = np.zeros((3, count)), {}
+        T = np.zeros((3, count))
         for answer in cut_answers(laws, jump, p, state, at):
-            T, new = T + answer.traction, new | answer.new
-        state, old = new, jump
+            T, state = T + answer.traction, state | answer.new
+        old = jump
         if reached:
             out.append(T[axis])
     return np.array(out)

@@ -76,7 +76,8 @@ class _Body:
         F = self.mode.deformation(stretch, np.exp(b))
         n = F.shape[-1]
         at = Points(X=np.zeros((3, n)), depth=np.full(n, DEEP), dt=dt, laws=self.laws)
-        P, new = np.zeros((3, 3, n)), {}
+        P = np.zeros((3, 3, n))
+        new: dict[str, np.ndarray] = {}
         for law in self.laws:
             part, changed = law.stress(F, p, state, at)
             P = P + part

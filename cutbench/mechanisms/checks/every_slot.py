@@ -63,7 +63,7 @@ def groups_have_no_unit(t: Trial) -> None:
     assert here.keys() == there.keys()
     for text, value in here.items():
         assert np.isfinite(value) and abs(there[text] - value) <= 1e-12 * abs(value), text
-    off = {q.name: q.off * q.factor for q in t.law.parameters if q.off is not None}
+    off = {q.name: q.off_value for q in t.law.parameters if q.off is not None}
     assert not off or t.law.groups(t.numbers(**off)) != here, "no group tells on from off"
 
 

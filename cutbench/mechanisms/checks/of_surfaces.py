@@ -65,7 +65,7 @@ def contact_keeps_out_and_never_pulls(t: Trial) -> None:
 def skin_scales(t: Trial) -> None:
     """Factors are positive, 1 where the skin is off, and have no unit."""
     p, at = t.numbers(), points()
-    off = {q.name: q.off * q.factor for q in t.law.parameters if q.off is not None}
+    off = {q.name: q.off_value for q in t.law.parameters if q.off is not None}
     assert factors([t.law], p).min() > 0
     assert np.array_equal(factors([t.law], t.numbers(**off)), np.ones((2, N)))
     at.X, at.depth = at.X * NEW_UNITS["[length]"], at.depth * NEW_UNITS["[length]"]

@@ -89,7 +89,7 @@ class Trial:
 
     def switches(self) -> dict[str, float]:
         """Off values of what the law adds to the default law of its role that it generalises, if any."""
-        off = {q.name: q.off * q.factor for q in self.law.parameters if q.off is not None}
+        off = {q.name: q.off_value for q in self.law.parameters if q.off is not None}
         known = {q.name for law in self.standard() for q in law.parameters}
         return {k: v for k, v in off.items() if k not in known} or off
 
