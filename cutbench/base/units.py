@@ -53,9 +53,9 @@ class Parameter:
     trial: tuple[str, float] | None = None
 
     @classmethod
-    def effect(cls, *about: str, low: float = 0.0, **rest: Any) -> Parameter:
+    def effect(cls, name: str, unit: str, symbol: str, doc: str, low: float = 0.0, **rest: Any) -> Parameter:
         """That of an effect which 0 switches off, the default; 0 is its lowest value if ``low`` is not."""
-        return cls(*about, low=low, off=0.0, default=0.0, **rest)
+        return cls(name, unit, symbol, doc, low=low, off=0.0, default=0.0, **rest)
 
     @property
     def factor(self) -> float:

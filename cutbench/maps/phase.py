@@ -259,10 +259,9 @@ def _points(ax: Axes, part: xr.Dataset, x: str, y: str) -> set[str]:
         if hits.size == 0:
             continue
         seen.add(name)
-        xs = part[x].values[hits[:, -1]]
         ys = part[y].values[hits[:, -2]] if y else np.nan_to_num(part["drop_rel"].values[hits[:, 0]])
         kwargs = {key: value for key, value in _MARKERS[name].items() if key != "label"}
-        ax.plot(xs, ys, ls="", zorder=4, clip_on=False, **kwargs)
+        ax.plot(part[x].values[hits[:, -1]], ys, ls="", zorder=4, clip_on=False, **kwargs)
     return seen
 
 

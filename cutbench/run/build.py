@@ -22,6 +22,8 @@ from cutbench.forms.mixed import MixedVolumetric
 from cutbench.forms.space import Faces, Space
 from cutbench.forms.support import SupportForm
 from cutbench.mechanisms import Volumetric
+from cutbench.models2d.plane_strain import geometry as section_geometry
+from cutbench.models3d.block import geometry as block_geometry
 from cutbench.solver.iterative import rigid_motions
 from cutbench.solver.march import March
 from cutbench.solver.newton import NewtonSettings
@@ -58,10 +60,8 @@ class Built:
 def geometry_of(case: Case, **where) -> Geometry:
     """Mesh and names for the case's dimension; in 2D ``where`` says which elements are small."""
     if case.dim == 2:
-        from cutbench.models2d.plane_strain import geometry
-    else:
-        from cutbench.models3d.block import geometry
-    return geometry(case.values, case.numerics, **where)
+        return section_geometry(case.values, case.numerics, **where)
+    return block_geometry(case.values, case.numerics)
 
 
 def contact_numerics(model: Model, p, n: Numerics) -> ContactNumerics:
@@ -111,7 +111,7 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
         if n.layer > 0:
             mirrors = [(space.nodes_on(name), i) for name, i in geometry.held]
             stiff = {"bending": faces["cut"], "bending_top": faces["top"]}
-            if geometry.split:
+            if minus is not None:
                 stiff["bending_minus"] = minus
             laws = [*model.laws("bulk"), *(law for law in cut if law.role == "cohesive")]
             forms += [BendingForm(side, space.X, n.layer, laws, mirrors, k) for k, side in stiff.items()]

@@ -89,9 +89,10 @@ class Path:
     failures: list[str] = field(default_factory=list)
 
     def __post_init__(self):
-        forms = {form.name: form for form in self.problem.forms}
-        self._cut, self._damping = forms.get("cohesion"), forms.get("damping")
-        self._bordered = Bordered(self.problem, self._cut, self.centre0, self.newton, self.rules.iterations)
+        self._damping = self.problem.damping
+        self._cut = cut = self.problem.cut
+        if cut is not None:
+            self._bordered = Bordered(self.problem, cut, self.centre0, self.newton, self.rules.iterations)
 
     def __iter__(self) -> Iterator[PathPoint]:
         problem, rules = self.problem, self.rules

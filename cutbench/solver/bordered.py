@@ -32,7 +32,7 @@ class Bordered:
     def __init__(
         self,
         problem: Problem,
-        cut: CutForm | None,
+        cut: CutForm,
         centre0: np.ndarray,
         settings: NewtonSettings,
         iterations: int,

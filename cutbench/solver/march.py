@@ -202,9 +202,9 @@ class March:
                 pace.damping_factor,
             )  # fmt: skip
             begun = problem.touched(states)
-            straight = None if now.u_before is None else u + (u - now.u_before) * (size / now.size_before)
-            if pace.rests:
-                straight = u
+            straight = u if pace.rests else None
+            if straight is None and now.u_before is not None and now.size_before is not None:
+                straight = u + (u - now.u_before) * (size / now.size_before)
             if straight is not None:
                 straight = self.load.placed(straight, ahead)
             try:
@@ -307,11 +307,12 @@ class March:
         return u, result, effort, solves
 
     def _hold_damage(self, u, states, step):
-        if not self.rules.staggered or "cohesion" not in states:
+        cut = self.problem.cut
+        if not self.rules.staggered or cut is None:
             u, result, iterations = newton(self.problem, u, states, step, self.newton)
             return u, result, [iterations]
-        cut = next(f for f in self.problem.forms if f.name == "cohesion")
-        held, effort = states["cohesion"], []
+        held = states["cohesion"]
+        effort: list[int] = []
         settings = replace(self.newton, tolerance=max(self.newton.staggered_tolerance, self.newton.tolerance))
         for _ in range(self.newton.staggered_loops):
             # From one loop to the next only the damage changes, and that less and less.

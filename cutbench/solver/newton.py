@@ -16,7 +16,7 @@ class NoConvergence(ArithmeticError):
     """Newton's method gave up; ``reason`` says how. ``nearest``: the smallest residual that it came to, over
     the forces, and the displacements there."""
 
-    def __init__(self, reason: str, nearest: tuple[float, np.ndarray | None] = (np.inf, None)):
+    def __init__(self, reason: str, nearest: tuple[float, np.ndarray] = (np.inf, np.empty(0))):
         super().__init__(reason)
         self.reason, self.nearest = reason, nearest
 
@@ -51,7 +51,7 @@ def newton(
         u, current, size = _chords(problem, u, current, size, states, step, settings)
     wrong = size > settings.far * current.scale and problem.metric is not None
     shift, history = Shift(settings.relax, settings.cautious if wrong else 0.0), []
-    nearest = (np.inf, None)
+    nearest = (np.inf, u)
     # A tangent is assembled on the way only where a full step is likely to stand.
     eager = True
     for iteration in range(settings.iterations + 1):

@@ -47,7 +47,8 @@ class Window:
         """``cut``: the faces of the cut plane; ``thickness`` of the blade in mm; ``past``: what the march
         remembers."""
         self._problem, self._space, self._past, self._tuning = problem, space, past, tuning
-        self._cut = next(form for form in problem.forms if form.name == "cohesion")
+        assert problem.cut is not None, "a window is around the front of a cut"
+        self._cut = problem.cut
         self._height = cut.X[1].ravel()
         self._top = float(space.X[1].max())
         # In blocks, whose elements are large against what the front goes in a step, neither a moved front nor
@@ -57,7 +58,7 @@ class Window:
         self._reach = max(tuning.reach * thickness, tuning.elements * self._tall)
         self._smoothed = max(tuning.near * thickness, self._tall)
         self._place: int | None = None
-        self._part: SubProblem | None = None
+        self._part: SubProblem
         self._spot: tuple[np.ndarray, SubProblem] | None = None
 
     def solved(self, u: np.ndarray, last: np.ndarray, states: dict, step, settings: NewtonSettings):
@@ -84,11 +85,11 @@ class Window:
             # All turn elements inside out: begin as it was, and yield to the edge.
             u = self._newton(part, last + part.extended(u - last), of_part, step, settings)
         for _ in range(self._tuning.spots if self._flat else 0):
-            part = self._worst(u, states, step)
-            if part is None:
+            spot = self._worst(u, states, step)
+            if spot is None:
                 break
             try:
-                u = self._newton(part, u, part.picked(states), step, settings)
+                u = self._newton(spot, u, spot.picked(states), step, settings)
             except NoConvergence:
                 break
         return u
