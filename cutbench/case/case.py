@@ -25,6 +25,7 @@ from cutbench.case.numerics import ALIASES, KEYS, Numerics, defaults, preset
 from cutbench.case.tuning import Tuning
 from cutbench.case.values import (
     SECTIONS,
+    as_written,
     brief,
     check_fit,
     doubts,
@@ -198,10 +199,7 @@ class Case:
         """The case that ``to_dict`` described. Raises BadInput for what is missing or wrong."""
         try:
             model = Model(tuple(data["mechanisms"]))
-            written = {
-                key: entry["value"] if entry["unit"] == "1" else f"{entry['value']!r} {entry['unit']}"
-                for key, entry in data["values"].items()
-            }
+            written = as_written(data["values"])
             changes = {**written, **data["numerics"]}
             motion = read_motion(data.get("motion", ()))
             numerics = Numerics(tuning=Tuning.of(data["tuning"]) if "tuning" in data else Tuning())

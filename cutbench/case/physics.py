@@ -9,7 +9,7 @@ from types import SimpleNamespace
 from cutbench.base.errors import BadInput
 from cutbench.case.model import Model
 from cutbench.case.numerics import KEYS
-from cutbench.case.values import names, resolve
+from cutbench.case.values import as_written, names, resolve
 
 
 @dataclass(frozen=True)
@@ -28,10 +28,7 @@ class Physics:
         """That of a case as ``Case.to_dict`` describes it, whatever its numerics are. Raises BadInput."""
         try:
             model = Model(tuple(data["mechanisms"]))
-            written = {
-                key: entry["value"] if entry["unit"] == "1" else f"{entry['value']!r} {entry['unit']}"
-                for key, entry in data["values"].items()
-            }
+            written = as_written(data["values"])
         except (KeyError, TypeError, AttributeError) as error:
             raise BadInput(
                 key="case", value=str(error), expected="a case as Case.to_dict() writes it"

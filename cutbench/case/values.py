@@ -43,6 +43,12 @@ def brief(raw: object) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
+def as_written(entries: Mapping[str, Mapping]) -> dict[str, object]:
+    """The values of ``Case.to_dict`` as a person writes them."""
+    texts = {key: f"{entry['value']!r} {entry['unit']}" for key, entry in entries.items()}
+    return {key: entry["value"] if entry["unit"] == "1" else texts[key] for key, entry in entries.items()}
+
+
 def settable(model: Model) -> list[str]:
     """Every name that sets a number of the physics in ``model``."""
     known = model.parameters()

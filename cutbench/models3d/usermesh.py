@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import meshio
 import numpy as np
 import skfem
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
-from skfem.io.meshio import from_meshio
 
 from cutbench.base.errors import BadInput
-from cutbench.base.mesh_files import Refuse, compact, read_file, refusal
+from cutbench.base.mesh_files import Refuse, check_facets, named_facets, pieces, read_simplices, refusal
 from cutbench.models3d.mesh import tetrahedra
 
 #: Faces that the file must name: the axis that is constant on them, and the parts that have them.
@@ -23,6 +19,8 @@ FACES = {
     "top": (1, ("quarter", "half", "full")),
     "middle": (2, ("quarter",)),
 }
+#: On which side of x = 0 the elements of the cut plane's two faces are.
+SIDES = {"cut": 1.0, "cut_minus": -1.0}
 
 
 def read_mesh(path: str, values: Mapping[str, float], symmetry: str) -> tuple[skfem.MeshTet, str]:
@@ -36,50 +34,20 @@ def read_mesh(path: str, values: Mapping[str, float], symmetry: str) -> tuple[sk
     where its name says.
     """
     refuse = refusal(path)
-    raw = _tetrahedra(read_file(path, refuse), refuse)
-    try:
-        mesh = from_meshio(raw)
-    except Exception as error:  # whatever a file can hold that scikit-fem did not expect
-        why = str(error) or type(error).__name__
-        raise refuse(why, "a mesh of tetrahedra with named faces") from error
+    mesh = read_simplices(path, 3, refuse)
     part = _part(mesh, values, refuse)
     if symmetry not in ("auto", part):
         raise BadInput(
             key="symmetry", value=symmetry, expected=f"'auto' or '{part}' with {path}, which holds that"
         )
     wanted = [name for name, (_, parts) in FACES.items() if part in parts]
-    named = mesh.boundaries or {}
-    if missing := [name for name in wanted if name not in named]:
-        found = ", ".join(sorted(named)) or "none"
-        raise refuse(
-            f"faces named: {found}",
-            f"faces named {', '.join(wanted)} for a {part} block ({', '.join(missing)} missing)",
-        )
-    # Sorted, and without orientation: the same block gives the same numbers from any file format.
-    faces = {name: np.unique(np.asarray(named[name])) for name in wanted}
+    faces = named_facets(mesh, wanted, refuse, f" for a {part} block")
     mesh = tetrahedra(mesh.p, mesh.t).with_boundaries(faces)
     _check_whole(mesh, part, refuse)
     for name in wanted:
-        axis, _ = FACES[name]
-        _check_face(mesh, name, axis, values["height"] if name == "top" else 0.0, refuse)
+        where, side = values["height"] if name == "top" else 0.0, SIDES.get(name, 0.0)
+        check_facets(mesh, name, FACES[name][0], where, refuse, side)
     return mesh, part
-
-
-def _tetrahedra(raw: meshio.Mesh, refuse: Refuse) -> meshio.Mesh:
-    kinds = [block.type for block in raw.cells]
-    if "tetra" not in kinds or set(kinds) - {"tetra", "triangle", "line", "vertex"}:
-        raise refuse(
-            f"cells: {', '.join(dict.fromkeys(kinds)) or 'none'}",
-            "four-node tetrahedra and triangles alone (cutbench adds the nodes of quadratic elements)",
-        )
-    points = np.asarray(raw.points, dtype=float)
-    used = np.unique(raw.cells_dict["tetra"])
-    if not np.isfinite(points[used]).all():
-        raise refuse("a coordinate that is not a number", "finite coordinates in mm")
-    try:
-        return compact(raw, points[used], used, ("tetra", "triangle"))
-    except ValueError as error:
-        raise refuse("a face that is on no tetrahedron", "triangles that are faces of tetrahedra") from error
 
 
 def _part(mesh: skfem.MeshTet, values: Mapping[str, float], refuse: Refuse) -> str:
@@ -116,10 +84,7 @@ def _check_whole(mesh: skfem.MeshTet, part: str, refuse: Refuse) -> None:
         raise refuse(
             f"tetrahedra of {volumes.sum():g} mm^3", f"tetrahedra that fill {box:g} mm^3 without overlap"
         )
-    count = mesh.p.shape[1]
-    edges = mesh.edges
-    joined = coo_matrix((np.ones(edges.shape[1]), edges), shape=(count, count))
-    parts, expected = connected_components(joined, directed=False)[0], 2 if part == "full" else 1
+    parts, expected = pieces(mesh.edges, mesh.p.shape[1]), 2 if part == "full" else 1
     if parts != expected:
         wanted = "two halves that share no nodes on the cut plane" if expected == 2 else "one connected block"
         raise refuse(f"{parts} parts", f"{wanted} (merge other coincident points)")
@@ -132,24 +97,3 @@ def _check_whole(mesh: skfem.MeshTet, part: str, refuse: Refuse) -> None:
             f"outer faces of {area:g} mm^2 instead of {outer:g} mm^2",
             "a conforming mesh: tetrahedra that meet share whole faces (merge coincident points)",
         )
-
-
-def _check_face(mesh: skfem.MeshTet, name: str, axis: int, where: float, refuse: Refuse) -> None:
-    """The face must be flat, at its place, on its side, and hold every boundary triangle that lies there."""
-    facets = mesh.boundaries[name]
-    eps = 1e-6 * mesh.p[1].max()
-    place = f"face '{name}' at {'xyz'[axis]} = {where:g} mm"
-    if facets.size == 0:
-        raise refuse(f"face '{name}' has no triangles", place)
-    off = np.abs(mesh.p[axis][mesh.facets] - where).max(axis=0)
-    if (worst := off[facets].max()) > eps:
-        raise refuse(f"face '{name}' off by {worst:g} mm", place)
-    there = np.flatnonzero((off <= eps) & (mesh.f2t[1] == -1))
-    if axis == 0:
-        side = mesh.p[0, mesh.t[:, mesh.f2t[0, there]]].mean(axis=0)
-        there = there[side < 0 if name == "cut_minus" else side > 0]
-        place += " on the elements of " + ("x < 0" if name == "cut_minus" else "x > 0")
-    if lost := np.setdiff1d(there, facets).size:
-        raise refuse(f"face '{name}' without {lost} of {there.size} triangles there", f"{place}, complete")
-    if extra := np.setdiff1d(facets, there).size:
-        raise refuse(f"face '{name}' with {extra} triangles too many", place)

@@ -13,21 +13,17 @@ import platform
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import meshio
 import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.figure_style import save
-from cutbench.base.files import check_writable, number, plain, replacing, write_json
-from cutbench.base.versions import written_by
-from cutbench.run.result import Outcome, Result, ordered_columns
-
-if TYPE_CHECKING:
-    from cutbench.case.case import Case
-    from cutbench.run.result import Snapshot
+from cutbench.base.files import check_writable, plain, replacing, write_json
+from cutbench.run.result import Result, Snapshot, ordered_columns
+from cutbench.run.store.runs import result_of
 
 #: Layout of run.json; raised when a reader of the old one would misread the new one.
 SCHEMA = 1
@@ -83,7 +79,7 @@ def write_run(
 
 def describe(result: Result, *, command: str | None = None) -> dict:
     """The content of run.json: all inputs with units, groups, outcome, measures, cost, versions, machine."""
-    case, outcome = result.case, result.outcome
+    case = result.case
     return {
         "schema": SCHEMA,
         "id": result.id,
@@ -91,12 +87,7 @@ def describe(result: Result, *, command: str | None = None) -> dict:
         "name": case.name,
         "case": case.to_dict(),
         "groups": plain(case.groups()),
-        "outcome": {
-            "kind": outcome.kind,
-            "message": outcome.message,
-            "advice": outcome.advice,
-            "reached_mm": plain(outcome.reached_mm),
-        },
+        "outcome": plain(asdict(result.outcome)),
         "measures": plain(result.measures),
         "counts": plain(result.counts),
         "timings_s": plain(result.timings),
@@ -148,28 +139,24 @@ def read_curve(path: str | Path) -> dict[str, np.ndarray]:
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise BadInput(key="curve", value=str(path), expected="a readable curve.csv of a run") from error
     names = rows[0] if rows else []
+
+    def wrong(line: int, key: str, value: str, expected: str) -> BadInput:
+        return BadInput(file=str(path), line=line, key=key, value=value, expected=expected)
+
     for needed in ("displacement_mm", "force_N"):
         if needed not in names:
-            raise BadInput(
-                file=str(path), line=1, key="header", value=",".join(names), expected=f"a column '{needed}'"
-            )
+            raise wrong(1, "header", ",".join(names), f"a column '{needed}'")
     if len(set(names)) < len(names):
-        raise BadInput(
-            file=str(path), line=1, key="header", value=",".join(names), expected="each column once"
-        )
+        raise wrong(1, "header", ",".join(names), "each column once")
     table = np.empty((len(rows) - 1, len(names)))
     for i, row in enumerate(rows[1:]):
         if len(row) != len(names):
-            raise BadInput(
-                file=str(path), line=i + 2, key="row", value=",".join(row), expected=f"{len(names)} numbers"
-            )
+            raise wrong(i + 2, "row", ",".join(row), f"{len(names)} numbers")
         for j, text in enumerate(row):
             try:
                 table[i, j] = float(text)
             except ValueError as error:
-                raise BadInput(
-                    file=str(path), line=i + 2, key=names[j], value=text, expected="a number"
-                ) from error
+                raise wrong(i + 2, names[j], text, "a number") from error
     return {name: table[:, j].copy() for j, name in enumerate(names)}
 
 
@@ -178,31 +165,12 @@ def read_run(out_dir: str | Path) -> Result:
 
     Raises BadInput where the folder holds no run, or run.json cannot be read.
     """
-    from cutbench.case.case import Case
-
     path = Path(out_dir) / "run.json"
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
-        case: Case = Case.from_dict(record["case"])
-        outcome = Outcome(**{**record["outcome"], "reached_mm": number(record["outcome"]["reached_mm"])})
-        measures, counts, timings = (record[key] for key in ("measures", "counts", "timings_s"))
-    except BadInput as error:
-        by = written_by(record.get("versions", {}).get("cutbench"), record.get("computation"))
-        expected = f"{error.expected}; {by} wrote this run"
-        raise BadInput(file=str(path), key=error.key, value=error.value, expected=expected) from error
+        return result_of(record, path, record["timings_s"], read_curve(out_dir))
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise BadInput(key="run", value=str(path), expected="the run.json that a run wrote") from error
-    return Result(
-        case=case,
-        curve=read_curve(out_dir),
-        outcome=outcome,
-        timings={key: number(value) for key, value in timings.items()},
-        counts=counts,
-        measures={key: number(value) for key, value in measures.items()},
-        id=record["id"],
-        computation=record.get("computation", ""),
-        versions=record["versions"],
-    )
 
 
 #: Unit of each nodal field, appended to its name in the files.

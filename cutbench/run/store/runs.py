@@ -18,12 +18,14 @@ import time
 import uuid
 import zipfile
 from collections.abc import Iterator, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cutbench.base.errors import BadInput
+from cutbench.base.files import number
 from cutbench.base.versions import written_by
 from cutbench.case.case import Case
 from cutbench.run.result import Outcome, Result
@@ -73,24 +75,9 @@ class Store:
     def read(self, id: str) -> Result:
         """The run (without snapshots). Raises BadInput, which names the version that wrote it, where its case
         is none of this cutbench, and other errors where it is not there or damaged."""
-        record = self._record(self.path(id))
-        try:
-            case = Case.from_dict(record["case"])
-        except BadInput as error:
-            expected = f"{error.expected}; {writer(record)} wrote this run and can read it"
-            file = str(self.path(id) / "run.json")
-            raise BadInput(file=file, key=error.key, value=error.value, expected=expected) from error
-        return Result(
-            case=case,
-            curve=_read_curve(self.path(id) / "curve.npz"),
-            outcome=Outcome(**record["outcome"]),
-            timings=record["timings"],
-            counts=record["counts"],
-            measures=record["measures"],
-            id=record["id"],
-            computation=record.get("computation", ""),
-            versions=record["versions"],
-        )
+        home = self.path(id)
+        record = self._record(home)
+        return result_of(record, home / "run.json", record["timings"], _read_curve(home / "curve.npz"))
 
     def put(self, result: Result, *, replace: bool = False) -> bool:
         """Keep a run; True if it was written.
@@ -238,23 +225,40 @@ class Store:
 
 
 def _to_record(result: Result) -> dict[str, Any]:
-    outcome = result.outcome
     return {
         "format": FORMAT,
         "id": result.id,
         "computation": result.computation,
         "case": result.case.to_dict(),
-        "outcome": {
-            "kind": outcome.kind,
-            "message": outcome.message,
-            "advice": outcome.advice,
-            "reached_mm": float(outcome.reached_mm),
-        },
+        "outcome": asdict(result.outcome),
         "measures": {name: float(value) for name, value in result.measures.items()},
         "timings": {name: float(value) for name, value in result.timings.items()},
         "counts": {name: int(value) for name, value in result.counts.items()},
         "versions": result.versions,
     }
+
+
+def result_of(
+    record: Mapping[str, Any], file: Path, timings: Mapping, curve: dict[str, np.ndarray]
+) -> Result:
+    """The run that a ``record`` in ``file`` describes. Raises BadInput, which names the version that wrote
+    it, where its case is none of this cutbench."""
+    try:
+        case = Case.from_dict(record["case"])
+    except BadInput as error:
+        expected = f"{error.expected}; {writer(record)} wrote this run and can read it"
+        raise BadInput(file=str(file), key=error.key, value=error.value, expected=expected) from error
+    return Result(
+        case=case,
+        curve=curve,
+        outcome=Outcome(**{**record["outcome"], "reached_mm": number(record["outcome"]["reached_mm"])}),
+        timings={key: number(value) for key, value in timings.items()},
+        counts=record["counts"],
+        measures={key: number(value) for key, value in record["measures"].items()},
+        id=record["id"],
+        computation=record.get("computation", ""),
+        versions=record["versions"],
+    )
 
 
 def writer(record: Mapping[str, Any]) -> str:
