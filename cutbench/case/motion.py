@@ -72,21 +72,27 @@ def _number(raw: object, unit: str) -> float:
     return parse_quantity(raw, unit, key="motion")
 
 
-def simplified(motion: Polyline, part: float = 0.005) -> Polyline:
-    """The corners of a measured ``motion``: what is left out lies on straight lines within ``part`` of the
-    largest travel (Ramer, Douglas and Peucker)."""
-    times, travels = (np.array(column, dtype=float) for column in zip(*motion, strict=True))
-    limit, kept, open_ = part * travels.max(), {0, times.size - 1}, [(0, times.size - 1)]
+def corners(s: np.ndarray, y: np.ndarray, limit: float) -> list[int]:
+    """Where between its ends the line through (s, y), (n,) each, bends: what is left out lies within
+    ``limit`` of straight lines (Ramer, Douglas and Peucker)."""
+    kept, open_ = [], [(0, s.size - 1)]
     while open_:
         a, b = open_.pop()
         if b - a < 2:
             continue
-        off = np.abs(travels[a : b + 1] - np.interp(times[a : b + 1], times[[a, b]], travels[[a, b]]))
+        off = np.abs(y[a : b + 1] - np.interp(s[a : b + 1], s[[a, b]], y[[a, b]]))
         k = a + int(off.argmax())
         if off[k - a] > limit:
-            kept.add(k)
+            kept.append(k)
             open_ += [(a, k), (k, b)]
-    return tuple((float(times[i]), float(travels[i])) for i in sorted(kept))
+    return sorted(kept)
+
+
+def simplified(motion: Polyline, part: float = 0.005) -> Polyline:
+    """The corners of a measured ``motion``, to within ``part`` of the largest travel."""
+    times, travels = (np.array(column, dtype=float) for column in zip(*motion, strict=True))
+    inner = corners(times, travels, part * travels.max())
+    return tuple((float(times[i]), float(travels[i])) for i in sorted({0, *inner, times.size - 1}))
 
 
 def checked_motion(motion: Polyline, depth: float) -> Polyline:

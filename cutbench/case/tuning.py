@@ -48,9 +48,8 @@ class StepTuning:
     jump_damping: float = 1e4
     """And to this before a step is taken whose energy does not close: a jump then spreads over several."""
     drift: float = 0.005
-    """Where the ledger has left more than this part of the whole work open, steps that add to it are held
-    to a
-    quarter of what they may leave open otherwise: errors of one sign must not add up."""
+    """Where the ledger has left more than this part of the whole work open, steps that add to it are held to
+    a quarter of what they may leave open otherwise: errors of one sign must not add up."""
     cut_speed_factor: float = 3.0
     """Where the cut grows faster than the blade goes, steps are made for less damage by as much, and so many
     times less at the most: the cut then gathers speed, and rates are differences over a step."""
@@ -92,8 +91,7 @@ class NewtonTuning:
     """As long as each of them leaves less than this: a new factorization costs as much as three."""
     nearly: float = 0.02
     """A full step from below this part of the forces is likely to be followed by such: no tangent is
-    assembled
-    on the way."""
+    assembled on the way."""
     smallest_ratio: float = 0.25
     """Part of the last step's smallest volume ratio below which a state is not tried."""
     staggered_loops: int = 200

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import nearest
@@ -111,13 +111,8 @@ def resolve(start: Mapping[str, float], changes: Mapping[str, object], model: Mo
     known = model.parameters()
     parsed, asked = parse_values(changes, model)
     values = {n: v for n, v in start.items() if n in known}
-    sizes = {"height", "thickness"} & parsed.keys()
-    if (
-        sizes
-        and "depth" not in parsed
-        and "height" in values
-        and values.get("depth") == rounded(full_depth(values), 14)
-    ):
+    resized = {"height", "thickness"} & parsed.keys() and "depth" not in parsed and "height" in values
+    if resized and values.get("depth") == rounded(full_depth(values), 14):
         values.pop("depth")  # the blade went as far as it does by default: it still does
     values |= parsed
     values = {n: q.default * q.factor for n, q in known.items() if q.default is not None} | values
@@ -161,26 +156,6 @@ def names(key: str, raw: object) -> tuple[str, ...]:
     return tuple(n.strip() for n in parts)
 
 
-def _check_blade_along(v: Mapping[str, float], numerics: Numerics, dim: int) -> None:
-    tilt, overhang = v.get("tilt", 0.0), v.get("overhang", 0.0)
-    shown = f"{math.degrees(tilt):g} deg" if tilt else f"{overhang:g} mm"
-    key = "tilt" if tilt else "overhang"
-    if dim == 2 and (tilt or overhang < 0):
-        raise BadInput(key=key, value=shown, expected="0 in plane strain: it needs three dimensions")
-    if overhang <= -v["length"] / 2:
-        raise BadInput(
-            key="overhang",
-            value=f"{overhang:g} mm",
-            expected=f"a blade that is not shorter than nothing: more than {-v['length'] / 2:g} mm",
-        )
-    if tilt and numerics.symmetry in ("quarter", "half"):
-        raise BadInput(
-            key="symmetry",
-            value=numerics.symmetry,
-            expected="'full' or 'auto' with a tilted blade: it has no plane of symmetry",
-        )
-
-
 def _below(value: float) -> float:
     """``value`` in two digits, rounded down: an advice must hold when it is followed."""
     digit = 10.0 ** (math.floor(math.log10(value)) - 1)
@@ -216,43 +191,48 @@ def check_fit(v: Mapping[str, float], numerics: Numerics, dim: int = 2, *, blade
 
     Without a ``blade`` the specimen is a strip, which may be pulled further than it is high.
     """
+    for key, value, expected in _misfits(v, numerics, dim, blade):
+        raise BadInput(key=key, value=value, expected=expected)
+
+
+def _misfits(
+    v: Mapping[str, float], numerics: Numerics, dim: int, blade: bool
+) -> Iterator[tuple[str, str, str]]:
+    """The key of what does not fit, its value, and what would be right."""
     most = v["height"] * (1.0 if blade else 1.5)
     if v["depth"] > most:
-        raise BadInput(
-            key="depth",
-            value=f"{v['depth']:g} mm",
-            expected=f"at most {most:g} mm, "
-            + ("the height: below it is the clamp" if blade else "1.5 times the height"),
-        )
+        why = "the height: below it is the clamp" if blade else "1.5 times the height"
+        yield "depth", f"{v['depth']:g} mm", f"at most {most:g} mm, {why}"
     if "thickness" not in v:
         return
-    _check_blade_along(v, numerics, dim)
-    thickness, h = v["thickness"], numerics.h_mm
+    thickness, h, tilt, overhang = v["thickness"], numerics.h_mm, v.get("tilt", 0.0), v.get("overhang", 0.0)
+    if dim == 2 and (tilt or overhang < 0):
+        key, shown = ("tilt", f"{math.degrees(tilt):g} deg") if tilt else ("overhang", f"{overhang:g} mm")
+        yield key, shown, "0 in plane strain: it needs three dimensions"
+    if overhang <= -v["length"] / 2:
+        least = f"a blade that is not shorter than nothing: more than {-v['length'] / 2:g} mm"
+        yield "overhang", f"{overhang:g} mm", least
+    if tilt and numerics.symmetry in ("quarter", "half"):
+        whole = "'full' or 'auto' with a tilted blade: it has no plane of symmetry"
+        yield "symmetry", numerics.symmetry, whole
     if thickness >= v["width"]:
-        raise BadInput(
-            key="thickness",
-            value=f"{thickness:g} mm",
-            expected=f"a blade thinner than the specimen is wide ({v['width']:g} mm)",
-        )
+        thinner = f"a blade thinner than the specimen is wide ({v['width']:g} mm)"
+        yield "thickness", f"{thickness:g} mm", thinner
     if h > ELEMENTS_PER_BLADE * thickness * (1 + 1e-12):
-        raise BadInput(
-            key="h",
-            value=f"{h:g} mm",
-            expected=f"an element size at the cut plane of at most {ELEMENTS_PER_BLADE:g} times the blade's"
-            f" thickness ({thickness:g} mm), {ELEMENTS_PER_BLADE * thickness:g} mm",
+        wanted = (
+            f"an element size at the cut plane of at most {ELEMENTS_PER_BLADE:g} times the blade's thickness"
         )
-    if "tip" in v:
-        radius = _tip_radius(v)
-        if radius < h * TIP_PER_ELEMENT:
-            raise BadInput(
-                key="tip",
-                value=f"{v['tip']:g} mm",
-                expected=(
-                    f"a tip that the mesh resolves: its radius a^2/b is {radius:.3g} mm, less than h/20 ="
-                    f" {h * TIP_PER_ELEMENT:.3g} mm; h = '{_below(radius / TIP_PER_ELEMENT):g} mm' would do,"
-                    f" or a tip of at most {_below((thickness / 2) ** 2 / (h * TIP_PER_ELEMENT)):g} mm"
-                ),
-            )
+        yield "h", f"{h:g} mm", f"{wanted} ({thickness:g} mm), {ELEMENTS_PER_BLADE * thickness:g} mm"
+    if "tip" in v and (radius := _tip_radius(v)) < h * TIP_PER_ELEMENT:
+        yield (
+            "tip",
+            f"{v['tip']:g} mm",
+            (
+                f"a tip that the mesh resolves: its radius a^2/b is {radius:.3g} mm, less than h/20 ="
+                f" {h * TIP_PER_ELEMENT:.3g} mm; h = '{_below(radius / TIP_PER_ELEMENT):g} mm' would do,"
+                f" or a tip of at most {_below((thickness / 2) ** 2 / (h * TIP_PER_ELEMENT)):g} mm"
+            ),
+        )
 
 
 def doubts(v: Mapping[str, float], numerics: Numerics) -> tuple[str, ...]:

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass, field, fields
+from functools import cached_property, partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -105,20 +105,9 @@ class Experiment:
                 )
 
     def __reduce__(self):
-        kept = (
-            "id",
-            "kind",
-            "repetitions",
-            "role",
-            "specimen",
-            "blade",
-            "speed",
-            "pressure_MPa",
-            "direction",
-        )
-        plain = [getattr(self, k) for k in kept]
-        plain[4], plain[5] = dict(self.specimen), dict(self.blade)
-        return Experiment, (*plain, self.notes, self.fields, self.field_noise_mm)
+        given = {f.name: getattr(self, f.name) for f in fields(self)}
+        # A MappingProxyType has no pickle.
+        return partial(Experiment, **given | {key: dict(given[key]) for key in ("specimen", "blade")}), ()
 
     # -- what it is ------------------------------------------------------------------------------
     @property

@@ -62,41 +62,35 @@ def _times(ratio: float) -> str:
 def _stretch(r: Repetition) -> None:
     i = int(np.argmax(r.x))
     if r.x[i] > 30:
-        raise r.wrong(
-            "stretch", f"{r.x[i]:.4g}",
-            "stretches below 30: is a displacement in another unit, or a strain in percent?", i,
-        )  # fmt: skip
+        expected = "stretches below 30: is a displacement in another unit, or a strain in percent?"
+        raise r.wrong("stretch", f"{r.x[i]:.4g}", expected, i)
 
 
 def _modulus(experiment: Experiment, r: Repetition, G: float) -> None:
     found = modulus(experiment, r)
-    ratio = found / G
-    if found > 0 and not 1 / MODULUS < ratio < MODULUS:
-        raise r.wrong(
-            "stress", f"a shear modulus of {1e3 * found:.3g} kPa",
-            f"about that of the material, {1e3 * G:.3g} kPa; {_times(ratio)} it looks like a wrong unit"
-            " of force, stress, length or area, or a wrong material", int(np.argmax(np.abs(r.y))),
-        )  # fmt: skip
+    if found > 0 and not 1 / MODULUS < found / G < MODULUS:
+        expected = (
+            f"about that of the material, {1e3 * G:.3g} kPa; {_times(found / G)} it looks like a wrong unit"
+            " of force, stress, length or area, or a wrong material"
+        )
+        raise r.wrong("stress", f"a shear modulus of {1e3 * found:.3g} kPa", expected, _largest(r))
+
+
+def _largest(r: Repetition) -> int:
+    return int(np.argmax(np.abs(r.y)))
 
 
 def travel_fits(experiment: Experiment) -> None:
     """Raise BadInput if a cut goes far through its specimen, or hardly into it."""
+    height = experiment.specimen.get("height", np.inf)
     for r in experiment.repetitions:
-        _travel(experiment, r)
-
-
-def _travel(experiment: Experiment, r: Repetition) -> None:
-    height, i = experiment.specimen.get("height", np.inf), int(np.argmax(r.x))
-    if r.x[i] > 1.5 * height:
-        raise r.wrong(
-            "displacement", f"{r.x[i]:.4g} mm",
-            f"at most 1.5 times the specimen's height of {height:g} mm; is it in another unit?", i,
-        )  # fmt: skip
-    if r.x[i] < 2e-3 * height and np.isfinite(height):
-        raise r.wrong(
-            "displacement", f"{r.x[i]:.4g} mm at the most",
-            f"a travel into the specimen of {height:g} mm; is it in another unit?", i,
-        )  # fmt: skip
+        i = int(np.argmax(r.x))
+        if r.x[i] > 1.5 * height:
+            expected = f"at most 1.5 times the specimen's height of {height:g} mm; is it in another unit?"
+            raise r.wrong("displacement", f"{r.x[i]:.4g} mm", expected, i)
+        if r.x[i] < 2e-3 * height and np.isfinite(height):
+            expected = f"a travel into the specimen of {height:g} mm; is it in another unit?"
+            raise r.wrong("displacement", f"{r.x[i]:.4g} mm at the most", expected, i)
 
 
 def _cut(experiment: Experiment, r: Repetition, G: float) -> None:
@@ -108,13 +102,11 @@ def _cut(experiment: Experiment, r: Repetition, G: float) -> None:
     natural = G * experiment.specimen["length"] * x[-1] ** 2 / 2
     ratio = work / natural
     if not CUT[0] < ratio < CUT[1]:
-        mean, wanted = work / x[-1], natural / x[-1]
-        raise r.wrong(
-            "force", f"{mean:.3g} N on average",
-            f"a force of the order of G · length · travel, {wanted:.3g} N (the material has G ="
-            f" {1e3 * G:.3g} kPa); {_times(ratio)} it looks like a wrong unit or a wrong material",
-            int(np.argmax(np.abs(r.y))),
-        )  # fmt: skip
+        expected = (
+            f"a force of the order of G · length · travel, {natural / x[-1]:.3g} N (the material has G ="
+            f" {1e3 * G:.3g} kPa); {_times(ratio)} it looks like a wrong unit or a wrong material"
+        )
+        raise r.wrong("force", f"{work / x[-1]:.3g} N on average", expected, _largest(r))
 
 
 def _sliding(experiment: Experiment, r: Repetition, case: Case) -> None:
@@ -124,12 +116,11 @@ def _sliding(experiment: Experiment, r: Repetition, case: Case) -> None:
     strength = sum(float(law.strength(np.array([pressure]), case.p, {}, at)[0]) for law in laws)
     found = float(np.median(np.abs(r.y)))
     if strength > 0 and found > 0 and not 1 / STRENGTH < found / strength < STRENGTH:
-        raise r.wrong(
-            "traction", f"{1e3 * found:.3g} kPa (median)",
+        expected = (
             f"about the strength of the material's interface, {1e3 * strength:.3g} kPa;"
-            f" {_times(found / strength)} it looks like a wrong unit of force or area",
-            int(np.argmax(np.abs(r.y))),
-        )  # fmt: skip
+            f" {_times(found / strength)} it looks like a wrong unit of force or area"
+        )
+        raise r.wrong("traction", f"{1e3 * found:.3g} kPa (median)", expected, _largest(r))
 
 
 def _separation(r: Repetition, case: Case) -> None:
@@ -143,8 +134,7 @@ def _separation(r: Repetition, case: Case) -> None:
         ("opening", r.x[i], opening, "mm"),
     ):
         if found > 0 and not 1 / STRENGTH < found / wanted < STRENGTH:
-            raise r.wrong(
-                key, f"{found:.3g} {unit} at the peak",
-                f"about that of the material, {wanted:.3g} {unit}; {_times(found / wanted)} it looks like a"
-                " wrong unit", i,
-            )  # fmt: skip
+            expected = (
+                f"about that of the material, {wanted:.3g} {unit}; {_times(found / wanted)} it looks like"
+            )
+            raise r.wrong(key, f"{found:.3g} {unit} at the peak", expected + " a wrong unit", i)

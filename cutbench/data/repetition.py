@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutbench.base.errors import BadInput
+from cutbench.case.motion import corners
 
 #: A step back of more than this part of the range is no jitter but a return.
 JITTER = 0.005
@@ -130,20 +131,7 @@ def averaging(s: np.ndarray, grid: np.ndarray, sharp: np.ndarray | None = None) 
 
 def turning_points(x: np.ndarray, part: float = 0.02) -> np.ndarray:
     """Indices where ``x`` (n,) turns or comes to rest, against a threshold of ``part`` of its range."""
-    limit = part * np.ptp(x)
-    kept, open_ = [], [(0, x.size - 1)]
-    # The farthest point from each chord (Ramer, Douglas & Peucker), on x over the reading's number.
-    while open_:
-        a, b = open_.pop()
-        if b - a < 2:
-            continue
-        chord = np.linspace(x[a], x[b], b - a + 1)
-        off = np.abs(x[a : b + 1] - chord)
-        k = int(off.argmax())
-        if off[k] > limit:
-            kept.append(a + k)
-            open_ += [(a, a + k), (a + k, b)]
-    return np.array(sorted(kept), dtype=int)
+    return np.array(corners(np.arange(float(x.size)), x, part * np.ptp(x)), dtype=int)
 
 
 def order(r: Repetition) -> np.ndarray:

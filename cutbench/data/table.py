@@ -65,36 +65,31 @@ def read_table(
     path, units = Path(path), dict(units or {})
     lines = _lines(path)
     layout = _find(path, lines, columns)
-    body = layout.header + 1
-    body, below = _units_below(lines, layout, body)
+    body, below = _units_below(lines, layout)
     rows, numbers = _rows(path, lines, layout, body)
-    factors = {
-        role: _factor(path, layout, role, units.get(role), below.get(role))
-        for role in columns
-        if role != LABEL
-    }
-    found = {}
+    read = [role for role in columns if role != LABEL]
+    factors = {role: _factor(path, layout, role, units.get(role), below.get(role)) for role in read}
     comma = _decimal_comma(path, layout, rows, numbers)
-    for role, factor in factors.items():
-        at = layout.where[role]
-        found[role] = factor * np.array(
-            [
-                np.nan
-                if role in blanks and row[at].strip().lower() in ("", "nan")
-                else _number(path, layout, role, row[at], line, comma)
-                for row, line in zip(rows, numbers, strict=True)
-            ]
-        )
+
+    def cell(role: str, row: list[str], line: int) -> float:
+        text = row[layout.where[role]]
+        blank = role in blanks and text.strip().lower() in ("", "nan")
+        return np.nan if blank else _number(path, layout, role, text, line, comma)
+
+    cells = list(zip(rows, numbers, strict=True))
+    found = {role: factor * np.array([cell(role, *at) for at in cells]) for role, factor in factors.items()}
     labels = None
     if LABEL in columns:
         labels = tuple(row[layout.where[LABEL]].strip() for row in rows)
+        wanted = "the name of a repetition in every reading"
         for label, line in zip(labels, numbers, strict=True):
             if not label:
-                raise BadInput(
-                    file=str(path), line=line, key=_title(layout, LABEL), value="",
-                    expected="the name of a repetition in every reading",
-                )  # fmt: skip
+                raise _wrong(path, line, _title(layout, LABEL), "", wanted)
     return Table(path, found, labels, np.array(numbers, dtype=int))
+
+
+def _wrong(path: Path, line: int | None, key: str, value: str, expected: str) -> BadInput:
+    return BadInput(file=str(path), line=line, key=key, value=value, expected=expected)
 
 
 # -- lines and layout -------------------------------------------------------------------------------
@@ -112,14 +107,9 @@ def _lines(path: Path) -> list[str]:
     except UnicodeDecodeError:
         text = raw.decode("latin-1")
     if "\0" in text:
-        raise BadInput(
-            file=str(path),
-            key="data",
-            value="a binary file",
-            expected="a text file: export the readings as CSV",
-        )
+        raise _wrong(path, None, "data", "a binary file", "a text file: export the readings as CSV")
     if not text.strip():
-        raise BadInput(file=str(path), key="data", value="an empty file", expected="a header and readings")
+        raise _wrong(path, None, "data", "an empty file", "a header and readings")
     return re.split(r"\r\n|\n|\r", text)
 
 
@@ -152,10 +142,8 @@ def _by_number(path: Path, lines: list[str], columns: Mapping[str, int]) -> _Lay
             if all(_is_number(cells[at]) for role, at in where.items() if role != LABEL):
                 names = [f"column {k + 1}" for k in range(len(cells))]
                 return _Layout(separator, i - 1, names, where)
-    raise BadInput(
-        file=str(path), key="columns", value=f"column {widest}",
-        expected=f"a file with {widest} columns, numbers in those that are read",
-    )  # fmt: skip
+    wanted = f"a file with {widest} columns, numbers in those that are read"
+    raise _wrong(path, None, "columns", f"column {widest}", wanted)
 
 
 def _by_name(path: Path, lines: list[str], columns: Mapping[str, str]) -> _Layout:
@@ -169,33 +157,29 @@ def _by_name(path: Path, lines: list[str], columns: Mapping[str, str]) -> _Layou
     if best is None:
         names = _likely_header(lines)
         role, name = next(iter(columns.items()))
-        guess = nearest(name, names)
-        raise BadInput(
-            file=str(path), key=f"columns.{role}", value=name,
-            expected=f"a column of the file ({', '.join(names[:12])})"
-            + (f"; did you mean '{guess}'?" if guess else ""),
-        )  # fmt: skip
+        wanted = f"a column of the file ({', '.join(names[:12])})" + _meant(name, names)
+        raise _wrong(path, None, f"columns.{role}", name, wanted)
     _, header, separator, names = best
     where: dict[str, int] = {}
     for role, name in columns.items():
-        hits = _matches(name, names)
-        if len(hits) != 1:
-            seen = [n for n in names if n]
-            guess = nearest(name, seen)
-            hint = f"; did you mean '{guess}'?" if guess else ""
-            raise BadInput(
-                file=str(path), line=header + 1, key=f"columns.{role}", value=name,
-                expected=f"one of the columns {', '.join(seen[:12])}{hint}" if not hits
-                else "a column that stands once; it stands twice",
-            )  # fmt: skip
-        taken = next((r for r, at in where.items() if at == hits[0]), None)
-        if taken is not None:
-            raise BadInput(
-                file=str(path), line=header + 1, key=f"columns.{role}", value=name,
-                expected=f"a column of its own; '{name}' is read as {taken}",
-            )  # fmt: skip
-        where[role] = hits[0]
+        hits, seen = _matches(name, names), [n for n in names if n]
+        taken = next((r for r, at in where.items() if hits == [at]), None)
+        if not hits:
+            wanted = f"one of the columns {', '.join(seen[:12])}{_meant(name, seen)}"
+        elif len(hits) > 1:
+            wanted = "a column that stands once; it stands twice"
+        elif taken is not None:
+            wanted = f"a column of its own; '{name}' is read as {taken}"
+        else:
+            where[role] = hits[0]
+            continue
+        raise _wrong(path, header + 1, f"columns.{role}", name, wanted)
     return _Layout(separator, header, names, where)
+
+
+def _meant(name: str, names: Sequence[str]) -> str:
+    guess = nearest(name, names)
+    return f"; did you mean '{guess}'?" if guess else ""
 
 
 def _matches(name: str, names: Sequence[str]) -> list[int]:
@@ -237,26 +221,22 @@ def _factor(path: Path, layout: _Layout, role: str, given: str | None, below: st
         if factor is None:
             raise BadInput(key=f"units.{role}", value=given, expected=wanted)
         if written is not None and size_of(written, target) != factor:
-            raise BadInput(
-                file=str(path), line=line, key=title, value=written,
-                expected=f"the unit that units.{role} gives, '{given}'",
-            )  # fmt: skip
+            raise _wrong(path, line, title, written, f"the unit that units.{role} gives, '{given}'")
         return factor
     if written is None:
         if target == "1":
             return 1.0
-        raise BadInput(
-            file=str(path), line=line, key=title, value="no unit",
-            expected=f"units = {{ {role} = '{target}' }} in the campaign, or a title '{title} [{target}]'",
-        )  # fmt: skip
+        wanted = f"units = {{ {role} = '{target}' }} in the campaign, or a title '{title} [{target}]'"
+        raise _wrong(path, line, title, "no unit", wanted)
     factor = size_of(written, target)
     if factor is None:
-        raise BadInput(file=str(path), line=line, key=title, value=written, expected=f"{wanted} for {role}")
+        raise _wrong(path, line, title, written, f"{wanted} for {role}")
     return factor
 
 
-def _units_below(lines: list[str], layout: _Layout, body: int) -> tuple[int, dict[str, str]]:
-    """Units that stand in a row of their own below the header, and where the readings begin."""
+def _units_below(lines: list[str], layout: _Layout) -> tuple[int, dict[str, str]]:
+    """Where the readings begin, and units that stand in a row of their own below the header."""
+    body = layout.header + 1
     if layout.header < 0 or body >= len(lines):
         return body, {}
     cells = _split(lines[body], layout.separator)
@@ -283,25 +263,18 @@ def _rows(path: Path, lines: list[str], layout: _Layout, body: int) -> tuple[lis
         try:
             cells = _split(line, layout.separator)
         except csv.Error as error:
-            raise BadInput(
-                file=str(path), line=number, key="row", value=line[:40], expected=f"a row of cells ({error})"
-            ) from error
+            raise _wrong(path, number, "row", line[:40], f"a row of cells ({error})") from error
         if not any(cells):
             continue
         if len(cells) < need or any(cells[width:]):
-            hint = ""
+            wanted = f"{width} cells as in the header, not {len(cells)}"
             if layout.separator == "," and len(cells) > width:
-                hint = "; decimal commas need another separator, such as a semicolon"
-            raise BadInput(
-                file=str(path), line=number, key="row", value=line.strip()[:60],
-                expected=f"{width} cells as in the header, not {len(cells)}{hint}",
-            )  # fmt: skip
+                wanted += "; decimal commas need another separator, such as a semicolon"
+            raise _wrong(path, number, "row", line.strip()[:60], wanted)
         rows.append(cells)
         numbers.append(number)
     if not rows:
-        raise BadInput(
-            file=str(path), line=body, key="data", value="no reading below the header", expected="readings"
-        )
+        raise _wrong(path, body, "data", "no reading below the header", "readings")
     return rows, numbers
 
 
@@ -315,10 +288,8 @@ def _decimal_comma(path: Path, layout: _Layout, rows: list[list[str]], numbers: 
                     seen.setdefault(sign, (row[at], line))
         if len(seen) == 2:
             text, last = max(seen.values(), key=lambda item: item[1])
-            raise BadInput(
-                file=str(path), line=last, key="number", value=text,
-                expected="one decimal sign in all of the file, and no sign between thousands",
-            )  # fmt: skip
+            wanted = "one decimal sign in all of the file, and no sign between thousands"
+            raise _wrong(path, last, "number", text, wanted)
     return "," in seen
 
 
@@ -330,10 +301,8 @@ def _number(path: Path, layout: _Layout, role: str, cell: str, line: int, comma:
     text = cell.strip().replace("\u2212", "-")
     if (_COMMA_NUMBER if comma else _NUMBER).fullmatch(text):
         return float(text.replace(",", "."))
-    raise BadInput(
-        file=str(path), line=line, key=_title(layout, role), value=cell,
-        expected="a number in every reading" + ("" if text else "; the cell is empty"),
-    )  # fmt: skip
+    wanted = "a number in every reading" + ("" if text else "; the cell is empty")
+    raise _wrong(path, line, _title(layout, role), cell, wanted)
 
 
 def _title(layout: _Layout, role: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import skfem
 
 from cutbench.run.result import Snapshot
 
@@ -10,6 +11,8 @@ from cutbench.run.result import Snapshot
 _CHUNK = 400
 #: Natural coordinates may leave the element by this much: points on an edge belong to one of the two.
 _SLACK = 1e-6
+#: By the number of nodes, which scikit-fem counts as meshio does.
+_ELEMENTS = {3: skfem.ElementTriP1(), 6: skfem.ElementTriP2()}
 
 
 def surface(snapshot: Snapshot) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -34,15 +37,8 @@ def surface(snapshot: Snapshot) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def shape(r: np.ndarray, s: np.ndarray, nodes: int) -> tuple[np.ndarray, np.ndarray]:
     """Shape functions (p, nodes) and their derivatives by r and s (2, p, nodes), 3 or 6 nodes."""
-    one, zero, t = np.ones_like(r), np.zeros_like(r), 1 - r - s
-    if nodes == 3:
-        return np.stack([t, r, s], axis=1), np.stack(
-            [np.stack([-one, one, zero], axis=1), np.stack([-one, zero, one], axis=1)]
-        )
-    N = [t * (2 * t - 1), r * (2 * r - 1), s * (2 * s - 1), 4 * t * r, 4 * r * s, 4 * s * t]
-    by_r = [1 - 4 * t, 4 * r - 1, zero, 4 * (t - r), 4 * s, -4 * s]
-    by_s = [1 - 4 * t, zero, 4 * s - 1, -4 * r, 4 * r, 4 * (t - s)]
-    return np.stack(N, axis=1), np.stack([np.stack(by_r, axis=1), np.stack(by_s, axis=1)])
+    pairs = [_ELEMENTS[nodes].lbasis(np.stack([r, s]), i) for i in range(nodes)]
+    return np.stack([value for value, _ in pairs], axis=-1), np.stack([slope for _, slope in pairs], axis=-1)
 
 
 def gradient(nodes: np.ndarray, N: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -50,8 +46,7 @@ def gradient(nodes: np.ndarray, N: np.ndarray, values: np.ndarray) -> np.ndarray
 
     ``nodes``, ``values`` (p, 3 or 6, 2) at the nodes of each point's element.
     """
-    corners = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])[: N.shape[1]]
-    r, s = (N @ corners).T
+    r, s = (N @ _ELEMENTS[N.shape[1]].doflocs).T
     dN = shape(r, s, N.shape[1])[1]
     by_place, by_value = (np.einsum("kpa,pai->pik", dN, v) for v in (nodes, values))
     return by_value @ np.linalg.inv(by_place)

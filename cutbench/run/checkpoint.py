@@ -6,9 +6,9 @@ dictionaries and lists each of them stands. It appears whole or not at all.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
-import tempfile
 import time
 import zipfile
 from collections.abc import Callable
@@ -17,6 +17,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from cutbench.base.files import replacing
 
 #: Layout of the file; one of another layout is not resumed from.
 SCHEMA = 4
@@ -63,19 +65,10 @@ class Checkpoint:
         arrays: dict[str, Any] = {}
         tree = _packed(self._latest(), arrays)
         arrays |= {"head": np.array(json.dumps(self._head())), "tree": np.array(json.dumps(tree))}
-        draft = None
-        try:
-            with tempfile.NamedTemporaryFile(
-                dir=self.path.parent, prefix=".checkpoint-", suffix=".npz", delete=False
-            ) as file:
-                draft = Path(file.name)
-                np.savez(file, **arrays)
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(draft, self.path)
-        except OSError:
-            if draft is not None:
-                draft.unlink(missing_ok=True)
+        with contextlib.suppress(OSError), replacing(self.path) as draft, draft.open("wb") as file:
+            np.savez(file, **arrays)
+            file.flush()
+            os.fsync(file.fileno())
         self._written = time.monotonic()
 
     def remove(self) -> None:

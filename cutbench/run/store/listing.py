@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from types import SimpleNamespace
 from typing import Any
 
 from cutbench.base.errors import BadInput
@@ -64,34 +65,21 @@ def row_of(id: str, head: Head) -> dict[str, object]:
     """A run as one flat row: general columns, values in their units, groups by name, measures."""
     values = {name: float(v) for name, (v, _) in head["values"].items()}
     internal = {name: float(v) * unit_factor(unit) for name, (v, unit) in head["values"].items()}
-    groups = {}
-    for name, group in known_groups().items():
-        if (
-            group.unit == "1"
-            and group.parameter in internal
-            and all(need in internal for need in group.needs)
-        ):
-            groups[name] = float(f"{group.value(_Attributes(internal)):.6g}")
+    groups = {
+        name: float(f"{group.value(SimpleNamespace(**internal)):.6g}")
+        for name, group in known_groups().items()
+        if group.unit == "1" and {group.parameter, *group.needs} <= internal.keys()
+    }
     measures = {name: float(v) for name, v in head["measures"].items()}
     numerics = {k: v for k, v in head["numerics"].items() if v is not None}
-    return {
+    shown = {
         "id": id,
-        "name": head["name"],
-        "outcome": head["outcome"],
-        "reached_mm": head["reached_mm"],
-        "seconds": head["seconds"],
-        "dim": head["dim"],
         "mechanisms": " ".join(head["mechanisms"]),
         "written": datetime.fromtimestamp(head["written"], UTC).strftime("%Y-%m-%d %H:%M:%S"),
-        "message": head["message"],
         "cutbench": head["versions"].get("cutbench"),
-        "computation": head["computation"],
-    } | numerics | values | groups | measures  # fmt: skip
-
-
-class _Attributes:
-    def __init__(self, values: Mapping[str, float]):
-        self.__dict__.update(values)
+    }
+    general = {name: shown.get(name, head.get(name)) for name in _GENERAL}
+    return general | numerics | values | groups | measures
 
 
 def others(heads: Iterable[Head]) -> dict[str, int]:
@@ -102,18 +90,12 @@ def others(heads: Iterable[Head]) -> dict[str, int]:
 
 def units(heads: Iterable[Head]) -> dict[str, str]:
     """The unit of each value that is not a pure number."""
-    found: dict[str, str] = {}
-    for head in heads:
-        found |= {name: unit for name, (_, unit) in head["values"].items() if unit != "1"}
-    return found
+    return {name: unit for head in heads for name, (_, unit) in head["values"].items() if unit != "1"}
 
 
 def columns_of(rows: Sequence[Mapping[str, object]]) -> list[str]:
     """All columns of some rows: the general ones, then the others in order of appearance."""
-    names = dict.fromkeys(_GENERAL)
-    for row in rows:
-        names |= dict.fromkeys(row)
-    return list(names)
+    return list(dict.fromkeys([*_GENERAL, *(name for row in rows for name in row)]))
 
 
 def parse_condition(text: str, known: Sequence[str], unit: Mapping[str, str]) -> Condition:
@@ -129,7 +111,7 @@ def parse_condition(text: str, known: Sequence[str], unit: Mapping[str, str]) ->
     sign = "=" if sign == "==" else sign
     if column not in known and column not in MEASURES:
         raise BadInput(key="--where", value=column, expected=one_of(column, known))
-    if column in ("id", "name", "outcome", "mechanisms", "written", "message", "cutbench", "computation"):
+    if column in _GENERAL and column not in ("reached_mm", "seconds", "dim"):
         return Condition(column, sign, raw)
     if column in unit:
         return Condition(column, sign, float(parse_quantity(raw, unit[column], key=column)))

@@ -171,21 +171,15 @@ class Store:
     def _head(self, id: str) -> Head | None:
         try:
             record = self._record(self.path(id))
-            case = record["case"]
+            case, outcome = record["case"], record["outcome"]
             return {
-                "name": case["name"],
-                "outcome": record["outcome"]["kind"],
-                "message": record["outcome"]["message"],
-                "reached_mm": record["outcome"]["reached_mm"],
-                "dim": case["dim"],
-                "mechanisms": list(case["mechanisms"]),
+                **{key: case[key] for key in ("name", "dim", "mechanisms", "numerics")},
+                **{key: outcome[key] for key in ("message", "reached_mm")},
+                **{key: record[key] for key in ("measures", "counts", "versions")},
+                "outcome": outcome["kind"],
                 "values": {key: [v["value"], v["unit"]] for key, v in case["values"].items()},
-                "numerics": case["numerics"],
-                "measures": record["measures"],
                 "seconds": record["timings"].get("total"),
-                "counts": record["counts"],
                 "computation": record.get("computation", ""),
-                "versions": record["versions"],
                 "written": (self.path(id) / "run.json").stat().st_mtime,
             }
         except (*_UNREADABLE, AttributeError):
