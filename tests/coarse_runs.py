@@ -46,6 +46,11 @@ def brief_run():
     return run_case(BRIEF)
 
 
+@cache
+def quick_run():
+    return run_case(QUICK)
+
+
 def force_at(result, travel):
     return np.interp(travel, result.displacement_mm, result.force_N)
 

@@ -36,6 +36,13 @@ def brief():
 
 
 @pytest.fixture
+def quick():
+    import coarse_runs
+
+    return coarse_runs.quick_run()
+
+
+@pytest.fixture
 def log(tmp_path, monkeypatch):
     """The file in which stand-in runs (``analytic_runs``) leave their ids."""
     path = tmp_path / "log"

@@ -13,7 +13,6 @@ import pytest
 from typer.testing import CliRunner
 
 from cutbench.base.errors import BadInput
-from cutbench.base.files import plain
 from cutbench.case.case import load_case
 from cutbench.case.numerics import Numerics
 from cutbench.cli.main import app
@@ -323,19 +322,3 @@ def test_the_list_computes_nothing(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = CliRunner().invoke(app, ["verify", "--paper", "--list"])
     assert done.exit_code == 0 and "C15" in done.stdout and not list(tmp_path.iterdir())
-
-
-# -- the page -----------------------------------------------------------------------------------------
-def test_the_page_shows_what_claims_json_holds():
-    record = json.loads((DOCS / "figures" / "claims.json").read_text(encoding="utf-8"))
-    page = (DOCS / "published.md").read_text(encoding="utf-8")
-    for line in markdown(record).splitlines():
-        shown = re.sub(r"\[([^\]]*)\]\(runs/.*?\)", r"\1", line)
-        assert shown in page, shown
-    there = [claim["id"] for claim in record["claims"]]
-    lacking = [id for id in claims() if id not in there]
-    assert there == [id for id in claims() if id in there]
-    assert not lacking or f"Not in the table yet: {', '.join(lacking)}." in page
-    for image in re.findall(r"\]\((figures/.*?\.png)\)", page):
-        assert (DOCS / image).stat().st_size < 150_000
-    assert plain(record) == record

@@ -287,14 +287,10 @@ def test_viscosity_fades_and_steps_halve():
 
 
 # -- a cut -------------------------------------------------------------------------------------------------
-@pytest.fixture(scope="module")
-def cut():
+@pytest.mark.slow
+def test_the_path_of_a_cut_passes_its_turning_point():
     case = timeless(load_case("gelatin", {"h": "0.8 mm", "depth": "3 mm"}))
-    return case, *trace(case, rules=PathTuning(points=80))
-
-
-def test_the_path_of_a_cut_passes_its_turning_point(cut):
-    case, curve, _, interrupted = cut
+    curve, _, interrupted = trace(case, rules=PathTuning(points=80))
     assert not interrupted
     jump = max(jumps_of(curve, case.p.thickness), key=lambda one: one.advance_mm)
     assert jump.back_mm > 0.1 and jump.force_N > jump.landing_N
@@ -303,10 +299,10 @@ def test_the_path_of_a_cut_passes_its_turning_point(cut):
     assert not curve["released"][: jump.first + 1].any()
 
 
-def test_the_command_writes_what_it_found(cut, tmp_path, monkeypatch):
+def test_the_command_writes_what_it_found(tmp_path, monkeypatch):
     from cutbench.run import snap_back as start_sensitivities
 
-    _, curve, stopped, _ = cut
+    curve, stopped = shape([0, 2, 1, 3], [0, 2, 1, 1.5]), None
     monkeypatch.setattr(start_sensitivities, "trace", lambda *_: (curve, stopped, False))
     monkeypatch.setattr(start_sensitivities, "fading", lambda case, depth: [])
     args = ["run2d", "gelatin", "--h", "0.8", "--depth", "0.6", "--follow", "--out", str(tmp_path)]

@@ -64,7 +64,7 @@ def test_the_cohesive_law_of_the_page_cuts(page_law):
     said = python(
         "import cutbench\n"
         "assert cutbench.use_mechanisms('my_laws') == ('finite',)\n"
-        "run = cutbench.run2d('gelatin', with_='finite', depth='5 mm', h='0.7 mm')\n"
+        "run = cutbench.run2d('gelatin', with_='finite', cohesion=4.0, depth='2.5 mm', h='0.7 mm')\n"
         "p = run.case.p\n"
         "print(run.outcome.kind, run.curve['cut_length_mm'][-1],"
         " run.curve['work_finite_mJ'][-1] / (p.G_c * p.length))\n",
@@ -72,9 +72,9 @@ def test_the_cohesive_law_of_the_page_cuts(page_law):
     )
     kind, cut, spent = said.split()
     assert kind == "done"
-    assert float(cut) > 2, "the interface is cut"
+    assert float(cut) > 1, "the interface is cut"
     # What is ahead of the cut has taken up some work, too.
-    assert float(cut) <= float(spent) < float(cut) + 2
+    assert float(cut) <= float(spent) < float(cut) + 1.5
 
 
 LAW = """

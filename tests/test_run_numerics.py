@@ -27,11 +27,12 @@ def test_a_law_by_itself_closes_as_it_does_in_a_run():
 
 
 def test_half_and_full_block_agree():
-    # The window's iterations differ by rounding, and with them the steps through a snap: without it.
-    brief = run_case(BRIEF.set(predictor="line"))
-    full = run_case(BRIEF.set(symmetry="full", predictor="line"))
-    assert full.curve["cut_length_mm"][-1] > 0.05
-    at = np.linspace(0.05, 1.1, 30)
+    # The window's iterations differ by rounding, and with them the steps: without it.
+    # So viscous that nothing snaps.
+    steady = QUICK.set(mu=0.0, viscosity=8.0, depth="0.8 mm", step="0.05 mm", predictor="line", **SOFT)
+    brief, full = run_case(steady), run_case(steady.set(symmetry="full"))
+    assert full.curve["cut_length_mm"][-1] > 0.01
+    at = np.linspace(0.05, 0.8, 30)
     np.testing.assert_allclose(force_at(full, at), force_at(brief, at), rtol=2e-3)
     short = PRESSED.set(depth="0.3 mm", step="0.01 mm")  # one length of step: effort does not choose it
     virgin, half = run_case(short.set(symmetry="full")), run_case(short)

@@ -21,6 +21,7 @@ from rich.console import Console
 
 from cutbench.base.errors import BadInput
 from cutbench.cli.progress import bar
+from cutbench.maps import sweep as sweep_module
 from cutbench.maps.cases import case_on
 from cutbench.maps.dataset import LABELS, load_map
 from cutbench.maps.study import load_study
@@ -38,6 +39,18 @@ def study(tmp_path):
     path = tmp_path / "study.toml"
     path.write_text(STUDY)
     return load_study(path)
+
+
+@pytest.fixture
+def plain(monkeypatch):
+    """Sweeps that draw no pictures: for what is computed, kept and done again."""
+    undrawn(monkeypatch.setattr)
+
+
+def undrawn(replace) -> None:
+    replace(sweep_module, "save_phase", lambda data, out: [(out / "phase.png").touch()])
+    replace(sweep_module, "save_estimates", lambda data, out: ([], ""))
+    replace(sweep_module, "save_page", lambda data, store, out: None)
 
 
 def computed(log) -> Counter:
@@ -83,7 +96,7 @@ def test_the_map_holds_what_the_curves_say(study, log, tmp_path):
     assert float(rows[0]["cohesion"]) == 1.0 and rows[0]["run_id"] == study.grid[0].id
 
 
-def test_a_second_sweep_computes_nothing_and_draws_the_same(study, log, tmp_path):
+def test_a_second_sweep_computes_nothing_and_draws_the_same(plain, study, log, tmp_path):
     first = run_study(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run)
     content = (first.out / "map.csv").read_bytes()
     second = run_study(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run)
@@ -91,7 +104,7 @@ def test_a_second_sweep_computes_nothing_and_draws_the_same(study, log, tmp_path
     assert second.status.reused == 24 and (second.out / "map.csv").read_bytes() == content
 
 
-def test_failed_runs_are_kept_out_of_the_labels_and_done_again_only_when_asked(study, log, tmp_path):
+def test_failed_runs_are_kept_out_of_the_labels_and_done_again_only_when_asked(plain, study, log, tmp_path):
     first = run_study(study, tmp_path / "out", workers=0, run=analytic_runs.unlucky_run)
     unlucky = {case.id for case in study.grid if int(case.id, 16) % 3 == 0}
     assert 0 < len(unlucky) < 24 and first.status.failed == len(unlucky)
@@ -107,7 +120,7 @@ def test_failed_runs_are_kept_out_of_the_labels_and_done_again_only_when_asked(s
     assert third.status.failed == 0 and (third.map["label"].values > 0).all()
 
 
-def test_ctrl_c_keeps_what_is_done(study, log, tmp_path):
+def test_ctrl_c_keeps_what_is_done(plain, study, log, tmp_path):
     stopped = run_study(study, tmp_path / "out", workers=0, run=analytic_runs.stopped_run)
     assert stopped.interrupted and not stopped.complete and stopped.status.finished == 2
     assert int((stopped.map["outcome"].values > 0).sum()) == 2
@@ -116,7 +129,7 @@ def test_ctrl_c_keeps_what_is_done(study, log, tmp_path):
     assert again.complete and max(computed(log).values()) == 1
 
 
-def test_workers_that_die_do_not_end_the_sweep(study, log, tmp_path):
+def test_workers_that_die_do_not_end_the_sweep(plain, study, log, tmp_path):
     """Two runs kill their process each time, two others once; the rest pays nothing for it."""
     sweep = run_study(study, tmp_path / "out", workers=2, run=analytic_runs.deadly_run)
     assert sweep.complete and not sweep.interrupted
@@ -134,7 +147,9 @@ SCRIPT = """
 import signal
 import sys
 from analytic_runs import fake_run
+from test_sweep import undrawn
 from cutbench.maps.sweep import run_study
+undrawn(setattr)
 # Where the tests run in the background, Ctrl-C is ignored from the start.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -171,7 +186,9 @@ def wait_for(condition, seconds=120):
         time.sleep(0.05)
 
 
-def test_killed_half_way_it_loses_no_finished_run_and_ends_with_the_same_map(start, study, log, tmp_path):
+def test_killed_half_way_it_loses_no_finished_run_and_ends_with_the_same_map(
+    plain, start, study, log, tmp_path
+):
     whole = run_study(study, tmp_path / "whole", workers=0, run=analytic_runs.fake_run)
     log.write_text("")
     out = tmp_path / "out"
@@ -206,14 +223,16 @@ def test_ctrl_c_on_a_pool_ends_cleanly_with_a_map(start, log, tmp_path):
     assert int((data["outcome"].values > 0).sum()) == int(said[1])
 
 
-def test_workers_compute_with_one_thread_and_the_caller_keeps_its_own(study, log, tmp_path, monkeypatch):
+def test_workers_compute_with_one_thread_and_the_caller_keeps_its_own(
+    plain, study, log, tmp_path, monkeypatch
+):
     monkeypatch.setenv("OMP_NUM_THREADS", "7")
     run_study(study, tmp_path / "out", workers=1, run=analytic_runs.threads_run)
     assert {line.split("=")[1] for line in log.read_text().split()} == {"1"}
     assert os.environ["OMP_NUM_THREADS"] == "7"
 
 
-def test_the_bar_shows_runs_failures_and_time_left(study, log, tmp_path):
+def test_the_bar_shows_runs_failures_and_time_left(plain, study, log, tmp_path):
     console = Console(record=True, force_terminal=True, width=120, file=io.StringIO())
     with bar("map", "runs", console=console) as on_progress:
         run_study(study, tmp_path / "out", workers=0, run=analytic_runs.unlucky_run, on_progress=on_progress)
@@ -307,7 +326,7 @@ mechanism = "adhesion"
         ("one-at-a-time", "values = [1.0, 5.0, 30.0]", "", 5),
     ],
 )
-def test_runs_that_do_not_lie_on_a_grid_make_a_map_of_points(tmp_path, log, mode, range_, rest, count):
+def test_runs_that_do_not_lie_on_a_grid_make_a_map_of_points(plain, tmp_path, log, mode, range_, rest, count):
     path = tmp_path / "study.toml"
     path.write_text(SAMPLE.format(mode=mode, range=range_, rest=rest))
     study = load_study(path)
@@ -328,7 +347,7 @@ def test_runs_that_do_not_lie_on_a_grid_make_a_map_of_points(tmp_path, log, mode
     )
 
 
-def test_a_store_can_be_shared_by_sweeps(study, log, tmp_path):
+def test_a_store_can_be_shared_by_sweeps(plain, study, log, tmp_path):
     run_study(study, tmp_path / "a", workers=0, run=analytic_runs.fake_run, store=tmp_path / "store")
     second = run_study(study, tmp_path / "b", workers=0, run=analytic_runs.fake_run, store=tmp_path / "store")
     assert second.status.reused == 24 and max(computed(log).values()) == 1

@@ -212,7 +212,7 @@ MIXED = {"element": "P2P1", "mu": 0.0, "step": "0.02 mm"}
 
 @pytest.mark.parametrize("changes", [{"step": "0.04 mm"}, MIXED, {**BOND, "step": "0.04 mm"}])
 def test_it_finds_the_same_curve_with_fewer_factorizations_of_the_whole(changes):
-    case = BRIEF.set(**changes)
+    case = BRIEF.set(depth="0.7 mm", **changes)
     front = run_case(case)
     line = run_case(case.set(predictor="line"))
     assert front.outcome.done and line.outcome.done
