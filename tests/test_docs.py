@@ -71,7 +71,7 @@ def console(block: Block, folder: Path, where: str) -> None:
 
 
 def written_in(page: Path, line: int):
-    """Files that a table behind the block at ``line`` lists, as (folder, names); it is marked with its folder."""
+    """(folder, names) of files that a table behind the block at ``line`` lists; its mark is the folder."""
     text = (
         "\n".join(page.read_text(encoding="utf-8").splitlines()[line:])
         .partition("```")[2]
