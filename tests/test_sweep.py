@@ -68,17 +68,10 @@ def test_the_map_holds_what_the_curves_say(study, log, tmp_path):
     )
     assert sweep.complete and not sweep.interrupted
     assert computed(log) == Counter(case.id for case in study.cases())
-    files = {
-        "estimates.png",
-        "estimates.svg",
-        "map.csv",
-        "map.html",
-        "map.nc",
-        "phase.png",
-        "phase.svg",
-        "runs",
-    }
-    assert {p.name for p in sweep.out.iterdir()} == files
+    files = set(
+        ["estimates.png", "estimates.svg", "map.csv", "map.html", "map.nc", "phase.png", "phase.svg", "runs"]
+    )
+    assert {p.name for p in sweep.out.iterdir()} == {*pictures, "map.csv", "map.html", "map.nc", "runs"}
     data = load_map(sweep.out / "map.nc")
     assert data["label"].dims == ("cohesion", "viscosity", "adhesion")
     for index, case in study.points():
