@@ -117,27 +117,12 @@ class _Fitting:
             self.notes += [grid.note] if grid.note else []
         covariance, estimates = self._estimates(best)
         return Fit(
-            self.campaign,
-            inverse.base(best.q),
-            estimates,
-            fixed,
-            covariance,
-            best.chi2,
-            best.r.size,
-            status,
-            best.message,
-            self._compared(best.q, status),
-            before,
-            identifiability(best.J, inverse.unknowns),
-            tuple(dict.fromkeys(self.notes)),
-            self.evaluations,
-            tuple(self.history),
-            time.perf_counter() - began,
-            inverse,
-            best.q,
-            self.covariance,
+            self.campaign, inverse.base(best.q), estimates, fixed, covariance, best.chi2, best.r.size,
+            status, best.message, self._compared(best.q, status), before,
+            identifiability(best.J, inverse.unknowns), tuple(dict.fromkeys(self.notes)), self.evaluations,
+            tuple(self.history), time.perf_counter() - began, inverse, best.q, self.covariance,
             tuple(profiles),
-        )
+        )  # fmt: skip
 
     def _whitened(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return self.inverse.whitened(q, self.covariance)

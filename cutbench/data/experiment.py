@@ -88,21 +88,17 @@ class Experiment:
         for repetition in self.repetitions:
             self._check(repetition)
         if self.kind == "cut" and self.speed is None and not self.timed:
-            raise BadInput(
-                key="speed",
-                value="(missing)",
-                expected="the blade's speed, such as speed = '0.021 mm/s', or a time column",
-            )
+            wanted = "the blade's speed, such as speed = '0.021 mm/s', or a time column"
+            raise BadInput(key="speed", value="(missing)", expected=wanted)
         if len({r.time_s is None for r in self.repetitions}) > 1:
             raise BadInput(key="time", value="in some repetitions only", expected="a time in all or in none")
         self._common_range()
         for pictured in self.fields:
             if not 0 < pictured.travel_mm <= self.reach + 1e-9:
                 raise BadInput(
-                    key="fields.travel",
-                    value=f"{pictured.travel_mm:g} mm",
+                    key="fields.travel", value=f"{pictured.travel_mm:g} mm",
                     expected=f"blade travels above 0 that the readings reach, {self.reach:g} mm",
-                )
+                )  # fmt: skip
 
     def __reduce__(self):
         given = {f.name: getattr(self, f.name) for f in fields(self)}
@@ -171,9 +167,8 @@ class Experiment:
             if values is None:
                 continue
             if values.shape != r.x.shape or values.ndim != 1:
-                raise r.wrong(
-                    key, f"{values.size} readings", f"as many as of {self.x_name}, which has {r.x.size}"
-                )
+                wanted = f"as many as of {self.x_name}, which has {r.x.size}"
+                raise r.wrong(key, f"{values.size} readings", wanted)
             bad = np.flatnonzero(~np.isfinite(values))
             if bad.size:
                 raise r.wrong(key, f"{values[bad[0]]}", "a number in every reading", bad[0])
@@ -185,12 +180,8 @@ class Experiment:
             back = np.flatnonzero(np.diff(r.time_s) <= 0)
             if back.size:
                 i = int(back[0]) + 1
-                raise r.wrong(
-                    "time",
-                    f"{r.time_s[i]:.10g} s",
-                    f"a time after that of the reading before, {r.time_s[i - 1]:.10g} s",
-                    i,
-                )
+                wanted = f"a time after that of the reading before, {r.time_s[i - 1]:.10g} s"
+                raise r.wrong("time", f"{r.time_s[i]:.10g} s", wanted, i)
         if np.ptp(r.x) <= 0:
             raise r.wrong(self.x_name, f"{r.x[0]:g} in all readings", "a test in which it changes")
         if self.kind in HOMOGENEOUS and r.x.min() <= 0:
@@ -198,12 +189,10 @@ class Experiment:
             raise r.wrong("stretch", f"{r.x[i]:g}", "stretches above 0 (1 is undeformed)", i)
         if self.kind == "cut" and r.time_s is None and (k := first_return(r.x)) is not None:
             raise r.wrong(
-                "displacement",
-                f"{r.x[k]:g} mm",
+                "displacement", f"{r.x[k]:g} mm",
                 f"at least {r.x[:k].max():g} mm, where the blade had been: a test with holds or returns"
-                " needs a time column",
-                k,
-            )
+                " needs a time column", k,
+            )  # fmt: skip
         if r.pressure_MPa is not None and r.pressure_MPa.min() < 0:
             i = int(r.pressure_MPa.argmin())
             raise r.wrong("pressure", f"{r.pressure_MPa[i]:g} MPa", "a pressure of 0 or more", i)

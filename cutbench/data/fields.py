@@ -183,14 +183,9 @@ def read_fields_of(table: object, folder: Path) -> tuple[tuple[Field, ...], floa
     right, up = (parse_quantity(part, "mm", key="fields.shift") for part in shift)
     travel = parse_quantity(table["travel"], "mm", key="fields.travel") if "travel" in table else math.nan
     fields = read_fields(
-        folder / data,
-        columns=table.get("columns"),
-        units=table.get("units"),
-        configuration=configuration,
-        shift_mm=(right, up),
-        y_down=table.get("y_down", False),
-        travel_mm=travel,
-    )
+        folder / data, columns=table.get("columns"), units=table.get("units"), configuration=configuration,
+        shift_mm=(right, up), y_down=table.get("y_down", False), travel_mm=travel,
+    )  # fmt: skip
     for field in fields:
         if not field.travel_mm > 0:
             value = None if math.isnan(field.travel_mm) else f"{field.travel_mm:g} mm"

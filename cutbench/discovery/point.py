@@ -172,13 +172,9 @@ def extend(point: Point, score: Score, run: Predictor, *, shapes: bool = True) -
     if best is None:
         raise ComputationFailed(reason)
     found = lm.minimise(
-        lambda q: inverse.whitened(q, point.w),
-        best[0],
-        low,
-        high,
-        MESHED if meshed else SMOOTH,
+        lambda q: inverse.whitened(q, point.w), best[0], low, high, MESHED if meshed else SMOOTH,
         first=(best[1], best[2]),
-    )
+    )  # fmt: skip
     if found.message == "interrupted":
         raise KeyboardInterrupt
     return _gathered(inverse, found.q, point.w, point.test_shift, found.converged)

@@ -20,9 +20,9 @@ from cutbench.base.files import write_json
 from cutbench.case.case import Case
 from cutbench.case.numerics import Numerics, defaults
 from cutbench.maps import dataset as maps
-from cutbench.maps.boundary import margin
 from cutbench.maps.cases import case_on
 from cutbench.maps.confirmed_points import RECORD
+from cutbench.maps.guidance import margins_of
 from cutbench.run.files import read_run
 from cutbench.run.measures import ABRUPT, SMOOTH
 from cutbench.run.result import Result
@@ -71,13 +71,7 @@ def least_certain(data: xr.Dataset, count: int) -> list[MapPoint]:
     """The ``count`` runs of a map that lie nearest to the boundary by their own measures, nearest first."""
     labels = data["label"].values
     known = np.isin(labels, [maps.LABELS.index(SMOOTH), maps.LABELS.index(ABRUPT)])
-    near = margin(
-        data["drop_rel"].values,
-        data["surge"].values,
-        ~known,
-        drop=float(data.attrs["drop_threshold"]),
-        surge_min=float(data.attrs["surge_threshold"]),
-    )
+    near = margins_of(data)
     places = maps.places_of(data)
     distance = np.where(known & np.isfinite(near), np.abs(near), np.inf).ravel()
     order = np.argsort(distance, kind="stable")[:count]
@@ -175,18 +169,9 @@ def _found(case: Case, folder: Path, run: Runner) -> Result:
 def _compared(data: xr.Dataset, point: MapPoint, flat: Result, block: Result) -> Confirmed:
     labels, numbers = zip(*map(maps.regime_of(data).of, (flat, block)), strict=True)
     two, three = ({name: found[name] for name in COMPARED} for found in numbers)
+    ratio = {name: three[name] / two[name] if two[name] else math.nan for name in COMPARED}
     return Confirmed(
-        point.name,
-        dict(point.at),
-        point.margin,
-        flat.id,
-        block.id,
-        flat.outcome.kind,
-        block.outcome.kind,
-        labels[0] if flat.outcome.done else None,
-        labels[1] if block.outcome.done else None,
-        two,
-        three,
-        {name: three[name] / two[name] if two[name] else math.nan for name in COMPARED},
-        block.timings.get("total", math.nan),
-    )
+        point.name, dict(point.at), point.margin, flat.id, block.id, flat.outcome.kind, block.outcome.kind,
+        labels[0] if flat.outcome.done else None, labels[1] if block.outcome.done else None,
+        two, three, ratio, block.timings.get("total", math.nan),
+    )  # fmt: skip

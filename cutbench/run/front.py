@@ -72,13 +72,9 @@ class Front:
         stress = np.array(list(self._stress.items())).reshape(-1, 2)
         peaks = np.array(self._peaks).reshape(-1, 2)
         return {
-            "travel": travel,
-            "lengths": lengths,
-            "peaks": peaks,
-            "stress": stress,
-            "onset": +self.onset,
+            "travel": travel, "lengths": lengths, "peaks": peaks, "stress": stress, "onset": +self.onset,
             "pattern": self._pattern,
-        }
+        }  # fmt: skip
 
     def restore(self, state: dict) -> None:
         self._last = (state["travel"], state["lengths"])
