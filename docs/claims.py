@@ -1,6 +1,6 @@
 """What ``verify --paper`` found, on a page of documentation.
 
-``python -m cutbench.verification.paper.page DIR PAGE`` writes it.
+``python docs/claims.py DIR PAGE`` writes it.
 
 Between the page's two marks stand the tables of DIR's claims.json, without links to runs that a reader has
 not; claims.json and the pictures are copied into the folder ``figures`` beside the page.
