@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 
 from cutbench.base.errors import BadInput
 from cutbench.cli.main import app
-from cutbench.verification.convergence import COMPARED, compute, load_plan, markdown, moved, write
-from cutbench.verification.convergence_figure import plot_convergence
+from cutbench.verification.convergence import COMPARED, compute, load_plan, moved
+from cutbench.verification.convergence_report import markdown, plot_convergence, write
 
 STUDY = """materials = ["gelatin", "meat"]
 

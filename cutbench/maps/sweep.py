@@ -27,7 +27,8 @@ from cutbench.maps.page import save_page
 from cutbench.maps.phase import save_phase
 from cutbench.maps.plan import plan_of
 from cutbench.maps.study import Study, load_study
-from cutbench.run.pool.pool import Done, Job, TaskPool
+from cutbench.run.pool.job import Done, Job
+from cutbench.run.pool.pool import TaskPool
 from cutbench.run.pool.worker import PoolLost, Run, WorkerLost, failure, work
 from cutbench.run.store.runs import Store
 

@@ -9,15 +9,14 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from cutbench.base.errors import BadInput
-from cutbench.base.files import check_writable, replacing, write_json
+from cutbench.base.files import check_writable
 from cutbench.base.progress import OnProgress, silent
 from cutbench.base.toml import among, line_of, located, read_toml, written
-from cutbench.base.versions import versions
 from cutbench.case.case import Case, load_case
 from cutbench.run.pool.worker import Run
 from cutbench.run.result import Result
@@ -196,59 +195,3 @@ def moved(base: Mapping[str, float], other: Mapping[str, float]) -> dict[str, fl
         least = {"drop_rel": LEAST_DROP, "slope_N_per_mm": LEAST_SLOPE * abs(base.get("steady_N", 0.0))}
         found[key] = (b - a) / max(abs(a), least.get(key, 0.0), 1e-300)
     return found
-
-
-def markdown(rows: Sequence[ConvergenceRow]) -> str:
-    """One table a material: the base's values, then each change in per cent."""
-    lines = []
-    for material in dict.fromkeys(row.material for row in rows):
-        heads = [f"{title}" + (f", {unit}" if unit != "1" else "") for title, unit in COMPARED.values()]
-        lines += [f"**{material}**", "", "| | " + " | ".join(heads) + " | worst | energy left open |"]
-        lines += ["|---" * (len(heads) + 3) + "|"]
-        for row in (r for r in rows if r.material == material):
-            if not row.change:
-                cells = [f"{v:.3g}" if math.isfinite(v) else "none" for v in row.measures.values()]
-                lines.append("| defaults | " + " | ".join(cells) + f" | | {100 * row.closure:+.1f} % |")
-                continue
-            cells = [_percent(v) for v in row.moved.values()]
-            mark = "" if row.holds is None else " ✓" if row.holds else " ✗"
-            end = "" if row.outcome == "done" else f" ({row.outcome})"
-            lines.append(
-                f"| {row.change}{end} | " + " | ".join(cells)
-                + f" | {_percent(row.worst, sign='')}{mark} | {100 * row.closure:+.1f} % |"
-            )  # fmt: skip
-        lines.append("")
-    return "\n".join(lines)
-
-
-def _percent(value: float, sign: str = "+") -> str:
-    if math.isnan(value):
-        return "–"
-    return f"{100 * value:{sign}.1f} %" if math.isfinite(value) else "one alone has it"
-
-
-def write(plan: ConvergencePlan, rows: Sequence[ConvergenceRow], out: str | os.PathLike[str]) -> list[Path]:
-    """convergence.json, convergence.md and convergence.png in ``out``."""
-    from cutbench.base.figure_style import save
-    from cutbench.verification.convergence_figure import plot_convergence
-
-    folder = check_writable(Path(out))
-    record = {
-        "schema": 1,
-        "title": plan.title,
-        "tolerance": TOLERANCE,
-        "rows": [
-            {
-                "material": r.material, "change": r.change or "defaults", "refinement": r.refinement,
-                "run": r.id, "outcome": r.outcome, "measures": dict(r.measures), "moved": dict(r.moved),
-                "holds": r.holds, "seconds": r.seconds, "closure": r.closure,
-            }
-            for r in rows
-        ],
-        "versions": versions(),
-    }  # fmt: skip
-    write_json(record, folder / "convergence.json")
-    with replacing(folder / "convergence.md") as draft:
-        draft.write_text(markdown(rows), encoding="utf-8")
-    picture = save(plot_convergence(rows), folder / "convergence.png")[0]
-    return [folder / "convergence.json", folder / "convergence.md", picture]

@@ -10,14 +10,12 @@ import importlib.util
 import re
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cutbench.base.errors import BadInput
 from cutbench.base.threads import ONE_THREAD
+from cutbench.run.pool.job import Job
 from cutbench.run.pool.worker import LOSSES, PoolLost, WorkerLost, called
-
-if TYPE_CHECKING:
-    from cutbench.run.pool.pool import Job
 
 #: Seconds to wait for a scheduler to answer.
 PATIENCE_S = 30.0

@@ -6,13 +6,11 @@ import multiprocessing
 from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool as Broken
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cutbench.base.threads import one_thread_each
+from cutbench.run.pool.job import Job
 from cutbench.run.pool.worker import begin_worker
-
-if TYPE_CHECKING:
-    from cutbench.run.pool.pool import Job
 
 __all__ = ["Broken", "LocalWorkers"]
 

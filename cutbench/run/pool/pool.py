@@ -10,40 +10,16 @@ from __future__ import annotations
 import os
 from collections import Counter, deque
 from collections.abc import Callable, Hashable, Iterable, Iterator
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 from cutbench.base.errors import BadInput
 from cutbench.run.pool.cluster import DaskWorkers
+from cutbench.run.pool.job import Done, Job
 from cutbench.run.pool.local import Broken, LocalWorkers
 from cutbench.run.pool.worker import LOSSES, PoolLost, WorkerLost
 
 #: Seconds between two looks at what has ended.
 _LOOK_S = 0.2
-
-
-@dataclass(frozen=True)
-class Job:
-    """A function that other processes can import, and what it is called with; ``key`` is for who asks."""
-
-    key: Any
-    call: Callable[..., Any]
-    args: tuple = ()
-
-
-@dataclass(frozen=True)
-class Done:
-    """A job that has ended: with a value, or with the error that it raised or that took its process."""
-
-    key: Any
-    value: Any = None
-    error: BaseException | None = None
-
-    def result(self) -> Any:
-        """The value. Raises the job's error."""
-        if self.error is not None:
-            raise self.error
-        return self.value
 
 
 class Workers(Protocol):
