@@ -7,6 +7,7 @@ by da then sets free W(λ) H da, whatever the strains: Rivlin and Thomas (1953).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -170,4 +171,4 @@ def pulled(strip: Strip, parts: Sequence[float]) -> Iterator[tuple[np.ndarray, d
 
 def process_zone(p) -> float:
     """4 G G_c/σ_c², mm."""
-    return 4 * p.G * p.G_c / (p.G_c / (np.e * p.delta_c)) ** 2
+    return 4 * p.G * p.G_c / (p.G_c / (math.e * p.delta_c)) ** 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -42,7 +43,7 @@ class Interface:
 def compute() -> Iterator[Check]:
     p = parameters("gelatin", beta=BETA)
     G_c, delta, unit = p.G_c, p.delta_c, "J/m^2"
-    sigma = G_c / (np.e * delta)
+    sigma = G_c / (math.e * delta)
     path = np.linspace(0, 25 * delta, 1001)
 
     def swept(direction: np.ndarray) -> tuple[np.ndarray, float]:

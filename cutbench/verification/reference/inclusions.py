@@ -9,6 +9,7 @@ between the ends of each facet.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from importlib import resources
@@ -114,7 +115,7 @@ def curve() -> np.ndarray:
     along = (plus.X[:, :, 0] - ends[:, 0, 0, None]).T @ (ends[:, 1, 0] - ends[:, 0, 0])
     along = np.abs(along - along[0]) / np.ptp(along)
     shear = MATRIX[0] / (2 * (1 + MATRIX[1]))
-    p = SimpleNamespace(G=shear, G_c=G_C, delta_c=G_C / SIGMA_C / np.e, beta=BETA)
+    p = SimpleNamespace(G=shear, G_c=G_C, delta_c=G_C / SIGMA_C / math.e, beta=BETA)
     cut = CutForm((TourLaw(law("smith_ferrante"), along),), plus, 1.0, paired(plus, minus, space.X))
     left, right = space.nodes_on("left"), space.nodes_on("right")
     fixed = np.concatenate([2 * left, 2 * left + 1, 2 * right, 2 * right + 1])
