@@ -78,12 +78,11 @@ class Case:
                 value = full_depth(full)
             else:
                 users = [m.name for m in model.all if name in (*m.reads, *(o.name for o in m.parameters))]
-                raise BadInput(
-                    key=name,
-                    value="(missing)",
-                    expected=f"a value in [{section_of(name)}], such as {name} = '{q.typical:g} {q.unit}'"
-                    f" ({q.doc}; needed by {', '.join(users)})",
+                expected = (
+                    f"a value in [{section_of(name)}], such as {name} = '{q.typical:g} {q.unit}'"
+                    f" ({q.doc}; needed by {', '.join(users)})"
                 )
+                raise BadInput(key=name, value="(missing)", expected=expected)
             q.check(rounded(value / q.factor, 15))
             # Fourteen digits, so that a value is the same number in whatever unit it was written.
             full[name] = rounded(value, 14)
@@ -206,9 +205,8 @@ class Case:
             draft = _Draft(name=data["name"], model=model, dim=data["dim"], motion=motion, numerics=numerics)
             return draft.changed(changes).case()
         except (KeyError, TypeError, AttributeError) as error:
-            raise BadInput(
-                key="case", value=str(error), expected="a case as Case.to_dict() writes it"
-            ) from error
+            expected = "a case as Case.to_dict() writes it"
+            raise BadInput(key="case", value=str(error), expected=expected) from error
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -308,15 +306,13 @@ def _load(source: str | Path, seen: tuple[Path, ...], dim: int) -> tuple[_Draft,
         base = None
         if "base" in table:
             if not isinstance(table["base"], str):
-                raise BadInput(
-                    key="base", value=brief(table["base"]), expected="a material's name or a TOML file"
-                )
+                expected = "a material's name or a TOML file"
+                raise BadInput(key="base", value=brief(table["base"]), expected=expected)
             near = path.parent / table["base"]
             origin = near if near.is_file() else table["base"]
             if materials.find(origin, key="base").resolve() in (*seen, here):
-                raise BadInput(
-                    key="base", value=table["base"], expected="a file that does not lead back here"
-                )
+                expected = "a file that does not lead back here"
+                raise BadInput(key="base", value=table["base"], expected=expected)
             base = _load(origin, (*seen, here), dim)[0]
         listed = names("mechanisms", table["mechanisms"]) if "mechanisms" in table else None
         start = base or _Draft(name=path.stem, model=Model(DEFAULT), numerics=defaults(dim), dim=dim)
@@ -329,9 +325,8 @@ def _load(source: str | Path, seen: tuple[Path, ...], dim: int) -> tuple[_Draft,
                 changes["motion"] = read_motion(part.pop("motion"))
             for key, raw in part.items():
                 if right := misplaced(key, section, model):
-                    raise BadInput(
-                        key=key, value=brief(raw), expected=f"it in the section [{right}], not in [{section}]"
-                    )
+                    expected = f"it in the section [{right}], not in [{section}]"
+                    raise BadInput(key=key, value=brief(raw), expected=expected)
             # Each section on its own first, so that an error has the line of this section.
             if section == "numerics":
                 Numerics().set(part)

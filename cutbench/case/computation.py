@@ -80,10 +80,8 @@ class Sources:
         try:
             text = inspect.getsource(kind)
         except (OSError, TypeError) as error:
-            raise BadInput(
-                key="mechanisms", value=kind.__qualname__,
-                expected="a law in a file, for its source counts in a run's identity",
-            ) from error  # fmt: skip
+            expected = "a law in a file, for its source counts in a run's identity"
+            raise BadInput(key="mechanisms", value=kind.__qualname__, expected=expected) from error
         path = Path(f"<{kind.__module__}.{kind.__qualname__}>")
         self._texts[path] = normalised(text)
         return path
@@ -189,6 +187,5 @@ def mesh_digest(mesh: str) -> str:
     try:
         return hashlib.sha256(Path(mesh).read_bytes()).hexdigest()
     except OSError as error:
-        raise BadInput(
-            key="mesh", value=mesh, expected=f"a mesh file that can be read ({error.strerror})"
-        ) from error
+        expected = f"a mesh file that can be read ({error.strerror})"
+        raise BadInput(key="mesh", value=mesh, expected=expected) from error

@@ -83,25 +83,18 @@ class Model:
                 continue
             other = roles.setdefault((m.slot, m.role), m.name)
             if other != m.name:
-                raise BadInput(
-                    key="mechanisms",
-                    value=f"{other}, {m.name}",
-                    expected=f"one mechanism of the role '{m.role}': take out {other} or {m.name}",
-                )
+                expected = f"one mechanism of the role '{m.role}': take out {other} or {m.name}"
+                raise BadInput(key="mechanisms", value=f"{other}, {m.name}", expected=expected)
         for m in asked:
             for role in m.follows:
                 if (m.slot, role) not in roles:
                     able = [o.name for o in registry().values() if (o.slot, o.role) == (m.slot, role)]
-                    raise BadInput(
-                        key="mechanisms", value=", ".join(self.mechanisms),
-                        expected=f"a mechanism of the role '{role}' for {m.name}, such as {', '.join(able)}",
-                    )  # fmt: skip
+                    expected = f"a mechanism of the role '{role}' for {m.name}, such as {', '.join(able)}"
+                    raise BadInput(key="mechanisms", value=", ".join(self.mechanisms), expected=expected)
         if not any(m.slot == "bulk" and not isinstance(m, Volumetric) for m in asked):
             laws = [m.name for m in registry().values() if m.slot == "bulk" and not isinstance(m, Volumetric)]
-            raise BadInput(
-                key="mechanisms", value=", ".join(self.mechanisms),
-                expected=f"a bulk law that resists shear: {', '.join(laws)}",
-            )  # fmt: skip
+            expected = f"a bulk law that resists shear: {', '.join(laws)}"
+            raise BadInput(key="mechanisms", value=", ".join(self.mechanisms), expected=expected)
         names = {m.name for m in asked}
         object.__setattr__(self, "mechanisms", tuple(name for name in registry() if name in names))
 
@@ -144,14 +137,12 @@ class Model:
             new = [q for q in added.parameters if q.name not in known]
             replaced = [m for m in model.all if m.role and (m.slot, m.role) == (added.slot, added.role)]
             if not any(q.off is not None for q in new):
-                raise BadInput(
-                    key="with", value=name, expected="a mechanism that a value of its own switches off"
-                )
+                expected = "a mechanism that a value of its own switches off"
+                raise BadInput(key="with", value=name, expected=expected)
             for old in replaced:
                 if not set(old.parameters) <= set(added.parameters):
-                    raise BadInput(
-                        key="with", value=name, expected=f"a mechanism that has {old.name} as a special case"
-                    )
+                    expected = f"a mechanism that has {old.name} as a special case"
+                    raise BadInput(key="with", value=name, expected=expected)
             for q in new:
                 start = next(v for v in (q.off, q.default, q.typical) if v is not None)
                 values[q.name] = start * q.factor

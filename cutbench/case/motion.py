@@ -59,10 +59,8 @@ def read_motion(raw: object) -> Polyline:
     if not isinstance(raw, (list, tuple)) or not all(
         isinstance(p, (list, tuple)) and len(p) == 2 for p in raw
     ):
-        raise BadInput(
-            key="motion", value=str(raw)[:60],
-            expected="pairs of time and travel, such as [['0 s', '0 mm'], ['9 s', '2 mm'], ['99 s', '2 mm']]",
-        )  # fmt: skip
+        expected = "pairs of time and travel, such as [['0 s', '0 mm'], ['9 s', '2 mm'], ['99 s', '2 mm']]"
+        raise BadInput(key="motion", value=str(raw)[:60], expected=expected)
     return tuple((_number(time, "s"), _number(travel, "mm")) for time, travel in raw)
 
 
@@ -101,9 +99,8 @@ def checked_motion(motion: Polyline, depth: float) -> Polyline:
         if not (math.isfinite(time) and math.isfinite(travel)):
             raise BadInput(key="motion", value=f"({time}, {travel})", expected="times in s and travels in mm")
         if i == 0 and (time, travel) != (0.0, 0.0):
-            raise BadInput(
-                key="motion", value=f"({time:g} s, {travel:g} mm)", expected="(0 s, 0 mm) at first"
-            )
+            expected = "(0 s, 0 mm) at first"
+            raise BadInput(key="motion", value=f"({time:g} s, {travel:g} mm)", expected=expected)
         if i and time <= motion[i - 1][0]:
             raise BadInput(key="motion", value=f"{time:g} s", expected=f"a time after {motion[i - 1][0]:g} s")
         if not 0 <= travel <= depth * (1 + 1e-9):

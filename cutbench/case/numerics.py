@@ -119,12 +119,10 @@ class Numerics:
         if made.step_min_mm > made.step_mm:
             key = next((k for k in values if ALIASES.get(k, k) in ("step_mm", "step_min_mm")), "step_min_mm")
             value = made.step_mm if ALIASES.get(key, key) == "step_mm" else made.step_min_mm
-            raise BadInput(
-                key=key,
-                value=f"{value:g} mm",
-                expected=f"the smallest step ({made.step_min_mm:g} mm) to be at most"
-                f" the largest ({made.step_mm:g} mm)",
+            expected = (
+                f"the smallest step ({made.step_min_mm:g} mm) to be at most the largest ({made.step_mm:g} mm)"
             )
+            raise BadInput(key=key, value=f"{value:g} mm", expected=expected)
         return made
 
 

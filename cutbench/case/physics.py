@@ -30,9 +30,8 @@ class Physics:
             model = Model(tuple(data["mechanisms"]))
             written = as_written(data["values"])
         except (KeyError, TypeError, AttributeError) as error:
-            raise BadInput(
-                key="case", value=str(error), expected="a case as Case.to_dict() writes it"
-            ) from error
+            expected = "a case as Case.to_dict() writes it"
+            raise BadInput(key="case", value=str(error), expected=expected) from error
         return cls(model, resolve({}, written, model))
 
     @property

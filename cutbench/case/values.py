@@ -93,11 +93,8 @@ def parse_values(raw: Mapping[str, object], model: Model) -> tuple[dict[str, flo
         else:
             raise unknown(key, text, model)
         if target in setter:
-            raise BadInput(
-                key=key,
-                value=brief(text),
-                expected=f"either '{setter[target]}' or '{key}', not both: each sets {target}",
-            )
+            expected = f"either '{setter[target]}' or '{key}', not both: each sets {target}"
+            raise BadInput(key=key, value=brief(text), expected=expected)
         setter[target] = key
     return values, chosen
 
@@ -150,9 +147,8 @@ def names(key: str, raw: object) -> tuple[str, ...]:
     """One name, several separated by commas, or a list of names."""
     parts = raw.split(",") if isinstance(raw, str) else raw
     if not isinstance(parts, (list, tuple)) or not parts or not all(isinstance(n, str) for n in parts):
-        raise BadInput(
-            key=key, value=brief(raw), expected='names of mechanisms, such as ["coulomb", "adhesion"]'
-        )
+        expected = 'names of mechanisms, such as ["coulomb", "adhesion"]'
+        raise BadInput(key=key, value=brief(raw), expected=expected)
     return tuple(n.strip() for n in parts)
 
 

@@ -280,10 +280,8 @@ def _start(
         if material is not None and not isinstance(material, str):
             raise BadInput(key="material", value=str(material)[:60], expected="a known name or a TOML file")
         if material is None and not parameters:
-            raise BadInput(
-                key="material", value="(missing)",
-                expected="a known name or a file with start values, or a section [parameters]",
-            )  # fmt: skip
+            wanted = "a known name or a file with start values, or a section [parameters]"
+            raise BadInput(key="material", value="(missing)", expected=wanted)
     for section, part in (("parameters", parameters), ("numerics", numerics)):
         with located(path, text, section):
             for key, raw in part.items():
@@ -336,8 +334,7 @@ def _plan(part: Mapping, baseline: Model, candidates: tuple[str, ...]) -> FitPla
             raise BadInput(key=name, value=str(pair)[:60], expected="two values, the lowest and the highest")
         low, high = (known[name].parse(raw, key=name) for raw in pair)
         if not low < high:
-            raise BadInput(
-                key=name, value=str(pair), expected="the lowest value first, and below the highest"
-            )
+            expected = "the lowest value first, and below the highest"
+            raise BadInput(key=name, value=str(pair), expected=expected)
         bounds[name] = (low, high)
     return FitPlan(lists.get("free"), lists.get("fixed", ()), lists.get("own", ()), bounds)

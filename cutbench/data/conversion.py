@@ -59,9 +59,8 @@ def _abscissa(here: Mapping, kind: str, specimen: Mapping[str, float], speed: fl
         u = here["displacement"]
         return 1 + u / specimen["length"] if kind in HOMOGENEOUS else u
     if speed is None:
-        raise BadInput(
-            key="speed", value="(missing)", expected="the sliding speed, or a column of displacement"
-        )
+        expected = "the sliding speed, or a column of displacement"
+        raise BadInput(key="speed", value="(missing)", expected=expected)
     return speed * (here["time"] - here["time"][0])
 
 

@@ -23,7 +23,6 @@ def copy_examples(folder: str | Path) -> Path:
     except FileExistsError as error:
         raise BadInput(key="--out", value=str(folder), expected="a folder that is not there yet") from error
     except OSError as error:
-        raise BadInput(
-            key="--out", value=str(folder), expected=f"a folder that can be written ({error.strerror})"
-        ) from error
+        expected = f"a folder that can be written ({error.strerror})"
+        raise BadInput(key="--out", value=str(folder), expected=expected) from error
     return folder

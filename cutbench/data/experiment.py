@@ -88,17 +88,15 @@ class Experiment:
         for repetition in self.repetitions:
             self._check(repetition)
         if self.kind == "cut" and self.speed is None and not self.timed:
-            wanted = "the blade's speed, such as speed = '0.021 mm/s', or a time column"
-            raise BadInput(key="speed", value="(missing)", expected=wanted)
+            expected = "the blade's speed, such as speed = '0.021 mm/s', or a time column"
+            raise BadInput(key="speed", value="(missing)", expected=expected)
         if len({r.time_s is None for r in self.repetitions}) > 1:
             raise BadInput(key="time", value="in some repetitions only", expected="a time in all or in none")
         self._common_range()
         for pictured in self.fields:
             if not 0 < pictured.travel_mm <= self.reach + 1e-9:
-                raise BadInput(
-                    key="fields.travel", value=f"{pictured.travel_mm:g} mm",
-                    expected=f"blade travels above 0 that the readings reach, {self.reach:g} mm",
-                )  # fmt: skip
+                expected = f"blade travels above 0 that the readings reach, {self.reach:g} mm"
+                raise BadInput(key="fields.travel", value=f"{pictured.travel_mm:g} mm", expected=expected)
 
     def __reduce__(self):
         given = {f.name: getattr(self, f.name) for f in fields(self)}
@@ -167,32 +165,31 @@ class Experiment:
             if values is None:
                 continue
             if values.shape != r.x.shape or values.ndim != 1:
-                wanted = f"as many as of {self.x_name}, which has {r.x.size}"
-                raise r.wrong(key, f"{values.size} readings", wanted)
+                expected = f"as many as of {self.x_name}, which has {r.x.size}"
+                raise r.wrong(key, f"{values.size} readings", expected)
             bad = np.flatnonzero(~np.isfinite(values))
             if bad.size:
                 raise r.wrong(key, f"{values[bad[0]]}", "a number in every reading", bad[0])
         if r.x.size < FEWEST:
-            raise r.wrong(
-                "readings", f"{r.x.size}", f"{FEWEST} readings or more", None if r.x.size == 0 else 0
-            )
+            expected = f"{FEWEST} readings or more"
+            raise r.wrong("readings", f"{r.x.size}", expected, None if r.x.size == 0 else 0)
         if r.time_s is not None:
             back = np.flatnonzero(np.diff(r.time_s) <= 0)
             if back.size:
                 i = int(back[0]) + 1
-                wanted = f"a time after that of the reading before, {r.time_s[i - 1]:.10g} s"
-                raise r.wrong("time", f"{r.time_s[i]:.10g} s", wanted, i)
+                expected = f"a time after that of the reading before, {r.time_s[i - 1]:.10g} s"
+                raise r.wrong("time", f"{r.time_s[i]:.10g} s", expected, i)
         if np.ptp(r.x) <= 0:
             raise r.wrong(self.x_name, f"{r.x[0]:g} in all readings", "a test in which it changes")
         if self.kind in HOMOGENEOUS and r.x.min() <= 0:
             i = int(r.x.argmin())
             raise r.wrong("stretch", f"{r.x[i]:g}", "stretches above 0 (1 is undeformed)", i)
         if self.kind == "cut" and r.time_s is None and (k := first_return(r.x)) is not None:
-            raise r.wrong(
-                "displacement", f"{r.x[k]:g} mm",
+            expected = (
                 f"at least {r.x[:k].max():g} mm, where the blade had been: a test with holds or returns"
-                " needs a time column", k,
-            )  # fmt: skip
+                " needs a time column"
+            )
+            raise r.wrong("displacement", f"{r.x[k]:g} mm", expected, k)
         if r.pressure_MPa is not None and r.pressure_MPa.min() < 0:
             i = int(r.pressure_MPa.argmin())
             raise r.wrong("pressure", f"{r.pressure_MPa[i]:g} MPa", "a pressure of 0 or more", i)
@@ -209,13 +206,11 @@ class Experiment:
             i = int(np.argmin(r.y * np.sign(r.x - self.rest)))
             what = "the force on the blade" if self.kind == "cut" else f"a {self.y_name}"
             shown = "1" if self.y_unit == "1" else self.y_unit
-            raise r.wrong(
-                self.y_name,
-                f"{r.y[i]:.6g} {shown}",
+            expected = (
                 f"{what} that takes work on the way out, here it gives {-work:.3g}; if the sensor counts the"
-                " other way write factors = { force = -1 }",
-                i,
+                " other way write factors = { force = -1 }"
             )
+            raise r.wrong(self.y_name, f"{r.y[i]:.6g} {shown}", expected, i)
 
     def _common_range(self) -> None:
         """Repetitions must share at least half of the shortest way of the longest."""
@@ -225,12 +220,11 @@ class Experiment:
         if high - low < 0.5 * longest:
             worst = min(range(len(spans)), key=lambda i: spans[i][-1] - spans[i][0])
             r = self.repetitions[worst]
-            raise r.wrong(
-                self.x_name,
-                f"{r.x.min():g} to {r.x.max():g}",
+            expected = (
                 f"repetitions that share at least half of their range ({longest:g} long); give others as"
-                " an experiment of their own",
+                " an experiment of their own"
             )
+            raise r.wrong(self.x_name, f"{r.x.min():g} to {r.x.max():g}", expected)
 
     # -- on a grid -------------------------------------------------------------------------------
     def _along(self, r: Repetition) -> np.ndarray:

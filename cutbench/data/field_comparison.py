@@ -156,10 +156,8 @@ def _travel(snapshot: Snapshot) -> float:
 def compare(field: Field, snapshot: Snapshot) -> Comparison:
     """``field`` beside what the run gives. Raises BadInput if no point lies in the body or travels differ."""
     if abs(field.travel_mm - snapshot.displacement_mm) > _APART:
-        raise BadInput(
-            key="travel", value=f"{field.travel_mm:g} mm",
-            expected=f"the travel of the run's fields, {snapshot.displacement_mm:g} mm",
-        )  # fmt: skip
+        expected = f"the travel of the run's fields, {snapshot.displacement_mm:g} mm"
+        raise BadInput(key="travel", value=f"{field.travel_mm:g} mm", expected=expected)
     found = Comparison(field, sample(snapshot, field))
     if not found.both.any():
         body = snapshot.current if field.configuration == "deformed" else snapshot.points

@@ -170,23 +170,19 @@ def _columns(table: Mapping, kind: str) -> dict[str, str | int]:
             raise BadInput(key=f"columns.{key}", value=str(name)[:60], expected=one_of(key, known))
         good = bool(name.strip()) if isinstance(name, str) else type(name) is int and name >= 1
         if not good:
-            raise BadInput(
-                key=f"columns.{key}", value=str(name)[:60],
-                expected="the column's name in the header, or its number from 1",
-            )  # fmt: skip
+            expected = "the column's name in the header, or its number from 1"
+            raise BadInput(key=f"columns.{key}", value=str(name)[:60], expected=expected)
         found[role] = name
     if not given:
         found = {_ABSCISSA[kind][0]: _ABSCISSA[kind][0], _ORDINATE[kind][0]: _ORDINATE[kind][0]}
     for what, choices in (("x", _ABSCISSA[kind]), ("y", _ORDINATE[kind])):
         named = [role for role in choices if role in found]
         if len(named) > 1:
-            raise BadInput(
-                key=f"columns.{named[1]}", value=str(found[named[1]]), expected=f"it or {named[0]}, not both"
-            )
+            expected = f"it or {named[0]}, not both"
+            raise BadInput(key=f"columns.{named[1]}", value=str(found[named[1]]), expected=expected)
         if not named and not (what == "x" and kind == "sliding" and "time" in found):
-            raise BadInput(
-                key=f"columns.{choices[0]}", value="(missing)", expected=f"a column of {' or '.join(choices)}"
-            )
+            expected = f"a column of {' or '.join(choices)}"
+            raise BadInput(key=f"columns.{choices[0]}", value="(missing)", expected=expected)
     return found
 
 
@@ -200,9 +196,8 @@ def _need_specimen(kind: str, specimen: Mapping[str, float], columns: Mapping) -
     for name in needed:
         if name not in specimen:
             unit = "mm^2" if name == "area" else "mm"
-            raise BadInput(
-                key=f"specimen.{name}", value="(missing)", expected=f"specimen = {{ {name} = '… {unit}' }}"
-            )
+            expected = f"specimen = {{ {name} = '… {unit}' }}"
+            raise BadInput(key=f"specimen.{name}", value="(missing)", expected=expected)
 
 
 def _speed(table: Mapping, kind: str, specimen: Mapping[str, float]) -> float | None:
@@ -219,11 +214,8 @@ def _speed(table: Mapping, kind: str, specimen: Mapping[str, float]) -> float | 
         rate = parse_quantity(raw, "mm/s", key="speed")
         if kind in HOMOGENEOUS:
             if "length" not in specimen:
-                raise BadInput(
-                    key="speed",
-                    value=str(raw),
-                    expected="specimen.length beside it, or a rate such as '0.1 1/s'",
-                )
+                expected = "specimen.length beside it, or a rate such as '0.1 1/s'"
+                raise BadInput(key="speed", value=str(raw), expected=expected)
             rate /= specimen["length"]
     if not (np.isfinite(rate) and rate > 0):
         raise BadInput(key="speed", value=str(raw), expected="a speed above 0, such as '0.02 mm/s'")
@@ -238,11 +230,8 @@ def _units(table: Mapping, columns: Mapping) -> dict[str, str]:
         if role not in known:
             raise BadInput(key=f"units.{key}", value=str(unit)[:60], expected=one_of(key, known))
         if not isinstance(unit, str):
-            raise BadInput(
-                key=f"units.{key}",
-                value=str(unit)[:60],
-                expected=f"a unit in quotes, such as '{UNITS[role]}'",
-            )
+            expected = f"a unit in quotes, such as '{UNITS[role]}'"
+            raise BadInput(key=f"units.{key}", value=str(unit)[:60], expected=expected)
         found[role] = unit
     return found
 
@@ -263,9 +252,8 @@ def _factors(table: Mapping, columns: Mapping) -> dict[str, float]:
 def _pressure(table: Mapping, columns: Mapping, specimen: Mapping[str, float]) -> float:
     given = [k for k in ("pressure", "normal_force") if k in table or k in columns]
     if len(given) > 1 or any(k in table and k in columns for k in given):
-        raise BadInput(
-            key=given[-1], value="given twice", expected="the pressure once: as value or as column"
-        )
+        expected = "the pressure once: as value or as column"
+        raise BadInput(key=given[-1], value="given twice", expected=expected)
     if "pressure" in table:
         value = parse_quantity(table["pressure"], "MPa", key="pressure")
     elif "normal_force" in table:
@@ -286,9 +274,8 @@ def _files(table: Mapping, folder: Path) -> list[tuple[Path, str | None]]:
     given = data if isinstance(data, list) else [data]
     listed = [name for name in given if isinstance(name, str) and name.strip()]
     if not listed or len(listed) < len(given):
-        raise BadInput(
-            key="data", value=_shown(data), expected="a file beside this one, such as data = 'slow.csv'"
-        )
+        expected = "a file beside this one, such as data = 'slow.csv'"
+        raise BadInput(key="data", value=_shown(data), expected=expected)
     if len(set(listed)) < len(listed):
         raise BadInput(key="data", value=str(listed), expected="each file once")
     for name in listed:
@@ -304,7 +291,5 @@ def _same_speed(e: Experiment) -> None:
     moved = e.travel_speed
     if not 1 / 3 < moved / e.speed < 3:
         unit = "1/s" if e.kind in HOMOGENEOUS else "mm/s"
-        raise BadInput(
-            key="speed", value=f"{e.speed:.4g} {unit}",
-            expected=f"the speed of the readings, {moved:.4g} {unit}; with a time column it may be left out",
-        )  # fmt: skip
+        expected = f"the speed of the readings, {moved:.4g} {unit}; with a time column it may be left out"
+        raise BadInput(key="speed", value=f"{e.speed:.4g} {unit}", expected=expected)

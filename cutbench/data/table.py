@@ -99,9 +99,8 @@ def _lines(path: Path) -> list[str]:
     except FileNotFoundError as error:
         raise BadInput(key="data", value=str(path), expected="a file that exists") from error
     except OSError as error:
-        raise BadInput(
-            key="data", value=str(path), expected=f"a file that can be read ({error.strerror})"
-        ) from error
+        expected = f"a file that can be read ({error.strerror})"
+        raise BadInput(key="data", value=str(path), expected=expected) from error
     try:
         text = raw.decode("utf-16" if raw[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
     except UnicodeDecodeError:
@@ -123,9 +122,8 @@ def _find(path: Path, lines: list[str], columns: Mapping[str, str | int]) -> _La
     numbered = {role: c for role, c in columns.items() if isinstance(c, int)}
     named = {role: c for role, c in columns.items() if isinstance(c, str)}
     if numbered and named:
-        raise BadInput(
-            key="columns", value=str(dict(columns)), expected="names of columns or numbers, not both"
-        )
+        expected = "names of columns or numbers, not both"
+        raise BadInput(key="columns", value=str(dict(columns)), expected=expected)
     return _by_number(path, lines, numbered) if numbered else _by_name(path, lines, named)
 
 

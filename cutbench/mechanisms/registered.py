@@ -40,10 +40,8 @@ def registry() -> dict[str, Mechanism]:
     for law in laws:
         other = found.setdefault(law.name, law)
         if other is not law and type(other) is not type(law):
-            raise BadInput(
-                file=str(file_of(law)), key="name", value=law.name,
-                expected=f"a name that no other mechanism has; {file_of(other)} has it",
-            )  # fmt: skip
+            expected = f"a name that no other mechanism has; {file_of(other)} has it"
+            raise BadInput(file=str(file_of(law)), key="name", value=law.name, expected=expected)
     for law in found.values():
         refuse_incomplete(law, found)
     return found
@@ -106,9 +104,8 @@ def load_file(path: Path) -> ModuleType:
     try:
         content = path.read_bytes()
     except OSError as error:
-        raise BadInput(
-            file=str(path), key="file", value=path.name, expected=f"a file ({error.strerror})"
-        ) from error
+        expected = f"a file ({error.strerror})"
+        raise BadInput(file=str(path), key="file", value=path.name, expected=expected) from error
     # A file that was edited is another module.
     digest = hashlib.sha256(str(path).encode() + content).hexdigest()
     name = f"cutbench_laws_{digest[:12]}_{path.stem}"
@@ -129,10 +126,8 @@ def load_file(path: Path) -> ModuleType:
         ) from error  # fmt: skip
     if not laws_of(module):
         del sys.modules[name]
-        raise BadInput(
-            file=str(path), key="file", value=path.name,
-            expected="a class with a name, derived from Bulk, Cut, Blade, Skin, Support or Rig",
-        )  # fmt: skip
+        expected = "a class with a name, derived from Bulk, Cut, Blade, Skin, Support or Rig"
+        raise BadInput(file=str(path), key="file", value=path.name, expected=expected)
     return module
 
 
@@ -143,9 +138,8 @@ def _modules() -> Iterator[ModuleType]:
         try:
             module = entry.load()
         except Exception as error:
-            raise BadInput(
-                key=f"entry point {entry.name}", value=entry.value, expected=f"a module with laws ({error})"
-            ) from error
+            expected = f"a module with laws ({error})"
+            raise BadInput(key=f"entry point {entry.name}", value=entry.value, expected=expected) from error
         yield from _inside(module) if hasattr(module, "__path__") else (module,)
     for folder in _folders:
         for path in sorted(folder.glob("[!_]*.py")):

@@ -19,18 +19,12 @@ def geometry(values, numerics, fine: tuple[float, float] = (0.0, np.inf), kept=N
     """
     length, height = values["length"], values["height"]
     if numerics.symmetry == "quarter":
-        raise BadInput(
-            key="symmetry",
-            value="quarter",
-            expected="'half', 'full' or 'auto': a quarter is for three dimensions",
-        )
+        expected = "'half', 'full' or 'auto': a quarter is for three dimensions"
+        raise BadInput(key="symmetry", value="quarter", expected=expected)
     if numerics.mesh is not None:
         if numerics.symmetry == "full":
-            raise BadInput(
-                key="symmetry",
-                value="full",
-                expected="'half' or 'auto' with a mesh file: it holds the right half",
-            )
+            expected = "'half' or 'auto' with a mesh file: it holds the right half"
+            raise BadInput(key="symmetry", value="full", expected=expected)
         mesh = read_mesh(numerics.mesh, values["width"], height)
         return Geometry(mesh, height, 2 * length)
     h = numerics.h_mm

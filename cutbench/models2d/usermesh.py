@@ -34,14 +34,11 @@ def _check_extent(mesh: skfem.MeshTri, width: float, height: float, refuse: Refu
     if left < -eps:
         raise refuse(f"x from {left:g} mm", "the right half of the block, x >= 0 mm, cut at x = 0 mm")
     if low < -eps or high > height + eps:
-        raise refuse(
-            f"y from {low:g} mm to {high:g} mm", f"y from 0 mm to the specimen's height, {height:g} mm"
-        )
+        expected = f"y from 0 mm to the specimen's height, {height:g} mm"
+        raise refuse(f"y from {low:g} mm to {high:g} mm", expected)
     if abs(right - width / 2) > eps:
-        raise refuse(
-            f"x up to {right:g} mm",
-            f"x up to half of the specimen's width, {width / 2:g} mm (or width = '{2 * right:g} mm')",
-        )
+        expected = f"x up to half of the specimen's width, {width / 2:g} mm (or width = '{2 * right:g} mm')"
+        raise refuse(f"x up to {right:g} mm", expected)
 
 
 def _check_conforming(mesh: skfem.MeshTri, refuse: Refuse) -> None:
@@ -52,10 +49,8 @@ def _check_conforming(mesh: skfem.MeshTri, refuse: Refuse) -> None:
     if (parts := pieces(mesh.facets, mesh.p.shape[1])) > 1:
         raise refuse(f"{parts} parts", "one connected section (merge coincident points)")
     if hanging := _nodes_on_edges(mesh):
-        raise refuse(
-            f"{hanging} nodes on an edge of another triangle",
-            "a conforming mesh: triangles that meet share whole edges (merge coincident points)",
-        )
+        expected = "a conforming mesh: triangles that meet share whole edges (merge coincident points)"
+        raise refuse(f"{hanging} nodes on an edge of another triangle", expected)
 
 
 def _nodes_on_edges(mesh: skfem.MeshTri) -> int:

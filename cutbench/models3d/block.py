@@ -21,9 +21,8 @@ def geometry(values, numerics) -> Geometry:
     if numerics.mesh is not None:
         mesh, part = read_mesh(numerics.mesh, values, numerics.symmetry)
         if tilted and part != "full":
-            raise BadInput(
-                key="mesh", value=numerics.mesh, expected=f"a full block with a tilted blade, not a {part}"
-            )
+            expected = f"a full block with a tilted blade, not a {part}"
+            raise BadInput(key="mesh", value=numerics.mesh, expected=expected)
         if part == "full":
             _check_pairs(mesh, numerics.mesh)
         held = (("middle", 2),) if part == "quarter" else ()

@@ -37,9 +37,8 @@ def read_mesh(path: str, values: Mapping[str, float], symmetry: str) -> tuple[sk
     mesh = read_simplices(path, 3, refuse)
     part = _part(mesh, values, refuse)
     if symmetry not in ("auto", part):
-        raise BadInput(
-            key="symmetry", value=symmetry, expected=f"'auto' or '{part}' with {path}, which holds that"
-        )
+        expected = f"'auto' or '{part}' with {path}, which holds that"
+        raise BadInput(key="symmetry", value=symmetry, expected=expected)
     wanted = [name for name, (_, parts) in FACES.items() if part in parts]
     faces = named_facets(mesh, wanted, refuse, f" for a {part} block")
     mesh = tetrahedra(mesh.p, mesh.t).with_boundaries(faces)
@@ -81,9 +80,8 @@ def _check_whole(mesh: skfem.MeshTet, part: str, refuse: Refuse) -> None:
     if (flat := volumes <= 1e-12 * box).any():
         raise refuse(f"{flat.sum()} tetrahedra without volume", "tetrahedra with a volume")
     if abs(volumes.sum() - box) > 1e-6 * box:
-        raise refuse(
-            f"tetrahedra of {volumes.sum():g} mm^3", f"tetrahedra that fill {box:g} mm^3 without overlap"
-        )
+        right = f"tetrahedra that fill {box:g} mm^3 without overlap"
+        raise refuse(f"tetrahedra of {volumes.sum():g} mm^3", right)
     parts, expected = pieces(mesh.edges, mesh.p.shape[1]), 2 if part == "full" else 1
     if parts != expected:
         wanted = "two halves that share no nodes on the cut plane" if expected == 2 else "one connected block"
@@ -93,7 +91,5 @@ def _check_whole(mesh: skfem.MeshTet, part: str, refuse: Refuse) -> None:
     outer = 2 * (width * height + height * length + length * width)
     outer += 2 * height * length if part == "full" else 0.0  # both sides of the cut plane
     if abs(area - outer) > 1e-6 * outer:
-        raise refuse(
-            f"outer faces of {area:g} mm^2 instead of {outer:g} mm^2",
-            "a conforming mesh: tetrahedra that meet share whole faces (merge coincident points)",
-        )
+        right = "a conforming mesh: tetrahedra that meet share whole faces (merge coincident points)"
+        raise refuse(f"outer faces of {area:g} mm^2 instead of {outer:g} mm^2", right)

@@ -102,11 +102,8 @@ def parse_condition(text: str, known: Sequence[str], unit: Mapping[str, str]) ->
     """``G >= 10 kPa``, ``drop_rel>0.1``, ``name = gelatin``, ``mechanisms = coulomb``. Raises BadInput."""
     match = re.fullmatch(r"\s*([\w.]+)\s*(>=|<=|!=|==|=|>|<)\s*(.+?)\s*", text)
     if not match:
-        raise BadInput(
-            key="--where",
-            value=text,
-            expected="column, sign and value, such as 'drop_rel > 0.1' or 'G >= 10 kPa'",
-        )
+        expected = "column, sign and value, such as 'drop_rel > 0.1' or 'G >= 10 kPa'"
+        raise BadInput(key="--where", value=text, expected=expected)
     column, sign, raw = match.groups()
     sign = "=" if sign == "==" else sign
     if column not in known and column not in MEASURES:

@@ -51,9 +51,8 @@ class Store:
             with tempfile.TemporaryFile(dir=self.root):
                 pass
         except OSError as error:
-            raise BadInput(
-                key="store", value=str(self.root), expected=f"a folder that can be written ({error.strerror})"
-            ) from error
+            expected = f"a folder that can be written ({error.strerror})"
+            raise BadInput(key="store", value=str(self.root), expected=expected) from error
         self._index = Index(self.root)
         self._sweep_up()
 
