@@ -32,9 +32,10 @@ class Parameter:
     ``unit`` is the unit shown and expected at the edges; ``low``/``high`` bound the value in that
     unit (``None``: unbounded; bounds are inclusive unless ``open_low``/``open_high``). ``off`` is
     the value that removes the mechanism's effect, ``None`` where no value does. ``typical`` is a
-    value in the middle of the field's experience: a start for fits and tests. ``lever`` is what a
-    designer calls it who can change it, for guides. ``sought``: a fit looks for it by itself. ``trial``: a
-    further test that would change it, in words, and by which factor.
+    value in the middle of the field's experience (not given: ``default`` where that has an effect, else 1): a
+    start for fits and tests. ``lever`` is what a designer calls it who can change it, for guides.
+    ``sought``: a fit looks for it by itself. ``trial``: a further test that would change it, in words, and by
+    which factor.
     """
 
     name: str
@@ -45,12 +46,22 @@ class Parameter:
     high: float | None = None
     off: float | None = None
     default: float | None = None
-    typical: float = 1.0
+    typical: float = math.nan
     open_low: bool = False
     open_high: bool = False
     lever: str = ""
     sought: bool = True
     trial: tuple[str, float] | None = None
+
+    def __post_init__(self) -> None:
+        if math.isnan(self.typical):
+            shows = self.default if self.default not in (None, self.off) else 1.0
+            object.__setattr__(self, "typical", shows)
+
+    @classmethod
+    def positive(cls, name: str, unit: str, symbol: str, doc: str, **rest: Any) -> Parameter:
+        """That of a size, above 0."""
+        return cls(name, unit, symbol, doc, low=0.0, open_low=True, **rest)
 
     @classmethod
     def effect(cls, name: str, unit: str, symbol: str, doc: str, low: float = 0.0, **rest: Any) -> Parameter:

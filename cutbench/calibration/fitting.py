@@ -29,7 +29,7 @@ from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
 from cutbench.data.covariance import Block, Covariance
 from cutbench.data.experiment import Experiment
-from cutbench.data.repetition import Averaged
+from cutbench.data.repetition import Averaged, unrepeated
 from cutbench.run.pool.pool import cores
 
 #: A parameter that the fit may choose is left at its start where the data know it worse than this.
@@ -113,8 +113,7 @@ class _Fitting:
                 except KeyboardInterrupt:
                     best.message = INTERRUPTED
         status = INTERRUPTED if best.message == INTERRUPTED else "converged" if best.converged else "stopped"
-        for grid in inverse.grids.values():
-            self.notes += [grid.note] if grid.note else []
+        self.notes += [unrepeated(id) for id, grid in inverse.grids.items() if grid.estimated]
         covariance, estimates = self._estimates(best)
         return Fit(
             self.campaign, inverse.base(best.q), estimates, fixed, covariance, best.chi2, best.r.size,

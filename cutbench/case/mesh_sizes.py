@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from cutbench.case.numerics import Numerics
+
 #: Growth of the element size with the distance from the cut plane.
 GRADING = 0.7
 #: The cut surges this many blade thicknesses down, in each of the paper's materials.
@@ -21,6 +23,17 @@ AT_SURGE = (1 / 4, 1 / 22.4)
 def chosen(part: float, h: float, thickness: float, rule: tuple[float, float]) -> float:
     """``part``, or where it is 0 what ``rule`` says, in units of ``h``; both in mm."""
     return part or min(1.0, max(rule[0], rule[1] * thickness / h))
+
+
+def near_blade(numerics: Numerics, thickness: float) -> dict[str, float]:
+    """Arguments of ``wanted`` for a blade so thick, in mm, by the choices of ``numerics``."""
+    h = numerics.h_mm
+    return {
+        "corner": chosen(numerics.corner, h, thickness, UNDER_TIP) * h,
+        "shallow": chosen(numerics.shallow, h, thickness, AT_SURGE),
+        "surge": SURGE * thickness,
+        "rim": RIM * thickness,
+    }
 
 
 def wanted(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -193,9 +194,7 @@ def preset(name: object, dim: int, modulus: float, thickness: float) -> Numerics
         stepping="paper",
         predictor="line",
         step_mm=0.2,
-        step_min_mm=1e-4,
         damage_step=0.1,
-        augmentations=0,
     )
 
 
@@ -221,7 +220,7 @@ def _read(name: str, key: str, raw: object) -> object:
     wanted = f"{low:g}{unit} <= {key} <= {high:g}{unit}"
     if about["chosen"]:
         wanted = f"0 or {wanted}"
-    value = _number(name, key, raw, wanted)
+    value = _length(name, key, raw) if unit else parse_quantity(raw, "1", key=key)
     if value == 0 and about["chosen"]:
         return 0.0
     if not math.isfinite(value) or not low <= value <= high:
@@ -233,15 +232,8 @@ def _read(name: str, key: str, raw: object) -> object:
     return float(value)
 
 
-def _number(name: str, key: str, raw: object, wanted: str) -> float:
-    if not name.endswith("_mm"):
-        return parse_quantity(raw, "1", key=key)
-    if key == name:  # the unit is in the name, so the number may stand bare
-        if isinstance(raw, (int, float)) and not isinstance(raw, bool):
-            return float(raw)
-        if isinstance(raw, str):
-            try:
-                return float(raw)
-            except ValueError:
-                pass
+def _length(name: str, key: str, raw: object) -> float:
+    if key == name and isinstance(raw, (int, float, str)) and not isinstance(raw, bool):
+        with contextlib.suppress(ValueError):
+            return float(raw)  # the unit is in the name, so the number may stand bare
     return parse_quantity(raw, "mm", key=key)

@@ -24,6 +24,7 @@ from cutbench.case.values import names, resolve
 from cutbench.data import plausible
 from cutbench.data.experiment import SLOTS, Experiment
 from cutbench.data.recorded import placed, read_experiment
+from cutbench.data.repetition import unrepeated
 from cutbench.mechanisms import Volumetric, registry
 
 #: Places in time at which the way of a blade that holds or returns is read off, before it is simplified.
@@ -114,7 +115,7 @@ class Campaign:
     def all_notes(self) -> list[str]:
         """What was assumed or is not known, of the campaign and of each experiment."""
         of_tests = [f"'{e.id}': {note}" for e in self.experiments for note in e.notes]
-        alone = [e.on_grid().note for e in self.experiments if len(e.repetitions) == 1]
+        alone = [unrepeated(e.id) for e in self.experiments if len(e.repetitions) == 1]
         return [*self.notes, *of_tests, *alone]
 
     def parameters(self) -> dict[str, Parameter]:

@@ -8,7 +8,7 @@ or opening (mm) and traction (MPa) for ``sliding`` and ``separation``.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
 from types import MappingProxyType
@@ -72,12 +72,8 @@ class Experiment:
 
     def __post_init__(self) -> None:
         written("id", self.id, "a name, such as 'slow'")
-        for key, value, known in (
-            ("kind", self.kind, KINDS),
-            ("role", self.role, ROLES),
-            ("direction", self.direction, ("opening", "sliding")),
-        ):
-            among(key, value, known)
+        for key, known in (("kind", KINDS), ("role", ROLES), ("direction", ("opening", "sliding"))):
+            among(key, getattr(self, key), known)
         if self.speed is not None and not (np.isfinite(self.speed) and self.speed > 0):
             raise BadInput(key="speed", value=self.speed, expected="a speed above 0, such as '0.02 mm/s'")
         for key in ("specimen", "blade"):
@@ -85,8 +81,9 @@ class Experiment:
         object.__setattr__(self, "repetitions", tuple(self.repetitions))
         if not self.repetitions:
             raise BadInput(key="data", value=f"no reading in '{self.id}'", expected="one repetition or more")
-        for repetition in self.repetitions:
-            self._check(repetition)
+        for r in self.repetitions:
+            for fault in self._faults(r):
+                raise r.wrong(*fault)
         if self.kind == "cut" and self.speed is None and not self.timed:
             expected = "the blade's speed, such as speed = '0.021 mm/s', or a time column"
             raise BadInput(key="speed", value="(missing)", expected=expected)
@@ -159,58 +156,51 @@ class Experiment:
         return float(np.mean(rates))
 
     # -- checks ----------------------------------------------------------------------------------
-    def _check(self, r: Repetition) -> None:
+    def _faults(self, r: Repetition) -> Iterator[tuple[str, str, str, int | None]]:
+        """What is wrong: the key, its value, what would be right, and the reading where it shows."""
         arrays = {self.x_name: r.x, self.y_name: r.y, "time": r.time_s, "pressure": r.pressure_MPa}
         for key, values in arrays.items():
             if values is None:
                 continue
             if values.shape != r.x.shape or values.ndim != 1:
-                expected = f"as many as of {self.x_name}, which has {r.x.size}"
-                raise r.wrong(key, f"{values.size} readings", expected)
-            bad = np.flatnonzero(~np.isfinite(values))
-            if bad.size:
-                raise r.wrong(key, f"{values[bad[0]]}", "a number in every reading", bad[0])
+                yield (
+                    key,
+                    f"{values.size} readings",
+                    f"as many as of {self.x_name}, which has {r.x.size}",
+                    None,
+                )
+            for i in np.flatnonzero(~np.isfinite(values))[:1]:
+                yield key, f"{values[i]}", "a number in every reading", i
         if r.x.size < FEWEST:
-            expected = f"{FEWEST} readings or more"
-            raise r.wrong("readings", f"{r.x.size}", expected, None if r.x.size == 0 else 0)
+            yield "readings", f"{r.x.size}", f"{FEWEST} readings or more", None if r.x.size == 0 else 0
         if r.time_s is not None:
-            back = np.flatnonzero(np.diff(r.time_s) <= 0)
-            if back.size:
-                i = int(back[0]) + 1
-                expected = f"a time after that of the reading before, {r.time_s[i - 1]:.10g} s"
-                raise r.wrong("time", f"{r.time_s[i]:.10g} s", expected, i)
+            for i in np.flatnonzero(np.diff(r.time_s) <= 0)[:1] + 1:
+                before = f"a time after that of the reading before, {r.time_s[i - 1]:.10g} s"
+                yield "time", f"{r.time_s[i]:.10g} s", before, i
         if np.ptp(r.x) <= 0:
-            raise r.wrong(self.x_name, f"{r.x[0]:g} in all readings", "a test in which it changes")
-        if self.kind in HOMOGENEOUS and r.x.min() <= 0:
-            i = int(r.x.argmin())
-            raise r.wrong("stretch", f"{r.x[i]:g}", "stretches above 0 (1 is undeformed)", i)
+            yield self.x_name, f"{r.x[0]:g} in all readings", "a test in which it changes", None
+        i = int(r.x.argmin())
+        if self.kind in HOMOGENEOUS and r.x[i] <= 0:
+            yield "stretch", f"{r.x[i]:g}", "stretches above 0 (1 is undeformed)", i
         if self.kind == "cut" and r.time_s is None and (k := first_return(r.x)) is not None:
-            expected = (
-                f"at least {r.x[:k].max():g} mm, where the blade had been: a test with holds or returns"
-                " needs a time column"
-            )
-            raise r.wrong("displacement", f"{r.x[k]:g} mm", expected, k)
+            reached = f"at least {r.x[:k].max():g} mm, where the blade had been: a test with holds or returns"
+            yield "displacement", f"{r.x[k]:g} mm", f"{reached} needs a time column", k
         if r.pressure_MPa is not None and r.pressure_MPa.min() < 0:
             i = int(r.pressure_MPa.argmin())
-            raise r.wrong("pressure", f"{r.pressure_MPa[i]:g} MPa", "a pressure of 0 or more", i)
-        self._check_sign(r)
-
-    def _check_sign(self, r: Repetition) -> None:
-        """The way out must take work: ∫ y dx from rest to the farthest reading."""
+            yield "pressure", f"{r.pressure_MPa[i]:g} MPa", "a pressure of 0 or more", i
         if not np.any(r.y):
-            raise r.wrong(self.y_name, "0 in all readings", "a test in which something was measured")
+            yield self.y_name, "0 in all readings", "a test in which something was measured", None
+        # The way out must take work: ∫ y dx from rest to the farthest reading.
         far = int(np.argmax(np.abs(r.x - self.rest)))
-        x, y = np.append(self.rest, r.x[: far + 1]), np.append(0.0, r.y[: far + 1])
-        work = float(((y[1:] + y[:-1]) / 2 * np.diff(x)).sum())
+        work = np.trapezoid(np.append(0.0, r.y[: far + 1]), np.append(self.rest, r.x[: far + 1]))
         if work < 0:
             i = int(np.argmin(r.y * np.sign(r.x - self.rest)))
             what = "the force on the blade" if self.kind == "cut" else f"a {self.y_name}"
-            shown = "1" if self.y_unit == "1" else self.y_unit
-            expected = (
+            out = (
                 f"{what} that takes work on the way out, here it gives {-work:.3g}; if the sensor counts the"
                 " other way write factors = { force = -1 }"
             )
-            raise r.wrong(self.y_name, f"{r.y[i]:.6g} {shown}", expected, i)
+            yield self.y_name, f"{r.y[i]:.6g} {self.y_unit}", out, i
 
     def _common_range(self) -> None:
         """Repetitions must share at least half of the shortest way of the longest."""
@@ -249,19 +239,11 @@ class Experiment:
             return np.stack([A @ getattr(r, key)[o] for A, r, o in zip(matrices, reps, orders, strict=True)])
 
         curves, x = brought("y"), brought("x").mean(axis=0)
-        noises = []
-        for A, s, r, o in zip(matrices, along, reps, orders, strict=True):
-            sigma = roughness(s, r.y[o])
-            noises.append((A * sigma**2) @ A.T)
+        sigmas = [roughness(s, r.y[o]) for s, r, o in zip(along, reps, orders, strict=True)]
+        noises = [(A * sigma**2) @ A.T for A, sigma in zip(matrices, sigmas, strict=True)]
         mean, reading = curves.mean(axis=0), np.mean(noises, axis=0)
         several = len(reps) > 1
         scatter = scatter_covariance(grid, curves - mean, reading) if several else np.zeros_like(reading)
-        note = ""
-        if len(reps) == 1:
-            note = (
-                f"'{self.id}' has one repetition: its noise is estimated from the roughness of the curve,"
-                " and its scatter between specimens is not known"
-            )
         return Averaged(
             x=x,
             mean=mean,
@@ -270,8 +252,6 @@ class Experiment:
             curves=curves,
             time_s=brought("time_s").mean(axis=0) if self.timed else None,
             pressure_MPa=None if reps[0].pressure_MPa is None else brought("pressure_MPa").mean(axis=0),
-            estimated=len(reps) == 1,
-            note=note,
         )
 
     def averaging(self, n: int) -> tuple[np.ndarray, list[np.ndarray], list[np.ndarray]]:

@@ -95,8 +95,8 @@ def travel_fits(experiment: Experiment) -> None:
 
 def _cut(experiment: Experiment, r: Repetition, G: float) -> None:
     far = int(np.argmax(r.x)) + 1
-    x, y = np.append(0.0, r.x[:far]), np.append(0.0, r.y[:far])
-    work = float(((y[1:] + y[:-1]) / 2 * np.diff(x)).sum())
+    x = np.append(0.0, r.x[:far])
+    work = float(np.trapezoid(np.append(0.0, r.y[:far]), x))
     if "length" not in experiment.specimen:  # made without a file: nothing to hold it against
         return
     natural = G * experiment.specimen["length"] * x[-1] ** 2 / 2

@@ -58,9 +58,7 @@ class Averaged:
 
     ``x`` (n,) abscissa and ``time_s`` (n,) or None; ``pressure_MPa`` (n,) or None; ``mean`` (n,) of the
     ordinate; ``scatter`` (n,) and ``reading`` (n,): standard deviations between specimens and of one
-    repetition's reading noise on the grid; ``curves`` (R, n) the repetitions. ``estimated`` is true where
-    there was nothing to repeat: the noise is then taken from the roughness of one curve, and nothing is
-    known of the scatter; ``note`` says so in words.
+    repetition's reading noise on the grid; ``curves`` (R, n) the repetitions.
     """
 
     x: np.ndarray
@@ -70,8 +68,12 @@ class Averaged:
     curves: np.ndarray
     time_s: np.ndarray | None = None
     pressure_MPa: np.ndarray | None = None
-    estimated: bool = False
-    note: str = ""
+
+    @property
+    def estimated(self) -> bool:
+        """Whether there was nothing to repeat: the noise is then taken from the roughness of one curve, and
+        nothing is known of the scatter."""
+        return self.repetitions == 1
 
     @property
     def repetitions(self) -> int:
@@ -101,6 +103,14 @@ class Averaged:
         if self.time_s is not None:
             return self.time_s
         return np.append(0.0, np.cumsum(np.abs(np.diff(self.x)) + 1e-9 * np.ptp(self.x)))
+
+
+def unrepeated(id: str) -> str:
+    """What to know of a test in which nothing was repeated."""
+    return (
+        f"'{id}' has one repetition: its noise is estimated from the roughness of the curve, and its scatter"
+        " between specimens is not known"
+    )
 
 
 def averaging(s: np.ndarray, grid: np.ndarray, sharp: np.ndarray | None = None) -> np.ndarray:

@@ -61,10 +61,7 @@ class BladeForm(Form):
         self.symmetric = not self._material and not self.frictions
         self._patch: _Patch | None = None
         if self._material:
-            reference = np.broadcast_to(
-                faces.tangents[:, :, None], (self.dim - 1, self.dim, 1, faces.size.size)
-            )
-            along = np.einsum("dqf,df->qf", cross(list(reference)), faces.normal)
+            along = np.einsum("dqf,df->qf", cross(list(faces.tangents[:, :, None])), faces.normal)
             self._sign = np.sign(along)
 
     def with_numerics(self, numerics: ContactNumerics) -> BladeForm:
@@ -82,18 +79,9 @@ class BladeForm(Form):
     # -- state ----------------------------------------------------------------------------------
     def start(self, p):
         nq, nf = self.faces.w.shape
-        zero = np.zeros((nq, nf))
-        laws = len(self.frictions)
-        return {
-            "multiplier": zero,
-            "pressure": zero,
-            "touched": zero,
-            "slid": zero,
-            "active": zero,
-            "normal_traction": np.zeros((self.dim, nq, nf)),
-            "shear": np.zeros((self.dim, nq, nf)),
-            "shares": np.zeros((laws, nq, nf)),
-        }
+        scalars = dict.fromkeys(("multiplier", "pressure", "touched", "slid", "active"), np.zeros((nq, nf)))
+        vectors = {name: np.zeros((self.dim, nq, nf)) for name in ("normal_traction", "shear")}
+        return {**scalars, **vectors, "shares": np.zeros((len(self.frictions), nq, nf))}
 
     def carried(self, other, state, p):
         shape, new = self.faces.w.shape, {}
@@ -255,14 +243,8 @@ class _Patch:
     @classmethod
     def of(cls, faces: Faces, dofs: np.ndarray, near: np.ndarray) -> _Patch:
         some = faces.some(near)
-        N = some.N[:, :, None]
-        return cls(
-            near,
-            np.ascontiguousarray(dofs[:, near]),
-            some,
-            N * some.N[:, None],
-            [N * dN[:, None] for dN in some.dN],
-        )
+        N, reached = some.N[:, :, None], np.ascontiguousarray(dofs[:, near])
+        return cls(near, reached, some, N * some.N[:, None], [N * dN[:, None] for dN in some.dN])
 
 
 def _sandwich(D: np.ndarray, NM: np.ndarray) -> np.ndarray:

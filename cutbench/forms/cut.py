@@ -5,6 +5,7 @@ On a symmetry plane only one side is meshed: ⟦u⟧ = 2 u_n and half of the wor
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
@@ -75,10 +76,9 @@ class CutForm(Form):
     def jump(self, u: np.ndarray) -> np.ndarray:
         """⟦u⟧ (3, nq·nf) in the local frame: opening, then sliding."""
         values = blend(self._N, gather(u, self.dofs, self.dim))  # (dim, nq, nf)
-        nc = self._frame.shape[0]
         out = np.zeros((3, self.faces.w.size), dtype=values.dtype)
-        for c in range(nc):
-            out[c] = (self._frame[c][:, None] * values).sum(axis=0).ravel()
+        for c, axis in enumerate(self._frame):
+            out[c] = (axis[:, None] * values).sum(axis=0).ravel()
         return out
 
     def points(self, step: Step) -> Points:
@@ -101,6 +101,13 @@ class CutForm(Form):
         T = np.stack([each.traction for each in found]) if found else np.zeros((0, *jump.shape))
         return T, {"damage": state["damage"], **add_states(*(each.new for each in found))}
 
+    def _probed(self, jump, p, state, at) -> Iterator[tuple[np.ndarray, dict]]:
+        """``_answers`` to a complex step of each component of the frame."""
+        for c in range(self._frame.shape[0]):
+            probe = jump.astype(complex)
+            probe[c] += 1j * STEP
+            yield self._answers(probe, p, state, at)
+
     def evaluate(self, u, p, state, step, tangent=True):
         jump, at = self.jump(u), self.points(step)
         T, new = self._answers(jump, p, state, at)
@@ -114,11 +121,8 @@ class CutForm(Form):
         matrix = None
         if tangent:
             D = np.empty((nc, nc, nq, nf))
-            for c in range(nc):
-                probe = jump.astype(complex)
-                probe[c] += 1j * STEP
-                slope = self._answers(probe, p, state, at)[0].sum(axis=0)[:nc].imag / STEP
-                D[:, c] = slope.reshape(nc, nq, nf)
+            for c, (tractions, _) in enumerate(self._probed(jump, p, state, at)):
+                D[:, c] = (tractions.sum(axis=0)[:nc].imag / STEP).reshape(nc, nq, nf)
             nd = self.dofs.shape[0]
             D = (D * w).transpose(2, 0, 1, 3).reshape(nq, nc, nc, nf)
             matrix = np.einsum("qcef,qabf->ceabf", D, self._NN)
@@ -142,13 +146,8 @@ class CutForm(Form):
         w, d = self.faces.w, np.real(self._answers(jump, p, state, at)[1]["damage"])
         g = d**3 * (10 - 15 * d + 6 * d**2) if local else d
         by_damage = 30 * (d * (1 - d)) ** 2 if local else 1.0
-        nc = self._frame.shape[0]
-        slope = np.zeros((nc, *w.shape))
-        for c in range(nc):
-            probe = jump.astype(complex)
-            probe[c] += 1j * STEP
-            by_jump = np.imag(self._answers(probe, p, state, at)[1]["damage"]) / STEP
-            slope[c] = (by_damage * by_jump).reshape(w.shape) * w
+        by_jump = [np.imag(new["damage"]) / STEP for _, new in self._probed(jump, p, state, at)]
+        slope = np.stack([(by_damage * each).reshape(w.shape) * w for each in by_jump])
         along = np.einsum("cdf,cqf->dqf", self._frame, slope)
         return float(w.ravel() @ g), np.einsum("qaf,dqf->daf", self._N, along).reshape(self.dofs.shape)
 

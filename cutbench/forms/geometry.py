@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import skfem
@@ -46,27 +46,15 @@ def paired(plus: Faces, minus: Faces, X: np.ndarray) -> Faces:
     order_minus = key(minus.X.mean(axis=1))
     face = np.empty_like(order_plus)
     face[order_plus] = order_minus
-    N = np.empty_like(plus.N)
-    nodes = np.empty_like(plus.nodes)
-    w = np.empty_like(plus.w)
-    points = np.empty_like(plus.X)
+    N, nodes, w, points = (np.empty_like(a) for a in (plus.N, plus.nodes, plus.w, plus.X))
     for f, g in enumerate(face):
         a = _match(plus.X[:, :, f], minus.X[:, :, g])
         b = _match(X[:, plus.nodes[:, f]], X[:, minus.nodes[:, g]])
         nodes[:, f] = minus.nodes[b, g]
         N[:, :, f] = minus.N[a][:, b, g]
         w[:, f], points[:, :, f] = minus.w[a, g], minus.X[:, a, g]
-    return Faces(
-        minus.name,
-        nodes,
-        N,
-        minus.dN[..., face],
-        w,
-        points,
-        minus.normal[:, face],
-        minus.tangents[..., face],
-        minus.size[face],
-    )
+    rest = {name: getattr(minus, name)[..., face] for name in ("dN", "normal", "tangents", "size")}
+    return replace(minus, nodes=nodes, N=N, w=w, X=points, **rest)
 
 
 def _match(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -28,15 +28,9 @@ def shear(laws, stick, X, near, t_N, n, slip, dn, p, state, step, tangent) -> di
     tangential = slip - n * (n * slip).sum(axis=0)
     s2 = (tangential * tangential).sum(axis=0)
     distance = np.sqrt(np.where(s2.real > 0, s2, 0.0))
-    at = Points(
-        X=X,
-        touched=state["touched"][:, near],
-        slid=state["slid"][:, near],
-        slip_rate=distance / step.dt,
-        speed=p.speed,
-        dt=step.dt,
-    )
-    known = state["pressure"][:, near]
+    known, touched, way = (state[key][:, near] for key in ("pressure", "touched", "slid"))
+    rate = distance / step.dt
+    at = Points(X=X, touched=touched, slid=way, slip_rate=rate, speed=p.speed, dt=step.dt)
     parts = np.stack([law.strength(known, p, state, at) + 0 * t_N for law in laws])
     strength = parts.sum(axis=0)
     slips = m.real > strength.real

@@ -179,9 +179,7 @@ class Space:
         xi, w = get_quadrature(element.refdom, degree)
         pairs = [element.lbasis(xi, i) for i in range(nodes.shape[0])]
         phi = np.stack([value for value, _ in pairs], axis=1)
-        dphi = np.stack([grad for _, grad in pairs], axis=-1).transpose(
-            1, 0, 2
-        )  # (dim, nq, nn) -> (nq, dim, nn)
+        dphi = np.stack([grad for _, grad in pairs], axis=-1).transpose(1, 0, 2)  # to (nq, dim, nn)
         corners = mesh.p[:, mesh.t]  # (dim, dim+1, ne)
         jac = corners[:, 1:] - corners[:, :1]  # dX_J/dξ_M
         by_element = np.moveaxis(jac, 2, 0)
@@ -192,14 +190,9 @@ class Space:
 
     def faces(self, name: str, degree: int) -> Faces:
         """Quadrature on the boundary called ``name`` in the mesh."""
-        facets = self.mesh.boundaries[name]
         # The mesh's own orientation flags, where it has them, are not needed on the boundary.
-        basis = skfem.FacetBasis(
-            self.mesh,
-            KINDS[self.dim, self.order](),
-            facets=np.asarray(facets),
-            quadrature=face_quadrature(self.dim, degree),
-        )
+        facets, rule = np.asarray(self.mesh.boundaries[name]), face_quadrature(self.dim, degree)
+        basis = skfem.FacetBasis(self.mesh, KINDS[self.dim, self.order](), facets=facets, quadrature=rule)
         value = np.stack([np.asarray(b[0]) for b in basis.basis])  # (nn_e, nf, nq)
         grad = np.stack([np.asarray(b[0].grad) for b in basis.basis])  # (nn_e, dim, nf, nq)
         # Of an element's nodes only those on the face have shape functions that do not vanish there.
@@ -210,28 +203,17 @@ class Space:
         nodes = basis.element_dofs[local, column]
         N = value[local, column].transpose(2, 0, 1)  # (nn, nf, nq) -> (nq, nn, nf)
         slope = grad[local, :, column]  # (nn, nf, dim, nq)
-        corners = self.mesh.p[:, self.mesh.facets[:, np.asarray(facets)]]  # (dim, dim, nf)
+        corners = self.mesh.p[:, self.mesh.facets[:, facets]]  # (dim, dim, nf)
         edges = corners[:, 1:] - corners[:, :1]  # (dim, dim-1, nf)
-        t1 = edges[:, 0] / np.linalg.norm(edges[:, 0], axis=0)
-        tangents = [t1]
+        tangents = [edges[:, 0] / np.linalg.norm(edges[:, 0], axis=0)]
         normal = np.ascontiguousarray(np.asarray(basis.normals)[:, :, 0])
         if self.dim == 3:
-            tangents.append(np.cross(normal.T, t1.T).T)
+            tangents.append(np.cross(normal.T, tangents[0].T).T)
         dN = np.stack([np.einsum("afdq,df->qaf", slope, t) for t in tangents])
-        diameter = np.linalg.norm(edges, axis=0).max(axis=0)
-        if self.dim == 3:
-            diameter = np.maximum(diameter, np.linalg.norm(corners[:, 2] - corners[:, 1], axis=0))
-        return Faces(
-            name,
-            np.ascontiguousarray(nodes),
-            np.ascontiguousarray(N),
-            np.ascontiguousarray(dN),
-            np.ascontiguousarray(np.asarray(basis.dx).T),
-            np.ascontiguousarray(np.asarray(basis.global_coordinates()).transpose(0, 2, 1)),
-            normal,
-            np.stack(tangents),
-            diameter,
-        )
+        diameter = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=0).max(axis=0)
+        w, X = np.asarray(basis.dx).T, np.asarray(basis.global_coordinates()).transpose(0, 2, 1)
+        nodes, N, dN, w, X = (np.ascontiguousarray(a) for a in (nodes, N, dN, w, X))
+        return Faces(name, nodes, N, dN, w, X, normal, np.stack(tangents), diameter)
 
     def nodes_on(self, name: str) -> np.ndarray:
         """Node numbers on the boundary called ``name``."""

@@ -32,12 +32,8 @@ class SupportForm(Form):
         self._half = self.dofs.shape[0] // 2
         self._mass = np.einsum("qaf,qbf,qf->abf", faces.N, faces.N, faces.w)
         #: Each traction's unknown (n,) and the displacement (n,) that it holds.
-        self.pairs = np.stack(
-            [
-                first + np.arange(nodes.size)[:, None] * len(axes) + np.arange(len(axes)),
-                nodes[:, None] * self.dim + np.array(axes),
-            ]
-        ).reshape(2, -1)
+        tractions = first + np.arange(nodes.size * len(axes))
+        self.pairs = np.stack([tractions, (nodes[:, None] * self.dim + np.array(axes)).ravel()])
 
     def _matrix(self, c) -> np.ndarray:
         nn = self._mass.shape[0]

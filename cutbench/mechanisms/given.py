@@ -5,42 +5,22 @@ from __future__ import annotations
 from cutbench.base.units import Parameter
 
 SPECIMEN = (
-    Parameter(
+    Parameter.positive(
         "width",
         "mm",
         "W",
         "specimen across the blade",
-        low=0,
-        open_low=True,
         default=30.0,
-        typical=30.0,
         trial=("with a specimen half as wide", 0.5),
     ),
-    Parameter(
-        "length", "mm", "L", "specimen along the blade", low=0, open_low=True, default=30.0, typical=30.0
-    ),
-    Parameter("height", "mm", "H", "specimen height", low=0, open_low=True, default=21.0, typical=21.0),
+    Parameter.positive("length", "mm", "L", "specimen along the blade", default=30.0),
+    Parameter.positive("height", "mm", "H", "specimen height", default=21.0),
 )
 PROTOCOL = (
-    Parameter(
-        "speed",
-        "mm/s",
-        "v",
-        "blade speed",
-        low=0,
-        open_low=True,
-        default=0.021,
-        typical=0.021,
-        lever="speed",
-        trial=("ten times as fast", 10.0),
+    Parameter.positive(
+        "speed", "mm/s", "v", "blade speed", default=0.021, lever="speed", trial=("ten times as fast", 10.0)
     ),
-    Parameter(
-        "depth",
-        "mm",
-        "u",
-        "blade travel (default: to 4 thicknesses above the base)",
-        low=0,
-        open_low=True,
-        typical=21.0,
+    Parameter.positive(
+        "depth", "mm", "u", "blade travel (default: to 4 thicknesses above the base)", typical=21.0
     ),
 )

@@ -6,7 +6,7 @@ import numpy as np
 import skfem
 
 from cutbench.base.errors import BadInput
-from cutbench.case.mesh_sizes import AT_SURGE, RIM, SURGE, UNDER_TIP, chosen
+from cutbench.case.mesh_sizes import near_blade
 from cutbench.forms.geometry import Geometry
 from cutbench.models2d.section import REACH, half_block
 from cutbench.models2d.usermesh import read_mesh
@@ -27,20 +27,9 @@ def geometry(values, numerics, fine: tuple[float, float] = (0.0, np.inf), kept=N
             raise BadInput(key="symmetry", value="full", expected=expected)
         mesh = read_mesh(numerics.mesh, values["width"], height)
         return Geometry(mesh, height, 2 * length)
-    h = numerics.h_mm
-    mesh = half_block(
-        values["width"],
-        height,
-        h,
-        corner=chosen(numerics.corner, h, values["thickness"], UNDER_TIP) * h,
-        slender=numerics.slender,
-        reach=REACH * values["thickness"] / 2,
-        shallow=chosen(numerics.shallow, h, values["thickness"], AT_SURGE),
-        surge=SURGE * values["thickness"],
-        rim=RIM * values["thickness"],
-        fine=fine,
-        kept=kept,
-    )
+    reach = REACH * values["thickness"] / 2
+    sizes = {"slender": numerics.slender, **near_blade(numerics, values["thickness"])}
+    mesh = half_block(values["width"], height, numerics.h_mm, reach=reach, fine=fine, kept=kept, **sizes)
     if numerics.symmetry == "full":
         return Geometry(mirrored(mesh), height, length, split=True)
     return Geometry(mesh, height, 2 * length)

@@ -6,9 +6,9 @@ import numpy as np
 import skfem
 
 from cutbench.base.errors import BadInput
-from cutbench.case.mesh_sizes import AT_SURGE, RIM, SURGE, UNDER_TIP, chosen
+from cutbench.case.mesh_sizes import near_blade
 from cutbench.forms.geometry import Geometry
-from cutbench.models3d.mesh import length_along, mirrored, quarter
+from cutbench.models3d.mesh import length_along, mirrored, outside, quarter
 from cutbench.models3d.usermesh import read_mesh
 
 #: Mirror images that each part of the block stands for.
@@ -30,18 +30,9 @@ def geometry(values, numerics) -> Geometry:
     smallest = "full" if tilted else "quarter"
     part = smallest if numerics.symmetry == "auto" else numerics.symmetry
     h = numerics.h_mm
-    mesh = quarter(
-        values["width"],
-        values["height"],
-        values["length"],
-        h,
-        h_z=length_along(values["length"], h, numerics.along),
-        corner=chosen(numerics.corner, h, values["thickness"], UNDER_TIP) * h,
-        slender=numerics.slender,
-        shallow=chosen(numerics.shallow, h, values["thickness"], AT_SURGE),
-        surge=SURGE * values["thickness"],
-        rim=RIM * values["thickness"],
-    )
+    h_z = length_along(values["length"], h, numerics.along)
+    sizes = {"slender": numerics.slender, **near_blade(numerics, values["thickness"])}
+    mesh = quarter(values["width"], values["height"], values["length"], h, h_z=h_z, **sizes)
     return block(mesh, part)
 
 
@@ -81,15 +72,9 @@ def block(mesh: skfem.MeshTet, part: str = "quarter") -> Geometry:
 
 def named(mesh: skfem.MeshTet) -> skfem.MeshTet:
     """Name the faces of a block by their position; both sides of a split are told apart by their elements."""
-    outer = mesh.boundary_facets()
-    x, y, z = mesh.p[:, mesh.facets[:, outer]]
     half, height, end = mesh.p.max(axis=1)
-    eps = 1e-9 * height
+    outer, (x, y, z), at = outside(mesh, 1e-9 * height)
     inside = mesh.p[0, mesh.t[:, mesh.f2t[0, outer]]].mean(axis=0)
-
-    def at(coordinate, value):
-        return np.all(np.abs(coordinate - value) < eps, axis=0)
-
     cut = at(x, 0.0)
     faces = {
         "cut": cut & (inside > 0),

@@ -103,6 +103,17 @@ def mirrored(mesh: skfem.MeshTet, axis: int, *, joined: bool) -> skfem.MeshTet:
     return tetrahedra(np.hstack([p, (sign * p)[:, ~shared]]), np.hstack([mesh.t, image[mesh.t]]))
 
 
+def outside(mesh: skfem.MeshTet, eps: float):
+    """The outer faces (nf,), their corners (3, 3, nf), and a function that tells where a coordinate of all
+    corners of a face has a value, within ``eps``."""
+    outer = mesh.boundary_facets()
+
+    def at(coordinate: np.ndarray, value: float) -> np.ndarray:
+        return np.all(np.abs(coordinate - value) < eps, axis=0)
+
+    return outer, mesh.p[:, mesh.facets[:, outer]], at
+
+
 @contextmanager
 def _quiet() -> Iterator[None]:
     """Refinement inside scikit-fem warns about the memory layout of its own arrays; nobody can act on it."""

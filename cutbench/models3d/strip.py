@@ -10,7 +10,7 @@ import numpy as np
 import skfem
 
 from cutbench.forms.geometry import Geometry
-from cutbench.models3d.mesh import tetrahedra
+from cutbench.models3d.mesh import outside, tetrahedra
 
 #: Growth of the element size with the distance from the notch's tip.
 GROWTH = 0.3
@@ -35,13 +35,7 @@ def strip(width: float, between: float, thickness: float, notch: float, h: float
     z = np.linspace(0, thickness / 2, max(LAYERS, int(np.ceil(thickness / 2 / (4 * h)))) + 1)
     box = skfem.MeshTet.init_tensor(x, y, z)
     mesh = tetrahedra(box.p, box.t)
-    outer = mesh.boundary_facets()
-    X, Y, Z = mesh.p[:, mesh.facets[:, outer]]
-    eps = 1e-9 * between
-
-    def at(coordinate, value):
-        return np.all(np.abs(coordinate - value) < eps, axis=0)
-
+    outer, (X, Y, Z), at = outside(mesh, eps := 1e-9 * between)
     plane, left = at(X, 0.0), np.all(tip + eps > Y, axis=0)
     faces = {
         "cut": plane & left,

@@ -38,6 +38,8 @@ TRANSITION = 4.0
 BLUR = 0.5
 #: Forces below this part of the largest one are no base for a relative drop, nor a peak.
 _FLOOR = 0.05
+#: Fall of the force after a peak, relative; and the last part of the travel, which counts as steady.
+PROMINENCE, TAIL = 0.05, 0.4
 
 
 def measures(
@@ -45,15 +47,13 @@ def measures(
     *,
     window_mm: float,
     onset_length_mm: float = 0.1,
-    prominence: float = 0.05,
-    tail: float = 0.4,
     height_mm: float = math.inf,
 ) -> dict[str, float]:
     """The measures of ``MEASURES`` for a curve with ``displacement_mm``, ``force_N``, ``cut_length_mm``.
 
     ``window_mm`` is the travel over which drop and surge are taken (the blade's thickness);
     the cut has begun when it is longer by ``onset_length_mm`` than at the start; a peak counts when
-    the force falls by ``prominence`` of it before it rises above it; ``tail`` is the last part of
+    the force falls by ``PROMINENCE`` of it before it rises above it; ``TAIL`` is the last part of
     the travel that counts as steady, which ends ``CLAMP`` windows above the base of a specimen
     ``height_mm`` high. What a curve does not have (a peak, an onset) is nan; without
     an onset there is no transition, so ``drop_rel`` is nan too.
@@ -67,10 +67,10 @@ def measures(
     if d.size < 2 or d[-1] <= d[0]:
         return dict.fromkeys(MEASURES, math.nan)
     onset = _first_crossing(d, c - c[0], onset_length_mm)
-    peak_mm, peak_N = _first_peak(d, F, prominence)
+    peak_mm, peak_N = _first_peak(d, F)
     end = min(d[-1], height_mm - CLAMP * window_mm)
     end = end if end > d[0] else d[-1]
-    steady, slope = _steady(d, F, end - tail * (end - d[0]), end)
+    steady, slope = _steady(d, F, end - TAIL * (end - d[0]), end)
     return {
         "drop_rel": (
             _drop(d, F, window_mm, onset - window_mm, onset + TRANSITION * window_mm)
@@ -129,14 +129,14 @@ def _first_crossing(x: np.ndarray, y: np.ndarray, level: float) -> float:
     return float(x[i - 1] + (level - y[i - 1]) / (y[i] - y[i - 1]) * (x[i] - x[i - 1]))
 
 
-def _first_peak(d: np.ndarray, F: np.ndarray, prominence: float) -> tuple[float, float]:
-    """Place and height of the first maximum from which the force falls by ``prominence`` of it."""
+def _first_peak(d: np.ndarray, F: np.ndarray) -> tuple[float, float]:
+    """Place and height of the first maximum from which the force falls by ``PROMINENCE`` of it."""
     floor = _FLOOR * F.max()
     best = 0
     for i in range(F.size):
         if F[i] > F[best]:
             best = i
-        elif F[best] > max(floor, 0.0) and F[i] < (1 - prominence) * F[best]:
+        elif F[best] > max(floor, 0.0) and F[i] < (1 - PROMINENCE) * F[best]:
             return float(d[best]), float(F[best])
     return math.nan, math.nan
 

@@ -18,22 +18,16 @@ class AdhesionSpeed(Blade):
     role = "adhesion_speed"
     parameters = (
         Parameter.effect(
-            "tau_v",
-            "kPa",
-            "τ_v",
-            "shear strength gained for each e-fold of the sliding speed",
-            high=1e3,
-            typical=0.3,
+            "tau_v", "kPa", "τ_v", "shear strength gained per e-fold of sliding speed", high=1e3, typical=0.3
         ),
         Parameter(
             "adhesion_reference",
             "mm/s",
             "v_a",
-            "sliding speed above which it grows",
+            "speed above which it grows",
             low=1e-6,
             high=1e3,
             default=0.01,
-            typical=0.01,
         ),
     )
     reads = ("G", "speed")

@@ -29,26 +29,13 @@ class Contact(Tool):
         ),
     )  # fmt: skip
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter(
-            "thickness",
-            "mm",
-            "2a",
-            "blade thickness",
-            low=0,
-            open_low=True,
-            default=0.7,
-            typical=0.7,
-            sought=False,
-        ),
-        Parameter(
+        Parameter.positive("thickness", "mm", "2a", "blade thickness", default=0.7, sought=False),
+        Parameter.positive(
             "tip",
             "mm",
             "b",
             "length of the elliptic tip",
-            low=0,
-            open_low=True,
             default=1.05,
-            typical=1.05,
             lever="tip",
             sought=False,
             trial=("with a tip twice as long", 2.0),
@@ -61,7 +48,6 @@ class Contact(Tool):
             low=-30,
             high=30,
             default=0.0,
-            typical=0.0,
         ),
         Parameter(
             "overhang",
@@ -69,7 +55,6 @@ class Contact(Tool):
             "l_o",
             "length of the blade beyond each end of the specimen, negative where it is shorter",
             default=0.0,
-            typical=0.0,
         ),
     )
 

@@ -16,12 +16,7 @@ class CoulombSaturating(Coulomb):
     parameters = (
         *Coulomb.parameters,
         Parameter.effect(
-            "inv_p_s",
-            "1/kPa",
-            "1/p_s",
-            "one over the pressure at which friction saturates",
-            high=100.0,
-            typical=0.05,
+            "inv_p_s", "1/kPa", "1/p_s", "one over the pressure of saturation", high=100.0, typical=0.05
         ),
     )
     reads = ("G",)

@@ -16,12 +16,7 @@ class Compressible(QuadraticVolumetric):
     parameters = (
         *QuadraticVolumetric.parameters,
         Parameter.effect(
-            "compressibility",
-            "1",
-            "c",
-            "compliance to volume change beside that of ν, in units of 1/G",
-            high=10.0,
-            typical=0.1,
+            "compressibility", "1", "c", "volume compliance beside that of ν, times G", high=10.0, typical=0.1
         ),
     )
 

@@ -17,14 +17,7 @@ def branch_parameters(number: str, time: float, ratio: float) -> tuple[Parameter
             f"g_{number}", "1", f"g{sub}", "modulus of the Maxwell branch over G", high=50.0, typical=ratio
         ),
         Parameter(
-            f"tau_{number}",
-            "s",
-            f"τ{sub}",
-            "relaxation time of the branch",
-            low=1e-4,
-            high=1e6,
-            default=time,
-            typical=time,
+            f"tau_{number}", "s", f"τ{sub}", "relaxation time of the branch", low=1e-4, high=1e6, default=time
         ),
     )
 

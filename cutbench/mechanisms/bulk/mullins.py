@@ -40,7 +40,6 @@ class Mullins(Bulk):
             low=1e-3,
             high=1e3,
             default=0.1,
-            typical=0.1,
         ),
     )
 

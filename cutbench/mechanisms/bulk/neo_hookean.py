@@ -11,9 +11,7 @@ class NeoHookean(Isochoric):
     title = "neo-Hooke"
     role = "isochoric"
     standard = published = True
-    parameters = (
-        Parameter("G", "kPa", "G", "shear modulus", low=0, open_low=True, typical=25.0, lever="stiffness"),
-    )
+    parameters = (Parameter.positive("G", "kPa", "G", "shear modulus", typical=25.0, lever="stiffness"),)
 
     def dW_dI1(self, I1, p, at):
         return p.G / 2 + 0 * I1

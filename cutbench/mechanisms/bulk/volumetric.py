@@ -24,7 +24,6 @@ class QuadraticVolumetric(Volumetric):
             high=0.5,
             open_high=True,
             default=0.49,
-            typical=0.49,
             sought=False,
         ),
     )

@@ -21,22 +21,10 @@ class RateToughness(Cut):
     follows = ("cohesive",)
     parameters = (
         Parameter.effect(
-            "rate_toughening",
-            "1",
-            "k",
-            "relative growth of G_c for each e-fold of the opening rate",
-            high=20.0,
-            typical=0.3,
+            "rate_toughening", "1", "k", "relative growth of G_c per e-fold of rate", high=20.0, typical=0.3
         ),
         Parameter(
-            "rate_reference",
-            "mm/s",
-            "v_c",
-            "opening rate above which it grows",
-            low=1e-6,
-            high=1e3,
-            default=0.01,
-            typical=0.01,
+            "rate_reference", "mm/s", "v_c", "rate above which it grows", low=1e-6, high=1e3, default=0.01
         ),
     )
     reads = ("beta", "speed")

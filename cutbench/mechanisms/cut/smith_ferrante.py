@@ -33,20 +33,9 @@ class SmithFerrante(Cut):
     role = "cohesive"
     rank = -10  # before the laws that scale its traction, or fade with its damage
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter(
-            "G_c", "J/m^2", "G_c", "work of separation", low=0, open_low=True, typical=10.0, lever="toughness"
-        ),
-        Parameter("delta_c", "mm", "δ_c", "opening at peak traction", low=0, open_low=True, typical=0.07),
-        Parameter(
-            "beta",
-            "1",
-            "β",
-            "weight of sliding against opening",
-            low=0,
-            default=1.0,
-            typical=1.0,
-            sought=False,
-        ),
+        Parameter.positive("G_c", "J/m^2", "G_c", "work of separation", typical=10.0, lever="toughness"),
+        Parameter.positive("delta_c", "mm", "δ_c", "opening at peak traction", typical=0.07),
+        Parameter("beta", "1", "β", "weight of sliding against opening", low=0, default=1.0, sought=False),
     )
     reads = ("G", "thickness")
     standard = published = True

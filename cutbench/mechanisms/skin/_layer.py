@@ -7,14 +7,7 @@ import numpy as np
 from cutbench.base.units import Parameter
 
 THICKNESS = Parameter(
-    "skin_thickness",
-    "mm",
-    "ℓ_s",
-    "depth over which the surface layer fades",
-    low=0.01,
-    high=20.0,
-    default=0.5,
-    typical=0.5,
+    "skin_thickness", "mm", "ℓ_s", "depth over which it fades", low=0.01, high=20.0, default=0.5
 )
 
 

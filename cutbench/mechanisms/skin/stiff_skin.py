@@ -16,12 +16,7 @@ class StiffSkin(Skin):
     title = "stiff surface layer"
     parameters = (
         Parameter.effect(
-            "skin_stiffness",
-            "1",
-            "s",
-            "what the surface's modulus has over that of the block, relative",
-            high=100.0,
-            typical=2.0,
+            "skin_stiffness", "1", "s", "surface modulus over the block's, less 1", high=100.0, typical=2.0
         ),
         THICKNESS,
     )

@@ -12,12 +12,7 @@ class ToughSkin(Skin):
     title = "tough surface layer"
     parameters = (
         Parameter.effect(
-            "skin_toughness",
-            "1",
-            "s_c",
-            "what the surface's G_c has over that of the block, relative",
-            high=100.0,
-            typical=1.0,
+            "skin_toughness", "1", "s_c", "surface G_c over the block's, less 1", high=100.0, typical=1.0
         ),
         THICKNESS,
     )

@@ -18,9 +18,7 @@ class UnevenToughness(Skin):
         Parameter.effect(
             "unevenness", "1", "A", "amplitude of the toughness over its mean", high=0.95, typical=0.4
         ),
-        Parameter(
-            "wavelength", "mm", "Λ", "period along the cut", low=0.1, high=100.0, default=2.0, typical=2.0
-        ),
+        Parameter("wavelength", "mm", "Λ", "period along the cut", low=0.1, high=100.0, default=2.0),
         Parameter(
             "phase", "1", "φ", "phase at the top face, radians", low=-7.0, high=7.0, default=0.0, typical=0.5
         ),

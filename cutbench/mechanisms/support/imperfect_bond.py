@@ -15,12 +15,7 @@ class ImperfectBond(Support):
     role = "bond"
     parameters = (
         Parameter.effect(
-            "bond_compliance",
-            "mm/kPa",
-            "c_b",
-            "tangential displacement of the base per shear traction",
-            high=1e4,
-            typical=0.3,
+            "bond_compliance", "mm/kPa", "c_b", "slip of the base per shear traction", high=1e4, typical=0.3
         ),
     )
     reads = ("G", "height")
