@@ -15,7 +15,7 @@ class BadInput(CutbenchError):
     exit_code = 2
 
     def __init__(
-        self, *, key: str, value: object, expected: str, file: str | None = None, line: int | None = None
+        self, key: str, value: object, expected: str, *, file: str | None = None, line: int | None = None
     ):
         self.file, self.key, self.value, self.expected, self.line = file, key, value, expected, line
         super().__init__(self.message())

@@ -39,9 +39,7 @@ def check_writable(out_dir: str | Path) -> Path:
             pass
     except OSError as error:
         reason = error.strerror or str(error)
-        raise BadInput(
-            key="--out", value=str(out_dir), expected=f"a folder that can be written to ({reason})"
-        ) from error
+        raise BadInput("--out", str(out_dir), f"a folder that can be written to ({reason})") from error
     return out
 
 

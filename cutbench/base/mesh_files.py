@@ -32,7 +32,7 @@ def refusal(path: str) -> Refuse:
     """Makes the error for a file: what was found there and what would be right."""
 
     def refuse(value: str, expected: str) -> BadInput:
-        return BadInput(file=str(path), key="mesh", value=value, expected=expected)
+        return BadInput("mesh", value, expected, file=str(path))
 
     return refuse
 

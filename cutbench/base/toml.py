@@ -19,20 +19,14 @@ def read_toml(path: str | Path) -> tuple[dict, str]:
     try:
         text = path.read_bytes().decode("utf-8")
     except FileNotFoundError as error:
-        raise BadInput(key="file", value=name, expected="a TOML file that exists") from error
+        raise BadInput("file", name, "a TOML file that exists") from error
     except UnicodeDecodeError as error:
         line = path.read_bytes()[: error.start].count(b"\n") + 1
         raise BadInput(
-            file=name,
-            line=line,
-            key="text",
-            value="bytes that are not UTF-8",
-            expected="TOML, saved as UTF-8",
+            "text", "bytes that are not UTF-8", "TOML, saved as UTF-8", file=name, line=line
         ) from error
     except OSError as error:
-        raise BadInput(
-            key="file", value=name, expected=f"a TOML file that can be read ({error.strerror})"
-        ) from error
+        raise BadInput("file", name, f"a TOML file that can be read ({error.strerror})") from error
     try:
         return tomllib.loads(text), text
     except tomllib.TOMLDecodeError as error:
@@ -42,11 +36,7 @@ def read_toml(path: str | Path) -> tuple[dict, str]:
         shown = lines[min(line, len(lines)) - 1].strip()
         reason = re.sub(r"\s*\(at [^)]*\)", "", str(error)).rstrip(".")
         raise BadInput(
-            file=name,
-            line=line,
-            key="TOML",
-            value=shown,
-            expected=f"readable TOML, such as 'G = \"7.5 kPa\"' ({reason})",
+            "TOML", shown, f"readable TOML, such as 'G = \"7.5 kPa\"' ({reason})", file=name, line=line
         ) from error
 
 
@@ -86,15 +76,13 @@ def among(key: str, name: object, known: Iterable[object], *, value: object = No
     """Raise BadInput unless ``name`` is one of the ``known``; ``value`` is shown where that is another."""
     names = list(known)
     if name not in names:
-        raise BadInput(
-            key=key, value=name if value is None else value, expected=one_of(str(name), map(str, names))
-        )
+        raise BadInput(key, name if value is None else value, one_of(str(name), map(str, names)))
 
 
 def written(key: str, raw: object, expected: str, *, value: object = None) -> str:
     """``raw`` if it is a text with something in it. Raises BadInput."""
     if not isinstance(raw, str) or not raw.strip():
-        raise BadInput(key=key, value=raw if value is None else value, expected=expected)
+        raise BadInput(key, raw if value is None else value, expected)
     return raw
 
 
@@ -116,9 +104,9 @@ def located(
         if error.file is not None:
             raise
         raise BadInput(
+            error.key,
+            error.value,
+            error.expected,
             file=str(file),
             line=find(error.key) if find else line_of(text, error.key, section),
-            key=error.key,
-            value=error.value,
-            expected=error.expected,
         ) from error

@@ -100,7 +100,7 @@ class Parameter:
             bad |= value > self.high or (self.open_high and value == self.high)
         if bad:
             shown = f"{value:g}" if self.unit == "1" else f"{value:g} {self.unit}"
-            raise BadInput(file=file, key=key or self.name, value=shown, expected=self.range_text())
+            raise BadInput(key or self.name, shown, self.range_text(), file=file)
         return value
 
     def parse(self, raw: object, *, file: str | None = None, key: str | None = None) -> float:
@@ -138,17 +138,15 @@ def parse_quantity(raw: object, unit: str, *, file: str | None = None, key: str 
     """
     wanted = "a number without unit" if unit == "1" else f"a value with a unit, such as '1 {unit}'"
     if isinstance(raw, bool) or raw is None or isinstance(raw, (list, dict, tuple)):
-        raise BadInput(file=file, key=key, value=raw, expected=wanted)
+        raise BadInput(key, raw, wanted, file=file)
     if isinstance(raw, (int, float)):
         if unit == "1":
             return float(raw)
-        raise BadInput(
-            file=file, key=key, value=raw, expected=f"a unit beside the number, such as '{raw:g} {unit}'"
-        )
+        raise BadInput(key, raw, f"a unit beside the number, such as '{raw:g} {unit}'", file=file)
     try:
         return _value(str(raw), unit)
     except _Unreadable as error:
-        raise BadInput(file=file, key=key, value=raw, expected=error.expected or wanted) from error
+        raise BadInput(key, raw, error.expected or wanted, file=file) from error
 
 
 class _Unreadable(ValueError):

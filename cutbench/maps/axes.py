@@ -94,11 +94,9 @@ def read_axes(
     entries = table.get("axis", [])
     with located(path, text):
         if not isinstance(entries, list) or not all(isinstance(e, dict) for e in entries):
-            raise BadInput(key="axis", value=str(entries), expected="sections written [[axis]], one an axis")
+            raise BadInput("axis", str(entries), "sections written [[axis]], one an axis")
         if not entries:
-            raise BadInput(
-                key="axis", value="(missing)", expected="at least one [[axis]] with name and values"
-            )
+            raise BadInput("axis", "(missing)", "at least one [[axis]] with name and values")
     axes: list[Axis] = []
     for n, entry in enumerate(entries):
         try:
@@ -107,7 +105,7 @@ def read_axes(
             axis = _axis(entry, model, mode, TOLERANCE.get(seek, TOLERANCE[3]))
             for other in axes:
                 if other.name == axis.name:
-                    raise BadInput(key="name", value=axis.name, expected="each axis once")
+                    raise BadInput("name", axis.name, "each axis once")
                 if other.sets == axis.sets:
                     raise BadInput(
                         key="name", value=axis.name,
@@ -115,15 +113,11 @@ def read_axes(
                     )  # fmt: skip
             for key in changes:
                 if parameter_of(key) == axis.sets:
-                    raise BadInput(
-                        key="name",
-                        value=axis.name,
-                        expected=f"{key} to be set once: by this axis or in its section",
-                    )
+                    raise BadInput("name", axis.name, f"{key} to be set once: by this axis or in its section")
             axes.append(axis)
             size = math.prod(len(a.values) for a in axes)
             if mode == GRID and size > MAX_POINTS:
-                raise BadInput(key="points", value=size, expected=f"at most {MAX_POINTS} points in all")
+                raise BadInput("points", size, f"at most {MAX_POINTS} points in all")
             if mode == BOUNDARY and size > MAX_POINTS:
                 raise BadInput(
                     key="tolerance" if axis.continuous else "values", value=entry.get("tolerance", size),
@@ -155,27 +149,26 @@ def _axis(entry: dict, model: Model, mode: str, tolerance: float) -> Axis:
     among("name", name, names)
     scale = entry.get("scale", "linear")
     if scale not in ("linear", "log"):
-        raise BadInput(key="scale", value=scale, expected="'linear' or 'log'")
+        raise BadInput("scale", scale, "'linear' or 'log'")
     quantity = there[name].quantity if name in there else parameters[name]
     continuous = mode in (SAMPLE, BOUNDARY) and "values" not in entry
     if "tolerance" in entry and not (mode == BOUNDARY and continuous):
         raise BadInput(
-            key="tolerance", value=entry["tolerance"],
-            expected="it only where mode = 'boundary', on an axis with from and to",
-        )  # fmt: skip
+            "tolerance", entry["tolerance"], "it only where mode = 'boundary', on an axis with from and to"
+        )
     if "values" in entry:
         values = _listed(entry, quantity)
     elif continuous:
         if "points" in entry:
             instead = "the tolerance says how fine" if mode == BOUNDARY else "[sample] says how many"
-            raise BadInput(key="points", value=entry["points"], expected=f"only from and to: {instead}")
+            raise BadInput("points", entry["points"], f"only from and to: {instead}")
         tolerance = _tolerance(entry.get("tolerance", tolerance))
         points = 2 * math.ceil(1 / tolerance - 1e-9) + 1 if mode == BOUNDARY else 2
         values = _spaced(entry | {"points": points}, quantity, scale)
     else:
         values = _spaced(entry, quantity, scale)
     if scale == "log" and values[0] <= 0:
-        raise BadInput(key="scale", value=scale, expected="'linear', since a value is 0 or below")
+        raise BadInput("scale", scale, "'linear', since a value is 0 or below")
     symbol, long_name = quantity.symbol, quantity.doc
     if name in there:
         symbol, long_name = there[name].symbol, there[name].title or name
@@ -190,10 +183,10 @@ def _switch(entry: dict, model: Model) -> Axis:
     among("mechanism", name, registry())
     for key in entry:
         if key not in ("mechanism", "values"):
-            raise BadInput(key=key, value=entry[key], expected="only values beside a mechanism")
+            raise BadInput(key, entry[key], "only values beside a mechanism")
     raw = entry.get("values", [False, True])
     if not isinstance(raw, list) or raw not in ([False, True], [True, False], [False], [True]):
-        raise BadInput(key="values", value=str(raw), expected="[false, true]: without and with the mechanism")
+        raise BadInput("values", str(raw), "[false, true]: without and with the mechanism")
     values = tuple(sorted(float(v) for v in raw))
     title = registry()[name].title
     return Axis(f"with_{name}", "1", title, f"{title} in the model", values, "linear", name, mechanism=name)
@@ -205,45 +198,39 @@ def _tolerance(raw: object) -> float:
     if isinstance(raw, str) and (parts := re.fullmatch(r"\s*1\s*/\s*(\d+)\s*", raw)) and int(parts[1]):
         text = 1 / int(parts[1])
     if isinstance(text, bool) or not isinstance(text, (int, float)) or not 0 < text <= 0.25:
-        raise BadInput(
-            key="tolerance", value=raw, expected="a part of the axis, above 0 and up to '1/4', such as '1/32'"
-        )
+        raise BadInput("tolerance", raw, "a part of the axis, above 0 and up to '1/4', such as '1/32'")
     return float(text)
 
 
 def _listed(entry: dict, quantity: Parameter) -> tuple[float, ...]:
     for key in ("from", "to", "points"):
         if key in entry:
-            raise BadInput(key=key, value=entry[key], expected="either values, or from, to and points")
+            raise BadInput(key, entry[key], "either values, or from, to and points")
     raw = entry["values"]
     if not isinstance(raw, list) or not raw:
-        raise BadInput(
-            key="values", value=str(raw), expected="a list with at least one value, such as [1, 3, 10]"
-        )
+        raise BadInput("values", str(raw), "a list with at least one value, such as [1, 3, 10]")
     values = tuple(_read(item, quantity, "values") for item in raw)
     if any(b <= a for a, b in pairwise(values)):
-        raise BadInput(key="values", value=str(raw), expected="ascending values, each once")
+        raise BadInput("values", str(raw), "ascending values, each once")
     return values
 
 
 def _spaced(entry: dict, quantity: Parameter, scale: str) -> tuple[float, ...]:
     for key in ("from", "to", "points"):
         if key not in entry:
-            raise BadInput(key=key, value="(missing)", expected="from, to and points, or values")
+            raise BadInput(key, "(missing)", "from, to and points, or values")
     low, high = (_read(entry[key], quantity, key) for key in ("from", "to"))
     if low >= high:
-        raise BadInput(key="from", value=entry["from"], expected=f"less than to = {entry['to']}")
+        raise BadInput("from", entry["from"], f"less than to = {entry['to']}")
     if scale == "log" and low <= 0:
-        raise BadInput(key="from", value=entry["from"], expected="more than 0 on a log scale")
+        raise BadInput("from", entry["from"], "more than 0 on a log scale")
     points = entry["points"]
     if isinstance(points, bool) or not isinstance(points, int) or not 2 <= points <= MAX_POINTS:
-        raise BadInput(
-            key="points", value=points, expected="a whole number, 2 or more (or values = [...] for one)"
-        )
+        raise BadInput("points", points, "a whole number, 2 or more (or values = [...] for one)")
     spaced = np.geomspace(low, high, points) if scale == "log" else np.linspace(low, high, points)
     values = tuple(short(v) for v in spaced)
     if len(set(values)) < points:
-        raise BadInput(key="points", value=points, expected="values that differ in their first six digits")
+        raise BadInput("points", points, "values that differ in their first six digits")
     return values
 
 
@@ -256,7 +243,7 @@ def refuse_unknown(part: Mapping[str, object], known: tuple[str, ...]) -> None:
     for key, value in part.items():
         if key not in known:
             shown = value if isinstance(value, (str, int, float)) else type(value).__name__
-            raise BadInput(key=key, value=shown, expected=one_of(key, known))
+            raise BadInput(key, shown, one_of(key, known))
 
 
 def value_on(axis: Axis, case: Case) -> float | None:

@@ -48,7 +48,7 @@ def read_confirmed(path: Path, data: xr.Dataset) -> list[dict]:
         return []
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         wanted = "a record that 'cutbench confirm' has written"
-        raise BadInput(file=str(path), key="points", value=str(error), expected=wanted) from error
+        raise BadInput("points", str(error), wanted, file=str(path)) from error
     return [point for point in points if set(point["at"]) == set(axes_of(data))]
 
 

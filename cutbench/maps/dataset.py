@@ -178,9 +178,9 @@ def load_map(path: str | os.PathLike[str]) -> xr.Dataset:
         with xr.open_dataset(path, engine="h5netcdf") as file:
             data = file.load()
     except (OSError, ValueError) as error:
-        raise BadInput(key="map", value=str(path), expected=f"a map.nc of a sweep ({error})") from error
+        raise BadInput("map", str(path), f"a map.nc of a sweep ({error})") from error
     if "label" not in data or "plot_x" not in data.attrs:
-        raise BadInput(key="map", value=str(path), expected="a map.nc of a sweep, with labels and axes")
+        raise BadInput("map", str(path), "a map.nc of a sweep, with labels and axes")
     # Maps of before there were modes are grids.
     data.attrs.setdefault("mode", "grid")
     data.attrs.setdefault("axes", json.dumps([str(dim) for dim in data["label"].dims]))

@@ -119,9 +119,7 @@ class Reader:
         for name, state in (switched or {}).items():
             keep &= at[name] == state
         if keep.sum() < 4:
-            raise BadInput(
-                key="map", value=data.attrs["title"], expected="at least 4 runs that reached their depth"
-            )
+            raise BadInput("map", data.attrs["title"], "at least 4 runs that reached their depth")
         self._of = {axis.name: _coordinate(axis) for axis in self.free}
         x = np.stack([self._of[axis.name](at[axis.name][keep]) for axis in self.free], axis=1)
         y = values[keep]
@@ -160,15 +158,13 @@ def guide(data: xr.Dataset, material: str) -> Guide:
     axes = [axis_of(data, name) for name in axes_of(data)]
     at, missing = values_on(axes, case)
     if missing:
-        raise BadInput(
-            key="--material", value=material, expected=f"a material that has a value of {', '.join(missing)}"
-        )
+        raise BadInput("--material", material, f"a material that has a value of {', '.join(missing)}")
     reader = Reader(data, {a.name: at[a.name] for a in axes if a.mechanism})
     if not reader.inside(at):
         ranges = ", ".join(
             f"{a.name} {a.values[0]:.3g} to {a.values[-1]:.3g} (it has {at[a.name]:.3g})" for a in reader.free
         )
-        raise BadInput(key="--material", value=material, expected=f"a material within the map: {ranges}")
+        raise BadInput("--material", material, f"a material within the map: {ranges}")
     (mean,), (spread,) = reader.margin([at])
     changes, still = [], {}
     for lever, parameter in levers().items():
@@ -266,7 +262,7 @@ def check(
     from cutbench.run.pool.worker import computed
 
     if not found.changes:
-        raise BadInput(key="--check", value=found.material, expected="a material that a change moves across")
+        raise BadInput("--check", found.material, "a material that a change moves across")
     cases = [case_on(data, at) for at in (found.at, found.changes[0].at)]
     store, rows = Store(runs), []
     for case in cases:

@@ -72,14 +72,14 @@ def read_search(part: dict, axes: tuple[Axis, ...]) -> Search:
 def read_sample(part: dict) -> tuple[int, int]:
     refuse_unknown(part, ("points", "seed"))
     if "points" not in part:
-        raise BadInput(key="sample", value="(no points)", expected="[sample] with points = 100 or so")
+        raise BadInput("sample", "(no points)", "[sample] with points = 100 or so")
     return _whole(part, "points", 0, 1, 100_000), _whole(part, "seed", 1, 0, 2**32)
 
 
 def _whole(part: dict, key: str, default: int, low: int, high: int) -> int:
     value = part.get(key, default)
     if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-        raise BadInput(key=key, value=value, expected=f"a whole number, {low} to {high}")
+        raise BadInput(key, value, f"a whole number, {low} to {high}")
     return value
 
 
@@ -89,9 +89,7 @@ def read_regime(part: dict) -> Regime:
     surge = _between(part, "surge", None, 0, math.inf) if "surge" in part else None
     length = parse_quantity(part.get("onset_length", "0.1 mm"), "mm", key="onset_length")
     if not 0 < length < math.inf:
-        raise BadInput(
-            key="onset_length", value=part["onset_length"], expected="a length above 0, such as '0.1 mm'"
-        )
+        raise BadInput("onset_length", part["onset_length"], "a length above 0, such as '0.1 mm'")
     return Regime(drop, surge, length)
 
 
@@ -99,7 +97,7 @@ def _between(part: dict, key: str, default: float | None, low: float, high: floa
     value = parse_quantity(part.get(key, default), "1", key=key)
     if not low < value < high:
         wanted = f"{low:g} < {key} < {high:g}" if math.isfinite(high) else f"{low:g} < {key}"
-        raise BadInput(key=key, value=part.get(key), expected=f"a number, {wanted}")
+        raise BadInput(key, part.get(key), f"a number, {wanted}")
     return value
 
 
@@ -112,7 +110,7 @@ def read_plot(part: dict, axes: tuple[Axis, ...]) -> Plot:
             name = part[key]
             among(key, name, names)
             if name in chosen.values():
-                raise BadInput(key=key, value=name, expected="an axis that the picture does not show already")
+                raise BadInput(key, name, "an axis that the picture does not show already")
             chosen[key] = name
     free = [name for name in names if name not in chosen.values()]
     for key in ("x", "y", "panel"):
@@ -120,9 +118,7 @@ def read_plot(part: dict, axes: tuple[Axis, ...]) -> Plot:
             chosen[key] = free.pop(0) if free else ""
     mark = part.get("mark", [])
     if not isinstance(mark, list) or not all(isinstance(m, str) for m in mark):
-        raise BadInput(
-            key="mark", value=str(mark), expected=f"a list of materials, such as {materials.names()}"
-        )
+        raise BadInput("mark", str(mark), f"a list of materials, such as {materials.names()}")
     for name in mark:
         among("mark", name, materials.names())
     return Plot(**chosen, mark=tuple(mark))
@@ -131,5 +127,5 @@ def read_plot(part: dict, axes: tuple[Axis, ...]) -> Plot:
 def read_section(table: dict, name: str) -> dict:
     part = table.get(name, {})
     if not isinstance(part, dict):
-        raise BadInput(key=name, value=str(part), expected=f"a section, written [{name}]")
+        raise BadInput(name, str(part), f"a section, written [{name}]")
     return part

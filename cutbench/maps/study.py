@@ -165,7 +165,7 @@ def load_study(path: str | Path) -> Study:
         among("mode", mode, MODES)
         for section, owner in (("sample", SAMPLE), ("boundary", BOUNDARY)):
             if section in table and mode != owner:
-                raise BadInput(key=section, value=f"[{section}]", expected=f"it only where mode = '{owner}'")
+                raise BadInput(section, f"[{section}]", f"it only where mode = '{owner}'")
         start = _base(table, path)
     switches = switched(table)
     whole = start.model.with_(*switches) if switches else start.model
@@ -228,7 +228,7 @@ def _read(path: Path) -> tuple[dict, str]:
                 while not lines[n].split("#")[0].strip():
                     n += 1
                 raise BadInput(
-                    file=error.file, line=n + 1, key="TOML", value=lines[n].strip(), expected=error.expected
+                    "TOML", lines[n].strip(), error.expected, file=error.file, line=n + 1
                 ) from error
             break
         raise
@@ -246,21 +246,17 @@ def _middle(at: Mapping[str, float | None]) -> list[float]:
 
 def _base(table: dict, path: Path) -> Case:
     if "base" not in table:
-        raise BadInput(
-            key="base",
-            value="(missing)",
-            expected=f"a material ({', '.join(materials.names())}) or a case file",
-        )
+        raise BadInput("base", "(missing)", f"a material ({', '.join(materials.names())}) or a case file")
     source = table["base"]
     if not isinstance(source, str):
-        raise BadInput(key="base", value=source, expected="a material's name or a case file")
+        raise BadInput("base", source, "a material's name or a case file")
     near = path.parent / source
     try:
         case = load_case(near if near.is_file() else source)
     except BadInput as error:
         if error.file is not None:  # in the case file itself
             raise
-        raise BadInput(key="base", value=source, expected=error.expected) from error
+        raise BadInput("base", source, error.expected) from error
     return case.set(mechanisms=table["mechanisms"]) if "mechanisms" in table else case
 
 
@@ -273,12 +269,10 @@ def _changes(table: dict, path: Path, text: str, model: Model) -> dict[str, obje
             part = read_section(table, section)
             for key, raw in part.items():
                 if key in known and section_of(key) != section:
-                    raise BadInput(
-                        key=key, value=raw, expected=f"it in [{section_of(key)}], not in [{section}]"
-                    )
+                    raise BadInput(key, raw, f"it in [{section_of(key)}], not in [{section}]")
                 if key in ("name", "with", "with_", "without", "mechanisms"):
-                    raise BadInput(key=key, value=raw, expected=f"a quantity in [{section}]")
+                    raise BadInput(key, raw, f"a quantity in [{section}]")
                 if key in changes:
-                    raise BadInput(key=key, value=raw, expected="each quantity once")
+                    raise BadInput(key, raw, "each quantity once")
             changes |= part
     return changes

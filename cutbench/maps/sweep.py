@@ -119,9 +119,7 @@ def run_study(
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise BadInput(
-            key="out", value=str(out), expected=f"a folder that can be written ({error.strerror})"
-        ) from error
+        raise BadInput("out", str(out), f"a folder that can be written ({error.strerror})") from error
     sweep = _Sweep(study, out, Store(store or out / "runs"), run, on_progress, retry_failed)
     sweep.pace = (first_picture_s, picture_every_s)
     return sweep.go(TaskPool(workers, scheduler), scheduler in (None, "local"))

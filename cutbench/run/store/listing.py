@@ -102,12 +102,11 @@ def parse_condition(text: str, known: Sequence[str], unit: Mapping[str, str]) ->
     """``G >= 10 kPa``, ``drop_rel>0.1``, ``name = gelatin``, ``mechanisms = coulomb``. Raises BadInput."""
     match = re.fullmatch(r"\s*([\w.]+)\s*(>=|<=|!=|==|=|>|<)\s*(.+?)\s*", text)
     if not match:
-        expected = "column, sign and value, such as 'drop_rel > 0.1' or 'G >= 10 kPa'"
-        raise BadInput(key="--where", value=text, expected=expected)
+        raise BadInput("--where", text, "column, sign and value, such as 'drop_rel > 0.1' or 'G >= 10 kPa'")
     column, sign, raw = match.groups()
     sign = "=" if sign == "==" else sign
     if column not in known and column not in MEASURES:
-        raise BadInput(key="--where", value=column, expected=one_of(column, known))
+        raise BadInput("--where", column, one_of(column, known))
     if column in _GENERAL and column not in ("reached_mm", "seconds", "dim"):
         return Condition(column, sign, raw)
     if column in unit:
@@ -129,7 +128,7 @@ def table_of(
     chosen = list(columns) if columns else known
     for name in [*chosen, *([sort] if sort else [])]:
         if name not in known and name not in MEASURES and name not in DEFAULT:
-            raise BadInput(key="--columns", value=name, expected=one_of(name, known))
+            raise BadInput("--columns", name, one_of(name, known))
     kept = [row for row in rows if all(condition.holds(row) for condition in conditions)]
     if sort:
         kept.sort(key=lambda row: (_missing(row.get(sort)), str(type(row.get(sort))), row.get(sort) or 0))
