@@ -15,7 +15,7 @@ from cutbench.base.errors import BadInput
 from cutbench.maps.agreement import agreement
 from cutbench.maps.boundary import Seeker, distances, margin, softened
 from cutbench.maps.dataset import build_map, load_map, row_of
-from cutbench.maps.emulator import Emulator, Kernel, _cost
+from cutbench.maps.emulator import Emulator, Kernel, cost
 from cutbench.maps.study import load_study
 from cutbench.maps.sweep import run_study
 
@@ -203,11 +203,11 @@ def test_the_likelihood_has_the_gradient_it_says():
     y = np.tanh(3 * (x[:, 0] - x[:, 1] ** 2))
     gaps = [(x[:, k][:, None] - x[:, k]) ** 2 for k in range(2)]
     at = np.log([0.8, 0.4, 0.7, 1e-3])
-    slope = _cost(at, gaps, y)[1]
+    slope = cost(at, gaps, y)[1]
     for k in range(4):
         step = np.zeros(4)
         step[k] = 1e-5
-        difference = (_cost(at + step, gaps, y)[0] - _cost(at - step, gaps, y)[0]) / 2e-5
+        difference = (cost(at + step, gaps, y)[0] - cost(at - step, gaps, y)[0]) / 2e-5
         assert slope[k] == pytest.approx(difference, rel=1e-5)
 
 

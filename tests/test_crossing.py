@@ -6,7 +6,7 @@ from coarse_runs import BRIEF
 
 from cutbench.case.case import load_case
 from cutbench.run.build import build
-from cutbench.run.crossing import _crosses, crosses
+from cutbench.run.crossing import crosses, crosses_itself
 from cutbench.run.runner import CROSSED, run_case
 
 
@@ -23,7 +23,7 @@ from cutbench.run.runner import CROSSED, run_case
 @pytest.mark.parametrize("turn", [0.0, 1.0, 2.5])
 def test_lines_that_cross_themselves(points, meant, turn):
     c, s = np.cos(turn), np.sin(turn)
-    assert _crosses(np.array([[c, -s], [s, c]]) @ np.array(points, float).T) is meant
+    assert crosses_itself(np.array([[c, -s], [s, c]]) @ np.array(points, float).T) is meant
 
 
 @pytest.mark.parametrize("symmetry", ["half", "full"])

@@ -111,7 +111,7 @@ def test_quadratic_law_gives_the_perturbed_lagrangian():
     form = MixedVolumetric(QUADRATIC, space, 4, 2.0)
     kappa = QUADRATIC.kappa(p)
     J = np.linalg.det(np.moveaxis(form.deformation(u), 2, 0))
-    phi = form._phi
+    phi = form.phi
     w = form.volume.w
     expected = phi.T @ (((J - 1 - form.pressure(u) / kappa).reshape(w.shape)) * w)
     np.testing.assert_allclose(form.evaluate(u, p, {}, step_from(u), False).vector[-3:], expected, atol=1e-14)

@@ -36,20 +36,20 @@ def test_haste_is_the_cut_over_the_travel():
     march = build(BRIEF).march
     past, none = march.past, np.zeros(march.problem.ndof)
     cut = next(form for form in march.problem.forms if form.name == "cohesion")
-    assert march._cut_speed_factor() == 1
+    assert march.cut_speed_factor() == 1
     for travel, length in ((0.0, 0.0), (1.0, 0.1), (1.4, 0.9), (1.5, 1.5), (2.0, 2.1)):
         damage = np.full(cut.faces.w.size, length * past.fall / BRIEF.p.height)
         past.add(travel * 1.6 * past.fall, none, damage)
     # From 1.1 elements, at 1.4 + 0.1/3, to 2.1 at 2.
     assert past.speed() == pytest.approx(1 / (1.6 * (0.6 - 0.1 / 3)))
-    assert march._cut_speed_factor() == pytest.approx(past.speed())
+    assert march.cut_speed_factor() == pytest.approx(past.speed())
     past.add(2.01 * 1.6 * past.fall, none, 9 * damage)
-    assert march._cut_speed_factor() == march.rules.cut_speed_factor == 3
+    assert march.cut_speed_factor() == march.rules.cut_speed_factor == 3
 
 
 def test_the_papers_steps_and_blocks_do_without():
     for changes in ({"stepping": "paper"}, {"predictor": "line"}):
-        assert build(BRIEF.set(**changes)).march._cut_speed_factor() == 1
+        assert build(BRIEF.set(**changes)).march.cut_speed_factor() == 1
 
 
 def test_a_refused_step_says_why():

@@ -76,7 +76,7 @@ def test_a_long_step_is_foreseen_from_further_up():
     # Where the blade has rested, what it came to counts; and the way back is another one.
     past.add(5.0, 7 * field, 5 * damage)
     assert past.travel == [2.0, 3.0, 4.0, 5.0]
-    np.testing.assert_array_equal(past._at(5.0), 7 * field)
+    np.testing.assert_array_equal(past.at(5.0), 7 * field)
     past.add(4.5, field, 5 * damage)
     assert past.travel == [4.5]
 

@@ -132,7 +132,7 @@ def test_a_state_that_moves_with_the_front_is_foreseen(at_rest):
     """A field that goes down in a step goes on, exactly where elements hold it; a straight line does not."""
     built, states = at_rest
     window_, space, a = built.march.window, built.space, 0.05
-    part, damage = window_._around(states), states["cohesion"]["damage"]
+    part, damage = window_.around(states), states["cohesion"]["damage"]
 
     def field(fall):
         x, y = space.X[0], space.X[1] + fall - 18
@@ -140,7 +140,7 @@ def test_a_state_that_moves_with_the_front_is_foreseen(at_rest):
 
     before, last, then = field(0), field(a), field(2 * a)
     straight = 2 * last - before
-    found = window_._moved(straight, last, damage, part, a)
+    found = window_.moved(straight, last, damage, part, a)
     moving = np.isin(np.arange(then.size), part.problem.free)
     inner = moving & np.repeat(space.X[1] < built.geometry.height - 2 * a, 2)
     np.testing.assert_allclose(found[inner], then[inner], atol=1e-6)
@@ -154,11 +154,11 @@ def test_nodes_beside_the_blade_keep_their_distance(at_rest):
     problem, space, form = built.problem, built.space, built.form("blade")
     march = built.march
     rng = np.random.default_rng(2)
-    part = march.window._around(states)
+    part = march.window.around(states)
     touching = states | {"blade": states["blade"] | {"active": np.ones_like(states["blade"]["active"])}}
     last = np.zeros(problem.ndof)
     # The blade stands 3 mm deep in material that lies along it to a micrometre.
-    centre = march._centre(3.0)
+    centre = march.centre(3.0)
     step = Step(1.0, last, centre - [0, 0.05, 0], centre)
     before = Step(1.0, last, centre, centre)
     for _ in range(30):
@@ -167,7 +167,7 @@ def test_nodes_beside_the_blade_keep_their_distance(at_rest):
         for i in range(2):
             last[nodes[pressed] * 2 + i] -= ((gap - 0.001) * normal[i])[pressed]
     guess = last + 1e-3 * rng.normal(size=last.size)
-    found = march.window._beside(guess, last, touching, step, part)
+    found = march.window.beside(guess, last, touching, step, part)
     was, now, loose = (
         form.gap_of_nodes(space.X, u, touching["blade"], problem.p, at)[0]
         for u, at in ((last, before), (found, step), (guess, step))

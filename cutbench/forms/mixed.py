@@ -46,18 +46,18 @@ class MixedVolumetric(BulkForm):
 
     def _press(self, phi: np.ndarray, dofs: np.ndarray) -> None:
         """Shape functions (nq, nv) and numbers (nv, ne) of the pressures."""
-        self._phi, self.pressure_dofs = phi, dofs
+        self.phi, self.pressure_dofs = phi, dofs
         self.dofs = np.concatenate([self.dofs, dofs])
 
     def part(self, columns):
         some = copy(self)
         BulkForm.__init__(some, self.laws, self.volume.some(columns), self._height, self.skins)
-        some._press(self._phi, self.pressure_dofs[:, columns])
+        some._press(self.phi, self.pressure_dofs[:, columns])
         return some
 
     def pressure(self, u: np.ndarray) -> np.ndarray:
         """p̂ (nq·ne,) in MPa at the quadrature points."""
-        return (self._phi @ u[self.pressure_dofs]).ravel()
+        return (self.phi @ u[self.pressure_dofs]).ravel()
 
     def stress(self, u: np.ndarray, p=None, state=None) -> np.ndarray:
         """The pressure's part of the first Piola stress, p̂ cof F (3, 3, nq·ne), MPa."""
@@ -72,17 +72,17 @@ class MixedVolumetric(BulkForm):
         nq, ne = self.volume.w.shape
         w = self.volume.w
         gap = (det(F) - volume).reshape(nq, ne)
-        vector = np.concatenate([self._vector(pressure * C, w), self._phi.T @ (gap * w)])
+        vector = np.concatenate([self._vector(pressure * C, w), self.phi.T @ (gap * w)])
         matrix = None
         if tangent:
             nu, nd = self._vector_size, self.dofs.shape[0]
             matrix = np.empty((nd, nd, ne))
             matrix[:nu, :nu] = self._matrix(pressure * _cofactor_slope(F, self.dim), w)
-            for v in range(self._phi.shape[1]):
-                column = self._vector(np.repeat(self._phi[:, v], ne) * C, w)
+            for v in range(self.phi.shape[1]):
+                column = self._vector(np.repeat(self.phi[:, v], ne) * C, w)
                 matrix[:nu, nu + v] = matrix[nu + v, :nu] = column
             compliance = w / (factor * slope).reshape(nq, ne)  # dJ̄/dp̂ = 1/U''
-            matrix[nu:, nu:] = -np.einsum("qv,qe,qx->vxe", self._phi, compliance, self._phi)
+            matrix[nu:, nu:] = -np.einsum("qv,qe,qx->vxe", self.phi, compliance, self.phi)
         return Local(vector, matrix, state)
 
     def energies(self, u, p, state) -> dict[str, float]:

@@ -87,13 +87,13 @@ def likeliest(x: np.ndarray, y: np.ndarray) -> Kernel:
     gaps = [(x[:, k][:, None] - x[:, k]) ** 2 for k in range(d)]
     bounds = [tuple(np.log(_AMPLITUDE)), *[tuple(np.log(_LENGTH))] * d, tuple(np.log(_SCATTER))]
     starts = [np.log([1.0, *[length] * d, 1e-4]) for length in (0.3, 1.0)]
-    found = [minimize(_cost, start, (gaps, y), jac=True, method="L-BFGS-B", bounds=bounds,
+    found = [minimize(cost, start, (gaps, y), jac=True, method="L-BFGS-B", bounds=bounds,
                       options={"maxiter": 40}) for start in starts]  # fmt: skip
     amplitude, *lengths, scatter = np.exp(min(found, key=lambda best: best.fun).x)
     return Kernel(float(amplitude), tuple(map(float, lengths)), float(scatter))
 
 
-def _cost(theta: np.ndarray, gaps: list[np.ndarray], y: np.ndarray) -> tuple[float, np.ndarray]:
+def cost(theta: np.ndarray, gaps: list[np.ndarray], y: np.ndarray) -> tuple[float, np.ndarray]:
     """Minus the log likelihood (constant left out), with a broad prior on the lengths, and its gradient."""
     amplitude, *lengths, scatter = np.exp(theta)
     square = sum(g / length**2 for g, length in zip(gaps, lengths, strict=True))

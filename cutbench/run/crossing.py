@@ -27,14 +27,14 @@ def crosses(built: Built, u: np.ndarray) -> bool:
     # From the top's far end to the corner, and down the cut.
     top, cut = top[np.argsort(-space.X[0, top])], cut[np.argsort(-space.X[1, cut])]
     line = np.concatenate([top[top != cut[0]], cut])
-    return _crosses((space.X + u[: space.X.size].reshape(-1, 2).T)[:, line])
+    return crosses_itself((space.X + u[: space.X.size].reshape(-1, 2).T)[:, line])
 
 
 def _nodes(faces: Faces, name: str) -> np.ndarray:
     return np.unique(faces.nodes[:, faces.parts[name]])
 
 
-def _crosses(x: np.ndarray) -> bool:
+def crosses_itself(x: np.ndarray) -> bool:
     """Whether two segments of a line through the points x (2, n) meet that are not neighbours."""
     a, b = x[:, :-1], x[:, 1:]
 

@@ -166,7 +166,7 @@ class March:
         """Way per time, mm/s."""
         return self.motion.speed
 
-    def _centre(self, travel: float) -> np.ndarray:
+    def centre(self, travel: float) -> np.ndarray:
         return self.centre0 - np.array([0.0, travel, 0.0])
 
     def __iter__(self) -> Iterator[Accepted]:
@@ -198,7 +198,7 @@ class March:
             pseudo_time_mm, u, states, size = now.pseudo_time_mm, now.u, now.states, pace.advance
             travel, ahead = motion.travel(pseudo_time_mm), motion.travel(pseudo_time_mm + size)
             step = Step(
-                control.duration(pace) / self.speed, u, self._centre(ahead), self._centre(travel),
+                control.duration(pace) / self.speed, u, self.centre(ahead), self.centre(travel),
                 pace.damping_factor,
             )  # fmt: skip
             begun = problem.touched(states)
@@ -236,7 +236,7 @@ class March:
                 u_before = None if now.u_before is None else now.u_before + found.u - u
                 size_before = now.size_before
             taken, effort = pace, found.effort
-            pace = control.after(pace, max(effort), growth * self._cut_speed_factor(), defect, allowed)
+            pace = control.after(pace, max(effort), growth * self.cut_speed_factor(), defect, allowed)
             pseudo_time_mm += size
             if motion.turns(pseudo_time_mm):
                 u_before, pace = None, replace(pace, size=min(pace.size, rules.first))
@@ -252,7 +252,7 @@ class March:
             )  # fmt: skip
             refused = []
 
-    def _cut_speed_factor(self) -> float:
+    def cut_speed_factor(self) -> float:
         """How many times faster than the blade the cut grows, within the rules."""
         if self.past is None or self.rules.paper:
             return 1.0

@@ -70,7 +70,7 @@ class History:
             down = self._translation()
             if down is None:
                 return
-            du = self._at(then + size) - self._at(then)
+            du = self.at(then + size) - self.at(then)
             for _ in range(n):
                 du = down @ du
             yield u + du
@@ -82,7 +82,7 @@ class History:
         then = np.interp(self._length[-1] - self.fall, self._length, self.travel)
         return self.fall / max(self.travel[-1] - then, 1e-9)
 
-    def _at(self, travel: float) -> np.ndarray:
+    def at(self, travel: float) -> np.ndarray:
         i = min(max(int(np.searchsorted(self.travel, travel)), 1), len(self.travel) - 1)
         a, b = self.travel[i - 1], self.travel[i]
         return self._u[i - 1] + (self._u[i] - self._u[i - 1]) * ((travel - a) / (b - a))

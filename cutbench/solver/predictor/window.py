@@ -67,10 +67,10 @@ class Window:
         Where Newton's method stops short of that, the state nearest to it will do, if it is near. Raises
         NoConvergence where none is at the front.
         """
-        part = self._around(states)
+        part = self.around(states)
         of_part = part.picked(states)
         if self._flat and self._place:
-            u = self._beside(u, last, states, step, part)
+            u = self.beside(u, last, states, step, part)
         begin = self._begun(u, last, np.real(states["cohesion"]["damage"]), part, of_part, step, settings)
         # What has been moved is wrong by little, but by much in the element at the front: without
         # regularisation the first directions invert elements.
@@ -106,7 +106,7 @@ class Window:
             return nearest
 
     # -- at the front -----------------------------------------------------------------------------
-    def _around(self, states: dict) -> SubProblem:
+    def around(self, states: dict) -> SubProblem:
         """The part around the front. Of the state alone: a run may resume."""
         depth = front_depth(self._height, self._top, states)
         place = int(depth / (self._tuning.follows * self._reach))
@@ -126,7 +126,7 @@ class Window:
             return u
         floor = settings.smallest_ratio * min(1.0, part.problem.bulk.smallest_volume_ratio(last))
         best, begin = _relative_residual(part.problem, u, states, step, floor), u
-        moved = (self._moved(u, last, damage, part, caution * advance) for caution in self._tuning.caution)
+        moved = (self.moved(u, last, damage, part, caution * advance) for caution in self._tuning.caution)
         for guesses in (self._repeated(u, last, part, step), moved):
             for guess in guesses:
                 relative_residual = _relative_residual(part.problem, guess, states, step, floor)
@@ -147,7 +147,7 @@ class Window:
             guess[free] = repeated[free]
             yield guess
 
-    def _beside(self, u, last, states: dict, step, part: SubProblem) -> np.ndarray:
+    def beside(self, u, last, states: dict, step, part: SubProblem) -> np.ndarray:
         """``u`` with nodes that touch the blade as far from it as they were in ``last``, but for the part.
 
         A straight line lets them leave the flanks, or press into them, by micrometres: contacts then change
@@ -179,7 +179,7 @@ class Window:
         opened = weights @ (np.exp(-np.maximum(before, 0) / scale) - np.exp(-np.maximum(now, 0) / scale))
         return float(opened) / self._cut.width
 
-    def _moved(self, u, last, damage, part: SubProblem, advance: float) -> np.ndarray:
+    def moved(self, u, last, damage, part: SubProblem, advance: float) -> np.ndarray:
         """``u``, which goes on from ``last`` on a straight line, but with the front ``advance`` mm lower.
 
         What surrounds the front moves with it, by about an element in a step; a straight line opens a point
