@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -76,11 +77,10 @@ class Campaign:
         object.__setattr__(self, "experiments", tuple(self.experiments))
         if not self.experiments:
             raise BadInput(key="experiment", value="(missing)", expected="one experiment or more")
-        seen: set[str] = set()
+        for id, count in Counter(e.id for e in self.experiments).items():
+            if count > 1:
+                raise BadInput(key="id", value=id, expected="each id once")
         for e in self.experiments:
-            if e.id in seen:
-                raise BadInput(key="id", value=e.id, expected="each id once")
-            seen.add(e.id)
             _check(e, self.base)
         if not self.train:
             raise BadInput(key="role", value="test in all", expected="one experiment or more of role 'train'")
@@ -119,11 +119,16 @@ class Campaign:
         return [*self.notes, *of_tests, *alone]
 
     def parameters(self) -> dict[str, Parameter]:
-        """All parameters of the baseline and the candidates, by name."""
-        found = dict(self.model.parameters())
-        for name in self.candidates:
-            found = {q.name: q for q in registry()[name].parameters} | found
-        return found
+        """Those of the baseline and the candidates, by name."""
+        return _known(self.model, self.candidates)
+
+
+def _known(baseline: Model, candidates: Iterable[str]) -> dict[str, Parameter]:
+    """All parameters of the baseline and the candidates, by name."""
+    found = dict(baseline.parameters())
+    for name in candidates:
+        found = {q.name: q for q in registry()[name].parameters} | found
+    return found
 
 
 def cut_case(experiment: Experiment, base: Case) -> Case:
@@ -316,9 +321,7 @@ def _candidates(table: Mapping, baseline: Model, kinds: list[str]) -> tuple[str,
 
 def _plan(part: Mapping, baseline: Model, candidates: tuple[str, ...]) -> FitPlan:
     """The section [fit]: free, fixed, own (lists of parameters), bounds (low, high with units)."""
-    known = dict(baseline.parameters())
-    for name in candidates:
-        known = {q.name: q for q in registry()[name].parameters} | known
+    known = _known(baseline, candidates)
     lists: dict[str, tuple[str, ...]] = {}
     for key, raw in part.items():
         among(key, key, ("free", "fixed", "own", "bounds"), value=str(raw)[:60])

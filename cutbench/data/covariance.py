@@ -148,14 +148,12 @@ class Factors:
     @classmethod
     def of(cls, grids: Sequence[Averaged]) -> Factors:
         """Pooled over tests: the factor of a repetition is that of its least-squares line on the mean."""
-        total, dof = 0.0, 0
+        total, dof = 0.0, sum(grid.dof for grid in grids)
         for grid in grids:
-            if grid.dof > 0:
-                a = grid.factors
-                # What the reading noise does to a factor is no scatter.
-                noise = (grid.reading**2 * grid.mean**2).sum() / (grid.mean**2).sum() ** 2
-                total += max(((a - a.mean()) ** 2).sum() - grid.dof * noise, 0.0)
-                dof += grid.dof
+            a = grid.factors
+            # What the reading noise does to a factor is no scatter.
+            noise = (grid.reading**2 * grid.mean**2).sum() / (grid.mean**2).sum() ** 2
+            total += max(((a - a.mean()) ** 2).sum() - grid.dof * noise, 0.0)
         return cls(total / dof, dof) if dof else cls()
 
     @property

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 
@@ -65,17 +66,19 @@ class Comparison:
         for i, name in enumerate(("u_x", "u_y")):
             off = (self.measured.u - self.computed.u)[i][self.both]
             error = self.relative_error[i][self.both]
-            found[f"mean_{name}_mm"] = float(self.scale[i])
-            found[f"rms_{name}_mm"] = float(np.sqrt(np.mean(off**2)))
+            found[f"mean_{name}_mm"], found[f"rms_{name}_mm"] = float(self.scale[i]), _rms(off)
             found[f"mean_error_{name}"] = float(error.mean())
-            found[f"median_error_{name}"] = float(np.median(error))
-            found[f"p95_error_{name}"] = float(np.percentile(error, 95))
-            found[f"max_error_{name}"] = float(error.max())
+            for word, percent in (("median", 50), ("p95", 95), ("max", 100)):
+                found[f"{word}_error_{name}"] = float(np.percentile(error, percent))
         for (i, j), name in (((0, 0), "E_xx"), ((1, 1), "E_yy"), ((0, 1), "E_xy")):
             off = self.strain_error[i, j]
             off = off[np.isfinite(off)]
-            found[f"rms_{name}"] = float(np.sqrt(np.mean(off**2))) if off.size else float("nan")
+            found[f"rms_{name}"] = _rms(off) if off.size else float("nan")
         return found
+
+
+def _rms(off: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(off**2)))
 
 
 def sample(snapshot: Snapshot, field: Field) -> Field:
@@ -138,8 +141,9 @@ def at_travel(snapshots: Sequence[Snapshot], travel_mm: float) -> Snapshot | Non
     near = [s for s in snapshots if abs(s.displacement_mm - travel_mm) <= _APART]
     if not near:
         return None
-    before = max((s for s in near if s.displacement_mm <= travel_mm), key=_travel, default=None)
-    after = min((s for s in near if s.displacement_mm >= travel_mm), key=_travel, default=None)
+    travel = attrgetter("displacement_mm")
+    before = max((s for s in near if s.displacement_mm <= travel_mm), key=travel, default=None)
+    after = min((s for s in near if s.displacement_mm >= travel_mm), key=travel, default=None)
     if before is None or after is None or before is after:
         return before or after
     way = after.displacement_mm - before.displacement_mm
@@ -147,10 +151,6 @@ def at_travel(snapshots: Sequence[Snapshot], travel_mm: float) -> Snapshot | Non
     moved = [name for name in after.point_data if name == "displacement" or name.startswith(SLOPE)]
     mixed = {name: (1 - part) * before.point_data[name] + part * after.point_data[name] for name in moved}
     return Snapshot(travel_mm, after.points, after.cells, after.cell_type, mixed)
-
-
-def _travel(snapshot: Snapshot) -> float:
-    return snapshot.displacement_mm
 
 
 def compare(field: Field, snapshot: Snapshot) -> Comparison:
@@ -162,10 +162,10 @@ def compare(field: Field, snapshot: Snapshot) -> Comparison:
     if not found.both.any():
         body = snapshot.current if field.configuration == "deformed" else snapshot.points
         low, high = body.min(axis=0), body.max(axis=0)
-        raise BadInput(
-            key="x, y",
-            value=f"x {field.x[0]:.4g} to {field.x[-1]:.4g} mm, y {field.y[0]:.4g} to {field.y[-1]:.4g} mm",
-            expected=f"points in the body, x up to {high[0]:.4g} mm from the blade's plane and y from"
-            f" {low[1]:.4g} to {high[1]:.4g} mm; shift them, or check the unit",
-        )  # fmt: skip
+        there = f"x {field.x[0]:.4g} to {field.x[-1]:.4g} mm, y {field.y[0]:.4g} to {field.y[-1]:.4g} mm"
+        expected = (
+            f"points in the body, x up to {high[0]:.4g} mm from the blade's plane and y from"
+            f" {low[1]:.4g} to {high[1]:.4g} mm; shift them, or check the unit"
+        )
+        raise BadInput(key="x, y", value=there, expected=expected)
     return found

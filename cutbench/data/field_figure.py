@@ -42,13 +42,11 @@ def plot_dic(comparison: Comparison, title: str = "") -> Figure:
                 drawn = _field(axes, at, values, FIELD_MAP, low, high)
                 axes.set_title(f"{name}, {head}", loc="left", fontsize=8)
             _bar(figure, drawn, line[1], "both")
-            if what == "difference":
-                most = max(abs(v) for v in _limits(off.ravel()))
-                drawn = _field(line[2], at, off, _SIGNED, -most, most)
-                _bar(figure, drawn, line[2], "both")
-            else:
-                drawn = _field(line[2], at, off, "Greys", 0, max(_limits(off.ravel())[1], 1e-12))
-                _bar(figure, drawn, line[2], "max")
+            low, high = _limits(off.ravel())
+            signed = what == "difference"
+            most = max(abs(low), abs(high)) if signed else max(high, 1e-12)
+            drawn = _field(line[2], at, off, _SIGNED if signed else "Greys", -most if signed else 0, most)
+            _bar(figure, drawn, line[2], "both" if signed else "max")
             line[2].set_title(f"{name.split(' ')[0]}, {what}", loc="left", fontsize=8)
             line[0].set_ylabel("y (mm)")
             for axes in line:

@@ -83,20 +83,18 @@ def read_fields(
     read, points that are on no grid, or given twice.
     """
     path = Path(path)
-    if columns is None:
-        columns = {name: name for name in ("x", "y", "u_x", "u_y")}
-        try:
-            table = read_table(path, {**columns, "travel": "travel"}, units, blanks=("u_x", "u_y"))
-        except BadInput as error:
-            if error.key != "columns.travel":
-                raise
-            units = {k: v for k, v in (units or {}).items() if k != "travel"}
-            table = read_table(path, columns, units, blanks=("u_x", "u_y"))
-    else:
-        for role in ("x", "y", "u_x", "u_y"):
-            if role not in columns:
-                raise BadInput(key=f"columns.{role}", value="(missing)", expected=f"the column of {role}")
-        table = read_table(path, columns, units, blanks=("u_x", "u_y"))
+    roles, blanks = ("x", "y", "u_x", "u_y"), ("u_x", "u_y")
+    for role in roles:
+        if columns is not None and role not in columns:
+            raise BadInput(key=f"columns.{role}", value="(missing)", expected=f"the column of {role}")
+    asked = {name: name for name in (*roles, "travel")} if columns is None else columns
+    try:
+        table = read_table(path, asked, units, blanks)
+    except BadInput as error:
+        if columns is not None or error.key != "columns.travel":
+            raise
+        units = {k: v for k, v in (units or {}).items() if k != "travel"}
+        table = read_table(path, {name: name for name in roles}, units, blanks)
     data = dict(table.columns)
     if y_down:
         data |= {"y": -data["y"], "u_y": -data["u_y"]}
@@ -116,20 +114,17 @@ def _gridded(path: Path, points: np.ndarray, u: np.ndarray, lines: np.ndarray):
     (x, across), (y, up) = (_axis(values) for values in points)
     for name, axis in (("x", x), ("y", y)):
         if axis.size < 3 or lines.size < _FILLED * x.size * y.size:
-            raise BadInput(
-                file=str(path), key=name, value=f"{axis.size} different values in {lines.size} points",
-                expected="points on a grid of rows and columns, 3 or more of each",
-            )  # fmt: skip
+            found = f"{axis.size} different values in {lines.size} points"
+            wanted = "points on a grid of rows and columns, 3 or more of each"
+            raise BadInput(file=str(path), key=name, value=found, expected=wanted)
     field = np.full((2, y.size, x.size), np.nan)
     seen: dict[tuple[int, int], int] = {}
     for k, (i, j) in enumerate(zip(up, across, strict=True)):
         if (i, j) in seen:
-            raise BadInput(
-                file=str(path), line=int(lines[k]), key="x, y",
-                value=f"({points[0, k]:g}, {points[1, k]:g}) mm",
-                expected=f"each point once; line {lines[seen[i, j]]} has it already. Fields at several"
-                " blade travels need a column 'travel'",
-            )  # fmt: skip
+            place, before = f"({points[0, k]:g}, {points[1, k]:g}) mm", lines[seen[i, j]]
+            wanted = f"each point once; line {before} has it already. Fields at several blade travels need"
+            wanted += " a column 'travel'"
+            raise BadInput(file=str(path), line=int(lines[k]), key="x, y", value=place, expected=wanted)
         seen[i, j] = k
         field[:, i, j] = u[:, k]
     return x, y, field

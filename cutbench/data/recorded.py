@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -103,11 +104,9 @@ def read_experiment(table: Mapping[str, object], folder: Path) -> Experiment:
             read_table(path, columns, units), kind, label, table, specimen, speed, factors
         )
     ]
-    seen: set[str] = set()
-    for r in repetitions:
-        if r.name in seen:
-            raise BadInput(key=LABEL, value=r.name, expected="each repetition in one file only")
-        seen.add(r.name)
+    for label, count in Counter(r.name for r in repetitions).items():
+        if count > 1:
+            raise BadInput(key=LABEL, value=label, expected="each repetition in one file only")
     source = table.get("source", "")
     if not isinstance(source, str):
         raise BadInput(key="source", value=str(source)[:60], expected="a text in quotes")
@@ -206,10 +205,8 @@ def _speed(table: Mapping, kind: str, specimen: Mapping[str, float]) -> float | 
         return None
     raw, rate = table["speed"], None
     if kind in HOMOGENEOUS:
-        try:
+        with suppress(BadInput):
             rate = parse_quantity(raw, "1/s", key="speed")
-        except BadInput:
-            rate = None
     if rate is None:
         rate = parse_quantity(raw, "mm/s", key="speed")
         if kind in HOMOGENEOUS:
@@ -222,30 +219,29 @@ def _speed(table: Mapping, kind: str, specimen: Mapping[str, float]) -> float | 
     return rate
 
 
+def _by_role(table: Mapping, section: str, columns: Mapping) -> Iterator[tuple[str, str, object]]:
+    """Full key, role of the column and what is written, for each entry of ``section``. Raises BadInput."""
+    known = [name for name in columns if name != LABEL]
+    for key, raw in _section(table, section).items():
+        role = _ALIASES[key] if _ALIASES.get(key) in columns else key
+        among(f"{section}.{key}", role, known, value=str(raw)[:60])
+        yield f"{section}.{key}", role, raw
+
+
 def _units(table: Mapping, columns: Mapping) -> dict[str, str]:
     found = {}
-    for key, unit in _section(table, "units").items():
-        role = _ALIASES.get(key, key) if _ALIASES.get(key) in columns else key
-        known = [name for name in columns if name != LABEL]
-        if role not in known:
-            raise BadInput(key=f"units.{key}", value=str(unit)[:60], expected=one_of(key, known))
-        if not isinstance(unit, str):
-            expected = f"a unit in quotes, such as '{UNITS[role]}'"
-            raise BadInput(key=f"units.{key}", value=str(unit)[:60], expected=expected)
-        found[role] = unit
+    for key, role, unit in _by_role(table, "units", columns):
+        expected = f"a unit in quotes, such as '{UNITS[role]}'"
+        found[role] = written(key, unit, expected, value=str(unit)[:60])
     return found
 
 
 def _factors(table: Mapping, columns: Mapping) -> dict[str, float]:
     found = {}
-    for key, raw in _section(table, "factors").items():
-        role = _ALIASES.get(key, key) if _ALIASES.get(key) in columns else key
-        if role not in columns or role == LABEL:
-            known = [name for name in columns if name != LABEL]
-            raise BadInput(key=f"factors.{key}", value=str(raw)[:60], expected=one_of(key, known))
-        found[role] = parse_quantity(raw, "1", key=f"factors.{key}")
+    for key, role, raw in _by_role(table, "factors", columns):
+        found[role] = parse_quantity(raw, "1", key=key)
         if not np.isfinite(found[role]) or found[role] == 0:
-            raise BadInput(key=f"factors.{key}", value=str(raw), expected="a factor other than 0, such as -1")
+            raise BadInput(key=key, value=str(raw), expected="a factor other than 0, such as -1")
     return found
 
 

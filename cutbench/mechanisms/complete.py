@@ -29,9 +29,8 @@ _N = 2
 
 def declared(known: Mapping[str, Mechanism]) -> dict[str, Parameter]:
     """Every quantity that some law of ``known`` or the test declares, by name."""
-    return {q.name: q for law in known.values() for q in law.parameters} | {
-        q.name: q for q in SPECIMEN + PROTOCOL
-    }
+    laws = (q for law in known.values() for q in law.parameters)
+    return {q.name: q for q in (*laws, *SPECIMEN, *PROTOCOL)}
 
 
 def typical(law: Mechanism, known: Mapping[str, Mechanism]) -> SimpleNamespace:
@@ -75,13 +74,10 @@ def _missing(law: Mechanism, known: Mapping[str, Mechanism]) -> Iterator[tuple[s
     if law.role is None:
         yield "no role", "role = 'cohesive' of the law that parts the faces, or a role of its own"
     begun, ended = _states(law, known)
+    damage = "it in the state, 0 where the interface is whole and 1 where it is cut: start() gives that of"
     for name, state in (("start", begun), ("traction", ended)):
         if law.role == "cohesive" and "damage" not in state:
-            yield (
-                f"no 'damage' from {name}()",
-                "it in the state, 0 where the interface is whole and 1 where it is cut: start() gives that of"
-                " virgin points, traction() the new one",
-            )
+            yield f"no 'damage' from {name}()", f"{damage} virgin points, traction() the new one"
     for name in sorted(begun ^ ended):
         one, other = ("start", "traction") if name in begun else ("traction", "start")
         yield f"'{name}' from {one}() only", f"it from {other}() too: what is not returned is not kept"
@@ -89,10 +85,7 @@ def _missing(law: Mechanism, known: Mapping[str, Mechanism]) -> Iterator[tuple[s
         found = law.estimate(typical(law, known), 0.0, 0.0)
         for name in ("strength", "opening"):
             if not getattr(found, name):
-                yield (
-                    f"no '{name}' from estimate()",
-                    f"the cohesion's {name} at its peak",
-                )
+                yield f"no '{name}' from estimate()", f"the cohesion's {name} at its peak"
 
 
 def _states(law: Cut, known: Mapping[str, Mechanism]) -> tuple[set[str], set[str]]:
@@ -104,8 +97,6 @@ def _states(law: Cut, known: Mapping[str, Mechanism]) -> tuple[set[str], set[str
     together = [*laws.values(), law]
     p = SimpleNamespace(**{k: v for each in together for k, v in vars(typical(each, known)).items()})
     state = {k: v for each in together for k, v in each.start(_N, p).items()}
-    at = Points(
-        X=np.zeros((3, _N)), depth=np.zeros(_N), dt=1.0, speed=1.0, jump_old=np.zeros((3, _N))
-    )  # fmt: skip
-    jump = np.full((3, _N), 1e-3)
-    return set(law.start(_N, p)), set(cut_answers(together, jump, p, state, at)[-1].new)
+    none = np.zeros((3, _N))
+    at = Points(X=none, depth=none[0], dt=1.0, speed=1.0, jump_old=none)
+    return set(law.start(_N, p)), set(cut_answers(together, none + 1e-3, p, state, at)[-1].new)

@@ -46,12 +46,8 @@ def _check_pairs(mesh: skfem.MeshTet, path: str) -> None:
         for name in ("cut", "cut_minus")
     )
     if plus.shape != minus.shape or not np.array_equal(plus, minus):
-        raise BadInput(
-            file=str(path),
-            key="mesh",
-            value=f"{plus.size} triangles on one side of the cut plane, {minus.size} on the other",
-            expected="the same triangles on both sides",
-        )
+        found = f"{plus.size} triangles on one side of the cut plane, {minus.size} on the other"
+        raise BadInput(file=str(path), key="mesh", value=found, expected="the same triangles on both sides")
 
 
 def block(mesh: skfem.MeshTet, part: str = "quarter") -> Geometry:

@@ -16,15 +16,7 @@ class QuadraticVolumetric(Volumetric):
     reads = ("G",)
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
-            "nu",
-            "1",
-            "ν",
-            "Poisson's ratio at small strain",
-            low=0.0,
-            high=0.5,
-            open_high=True,
-            default=0.49,
-            sought=False,
+            "nu", "1", "ν", "Poisson's ratio", low=0.0, high=0.5, open_high=True, default=0.49, sought=False
         ),
     )
 
