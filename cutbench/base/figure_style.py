@@ -87,6 +87,8 @@ RC: dict[RcKeyType, Any] = {
     "xtick.major.size": 2.5,
     "ytick.major.size": 2.5,
     "hatch.linewidth": 0.4,
+    "figure.titlesize": 9,
+    "figure.titleweight": "bold",
     "figure.dpi": 150,
     "savefig.dpi": 300,
     "svg.fonttype": "none",
@@ -109,6 +111,13 @@ def new_figure(width_mm: float = SINGLE_MM, height_mm: float = 60.0) -> Figure:
     figure = Figure(figsize=(width_mm / 25.4, height_mm / 25.4), layout=layout)
     FigureCanvasAgg(figure)
     return figure
+
+
+def force_from_zero(axes: Axes, along: str) -> None:
+    """Label ``axes`` as force over ``along``, both from zero."""
+    axes.set(xlabel=along, ylabel="force (N)")
+    axes.set_xlim(left=0)
+    axes.set_ylim(bottom=0)
 
 
 def legend_below(figure: Figure, axes: Iterable[Axes], columns: int) -> None:

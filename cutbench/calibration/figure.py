@@ -37,7 +37,7 @@ def plot_fit(fit: Fit) -> Figure:
             _residual(bottom, fit.compared[i])
             bottom.sharex(top)
         legend_below(figure, axes.ravel(), 3)
-        figure.suptitle(fit.campaign.title, fontsize=9, fontweight="bold", x=0.02, ha="left")
+        figure.suptitle(fit.campaign.title, x=0.02, ha="left")
     return figure
 
 

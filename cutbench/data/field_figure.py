@@ -54,9 +54,7 @@ def plot_dic(comparison: Comparison, title: str = "") -> Figure:
         for axes in grid[-1]:
             axes.set_xlabel("x (mm)")
         travel = "" if np.isnan(measured.travel_mm) else f"blade travel {measured.travel_mm:g} mm"
-        figure.suptitle(
-            ", ".join(filter(None, (title, travel))), fontsize=9, fontweight="bold", x=0.02, ha="left"
-        )
+        figure.suptitle(", ".join(filter(None, (title, travel))), x=0.02, ha="left")
     return figure
 
 

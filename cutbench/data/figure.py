@@ -36,7 +36,7 @@ def plot_data(campaign: Campaign, n: int = 80) -> Figure:
         for axes, (experiment, kind) in zip(grid.ravel(), panels, strict=False):
             _panel(axes, experiment, averaged[experiment.id], kind)
         legend_below(figure, grid.ravel(), 1 if columns == 1 else 3)
-        figure.suptitle(campaign.title, fontsize=9, fontweight="bold", x=0.02, ha="left")
+        figure.suptitle(campaign.title, x=0.02, ha="left")
     return figure
 
 

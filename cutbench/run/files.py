@@ -43,6 +43,7 @@ def write_run(
     written to.
     """
     from cutbench.run.figures import plot_curve, plot_section
+    from cutbench.run.figures.section import spread
 
     out = check_writable(out_dir)
     paths = {"curve": out / "curve.csv"}
@@ -58,9 +59,7 @@ def write_run(
     flat = [s for s in result.snapshots if s.cell_type.startswith("triangle")]
     pictures = {}
     if flat:
-        # More than four in a row are too small to see anything; the fields hold them all.
-        some = np.unique(np.linspace(0, len(flat) - 1, min(4, len(flat))).round().astype(int))
-        pictures["section_png"] = save(plot_section(result, [flat[i] for i in some]), out / "section.png")[0]
+        pictures["section_png"] = save(plot_section(result, spread(flat)), out / "section.png")[0]
     elif result.case.dim == 3:
         from cutbench.run.figures.solid import save_solid
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from cutbench.base.figure_style import COLOURS, GREY, HATCHES, SINGLE_MM, math_text, new_figure, style
+from cutbench.base.figure_style import COLOURS, GREY, HATCHES, SINGLE_MM, Look, math_text, new_figure, style
 from cutbench.mechanisms import registry
 from cutbench.run.measures import forward
 from cutbench.run.result import BENDING, SNAP
@@ -21,15 +21,14 @@ NEGLIGIBLE = 0.005
 NO_MECHANISM = {SNAP: "unresolved jumps", BENDING: "bending of surfaces"}
 
 
-def plot_curve(result: Result, *, window_mm: float | None = None) -> Figure:
+def plot_curve(result: Result) -> Figure:
     """Force on the blade (N) over its travel (mm), above the same force split by mechanism.
 
-    The split is the slope of each mechanism's work over ``window_mm`` of travel (default: half the
-    blade's thickness), because a single step's share is noisy. What takes up work is stacked above
-    zero; what gives it back (released elastic energy) is stacked below; both together are the force.
+    The split is the slope of each mechanism's work over half the blade's thickness of travel, because a
+    single step's share is noisy. What takes up work is stacked above zero; what gives it back (released
+    elastic energy) is stacked below; both together are the force.
     """
-    if window_mm is None:
-        window_mm = getattr(result.case.p, "thickness", 0.7) / 2
+    window_mm = getattr(result.case.p, "thickness", 0.7) / 2
     with style():
         figure = new_figure(SINGLE_MM, 120)
         top, low = figure.subplots(2, 1, sharex=True)
@@ -40,13 +39,12 @@ def plot_curve(result: Result, *, window_mm: float | None = None) -> Figure:
         end = 1.02 * reached if result.case.motion else getattr(result.case.p, "depth", reached)
         low.set_xlim(0, max(end, reached))
         figure.align_ylabels([top, low])
-        figure.suptitle(result.case.name, fontsize=9, fontweight="bold", x=0.02, ha="left")
+        figure.suptitle(result.case.name, x=0.02, ha="left")
         top.set_title(_groups(result), loc="left", fontsize=7.5)
-        if low.get_legend_handles_labels()[0]:
+        names = low.get_legend_handles_labels()
+        if names[0]:
             # Outside the axes: inside, the legend would hide areas.
-            figure.legend(
-                *low.get_legend_handles_labels(), loc="outside lower center", ncols=2, columnspacing=1.2
-            )
+            figure.legend(*names, loc="outside lower center", ncols=2, columnspacing=1.2)
     return figure
 
 
@@ -73,30 +71,16 @@ def _force(axes, result: Result) -> None:
     if np.isfinite(onset):
         down = forward(travel)
         at = float(np.interp(onset, travel[:down], force[:down]))
-        axes.plot(
-            [onset], [at], "o", mfc="white", mec=COLOURS["blue"], label=f"onset of cutting, {onset:.2f} mm"
-        )
+        text = f"onset of cutting, {onset:.2f} mm"
+        axes.plot([onset], [at], "o", mfc="white", mec=COLOURS["blue"], label=text)
     if np.isfinite(peak):
         at = result.measures.get("peak_N", float(np.interp(peak, travel, force)))
-        axes.plot(
-            [peak],
-            [at],
-            "v",
-            mfc=COLOURS["vermilion"],
-            mec=COLOURS["vermilion"],
-            label=f"peak, {at:.3g} N at {peak:.2f} mm",
-        )
+        text = f"peak, {at:.3g} N at {peak:.2f} mm"
+        axes.plot([peak], [at], "v", color=COLOURS["vermilion"], label=text)
     if not result.outcome.done:
-        axes.plot(
-            travel[-1:],
-            force[-1:],
-            "X",
-            color=COLOURS["vermilion"],
-            ms=5.5,
-            mec="white",
-            mew=0.5,
-            label=f"{result.outcome.kind} at {result.outcome.reached_mm:.2f} mm",
-        )
+        text = f"{result.outcome.kind} at {result.outcome.reached_mm:.2f} mm"
+        look: Look = {"color": COLOURS["vermilion"], "ms": 5.5, "mec": "white", "mew": 0.5}
+        axes.plot(travel[-1:], force[-1:], "X", label=text, **look)
     if axes.get_legend_handles_labels()[0]:
         axes.legend(loc="best")
 

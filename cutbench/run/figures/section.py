@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from matplotlib.tri import Triangulation
 
-from cutbench.base.figure_style import DOUBLE_MM, FIELD_MAP, new_figure, style
+from cutbench.base.figure_style import DOUBLE_MM, FIELD_MAP, Look, new_figure, style
 
 if TYPE_CHECKING:
     from cutbench.run.result import Result, Snapshot
@@ -28,11 +28,8 @@ def plot_section(result: Result, snapshot: Snapshot | Sequence[Snapshot] | None 
     """
     shown = result.snapshots if snapshot is None else snapshot
     shown = list(shown) if isinstance(shown, Sequence) else [shown]
-    if not shown:
-        raise ValueError("no snapshot to draw: the run was made without snapshots_mm")
-    if not all(s.cell_type.startswith("triangle") for s in shown):
-        raise ValueError("a section is drawn from plane snapshots (triangle, triangle6)")
-    halves = [_Half(s) for s in shown]
+    wanted = "a section is drawn from plane snapshots (triangle, triangle6)"
+    halves = [_Half(s) for s in drawable(shown, "triangle", wanted)]
     top_kPa = max(h.top_kPa for h in halves) or 1.0
     p = result.case.p
     if tool := result.case.model.tool:  # a blade may be blunter than its drawing
@@ -54,19 +51,26 @@ def plot_section(result: Result, snapshot: Snapshot | Sequence[Snapshot] | None 
             if column == 0:
                 whole.set_ylabel("height (mm)")
                 near.set_ylabel("height (mm)")
-        bar = figure.colorbar(
-            colours,
-            ax=grid.ravel().tolist(),
-            extend="max",
-            pad=0.015,
-            location="right",
-            aspect=28,
-            shrink=0.85,
-        )
-        bar.set_label("von Mises stress (kPa)")
+        look: Look = {"extend": "max", "pad": 0.015, "location": "right", "aspect": 28, "shrink": 0.85}
+        bar = figure.colorbar(colours, ax=grid.ravel().tolist(), label="von Mises stress (kPa)", **look)
         bar.outline.set_linewidth(0.5)
-        figure.suptitle(result.case.name, fontsize=9, fontweight="bold", x=0.02, ha="left")
+        figure.suptitle(result.case.name, x=0.02, ha="left")
     return figure
+
+
+def drawable(snapshots: Sequence[Snapshot], cells: str, wanted: str) -> list[Snapshot]:
+    """``snapshots`` of elements of the kind ``cells``. Raises ValueError where there is none, or another."""
+    if not snapshots:
+        raise ValueError("no snapshot to draw: the run was made without snapshots_mm")
+    if not all(s.cell_type.startswith(cells) for s in snapshots):
+        raise ValueError(wanted)
+    return list(snapshots)
+
+
+def spread(snapshots: Sequence[Snapshot]) -> list[Snapshot]:
+    """Four of them at the most, spread evenly: more in a row are too small to see anything."""
+    last = len(snapshots) - 1
+    return [snapshots[i] for i in np.linspace(0, last, min(4, last + 1)).round().astype(int)]
 
 
 class _Half:

@@ -7,16 +7,16 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from cutbench.base.figure_style import COLOURS, GREY, SINGLE_MM, new_figure, style
+from cutbench.base.figure_style import COLOURS, GREY, SINGLE_MM, force_from_zero, new_figure, style
 
 
 def plot_follow(
     run: Mapping[str, np.ndarray],
     path: Mapping[str, np.ndarray],
     jump,
-    limit: Sequence[tuple[str, Mapping[str, np.ndarray]]] = (),
+    limit: Sequence[tuple[str, Mapping[str, np.ndarray]]],
     *,
-    title: str = "",
+    title: str,
 ) -> Figure:
     """Force against travel of the run and of the path, above the eigenvalue against the cut's length.
 
@@ -34,11 +34,9 @@ def plot_follow(
         if low is not None:
             _eigenvalue(low, path, jump)
             figure.align_ylabels([top, low])
-        if title:
-            figure.suptitle(title, fontsize=9, fontweight="bold", x=0.02, ha="left")
-        figure.legend(
-            *top.get_legend_handles_labels(), loc="outside lower center", ncols=2, columnspacing=1.2
-        )
+        figure.suptitle(title, x=0.02, ha="left")
+        names = top.get_legend_handles_labels()
+        figure.legend(*names, loc="outside lower center", ncols=2, columnspacing=1.2)
     return figure
 
 
@@ -57,14 +55,8 @@ def _forces(axes, run, path, jump, limit) -> None:
     looks = ((COLOURS["orange"], (0, (5, 1.5))), (COLOURS["green"], (0, (1, 1.2))), (COLOURS["purple"], "-."))
     for (text, curve), (colour, line) in zip(limit, looks, strict=False):
         shown = curve["displacement_mm"] <= end
-        axes.plot(
-            curve["displacement_mm"][shown],
-            curve["force_N"][shown],
-            color=colour,
-            ls=line,
-            lw=1.0,
-            label=text,
-        )
+        over, force = curve["displacement_mm"][shown], curve["force_N"][shown]
+        axes.plot(over, force, color=colour, ls=line, lw=1.0, label=text)
     resting = np.where(let_go, np.nan, F)
     axes.plot(d, resting, color=COLOURS["blue"], ls="-", lw=1.4, label="equilibria at rest")
     if let_go.any():
@@ -79,18 +71,15 @@ def _forces(axes, run, path, jump, limit) -> None:
             arrowprops={"arrowstyle": "-|>", "color": COLOURS["vermilion"], "lw": 1.4, "shrinkA": 0},
         )  # fmt: skip
         axes.plot([jump.travel_mm], [jump.force_N], "o", color=COLOURS["vermilion"], label="turning point")
-    axes.set_xlim(0, end)
-    axes.set_ylim(bottom=0)
-    axes.set_xlabel("blade travel (mm)")
-    axes.set_ylabel("force (N)")
+    force_from_zero(axes, "blade travel (mm)")
+    axes.set_xlim(right=end)
 
 
 def _eigenvalue(axes, path, jump) -> None:
     known = np.isfinite(path["softest"])
     axes.axhline(0, color=GREY, lw=0.6)
-    axes.plot(
-        path["cut_length_mm"][known], path["softest"][known], color=COLOURS["blue"], ls="-", marker=".", ms=3
-    )
+    length, softest = path["cut_length_mm"][known], path["softest"][known]
+    axes.plot(length, softest, color=COLOURS["blue"], ls="-", marker=".", ms=3)
     if jump is not None:
         axes.axvline(float(path["cut_length_mm"][jump.first]), color=COLOURS["vermilion"], ls="--", lw=0.9)
     axes.set_xlabel("length of the cut (mm)")

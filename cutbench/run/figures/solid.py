@@ -5,7 +5,6 @@ The cut plane is drawn from the side: z along the blade, y the height, the blade
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,10 +24,12 @@ from cutbench.base.figure_style import (
     LINES,
     SINGLE_MM,
     Look,
+    force_from_zero,
     new_figure,
     save,
     style,
 )
+from cutbench.run.figures.section import drawable, spread
 
 if TYPE_CHECKING:
     from cutbench.run.result import Result, Snapshot
@@ -45,29 +46,26 @@ def save_solid(result: Result, folder: str | Path, plane: Result | None = None) 
     Returns the paths by name. Without snapshots only the last can be drawn.
     """
     folder = Path(folder)
-    paths = {}
+    figures = {}
     if result.snapshots:
-        paths["cut_plane_png"] = save(plot_cut_plane(result), folder / "cut_plane.png")[0]
-        paths["front_png"] = save(plot_front(result), folder / "front.png")[0]
-        paths["block_png"] = save(plot_block(result), folder / "block.png")[0]
+        draw = {"cut_plane": plot_cut_plane, "front": plot_front, "block": plot_block}
+        figures = {name: plot(result) for name, plot in draw.items()}
     if plane is not None:
-        paths["plane_strain_png"] = save(plot_beside(result, plane), folder / "plane_strain.png")[0]
-    return paths
+        figures["plane_strain"] = plot_beside(result, plane)
+    return {f"{name}_png": save(figure, folder / f"{name}.png")[0] for name, figure in figures.items()}
 
 
-def plot_cut_plane(result: Result, snapshots: Sequence[Snapshot] | None = None, *, most: int = 4) -> Figure:
+def plot_cut_plane(result: Result) -> Figure:
     """Von Mises stress, contact pressure (both kPa) and contact state on the cut plane, a column a snapshot.
 
-    At most ``most`` columns, spread over the travel. Raises ValueError without a snapshot of a solid.
+    At most four columns, spread over the travel. Raises ValueError without a snapshot of a solid.
     """
-    shown = _some(_solid(result, snapshots), most)
+    shown = spread(_solid(result))
     stress = [1e3 * s.point_data["von_mises"] for s in shown]
     planes = [_plane(s) for s in shown]
     on_plane = [values[np.unique(triangles)] for values, triangles in zip(stress, planes, strict=True)]
-    tops = {
-        "stress": max(float(np.percentile(values, TOP_PERCENTILE)) for values in on_plane),
-        "pressure": 1e3 * max(float(s.faces["cut"]["contact_pressure_MPa"].max(initial=0.0)) for s in shown),
-    }
+    stress_look = _field(max(float(np.percentile(values, TOP_PERCENTILE)) for values in on_plane))
+    pressure_look = _field(1e3 * max(s.faces["cut"]["contact_pressure_MPa"].max(initial=0.0) for s in shown))
     with style():
         figure = new_figure(DOUBLE_MM, 135)
         grid = figure.subplots(3, len(shown), squeeze=False, sharex=True, sharey=True)
@@ -75,25 +73,11 @@ def plot_cut_plane(result: Result, snapshots: Sequence[Snapshot] | None = None, 
             cut = s.faces["cut"]
             z, y = cut["x"][:, 2], cut["x"][:, 1]
             pressed = cut["contact_state"] > 0
-            first = grid[0, column].tripcolor(
-                Triangulation(s.current[:, 2], s.current[:, 1], triangles),
-                values,
-                shading="gouraud",
-                cmap=FIELD_MAP,
-                vmin=0,
-                vmax=tops["stress"] or 1.0,
-                rasterized=True,
-            )
+            mesh = Triangulation(s.current[:, 2], s.current[:, 1], triangles)
+            first = grid[0, column].tripcolor(mesh, values, shading="gouraud", **stress_look)
+            kPa = 1e3 * cut["contact_pressure_MPa"][pressed]
             second = grid[1, column].scatter(
-                z[pressed],
-                y[pressed],
-                c=1e3 * cut["contact_pressure_MPa"][pressed],
-                s=3,
-                marker="s",
-                lw=0,
-                cmap=FIELD_MAP,
-                norm=Normalize(0, tops["pressure"] or 1.0),
-                rasterized=True,
+                z[pressed], y[pressed], 3, kPa, marker="s", lw=0, **pressure_look
             )
             _state(grid[2, column], z, y, cut)
             for axes in grid[:, column]:
@@ -110,19 +94,14 @@ def plot_cut_plane(result: Result, snapshots: Sequence[Snapshot] | None = None, 
         figure.colorbar(second, ax=grid[2].tolist()).ax.set_visible(False)
         names = grid[2, 0].get_legend_handles_labels()
         figure.legend(*names, loc="outside lower center", ncols=4, markerscale=3)
-        figure.suptitle(
-            f"{result.case.name}: cut plane (line: damage {FRONT_DAMAGE:g}; dotted: blade's tip)",
-            fontsize=9,
-            fontweight="bold",
-            x=0.02,
-            ha="left",
-        )
+        title = f"{result.case.name}: cut plane (line: damage {FRONT_DAMAGE:g}; dotted: blade's tip)"
+        figure.suptitle(title, x=0.02, ha="left")
     return figure
 
 
-def plot_front(result: Result, snapshots: Sequence[Snapshot] | None = None) -> Figure:
+def plot_front(result: Result) -> Figure:
     """The front (damage one half) on the cut plane at each snapshot's blade travel."""
-    shown = _solid(result, snapshots)
+    shown = _solid(result)
     with style():
         figure = new_figure(SINGLE_MM, 95)
         axes = figure.subplots()
@@ -142,13 +121,13 @@ def plot_front(result: Result, snapshots: Sequence[Snapshot] | None = None) -> F
         else:
             axes.text(0.5, 0.5, "not cut", transform=axes.transAxes, ha="center")
         title = f"{result.case.name}: front of the cut"
-        figure.suptitle(title, fontsize=9, fontweight="bold", x=0.02, ha="left")
+        figure.suptitle(title, x=0.02, ha="left")
     return figure
 
 
-def plot_block(result: Result, snapshot: Snapshot | None = None) -> Figure:
-    """The deformed part of the block with its von Mises stress (kPa); default: the last snapshot."""
-    s = _solid(result, None if snapshot is None else [snapshot])[-1]
+def plot_block(result: Result) -> Figure:
+    """The deformed part of the block with its von Mises stress (kPa) at the last snapshot."""
+    s = _solid(result)[-1]
     faces = _skin(s.cells)
     values = 1e3 * s.point_data["von_mises"]
     top = float(np.percentile(values, TOP_PERCENTILE)) or 1.0
@@ -157,9 +136,8 @@ def plot_block(result: Result, snapshot: Snapshot | None = None) -> Figure:
     with style():
         figure = new_figure(DOUBLE_MM * 0.66, 90)
         axes = figure.add_subplot(projection="3d")
-        norm = Normalize(0, top)
-        lines = {"edgecolors": "#00000055", "linewidths": 0.15}
-        colours = Poly3DCollection(corners, cmap=FIELD_MAP, norm=norm, **lines)
+        look = {"edgecolors": "#00000055", "linewidths": 0.15, "norm": Normalize(0, top)}
+        colours = Poly3DCollection(corners, cmap=FIELD_MAP, **look)
         colours.set_array(values[faces].mean(axis=1))
         axes.add_collection3d(colours)
         low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
@@ -171,13 +149,8 @@ def plot_block(result: Result, snapshot: Snapshot | None = None) -> Figure:
         axes.view_init(elev=22, azim=-150)
         axes.set(xlabel="across (mm)", ylabel="along the blade (mm)", zlabel="height (mm)")
         figure.colorbar(colours, ax=axes, shrink=0.7, extend="max", label="von Mises (kPa)")
-        figure.suptitle(
-            f"{result.case.name}: blade travel {s.displacement_mm:.2f} mm",
-            fontsize=9,
-            fontweight="bold",
-            x=0.02,
-            ha="left",
-        )
+        title = f"{result.case.name}: blade travel {s.displacement_mm:.2f} mm"
+        figure.suptitle(title, x=0.02, ha="left")
     return figure
 
 
@@ -189,26 +162,18 @@ def plot_beside(result: Result, plane: Result) -> Figure:
         axes.plot(result.displacement_mm, result.force_N, color="black", ls="-", label="three dimensions")
         blue, dashed = COLOURS["blue"], LINES[1]
         axes.plot(plane.displacement_mm, plane.force_N, color=blue, ls=dashed, label="plane strain")
-        axes.set(xlabel="blade travel (mm)", ylabel="force (N)")
-        axes.set_xlim(left=0)
-        axes.set_ylim(bottom=0)
+        force_from_zero(axes, "blade travel (mm)")
         axes.legend()
-        figure.suptitle(result.case.name, fontsize=9, fontweight="bold", x=0.02, ha="left")
+        figure.suptitle(result.case.name, x=0.02, ha="left")
     return figure
 
 
-def _solid(result: Result, snapshots: Sequence[Snapshot] | None) -> list[Snapshot]:
-    shown = list(result.snapshots if snapshots is None else snapshots)
-    if not shown:
-        raise ValueError("no snapshot to draw: the run was made without snapshots_mm")
-    if not all(s.cell_type.startswith("tetra") for s in shown):
-        raise ValueError("a block is drawn from snapshots of a solid (tetra, tetra10)")
-    return shown
+def _solid(result: Result) -> list[Snapshot]:
+    return drawable(result.snapshots, "tetra", "a block is drawn from snapshots of a solid (tetra, tetra10)")
 
 
-def _some(items: list, most: int) -> list:
-    chosen = np.unique(np.linspace(0, len(items) - 1, min(most, len(items))).round().astype(int))
-    return [items[i] for i in chosen]
+def _field(top: float) -> Look:
+    return {"cmap": FIELD_MAP, "norm": Normalize(0, top or 1.0), "rasterized": True}
 
 
 def _state(axes, z: np.ndarray, y: np.ndarray, cut: dict[str, np.ndarray]) -> None:

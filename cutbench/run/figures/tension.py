@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
-from cutbench.base.figure_style import COLOURS, LINES, SINGLE_MM, Look, new_figure, save, style
+from cutbench.base.figure_style import (
+    COLOURS,
+    LINES,
+    SINGLE_MM,
+    Look,
+    force_from_zero,
+    new_figure,
+    save,
+    style,
+)
 from cutbench.run.files import write_curve, write_json
 
 if TYPE_CHECKING:
@@ -28,12 +37,9 @@ def plot_tension(tests: Sequence[Tension]) -> Figure:
             if test.measures["onset_mm"] > 0:
                 place = test.measures["onset_mm"], test.measures["onset_N"]
                 axes.plot(*place, "o", color=look["color"], ms=4, label="the cut begins")
-        axes.set(xlabel="elongation (mm)", ylabel="force (N)")
-        axes.set_xlim(left=0)
-        axes.set_ylim(bottom=0)
+        force_from_zero(axes, "elongation (mm)")
         axes.legend()
-        title = f"{tests[0].case.name}: strip in tension"
-        figure.suptitle(title, fontsize=9, fontweight="bold", x=0.02, ha="left")
+        figure.suptitle(f"{tests[0].case.name}: strip in tension", x=0.02, ha="left")
     return figure
 
 
