@@ -278,6 +278,11 @@ def load_case(
             raise
 
 
+def known_materials() -> dict[str, Case]:
+    """The known materials by name, each as the case that ``run2d`` computes."""
+    return {name: load_case(name) for name in materials.names()}
+
+
 def parse_overrides(texts: Iterable[str]) -> dict[str, object]:
     """``["eta_reg=0.5 s"]`` -> ``{"eta_reg": "0.5 s"}``. Raises BadInput for no '=' or a key set twice."""
     changes: dict[str, object] = {}

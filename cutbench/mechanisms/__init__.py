@@ -18,7 +18,7 @@ from cutbench.mechanisms.base import (
 from cutbench.mechanisms.bulk._isotropic import Isochoric, Isotropic, Volumetric
 from cutbench.mechanisms.bulk.neo_hookean import NeoHookean
 from cutbench.mechanisms.cut.smith_ferrante import SmithFerrante
-from cutbench.mechanisms.registered import SLOTS, file_of, registry, use_mechanisms
+from cutbench.mechanisms.registered import SLOTS, file_of, known_mechanisms, registry, use_mechanisms
 
 __all__ = [
     "SLOTS",
@@ -41,6 +41,7 @@ __all__ = [
     "Tool",
     "Volumetric",
     "file_of",
+    "known_mechanisms",
     "registry",
     "use_mechanisms",
 ]

@@ -47,6 +47,11 @@ def registry() -> dict[str, Mechanism]:
     return found
 
 
+def known_mechanisms() -> dict[str, Mechanism]:
+    """The known mechanisms by name, in the order of slots: a copy of the registry."""
+    return dict(registry())
+
+
 def use_mechanisms(*folders: str | Path) -> tuple[str, ...]:
     """Take up the laws in the files of ``folders`` beside the known ones; returns the names of theirs.
 
