@@ -16,7 +16,6 @@ import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import among, located, one_of, read_toml, written
-from cutbench.base.units import Parameter
 from cutbench.case.case import Case, load_case
 from cutbench.case.model import SETS, Model, mechanism
 from cutbench.case.motion import Polyline, simplified
@@ -117,18 +116,6 @@ class Campaign:
         of_tests = [f"'{e.id}': {note}" for e in self.experiments for note in e.notes]
         alone = [unrepeated(e.id) for e in self.experiments if len(e.repetitions) == 1]
         return [*self.notes, *of_tests, *alone]
-
-    def parameters(self) -> dict[str, Parameter]:
-        """Those of the baseline and the candidates, by name."""
-        return _known(self.model, self.candidates)
-
-
-def _known(baseline: Model, candidates: Iterable[str]) -> dict[str, Parameter]:
-    """All parameters of the baseline and the candidates, by name."""
-    found = dict(baseline.parameters())
-    for name in candidates:
-        found = {q.name: q for q in registry()[name].parameters} | found
-    return found
 
 
 def cut_case(experiment: Experiment, base: Case) -> Case:
@@ -321,7 +308,8 @@ def _candidates(table: Mapping, baseline: Model, kinds: list[str]) -> tuple[str,
 
 def _plan(part: Mapping, baseline: Model, candidates: tuple[str, ...]) -> FitPlan:
     """The section [fit]: free, fixed, own (lists of parameters), bounds (low, high with units)."""
-    known = _known(baseline, candidates)
+    offered = {q.name: q for name in reversed(candidates) for q in registry()[name].parameters}
+    known = offered | baseline.parameters()
     lists: dict[str, tuple[str, ...]] = {}
     for key, raw in part.items():
         among(key, key, ("free", "fixed", "own", "bounds"), value=str(raw)[:60])
