@@ -13,7 +13,7 @@ from scipy.ndimage import distance_transform_edt
 
 from cutbench.base.errors import BadInput
 from cutbench.maps.agreement import agreement
-from cutbench.maps.boundary import Seeker, distances, margin, softened
+from cutbench.maps.boundary import SURE, Seeker, distances, margin, softened
 from cutbench.maps.dataset import build_map, load_map, row_of
 from cutbench.maps.emulator import Emulator, Kernel, cost
 from cutbench.maps.study import load_study
@@ -50,6 +50,19 @@ SPACE = {
     "two boundaries": squashed(-10)(lambda p: (p[0] - 0.25 - 0.1 * p[1]) * (p[0] - 0.75 + 0.15 * p[2])),
     "leaves the box": squashed(4)(lambda p: 0.8**2 - (p[0] - 1) ** 2 - p[1] ** 2 - (p[2] - 0.2) ** 2),
 }  # fmt: skip
+
+
+def crossings(estimate):
+    """Row, root, and the nearest points to either side whose regime is sure, of each line along axis 0."""
+    found = []
+    mean, spread = np.atleast_2d(estimate.mean.T), np.atleast_2d(estimate.spread.T)
+    for row, (m, sd) in enumerate(zip(mean, spread, strict=True)):
+        sure = np.flatnonzero(np.abs(m) > SURE * sd)
+        for j in np.flatnonzero(np.diff(m >= 0)):
+            root = j + m[j] / (m[j] - m[j + 1])
+            low, high = max(sure[sure <= j], default=0), min(sure[sure > j], default=m.size - 1)
+            found.append((row, root, low, high))
+    return found
 
 
 def seek(field, d, parts, **changes):
@@ -114,18 +127,17 @@ def test_the_runs_of_a_search_lie_along_the_boundary():
 
 def test_crossings_hold_the_true_boundary_between_low_and_high():
     seeker, known = seek(PLANE["slanted"], 2, 32)
-    crossings = seeker.estimate(known).crossings()
-    along_x = [c for c in crossings if c.along == 0]
+    along_x = crossings(seeker.estimate(known))
     assert len(along_x) > 30
-    hits = [c.low - 0.1 <= 64 * ((c.at[1] / 64) ** 2 - 0.1) <= c.high + 0.1 for c in along_x]
+    hits = [low - 0.1 <= 64 * ((y / 64) ** 2 - 0.1) <= high + 0.1 for y, _, low, high in along_x]
     assert np.mean(hits) > 0.95
-    assert max(c.high - c.low for c in along_x) <= 4  # within one tolerance to either side
+    assert max(high - low for _, _, low, high in along_x) <= 4  # within one tolerance to either side
 
 
 def test_one_regime_everywhere_ends_soon_and_is_sure():
     seeker, known = seek(lambda p: math.tanh(p[0] + 0.5), 2, 32)
     estimate = seeker.estimate(known)
-    assert len(known) <= 80 and not estimate.found and not estimate.unsure.any() and not estimate.crossings()
+    assert len(known) <= 80 and (estimate.mean > 0).all() and not estimate.unsure.any()
 
 
 def test_the_same_runs_give_the_same_search():
@@ -149,10 +161,10 @@ def test_runs_that_fail_are_not_asked_for_again_and_leave_the_rest_known():
     failed = sum(math.isnan(v) for v in known.values())
     assert 0 < failed < len(known) / 3
     estimate = seeker.estimate(known)
-    elsewhere = [c for c in estimate.crossings() if c.along == 0 and 24 < c.at[1] < 32]
+    elsewhere = [(y, x) for y, x, *_ in crossings(estimate) if 24 < y < 32]
     assert len(elsewhere) == 7
-    for c in elsewhere:
-        assert c.at[0] == pytest.approx(64 * ((c.at[1] / 64) ** 2 - 0.1), abs=2)
+    for y, x in elsewhere:
+        assert x == pytest.approx(64 * ((y / 64) ** 2 - 0.1), abs=2)
 
 
 def test_nothing_that_succeeds_ends_the_search_and_nothing_is_sure():
@@ -168,8 +180,8 @@ def test_the_budget_holds_and_what_is_unknown_is_said():
 
 def test_one_axis_is_a_root():
     seeker, known = seek(lambda p: math.tanh(5 * (p[0] - 0.377)), 1, 32, batch=2, runs=20)
-    (crossing,) = seeker.estimate(known).crossings()
-    assert crossing.at[0] / 64 == pytest.approx(0.377, abs=1 / 64) and len(known) <= 20
+    ((_, root, *_),) = crossings(seeker.estimate(known))
+    assert root / 64 == pytest.approx(0.377, abs=1 / 64) and len(known) <= 20
 
 
 def test_margins_are_zero_on_the_thresholds():

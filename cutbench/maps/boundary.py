@@ -49,17 +49,6 @@ def margin(
 
 
 @dataclass(frozen=True)
-class Crossing:
-    """Where a line along axis ``along`` meets the boundary, in lattice steps: there, and with 95 %
-    between ``low`` and ``high``."""
-
-    along: int
-    at: tuple[float, ...]
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
 class BoundaryEstimate:
     """The margin on the lattice with its standard deviation; ``unsure`` is where its sign is not known
     with 95 % although the boundary is farther than the tolerance."""
@@ -67,15 +56,6 @@ class BoundaryEstimate:
     mean: np.ndarray
     spread: np.ndarray
     unsure: np.ndarray
-
-    @property
-    def found(self) -> bool:
-        """Whether both regimes occur."""
-        return bool((self.mean >= 0).any() and (self.mean < 0).any())
-
-    def crossings(self) -> list[Crossing]:
-        """All of them, axis by axis."""
-        return [c for k in range(self.mean.ndim) for c in _crossings(self.mean, self.spread, k)]
 
 
 class Seeker:
@@ -240,29 +220,3 @@ def distances(side: np.ndarray) -> np.ndarray:
     if side.all() or not side.any():
         return np.full(side.shape, np.inf)
     return np.where(side, distance_transform_edt(side), distance_transform_edt(~side)) - 0.5
-
-
-def _crossings(mean: np.ndarray, spread: np.ndarray, axis: int) -> list[Crossing]:
-    lines = np.moveaxis(mean, axis, -1)
-    sure = np.abs(lines) - SURE * np.moveaxis(spread, axis, -1)
-    positive = lines >= 0
-    found = []
-    for *place, j in np.argwhere(positive[..., 1:] != positive[..., :-1]):
-        m, q = lines[tuple(place)], sure[tuple(place)]
-        root = j + m[j] / (m[j] - m[j + 1])
-        low = _edge(q[j::-1])
-        high = _edge(q[j + 1 :])
-        at = [*map(float, place)]
-        at.insert(axis, float(root))
-        ends = max(0.0, float(j - low)), min(float(len(m) - 1), float(j + 1 + high))
-        found.append(Crossing(axis, tuple(at), min(ends[0], float(root)), max(ends[1], float(root))))
-    return found
-
-
-def _edge(sure: np.ndarray) -> float:
-    """Steps from the first entry to where ``sure`` becomes positive, or beyond the last entry."""
-    above = np.flatnonzero(sure > 0)
-    if above.size == 0:
-        return float(sure.size)
-    i = int(above[0])
-    return float(i - sure[i] / (sure[i] - sure[i - 1])) if i else 0.0
