@@ -20,25 +20,28 @@ _SHADES = {"indentation": "#FFFFFF", "onset": "#E6E6E6", "transition": "#F5F5F5"
 def plot_fit(fit: Fit) -> Figure:
     """A column for each experiment (at most three side by side): measured mean with ± two standard
     deviations and the computed curve above, residual below."""
-    count = len(fit.compared)
-    columns = min(3, count)
-    rows = -(-count // columns)
     with style():
-        figure = new_figure(SINGLE_MM if columns == 1 else DOUBLE_MM, 20 + 78 * rows)
-        ratios = [3, 1.3] * rows
-        axes = figure.subplots(2 * rows, columns, squeeze=False, height_ratios=ratios)
-        for i in range(rows * columns):
-            top, bottom = axes[2 * (i // columns)][i % columns], axes[2 * (i // columns) + 1][i % columns]
-            if i >= count:
-                top.set_visible(False)
-                bottom.set_visible(False)
-                continue
-            _curve(top, fit.compared[i])
-            _residual(bottom, fit.compared[i])
+        figure, axes = panels(len(fit.compared), 20, 1.3)
+        for (top, bottom), c in zip(axes, fit.compared, strict=True):
+            _curve(top, c)
+            _residual(bottom, c)
             bottom.sharex(top)
-        legend_below(figure, axes.ravel(), 3)
+        legend_below(figure, figure.axes, 3)
         figure.suptitle(fit.campaign.title, x=0.02, ha="left")
     return figure
+
+
+def panels(count: int, margin_mm: float, ratio: float) -> tuple[Figure, list[tuple[Axes, Axes]]]:
+    """A figure with axes for ``count`` curves, three side by side at most, and below each for its residual,
+    of which the curve's are 3 / ``ratio`` times as high."""
+    columns = min(3, count)
+    rows = -(-count // columns)
+    figure = new_figure(SINGLE_MM if columns == 1 else DOUBLE_MM, margin_mm + 78 * rows)
+    axes = figure.subplots(2 * rows, columns, squeeze=False, height_ratios=[3, ratio] * rows)
+    pairs = list(zip(axes[::2].ravel(), axes[1::2].ravel(), strict=True))
+    for each in (each for pair in pairs[count:] for each in pair):
+        each.set_visible(False)
+    return figure, pairs[:count]
 
 
 def _scale(c: ComparedCurve) -> float:
@@ -50,15 +53,10 @@ def _curve(axes: Axes, c: ComparedCurve) -> None:
     low, high = s * (c.mean - 2 * c.sd), s * (c.mean + 2 * c.sd)
     axes.fill_between(c.x, low, high, facecolor=COLOURS["sky"], alpha=0.45, lw=0, label="± 2 sd")
     axes.plot(c.x, s * c.mean, ".", color=COLOURS["black"], ms=3, label="measured (mean)")
-    predicted = c.experiment.role == "test"
-    axes.plot(
-        c.x,
-        s * c.fitted,
-        color=COLOURS["vermilion" if not predicted else "blue"],
-        ls=(0, (5, 1.5)) if predicted else "-",
-        lw=1.3,
-        label="predicted" if predicted else "fitted",
-    )
+    label, colour, ls = ("fitted", COLOURS["vermilion"], "-")
+    if c.experiment.role == "test":
+        label, colour, ls = ("predicted", COLOURS["blue"], (0, (5, 1.5)))
+    axes.plot(c.x, s * c.fitted, color=colour, ls=ls, lw=1.3, label=label)
     name = "nominal stress" if c.experiment.y_name == "stress" else c.experiment.y_name
     axes.set_ylabel(f"{name} ({'N' if s == 1.0 else 'kPa'})")
     kind = c.experiment.kind.replace("_", " ")

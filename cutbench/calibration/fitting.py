@@ -41,6 +41,8 @@ ROUGH = lm.Settings(promise=0.5, failures=2)
 FINAL = lm.Settings()
 #: Tests without a mesh cost next to nothing and have no jags.
 SMOOTH = lm.Settings(promise=1e-8, jags=1.0, evaluations=100, failures=10)
+#: All but one parameter again, for each point of a profile.
+PROFILE = lm.Settings(promise=0.1, evaluations=6)
 #: Weights are made again if a parameter has moved this far since, so often at the most.
 AGAIN, ROUNDS = 0.25, 3
 
@@ -82,8 +84,7 @@ def fit(
 
 class _Fitting:
     def __init__(self, campaign: Campaign, inverse: Inverse, on_progress: OnProgress, refine: bool):
-        self.campaign, self.inverse, self.refine = campaign, inverse, refine
-        self._on_progress = on_progress
+        self.campaign, self.inverse, self.refine, self._on_progress = campaign, inverse, refine, on_progress
         self.notes = list(campaign.notes)
         self.evaluations = 0
         self.history: list[float] = []
@@ -132,10 +133,8 @@ class _Fitting:
         def on_progress(done: float, total: float, text: str) -> None:
             self._on_progress(self.evaluations + done, math.nan, f"{stage}: {text}")
 
-        best = lm.minimise(
-            self._whitened, q, low, high, settings, on_progress,
-            first=self._whitened(q),
-        )  # fmt: skip
+        first = self._whitened(q)
+        best = lm.minimise(self._whitened, q, low, high, settings, on_progress, first=first)
         self.evaluations += best.evaluations
         self.history += best.history
         return best
@@ -146,14 +145,12 @@ class _Fitting:
         notes: list[str] = []
         settings = FINAL if any(e.kind == "cut" for e in self.campaign.train) else SMOOTH
         for _ in range(ROUNDS):
+            at = best.q
             try:
-                self.covariance, notes = (
-                    inverse.measured(best.q) if self.refine else (inverse.guessed(best.q), [])
-                )
+                self.covariance, notes = inverse.measured(at) if self.refine else (inverse.guessed(at), [])
             except KeyboardInterrupt:
                 best.message = INTERRUPTED
                 break
-            at = best.q
             best = self._minimise("final", at, settings)
             if best.message == INTERRUPTED or np.abs(best.q - at).max(initial=0.0) < AGAIN:
                 break
@@ -172,33 +169,22 @@ class _Fitting:
         found = []
         for k, u in enumerate(self.inverse.unknowns):
             q, sd = best.q[k], float(np.sqrt(covariance[k, k]))
-            t = stats.t.ppf((1 + LEVEL) / 2, dof[k])
-            at_bound = bool(min(q - low[k], high[k] - q) < 1e-6)
-            found.append(
-                Estimate(
-                    u,
-                    u.value(q),
-                    u.value(q - t * sd) if u.logarithmic else u.value(max(q - t * sd, low[k])),
-                    u.value(q + t * sd),
-                    sd * u.slope(q),
-                    float(dof[k]),
-                    at_bound,
-                    bool(abs(q) > 1e-6),
-                )
-            )
+            reach = stats.t.ppf((1 + LEVEL) / 2, dof[k]) * sd
+            down = u.value(q - reach) if u.logarithmic else u.value(max(q - reach, low[k]))
+            at_bound, moved = bool(min(q - low[k], high[k] - q) < 1e-6), bool(abs(q) > 1e-6)
+            spread = down, u.value(q + reach), sd * u.slope(q), float(dof[k])
+            found.append(Estimate(u, u.value(q), *spread, at_bound, moved))
         return covariance, tuple(found)
 
     def _degrees_of_freedom(self, best: lm.Minimum, covariance: np.ndarray) -> np.ndarray:
         """Welch and Satterthwaite's (k,): of the factors, of each test's other scatter, of the rest."""
         gain = covariance @ best.J.T
-        rest = np.diag(covariance).copy()
-        factors = self.covariance.factors
+        rest, factors = np.diag(covariance).copy(), self.covariance.factors
         by_factor = {kind: np.zeros(rest.size) for kind in factors}
         parts, first = [], 0
         for e in self.campaign.train:
             block = self.covariance.tests[e.id]
-            mine = gain[:, first : first + len(block.total)]
-            first += len(block.total)
+            mine = gain[:, first : (first := first + len(block.total))]
             by_factor[e.kind] += _share(mine, block, block.by_factor)
             parts.append((_share(mine, block, block.other), block.dof))
         parts += [(by_factor[kind], pooled.dof) for kind, pooled in factors.items()]
@@ -272,9 +258,7 @@ class _Fitting:
         low, high = (b.copy() for b in self.inverse.bounds)
         start = best.q + covariance[:, k] / covariance[k, k] * (q - best.q[k])
         low[k] = high[k] = start[k] = q
-        found = lm.minimise(
-            self._whitened, start, low, high, lm.Settings(promise=0.1, evaluations=6, failures=3)
-        )
+        found = lm.minimise(self._whitened, start, low, high, PROFILE)
         self.evaluations += found.evaluations
         if found.message == INTERRUPTED:
             raise KeyboardInterrupt
@@ -297,13 +281,10 @@ def _worth_it(
     while len(kept) > 1:
         said = identifiability(J[:, kept], [looked_for[i] for i in kept])
         may_go = [i for i in range(len(kept)) if looked_for[kept[i]].name not in asked]
-        if not may_go:
+        worst = max(may_go, key=lambda i: said.joint[i], default=None)
+        if worst is None or said.joint[worst] <= HOPELESS:
             break
-        worst = max(may_go, key=lambda i: said.joint[i])
-        if said.joint[worst] <= HOPELESS:
-            break
-        u = looked_for[kept.pop(worst)]
-        alone = said.alone[worst]
+        u, alone = looked_for[kept.pop(worst)], said.alone[worst]
         fixed[u.label] = (
             "no reading depends on it" if not np.isfinite(alone)
             else "the data do not determine it" if alone > HOPELESS

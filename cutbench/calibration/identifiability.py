@@ -148,22 +148,15 @@ def _sentence(v: np.ndarray, sd: float, unknowns: Sequence[Unknown]) -> str:
         return f"These data do not determine {unknowns[largest].label} {how}."
     # A change that all the noise hides: one standard deviation, or a tenth of the largest where more.
     shown = v / abs(v[largest]) * min(sd * abs(v[largest]), 0.1) * np.sign(v[largest])
-    verbs = {True: "raising", False: "lowering"}
     moves = [
-        f"{verbs[bool(shown[i] > 0)]} {unknowns[i].label} by {_amount(unknowns[i], abs(shown[i]))}"
+        f"{'raising' if shown[i] > 0 else 'lowering'} {unknowns[i].label} by"
+        f" {_amount(unknowns[i], abs(shown[i]))}"
         for i in parts
     ]
-    names = [unknowns[i].label for i in parts]
-    apart = (
-        f"{names[0]} from {names[1]}" if len(names) == 2 else " and ".join([", ".join(names[:-1]), names[-1]])
-    )
-    return (
-        f"These data cannot separate {apart}: {_listed(moves)} changes the readings by less than their noise."
-    )
-
-
-def _listed(parts: Sequence[str]) -> str:
-    return " while ".join([parts[0], " and ".join(parts[1:])]) if len(parts) > 1 else parts[0]
+    *names, last = (unknowns[i].label for i in parts)
+    apart = f"{names[0]} from {last}" if len(names) == 1 else f"{', '.join(names)} and {last}"
+    change = f"{moves[0]} while {' and '.join(moves[1:])}"
+    return f"These data cannot separate {apart}: {change} changes the readings by less than their noise."
 
 
 def _amount(u: Unknown, dq: float) -> str:

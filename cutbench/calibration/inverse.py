@@ -9,15 +9,8 @@ import numpy as np
 
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.toml import one_of
+from cutbench.calibration import mesh_error
 from cutbench.calibration.identifiability import Unknown
-from cutbench.calibration.mesh_error import (
-    correction,
-    field_block,
-    finer,
-    guessed_error,
-    measured_error,
-    smooth,
-)
 from cutbench.calibration.prediction import Prediction, Predictor, Task
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
@@ -52,19 +45,13 @@ def unknowns(campaign: Campaign) -> list[Unknown]:
     possible = [name for name in differentiable(case.model) if name != "speed"]
     seen = set().union(*(visible(e, case) for e in campaign.train))
     given = {name: e.id for e in campaign.train for name in (*e.blade, *e.specimen)}
-    for key, names in (("free", plan.free or ()), ("own", plan.own)):
-        for name in names:
-            if name not in possible or name not in seen:
-                known = [n for n in possible if n in seen]
-                raise BadInput(
-                    key=key, value=name, expected=f"a parameter of these tests: {', '.join(known)}"
-                )
-            if name in given:
-                raise BadInput(
-                    key=key,
-                    value=name,
-                    expected=f"a parameter that no experiment gives; '{given[name]}' does: take it out there",
-                )
+    known = [name for name in possible if name in seen]
+    for key, name in [*(("free", name) for name in plan.free or ()), *(("own", name) for name in plan.own)]:
+        if name not in known:
+            raise BadInput(key=key, value=name, expected=f"a parameter of these tests: {', '.join(known)}")
+        if name in given:
+            expected = f"a parameter that no experiment gives; '{given[name]}' does: take it out there"
+            raise BadInput(key=key, value=name, expected=expected)
     for name in plan.fixed:
         if name not in case.model.parameters():
             raise BadInput(key="fixed", value=name, expected=one_of(name, possible))
@@ -72,7 +59,7 @@ def unknowns(campaign: Campaign) -> list[Unknown]:
         parameters = case.model.parameters()
         # Known beforehand, or better known otherwise.
         left_out = {n for n, q in parameters.items() if not q.sought} | given.keys() | set(plan.fixed)
-        chosen = {name for name in possible if name in seen and name not in left_out}
+        chosen = set(known) - left_out
     else:
         chosen = set(plan.free)
     found = []
@@ -82,9 +69,8 @@ def unknowns(campaign: Campaign) -> list[Unknown]:
         elif name in chosen:
             found.append(_unknown(campaign, name, None))
     if not found:
-        raise BadInput(
-            key="free", value="(nothing)", expected=f"one parameter or more of {', '.join(possible)}"
-        )
+        expected = f"one parameter or more of {', '.join(possible)}"
+        raise BadInput(key="free", value="(nothing)", expected=expected)
     return found
 
 
@@ -152,17 +138,12 @@ class Inverse:
         Where each experiment has a value of its own: that of ``experiment``; the mean for one that was
         not fitted.
         """
-        case = self.start
-        values = dict(case.values)
+        values, id = dict(self.start.values), experiment and experiment.id
         for name in dict.fromkeys(u.name for u in self.unknowns):
             mine = [(u, x) for u, x in zip(self.unknowns, q, strict=True) if u.name == name]
-            of = [
-                (u, x)
-                for u, x in mine
-                if u.experiment is None or (experiment and u.experiment == experiment.id)
-            ]
+            of = [(u, x) for u, x in mine if u.experiment in (None, id)]
             values[name] = float(np.mean([u.value(x) for u, x in of or mine]))
-        return replace(case, values=values)
+        return replace(self.start, values=values)
 
     def case(self, e: Experiment, q: np.ndarray) -> Case:
         base = self.base(q, e)
@@ -176,17 +157,18 @@ class Inverse:
                 cases = [self.case(e, q) for e in self.campaign.train]
             except BadInput as error:  # values that do not go together, which the fit has tried
                 raise ComputationFailed(str(error)) from error
-            tasks = [
-                Task(e, case, self.grids[e.id], self.names(e))
-                for e, case in zip(self.campaign.train, cases, strict=True)
-            ]
-            self._known[key] = dict(zip([e.id for e in self.campaign.train], self._run(tasks), strict=True))
+            train = self.campaign.train
+            tasks = [Task(e, c, self.grids[e.id], self.names(e)) for e, c in zip(train, cases, strict=True)]
+            self._known[key] = dict(zip([e.id for e in train], self._run(tasks), strict=True))
         return self._known[key]
 
     def predicted(self, q: np.ndarray, experiments: Sequence[Experiment], *, fine: bool) -> list[Prediction]:
         """Of any experiments, without slopes; ``fine``: cuts with smaller elements and steps."""
         cases = [self.case(e, q) for e in experiments]
-        cases = [finer(c) if fine and e.kind == "cut" else c for c, e in zip(cases, experiments, strict=True)]
+        cases = [
+            mesh_error.finer(c) if fine and e.kind == "cut" else c
+            for c, e in zip(cases, experiments, strict=True)
+        ]
         return self._run([Task(e, c, self.grids[e.id]) for e, c in zip(experiments, cases, strict=True)])
 
     def names(self, e: Experiment) -> tuple[str, ...]:
@@ -212,7 +194,7 @@ class Inverse:
         J = self._scaled(e, prediction, prediction.slopes, q)
         if e.kind == "cut" and J.shape[1]:
             # Jags of the curve wander with the parameters: their derivatives are large and hold for no step.
-            J = np.stack([smooth(self.grids[e.id].along, column) for column in J.T], axis=1)
+            J = np.stack([mesh_error.smooth(self.grids[e.id].along, column) for column in J.T], axis=1)
         return J
 
     @staticmethod
@@ -232,9 +214,8 @@ class Inverse:
         """From the readings, the curves at ``q`` and a guess of the computation's error."""
         found = self.predictions(q)
         error = {e.id: self._jumps(e, found[e.id], q) for e in self.campaign.train}
-        for e in self.campaign.train:
-            if e.kind == "cut":
-                error[e.id] = error[e.id] + guessed_error(self.grids[e.id].along, found[e.id].y)
+        for e in (e for e in self.campaign.train if e.kind == "cut"):
+            error[e.id] += mesh_error.guessed_error(self.grids[e.id].along, found[e.id].y)
         return self._covariance(q, error)
 
     def measured(self, q: np.ndarray) -> tuple[Covariance, list[str]]:
@@ -257,8 +238,8 @@ class Inverse:
                 f"'{e.id}': finer numerics change the computed curve by {part:.1f} % of its"
                 " maximum (root mean square); the fit allows for that."
             )
-            shift[e.id] = correction(x, y, better)
-            unsure[e.id] = unsure[e.id] + measured_error(x, y, better)
+            shift[e.id] = mesh_error.correction(x, y, better)
+            unsure[e.id] += mesh_error.measured_error(x, y, better)
         return self._covariance(q, unsure, shift, fine), notes
 
     def _covariance(
@@ -270,7 +251,7 @@ class Inverse:
     ) -> Covariance:
         found, train, shift, fine = self.predictions(q), self.campaign.train, shift or {}, fine or {}
         fields = {
-            e.id: field_block(e, found[e.id].fields, fine[e.id].fields if e.id in fine else None)
+            e.id: mesh_error.field_block(e, found[e.id].fields, fine[e.id].fields if e.id in fine else None)
             for e in train
             if e.fields
         }
@@ -286,11 +267,10 @@ class Inverse:
             rows.append(block.white(p.y + block.shift - self.grids[e.id].mean))
             slopes.append(block.white(self.slopes(e, p, q)))
         # Fields last: what counts degrees of freedom by curves looks at the first rows.
-        for e in self.campaign.train:
-            if e.id in covariance.fields:
-                block, p = covariance.fields[e.id], found[e.id]
-                rows.append(block.white(p.fields - laid_out(e.fields)))
-                slopes.append(block.white(self._scaled(e, p, p.field_slopes, q)))
+        for e in (e for e in self.campaign.train if e.id in covariance.fields):
+            block, p = covariance.fields[e.id], found[e.id]
+            rows.append(block.white(p.fields - laid_out(e.fields)))
+            slopes.append(block.white(self._scaled(e, p, p.field_slopes, q)))
         return np.concatenate(rows), np.concatenate(slopes)
 
 

@@ -51,12 +51,8 @@ class Task:
             lead = lead_s(self.experiment)
             _, along, matrices = self.experiment.averaging(self.grid.x.size)
             return lead + np.concatenate(along), np.hstack(matrices) / len(matrices)
-        places, parts = [], []
-        for r in self.experiment.repetitions:
-            x = np.sort(r.x)
-            places.append(x)
-            whole = x.size == self.grid.x.size and np.array_equal(x, self.grid.x)
-            parts.append(np.eye(x.size) if whole else averaging(x, self.grid.x))
+        places, grid = [np.sort(r.x) for r in self.experiment.repetitions], self.grid.x
+        parts = [np.eye(x.size) if np.array_equal(x, grid) else averaging(x, grid) for x in places]
         return np.concatenate(places), np.hstack(parts) / len(parts)
 
 
@@ -64,7 +60,7 @@ class Task:
 class Prediction:
     """``y`` (m,) on the task's grid, ``slopes`` (m, k) by ``names`` in internal units.
 
-    ``onset_mm``: where the cut of a run begins (nan without one); ``steps`` its number of steps.
+    ``onset_mm``: where the cut of a run begins (nan without one).
     ``fields`` (f,), ``field_slopes`` (f, k): displacements in mm at all places of the experiment's fields, as
     ``data.fields.laid_out`` has them; nan outside the body. ``course`` (3, n): displacement, force and
     time of the run itself, as no rig has changed them.
@@ -74,8 +70,6 @@ class Prediction:
     slopes: np.ndarray
     names: tuple[str, ...] = ()
     onset_mm: float = float("nan")
-    steps: int = 0
-    timings: dict[str, float] = field(default_factory=dict)
     fields: np.ndarray = field(default_factory=lambda: np.zeros(0))
     field_slopes: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     course: np.ndarray = field(default_factory=lambda: np.zeros((3, 0)))
@@ -119,8 +113,7 @@ def _cut(task: Task) -> Prediction:
         )
     onset = result.measures.get("onset_mm", float("nan"))
     u, u_by_name = _fields(task, result, rig)
-    steps = result.counts["steps"]
-    return Prediction(columns[0].real, by_name, names, onset, steps, result.timings, u, u_by_name, course)
+    return Prediction(columns[0].real, by_name, names, onset, u, u_by_name, course)
 
 
 def recorded(task: Task, prediction: Prediction, **values: float) -> np.ndarray:
@@ -144,19 +137,16 @@ def _fields(task: Task, result: Result, rig: set[str]) -> tuple[np.ndarray, np.n
 
     What a rig does to the record of the force it does not do to a picture of the specimen.
     """
-    names = [name for name in task.names if name not in rig]
-    values, slopes = [np.zeros(0)], [np.zeros((0, len(task.names)))]
+    seen = [i for i, name in enumerate(task.names) if name not in rig]
+    size = sum(measured.u.size for measured in task.experiment.fields)
+    values, slopes, first = np.full(size, np.nan), np.zeros((size, len(task.names))), 0
     for measured in task.experiment.fields:
-        picture = at_travel(result.snapshots, measured.travel_mm)
-        by_name = np.zeros((measured.u.size, len(task.names)))
-        if picture is None:
-            values.append(np.full(measured.u.size, np.nan))
-        else:
-            values.append(sample(picture, measured).u.ravel())
-            found = sampled_slopes(picture, measured, names).reshape(measured.u.size, -1)
-            by_name[:, [task.names.index(name) for name in names]] = found
-        slopes.append(by_name)
-    return np.concatenate(values), np.concatenate(slopes)
+        mine = slice(first, first := first + measured.u.size)
+        if (picture := at_travel(result.snapshots, measured.travel_mm)) is not None:
+            values[mine] = sample(picture, measured).u.ravel()
+            found = sampled_slopes(picture, measured, [task.names[i] for i in seen])
+            slopes[mine, seen] = found.reshape(measured.u.size, -1)
+    return values, slopes
 
 
 def _read(at: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -19,16 +20,11 @@ SHOWN = 0.3
 
 def by_regime(c: ComparedCurve) -> dict[str, dict[str, float]]:
     """Range in mm, mean and root mean square of the residual in N, and the largest in standard deviations."""
-    found = {}
+    names, found = ("from_mm", "to_mm", "bias_N", "rms_N", "largest_z"), {}
     for name, mask in c.regimes().items():
-        r = c.residual[mask]
-        found[name] = {
-            "from_mm": float(c.x[mask][0]),
-            "to_mm": float(c.x[mask][-1]),
-            "bias_N": float(r.mean()),
-            "rms_N": float(np.sqrt((r**2).mean())),
-            "largest_z": float(np.abs(r / c.sd[mask]).max()),
-        }
+        x, r = c.x[mask], c.residual[mask]
+        values = x[0], x[-1], r.mean(), np.sqrt((r**2).mean()), np.abs(r / c.sd[mask]).max()
+        found[name] = dict(zip(names, map(float, values), strict=True))
     return found
 
 
@@ -55,8 +51,7 @@ def summary(fit: Fit) -> str:
     lines += ["", "experiments"]
     for c in fit.compared:
         unit = c.experiment.y_unit
-        part = c.rmse / np.abs(c.mean).max()
-        role = "fitted" if c.experiment.role == "train" else "predicted"
+        part, role = c.rmse / np.abs(c.mean).max(), "fitted" if c.experiment.role == "train" else "predicted"
         lines.append(
             f"  {c.experiment.id} ({c.experiment.kind}, {role}): root mean square residual"
             f" {c.rmse:.3g} {unit}, {100 * part:.1f} % of the maximum"
@@ -92,10 +87,8 @@ def _parameter(e: Estimate) -> str:
 
 
 def _pairs(fit: Fit) -> list[tuple[str, str, float]]:
-    labels, C = [e.label for e in fit.estimates], fit.correlation
-    pairs = [
-        (labels[i], labels[j], float(C[i, j])) for i in range(len(labels)) for j in range(i + 1, len(labels))
-    ]
+    numbered = enumerate(e.label for e in fit.estimates)
+    pairs = [(a, b, float(fit.correlation[i, j])) for (i, a), (j, b) in combinations(numbered, 2)]
     return sorted((p for p in pairs if abs(p[2]) >= SHOWN), key=lambda p: -abs(p[2]))
 
 
@@ -147,6 +140,7 @@ def to_dict(fit: Fit) -> dict:
 
 def _experiment(c: ComparedCurve) -> dict:
     e = c.experiment
+    curves = {"x": c.x, "measured": c.mean, "sd": c.sd, "fitted": c.fitted}
     return {
         "kind": e.kind,
         "role": e.role,
@@ -157,10 +151,7 @@ def _experiment(c: ComparedCurve) -> dict:
         "rmse_of_maximum": c.rmse / float(np.abs(c.mean).max()),
         "onset_mm": c.onset_mm,
         "regimes": by_regime(c),
-        "x": c.x.tolist(),
-        "measured": c.mean.tolist(),
-        "sd": c.sd.tolist(),
-        "fitted": c.fitted.tolist(),
+        **{name: values.tolist() for name, values in curves.items()},
     }
 
 

@@ -49,10 +49,6 @@ class Candidate:
     def seen_by(self, experiment: Experiment) -> bool:
         return self.slot in SLOTS[experiment.kind]
 
-    def range(self, q: Parameter) -> tuple[float, float]:
-        """Bounds of a strength, internal units."""
-        return q.bounds
-
 
 def candidates(campaign: Campaign, base: Case) -> tuple[list[Candidate], dict[str, str]]:
     """The campaign's candidates that ``base`` can take up, and why the others cannot."""
@@ -107,10 +103,8 @@ def _values(q: Parameter, campaign: Campaign, count: int, taken: Sequence[float]
         reach = min(high, math.pi)
         return list(np.linspace(-reach, reach, count, endpoint=False))
     span = _span(q, campaign)
-    if span is None:
-        values = [q.typical * q.factor * part for part in AROUND[:count]]
-    else:
-        values = list(np.geomspace(*span, count))
+    around = [q.typical * q.factor * part for part in AROUND[:count]]
+    values = around if span is None else np.geomspace(*span, count)
     values = sorted({float(np.clip(v, max(low, 1e-300), high)) for v in values})
     return [v * (1.6 if any(0.8 < v / t < 1.25 for t in taken) else 1.0) for v in values]
 
@@ -126,9 +120,8 @@ def _span(q: Parameter, campaign: Campaign) -> tuple[float, float] | None:
             ranges.append((e.reach / 15, e.reach))
         elif dimension == "[length] / [time]" and (v := e.travel_speed) > 0:
             ranges.append((v / 30, v * 10))
-    if not ranges:
-        return None
-    return min(r[0] for r in ranges), max(r[1] for r in ranges)
+    lows, highs = zip(*ranges, strict=True) if ranges else ((), ())
+    return (min(lows), max(highs)) if ranges else None
 
 
 def duration(e: Experiment) -> float | None:

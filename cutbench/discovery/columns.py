@@ -9,6 +9,7 @@ a curve drops, the change by a finite strength is no multiple of the derivative,
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,49 +45,42 @@ class Sensed:
     y: dict[str, np.ndarray]
     J: dict[str, np.ndarray]
     columns: list[Column]
-    onset_mm: dict[str, float]
 
 
 def sense(inverse: Inverse, q: np.ndarray, chosen: Sequence[Candidate], run: Predictor) -> Sensed:
     """At ``q`` of ``inverse``. Raises ComputationFailed."""
-    cuts = [e for e in inverse.campaign.train if e.kind == "cut"]
-    rest = [e for e in inverse.campaign.train if e.kind != "cut"]
-    y, J, onset, parts = {}, {}, {}, {}
-    for e in rest:
+    train = inverse.campaign.train
+    cuts = [e for e in train if e.kind == "cut"]
+    y, J, parts = {}, {}, {}
+    for e in (e for e in train if e.kind != "cut"):
         case, grid, names = inverse.case(e, q), inverse.grids[e.id], inverse.names(e)
         (p,) = run([Task(e, case, grid, names)])
-        y[e.id], J[e.id], onset[e.id] = p.y, inverse.slopes(e, p, q), np.nan
-        for c in chosen:
-            if c.seen_by(e):
-                more = extended(case, [c.name])
-                strengths = [s.name for s in c.strengths]
-                by = scan(e, more.model, more.p, strengths, c.grid, grid)
-                for k in range(len(c.grid)):
-                    parts[c.name, k, e.id] = by[k]
+        y[e.id], J[e.id] = p.y, inverse.slopes(e, p, q)
+        for c in (c for c in chosen if c.seen_by(e)):
+            more, strengths = extended(case, [c.name]), [s.name for s in c.strengths]
+            by = scan(e, more.model, more.p, strengths, c.grid, grid)
+            parts.update({(c.name, k, e.id): by[k] for k in range(len(c.grid))})
     plan = _runs(inverse, cuts[0], q, chosen) if cuts else []
-    tasks = [_task(inverse, e, q, group) for group in plan for e in cuts]
-    answers = _run_all(run, tasks)
+    asked = [(group, _task(inverse, e, q, group)) for group in plan for e in cuts]
     rigs: dict[str, tuple[Candidate, list[tuple[Task, Prediction]]]] = {}
-    for (i, group), (j, e) in ((g, c) for g in enumerate(plan) for c in enumerate(cuts)):
-        p = answers[i * len(cuts) + j]
-        if i == 0:
-            y[e.id], J[e.id], onset[e.id] = p.y, inverse.slopes(e, p, q), p.onset_mm
+    for (group, task), p in zip(asked, run([task for _, task in asked]), strict=True):
+        e = task.experiment
+        if group is plan[0]:
+            y[e.id], J[e.id] = p.y, inverse.slopes(e, p, q)
         for c, k in group:
             numbers = [p.names.index(s.name) for s in c.strengths]
             parts[c.name, k, e.id] = p.slopes[:, numbers]
             if c.slot == "rig" and len(numbers) == 1:
-                rigs.setdefault(c.name, (c, []))[1].append((tasks[i * len(cuts) + j], p))
+                rigs.setdefault(c.name, (c, []))[1].append((task, p))
     columns = []
     for c in chosen:
+        none = {id: np.zeros((v.size, len(c.strengths))) for id, v in y.items()}
         for k, shapes in enumerate(c.grid):
-            if all((c.name, k, e.id) in parts for e in inverse.campaign.train if c.seen_by(e)):
-                none = {e.id: np.zeros((y[e.id].size, len(c.strengths))) for e in inverse.campaign.train}
-                slopes = {id: parts.get((c.name, k, id), zero) for id, zero in none.items()}
-                columns.append(Column(c, shapes, slopes))
-    for c, seen in rigs.values():
-        columns += [Column(c, c.grid[0], {**{id: np.zeros((v.size, 1)) for id, v in y.items()}, **by})
-                    for by in _secants(c, seen)]  # fmt: skip
-    return Sensed(y, J, columns, onset)
+            if all((c.name, k, e.id) in parts for e in train if c.seen_by(e)):
+                columns.append(Column(c, shapes, {id: parts.get((c.name, k, id), none[id]) for id in none}))
+        if c.name in rigs:
+            columns += [Column(c, c.grid[0], {**none, **by}) for by in _secants(*rigs[c.name])]
+    return Sensed(y, J, columns)
 
 
 def _secants(c: Candidate, seen: Sequence[tuple[Task, Prediction]]) -> list[dict[str, np.ndarray]]:
@@ -95,7 +89,7 @@ def _secants(c: Candidate, seen: Sequence[tuple[Task, Prediction]]) -> list[dict
     by_slope = [(p.y, p.slopes[:, p.names.index(q.name)]) for _, p in seen]
     level = np.sqrt(np.mean([np.mean(y**2) for y, _ in by_slope]))
     steep = np.sqrt(np.mean([np.mean(slope**2) for _, slope in by_slope]))
-    low, high = c.range(q)
+    low, high = q.bounds
     off, found = q.off_value, []
     for size in (part * level / max(steep, 1e-300) for part in PARTS):
         for value in (off + size, off - size):
@@ -105,33 +99,22 @@ def _secants(c: Candidate, seen: Sequence[tuple[Task, Prediction]]) -> list[dict
     return found
 
 
-def _run_all(run: Predictor, tasks: Sequence[Task]):
-    return run(tasks) if tasks else []
-
-
 def _runs(
     inverse: Inverse, e: Experiment, q: np.ndarray, chosen: Sequence[Candidate]
 ) -> list[list[tuple[Candidate, int]]]:
     """Which candidates go into which run, each with which of its shapes' values."""
     case = inverse.case(e, q)
     runs: list[list[tuple[Candidate, int]]] = [[] for _ in range(RUNS)]
-    for c in chosen:
-        if not c.seen_by(e):
-            continue
+    for c in (c for c in chosen if c.seen_by(e)):
         # The middle of the grid first, then its ends.
         order = sorted(range(len(c.grid)), key=lambda k: abs(k - (len(c.grid) - 1) / 2))
         if len(order) > RUNS:
             order = [order[0], order[-1], order[-2]]
-        placed = 0
         for group in runs:
-            if placed == len(order):
-                break
-            try:
-                extended(case, [*(o.name for o, _ in group), c.name])
-            except BadInput:
-                continue
-            group.append((c, order[placed]))
-            placed += 1
+            with suppress(BadInput):
+                if order:
+                    extended(case, [*(o.name for o, _ in group), c.name])
+                    group.append((c, order.pop(0)))
     return [runs[0], *(g for g in runs[1:] if g)]
 
 

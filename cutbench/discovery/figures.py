@@ -9,7 +9,8 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from cutbench.base.figure_style import COLOURS, DOUBLE_MM, GREY, SINGLE_MM, legend_below, new_figure, style
+from cutbench.base.figure_style import COLOURS, DOUBLE_MM, GREY, legend_below, new_figure, style
+from cutbench.calibration.figure import panels
 from cutbench.data.experiment import Experiment
 from cutbench.discovery.heldout import expected
 from cutbench.discovery.outcome import Discovery
@@ -21,19 +22,11 @@ BASE, MORE = "Baseline", "Extended model"
 def curves(d: Discovery) -> Figure:
     """A column for each experiment (three side by side at most): curves above, what is left over below."""
     shown = [e for e in d.campaign.experiments if e.id in _curves(d.first)]
-    columns = min(3, len(shown))
-    rows = -(-len(shown) // columns)
     with style():
-        figure = new_figure(SINGLE_MM if columns == 1 else DOUBLE_MM, 14 + 78 * rows)
-        axes = figure.subplots(2 * rows, columns, squeeze=False, height_ratios=[3, 1.5] * rows)
-        for i in range(rows * columns):
-            top, bottom = axes[2 * (i // columns)][i % columns], axes[2 * (i // columns) + 1][i % columns]
-            if i >= len(shown):
-                top.set_visible(False)
-                bottom.set_visible(False)
-                continue
-            _experiment(top, bottom, d, shown[i])
-        legend_below(figure, axes.ravel(), 4)
+        figure, axes = panels(len(shown), 14, 1.5)
+        for (top, bottom), e in zip(axes, shown, strict=True):
+            _experiment(top, bottom, d, e)
+        legend_below(figure, figure.axes, 4)
     return figure
 
 
@@ -72,7 +65,7 @@ def _experiment(top, bottom, d: Discovery, e: Experiment) -> None:
 def ranking(d: Discovery) -> Figure | None:
     """What each candidate explains of what is wrong, and its gain on held-out data with its standard
     error."""
-    r = next((r for r in d.rounds if r.accepted), d.rounds[0])
+    r = d.telling
     if not r.tried:
         return None
     names = [t.name for t in r.tried]

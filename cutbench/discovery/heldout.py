@@ -21,7 +21,8 @@ from scipy.linalg import cholesky, solve_triangular
 
 from cutbench.data.covariance import Block, Factors
 from cutbench.data.experiment import Experiment
-from cutbench.discovery.point import Point, tested
+from cutbench.data.repetition import Averaged
+from cutbench.discovery.point import Point
 
 #: A parameter that the rest of the data knows worse than this (in q) is not determined by it.
 LOST = 0.5
@@ -41,7 +42,6 @@ class HeldOutPart:
     covariance: np.ndarray
     deviation: np.ndarray
     size: float
-    of: str
 
 
 @dataclass(frozen=True)
@@ -62,6 +62,10 @@ class Heldout:
     noise_floor: float
     unit: str
     gain_of_shape: float = 0.0
+
+    @property
+    def percent(self) -> str:
+        return f"{100 * self.gain:+.0f} ± {100 * self.gain_se:.0f} %"
 
     @property
     def accepted(self) -> bool:
@@ -124,12 +128,10 @@ def _beyond_factor(y: np.ndarray, measured: np.ndarray) -> float:
 
 
 def _pooled(point: Point) -> dict[str, Factors]:
-    kinds = {e.kind for e in point.campaign.experiments}
-    grids = point.inverse.grids
-    return {
-        kind: Factors.of([grids[e.id] for e in point.campaign.experiments if e.kind == kind]).usual
-        for kind in kinds
-    }
+    grids: dict[str, list[Averaged]] = {}
+    for e in point.campaign.experiments:
+        grids.setdefault(e.kind, []).append(point.inverse.grids[e.id])
+    return {kind: Factors.of(of_kind).usual for kind, of_kind in grids.items()}
 
 
 def expected(point: Point, e: Experiment) -> Block:
@@ -139,13 +141,13 @@ def expected(point: Point, e: Experiment) -> Block:
 
 
 def _tests(before: Point, after: Point):
-    both = [e for e in tested(before) if e.id in after.tests]
-    pooled, parts = _pooled(before), []
-    for e in both:
-        grid = before.inverse.grids[e.id]
-        C = Block.of(grid, pooled[e.kind], grid.mean)
-        parts.append(HeldOutPart(e, grid.mean, C.total, C.deviation, float(np.abs(grid.mean).max()), e.id))
+    both = [e for e in before.campaign.test if e.id in before.tests and e.id in after.tests]
+    parts = [_part(e, before.inverse.grids[e.id].mean, expected(before, e)) for e in both]
     return parts, [before.tests[e.id] for e in both], [after.tests[e.id] for e in both], TESTS
+
+
+def _part(e: Experiment, mean: np.ndarray, C: Block) -> HeldOutPart:
+    return HeldOutPart(e, mean, C.total, C.deviation, float(np.abs(mean).max()))
 
 
 def _folds(before: Point, after: Point):
@@ -155,66 +157,60 @@ def _folds(before: Point, after: Point):
     other: list[np.ndarray] = []
     for e in train:
         grid = before.inverse.grids[e.id]
-        size = float(np.abs(grid.mean).max())
+        every, mean = np.arange(grid.x.size), grid.mean
+        # Of each fold: the curve, its readings that are held out, those that are kept, the mean of these.
         if len(train) >= FEWEST_TESTS and _determined(before, e.id) and _determined(after, e.id):
-            C = Block.of(grid, pooled[e.kind], grid.mean)
-            parts.append(HeldOutPart(e, grid.mean, C.total, C.deviation, size, e.id))
-            for point, into in ((before, one), (after, other)):
-                into.append(_without(point, e.id, np.zeros(0, dtype=int), None))
-            ways.append("one experiment after the other")
+            count, way, folds = None, "one experiment", [(mean, every, every[:0], mean)]
         elif grid.repetitions > 1:
-            C = Block.of(grid, pooled[e.kind], grid.mean, count=1)
-            for k in range(grid.repetitions):
-                rest = np.delete(grid.curves, k, axis=0).mean(axis=0)
-                parts.append(HeldOutPart(e, grid.curves[k], C.total, C.deviation, size, f"{e.id}, {k + 1}"))
-                for point, into in ((before, one), (after, other)):
-                    into.append(_without(point, e.id, None, rest))
-            ways.append("one repetition after the other")
+            count, way = 1, "one repetition"
+            rests = [np.delete(grid.curves, k, axis=0).mean(axis=0) for k in range(grid.repetitions)]
+            folds = [(curve, every, every, rest) for curve, rest in zip(grid.curves, rests, strict=True)]
         else:
-            C = Block.of(grid, pooled[e.kind], grid.mean, count=1)
-            for gap in np.array_split(np.arange(grid.x.size), FIFTHS):
-                parts.append(
-                    HeldOutPart(e, grid.mean[gap], C.total[np.ix_(gap, gap)], C.deviation[gap], size, e.id)
-                )
-                for point, into in ((before, one), (after, other)):
-                    into.append(_without(point, e.id, np.setdiff1d(np.arange(grid.x.size), gap), None)[gap])
-            ways.append("one fifth of the readings after the other")
+            count, way = 1, "one fifth of the readings"
+            gaps = np.array_split(every, FIFTHS)
+            folds = [(mean, gap, np.setdiff1d(every, gap), mean) for gap in gaps]
+        C, size = Block.of(grid, pooled[e.kind], mean, count=count), float(np.abs(mean).max())
+        for curve, out, kept, rest in folds:
+            parts.append(HeldOutPart(e, curve[out], C.total[np.ix_(out, out)], C.deviation[out], size))
+            for point, into in ((before, one), (after, other)):
+                into.append(_without(point, e.id, kept, rest)[out])
+        ways.append(f"{way} after the other")
     return parts, one, other, " and ".join(dict.fromkeys(ways))
 
 
-def _information(point: Point, skip: str) -> tuple[np.ndarray, np.ndarray]:
+def _information(white: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """JᵀJ and Jᵀr of whitened derivatives with the residual as their last column."""
+    return white[:, :-1].T @ white[:, :-1], white[:, :-1].T @ white[:, -1]
+
+
+def _others(point: Point, skip: str) -> tuple[np.ndarray, np.ndarray]:
     """JᵀJ and Jᵀr of all train experiments but one."""
-    k = point.q.size
-    A, g = np.zeros((k, k)), np.zeros(k)
-    for id in point.w.tests:
+    A, g = np.zeros((point.q.size, point.q.size)), np.zeros(point.q.size)
+    for id, w in point.w.tests.items():
         if id != skip:
-            white = point.w.tests[id].white(np.column_stack([point.J[id], point.residual[id]]))
-            A, g = A + white[:, :-1].T @ white[:, :-1], g + white[:, :-1].T @ white[:, -1]
+            more = _information(w.white(np.column_stack([point.J[id], point.residual[id]])))
+            A, g = A + more[0], g + more[1]
     return A, g
 
 
 def _determined(point: Point, id: str) -> bool:
-    A, _ = _information(point, id)
+    A, _ = _others(point, id)
     size = np.sqrt(np.diag(A))
     if np.any(size <= 0):
         return False
     covariance = np.linalg.pinv(A / np.outer(size, size), rcond=1e-10) / np.outer(size, size)
-    whole = point.deviations()
-    return bool(np.all(np.sqrt(np.diag(covariance)) < np.maximum(LOST, 2 * whole)))
+    return bool(np.all(np.sqrt(np.diag(covariance)) < np.maximum(LOST, 2 * point.deviations())))
 
 
-def _without(point: Point, id: str, kept: np.ndarray | None, rest: np.ndarray | None) -> np.ndarray:
-    """Prediction (m,) of experiment ``id`` by a fit that has seen only its readings ``kept`` (all: None),
-    with ``rest`` (m,) as their mean (None: as measured)."""
-    A, g = _information(point, id)
-    J, residual, w = point.J[id], point.residual[id], point.w.tests[id]
-    if rest is not None:
-        residual = point.y[id] - rest
-    if kept is None or kept.size:
-        i = np.arange(residual.size) if kept is None else kept
-        L = cholesky(w.total[np.ix_(i, i)], lower=True)
-        white = solve_triangular(L, np.column_stack([J, residual])[i], lower=True)
-        A, g = A + white[:, :-1].T @ white[:, :-1], g + white[:, :-1].T @ white[:, -1]
+def _without(point: Point, id: str, kept: np.ndarray, rest: np.ndarray) -> np.ndarray:
+    """Prediction (m,) of experiment ``id`` by a fit that has seen only its readings ``kept``, with ``rest``
+    (m,) as their mean."""
+    (A, g), J = _others(point, id), point.J[id]
+    if kept.size:
+        L = cholesky(point.w.tests[id].total[np.ix_(kept, kept)], lower=True)
+        both = np.column_stack([J, point.y[id] - rest])
+        more = _information(solve_triangular(L, both[kept], lower=True))
+        A, g = A + more[0], g + more[1]
     # What the rest does not determine stays about where it is: q is not known to change by more than 1.
     step = -np.linalg.solve(A + np.eye(g.size), g)
     low, high = point.inverse.bounds

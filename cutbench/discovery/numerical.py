@@ -18,7 +18,7 @@ from cutbench.calibration.mesh_error import ADDED
 from cutbench.calibration.prediction import Predictor, Task
 from cutbench.case.case import Case
 from cutbench.discovery.candidates import Candidate
-from cutbench.discovery.columns import Column, Sensed
+from cutbench.discovery.columns import Column
 from cutbench.discovery.point import Point
 
 #: Name, what it is, and the choices that differ.
@@ -40,18 +40,13 @@ def numerical_columns(point: Point, run: Predictor) -> tuple[list[Column], dict[
         columns.append(_column("element size and step", by, point))
     for name in ("locking", "contact normal"):
         try:
-            tasks = [
-                Task(e, _otherwise(point.inverse.case(e, point.q), name), point.inverse.grids[e.id])
-                for e in cuts
-            ]
-            answers = run(tasks)
+            cases = [_otherwise(point.inverse.case(e, point.q), name) for e in cuts]
+            answers = run([Task(e, c, point.inverse.grids[e.id]) for e, c in zip(cuts, cases, strict=True)])
         except (ComputationFailed, BadInput) as error:
             missing[name] = str(error)
             continue
-        by = {
-            e.id: p.y + point.w.tests[e.id].shift - point.y[e.id] for e, p in zip(cuts, answers, strict=True)
-        }
-        columns.append(_column(name, by, point))
+        moved = {e.id: p.y + point.w.tests[e.id].shift for e, p in zip(cuts, answers, strict=True)}
+        columns.append(_column(name, {id: y - point.y[id] for id, y in moved.items()}, point))
     return columns, missing
 
 
@@ -67,8 +62,3 @@ def _column(name: str, by: Mapping[str, np.ndarray], point: Point) -> Column:
     share = Parameter("share", "1", "s", "part of the change that is taken", off=0.0)
     c = Candidate(name, CHOICES[name], "numerics", (share,), (), ({},))
     return Column(c, {}, {id: by.get(id, np.zeros(y.size))[:, None] for id, y in point.y.items()})
-
-
-def with_columns(sensed: Sensed, columns: list[Column]) -> Sensed:
-    """``sensed`` with other columns."""
-    return Sensed(sensed.y, sensed.J, columns, sensed.onset_mm)

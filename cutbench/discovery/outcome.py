@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from cutbench.calibration.fitted import Fit
 from cutbench.data.campaign import Campaign
@@ -60,16 +60,23 @@ class Round:
     left_out: Mapping[str, str]
     failed: Mapping[str, str]
 
+    @property
+    def candidates(self) -> list[tuple[Score, Tried | None]]:
+        """What was fitted in the order of ``tried``, then the others by their score."""
+        names = {t.name for t in self.tried}
+        rest = [(s, None) for s in self.scores.scores if s.name not in names]
+        return [*((t.score, t) for t in self.tried), *rest]
+
 
 @dataclass(frozen=True)
 class NumericalCauses:
     """Scores of numerical causes; ``explains``: name of one that explains the residual as well as the best
     mechanism does, None otherwise; ``missing``: what could not be computed, and why."""
 
-    scores: tuple[Score, ...]
-    shares: Mapping[str, float]
-    explains: str | None
-    missing: Mapping[str, str]
+    scores: tuple[Score, ...] = ()
+    shares: Mapping[str, float] = field(default_factory=dict)
+    explains: str | None = None
+    missing: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -98,6 +105,11 @@ class Discovery:
     @property
     def first(self) -> Point:
         return self.rounds[0].point
+
+    @property
+    def telling(self) -> Round:
+        """The round that found, else the first."""
+        return next((r for r in self.rounds if r.accepted), self.rounds[0])
 
     @property
     def not_tried(self) -> dict[str, str]:

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import html
+from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 
 from cutbench.base.files import replacing, write_json
 from cutbench.discovery.figures import curves, ranking, svg
 from cutbench.discovery.outcome import Discovery
-from cutbench.discovery.report import (
-    called,
-    estimates,
-    gain_sentence,
-    to_dict,
-    verdict_sentence,
-)
+from cutbench.discovery.report import GAIN, called, estimates, gain_sentence, to_dict, verdict_sentence
 from cutbench.discovery.where import Section
 
 _SAID = {
@@ -28,17 +23,16 @@ _SAID = {
 
 def write_discovery(d: Discovery, folder: Path) -> list[Path]:
     """``discovery.json`` and ``discovery.html`` in ``folder``, each whole or not at all."""
-    write_json(to_dict(d), folder / "discovery.json")
-    with replacing(folder / "discovery.html") as draft:
+    paths = [folder / "discovery.json", folder / "discovery.html"]
+    write_json(to_dict(d), paths[0])
+    with replacing(paths[1]) as draft:
         draft.write_text(page(d), encoding="utf-8")
-    return [folder / "discovery.json", folder / "discovery.html"]
+    return paths
 
 
 def page(d: Discovery) -> str:
     """The whole page as HTML."""
     template = resources.files("cutbench.discovery").joinpath("page.html").read_text(encoding="utf-8")
-    data = to_dict(d)
-    pictures = svg(curves(d), "curves")
     rank = ranking(d)
     parts = {
         "TITLE": _text(d.campaign.title),
@@ -47,17 +41,15 @@ def page(d: Discovery) -> str:
         "SENTENCE": _text(verdict_sentence(d)),
         "MODEL": _text(d.first.case.model.described),
         "GAIN": _text(gain_sentence(d)),
-        "CURVES": pictures,
+        "CURVES": svg(curves(d), "curves"),
         "CAPTION": _caption(d),
-        "WRONG": _sections(
-            [s for s in d.wrong if s.wrong], "Nowhere by more than three standard deviations."
-        ),
+        "WRONG": _sections(d.wrong, "Nowhere by more than three standard deviations."),
         "RANKING": (svg(rank, "ranking") if rank is not None else "") + _ranking(d),
         "FOUND": _found(d),
         "NUMERICAL": _numerical(d),
         "REMAINS": _remains(d),
         "NEXT": _text(d.next_experiment),
-        "ERRORS": _errors(data["gain"]),
+        "ERRORS": _errors(to_dict(d)["gain"]),
         "NOTES": "".join(f"<li>{_text(note)}</li>" for note in d.notes) or "<li>none</li>",
     }
     for key, value in parts.items():
@@ -77,9 +69,8 @@ def _table(head: list[str], rows: list[list[str]]) -> str:
         return f'<td class="number">{_text(text)}</td>' if number else f"<td>{_text(text)}</td>"
 
     top = "".join(f"<th>{_text(h)}</th>" for h in head)
-    return (
-        f"<table><tr>{top}</tr>" + "".join(f"<tr>{''.join(map(cell, row))}</tr>" for row in rows) + "</table>"
-    )
+    body = "".join(f"<tr>{''.join(map(cell, row))}</tr>" for row in rows)
+    return f"<table><tr>{top}</tr>{body}</table>"
 
 
 def _caption(d: Discovery) -> str:
@@ -90,59 +81,32 @@ def _caption(d: Discovery) -> str:
     )
 
 
-def _range(s: Section) -> str:
-    unit = "" if s.experiment.x_unit == "1" else f" {s.experiment.x_unit}"
-    return f"{s.start:.3g} to {s.end:.3g}{unit}"
-
-
-def _sections(found: list[Section], none: str) -> str:
-    if not found:
-        return f"<p>{none}</p>"
+def _sections(found: Sequence[Section], none: str) -> str:
     rows = []
-    for s in found[:12]:
-        scale, unit = (1, "N") if s.experiment.y_unit == "N" else (1e3, "kPa")
-        rows.append([
-            s.experiment.id, s.regime or s.experiment.kind.replace("_", " "), _range(s),
-            f"{scale * s.bias:+.3g} {unit}", f"{s.z:+.1f}",
-        ])  # fmt: skip
-    return _table(["experiment", "where", "from – to", "measured less computed", "standard deviations"], rows)
+    for s in [s for s in found if s.wrong][:12]:
+        e, (scale, unit) = s.experiment, (1, "N") if s.experiment.y_unit == "N" else (1e3, "kPa")
+        where, bias = s.regime or e.kind.replace("_", " "), f"{scale * s.bias:+.3g} {unit}"
+        rows.append([e.id, where, s.range, bias, f"{s.z:+.1f}"])
+    head = ["experiment", "where", "from – to", "measured less computed", "standard deviations"]
+    return _table(head, rows) if rows else f"<p>{none}</p>"
 
 
 def _ranking(d: Discovery) -> str:
-    r = next((r for r in d.rounds if r.accepted), d.rounds[0])
+    r, rows = d.telling, []
     if not r.scores.scores:
         return "<p>No candidate was left to try.</p>"
-    tried, rows = {t.name: t for t in r.tried}, []
-    for name in [*tried, *(s.name for s in r.scores.scores if s.name not in tried)]:
-        s = next(s for s in r.scores.scores if s.name == name)
-        t = tried.get(name)
-        mark = (
-            "added"
-            if name == r.accepted
-            else "not told apart"
-            if name in r.group and len(r.group) > 1
-            else ""
-        )
-        if t is None:
-            rows.append([called(name), f"{s.z:.1f}", "", "", "", mark])
-            continue
-        values = ", ".join(f"{q.symbol} = {q.show(float(f'{v:.3g}'))}" for q, v, _ in estimates(t))
-        gain = f"{100 * t.heldout.gain:+.0f} ± {100 * t.heldout.gain_se:.0f} %"
-        rows.append([called(name), f"{s.z:.1f}", f"{100 * t.share:.0f} %", gain, values, mark])
-    head = [
-        "candidate",
-        "score (standard deviations)",
-        "explains",
-        "gain on held-out data",
-        "fitted values",
-        "",
-    ]
-    return _table(head, rows)
+    marks = dict.fromkeys(r.group if len(r.group) > 1 else (), "not told apart") | {r.accepted: "added"}
+    for s, t in r.candidates:
+        fitted = ["", "", ""]
+        if t is not None:
+            values = ", ".join(f"{q.symbol} = {q.show(float(f'{v:.3g}'))}" for q, v, _ in estimates(t))
+            fitted = [f"{100 * t.share:.0f} %", t.heldout.percent, values]
+        rows.append([called(s.name), f"{s.z:.1f}", *fitted, marks.get(s.name, "")])
+    head = ["score (standard deviations)", "explains", "gain on held-out data", "fitted values", ""]
+    return _table(["candidate", *head], rows)
 
 
 def _found(d: Discovery) -> str:
-    if not d.found:
-        return ""
     items = []
     for name in d.found:
         t = next(t for r in d.rounds for t in r.tried if r.accepted == name == t.name)
@@ -153,37 +117,28 @@ def _found(d: Discovery) -> str:
             for q, v, sd in estimates(t)
         )
         items.append(f"<li><b>{_text(called(name))}</b>: {_text(values)}.</li>")
-    return f"<ul>{''.join(items)}</ul>"
+    return f"<ul>{''.join(items)}</ul>" if items else ""
 
 
 def _numerical(d: Discovery) -> str:
-    if not any(e.kind == "cut" for e in d.campaign.train):
+    if not d.first.meshed:
         return "<p>These tests are computed without a mesh.</p>"
     if not d.numerics.scores:
         return "<p>Not asked: the baseline does not fail.</p>"
+    shares = {name: f"{100 * max(share, 0):.0f} %" for name, share in d.numerics.shares.items()}
     rows = [
-        [
-            f"{s.name} ({s.column.candidate.title})",
-            f"{s.z:.1f}",
-            f"{100 * max(d.numerics.shares[s.name], 0):.0f} %",
-        ]
-        for s in d.numerics.scores
+        [f"{s.name} ({s.column.candidate.title})", f"{s.z:.1f}", shares[s.name]] for s in d.numerics.scores
     ]
     return _table(["cause", "score (standard deviations)", "would explain"], rows)
 
 
 def _remains(d: Discovery) -> str:
     last = d.rounds[-1].scores
-    if last.p_residual >= 0.01:
-        return (
-            f"<p>Nothing beyond the scatter: χ² = {last.chi2:.0f}, data that the model describes have"
-            f" {last.expected:.0f} on average.</p>"
-        )
+    nothing = last.p_residual >= 0.01
     return (
-        f"<p>More than the scatter: χ² = {last.chi2:.0f}, data that the model describes have"
-        f" {last.expected:.0f} on"
-        " average.</p>" + _sections([s for s in d.left if s.wrong], "No single section stands out.")
-    )
+        f"<p>{'Nothing beyond' if nothing else 'More than'} the scatter: χ² = {last.chi2:.0f}, data that the"
+        f" model describes have {last.expected:.0f} on average.</p>"
+    ) + ("" if nothing else _sections(d.left, "No single section stands out."))
 
 
 def _errors(gain: dict) -> str:
@@ -191,7 +146,5 @@ def _errors(gain: dict) -> str:
     for key, words in (("train", "fitted tests"), ("heldout", f"held out: {gain['heldout']['how']}")):
         g = gain[key]
         unit = "of the maximum" if g["unit"] == "1" else g["unit"]
-        rows.append(
-            [words, *(f"{g[k]:.3g} {unit}" for k in ("baseline_rmse", "extended_rmse", "noise_floor"))]
-        )
+        rows.append([words, *(f"{g[k]:.3g} {unit}" for k in GAIN[:3])])
     return _table(["root mean square error", "baseline", "extended model", "scatter and noise alone"], rows)

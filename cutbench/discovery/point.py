@@ -4,7 +4,7 @@ by."""
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +20,6 @@ from cutbench.calibration.prediction import Predictor
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
 from cutbench.data.covariance import Covariance
-from cutbench.data.experiment import Experiment
 from cutbench.discovery.candidates import Candidate
 from cutbench.discovery.score import Score
 
@@ -47,7 +46,6 @@ class Point:
     onset_mm: Mapping[str, float]
     #: Error of the mesh in test experiments, as far as it is known.
     test_shift: Mapping[str, np.ndarray]
-    converged: bool = True
 
     @property
     def campaign(self) -> Campaign:
@@ -56,6 +54,10 @@ class Point:
     @property
     def case(self) -> Case:
         return self.inverse.base(self.q)
+
+    @property
+    def meshed(self) -> bool:
+        return any(e.kind == "cut" for e in self.campaign.train)
 
     @property
     def residual(self) -> dict[str, np.ndarray]:
@@ -80,13 +82,7 @@ class Point:
         return np.sqrt(np.diag(information_inverse(self.w.white(self.J))))
 
 
-def _gathered(
-    inverse: Inverse,
-    q: np.ndarray,
-    w: Covariance,
-    shift: Mapping[str, np.ndarray],
-    converged: bool,
-) -> Point:
+def _gathered(inverse: Inverse, q: np.ndarray, w: Covariance, shift: Mapping[str, np.ndarray]) -> Point:
     found = inverse.predictions(q)
     y = {e.id: found[e.id].y + w.tests[e.id].shift for e in inverse.campaign.train}
     J = {e.id: inverse.slopes(e, found[e.id], q) for e in inverse.campaign.train}
@@ -98,7 +94,7 @@ def _gathered(
             trouble.append(f"'{e.id}' could not be predicted: {error}")
             continue
         tests[e.id], onset[e.id] = p.y + shift.get(e.id, 0.0), p.onset_mm
-    return Point(inverse, q, w, y, J, tests, tuple(trouble), onset, shift, converged)
+    return Point(inverse, q, w, y, J, tests, tuple(trouble), onset, shift)
 
 
 def point_of(fitted: Fit, run: Predictor) -> Point:
@@ -109,10 +105,7 @@ def point_of(fitted: Fit, run: Predictor) -> Point:
         if e.kind == "cut" and e.id in curves:
             (p,) = inverse.predicted(fitted.q, [e], fine=False)
             shift[e.id] = curves[e.id] - p.y
-    inverse = inverse.moved(fitted.q, run)
-    return _gathered(
-        inverse, np.zeros(fitted.q.size), fitted.data_covariance, shift, fitted.status == "converged"
-    )
+    return _gathered(inverse.moved(fitted.q, run), np.zeros(fitted.q.size), fitted.data_covariance, shift)
 
 
 class _Shape(Unknown):
@@ -123,61 +116,54 @@ class _Shape(Unknown):
         return self.start > 0 and (self.quantity.low or 0) >= 0
 
 
-def unknowns_of(point: Point, c: Candidate, score: Score, shapes: bool = True) -> list[Unknown]:
-    """The point's free parameters where they are, and the candidate's from where the score puts them."""
-    plan = point.campaign.plan
-    known = [replace(u, start=u.value(x)) for u, x in zip(point.inverse.unknowns, point.q, strict=True)]
-    new = []
-    for q, value in zip(c.strengths, score.strengths, strict=True):
-        low, high = plan.bounds.get(q.name, c.range(q))
-        new.append(Unknown(q, float(np.clip(q.off_value + value, low, high)), low, high))
-    for q in c.shapes if shapes else ():
-        low, high = plan.bounds.get(q.name, c.range(q))
-        kind = _Shape if low > 0 else Unknown
-        new.append(kind(q, float(np.clip(score.column.shapes[q.name], low, high)), low, high))
-    return known + new
+def _unknowns(point: Point, score: Score, shapes: bool) -> list[Unknown]:
+    """The candidate's parameters, from where the score puts them."""
+    c, new = score.column.candidate, []
+    starts = [q.off_value + value for q, value in zip(c.strengths, score.strengths, strict=True)]
+    starts += [score.column.shapes[q.name] for q in c.shapes] if shapes else []
+    for q, start in zip(c.parameters, starts, strict=False):
+        low, high = point.campaign.plan.bounds.get(q.name, q.bounds)
+        kind = _Shape if q in c.shapes and low > 0 else Unknown
+        new.append(kind(q, float(np.clip(start, low, high)), low, high))
+    return new
 
 
-def extend(point: Point, score: Score, run: Predictor, *, shapes: bool = True) -> Point:
+def extend(point: Point, score: Score, *, shapes: bool = True) -> Point:
     """The model with a candidate added, fitted from the score's step on.
 
     Only the best start of ``PARTS`` is followed. ``shapes`` False: those of the score are kept. Raises
     ComputationFailed where none can be computed.
     """
     c = score.column.candidate
-    unknowns = unknowns_of(point, c, score, shapes)
-    new = {u.name: u.start for u in unknowns[len(point.inverse.unknowns) :]}
+    known, new = point.inverse.at(point.q), _unknowns(point, score, shapes)
     model, off = point.case.model.extended(c.name)
-    values = {**point.case.values, **off, **score.column.shapes, **new}
-    inverse = point.inverse.other(unknowns, replace(point.case, mechanisms=model.mechanisms, values=values))
+    values = {**point.case.values, **off, **score.column.shapes, **{u.name: u.start for u in new}}
+    case = replace(point.case, mechanisms=model.mechanisms, values=values)
+    inverse = point.inverse.other([*known, *new], case)
     low, high = inverse.bounds
-    k, meshed = len(point.inverse.unknowns), any(e.kind == "cut" for e in point.campaign.train)
     best, reason = None, ""
-    for part in PARTS[:2] if meshed else PARTS:
-        q = np.zeros(len(unknowns))
-        q[:k] = np.clip(part * score.free, -1.0, 1.0)
-        for i, (s, value) in enumerate(zip(c.strengths, score.strengths, strict=True), start=k):
-            u = unknowns[i]
-            q[i] = u.q(float(np.clip(s.off_value + part * value, u.low, u.high)))
+    for part in PARTS[:2] if point.meshed else PARTS:
+        q = np.zeros(low.size)
+        q[: len(known)] = np.clip(part * score.free, -1.0, 1.0)
+        for i, (u, value) in enumerate(zip(new, score.strengths, strict=False), start=len(known)):
+            q[i] = u.q(float(np.clip(u.quantity.off_value + part * value, u.low, u.high)))
         q = np.clip(q, low, high)
         try:
             r, J = inverse.whitened(q, point.w)
         except (ComputationFailed, BadInput) as error:
             reason = str(error)
             continue
-        if best is None or r @ r < best[1] @ best[1]:
-            best = q, r, J
-        elif best is not None:
+        if best is not None and not r @ r < best[1] @ best[1]:
             break
+        best = q, r, J
     if best is None:
         raise ComputationFailed(reason)
-    found = lm.minimise(
-        lambda q: inverse.whitened(q, point.w), best[0], low, high, MESHED if meshed else SMOOTH,
-        first=(best[1], best[2]),
-    )  # fmt: skip
+    q, r, J = best
+    settings = MESHED if point.meshed else SMOOTH
+    found = lm.minimise(lambda q: inverse.whitened(q, point.w), q, low, high, settings, first=(r, J))
     if found.message == "interrupted":
         raise KeyboardInterrupt
-    return _gathered(inverse, found.q, point.w, point.test_shift, found.converged)
+    return _gathered(inverse, found.q, point.w, point.test_shift)
 
 
 def settled(point: Point, run: Predictor, refine: bool, on_progress: OnProgress) -> Point:
@@ -210,8 +196,3 @@ def undetermined(point: Point, c: Candidate) -> bool:
         u.name in names and d * (1 if u.logarithmic else u.scale / max(abs(u.start), 1e-300)) > 1
         for u, d in zip(point.inverse.unknowns, deviations, strict=True)
     )
-
-
-def tested(point: Point) -> Sequence[Experiment]:
-    """Test experiments that could be predicted."""
-    return [e for e in point.campaign.test if e.id in point.tests]

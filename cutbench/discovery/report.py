@@ -8,7 +8,7 @@ import numpy as np
 
 from cutbench.base.units import Parameter
 from cutbench.base.versions import versions
-from cutbench.discovery.heldout import Heldout, compare
+from cutbench.discovery.heldout import compare
 from cutbench.discovery.outcome import CHANCE, Discovery, Round, Tried
 from cutbench.discovery.point import Point
 from cutbench.discovery.score import Score
@@ -18,6 +18,8 @@ from cutbench.mechanisms import registry
 SCHEMA = 1
 #: 95 % of a normal distribution lie within so many standard deviations.
 WIDE = 1.96
+#: What is reported of a gain.
+GAIN = ("baseline_rmse", "extended_rmse", "noise_floor", "unit", "gain", "gain_se", "how")
 
 
 def called(name: str) -> str:
@@ -56,8 +58,7 @@ def verdict_sentence(d: Discovery) -> str:
             f"{names[0].upper()}{names[1:]} explains a part of what the baseline gets wrong; the rest (most"
             f" in '{left.experiment.id}', {_place(left)}) is unexplained by any candidate."
         )
-    first = next(r for r in d.rounds if r.accepted)
-    others = [n for n in first.group if n != first.accepted]
+    others = [n for n in d.telling.group if n != d.telling.accepted]
     text = f"What the baseline lacks is {names}"
     if others:
         text += f"; these data cannot tell it from {' or '.join(called(n) for n in others)}"
@@ -83,9 +84,8 @@ def gain_sentence(d: Discovery) -> str:
 
 
 def _place(s: Section) -> str:
-    unit = "" if s.experiment.x_unit == "1" else f" {s.experiment.x_unit}"
     regime = f"{s.regime}, " if s.regime else ""
-    return f"{regime}{s.experiment.x_name} {s.start:.3g} to {s.end:.3g}{unit}"
+    return f"{regime}{s.experiment.x_name} {s.range}"
 
 
 def summary(d: Discovery) -> str:
@@ -110,34 +110,22 @@ def summary(d: Discovery) -> str:
         lines += [f"  {s.name}: z = {s.z:.1f}, would explain {100 * max(d.numerics.shares[s.name], 0):.0f} %"
                   for s in d.numerics.scores]  # fmt: skip
     for number, r in enumerate(d.rounds, 1):
-        if not r.scores.scores:
-            continue
-        lines += ["", f"candidates, round {number}: score z, part explained, gain on held-out data"]
-        tried = {t.name: t for t in r.tried}
-        for name in _order(r)[:10]:
-            lines.append("  " + _line(name, r, tried.get(name)))
+        if r.scores.scores:
+            lines += ["", f"candidates, round {number}: score z, part explained, gain on held-out data"]
+            lines += ["  " + _line(s, t, r.accepted) for s, t in r.candidates[:10]]
     lines += ["", f"next experiment: {d.next_experiment}"]
     if d.notes:
         lines += ["", "notes", *(f"  {note}" for note in d.notes)]
     return "\n".join(lines)
 
 
-def _order(r: Round) -> list[str]:
-    tried = [t.name for t in r.tried]
-    return tried + [s.name for s in r.scores.scores if s.name not in tried]
-
-
-def _line(name: str, r: Round, t: Tried | None) -> str:
-    s = next(s for s in r.scores.scores if s.name == name)
+def _line(s: Score, t: Tried | None, accepted: str | None) -> str:
+    text = f"{s.name:<20} z = {s.z:4.1f}"
     if t is None:
-        return f"{name:<20} z = {s.z:4.1f}"
+        return text
     values = ", ".join(f"{q.symbol} = {q.show(v)}" for q, v, _ in estimates(t))
-    mark = " <- added" if r.accepted == name else ""
-    return (
-        f"{name:<20} z = {s.z:4.1f}  {100 * t.share:4.0f} %"
-        f"  {100 * t.heldout.gain:+.0f} ± {100 * t.heldout.gain_se:.0f} %"
-        f"  {values}{mark}"
-    )
+    mark = " <- added" if accepted == s.name else ""
+    return f"{text}  {100 * t.share:4.0f} %  {t.heldout.percent}  {values}{mark}"
 
 
 def estimates(t: Tried) -> list[tuple[Parameter, float, float]]:
@@ -154,6 +142,7 @@ def estimates(t: Tried) -> list[tuple[Parameter, float, float]]:
 
 def to_dict(d: Discovery) -> dict:
     """Plain data with units."""
+    explains = d.numerics.shares
     return {
         "schema": SCHEMA,
         "title": d.campaign.title,
@@ -162,31 +151,23 @@ def to_dict(d: Discovery) -> dict:
         "found": list(d.found),
         "sentence": verdict_sentence(d),
         "gain_sentence": gain_sentence(d),
-        "ranking": _ranking(d),
+        "ranking": [_ranked(s, t, d.telling) for s, t in _ranking(d.telling)],
         "not_tried": d.not_tried,
         "confounded": [list(group) for group in d.groups],
         "where_wrong": [_section(s) for s in d.wrong if s.wrong],
         "remains": [_section(s) for s in d.left if s.wrong],
-        "gain": {"train": _train(d), "heldout": _heldout(d)},
+        "gain": {"train": _train(d), "heldout": _fields(d.gain or compare(d.first, d.final), *GAIN)},
         "next_experiment": d.next_experiment,
         "proposed_experiments": [
             {"experiment": p.text, "standard_errors": p.apart, "difference_of_maximum": p.part}
             for p in d.proposed
         ],
         "numerical": [
-            {
-                "cause": s.name,
-                "what": s.column.candidate.title,
-                "score_z": s.z,
-                "explains": d.numerics.shares[s.name],
-            }
+            {"cause": s.name, "what": s.column.candidate.title, "score_z": s.z, "explains": explains[s.name]}
             for s in d.numerics.scores
         ],
         "numerical_not_computed": dict(d.numerics.missing),
-        "residual": {
-            "baseline": _residual(d.rounds[0]),
-            "extended": _residual(d.rounds[-1]),
-        },
+        "residual": {"baseline": _residual(d.rounds[0]), "extended": _residual(d.rounds[-1])},
         "baseline": _model(d.first),
         "extended": _model(d.final),
         "rounds": [_round(r) for r in d.rounds],
@@ -198,18 +179,13 @@ def to_dict(d: Discovery) -> dict:
     }
 
 
-def _ranking(d: Discovery) -> list[dict]:
-    """Of the round that found (else the first): fitted candidates first, then the others by their score."""
-    r = next((r for r in d.rounds if r.accepted), d.rounds[0])
-    tried = {t.name: t for t in r.tried}
-    first = [r.accepted] if r.accepted else []
-    order = first + [n for n in _order(r) if n not in first]
-    return [_ranked(name, r, tried.get(name)) for name in order]
+def _ranking(r: Round) -> list[tuple[Score, Tried | None]]:
+    """The accepted one, the other fitted candidates, then the others by their score."""
+    return sorted(r.candidates, key=lambda pair: pair[0].name != r.accepted)
 
 
-def _ranked(name: str, r: Round, t: Tried | None) -> dict:
-    s: Score = next(s for s in r.scores.scores if s.name == name)
-    entry = {"mechanism": name, "title": registry()[name].title, "score_z": s.z, "fitted": t is not None}
+def _ranked(s: Score, t: Tried | None, r: Round) -> dict:
+    entry = {"mechanism": s.name, "title": registry()[s.name].title, "score_z": s.z, "fitted": t is not None}
     if t is None:
         c = s.column.candidate
         values = dict(zip([q.name for q in c.strengths], s.strengths, strict=True))
@@ -228,7 +204,7 @@ def _ranked(name: str, r: Round, t: Tried | None) -> dict:
         "chi2_above_best": t.behind,
         "chi2_above_best_se": t.behind_se,
         "shapes_determined": not t.shapes_open,
-        "accepted": r.accepted == name,
+        "accepted": r.accepted == s.name,
     }
 
 
@@ -264,12 +240,12 @@ def _section(s: Section) -> dict:
     }
 
 
-def train_errors(d: Discovery) -> dict:
-    """Root mean square errors of the fitted tests before and after, and what scatter and noise make."""
-    return _train(d)
+def _fields(one: object, *names: str) -> dict:
+    return {name: getattr(one, name) for name in names}
 
 
 def _train(d: Discovery) -> dict:
+    """Root mean square errors of the fitted tests before and after, and what scatter and noise make."""
     units = {e.y_unit for e in d.campaign.train}
     relative = len(units) > 1
     sums, count = np.zeros(3), 0
@@ -280,26 +256,8 @@ def _train(d: Discovery) -> dict:
         parts = (d.first.residual[e.id] ** 2, d.final.residual[e.id] ** 2, sd**2)
         sums += [p.sum() / scale**2 for p in parts]
         count += grid.x.size
-    b, x, n = np.sqrt(sums / count)
-    return {
-        "baseline_rmse": b,
-        "extended_rmse": x,
-        "noise_floor": n,
-        "unit": "1" if relative else units.pop(),
-    }
-
-
-def _heldout(d: Discovery) -> dict:
-    g: Heldout = d.gain or compare(d.first, d.final)
-    return {
-        "baseline_rmse": g.baseline_rmse,
-        "extended_rmse": g.extended_rmse,
-        "noise_floor": g.noise_floor,
-        "unit": g.unit,
-        "gain": g.gain,
-        "gain_se": g.gain_se,
-        "how": g.how,
-    }
+    errors = dict(zip(GAIN[:3], np.sqrt(sums / count), strict=True))
+    return {**errors, "unit": "1" if relative else units.pop()}
 
 
 def _residual(r: Round) -> dict:
@@ -322,13 +280,12 @@ def _model(p: Point) -> dict:
 
 
 def _round(r: Round) -> dict:
-    tried = {t.name: t for t in r.tried}
     return {
         "mechanisms": list(r.point.case.mechanisms),
         "accepted": r.accepted,
         "cannot_be_told_apart": list(r.group),
         "residual": _residual(r),
-        "candidates": [_ranked(name, r, tried.get(name)) for name in _order(r)],
+        "candidates": [_ranked(s, t, r) for s, t in r.candidates],
         "left_out": dict(r.left_out),
         "not_tried": dict(r.failed),
     }

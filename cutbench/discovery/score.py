@@ -12,7 +12,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import linalg, optimize, stats
@@ -53,9 +53,9 @@ class Scores:
     """``chi2`` of the residual freed of the free parameters, with ``dof``; ``p_residual`` of so much by
     chance.
 
-    ``others``: by candidate, its scores with other values of its shapes. ``expected``: the mean χ² of data
-    that the model describes. ``scale``: the gain that each candidate makes by chance in one of ten such data
-    sets; ``largest`` (draws,): the largest gain of any over its scale.
+    ``others``: by candidate, its scores with other values of its shapes, the largest gain first.
+    ``expected``: the mean χ² of data that the model describes. ``scale``: the gain that each candidate makes
+    by chance in one of ten such data sets; ``largest`` (draws,): the largest gain of any over its scale.
     """
 
     scores: list[Score]
@@ -87,44 +87,25 @@ def score(
 ) -> Scores:
     """``residual`` (m,) by id, computed less measured. The answer does not depend on the experiments'
     order."""
-    columns = sensed.columns
-    stacked = _Stack(sensed, columns)
-    found = stacked.gains(w, residual)
-    best: dict[str, int] = {}
-    for i, column in enumerate(columns):
-        name = column.candidate.name
-        if name not in best or found.gain[i] > found.gain[best[name]]:
-            best[name] = i
+    stacked = _Stack(sensed)
+    chi2, found = stacked.scored(w, residual)
+    mine: dict[str, list[int]] = {}
+    for i, s in enumerate(found):
+        mine.setdefault(s.name, []).append(i)
     rng = np.random.default_rng(seed)
-    by_name = {name: np.empty(draws) for name in best}
-    chi2 = np.empty(draws)
-    for k in range(draws):
-        drawn = stacked.gains(*reversed(w.draw(rng)))
-        chi2[k] = drawn.chi2
-        for name in best:
-            mine = [g for g, c in zip(drawn.gain, columns, strict=True) if c.candidate.name == name]
-            by_name[name][k] = max(mine)
+    drawn = (stacked.scored(*reversed(w.draw(rng))) for _ in range(draws))
+    rows = np.array([[value, *(s.gain for s in scores)] for value, scores in drawn])
+    noise, gains = rows[:, 0], rows[:, 1:]
+    by_name = {name: gains[:, numbers].max(axis=1) for name, numbers in mine.items()}
     # Candidates with more parameters gain more by chance: each is measured against its own draws.
     scale = {name: max(float(np.quantile(g, 0.9)), 1e-12) for name, g in by_name.items()}
-    largest = np.max([by_name[n] / scale[n] for n in best], axis=0) if best else np.zeros(draws)
-    scores = []
-    for name, i in best.items():
-        g = found.gain[i]
-        scores.append(
-            Score(
-                columns[i], g, found.strengths[i], found.free[i], found.direction[i],
-                tail(by_name[name], g),
-            )
-        )  # fmt: skip
-    others = {
-        name: [Score(c, found.gain[j], found.strengths[j], found.free[j], found.direction[j])
-               for j, c in enumerate(columns) if c.candidate.name == name and j != i]
-        for name, i in best.items()
-    }  # fmt: skip
-    scores.sort(key=lambda s: (-s.gain, s.name))
-    return Scores(
-        scores, others, found.chi2, stacked.dof, tail(chi2, found.chi2), float(chi2.mean()), scale, largest
-    )
+    largest = np.max([g / scale[n] for n, g in by_name.items()], axis=0) if mine else np.zeros(draws)
+    best, others = [], {}
+    for name, numbers in mine.items():
+        s, *others[name] = sorted((found[i] for i in numbers), key=lambda s: -s.gain)
+        best.append(replace(s, p=tail(by_name[name], s.gain)))
+    best.sort(key=lambda s: (-s.gain, s.name))
+    return Scores(best, others, chi2, stacked.dof, tail(noise, chi2), float(noise.mean()), scale, largest)
 
 
 def tail(draws: np.ndarray, value: float) -> float:
@@ -138,65 +119,47 @@ def tail(draws: np.ndarray, value: float) -> float:
     use = seen > 0.01 * seen[-1]
     fits = []
     for a, b in itertools.product((1, 2, 3, 6, 12, 40), TAILS):
-        like = stats.f.ppf(levels[use], a, b)
-        ratio = np.log(seen[use] / like)
+        ratio = np.log(seen[use] / stats.f.ppf(levels[use], a, b))
         fits.append((ratio.std(), a, b, math.exp(ratio.mean())))
     _, a, b, scale = min(fits, key=lambda fit: fit[0])
     return float(min(stats.f.sf(value / scale, a, b), (count + 1) / (draws.size + 1)))
 
 
-@dataclass(frozen=True)
-class _Gains:
-    chi2: float
-    gain: np.ndarray
-    strengths: list[np.ndarray]
-    free: list[np.ndarray]
-    direction: list[np.ndarray]
-
-
 class _Stack:
     """All columns side by side, so that one triangular solve whitens them."""
 
-    def __init__(self, sensed: Sensed, columns: Sequence[Column]):
-        self.sensed, self.columns = sensed, columns
+    def __init__(self, sensed: Sensed):
+        self.columns = sensed.columns
         self.k = next(iter(sensed.J.values())).shape[1]
-        self.sizes = [len(c.candidate.strengths) for c in columns]
-        self.all = {id: np.hstack([sensed.J[id], *(c.by[id] for c in columns)]) for id in sensed.J}
+        self.all = {id: np.hstack([J, *(c.by[id] for c in self.columns)]) for id, J in sensed.J.items()}
         self.dof = sum(y.size for y in sensed.y.values()) - self.k
 
-    def gains(self, w: Covariance, residual: Mapping[str, np.ndarray]) -> _Gains:
+    def scored(self, w: Covariance, residual: Mapping[str, np.ndarray]) -> tuple[float, list[Score]]:
+        """χ² of the residual freed of the free parameters, and each column's score."""
         white = w.white({id: np.column_stack([self.all[id], residual[id]]) for id in w.tests})
         J, C, r = white[:, : self.k], white[:, self.k : -1], white[:, -1]
         size = np.linalg.norm(J, axis=0)
-        Q, R, _ = linalg.qr(J / np.where(size > 0, size, 1), mode="economic", pivoting=True)
+        size = np.where(size > 0, size, 1)
+        Q, R, _ = linalg.qr(J / size, mode="economic", pivoting=True)
         Q = Q[:, np.abs(np.diag(R)) > 1e-9 * max(np.abs(np.diag(R)).max(initial=0.0), 1e-300)]
         rest, cols = r - Q @ (Q.T @ r), C - Q @ (Q.T @ C)
-        own = np.linalg.norm(C, axis=0)
-        gain, strengths, free, direction, first = [], [], [], [], 0
-        back = (
-            np.linalg.pinv(J / np.where(size > 0, size, 1), rcond=1e-9) / np.where(size > 0, size, 1)[:, None]
-        )
-        for column, p in zip(self.columns, self.sizes, strict=True):
-            part = cols[:, first : first + p].copy()
-            # A column that the free parameters can make is no column.
-            part[:, np.linalg.norm(part, axis=0) <= 1e-6 * own[first : first + p]] = 0
-            b = _bounded(part, rest, _signs(column))
-            moved = rest + part @ b
-            gain.append(max(float(rest @ rest - moved @ moved), 0.0))
-            strengths.append(b)
-            direction.append(part @ b)
-            free.append(-back @ (r + C[:, first : first + p] @ b))
-            first += p
-        return _Gains(float(rest @ rest), np.array(gain), strengths, free, direction)
+        # A column that the free parameters can make is no column.
+        cols[:, np.linalg.norm(cols, axis=0) <= 1e-6 * np.linalg.norm(C, axis=0)] = 0
+        back = np.linalg.pinv(J / size, rcond=1e-9) / size[:, None]
+        scores, first = [], 0
+        for column in self.columns:
+            own = slice(first, first := first + len(column.candidate.strengths))
+            b = _bounded(cols[:, own], rest, _signs(column))
+            direction = cols[:, own] @ b
+            gain = float(rest @ rest - (rest + direction) @ (rest + direction))
+            scores.append(Score(column, max(gain, 0.0), b, -back @ (r + C[:, own] @ b), direction))
+        return float(rest @ rest), scores
 
 
 def _signs(column: Column) -> list[int]:
     """1 for a strength that can only grow from off, -1 only fall, 0 both."""
-    signs = []
-    for q in column.candidate.strengths:
-        low, high = column.candidate.range(q)
-        signs.append(1 if q.off_value <= low else -1 if q.off_value >= high else 0)
-    return signs
+    strengths = column.candidate.strengths
+    return [int(q.off_value <= q.bounds[0]) or -int(q.off_value >= q.bounds[1]) for q in strengths]
 
 
 def _bounded(A: np.ndarray, r: np.ndarray, signs: Sequence[int]) -> np.ndarray:

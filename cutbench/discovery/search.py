@@ -17,7 +17,7 @@ from cutbench.data.campaign import Campaign
 from cutbench.discovery.candidates import candidates
 from cutbench.discovery.columns import sense
 from cutbench.discovery.heldout import TESTS, Heldout, better_than, compare, decide
-from cutbench.discovery.numerical import numerical_columns, with_columns
+from cutbench.discovery.numerical import numerical_columns
 from cutbench.discovery.outcome import CHANCE, SHARE, SHARE_WEAK, Discovery, NumericalCauses, Round, Tried
 from cutbench.discovery.point import Point, extend, point_of, settled, undetermined
 from cutbench.discovery.protocol import Proposal, cut_proposals, proposals, sentence
@@ -74,38 +74,31 @@ def discover(
         point = point_of(fitted, run)
         rounds: list[Round] = []
         found: list[str] = []
-        numerics = NumericalCauses((), {}, None, {})
+        numerics = NumericalCauses()
         interrupted = False
-        while True:
-            try:
+        try:
+            while True:
                 this = _round(point, run, seed, on_progress)
                 if not rounds:
                     numerics = _numerics(this, run, seed, on_progress)
-            except KeyboardInterrupt:
-                if not rounds:
-                    raise
-                interrupted = True
-                break
-            if numerics.explains or (rounds and not _worth_a_name(this, rounds[0])):
-                this = replace(this, accepted=None)
-            rounds.append(this)
-            if this.accepted is None or len(found) == MOST:
-                break
-            found.append(this.accepted)
-            point = next(t.point for t in this.tried if t.name == this.accepted)
-            try:
+                if numerics.explains or (rounds and not _worth_a_name(this, rounds[0])):
+                    this = replace(this, accepted=None)
+                rounds.append(this)
+                if this.accepted is None or len(found) == MOST:
+                    break
+                found.append(this.accepted)
+                point = next(t.point for t in this.tried if t.name == this.accepted)
                 point = settled(point, run, refine, on_progress)
-            except KeyboardInterrupt:
-                interrupted = True
-                break
+        except KeyboardInterrupt:
+            if not rounds:
+                raise
+            interrupted = True
         gain = compare(rounds[0].point, point) if found else None
         verdict = "mechanism" if interrupted else _verdict(rounds)
         asked = ([], "Not asked: interrupted.") if interrupted else _next(rounds, verdict, run, on_progress)
         proposed, text = asked
-    stopped = (
-        ("Interrupted: what was found stands, what else there may be was not asked.",) if interrupted else ()
-    )
-    notes = (*stopped, *fitted.notes, *rounds[0].point.trouble)
+    stopped = "Interrupted: what was found stands, what else there may be was not asked."
+    notes = (*([stopped] if interrupted else []), *fitted.notes, *rounds[0].point.trouble)
     return Discovery(
         campaign, fitted, verdict, tuple(found), tuple(rounds), point, gain,
         tuple(sections(rounds[0].point)), tuple(sections(point)), numerics, tuple(proposed), text,
@@ -117,12 +110,13 @@ def _numerics(this: Round, run: Predictor, seed: int, on_progress: OnProgress) -
     """Of cuts whose baseline fails: what another mesh, element or normal would change."""
     promising = any(t.p_any < CHANCE for t in this.tried)
     if this.scores.p_residual > CHANCE and not promising:
-        return NumericalCauses((), {}, None, {})
+        return NumericalCauses()
     columns, missing = numerical_columns(this.point, run)
     if not columns:
-        return NumericalCauses((), {}, None, missing)
+        return NumericalCauses(missing=missing)
     on_progress(math.nan, math.nan, "numerical causes: " + ", ".join(c.candidate.name for c in columns))
-    scores = score(with_columns(this.sensed, columns), this.point.w, this.point.residual, seed=seed)
+    sensed = replace(this.sensed, columns=columns)
+    scores = score(sensed, this.point.w, this.point.residual, seed=seed)
     shares = {s.name: s.gain / scores.excess if scores.excess > 0 else 0.0 for s in scores.scores}
     best = scores.scores[0]
     rival = max((t.gain for t in this.tried), default=0.0)
@@ -177,22 +171,21 @@ def _round(point: Point, run: Predictor, seed: int, on_progress: OnProgress) -> 
     scores = score(sensed, point.w, point.residual, seed=seed)
     scored = {s.name for s in scores.scores}
     failed = {c.name: "no run could take it up beside the others" for c in chosen if c.name not in scored}
-    meshed = any(e.kind == "cut" for e in point.campaign.train)
     worth = [s for s in scores.scores if s.p < PROMISING and s.gain > 1]
     tried = []
-    for s in _simplest(worth)[:FITS_MESHED] if meshed else worth[:FITS]:
+    for s in _simplest(worth)[:FITS_MESHED] if point.meshed else worth[:FITS]:
         on_progress(math.nan, math.nan, f"fitting {s.name}: score {s.z:.1f}")
         try:
-            after = extend(point, s, run)
+            after = extend(point, s)
         except (ComputationFailed, BadInput) as error:
             failed[s.name] = str(error)
             continue
-        after, held, kept = _shaped(point, s, after, scores, run)
+        after, held, kept = _shaped(point, s, after, scores)
         gain = max(scores.chi2 - after.chi2, 0.0)
         # Where chance made the residual as small as noise, what gains anything gains all of it.
         share = min(gain / scores.excess, 1.0) if scores.excess > 0 else 1.0
         tried.append(Tried(s, after, held, gain, scores.p_any(s.name, gain), share, shapes_open=kept))
-    tried, group = _ordered(tried, scores, meshed)
+    tried, group = _ordered(tried, scores, point.meshed)
     # A residual that is not significant as a whole needs a candidate that explains most of it.
     needed = SHARE if scores.p_residual < CHANCE else SHARE_WEAK
     able = [t for t in tried if t.name in group and t.convincing and t.share >= needed]
@@ -222,41 +215,29 @@ def _simplest(scores: list[Score]) -> list[Score]:
     def order(s: Score) -> tuple:
         return -min(s.z, deviations(TOLD)), PRICE * len(s.column.candidate.parameters) - s.gain, s.name
 
-    kept = []
-    for s in sorted(scores, key=order):
-        mine = set(s.column.candidate.parameters)
-        for o in scores:
-            more = len(mine) - len(o.column.candidate.parameters)
-            if more > 0 and set(o.column.candidate.parameters) < mine and s.gain < o.gain + PRICE * more:
-                break
-        else:
-            kept.append(s)
-    return kept
+    def vain(s: Score, other: Score) -> bool:
+        mine, less = (set(x.column.candidate.parameters) for x in (s, other))
+        return less < mine and s.gain < other.gain + PRICE * (len(mine) - len(less))
+
+    return [s for s in sorted(scores, key=order) if not any(vain(s, other) for other in scores)]
 
 
-def _shaped(
-    point: Point, s: Score, after: Point, scores: Scores, run: Predictor
-) -> tuple[Point, Heldout, bool]:
+def _shaped(point: Point, s: Score, after: Point, scores: Scores) -> tuple[Point, Heldout, bool]:
     """Where the train data leave the shapes of a candidate open: the values that predict held-out data best.
 
     They are looked for among those that the train data do not exclude; with a mesh, none are looked for.
     """
     held = decide(point, after)
-    if not undetermined(after, s.column.candidate):
-        return after, held, False
-    if any(e.kind == "cut" for e in point.campaign.train):
-        return after, held, True
-    least = after.chi2
-    near = sorted(scores.others[s.name], key=lambda o: -o.gain)[:SHAPES]
+    kept = undetermined(after, s.column.candidate)
+    if point.meshed or not kept:
+        return after, held, kept
+    least, near = after.chi2, scores.others[s.name][:SHAPES]
     for other in [s, *(o for o in near if o.gain > s.gain - OPEN * PRICE)]:
         try:
-            one = extend(point, other, run, shapes=False)
+            one = extend(point, other, shapes=False)
         except (ComputationFailed, BadInput):
             continue
-        if one.chi2 > least + PRICE:
-            continue
-        mine = decide(point, one)
-        if mine.better > held.better:
+        if one.chi2 <= least + PRICE and (mine := decide(point, one)).better > held.better:
             after, held = one, mine
     return after, held, True
 

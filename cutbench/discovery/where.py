@@ -35,6 +35,11 @@ class Section:
     def wrong(self) -> bool:
         return abs(self.z) >= WRONG
 
+    @property
+    def range(self) -> str:
+        unit = "" if self.experiment.x_unit == "1" else f" {self.experiment.x_unit}"
+        return f"{self.start:.3g} to {self.end:.3g}{unit}"
+
     def in_mm_and_N(self) -> tuple[float, float, float] | None:
         """From, to and bias of a cut, or of a stretched specimen whose length and area are known."""
         e = self.experiment

@@ -30,9 +30,7 @@ class LoadingHistory:
     @classmethod
     def of(cls, experiment: Experiment, at: Averaged) -> LoadingHistory:
         """The history of a test on its grid. Without times every step is slow."""
-        pressure = np.full(at.x.size, experiment.pressure_MPa)
-        if at.pressure_MPa is not None:
-            pressure = at.pressure_MPa
+        pressure = experiment.pressure_MPa if at.pressure_MPa is None else at.pressure_MPa
         return cls.along(at.x, at.time_s, experiment.rest, pressure)
 
     @classmethod

@@ -56,29 +56,12 @@ def slopes(
     All derivatives come from one pass along the history. Raises BadInput for a name not in ``p``.
     """
     at = at or experiment.on_grid()
-    history = LoadingHistory.of(experiment, at)
     for name in names:
         if not hasattr(p, name):
             raise BadInput(key="parameter", value=name, expected=one_of(name, vars(p)))
     if not names:
-        return respond(experiment.kind, history, model, p, direction=experiment.direction), np.zeros(
-            (at.x.size, 0)
-        )
-    batch = SimpleNamespace(**vars(p))
-    for i, name in enumerate(names):
-        values = np.full(len(names), getattr(p, name), dtype=complex)
-        values[i] += 1j * STEP
-        setattr(batch, name, values)
-    if experiment.kind == "sliding" or (experiment.kind in HOMOGENEOUS and not _remembers(model, p)):
-        # Without memory all readings are solved at once, so the parameters come one by one.
-        parts = []
-        for i, name in enumerate(names):
-            one = SimpleNamespace(**vars(p))
-            setattr(one, name, getattr(batch, name)[i])
-            parts.append(_respond(experiment.kind, history, model, one, experiment.direction, 1)[:, 0])
-        out = np.stack(parts, axis=1)
-    else:
-        out = _respond(experiment.kind, history, model, batch, experiment.direction, len(names))
+        return predict(experiment, model, p, at), np.zeros((at.x.size, 0))
+    out = _stepped(experiment, model, p, [({}, name) for name in names], at)
     return out[:, 0].real.copy(), out.imag / STEP
 
 
@@ -95,22 +78,32 @@ def scan(
     All of them come from one pass along the history where the model has a memory.
     """
     at = at or experiment.on_grid()
+    out = _stepped(experiment, model, p, [(values, name) for values in sets for name in names], at)
+    return (out.imag / STEP).reshape(at.x.size, len(sets), len(names)).transpose(1, 0, 2)
+
+
+def _stepped(
+    experiment: Experiment,
+    model: Model,
+    p: SimpleNamespace,
+    pairs: Sequence[tuple[Mapping[str, float], str]],
+    at: Averaged,
+) -> np.ndarray:
+    """Readings (n, len(pairs)) with the values of each pair in ``p`` and a complex step in what it names."""
     history = LoadingHistory.of(experiment, at)
-    pairs = [(values, name) for values in sets for name in names]
+    batch = SimpleNamespace(**vars(p))
     if experiment.kind == "sliding" or (experiment.kind in HOMOGENEOUS and not _remembers(model, p)):
+        # Without memory all readings are solved at once, so the parameters come one by one.
         parts = []
         for values, name in pairs:
             one = SimpleNamespace(**{**vars(p), **values})
             setattr(one, name, getattr(one, name) + 1j * STEP)
             parts.append(_respond(experiment.kind, history, model, one, experiment.direction, 1)[:, 0])
-        out = np.stack(parts, axis=1)
-    else:
-        batch = SimpleNamespace(**vars(p))
-        for key in dict.fromkeys([key for values in sets for key in values] + list(names)):
-            own = np.array([values.get(key, getattr(p, key)) for values, _ in pairs], dtype=complex)
-            setattr(batch, key, own + 1j * STEP * np.array([name == key for _, name in pairs]))
-        out = _respond(experiment.kind, history, model, batch, experiment.direction, len(pairs))
-    return (out.imag / STEP).reshape(at.x.size, len(sets), len(names)).transpose(1, 0, 2)
+        return np.stack(parts, axis=1)
+    for key in dict.fromkeys(key for values, name in pairs for key in (*values, name)):
+        own = np.array([values.get(key, getattr(p, key)) for values, _ in pairs], dtype=complex)
+        setattr(batch, key, own + 1j * STEP * np.array([name == key for _, name in pairs]))
+    return _respond(experiment.kind, history, model, batch, experiment.direction, len(pairs))
 
 
 def _remembers(model: Model, p: SimpleNamespace) -> bool:

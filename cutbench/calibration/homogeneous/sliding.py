@@ -35,11 +35,6 @@ def traction(history: LoadingHistory, model: Model, p: SimpleNamespace) -> np.nd
     strength = np.zeros(n)
     for law in model.laws("blade"):
         strength = strength + law.strength(history.pressure_MPa, p, {}, at)
-    direction, last = np.empty(n), np.sign(history.x[-1] - history.rest) or 1.0
     moving = np.abs(way) > REST * np.abs(way).mean()
-    first = int(np.argmax(moving))
-    last = np.sign(way[first])
-    for i in range(n):
-        last = np.sign(way[i]) if moving[i] else last
-        direction[i] = last
-    return direction * strength
+    latest = np.maximum.accumulate(np.where(moving, np.arange(n), np.argmax(moving)))
+    return np.sign(way[latest]) * strength
