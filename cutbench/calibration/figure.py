@@ -8,7 +8,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cutbench.base.figure_style import COLOURS, DOUBLE_MM, GREY, SINGLE_MM, legend_below, new_figure, style
+from cutbench.base.figure_style import (
+    COLOURS,
+    DOUBLE_MM,
+    GREY,
+    SINGLE_MM,
+    Look,
+    legend_below,
+    new_figure,
+    style,
+)
 
 if TYPE_CHECKING:
     from cutbench.calibration.fitted import ComparedCurve, Fit
@@ -53,10 +62,10 @@ def _curve(axes: Axes, c: ComparedCurve) -> None:
     low, high = s * (c.mean - 2 * c.sd), s * (c.mean + 2 * c.sd)
     axes.fill_between(c.x, low, high, facecolor=COLOURS["sky"], alpha=0.45, lw=0, label="± 2 sd")
     axes.plot(c.x, s * c.mean, ".", color=COLOURS["black"], ms=3, label="measured (mean)")
-    label, colour, ls = ("fitted", COLOURS["vermilion"], "-")
+    look: Look = {"color": COLOURS["vermilion"], "ls": "-", "label": "fitted"}
     if c.experiment.role == "test":
-        label, colour, ls = ("predicted", COLOURS["blue"], (0, (5, 1.5)))
-    axes.plot(c.x, s * c.fitted, color=colour, ls=ls, lw=1.3, label=label)
+        look = {"color": COLOURS["blue"], "ls": (0, (5, 1.5)), "label": "predicted"}
+    axes.plot(c.x, s * c.fitted, lw=1.3, **look)
     name = "nominal stress" if c.experiment.y_name == "stress" else c.experiment.y_name
     axes.set_ylabel(f"{name} ({'N' if s == 1.0 else 'kPa'})")
     kind = c.experiment.kind.replace("_", " ")

@@ -6,11 +6,12 @@ import csv
 from pathlib import Path
 
 import numpy as np
-from rich import box
 from rich.table import Table
 from rich.text import Text
 
 from cutbench.base.files import replacing
+from cutbench.cli.options import table
+from cutbench.cli.tables import PLAIN
 from cutbench.data.campaign import Campaign
 from cutbench.data.experiment import Experiment
 
@@ -28,9 +29,7 @@ _COLUMNS = (
 
 def data_table(campaign: Campaign) -> Table:
     """A row for each experiment: what was done, how often, how far, and how far it scatters."""
-    table = Table(box=box.SIMPLE_HEAD, title=Text(campaign.title), title_justify="left", pad_edge=False)
-    for name in _COLUMNS:
-        table.add_column(name, justify="right" if name in ("repetitions", "readings") else "left")
+    rows = []
     for e in campaign.experiments:
         averaged = e.on_grid()
         unit = "" if e.x_unit == "1" else f" {e.x_unit}"
@@ -39,13 +38,12 @@ def data_table(campaign: Campaign) -> Table:
         size = float(np.sqrt(np.mean(averaged.mean**2)))
         scatter = f"{np.sqrt(np.mean(averaged.scatter**2)) / size:.1%}" if averaged.dof else "not known"
         reading = f"{np.sqrt(np.mean(averaged.reading**2)) / size:.2%}"
-        cells = (
+        rows.append((
             e.id, e.kind, e.role, str(len(e.repetitions)), str(e.readings), f"{low:.4g}{unit}",
             f"{e.reach:.4g}{unit}", f"{largest:.4g} N" if e.y_unit == "N" else f"{1e3 * largest:.4g} kPa",
             _time(e), scatter, f"{reading} (estimated)" if averaged.estimated else reading,
-        )  # fmt: skip
-        table.add_row(*(Text(cell) for cell in cells))
-    return table
+        ))  # fmt: skip
+    return table(_COLUMNS, rows, right=("repetitions", "readings"), title=Text(campaign.title), **PLAIN)
 
 
 def _time(e: Experiment) -> str:

@@ -9,11 +9,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from rich import box
 from rich.table import Table
 from rich.text import Text
 
 from cutbench.base.files import replacing
+from cutbench.cli.options import table
+from cutbench.cli.tables import PLAIN
 from cutbench.data.field_comparison import Comparison
 from cutbench.run.files import save
 
@@ -26,19 +27,18 @@ _HEADER = (
 
 def field_table(found: Sequence[Comparison], title: str) -> Table:
     """A row for each field: how many points, and how far off."""
-    table = Table(box=box.SIMPLE_HEAD, title=Text(title), title_justify="left", pad_edge=False)
     heads = [f"{what} {name}" for what in ("mean error", "rms") for name in ("u_x", "u_y")]
-    for head in ("travel", "points compared", *heads, "rms E_xx", "rms E_yy", "rms E_xy"):
-        table.add_column(head, justify="right")
+    heads = ["travel", "points compared", *heads, "rms E_xx", "rms E_yy", "rms E_xy"]
+    rows = []
     for c in found:
         n = c.numbers()
-        table.add_row(
+        rows.append((
             f"{c.measured.travel_mm:g} mm", f"{n['compared']:.0f} of {n['measured']:.0f}",
             *(f"{n[f'mean_error_{name}']:.1%}" for name in ("u_x", "u_y")),
             *(f"{n[f'rms_{name}_mm']:.3g} mm" for name in ("u_x", "u_y")),
             *(f"{n[f'rms_{name}']:.3g}" for name in ("E_xx", "E_yy", "E_xy")),
-        )  # fmt: skip
-    return table
+        ))  # fmt: skip
+    return table(heads, rows, right=heads, title=Text(title), **PLAIN)
 
 
 def write_comparisons(found: Sequence[Comparison], title: str, folder: Path) -> list[Path]:
@@ -52,8 +52,7 @@ def write_comparisons(found: Sequence[Comparison], title: str, folder: Path) -> 
         for c in found:
             parts = [c.measured.grid, c.measured.u, c.computed.u, c.relative_error]
             parts += [e[[0, 1, 0], [0, 1, 1]] for e in (c.measured.strain, c.computed.strain)]
-            table = np.concatenate(parts).reshape(len(_HEADER) - 1, -1).T
-            for row in table:
+            for row in np.concatenate(parts).reshape(len(_HEADER) - 1, -1).T:
                 cells = ["" if math.isnan(v) else repr(float(v)) for v in row]
                 writer.writerow([repr(c.measured.travel_mm), *cells])
     numbers = [{"travel_mm": c.measured.travel_mm, **c.numbers()} for c in found]

@@ -8,20 +8,22 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from cutbench.cli.progress import bar
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from cutbench.case.calibrated import Far
     from cutbench.case.case import Case
-    from cutbench.run.result import Result
+    from cutbench.run.result import Outcome, Result
 
 
 def exits(command: Callable) -> Callable:
@@ -122,18 +124,13 @@ def changes(
     from cutbench.case.case import parse_overrides
 
     changes = parse_overrides(sets or [])
-    for key, value in options.items():
-        if value is None:
-            continue
+    given = {key: value for key, value in options.items() if value is not None}
+    for key in given:
         if key in changes:
-            raise BadInput(
-                key=f"--{key}", value=value, expected=f"either --{key} or --set {key}=..., not both"
-            )
-        changes[key] = value
-    for key, names in (("with", with_), ("without", without)):
-        if names:
-            changes[key] = names
-    return changes
+            expected = f"either --{key} or --set {key}=..., not both"
+            raise BadInput(key=f"--{key}", value=given[key], expected=expected)
+    lists = {key: names for key, names in (("with", with_), ("without", without)) if names}
+    return {**changes, **given, **lists}
 
 
 def doubted(*cases: Case) -> None:
@@ -188,13 +185,8 @@ def run_options(*, dim: int) -> Callable[[Callable], Callable]:
             **own: object,
         ) -> None:
             every_s = seconds("--checkpoint", checkpoint, 60.0)
-            options = {
-                "h": in_mm(h),
-                "depth": in_mm(depth),
-                "element": element,
-                "normal": normal,
-                "numerics": numerics,
-            }
+            options = {"h": in_mm(h), "depth": in_mm(depth), "element": element, "normal": normal}
+            options["numerics"] = numerics
             case, folder = asked(material, changes(sets, options, with_, without), out, dim=dim)
             command(Wanted(case, folder, every_s), **own)
 
@@ -227,15 +219,23 @@ def finish(result: Result, folder: Path, plane: Result | None = None) -> None:
 
     ``plane`` is the plane-strain run that a block is drawn beside.
     """
+    from cutbench.cli.tables import result_table
+
+    keep(result, folder, plane)
+    show(result_table(result))
+    typer.echo(str(result.outcome))
+    typer.echo(f"written to {folder}")
+    leave(result.outcome)
+
+
+def keep(result: Result, folder: Path, plane: Result | None = None) -> None:
+    """Write a run; its checkpoint goes where there is nothing to go on from."""
     from cutbench.run.checkpoint import NAME
     from cutbench.run.files import write_run
 
     write_run(result, folder, plane=plane)
     if result.outcome.kind != "interrupted":
-        (folder / NAME).unlink(missing_ok=True)  # nothing to go on from
-    _show_result(result, folder)
-    if not result.outcome.done:
-        raise typer.Exit(130 if result.outcome.kind == "interrupted" else 1)
+        (folder / NAME).unlink(missing_ok=True)
 
 
 def whole(key: str, text: str | None) -> int | None:
@@ -255,19 +255,18 @@ def seconds(key: str, text: str | None, default: float) -> float:
 
     if text is None:
         return default
-    with suppress(ValueError):
-        text = f"{float(text):.15g} s"
-    return Parameter(key, "s", "t", "time", low=0).parse(text, key=key)
+    return Parameter(key, "s", "t", "time", low=0).parse(_with_unit(text, "s"), key=key)
 
 
 def in_mm(text: str | None) -> str | None:
     """``"0.4"`` -> ``"0.4 mm"``; anything else is left to be read, or refused, as a quantity."""
-    if text is None:
-        return None
-    try:
-        return f"{float(text):.15g} mm"
-    except ValueError:
-        return text
+    return None if text is None else _with_unit(text, "mm")
+
+
+def _with_unit(text: str, unit: str) -> str:
+    with suppress(ValueError):
+        return f"{float(text):.15g} {unit}"
+    return text
 
 
 def _slug(name: str) -> str:
@@ -277,17 +276,32 @@ def _slug(name: str) -> str:
 def show(*parts: object) -> None:
     from rich.console import Console
 
-    console = Console()
     # Away from a terminal nobody can widen the window: do not cut numbers short.
-    if not console.is_terminal:
-        console = Console(width=160)
+    console = Console(width=None if Console().is_terminal else 160)
     for part in parts:
         console.print(part)
 
 
-def _show_result(result: Result, folder: Path) -> None:
-    from cutbench.cli.tables import result_table
+def table(
+    heads: Sequence[str], rows: Iterable[Sequence[str]] = (), *, right: Container[str] = (), **look: Any
+) -> Table:
+    """``rows`` under ``heads``, those in ``right`` flush right; ``look`` is what rich's table takes."""
+    from rich.table import Table
+    from rich.text import Text
 
-    show(result_table(result))
-    typer.echo(str(result.outcome))
-    typer.echo(f"written to {folder}")
+    made = Table(**{"title_justify": "left", **look})
+    for head in heads:
+        made.add_column(Text(head), justify="right" if head in right else "left", overflow="fold")
+    for row in rows:
+        made.add_row(*map(Text, row))
+    return made
+
+
+def leave(outcome: Outcome) -> None:
+    """With the exit status that an outcome asks for; stays after one that is done."""
+    if not outcome.done:
+        raise typer.Exit(130 if outcome.kind == "interrupted" else 1)
+
+
+def written(paths: Sequence[Path]) -> None:
+    typer.echo("written: " + ", ".join(map(str, paths)))

@@ -7,11 +7,25 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cutbench.cli.options import Depth, Element, Keep, Sets, Size, changes, exits, in_mm, seconds, show, whole
+from cutbench.cli.options import (
+    Depth,
+    Element,
+    Keep,
+    Sets,
+    Size,
+    changes,
+    computed,
+    exits,
+    in_mm,
+    keep,
+    seconds,
+    show,
+    table,
+    whole,
+)
 
 if TYPE_CHECKING:
     from cutbench.case.case import Case
-    from cutbench.maps.confirmation import Confirmed
     from cutbench.run.result import Result
 
 
@@ -53,14 +67,18 @@ def confirm(
         typer.echo(note)
     chosen = least_certain(data, 3 if count is None else count) + (marked(data) if materials else [])
     if not chosen:
-        raise BadInput(
-            key="--points",
-            value=str(count),
-            expected="points to compare: the map has none that were computed",
-        )
+        expected = "points to compare: the map has none that were computed"
+        raise BadInput(key="--points", value=str(count), expected=expected)
     folder = check_writable(out if out is not None else map_.parent / FOLDER)
     done = compare(data, chosen, folder, _runner(every_s), source=str(map_), changes=asked)
-    show(_table(done))
+    pairs = {"onset_mm": "onset (mm)", "peak_N": "peak (N)", "steady_N": "steady (N)"}
+    words = {True: "yes", False: "no", None: "not to the end"}
+    rows = [
+        (point.name, f"{point.label_2d} / {point.label_3d}",
+         *(f"{point.two[k]:.3g} / {point.three[k]:.3g}" for k in pairs), words[point.agrees])
+        for point in done
+    ]  # fmt: skip
+    show(table(("point", "label", *pairs.values(), "agrees"), rows, title="plane strain / three dimensions"))
     judged = [point.agrees for point in done if point.agrees is not None]
     typer.echo(f"{sum(judged)} of {len(judged)} labels agree; {len(done)} of {len(chosen)} points compared")
     # The map's own diagram shows what stands beside it.
@@ -74,28 +92,9 @@ def confirm(
 
 
 def _runner(every_s: float):
-    from cutbench.cli.options import computed
-    from cutbench.run.checkpoint import NAME
-    from cutbench.run.files import write_run
-
     def run(case: Case, folder: Path) -> Result:
         result = computed(case, (0.25, 0.5, 0.75, 1.0), folder, every_s)
-        write_run(result, folder)
-        if result.outcome.kind != "interrupted":
-            (folder / NAME).unlink(missing_ok=True)
+        keep(result, folder)
         return result
 
     return run
-
-
-def _table(done: list[Confirmed]):
-    from rich.table import Table
-
-    table = Table(title="plane strain / three dimensions", title_justify="left")
-    for head in ("point", "label", "onset (mm)", "peak (N)", "steady (N)", "agrees"):
-        table.add_column(head, overflow="fold")
-    for point in done:
-        pairs = [f"{point.two[k]:.3g} / {point.three[k]:.3g}" for k in ("onset_mm", "peak_N", "steady_N")]
-        agrees = {True: "yes", False: "no", None: "not to the end"}[point.agrees]
-        table.add_row(point.name, f"{point.label_2d} / {point.label_3d}", *pairs, agrees)
-    return table

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from cutbench.base.threads import leave_cores_to_workers
-from cutbench.cli.options import Workers, exits, whole
+from cutbench.cli.options import Workers, exits, whole, written
 from cutbench.cli.progress import bar
 
 
@@ -40,4 +40,4 @@ def converge(
     failed = [f"{row.material}, {row.change}" for row in rows if row.holds is False]
     if failed:
         typer.echo(f"moved by more than 3 %: {'; '.join(failed)}")
-    typer.echo("written: " + ", ".join(str(path) for path in paths))
+    written(paths)

@@ -19,6 +19,7 @@ from cutbench.cli.options import (
     changes,
     exits,
     in_mm,
+    leave,
     show,
 )
 from cutbench.cli.progress import bar
@@ -83,4 +84,4 @@ def dic(
         typer.echo(path)
     if not result.outcome.done:
         typer.echo(str(result.outcome))
-        raise typer.Exit(130 if result.outcome.kind == "interrupted" else 1)
+        leave(result.outcome)

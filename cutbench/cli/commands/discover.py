@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from cutbench.cli.options import CampaignFile, Refine, Workers, exits, whole
+from cutbench.cli.options import CampaignFile, Refine, Workers, exits, whole, written
 from cutbench.cli.progress import bar
 
 
@@ -37,7 +37,7 @@ def discover(
         found = run(loaded, workers=count, refine=refine, on_progress=on_progress)
     paths = write_discovery(found, folder)
     typer.echo(summary(found))
-    typer.echo("written: " + ", ".join(str(path) for path in paths))
+    written(paths)
     if found.interrupted:
         raise typer.Exit(130)
     if found.verdict == "undecided":

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from cutbench.cli.options import CampaignFile, Refine, Workers, exits, whole
+from cutbench.cli.options import CampaignFile, Refine, Workers, exits, whole, written
 from cutbench.cli.progress import bar
 
 
@@ -41,6 +41,6 @@ def fit(
         )
     paths = write_fit(found, folder)
     typer.echo(summary(found))
-    typer.echo("written: " + ", ".join(str(path) for path in paths))
+    written(paths)
     if found.status != "converged":
         raise typer.Exit(130 if found.status == "interrupted" else 1)

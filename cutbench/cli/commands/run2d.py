@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cutbench.cli.options import Wanted, computed, exits, finish, run_options, show
+from cutbench.cli.options import Wanted, computed, exits, finish, run_options, show, table
 from cutbench.cli.progress import bar
 
 if TYPE_CHECKING:
@@ -73,11 +73,10 @@ def _follow(result: Result, folder: Path) -> None:
 
 def _limit(record: dict):
     """The rows of follow.json's limit as a table."""
-    from rich.table import Table
-
     columns = {"drop_rel": ".3f", "onset_mm": ".3f", "peak_N": ".4g", "peak_mm": ".3f"}
-    table = Table("", "drop", "onset (mm)", "peak (N)", "at (mm)", title="less and less viscosity")
+    rows = []
     for row in record["limit"]:
         cells = ["-" if row[key] != row[key] else format(row[key], form) for key, form in columns.items()]
-        table.add_row(str(row["what"]), *cells)
-    return table
+        rows.append((str(row["what"]), *cells))
+    heads = ("", "drop", "onset (mm)", "peak (N)", "at (mm)")
+    return table(heads, rows, title="less and less viscosity", title_justify="center")

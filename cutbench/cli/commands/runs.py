@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from cutbench.cli.options import exits, show
+from cutbench.cli.options import exits, show, table
 
 
 @exits
@@ -65,22 +65,16 @@ def runs(
             except BadInput as error:  # of a version whose cases this one cannot read
                 typer.echo(f"not exported: {error}", err=True)
     if csv is None and json is None and export is None:
-        show(_table(names, rows))
+        texts = [
+            ["" if v is None or v != v else f"{v:.4g}" if isinstance(v, float) else str(v) for v in row]
+            for row in rows
+        ]
+        shown = table(names, texts, box=None, pad_edge=False)
+        for column in shown.columns:
+            column.no_wrap = str(column.header) == "id"
+        show(shown)
     typer.echo(f"{len(ids)} of {len(heads)} runs")
     for writer, count in listing.others(heads[id] for id in ids).items():
         typer.echo(f"{count} of {len(ids)} are by {writer}: sweeps compute these anew", err=True)
     for id, reason in store.unreadable().items():
         typer.echo(f"{id}: {reason}", err=True)
-
-
-def _table(names, rows):
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False)
-    for name in names:
-        table.add_column(name, no_wrap=name == "id")
-    for row in rows:
-        table.add_row(
-            *("" if v is None or v != v else f"{v:.4g}" if isinstance(v, float) else str(v) for v in row)
-        )
-    return table

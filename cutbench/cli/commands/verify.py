@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from cutbench.base.toml import among
-from cutbench.cli.options import exits, show
+from cutbench.cli.options import exits, show, table
 from cutbench.cli.progress import bar
 
 if TYPE_CHECKING:
@@ -53,16 +54,14 @@ def verify(
     if out is not None:
         check_writable(out)
     done: list[Verified] = []
-    interrupted = False
-    try:
-        with bar("verify", "s") as on_progress:
-            for one in verify(chosen, on_progress=on_progress):
-                done.append(one)
-    except KeyboardInterrupt:
-        interrupted = True
+    interrupted = True
+    with suppress(KeyboardInterrupt), bar("verify", "s") as on_progress:
+        for one in verify(chosen, on_progress=on_progress):
+            done.append(one)
+        interrupted = False
     complete = len(done) == len(chosen)
     if done:
-        show(*_tables(done))
+        show(_checks(done))
     failed = [one.reference.name for one in done if not one.passed]
     count = sum(len(one.checks) for one in done)
     wrong = sum(not check.passed for one in done for check in one.checks)
@@ -114,31 +113,26 @@ def _paper(
 
 
 def _claims(chosen: Sequence[Claim]) -> Table:
-    from rich.table import Table
-
-    table = Table("claim", "what was published", "runs")
-    for claim in chosen:
-        table.add_row(claim.id, claim.text, ", ".join(claim.asks) or claim.beyond)
-    return table
+    rows = [(claim.id, claim.text, ", ".join(claim.asks) or claim.beyond) for claim in chosen]
+    return table(("claim", "what was published", "runs"), rows)
 
 
 def _verdicts(judged: Sequence[Judged]) -> Table:
     from rich.markup import escape
-    from rich.table import Table
 
     from cutbench.verification.paper.judgement import BEYOND
 
-    table = Table("claim", "statement", "the paper", "paper's numerics", "converged", "verdict")
+    made = table(("claim", "statement", "the paper", "paper's numerics", "converged", "verdict"))
     for one in judged:
-        table.add_section()
+        made.add_section()
         id = one.claim.id
         for row in one.rows:
             cells = [row.what, row.findings["paper"].published, *(f.text for f in row.findings.values())]
-            table.add_row(id, *map(escape, cells), row.verdict)
+            made.add_row(id, *map(escape, cells), row.verdict)
             id = ""
         if one.claim.beyond:
-            table.add_row(id, escape(one.claim.beyond), "", "", "", BEYOND)
-    return table
+            made.add_row(id, escape(one.claim.beyond), "", "", "", BEYOND)
+    return made
 
 
 def _chosen(known: dict[str, Reference], quick: bool, only: list[str] | None) -> list[Reference]:
@@ -152,30 +146,24 @@ def _chosen(known: dict[str, Reference], quick: bool, only: list[str] | None) ->
 
 
 def _contents(chosen: Sequence[Reference]) -> Table:
-    from rich.table import Table
-
-    table = Table("name", "what it checks", "reference", "quick")
-    for r in chosen:
-        table.add_row(r.name, r.title, r.source, "yes" if r.quick else "")
-    return table
+    rows = [(r.name, r.title, r.source, "yes" if r.quick else "") for r in chosen]
+    return table(("name", "what it checks", "reference", "quick"), rows)
 
 
-def _tables(done: Sequence[Verified]) -> list[object]:
+def _checks(done: Sequence[Verified]) -> Table:
     from rich.markup import escape
-    from rich.table import Table
 
     from cutbench.verification.reference.report import texts
 
-    table = Table("problem", "quantity", "reference", "obtained", "error", "tolerance", "verdict")
-    for column in table.columns[2:6]:
-        column.justify = "right"
+    numbers = ("reference", "obtained", "error", "tolerance")
+    made = table(("problem", "quantity", *numbers, "verdict"), right=numbers)
     for one in done:
-        table.add_section()
+        made.add_section()
         name = one.reference.name
         for check in one.checks:
             *cells, verdict = map(escape, texts(check))
-            table.add_row(name, *cells, verdict if check.passed else f"[bold red]{verdict}[/]")
+            made.add_row(name, *cells, verdict if check.passed else f"[bold red]{verdict}[/]")
             name = ""
         if one.failure is not None:
-            table.add_row(name, escape(one.failure), "", "", "", "", "[bold red]FAILED[/]")
-    return [table]
+            made.add_row(name, escape(one.failure), "", "", "", "", "[bold red]FAILED[/]")
+    return made
