@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
@@ -18,7 +17,6 @@ from scipy.linalg import cholesky, solve_triangular
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.calibration.homogeneous import LoadingHistory, respond
 from cutbench.calibration.prediction import Predictor, Task
-from cutbench.case.case import Case
 from cutbench.data.covariance import deviating
 from cutbench.data.experiment import HOMOGENEOUS, Experiment
 from cutbench.discovery.candidates import duration
@@ -31,6 +29,9 @@ READINGS = 40
 ENOUGH = 4.0
 #: A proposal must tell this much more than the same test as it was.
 MORE = 1.3
+#: What a stretch of each kind is called, and the part of the test's own that is proposed for it.
+MODES = {"uniaxial": ("tension", 1.0), "pure_shear": ("pure shear", 1.0),
+         "equibiaxial": ("equibiaxial tension", 0.6)}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -46,16 +47,13 @@ class Proposal:
 def proposals(point: Point, first: Point, second: Point) -> list[Proposal]:
     """For two models fitted to the same tests without a mesh; the one that tells most comes first."""
     found = []
-    for e in _templates(point):
+    # One experiment of each kind without a mesh.
+    for e in {e.kind: e for e in point.campaign.train if e.kind != "cut"}.values():
         known = 0.0
         for text, kind, history in _histories(e):
             try:
-                a, b = (
-                    respond(
-                        kind, history, p.case.model, SimpleNamespace(**p.case.values), direction=e.direction
-                    )
-                    for p in (first, second)
-                )
+                cases = (first.case, second.case)
+                a, b = (respond(kind, history, c.model, c.p, direction=e.direction) for c in cases)
             except (ComputationFailed, BadInput):
                 continue
             made = _judged(point, e, text, a, b, np.arange(a.size, dtype=float))
@@ -66,55 +64,43 @@ def proposals(point: Point, first: Point, second: Point) -> list[Proposal]:
     return sorted(found, key=lambda p: -p.apart)
 
 
-def _templates(point: Point) -> list[Experiment]:
-    """One experiment of each kind without a mesh."""
-    return list({e.kind: e for e in point.campaign.train if e.kind != "cut"}.values())
-
-
 def _histories(e: Experiment):
     """Text, kind and history of each proposal; first, without text, the way there and nothing else."""
     time = duration(e) or 100.0
     rest, reach = e.rest, e.repetitions[0].x[np.argmax(np.abs(e.repetitions[0].x - e.rest))]
-    up = rest + (reach - rest) * np.arange(1, READINGS + 1) / READINGS
-    t = time * np.arange(1, READINGS + 1) / READINGS
+    part = np.arange(1, READINGS + 1) / READINGS
+    up, longer, t = rest + (reach - rest) * part, rest + 1.25 * (reach - rest) * part, time * part
 
     def history(x, times, pressure=e.pressure_MPa):
-        return LoadingHistory.along(np.asarray(x), np.asarray(times), rest, pressure)
+        return LoadingHistory.along(x, times, rest, pressure)
 
     yield None, e.kind, history(up, t)
-    far = rest + 1.25 * (reach - rest)
-    longer = rest + (far - rest) * np.arange(1, READINGS + 1) / READINGS
-    yield f"'{e.id}' ten times as fast", e.kind, history(up, t / 10)
-    yield f"'{e.id}' ten times as slowly", e.kind, history(up, t * 10)
-    hold = np.append(up, np.full(READINGS, reach))
-    yield f"'{e.id}' with a hold of ten times its duration at the end", e.kind, history(
-        hold, np.append(t, time + np.geomspace(0.02, 10, READINGS) * time))  # fmt: skip
-    yield f"'{e.id}' to 1.25 times the {'strain' if e.kind in HOMOGENEOUS else 'distance'}", e.kind, history(
-        longer, 1.25 * t)  # fmt: skip
-    if e.kind != "sliding":
-        back = np.append(up, up[-2::-1])
-        yield f"'{e.id}' with unloading", e.kind, history(back, np.append(t, time + t[:-1]))
+    changes: dict[str, tuple] = {
+        "ten times as fast": (up, t / 10),
+        "ten times as slowly": (up, t * 10),
+        "with a hold of ten times its duration at the end": (
+            np.append(up, np.full(READINGS, reach)),
+            np.append(t, time + np.geomspace(0.02, 10, READINGS) * time),
+        ),
+        f"to 1.25 times the {'strain' if e.kind in HOMOGENEOUS else 'distance'}": (longer, 1.25 * t),
+    }
     if e.kind == "sliding":
-        yield f"'{e.id}' at five times the pressure", e.kind, history(up, t, 5 * e.pressure_MPa)
-    if e.kind in HOMOGENEOUS:
-        for kind, name in (
-            ("uniaxial", "tension"),
-            ("pure_shear", "pure shear"),
-            ("equibiaxial", "equibiaxial tension"),
-        ):
-            if kind != e.kind:
-                part = 0.6 if kind == "equibiaxial" else 1.0
-                x = 1 + part * (up - 1)
-                yield f"{name} to a stretch of {x[-1]:.2g}", kind, history(x, t)
+        changes["at five times the pressure"] = (up, t, 5 * e.pressure_MPa)
+    else:
+        changes["with unloading"] = (np.append(up, up[-2::-1]), np.append(t, time + t[:-1]))
+    for text, change in changes.items():
+        yield f"'{e.id}' {text}", e.kind, history(*change)
+    for kind, (name, size) in MODES.items() if e.kind in HOMOGENEOUS else ():
+        if kind != e.kind:
+            x = 1 + size * (up - 1)
+            yield f"{name} to a stretch of {x[-1]:.2g}", kind, history(x, t)
 
 
 def _judged(point: Point, e: Experiment, text: str, a: np.ndarray, b: np.ndarray, x: np.ndarray) -> Proposal:
     grid = point.inverse.grids[e.id]
     noise = float(np.median(grid.reading) / np.abs(grid.mean).max())
-    pooled = point.w.factors[e.kind]
-    count = max(grid.repetitions, 3)
-    top = np.abs(a).max()
-    C = pooled.variance / count * np.outer(a, a) + deviating(x, a, 0.01) / count
+    count, top = max(grid.repetitions, 3), np.abs(a).max()
+    C = point.w.factors[e.kind].variance / count * np.outer(a, a) + deviating(x, a, 0.01) / count
     C += np.diag(np.full(a.size, (max(noise, 1e-3) * top) ** 2 / count))
     away = solve_triangular(cholesky(C, lower=True), b - a, lower=True)
     return Proposal(text, float(np.linalg.norm(away)), float(np.abs(b - a).max() / top))
@@ -123,7 +109,7 @@ def _judged(point: Point, e: Experiment, text: str, a: np.ndarray, b: np.ndarray
 def cut_proposals(point: Point, one: Score, other: Score, run: Predictor) -> list[Proposal]:
     """The same for cuts, by the steps that the score test proposes for two candidates."""
     e = next(e for e in point.campaign.train if e.kind == "cut")
-    case = point.inverse.case(e, point.q)
+    case, grid = point.inverse.case(e, point.q), point.inverse.grids[e.id]
     made: dict[str, dict[str, float]] = {}
     for q in case.model.parameters().values():
         if q.trial and case.values[q.name]:
@@ -134,19 +120,16 @@ def cut_proposals(point: Point, one: Score, other: Score, run: Predictor) -> lis
     for text, changes in made.items():
         try:
             there = replace(case, values={**case.values, **changes})
-            answers = run([_task(point, s, there, e, free) for s in (one, other)])
+            tasks = []  # with a candidate at off, differentiated by the free parameters and its strengths
+            for s in (one, other):
+                names = (*free, *(q.name for q in s.column.candidate.strengths))
+                tasks.append(Task(e, extended(there, [s.name], s.column.shapes), grid, names))
+            answers = run(tasks)
         except (BadInput, ComputationFailed):
             continue
         a, b = (_step(point, s, p, e) for s, p in zip((one, other), answers, strict=True))
-        found.append(_judged(point, e, text, a, b, point.inverse.grids[e.id].x))
+        found.append(_judged(point, e, text, a, b, grid.x))
     return sorted(found, key=lambda p: -p.apart)
-
-
-def _task(point: Point, s: Score, case: Case, e: Experiment, free: tuple[str, ...]) -> Task:
-    """A run with a candidate at off, differentiated by the free parameters and its strengths."""
-    c = s.column.candidate
-    there = extended(case, [c.name], s.column.shapes)
-    return Task(e, there, point.inverse.grids[e.id], (*free, *(q.name for q in c.strengths)))
 
 
 def _step(point: Point, s: Score, p, e: Experiment) -> np.ndarray:

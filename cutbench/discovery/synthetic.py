@@ -50,8 +50,7 @@ def clean(truth: Case, test: Test) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Abscissa, ordinate and time (n,) of a test without noise. Raises ComputationFailed."""
     if test.kind == "cut":
         values = {**truth.values, **(test.sizes or {}), "depth": test.reach, "speed": test.speed}
-        case = replace(truth, values=values, motion=())
-        result = run_case(case)
+        result = run_case(case := replace(truth, values=values, motion=()))
         if not result.outcome.done:
             raise ComputationFailed(f"'{test.id}': {result.outcome}", result)
         course = np.stack([result.curve[name] for name in ("displacement_mm", "force_N", "time_s")])
@@ -71,27 +70,15 @@ def experiment(
     """What a laboratory would have recorded of ``curve``, by the random numbers of ``rng``."""
     x, y, time = curve
     size = noise.reading * np.abs(y).max()
-    repetitions = [
-        Repetition(
-            x,
-            y * (1 + noise.scatter * rng.standard_normal()) + size * rng.standard_normal(x.size),
-            time,
-            f"specimen {i + 1}",
-        )
-        for i in range(noise.repetitions)
-    ]
-    known = {**truth.values, **(test.sizes or {})}
-    cut = test.kind == "cut"
-    return Experiment(
-        test.id,
-        test.kind,
-        tuple(repetitions),
-        test.role,
-        {name: known[name] for name in ("width", "length", "height")} if cut else {},
-        {"thickness": known["thickness"]} if cut else {},
-        test.speed,
-        notes=("synthetic: computed, not measured",),
-    )
+    repetitions = []
+    for i in range(noise.repetitions):
+        read = y * (1 + noise.scatter * rng.standard_normal()) + size * rng.standard_normal(x.size)
+        repetitions.append(Repetition(x, read, time, f"specimen {i + 1}"))
+    known, cut = {**truth.values, **(test.sizes or {})}, test.kind == "cut"
+    specimen = {name: known[name] for name in ("width", "length", "height")} if cut else {}
+    blade = {"thickness": known["thickness"]} if cut else {}
+    done, notes = tuple(repetitions), ("synthetic: computed, not measured",)
+    return Experiment(test.id, test.kind, done, test.role, specimen, blade, test.speed, notes=notes)
 
 
 def campaign(

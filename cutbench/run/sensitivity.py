@@ -38,11 +38,8 @@ def checked(case: Case, names: Sequence[str]) -> tuple[str, ...]:
     known = differentiable(case.model)
     for name in names:
         if name in _FIXED:
-            raise BadInput(
-                key="sensitivities",
-                value=name,
-                expected=f"a parameter that leaves the mesh and the travel as they are: {', '.join(known)}",
-            )
+            expected = f"a parameter that leaves the mesh and the travel as they are: {', '.join(known)}"
+            raise BadInput(key="sensitivities", value=name, expected=expected)
         among("sensitivities", name, known)
         if name == "speed" and case.motion:
             raise BadInput(key="sensitivities", value=name, expected="a blade without a motion of its own")
@@ -75,26 +72,14 @@ def start_sensitivities(built: Built, names: Sequence[str]) -> Sensitivities:
 
 
 def _direction(built: Built, name: str) -> Direction:
-    case = built.case
+    case, n = built.case, built.case.numerics
     p = SimpleNamespace(**case.values)
     setattr(p, name, getattr(p, name) + 1j * STEP)
-    n = case.numerics
-    forms: dict[str, Form] = {}
     contact = contact_numerics(case.model, p, n)
-    if isinstance(contact.stiffness, complex):
-        forms |= {form.name: form.with_numerics(contact) for form in built.blades}
-    volume = any(name in form.reads for form in built.problem.forms)
-    volume |= any(
-        name in (*law.reads, *(q.name for q in law.parameters))
-        for law in case.model.all
-        if law.slot not in _FACES
-    )
-    return Direction(
-        name,
-        p,
-        complex(p.speed),
-        np.asarray(first_centre(p)),
-        forms,
-        volume,
-        damping_viscosity(case.model, p, n),
-    )
+    blades = built.blades if isinstance(contact.stiffness, complex) else ()
+    forms: dict[str, Form] = {form.name: form.with_numerics(contact) for form in blades}
+    laws = [law for law in case.model.all if law.slot not in _FACES]
+    known = [name for form in built.problem.forms for name in form.reads]
+    known += [name for law in laws for name in (*law.reads, *(q.name for q in law.parameters))]
+    viscosity = damping_viscosity(case.model, p, n)
+    return Direction(name, p, complex(p.speed), np.asarray(first_centre(p)), forms, name in known, viscosity)
