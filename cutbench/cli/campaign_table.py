@@ -10,8 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from cutbench.base.files import replacing
-from cutbench.cli.options import table
-from cutbench.cli.tables import PLAIN
+from cutbench.cli.show import PLAIN, table
 from cutbench.data.campaign import Campaign
 from cutbench.data.experiment import Experiment
 

@@ -8,19 +8,18 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable, Container, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from cutbench.cli.progress import bar
+from cutbench.cli.show import show
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from cutbench.case.calibrated import Far
     from cutbench.case.case import Case
     from cutbench.run.result import Outcome, Result
@@ -271,30 +270,6 @@ def _with_unit(text: str, unit: str) -> str:
 
 def _slug(name: str) -> str:
     return "".join(c if c.isalnum() or c in "-_." else "-" for c in name).strip("-.") or "case"
-
-
-def show(*parts: object) -> None:
-    from rich.console import Console
-
-    # Away from a terminal nobody can widen the window: do not cut numbers short.
-    console = Console(width=None if Console().is_terminal else 160)
-    for part in parts:
-        console.print(part)
-
-
-def table(
-    heads: Sequence[str], rows: Iterable[Sequence[str]] = (), *, right: Container[str] = (), **look: Any
-) -> Table:
-    """``rows`` under ``heads``, those in ``right`` flush right; ``look`` is what rich's table takes."""
-    from rich.table import Table
-    from rich.text import Text
-
-    made = Table(**{"title_justify": "left", **look})
-    for head in heads:
-        made.add_column(Text(head), justify="right" if head in right else "left", overflow="fold")
-    for row in rows:
-        made.add_row(*map(Text, row))
-    return made
 
 
 def leave(outcome: Outcome) -> None:

@@ -7,10 +7,8 @@ import math
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from rich import box
 from rich.console import Group as Stack
 from rich.console import RenderableType
 from rich.table import Table
@@ -21,13 +19,10 @@ from cutbench.case import materials
 from cutbench.case.case import Case, load_case
 from cutbench.case.model import groups as settable_groups
 from cutbench.case.model import mechanism as find_mechanism
-from cutbench.cli.options import table
+from cutbench.cli.show import PLAIN, table
 from cutbench.mechanisms import registry
 from cutbench.mechanisms.checks import Finding
 from cutbench.run.result import Result
-
-#: Of all tables here.
-PLAIN: dict[str, Any] = {"box": box.SIMPLE_HEAD, "pad_edge": False}
 
 
 def _table(*heads: str, rows: Iterable[Sequence[str]] = (), title: str | None = None) -> Table:

@@ -19,10 +19,9 @@ from cutbench.cli.options import (
     in_mm,
     keep,
     seconds,
-    show,
-    table,
     whole,
 )
+from cutbench.cli.show import show, table
 
 if TYPE_CHECKING:
     from cutbench.case.case import Case

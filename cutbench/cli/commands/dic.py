@@ -8,21 +8,9 @@ from typing import Annotated
 
 import typer
 
-from cutbench.cli.options import (
-    Out,
-    Sets,
-    Size,
-    Source,
-    With,
-    Without,
-    asked,
-    changes,
-    exits,
-    in_mm,
-    leave,
-    show,
-)
+from cutbench.cli.options import Out, Sets, Size, Source, With, Without, asked, changes, exits, in_mm, leave
 from cutbench.cli.progress import bar
+from cutbench.cli.show import show
 
 
 @exits

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from cutbench.cli.options import exits, show
+from cutbench.cli.options import exits
+from cutbench.cli.show import show
 
 
 @exits

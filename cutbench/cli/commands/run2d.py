@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cutbench.cli.options import Wanted, computed, exits, finish, run_options, show, table
+from cutbench.cli.options import Wanted, computed, exits, finish, run_options
 from cutbench.cli.progress import bar
+from cutbench.cli.show import show, table
 
 if TYPE_CHECKING:
     from cutbench.run.result import Result

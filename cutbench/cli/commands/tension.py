@@ -7,22 +7,9 @@ from typing import Annotated
 
 import typer
 
-from cutbench.cli.options import (
-    Element,
-    Out,
-    Sets,
-    Size,
-    Source,
-    With,
-    Without,
-    changes,
-    exits,
-    in_mm,
-    leave,
-    show,
-    table,
-)
+from cutbench.cli.options import Element, Out, Sets, Size, Source, With, Without, changes, exits, in_mm, leave
 from cutbench.cli.progress import bar
+from cutbench.cli.show import show, table
 
 
 @exits

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cutbench.base.toml import among
-from cutbench.cli.options import exits, show, table
+from cutbench.cli.options import exits
 from cutbench.cli.progress import bar
+from cutbench.cli.show import show, table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
