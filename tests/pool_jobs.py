@@ -7,19 +7,9 @@ import signal
 import time
 from pathlib import Path
 
-BEGUN: list[str] = []
-
-
-def begin() -> None:
-    BEGUN.append("here")
-
 
 def double(x):
     return 2 * x
-
-
-def begun():
-    return len(BEGUN), os.getpid()
 
 
 def wrong(x):

@@ -53,13 +53,6 @@ def test_what_comes_next_may_depend_on_what_has_ended(workers):
         assert [done.result() for done in pool.run([Job(0, jobs.double, (4,))])] == [8], "used again"
 
 
-def test_init_is_called_once_in_each_process():
-    with TaskPool(1, init=jobs.begin) as pool:
-        found = {done.result() for done in pool.run([Job(i, jobs.begun) for i in range(3)])}
-    ((count, pid),) = found
-    assert count == 1 and pid != os.getpid() and not jobs.BEGUN
-
-
 def test_a_job_that_takes_its_process_down_is_tried_again_then_given_up(tmp_path):
     asked = [
         Job("once", jobs.deadly, (str(tmp_path / "once"), 1)),

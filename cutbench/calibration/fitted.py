@@ -141,4 +141,4 @@ class Fit:
             if e.label == label:
                 return e
         labels = [e.label for e in self.estimates]
-        raise BadInput(key="parameter", value=label, expected=one_of(label, labels))
+        raise BadInput("parameter", label, one_of(label, labels))

@@ -74,7 +74,7 @@ def fit(
     looked_for = unknowns(campaign) if looked_for is None else looked_for
     for label in profile:
         if label not in (known := [u.label for u in looked_for]):
-            raise BadInput(key="profile", value=label, expected=one_of(label, known))
+            raise BadInput("profile", label, one_of(label, known))
     runs = sum(e.kind == "cut" for e in campaign.experiments)
     own = predictor(min(cores() if workers is None else workers, runs)) if run is None else nullcontext(run)
     with own as run:

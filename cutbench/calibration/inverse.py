@@ -48,13 +48,13 @@ def unknowns(campaign: Campaign) -> list[Unknown]:
     known = [name for name in possible if name in seen]
     for key, name in [*(("free", name) for name in plan.free or ()), *(("own", name) for name in plan.own)]:
         if name not in known:
-            raise BadInput(key=key, value=name, expected=f"a parameter of these tests: {', '.join(known)}")
+            raise BadInput(key, name, f"a parameter of these tests: {', '.join(known)}")
         if name in given:
             expected = f"a parameter that no experiment gives; '{given[name]}' does: take it out there"
-            raise BadInput(key=key, value=name, expected=expected)
+            raise BadInput(key, name, expected)
     for name in plan.fixed:
         if name not in case.model.parameters():
-            raise BadInput(key="fixed", value=name, expected=one_of(name, possible))
+            raise BadInput("fixed", name, one_of(name, possible))
     if plan.free is None:
         parameters = case.model.parameters()
         # Known beforehand, or better known otherwise.
@@ -70,7 +70,7 @@ def unknowns(campaign: Campaign) -> list[Unknown]:
             found.append(_unknown(campaign, name, None))
     if not found:
         expected = f"one parameter or more of {', '.join(possible)}"
-        raise BadInput(key="free", value="(nothing)", expected=expected)
+        raise BadInput("free", "(nothing)", expected)
     return found
 
 

@@ -127,7 +127,7 @@ def changes(
     for key in given:
         if key in changes:
             expected = f"either --{key} or --set {key}=..., not both"
-            raise BadInput(key=f"--{key}", value=given[key], expected=expected)
+            raise BadInput(f"--{key}", given[key], expected)
     lists = {key: names for key, names in (("with", with_), ("without", without)) if names}
     return {**changes, **given, **lists}
 
@@ -244,7 +244,7 @@ def whole(key: str, text: str | None) -> int | None:
     if text is None:
         return None
     if not text.strip().isdecimal():
-        raise BadInput(key=key, value=text, expected="a whole number, 0 or more")
+        raise BadInput(key, text, "a whole number, 0 or more")
     return int(text)
 
 

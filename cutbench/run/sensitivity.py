@@ -39,10 +39,10 @@ def checked(case: Case, names: Sequence[str]) -> tuple[str, ...]:
     for name in names:
         if name in _FIXED:
             expected = f"a parameter that leaves the mesh and the travel as they are: {', '.join(known)}"
-            raise BadInput(key="sensitivities", value=name, expected=expected)
+            raise BadInput("sensitivities", name, expected)
         among("sensitivities", name, known)
         if name == "speed" and case.motion:
-            raise BadInput(key="sensitivities", value=name, expected="a blade without a motion of its own")
+            raise BadInput("sensitivities", name, "a blade without a motion of its own")
     return tuple(dict.fromkeys(names))
 
 

@@ -58,7 +58,7 @@ def slopes(
     at = at or experiment.on_grid()
     for name in names:
         if not hasattr(p, name):
-            raise BadInput(key="parameter", value=name, expected=one_of(name, vars(p)))
+            raise BadInput("parameter", name, one_of(name, vars(p)))
     if not names:
         return predict(experiment, model, p, at), np.zeros((at.x.size, 0))
     out = _stepped(experiment, model, p, [({}, name) for name in names], at)
@@ -118,8 +118,4 @@ def _respond(kind, history, model, p, direction, count) -> np.ndarray:
         return sliding.traction(history, model, p)[:, None]
     if kind == "separation":
         return separation.traction(history, model, p, direction, count=count)
-    raise BadInput(
-        key="kind",
-        value=kind,
-        expected="a test without a mesh; a cut is computed by run_case(campaign.case(…))",
-    )
+    raise BadInput("kind", kind, "a test without a mesh; a cut is computed by run_case(campaign.case(…))")

@@ -67,7 +67,7 @@ def confirm(
     chosen = least_certain(data, 3 if count is None else count) + (marked(data) if materials else [])
     if not chosen:
         expected = "points to compare: the map has none that were computed"
-        raise BadInput(key="--points", value=str(count), expected=expected)
+        raise BadInput("--points", str(count), expected)
     folder = check_writable(out if out is not None else map_.parent / FOLDER)
     done = compare(data, chosen, folder, _runner(every_s), source=str(map_), changes=asked)
     pairs = {"onset_mm": "onset (mm)", "peak_N": "peak (N)", "steady_N": "steady (N)"}

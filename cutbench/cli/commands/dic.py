@@ -44,20 +44,17 @@ def dic(
 
     parts = [in_mm(part.strip()) for part in shift.split(",")]
     if len(parts) != 2:
-        raise BadInput(key="--shift", value=shift, expected="two lengths, such as --shift=-15,0")
+        raise BadInput("--shift", shift, "two lengths, such as --shift=-15,0")
     right, up = (parse_quantity(part, "mm", key="--shift") for part in parts)
     given = math.nan if at is None else parse_quantity(in_mm(at), "mm", key="--travel")
     measured = read_fields(
         fields, configuration="reference" if reference else "deformed", y_down=y_down, shift_mm=(right, up),
         travel_mm=given,
     )  # fmt: skip
-    for field in measured:
-        if not field.travel_mm > 0:
-            raise BadInput(
-                file=str(fields), key="travel",
-                value="(missing)" if math.isnan(field.travel_mm) else f"{field.travel_mm:g} mm",
-                expected="blade travels above 0, as a column 'travel [mm]' or by --travel",
-            )  # fmt: skip
+    for mm in (field.travel_mm for field in measured if not field.travel_mm > 0):
+        value = "(missing)" if math.isnan(mm) else f"{mm:g} mm"
+        expected = "blade travels above 0, as a column 'travel [mm]' or by --travel"
+        raise BadInput("travel", value, expected, file=str(fields))
     options = {"h": in_mm(h), "depth": f"{measured[-1].travel_mm!r} mm"}
     case, folder = asked(material, changes(sets, options, with_, without), out, dim=2)
     # One step before each field too: between the two the displacements are interpolated.

@@ -50,10 +50,6 @@ def plot(
             other = against / "map.nc" if against.is_dir() else against
             typer.echo(agreement(data, load_map(other)).text())
     else:
-        raise BadInput(
-            key="DIR|MAP.nc",
-            value=str(source),
-            expected="a folder with run.json or map.nc in it, or a map.nc",
-        )
+        raise BadInput("DIR|MAP.nc", str(source), "a folder with run.json or map.nc in it, or a map.nc")
     for path in paths:
         typer.echo(path)

@@ -42,7 +42,7 @@ def runs(
 
     root = source / "runs" if (source / "runs").is_dir() else source
     if not root.is_dir():
-        raise BadInput(key="DIR", value=str(source), expected="the folder of a sweep, or of its runs")
+        raise BadInput("DIR", str(source), "the folder of a sweep, or of its runs")
     store = Store(root)
     heads = store.heads()
     chosen = [name.strip() for name in columns.split(",")] if columns else None

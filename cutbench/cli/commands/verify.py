@@ -90,15 +90,15 @@ def _paper(
     from cutbench.verification.paper.investigation import investigate, select
 
     if not paper:
-        raise BadInput(key="--workers", value=workers, expected="--paper with it")
+        raise BadInput("--workers", workers, "--paper with it")
     if quick:
-        raise BadInput(key="--quick", value="--paper", expected="one of the two: claims need whole runs")
+        raise BadInput("--quick", "--paper", "one of the two: claims need whole runs")
     chosen = select(only or ())
     if list_:
         show(_claims(chosen))
         return
     if out is None:
-        raise BadInput(key="--out", value="(missing)", expected="a folder for the runs behind the claims")
+        raise BadInput("--out", "(missing)", "a folder for the runs behind the claims")
     processes = whole("--workers", workers)
     check_writable(out)
     with bar("claims", "runs") as on_progress:
@@ -142,7 +142,7 @@ def _chosen(known: dict[str, Reference], quick: bool, only: list[str] | None) ->
     for name in only or ():
         among("--only", name, known)
         if quick and not known[name].quick:
-            raise BadInput(key="--only", value=name, expected=f"no --quick with it: {name} takes longer")
+            raise BadInput("--only", name, f"no --quick with it: {name} takes longer")
     return [r for r in known.values() if (r.quick or not quick) and (not only or r.name in only)]
 
 

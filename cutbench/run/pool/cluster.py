@@ -9,13 +9,12 @@ import contextlib
 import importlib.util
 import re
 import time
-from collections.abc import Callable
 from typing import Any
 
 from cutbench.base.errors import BadInput
 from cutbench.base.threads import ONE_THREAD
 from cutbench.run.pool.job import Job
-from cutbench.run.pool.worker import LOSSES, PoolLost, WorkerLost, called
+from cutbench.run.pool.worker import LOSSES, PoolLost, WorkerLost
 
 #: Seconds to wait for a scheduler to answer.
 PATIENCE_S = 30.0
@@ -25,13 +24,10 @@ _AHEAD = 2
 
 def check_scheduler(scheduler: str) -> None:
     """Raise BadInput if Dask is not installed, or ``scheduler`` is neither an address nor ``local``."""
-    expected = ""
     if not _installed():
-        expected = "Dask to be installed: pip install 'cutbench[dask]'"
-    elif scheduler != "local" and not re.fullmatch(r"(tcp|tls|ucx|ws|wss)://\S+:\d+", scheduler):
-        expected = "'local', or an address such as tcp://10.0.0.1:8786"
-    if expected:
-        raise BadInput(key="--scheduler", value=scheduler, expected=expected)
+        raise BadInput("--scheduler", scheduler, "Dask to be installed: pip install 'cutbench[dask]'")
+    if scheduler != "local" and not re.fullmatch(r"(tcp|tls|ucx|ws|wss)://\S+:\d+", scheduler):
+        raise BadInput("--scheduler", scheduler, "'local', or an address such as tcp://10.0.0.1:8786")
 
 
 def _installed() -> bool:
@@ -44,9 +40,9 @@ def _installed() -> bool:
 class DaskWorkers:
     """Jobs go to ``scheduler``; ``local`` starts ``count`` processes here and ends them."""
 
-    def __init__(self, scheduler: str, count: int, init: Callable[[], None] | None = None):
+    def __init__(self, scheduler: str, count: int):
         check_scheduler(scheduler)
-        self._scheduler, self._count, self._init = scheduler, count, init
+        self._scheduler, self._count = scheduler, count
         self._client: Any = None
         self._cluster: Any = None
         self._silent_since: float | None = None
@@ -71,9 +67,8 @@ class DaskWorkers:
                 )  # fmt: skip
             self._client = Client(self._cluster or self._scheduler, timeout=timeout)
         except OSError as error:
-            raise BadInput(
-                key="--scheduler", value=self._scheduler, expected=f"a Dask scheduler that answers ({error})"
-            ) from error
+            expected = f"a Dask scheduler that answers ({error})"
+            raise BadInput("--scheduler", self._scheduler, expected) from error
 
     def room(self) -> int:
         if self._client is None:
@@ -84,7 +79,7 @@ class DaskWorkers:
             raise PoolLost(error) from error
 
     def submit(self, job: Job) -> Any:
-        return self._client.submit(called, self._init, job.call, job.args, pure=False, retries=0)
+        return self._client.submit(job.call, *job.args, pure=False, retries=0)
 
     def wait(self, futures: list, timeout_s: float) -> set:
         from distributed import CancelledError, wait

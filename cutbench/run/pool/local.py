@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool as Broken
 from typing import Any
@@ -18,8 +17,8 @@ __all__ = ["Broken", "LocalWorkers"]
 class LocalWorkers:
     """``count`` processes, begun when they are needed, and anew after one of them died."""
 
-    def __init__(self, count: int, init: Callable[[], None] | None = None):
-        self._count, self._init = count, init
+    def __init__(self, count: int):
+        self._count = count
         self._pool: ProcessPoolExecutor | None = None
 
     def room(self) -> int:
@@ -32,9 +31,7 @@ class LocalWorkers:
             # Processes live as long as the other end of this pipe is open. (An Event would be shared
             # state, and a process that is killed while it waits for one blocks whoever sets it.)
             self._lifeline, self._end = context.Pipe(duplex=False)
-            self._pool = ProcessPoolExecutor(
-                self._count, context, initializer=begin_worker, initargs=(self._lifeline, self._init)
-            )
+            self._pool = ProcessPoolExecutor(self._count, context, begin_worker, (self._lifeline,))
         try:
             with one_thread_each():
                 return self._pool.submit(job.call, *job.args)

@@ -36,25 +36,18 @@ class TaskPool:
     """``workers`` processes (0: this one; None: one a core), or those of the Dask ``scheduler`` (an address,
     or ``"local"``). To be used in a ``with``: processes begin with the first job and end with the block.
 
-    ``init`` is called in each process before its first job. Raises BadInput for a number of workers or a
-    scheduler that cannot be.
+    Raises BadInput for a number of workers or a scheduler that cannot be.
     """
 
-    def __init__(
-        self,
-        workers: int | None = None,
-        scheduler: str | None = None,
-        *,
-        init: Callable[[], None] | None = None,
-    ):
+    def __init__(self, workers: int | None = None, scheduler: str | None = None):
         if workers is not None and workers < 0:
-            raise BadInput(key="workers", value=workers, expected="a number of processes, 0 or more")
+            raise BadInput("workers", workers, "a number of processes, 0 or more")
         self.count = cores() if workers is None else workers
         self._workers: Workers | None = None
         if scheduler is not None:
-            self._workers = DaskWorkers(scheduler, self.count, init)
+            self._workers = DaskWorkers(scheduler, self.count)
         elif self.count:
-            self._workers = LocalWorkers(self.count, init)
+            self._workers = LocalWorkers(self.count)
 
     def __enter__(self) -> TaskPool:
         return self

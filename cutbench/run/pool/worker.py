@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import os
-import pickle
 import signal
 import threading
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -23,7 +21,6 @@ Run = Callable[[Case], Result]
 
 #: A job that takes its process down so often, with no other beside it, is given up.
 LOSSES = 3
-_BEGUN: set[bytes] = set()
 
 
 class WorkerLost(ComputationFailed):
@@ -74,7 +71,7 @@ def failure(case: Case, message: str) -> Result:
     return Result(case, curve, Outcome("failed", message))
 
 
-def begin_worker(lifeline: Connection, init: Callable[[], None] | None = None) -> None:
+def begin_worker(lifeline: Connection) -> None:
     """Leave Ctrl-C to the parent, and end with it: a parent that is killed leaves no process behind."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
@@ -83,14 +80,3 @@ def begin_worker(lifeline: Connection, init: Callable[[], None] | None = None) -
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
-    if init is not None:
-        init()
-
-
-def called(init: Callable[[], None] | None, call: Callable[..., Any], args: tuple) -> Any:
-    """``call(*args)``, after ``init`` the first time in a process that somebody else began."""
-    key = pickle.dumps(init)
-    if init is not None and key not in _BEGUN:
-        init()
-        _BEGUN.add(key)
-    return call(*args)
