@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from dataclasses import dataclass
 
@@ -79,7 +80,5 @@ def agreement(sought: xr.Dataset, grid: xr.Dataset) -> Agreement:
 
 
 def _levels(data: xr.Dataset, names: list[str]) -> list[dict[str, float]]:
-    found: list[dict[str, float]] = [{}]
-    for name in names:
-        found = [level | {name: value} for level in found for value in data[name].values]
-    return found
+    values = itertools.product(*(data[name].values for name in names))
+    return [dict(zip(names, level, strict=True)) for level in values]

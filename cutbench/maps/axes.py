@@ -98,10 +98,10 @@ def read_axes(
         if not entries:
             raise BadInput("axis", "(missing)", "at least one [[axis]] with name and values")
     axes: list[Axis] = []
+    # A lattice of half the tolerance: see cutbench.maps.boundary.
+    seek = sum("values" not in e and "mechanism" not in e for e in entries)
     for n, entry in enumerate(entries):
         try:
-            # A lattice of half the tolerance: see cutbench.maps.boundary.
-            seek = sum("values" not in e and "mechanism" not in e for e in entries)
             axis = _axis(entry, model, mode, TOLERANCE.get(seek, TOLERANCE[3]))
             for other in axes:
                 if other.name == axis.name:

@@ -96,11 +96,8 @@ def marked(data: xr.Dataset) -> list[MapPoint]:
 
 def solid(case: Case, changes: Mapping[str, object] | None = None) -> Case:
     """The plane-strain ``case`` as a block: its physics and laws, a solid's mesh, then ``changes``."""
-    mesh = {
-        name: getattr(defaults(3), name)
-        for name in vars(Numerics())
-        if getattr(defaults(3), name) != getattr(Numerics(), name)
-    }
+    flat = vars(Numerics())
+    mesh = {name: value for name, value in vars(defaults(3)).items() if value != flat[name]}
     numerics = replace(case.numerics, **mesh, mesh=None, symmetry="auto")
     block = replace(case, name=f"{case.name} (block)", dim=3, numerics=numerics)
     return block.set(**dict(changes)) if changes else block

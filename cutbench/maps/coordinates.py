@@ -51,10 +51,7 @@ def between(data: xr.Dataset, name: str) -> xr.DataArray:
     """A variable between the points where it is known: linear in its logarithm on simplices in the axes' own
     scales, beyond them as at the nearest; nan everywhere if it is known nowhere."""
     values = data[name]
-    grids = np.meshgrid(
-        *(np.linspace(0, 1, n) if n > 1 else np.zeros(1) for n in values.shape), indexing="ij"
-    )
-    places = np.stack([grid.ravel() for grid in grids], axis=1)
+    places = np.argwhere(np.ones(values.shape)) / np.maximum(np.array(values.shape) - 1, 1)
     known = np.isfinite(values.values).ravel()
     if not known.any():
         return values

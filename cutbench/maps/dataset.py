@@ -78,32 +78,22 @@ def build_map(
         table_ids[index] = id
         table[index] = rows.get(id, MapRow())
 
-    def collect(pick, dtype):
-        flat = [pick(row) for row in table.ravel()]
-        return dims, np.array(flat, dtype=dtype).reshape(study.shape)
+    def collect(pick, dtype, **about):
+        return dims, np.array([pick(row) for row in table.ravel()], dtype=dtype).reshape(study.shape), about
 
     data = {
-        name: (*collect(lambda row, name=name: row.measures[name], float), {"units": unit, "long_name": text})
+        name: collect(lambda row, name=name: row.measures[name], float, units=unit, long_name=text)
         for name, (unit, text) in MEASURES.items()
     }
-    data["label"] = (*collect(lambda row: LABELS.index(row.label), np.int8), _flags(LABELS, "regime"))
-    data["outcome"] = (
-        *collect(lambda row: OUTCOME_FLAGS.index(row.outcome), np.int8),
-        _flags(OUTCOME_FLAGS, "how the run ended"),
+    ended = _flags(OUTCOME_FLAGS, "how the run ended")
+    data["label"] = collect(lambda row: LABELS.index(row.label), np.int8, **_flags(LABELS, "regime"))
+    data["outcome"] = collect(lambda row: OUTCOME_FLAGS.index(row.outcome), np.int8, **ended)
+    data["reached_mm"] = collect(
+        lambda row: row.reached_mm, float, units="mm", long_name="blade travel reached"
     )
-    data["reached_mm"] = (
-        *collect(lambda row: row.reached_mm, float),
-        {"units": "mm", "long_name": "blade travel reached"},
-    )
-    data["message"] = (
-        *collect(lambda row: row.message, str),
-        {"long_name": "what the run said at its end"},
-    )
-    data["run_id"] = (
-        dims,
-        table_ids.astype(str),
-        {"long_name": "hash of the run's inputs; its folder in the store"},
-    )
+    data["message"] = collect(lambda row: row.message, str, long_name="what the run said at its end")
+    text = "hash of the run's inputs; its folder in the store"
+    data["run_id"] = dims, table_ids.astype(str), {"long_name": text}
     if not study.on_grid:
         samples = np.array(study.samples, dtype=float).reshape(-1, len(study.axes))
     coords = {
@@ -117,31 +107,28 @@ def build_map(
     }
     if estimates:
         data |= _estimated(study, estimates)
-    return xr.Dataset(
-        data,
-        coords,
-        {
-            "title": study.title,
-            "mode": study.mode,
-            "axes": json.dumps([axis.name for axis in study.axes]),
-            "continuous": json.dumps([axis.name for axis in study.axes if axis.continuous]),
-            "tolerance": json.dumps({a.name: a.tolerance for a in study.axes if math.isfinite(a.tolerance)}),
-            "study": study.text,
-            "base_case": json.dumps(study.base.to_dict(), default=str),
-            "cutbench": versions()["cutbench"] or "",
-            "computation": study.base.computation,
-            "start_case": json.dumps((study.start or study.base).to_dict(), default=str),
-            "changes": json.dumps(dict(study.changes), default=str),
-            "drop_threshold": study.regime.drop,
-            "surge_threshold": math.nan if study.regime.surge_min is None else study.regime.surge_min,
-            "onset_length_mm": study.regime.onset_length_mm,
-            "window": "blade thickness",
-            "plot_x": study.plot.x,
-            "plot_y": study.plot.y,
-            "plot_panel": study.plot.panel,
-            "marks": json.dumps([{"name": m.name} | dict(m.at) for m in study.marks()]),
-        },
-    )
+    about = {
+        "title": study.title,
+        "mode": study.mode,
+        "axes": json.dumps([axis.name for axis in study.axes]),
+        "continuous": json.dumps([axis.name for axis in study.axes if axis.continuous]),
+        "tolerance": json.dumps({a.name: a.tolerance for a in study.axes if math.isfinite(a.tolerance)}),
+        "study": study.text,
+        "base_case": json.dumps(study.base.to_dict(), default=str),
+        "cutbench": versions()["cutbench"] or "",
+        "computation": study.base.computation,
+        "start_case": json.dumps((study.start or study.base).to_dict(), default=str),
+        "changes": json.dumps(dict(study.changes), default=str),
+        "drop_threshold": study.regime.drop,
+        "surge_threshold": math.nan if study.regime.surge_min is None else study.regime.surge_min,
+        "onset_length_mm": study.regime.onset_length_mm,
+        "window": "blade thickness",
+        "plot_x": study.plot.x,
+        "plot_y": study.plot.y,
+        "plot_panel": study.plot.panel,
+        "marks": json.dumps([{"name": m.name} | dict(m.at) for m in study.marks()]),
+    }
+    return xr.Dataset(data, coords, about)
 
 
 def _estimated(study: Study, estimates: Mapping[tuple[int, ...], BoundaryEstimate]) -> dict[str, tuple]:
@@ -156,19 +143,13 @@ def _estimated(study: Study, estimates: Mapping[tuple[int, ...], BoundaryEstimat
             where[k] = i
         for name, array in arrays.items():
             array[tuple(where)] = getattr(estimate, name)
-    text = "estimated margin, tanh(log(measure/threshold)): above 0 abrupt, below 0 smooth"
+    mean = "estimated margin, tanh(log(measure/threshold)): above 0 abrupt, below 0 smooth"
+    sd = "standard deviation of the estimated margin"
+    unsure = _flags(("sure", "unsure"), "whether the regime is unknown (95 %) beyond the tolerance")
     return {
-        "margin": (dims, arrays["mean"], {"units": "1", "long_name": text}),
-        "margin_sd": (
-            dims,
-            arrays["spread"],
-            {"units": "1", "long_name": "standard deviation of the estimated margin"},
-        ),
-        "unsure": (
-            dims,
-            arrays["unsure"].astype(np.int8),
-            _flags(("sure", "unsure"), "whether the regime is unknown (95 %) beyond the tolerance"),
-        ),
+        "margin": (dims, arrays["mean"], {"units": "1", "long_name": mean}),
+        "margin_sd": (dims, arrays["spread"], {"units": "1", "long_name": sd}),
+        "unsure": (dims, arrays["unsure"].astype(np.int8), unsure),
     }
 
 
@@ -182,14 +163,9 @@ def load_map(path: str | os.PathLike[str]) -> xr.Dataset:
     if "label" not in data or "plot_x" not in data.attrs:
         raise BadInput("map", str(path), "a map.nc of a sweep, with labels and axes")
     # Maps of before there were modes are grids.
-    data.attrs.setdefault("mode", "grid")
-    data.attrs.setdefault("axes", json.dumps([str(dim) for dim in data["label"].dims]))
-    data.attrs.setdefault("continuous", "[]")
-    data.attrs.setdefault("tolerance", "{}")
-    data.attrs.setdefault("start_case", data.attrs["base_case"])
-    data.attrs.setdefault("changes", "{}")
-    data.attrs.setdefault("cutbench", "")
-    data.attrs.setdefault("computation", "")
+    old = {"mode": "grid", "axes": json.dumps([str(dim) for dim in data["label"].dims]), "continuous": "[]"}
+    old |= {"tolerance": "{}", "start_case": data.attrs["base_case"], "changes": "{}"}
+    data.attrs = old | {"cutbench": "", "computation": ""} | data.attrs
     return data
 
 
@@ -255,9 +231,8 @@ def save_map(data: xr.Dataset, folder: Path) -> None:
 def to_csv(data: xr.Dataset) -> str:
     """One line a point, axes first (the unit in the header), the same for the same runs."""
     dims = axes_of(data)
-    heads = [
-        name if data[name].attrs["units"] == "1" else f"{name} [{data[name].attrs['units']}]" for name in dims
-    ]
+    units = {name: data[name].attrs["units"] for name in dims}
+    heads = [name if unit == "1" else f"{name} [{unit}]" for name, unit in units.items()]
     columns = ["label", *MEASURES, "outcome", "reached_mm", "run_id", "message"]
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
@@ -269,18 +244,16 @@ def to_csv(data: xr.Dataset) -> str:
             continue  # a place of a search at which no run was needed
         at = index if gridded else index * len(dims)
         line = [f"{values[i]:.10g}" for values, i in zip(ticks, at, strict=True)]
-        for name in columns:
-            value = found[name][index]
-            if name == "label":
-                line.append(LABELS[int(value)])
-            elif name == "outcome":
-                line.append(OUTCOME_FLAGS[int(value)])
-            elif name in ("run_id", "message"):
-                line.append(str(value))
-            else:
-                line.append("" if math.isnan(value) else f"{value:.10g}")
-        writer.writerow(line)
+        writer.writerow([*line, *(_cell(name, found[name][index]) for name in columns)])
     return out.getvalue()
+
+
+def _cell(name: str, value) -> str:
+    if name in (words := {"label": LABELS, "outcome": OUTCOME_FLAGS}):
+        return words[name][int(value)]
+    if name in ("run_id", "message"):
+        return str(value)
+    return "" if math.isnan(value) else f"{value:.10g}"
 
 
 def _flags(names: tuple[str, ...], text: str) -> dict[str, object]:

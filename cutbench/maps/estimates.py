@@ -26,16 +26,18 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from cutbench.base.errors import BadInput
-from cutbench.base.figure_style import COLOURS, DOUBLE_MM, new_figure, save, style
+from cutbench.base.figure_style import COLOURS, DOUBLE_MM, Look, new_figure, save, style
 from cutbench.case.case import Case
 from cutbench.case.physics import Physics
 from cutbench.maps.cases import physics_on
 from cutbench.maps.coordinates import axis_text, is_log, plain_log
-from cutbench.maps.dataset import LABELS, axes_of, places_of
+from cutbench.maps.dataset import LABELS, places_of
 from cutbench.run.measures import ABRUPT, CLAMP, SMOOTH
 
 #: Part of the travel that counts as steady: the default of ``cutbench.run.measures.measures``.
 STEADY = 0.4
+#: What is compared besides the regime: its name, and the run's and the estimate's column.
+_FORCES = (("peak", "peak_N", "onset_N"), ("steady force", "steady_N", "steady_estimate_N"))
 
 
 @dataclass(frozen=True)
@@ -113,10 +115,7 @@ class EstimateComparison:
             f" {t['abrupt'].size} runs (abrupt where the run is smooth: {late},"
             f" smooth where it is abrupt: {early})"
         ]
-        for name, ours, theirs in (
-            ("peak", "peak_N", "onset_N"),
-            ("steady force", "steady_N", "steady_estimate_N"),
-        ):
+        for name, ours, theirs in _FORCES:
             ratio = t[ours] / t[theirs]
             ratio = ratio[np.isfinite(ratio)]
             if ratio.size:
@@ -141,14 +140,14 @@ def estimated_margin(data: xr.Dataset) -> Callable[[Mapping[str, float]], float]
 
 def compare(data: xr.Dataset) -> EstimateComparison:
     """Every run of a map that reached its depth against the estimates."""
-    names, places, physics = axes_of(data), places_of(data), physics_on(data)
+    places, physics = places_of(data), physics_on(data)
     decided = np.isin(data["label"].values, [LABELS.index(ABRUPT), LABELS.index(SMOOTH)])
-    axes: dict[str, list[float]] = {name: [] for name in names}
+    axes: dict[str, list[float]] = {name: [] for name in places}
     keys = ("drop", "peak_N", "steady_N", "drop_estimate", "onset_N", "steady_estimate_N")
     table: dict[str, list] = {key: [] for key in (*keys, "abrupt", "abrupt_estimate")}
     for index in np.argwhere(decided):
         here = tuple(index)
-        values = {name: float(places[name][here]) for name in names}
+        values = {name: float(along[here]) for name, along in places.items()}
         case = physics(values)
         found = classical(case)
         if found is None:
@@ -198,14 +197,10 @@ def draw_estimates(data: xr.Dataset, compared: EstimateComparison) -> Figure:
         left.set_ylabel(axis_text(data[y]) if y else "relative force drop")
         if t["abrupt"].size:
             left.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, handletextpad=0.2)
-        for ax, ours, theirs, name in (
-            (middle, "peak_N", "onset_N", "peak"),
-            (right, "steady_N", "steady_estimate_N", "steady force"),
-        ):
+        for ax, (name, ours, theirs) in zip((middle, right), _FORCES, strict=True):
             ok = np.isfinite(t[ours]) & (t[ours] > 0)
-            ax.plot(
-                t[theirs][ok], t[ours][ok], ls="", marker="o", mfc="none", mec=COLOURS["blue"], ms=3, mew=0.7
-            )
+            look: Look = {"ls": "", "marker": "o", "mfc": "none", "mec": COLOURS["blue"], "ms": 3, "mew": 0.7}
+            ax.plot(t[theirs][ok], t[ours][ok], **look)
             if ok.any():
                 both = np.concatenate([t[theirs][ok], t[ours][ok]])
                 ends = [both.min() / 1.2, both.max() * 1.2]

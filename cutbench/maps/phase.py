@@ -57,6 +57,7 @@ _MARKERS: dict[str, Look] = {
 }
 #: Points along each axis at which the classical estimates are drawn.
 _TRIED = 13
+_DASHES = (0, (4, 1.5, 1, 1.5))
 MISSING = "to come"
 _MARKERS[MISSING] = {"marker": ".", "mec": "0.55", "mfc": "0.55", "ms": 3.5, "mew": 0.0, "label": MISSING}
 
@@ -150,19 +151,11 @@ def _cells(ax: Axes, part: xr.Dataset, x: str, y: str, top: float):
         set_scale(ax, which, part[name])
     drop = part["drop_between" if "drop_between" in part else "drop_rel"].transpose(y, x).values
     ax.set_facecolor("0.93")
-    image = ax.pcolormesh(
-        edges(part[x].values, is_log(part[x])),
-        edges(part[y].values, is_log(part[y])),
-        np.ma.masked_invalid(drop),
-        cmap=DROPS,
-        vmin=0,
-        vmax=top,
-        edgecolors="white" if drop.size < 1000 else "face",
-        linewidth=0.25 if drop.size < 1000 else 0.1,
-        rasterized=True,
-    )
-    for which, along in (("x", part[x]), ("y", part[y])):
-        e = edges(along.values, is_log(along))
+    grid = [edges(part[name].values, is_log(part[name])) for name in (x, y)]
+    colour, width = ("white", 0.25) if drop.size < 1000 else ("face", 0.1)
+    look: Look = {"edgecolors": colour, "linewidth": width, "rasterized": True}
+    image = ax.pcolormesh(*grid, np.ma.masked_invalid(drop), cmap=DROPS, vmin=0, vmax=top, **look)
+    for which, e in zip("xy", grid, strict=True):
         getattr(ax, f"set_{which}lim")(e[0], e[-1])
         getattr(ax, f"{which}axis").set_tick_params(which="minor", size=1.5, width=0.4)
     return image
@@ -203,10 +196,8 @@ def _band(ax: Axes, part: xr.Dataset, x: str, y: str) -> None:
         return
     doubt = (SURE * part["margin_sd"] - np.abs(part["margin"])).transpose(y, x).values
     if min(doubt.shape) > 1 and (doubt > 0).any():
-        ax.contourf(
-            part[x].values, part[y].values, doubt, levels=[0, np.inf], colors="none", hatches=["//////"],
-            zorder=2.5,
-        )  # fmt: skip
+        look: Look = {"levels": [0, np.inf], "colors": "none", "hatches": ["//////"], "zorder": 2.5}
+        ax.contourf(part[x].values, part[y].values, doubt, **look)
 
 
 def _classical(ax: Axes, part: xr.Dataset, x: str, y: str) -> bool:
@@ -223,7 +214,7 @@ def _classical(ax: Axes, part: xr.Dataset, x: str, y: str) -> bool:
         return False
     ax.contour(
         *grids, np.ma.masked_invalid(found), levels=[0.0], colors="0.25", linewidths=0.9,
-        linestyles=[(0, (4, 1.5, 1, 1.5))], zorder=2.8,
+        linestyles=[_DASHES], zorder=2.8,
     )  # fmt: skip
     return True
 
@@ -320,11 +311,7 @@ def _legend(
     classical: bool,
     solid: Sequence[Line2D] = (),
 ) -> None:
-    handles: list[Artist] = [
-        Line2D([], [], ls="", **_MARKERS[name])
-        for name in (ABRUPT, SMOOTH, UNCUT, NOT_COMPUTED, MISSING)
-        if name in seen
-    ]
+    handles: list[Artist] = [Line2D([], [], ls="", **look) for name, look in _MARKERS.items() if name in seen]
     text = f"boundary: drop of {100 * data.attrs['drop_threshold']:g} %"
     if math.isfinite(data.attrs["surge_threshold"]):
         text += f", surge of {data.attrs['surge_threshold']:g}"
@@ -332,19 +319,13 @@ def _legend(
     if bridged:
         handles.append(Line2D([], [], color="black", lw=1.2, ls="--", label="interpolated"))
     if data.attrs.get("mode") == BOUNDARY and "margin" in data:
-        handles.append(
-            Patch(facecolor="none", edgecolor="0.2", hatch="//////", lw=0.4, label="unsure (95 %)")
-        )
+        look: Look = {"facecolor": "none", "edgecolor": "0.2", "hatch": "//////", "lw": 0.4}
+        handles.append(Patch(label="unsure (95 %)", **look))
     if classical:
-        dashes = (0, (4, 1.5, 1, 1.5))
-        handles.append(Line2D([], [], color="0.25", lw=0.9, ls=dashes, label="classical estimate"))
+        handles.append(Line2D([], [], color="0.25", lw=0.9, ls=_DASHES, label="classical estimate"))
     if materials:
         handles.append(Line2D([], [], label="material", **MATERIAL))
     handles += solid
-    figure.legend(
-        handles=handles,
-        loc="outside upper center",
-        ncols=len(handles) if len(handles) < 6 else math.ceil(len(handles) / 2),
-        columnspacing=1.6,
-        handletextpad=0.5,
-    )
+    columns = len(handles) if len(handles) < 6 else math.ceil(len(handles) / 2)
+    look = {"ncols": columns, "columnspacing": 1.6, "handletextpad": 0.5}
+    figure.legend(handles=handles, loc="outside upper center", **look)

@@ -80,9 +80,8 @@ class Sweep:
             if sides.all() or not sides.any():
                 found.append("no boundary: one regime on the whole map")
             elif unsure:
-                found.append(
-                    f"boundary: not known to the tolerance (95 %) on {100 * unsure:.2g} % of the map"
-                )
+                part = f"{100 * unsure:.2g} %"
+                found.append(f"boundary: not known to the tolerance (95 %) on {part} of the map")
             else:
                 found.append("boundary: known to the tolerance everywhere (95 %)")
         return [*found, self.verdict] if self.verdict else found
