@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cutbench.case.mesh_sizes import GRADING, ON_RIM, wanted
+from cutbench.case.mesh_sizes import wanted
+from cutbench.case.tuning import MeshTuning
 from cutbench.models2d.section import half_block
 from cutbench.models3d.mesh import quarter
 
 H, RIM = 0.5, 2.0
+GRADING, ON_RIM = MeshTuning.grading, MeshTuning.on_rim
 
 
 def test_the_rim_is_finer_than_the_cut_plane_and_sizes_grow_from_its_edge():

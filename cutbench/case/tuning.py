@@ -1,7 +1,6 @@
 """The tuned numbers of a computation, each with its reason: part of a case's identity; nobody sets them.
 
-What a user may choose stands in ``numerics``. These decide how quickly and how surely a run gets to its end,
-and less than 1 % of onset, peak, drop and steady force.
+What a user may choose stands in ``numerics``. These decide how quickly and how surely a run gets to its end.
 """
 
 from __future__ import annotations
@@ -209,6 +208,35 @@ class PathTuning:
 
 
 @dataclass(frozen=True)
+class MeshTuning:
+    """Sizes of the elements of a built-in mesh. Lengths in blade thicknesses unless said."""
+
+    grading: float = 0.7
+    """Growth of the element size with the distance from the cut plane: more changes the onset."""
+    surge: float = 3.0
+    """The cut surges so far down in each of the paper's materials."""
+    rim: float = 4 / 7
+    """So far from the cut plane the top is finer still: it goes over the tip and then folds in beside the
+    blade."""
+    on_rim: float = 0.8
+    """By this."""
+    corner: tuple[float, float] = (1 / 16, 1 / 89.6)
+    """Elements under the tip, where no size is chosen: this part of h, but not below this part of the blade's
+    thickness, 8 µm for 0.7 mm."""
+    shallow: tuple[float, float] = (1 / 4, 1 / 22.4)
+    """The same where the cut surges."""
+    reach: float = 6 / 7
+    """Half-thicknesses of the blade over which elements of a section become as wide as tall, away from the
+    cut plane, and as large as elsewhere, down from the tip. Material that sticks to a blunt tip holds the cut
+    plane shut for about half of that. Where it opens below, it is squeezed to half its height, and may
+    fold."""
+    reach_mm: float = 0.3
+    """Millimetres over which elements of a block become as wide as tall."""
+    longest: float = 1 / 12
+    """Elements of a block are longer along the blade than tall only up to this part of its length."""
+
+
+@dataclass(frozen=True)
 class Tuning:
     """All of them."""
 
@@ -217,6 +245,7 @@ class Tuning:
     window: WindowTuning = field(default_factory=WindowTuning)
     remesh: RemeshTuning = field(default_factory=RemeshTuning)
     path: PathTuning = field(default_factory=PathTuning)
+    mesh: MeshTuning = field(default_factory=MeshTuning)
 
     @classmethod
     def of(cls, data: Mapping[str, Mapping]) -> Tuning:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import nearest
-from cutbench.case.mesh_sizes import AT_SURGE, UNDER_TIP, chosen
+from cutbench.case.mesh_sizes import chosen
 from cutbench.case.model import (
     PROTOCOL,
     SPECIMEN,
@@ -236,9 +236,10 @@ def doubts(v: Mapping[str, float], numerics: Numerics) -> tuple[str, ...]:
     if "tip" not in v or "thickness" not in v or numerics.normal != "tool" or numerics.mesh is not None:
         return ()
     h, thickness = numerics.h_mm, v["thickness"]
+    tuned = numerics.tuning.mesh
     parts = (
-        chosen(numerics.corner, h, thickness, UNDER_TIP),
-        chosen(numerics.shallow, h, thickness, AT_SURGE),
+        chosen(numerics.corner, h, thickness, tuned.corner),
+        chosen(numerics.shallow, h, thickness, tuned.shallow),
     )
     radius, under = _tip_radius(v), h * min(parts)
     if under <= radius * (1 + 1e-12):

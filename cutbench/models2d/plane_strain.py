@@ -8,7 +8,7 @@ import skfem
 from cutbench.base.errors import BadInput
 from cutbench.case.mesh_sizes import near_blade
 from cutbench.forms.geometry import Geometry
-from cutbench.models2d.section import REACH, half_block
+from cutbench.models2d.section import half_block
 from cutbench.models2d.usermesh import read_mesh
 
 
@@ -27,7 +27,7 @@ def geometry(values, numerics, fine: tuple[float, float] = (0.0, np.inf), kept=N
             raise BadInput(key="symmetry", value="full", expected=expected)
         mesh = read_mesh(numerics.mesh, values["width"], height)
         return Geometry(mesh, height, 2 * length)
-    reach = REACH * values["thickness"] / 2
+    reach = numerics.tuning.mesh.reach * values["thickness"] / 2
     sizes = {"slender": numerics.slender, **near_blade(numerics, values["thickness"])}
     mesh = half_block(values["width"], height, numerics.h_mm, reach=reach, fine=fine, kept=kept, **sizes)
     if numerics.symmetry == "full":

@@ -9,15 +9,12 @@ import numpy as np
 import skfem
 from scipy.optimize import brentq
 
-from cutbench.case.mesh_sizes import GRADING, wanted
+from cutbench.case.mesh_sizes import STANDARD, wanted
+from cutbench.case.tuning import MeshTuning
 
 #: Elements at the cut plane are this many times taller than wide: under the tip, and beside a cut that it
 #: forces open, the material is stretched sideways several times. Small ones slenderer than that fold.
 SLENDER = 2.0
-#: Distance from the cut plane over which they become as wide as tall, in units of the blade's half-thickness;
-#: and how far down elements are as small as under the tip. Material that sticks to a blunt tip holds the cut
-#: plane shut for about half of that. Where it opens below, it is squeezed to half its height, and may fold.
-REACH = 6 / 7
 
 
 def half_block(
@@ -31,7 +28,7 @@ def half_block(
     shallow: float = 1.0,
     surge: float = 1.0,
     rim: float = 0.0,
-    grading: float = GRADING,
+    tuning: MeshTuning = STANDARD,
     fine: tuple[float, float] = (0.0, np.inf),
     kept: np.ndarray | None = None,
 ) -> skfem.MeshTri:
@@ -75,7 +72,7 @@ def half_block(
             outside = np.minimum(outside, _away(corners, kept_at))
         most = wanted(
             nearest, deep, h, corner=corner, reach=reach, shallow=shallow, surge=surge, rim=rim,
-            grading=grading, outside=outside,
+            tuning=tuning, outside=outside,
         )  # fmt: skip
         marked = np.flatnonzero(size > 1.5 * most)
         if marked.size == 0:

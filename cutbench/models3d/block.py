@@ -29,9 +29,10 @@ def geometry(values, numerics) -> Geometry:
         return Geometry(mesh, values["height"], PARTS[part], held, split=part == "full")
     smallest = "full" if tilted else "quarter"
     part = smallest if numerics.symmetry == "auto" else numerics.symmetry
-    h = numerics.h_mm
-    h_z = length_along(values["length"], h, numerics.along)
-    sizes = {"slender": numerics.slender, **near_blade(numerics, values["thickness"])}
+    h, tuning = numerics.h_mm, numerics.tuning.mesh
+    h_z = length_along(values["length"], h, numerics.along, tuning.longest)
+    sizes = {"slender": numerics.slender, "reach": tuning.reach_mm}
+    sizes |= near_blade(numerics, values["thickness"])
     mesh = quarter(values["width"], values["height"], values["length"], h, h_z=h_z, **sizes)
     return block(mesh, part)
 

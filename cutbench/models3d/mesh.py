@@ -14,20 +14,20 @@ import numpy as np
 import skfem
 from scipy.optimize import brentq
 
-from cutbench.case.mesh_sizes import GRADING, wanted
+from cutbench.case.mesh_sizes import STANDARD, wanted
+from cutbench.case.tuning import MeshTuning
 
-#: Along the blade things change slowly: elements are longer there, by this factor at the most ...
+#: Along the blade things change slowly: elements are longer there, by this factor at the most.
 ALONG = 4.0
-#: ... and longer than tall only up to this part of the block's length.
-LONGEST = 1 / 12
-#: Elements at the cut plane are this many times taller than wide, growing as wide as tall over ``REACH`` mm:
-#: the material is stretched sideways several times there. Elements of a section are smaller, and need less.
-SLENDER, REACH = 8.0, 0.3
+#: Elements at the cut plane are this many times taller than wide: the material is stretched sideways several
+#: times there. Elements of a section are smaller, and need less.
+SLENDER = 8.0
 
 
-def length_along(length: float, h: float, along: float = ALONG) -> float:
-    """Element size along the blade that goes with height ``h``, all mm."""
-    return max(h, min(along * h, LONGEST * length))
+def length_along(length: float, h: float, along: float = ALONG, longest: float = MeshTuning.longest) -> float:
+    """Element size along the blade that goes with height ``h``, all mm: longer than tall only up to the part
+    ``longest`` of ``length``."""
+    return max(h, min(along * h, longest * length))
 
 
 def quarter(
@@ -39,20 +39,20 @@ def quarter(
     h_z: float | None = None,
     corner: float | None = None,
     slender: float = SLENDER,
-    reach: float = REACH,
+    reach: float = MeshTuning.reach_mm,
     shallow: float = 1.0,
     surge: float = 1.0,
     rim: float = 0.0,
-    grading: float = GRADING,
+    tuning: MeshTuning = STANDARD,
 ) -> skfem.MeshTet:
     """The part 0 ≤ x ≤ width/2, 0 ≤ z ≤ length/2 of a block, without names, all lengths in mm.
 
     On the cut plane edges across the blade are the largest H/(n 2^k) not above ``h``; along the blade they
-    are ``h_z`` (``length_along``) at the most. Away from it they grow by ``grading`` times the distance.
-    Where the cut surges, down to ``surge``, they are ``shallow`` times as large, and grow with depth from
-    there, and on the top out to ``rim``; under the blade, where the top face meets the cut plane, they shrink
-    to ``corner``, and by as much along the blade. Across the cut plane they are ``slender`` times smaller,
-    growing to the same size over ``reach``.
+    are ``h_z`` (``length_along``) at the most. Away from it they grow by ``tuning.grading`` times the
+    distance. Where the cut surges, down to ``surge``, they are ``shallow`` times as large, and grow with
+    depth from there, and on the top out to ``rim``; under the blade, where the top face meets the cut plane,
+    they shrink to ``corner``, and by as much along the blade. Across the cut plane they are ``slender`` times
+    smaller, growing to the same size over ``reach``.
     """
 
     def across(xi):
@@ -77,7 +77,7 @@ def quarter(
             size = np.ptp(corners, axis=1).max(axis=0)
             nearest, deep = corners[0].min(axis=0), height - corners[1].max(axis=0)
             most = wanted(
-                nearest, deep, h, corner=corner, shallow=shallow, surge=surge, rim=rim, grading=grading
+                nearest, deep, h, corner=corner, shallow=shallow, surge=surge, rim=rim, tuning=tuning
             )
             marked = np.flatnonzero(size > most * (1 + 1e-6))
             if marked.size == 0:
