@@ -7,7 +7,7 @@ import math
 import os
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -43,11 +43,33 @@ def check_writable(out_dir: str | Path) -> Path:
     return out
 
 
-def write_json(record: object, path: str | Path) -> None:
-    """Write ``record`` as JSON, with null for what is not finite."""
-    text = json.dumps(plain(record), indent=2, ensure_ascii=False, allow_nan=False)
-    with replacing(Path(path)) as draft:
-        draft.write_text(text + "\n", encoding="utf-8")
+def write_text(text: str, path: str | Path) -> Path:
+    """Write ``text``, ended by one newline; its path."""
+    path = Path(path)
+    with replacing(path) as draft:
+        draft.write_text(text.rstrip("\n") + "\n", encoding="utf-8")
+    return path
+
+
+def write_json(record: object, path: str | Path) -> Path:
+    """Write ``record`` as JSON, with null for what is not finite; its path."""
+    return write_text(json.dumps(plain(record), indent=2, ensure_ascii=False, allow_nan=False), path)
+
+
+def markdown_table(head: Sequence[object], rows: Iterable[Sequence[object]]) -> list[str]:
+    """The lines of a table in Markdown."""
+
+    def line(cells: Sequence[object]) -> str:
+        return (
+            "|" + "|".join(f" {c} " if c else " " for c in (str(c).replace("|", "\\|") for c in cells)) + "|"
+        )
+
+    return [line(head), "|---" * len(head) + "|", *map(line, rows)]
+
+
+def picked(one: object, *names: str) -> dict[str, object]:
+    """These attributes of ``one`` by name."""
+    return {name: getattr(one, name) for name in names}
 
 
 def plain(value):

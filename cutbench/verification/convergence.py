@@ -69,7 +69,7 @@ class ConvergenceRow:
     material: str
     change: str
     refinement: bool
-    id: str
+    run: str
     outcome: str
     measures: Mapping[str, float]
     moved: Mapping[str, float] = field(default_factory=dict)

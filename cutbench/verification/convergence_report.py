@@ -10,19 +10,13 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from cutbench.base.figure_style import DOUBLE_MM, GREY, LINE_COLOURS, save, style
-from cutbench.base.files import check_writable, replacing, write_json
+from cutbench.base.files import check_writable, markdown_table, write_json, write_text
 from cutbench.base.versions import versions
 from cutbench.verification.convergence import COMPARED, TOLERANCE, ConvergencePlan, ConvergenceRow
 
 #: Beyond this, at the most, a mark sits at the edge as an arrow, %.
 EDGE = 30.0
-_TITLES = {
-    "onset_mm": ("onset", "o"),
-    "peak_N": ("peak", "s"),
-    "drop_rel": ("drop", "^"),
-    "steady_N": ("steady force", "D"),
-    "slope_N_per_mm": ("slope", "v"),
-}
+_MARKERS = ("o", "s", "^", "D", "v")
 
 
 def plot_convergence(rows: Sequence[ConvergenceRow], tolerance: float = 3.0) -> Figure:
@@ -37,11 +31,10 @@ def plot_convergence(rows: Sequence[ConvergenceRow], tolerance: float = 3.0) -> 
     with style():
         figure = Figure(figsize=(DOUBLE_MM / 25.4, (24 + 5.2 * len(names)) / 25.4), layout="constrained")
         axes = figure.subplots(1, len(materials), sharey=True, squeeze=False)[0]
-        colours = LINE_COLOURS
         for ax, material in zip(axes, materials, strict=True):
             ax.axvspan(-tolerance, tolerance, color="0.88", lw=0, zorder=0)
             ax.axvline(0, color=GREY, lw=0.6)
-            for k, (key, (title, marker)) in enumerate(_TITLES.items()):
+            for k, ((key, (title, _)), marker) in enumerate(zip(COMPARED.items(), _MARKERS, strict=True)):
                 points = [
                     (100 * row.moved[key], names.index(row.change) + 0.13 * (k - 2))
                     for row in changed
@@ -49,12 +42,14 @@ def plot_convergence(rows: Sequence[ConvergenceRow], tolerance: float = 3.0) -> 
                 ]
                 inside = [p for p in points if abs(p[0]) <= edge]
                 ax.plot(
-                    [p[0] for p in inside], [p[1] for p in inside], marker, color=colours[k],
-                    mfc="white" if k % 2 else colours[k], ms=3.6, mew=0.9, ls="", label=title,
+                    [p[0] for p in inside], [p[1] for p in inside], marker, color=LINE_COLOURS[k],
+                    mfc="white" if k % 2 else LINE_COLOURS[k], ms=3.6, mew=0.9, ls="", label=title,
                 )  # fmt: skip
                 for side, marker_out in ((1, ">"), (-1, "<")):
                     beyond = [p[1] for p in points if side * p[0] > edge]
-                    ax.plot([side * edge] * len(beyond), beyond, marker_out, color=colours[k], ms=4, ls="")
+                    ax.plot(
+                        [side * edge] * len(beyond), beyond, marker_out, color=LINE_COLOURS[k], ms=4, ls=""
+                    )
             ax.set_title(material)
             ax.set_xlim(-1.08 * edge, 1.08 * edge)
             ax.set_xlabel("change of the measure (%)")
@@ -72,23 +67,21 @@ def plot_convergence(rows: Sequence[ConvergenceRow], tolerance: float = 3.0) -> 
 def markdown(rows: Sequence[ConvergenceRow]) -> str:
     """One table a material: the base's values, then each change in per cent."""
     lines = []
+    heads = [title + (f", {unit}" if unit != "1" else "") for title, unit in COMPARED.values()]
     for material in dict.fromkeys(row.material for row in rows):
-        heads = [f"{title}" + (f", {unit}" if unit != "1" else "") for title, unit in COMPARED.values()]
-        lines += [f"**{material}**", "", "| | " + " | ".join(heads) + " | worst | energy left open |"]
-        lines += ["|---" * (len(heads) + 3) + "|"]
+        made = []
         for row in (r for r in rows if r.material == material):
+            left = f"{100 * row.closure:+.1f} %"
             if not row.change:
                 cells = [f"{v:.3g}" if math.isfinite(v) else "none" for v in row.measures.values()]
-                lines.append("| defaults | " + " | ".join(cells) + f" | | {100 * row.closure:+.1f} % |")
+                made.append(["defaults", *cells, "", left])
                 continue
-            cells = [_percent(v) for v in row.moved.values()]
             mark = "" if row.holds is None else " ✓" if row.holds else " ✗"
             end = "" if row.outcome == "done" else f" ({row.outcome})"
-            lines.append(
-                f"| {row.change}{end} | " + " | ".join(cells)
-                + f" | {_percent(row.worst, sign='')}{mark} | {100 * row.closure:+.1f} % |"
-            )  # fmt: skip
-        lines.append("")
+            worst = _percent(row.worst, sign="") + mark
+            made.append([row.change + end, *map(_percent, row.moved.values()), worst, left])
+        table = markdown_table(["", *heads, "worst", "energy left open"], made)
+        lines += [f"**{material}**", "", *table, ""]
     return "\n".join(lines)
 
 
@@ -101,22 +94,10 @@ def _percent(value: float, sign: str = "+") -> str:
 def write(plan: ConvergencePlan, rows: Sequence[ConvergenceRow], out: str | os.PathLike[str]) -> list[Path]:
     """convergence.json, convergence.md and convergence.png in ``out``."""
     folder = check_writable(Path(out))
-    record = {
-        "schema": 1,
-        "title": plan.title,
-        "tolerance": TOLERANCE,
-        "rows": [
-            {
-                "material": r.material, "change": r.change or "defaults", "refinement": r.refinement,
-                "run": r.id, "outcome": r.outcome, "measures": dict(r.measures), "moved": dict(r.moved),
-                "holds": r.holds, "seconds": r.seconds, "closure": r.closure,
-            }
-            for r in rows
-        ],
-        "versions": versions(),
-    }  # fmt: skip
-    write_json(record, folder / "convergence.json")
-    with replacing(folder / "convergence.md") as draft:
-        draft.write_text(markdown(rows), encoding="utf-8")
-    picture = save(plot_convergence(rows), folder / "convergence.png")[0]
-    return [folder / "convergence.json", folder / "convergence.md", picture]
+    rest = {"title": plan.title, "tolerance": TOLERANCE, "versions": versions()}
+    described = [vars(r) | {"change": r.change or "defaults", "holds": r.holds} for r in rows]
+    return [
+        write_json({"schema": 1, **rest, "rows": described}, folder / "convergence.json"),
+        write_text(markdown(rows), folder / "convergence.md"),
+        *save(plot_convergence(rows), folder / "convergence.png"),
+    ]

@@ -7,7 +7,7 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from cutbench.base.files import check_writable, replacing, write_json
+from cutbench.base.files import check_writable, markdown_table, picked, write_json, write_text
 from cutbench.base.versions import versions
 from cutbench.run.result import Result
 from cutbench.verification.paper.base import CONVERGED, NUMERICS, PAPER, Finding
@@ -23,10 +23,7 @@ def write(judged: Sequence[Judged], scans: Mapping[str, Scan], runner: Runner, o
     """Write claims.json and claims.md into ``out``. Raises BadInput where it cannot be written to."""
     folder = check_writable(out)
     record = describe(judged, scans, runner, folder)
-    write_json(record, folder / "claims.json")
-    with replacing(folder / "claims.md") as draft:
-        draft.write_text(markdown(record) + "\n", encoding="utf-8")
-    return [folder / "claims.json", folder / "claims.md"]
+    return [write_json(record, folder / "claims.json"), write_text(markdown(record), folder / "claims.md")]
 
 
 def describe(
@@ -36,16 +33,14 @@ def describe(
     return {
         "schema": SCHEMA,
         "claims": [_claim(one) for one in judged],
-        "changes": {name: {"text": c.text, "start": c.start} for name, c in CHANGES.items()},
+        "changes": {name: picked(change, "text", "start") for name, change in CHANGES.items()},
         "tips": {
             name: {
-                "measure": scan.measure,
-                "published_mm": scan.published_mm,
+                **picked(scan, "measure", "published_mm", "tip_mm"),
                 "tried": [
                     {"tip_mm": tip, "found_mm": found, "run": scan.ids[tip]}
                     for tip, found in scan.found_mm.items()
                 ],
-                "tip_mm": scan.tip_mm,
             }
             for name, scan in scans.items()
         },
@@ -55,32 +50,20 @@ def describe(
 
 
 def _claim(one: Judged) -> dict[str, object]:
-    claim = one.claim
     return {
-        "id": claim.id,
-        "text": claim.text,
-        "beyond": claim.beyond,
-        "note": claim.note,
+        **picked(one.claim, "id", "text", "beyond", "note"),
         "rows": [_row(row) for row in one.rows],
-        "runs": {word: dict(ids) for word, ids in one.ids.items()},
+        "runs": one.ids,
     }
 
 
 def _row(row: ClaimRow) -> dict[str, object]:
-    published = row.findings[PAPER].published
-    return {
-        "what": row.what,
-        "published": published,
-        "unit": row.findings[PAPER].unit,
-        "found": {word: _finding(one) for word, one in row.findings.items()},
-        "changed": {name: _finding(one) for name, one in row.changed.items()},
-        "verdict": row.verdict,
-        "reason": row.reason,
-    }
+    def found(by: Mapping[str, Finding]) -> dict[str, object]:
+        return {word: picked(one, "value", "text", "holds") for word, one in by.items()}
 
-
-def _finding(one: Finding) -> dict[str, object]:
-    return {"value": one.value, "text": one.text, "holds": one.holds}
+    first = picked(row.findings[PAPER], "what", "published", "unit")
+    both = {"found": found(row.findings), "changed": found(row.changed)}
+    return {**first, **both, **picked(row, "verdict", "reason")}
 
 
 def _run(result: Result, runner: Runner, folder: Path) -> dict[str, object]:
@@ -99,36 +82,25 @@ def _run(result: Result, runner: Runner, folder: Path) -> dict[str, object]:
 
 def markdown(record: Mapping) -> str:
     """The tables of a documentation page, from the content of claims.json."""
-    lines = [*_summary(record), "", *_table(record), "", *_changes(record), "", *_tips(record)]
-    return "\n".join(lines)
-
-
-def _summary(record: Mapping) -> list[str]:
     rows = [row["verdict"] for claim in record["claims"] for row in claim["rows"]]
     rows += [BEYOND for claim in record["claims"] if not claim["rows"]]
-    counts = [f"{rows.count(verdict)} {verdict}" for verdict in VERDICTS if verdict in rows]
-    return [f"{len(rows)} statements: " + ", ".join(counts) + "."]
+    counts = ", ".join(f"{rows.count(verdict)} {verdict}" for verdict in VERDICTS if verdict in rows)
+    summary = f"{len(rows)} statements: {counts}."
+    return "\n".join([summary, "", *_table(record), "", *_changes(record), "", *_tips(record)])
 
 
 def _table(record: Mapping) -> list[str]:
-    lines = [
-        "| claim | statement | the paper | paper's numerics | converged defaults | verdict | reason found |",
-        "|---|---|---|---|---|---|---|",
-    ]
+    lines = []
     for claim in record["claims"]:
         head = f"**{claim['id']}** {claim['text']}"
         for row in claim["rows"]:
-            cells = [
-                head, row["what"], row["published"], *(_cell(claim, row, word, record) for word in NUMERICS),
-                row["verdict"], row["reason"],
-            ]  # fmt: skip
-            lines.append(_line(cells))
-            head = f"{claim['id']}"
+            found = [_cell(claim, row, word, record) for word in NUMERICS]
+            lines.append([head, row["what"], row["published"], *found, row["verdict"], row["reason"]])
+            head = claim["id"]
         if claim["beyond"]:
-            lines.append(
-                _line([head, "in three dimensions", "see the claim", *[BEYOND] * 3, claim["beyond"]])
-            )
-    return lines
+            lines.append([head, "in three dimensions", "see the claim", *[BEYOND] * 3, claim["beyond"]])
+    numerics = ("paper's numerics", "converged defaults")
+    return markdown_table(("claim", "statement", "the paper", *numerics, "verdict", "reason found"), lines)
 
 
 def _cell(claim: Mapping, row: Mapping, word: str, record: Mapping) -> str:
@@ -138,26 +110,20 @@ def _cell(claim: Mapping, row: Mapping, word: str, record: Mapping) -> str:
 
 
 def _changes(record: Mapping) -> list[str]:
-    changes = record["changes"]
-    lines = [
-        "| claim | statement | paper's numerics | " + " | ".join(c["text"] for c in changes.values())
-        + " | converged defaults |",
-        "|---|---" + "|---" * (len(changes) + 2) + "|",
-    ]  # fmt: skip
+    changes, lines = record["changes"], []
     for claim in record["claims"]:
         for row in claim["rows"]:
             if not row["changed"]:
                 continue
-            cells = [_marked(row["found"][PAPER])]
+            cells = []
             for name in changes:
-                one = row["changed"].get(name)
-                links = ", ".join(
-                    f"[{i}]({record['runs'][id]['file']})"
-                    for i, id in enumerate(claim["runs"].get(name, {}).values(), 1)
-                )
+                one, ids = row["changed"].get(name), claim["runs"].get(name, {}).values()
+                links = ", ".join(f"[{i}]({record['runs'][id]['file']})" for i, id in enumerate(ids, 1))
                 cells.append("not run" if one is None else f"{_marked(one)} {links}")
-            lines.append(_line([claim["id"], row["what"], *cells, _marked(row["found"][CONVERGED])]))
-    return lines
+            paper, converged = (_marked(row["found"][word]) for word in (PAPER, CONVERGED))
+            lines.append([claim["id"], row["what"], paper, *cells, converged])
+    texts = [change["text"] for change in changes.values()]
+    return markdown_table(["claim", "statement", "paper's numerics", *texts, "converged defaults"], lines)
 
 
 def _marked(one: Mapping) -> str:
@@ -166,26 +132,15 @@ def _marked(one: Mapping) -> str:
 
 def _tips(record: Mapping) -> list[str]:
     tips = sorted({one["tip_mm"] for scan in record["tips"].values() for one in scan["tried"]})
-    lines = [
-        "| material | chosen for | the paper | "
-        + " | ".join(f"b = {tip:g} mm" for tip in tips)
-        + " | taken |",
-        "|---|---|---" + "|---" * len(tips) + "|---|",
-    ]
+    lines = []
     for name, scan in record["tips"].items():
-        found = {one["tip_mm"]: one for one in scan["tried"]}
-        cells = []
-        for tip in tips:
-            one = found.get(tip)
-            value = None if one is None else one["found_mm"]
+        cells = dict.fromkeys(tips, "none")
+        for one in scan["tried"]:
+            value = one["found_mm"]
             known = value is not None and math.isfinite(value)
-            link = "" if one is None else f" ([run]({record['runs'][one['run']]['file']}))"
-            cells.append((f"{value:.2f} mm" if known else "none") + link)
-        lines.append(
-            _line([name, scan["measure"], f"{scan['published_mm']:g} mm", *cells, f"{scan['tip_mm']:g} mm"])
-        )
-    return lines
-
-
-def _line(cells: Sequence[str]) -> str:
-    return "| " + " | ".join(str(cell).replace("|", "\\|") for cell in cells) + " |"
+            link = f" ([run]({record['runs'][one['run']]['file']}))"
+            cells[one["tip_mm"]] = (f"{value:.2f} mm" if known else "none") + link
+        published, taken = (f"{scan[key]:g} mm" for key in ("published_mm", "tip_mm"))
+        lines.append([name, scan["measure"], published, *cells.values(), taken])
+    heads = [f"b = {tip:g} mm" for tip in tips]
+    return markdown_table(["material", "chosen for", "the paper", *heads, "taken"], lines)

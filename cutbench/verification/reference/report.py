@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import platform
 from collections.abc import Sequence
 from pathlib import Path
 
-from cutbench.base.files import check_writable, replacing
+from cutbench.base.files import check_writable, markdown_table, picked, write_json, write_text
 from cutbench.base.versions import versions
 from cutbench.verification.reference.base import Check
 from cutbench.verification.reference.runner import Verified
@@ -19,16 +18,8 @@ SCHEMA = 1
 def write(done: Sequence[Verified], out: str | Path, *, complete: bool) -> list[Path]:
     """Write verify.json and verify.md into ``out``. Raises BadInput where it cannot be written to."""
     folder = check_writable(out)
-    texts = {
-        "verify.json": json.dumps(describe(done, complete), indent=2, ensure_ascii=False, allow_nan=False),
-        "verify.md": markdown(done),
-    }
-    paths = []
-    for name, text in texts.items():
-        with replacing(folder / name) as draft:
-            draft.write_text(text.rstrip("\n") + "\n", encoding="utf-8")
-        paths.append(folder / name)
-    return paths
+    record = describe(done, complete)
+    return [write_json(record, folder / "verify.json"), write_text(markdown(done), folder / "verify.md")]
 
 
 def describe(done: Sequence[Verified], complete: bool) -> dict:
@@ -39,13 +30,8 @@ def describe(done: Sequence[Verified], complete: bool) -> dict:
         "complete": complete,
         "problems": [
             {
-                "name": one.reference.name,
-                "title": one.reference.title,
-                "source": one.reference.source,
-                "laws": list(one.reference.laws),
-                "quick": one.reference.quick,
-                "passed": one.passed,
-                "failure": one.failure,
+                **picked(one.reference, "name", "title", "source", "laws", "quick"),
+                **picked(one, "passed", "failure"),
                 "seconds": round(one.seconds, 3),
                 "checks": [_plain(check, one) for check in one.checks],
             }
@@ -56,61 +42,38 @@ def describe(done: Sequence[Verified], complete: bool) -> dict:
     }
 
 
-def _plain(check: Check, one: Verified) -> dict:
-    def number(value: float) -> float | None:
-        return float(value) if abs(value) < float("inf") else None  # JSON has neither nan nor infinity
-
+def _plain(check: Check, one: Verified) -> dict[str, object]:
     return {
-        "what": check.what,
-        "unit": check.unit,
-        "reference": number(check.reference),
+        **picked(check, "what", "unit", "reference", "obtained", "error", "tolerance", "passed"),
         "source": check.source or one.reference.source,
-        "obtained": number(check.obtained),
-        "error": number(check.error),
         "error_is": "relative" if check.reference else "absolute",
-        "tolerance": float(check.tolerance),
-        "passed": check.passed,
     }
 
 
-def texts(check: Check) -> tuple[str, str, str, str, str, str]:
+def texts(check: Check) -> list[str]:
     """A check as a row: what, reference, obtained, error, tolerance, verdict."""
     unit = "" if check.unit == "1" else f" {check.unit}"
     if check.reference:
         error, tolerance = f"{100 * check.error:+.3g} %", f"{100 * check.tolerance:g} %"
     else:
         error, tolerance = f"{check.error:.1e}{unit}", f"{check.tolerance:g}{unit}"
-    verdict = "passed" if check.passed else "FAILED"
-    return (
-        check.what,
-        f"{check.reference:.6g}{unit}",
-        f"{check.obtained:.6g}{unit}",
-        error,
-        tolerance,
-        verdict,
-    )
+    numbers = [f"{value:.6g}{unit}" for value in (check.reference, check.obtained)]
+    return [check.what, *numbers, error, tolerance, "passed" if check.passed else "FAILED"]
 
 
 def markdown(done: Sequence[Verified]) -> str:
     """The tables of a documentation page."""
     lines = []
     for one in done:
-        lines += [
-            f"### {one.reference.name}",
-            "",
-            f"{one.reference.title} *Reference:* {one.reference.source}.",
-        ]
+        heading = f"{one.reference.title} *Reference:* {one.reference.source}."
+        lines += [f"### {one.reference.name}", "", heading]
         if one.failure is not None:
             lines += ["", f"**Failed:** {one.failure}"]
         if one.checks:
-            lines += [
-                "",
-                "| quantity | reference | obtained | error | tolerance | |",
-                "|---|---|---|---|---|---|",
-            ]
-            for check in one.checks:
-                what, *rest = texts(check)
-                what += f" ({check.source})" if check.source else ""
-                lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in (what, *rest)) + " |")
+            rows = [texts(check) for check in one.checks]
+            for row, check in zip(rows, one.checks, strict=True):
+                row[0] += f" ({check.source})" if check.source else ""
+            head = ("quantity", "reference", "obtained", "error", "tolerance", "")
+            lines += ["", *markdown_table(head, rows)]
         lines.append("")
     return "\n".join(lines)
