@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -78,15 +79,12 @@ class ConvergenceRow:
 
     @property
     def worst(self) -> float:
-        found = [abs(v) for v in self.moved.values() if math.isfinite(v)]
-        return max(found, default=math.nan)
+        return max((abs(v) for v in self.moved.values() if math.isfinite(v)), default=math.nan)
 
     @property
     def holds(self) -> bool | None:
         """Whether a refinement leaves all measures within ``TOLERANCE``; None for a choice."""
-        if not self.refinement:
-            return None
-        return self.outcome == "done" and bool(self.worst <= TOLERANCE)
+        return self.outcome == "done" and bool(self.worst <= TOLERANCE) if self.refinement else None
 
 
 def load_plan(path: str | Path) -> ConvergencePlan:
@@ -106,9 +104,8 @@ def load_plan(path: str | Path) -> ConvergencePlan:
         if not isinstance(entries, list) or not entries or not all(isinstance(e, dict) for e in entries):
             raise BadInput(key="change", value=str(entries)[:40], expected="at least one section [[change]]")
         changes = tuple(_change(entry, n, names) for n, entry in enumerate(entries, start=1))
-        taken = [c.name for c in changes]
-        for name in taken:
-            if taken.count(name) > 1:
+        for name, count in Counter(c.name for c in changes).items():
+            if count > 1:
                 raise BadInput(key="name", value=name, expected="each name once")
         cases = {}
         for material in names:
@@ -137,10 +134,8 @@ def _set(start: Case, change: NumericalChange, path: Path, text: str) -> Case:
     try:
         return start.set(**{("with_" if k == "with" else k): v for k, v in change.values.items()})
     except BadInput as error:
-        raise BadInput(
-            file=str(path), line=line_of(text, error.key), key=f"{change.name}: {error.key}",
-            value=error.value, expected=error.expected,
-        ) from error  # fmt: skip
+        place, key = line_of(text, error.key), f"{change.name}: {error.key}"
+        raise BadInput(key, error.value, error.expected, file=str(path), line=place) from error
 
 
 class _Once(Runner):
@@ -168,30 +163,24 @@ def compute(
         base = runner.results[cases[""].id]
         for name, case in cases.items():
             result = runner.results[case.id]
+            kind, change = result.outcome.kind, moved(base.measures, result.measures) if name else {}
+            compared = {key: result.measures.get(key, math.nan) for key in COMPARED}
+            seconds, closure = result.timings.get("total", math.nan), result.measures.get("closure", math.nan)
+            refinement = refinements.get(name, False)
             rows.append(
-                ConvergenceRow(
-                    material,
-                    name,
-                    refinements.get(name, False),
-                    case.id,
-                    result.outcome.kind,
-                    {key: result.measures.get(key, math.nan) for key in COMPARED},
-                    moved(base.measures, result.measures) if name else {},
-                    result.timings.get("total", math.nan),
-                    result.measures.get("closure", math.nan),
-                )
+                ConvergenceRow(material, name, refinement, case.id, kind, compared, change, seconds, closure)
             )
     return rows
 
 
 def moved(base: Mapping[str, float], other: Mapping[str, float]) -> dict[str, float]:
     """Relative changes by measure; nan where neither run has it, infinite where one alone has it."""
-    found = {}
-    for key in COMPARED:
+    least = {"drop_rel": LEAST_DROP, "slope_N_per_mm": LEAST_SLOPE * abs(base.get("steady_N", 0.0))}
+
+    def change(key: str) -> float:
         a, b = base.get(key, math.nan), other.get(key, math.nan)
         if math.isnan(a) or math.isnan(b):
-            found[key] = math.nan if math.isnan(a) and math.isnan(b) else math.inf
-            continue
-        least = {"drop_rel": LEAST_DROP, "slope_N_per_mm": LEAST_SLOPE * abs(base.get("steady_N", 0.0))}
-        found[key] = (b - a) / max(abs(a), least.get(key, 0.0), 1e-300)
-    return found
+            return math.nan if math.isnan(a) and math.isnan(b) else math.inf
+        return (b - a) / max(abs(a), least.get(key, 0.0), 1e-300)
+
+    return {key: change(key) for key in COMPARED}

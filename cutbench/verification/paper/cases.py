@@ -10,7 +10,7 @@ from cutbench.case.case import Case, load_case
 from cutbench.case.numerics import PAPER_EDGE, Numerics
 from cutbench.run.result import Result
 from cutbench.verification.paper.base import BLOCK, CONVERGED, NOTCH_MM, NOTCHED, PAPER, TENSION, Ask
-from cutbench.verification.paper.reading import end_of_indentation
+from cutbench.verification.paper.reading import end_of_indentation, measure
 
 
 @dataclass(frozen=True)
@@ -55,6 +55,9 @@ BLOCK_CHOICES = {"corner": 1.0, "energy_step": 1.0}
 TIPS = (0.35, 0.5, 0.7, 0.85, 1.05, 1.3, 1.6)
 
 
+_END = "end of indentation"
+
+
 @dataclass(frozen=True)
 class Target:
     """What the tip length of a material is chosen for: ``measure`` at ``published_mm``."""
@@ -65,17 +68,15 @@ class Target:
     def of(self, result: Result) -> float:
         if not result.outcome.done:
             return math.nan
-        if self.measure == "end of indentation":
-            return end_of_indentation(result)
-        return result.measures.get("onset_mm", math.nan)
+        return end_of_indentation(result) if self.measure == _END else measure(result, "onset_mm")
 
 
 #: Where indentation ends in the paper's figures: the first maximum of the force; the elastomer's force has
 #: none there, and the onset of the cut is taken.
 TARGETS = {
-    "gelatin": Target("end of indentation", 4.19),
+    "gelatin": Target(_END, 4.19),
     "elastomer": Target("onset of the cut", 1.56),
-    "meat": Target("end of indentation", 9.76),
+    "meat": Target(_END, 9.76),
 }
 
 
@@ -113,8 +114,7 @@ def _strip(ask: Ask, word: str, change: ModelChange | None) -> Case:
     from cutbench.run.tension import strip_case
 
     case = load_case(ask.material, {**ask.changes, "numerics": word}, dim=3)
-    if ask.test == NOTCHED:
-        return strip_case(case, {"depth": f"{ask.depth_mm} mm"}, notch_mm=NOTCH_MM)
-    if change is not None and not ask.numerics:
+    notch_mm = NOTCH_MM if ask.test == NOTCHED else 0.0
+    if change is not None and not ask.numerics and not notch_mm:
         case = case.set(**change.values)
-    return strip_case(case, {"depth": f"{ask.depth_mm} mm"}, notch_mm=0.0)
+    return strip_case(case, {"depth": f"{ask.depth_mm} mm"}, notch_mm=notch_mm)

@@ -16,6 +16,7 @@ from cutbench.verification.paper.runner import Runner
 #: The claims whose first run is a material's curve, with what was published of it: travel, mm.
 CURVES = {"C1": ("gelatin", (4.19, 4.19)), "C2": ("elastomer", (1.56, 1.56)), "C3": ("meat", (8.0, 10.0))}
 _NAMES = {PAPER: "paper's numerics", CONVERGED: "converged defaults"}
+_SHOWN = {PAPER: "black", CONVERGED: "blue", "printed_viscous": "vermilion", "folds": "green"}
 #: Enough for print at the width of a page, small enough for a repository.
 _DPI = 130
 
@@ -25,18 +26,15 @@ def draw(judged: Sequence[Judged], scans: Mapping[str, Scan], runner: Runner, ou
     by_id = {one.claim.id: one for one in judged if one.claim.id in CURVES}
     paths = []
     with style():
-        if by_id:
-            paths += _save(_curves(by_id, runner), Path(out) / "published-curves.png")
-            paths += _save(_one_at_a_time(by_id, runner), Path(out) / "published-changes.png")
-        if scans:
-            paths += _save(_tips(scans), Path(out) / "published-tips.png")
+        figures = (
+            {"curves": _curves(by_id, runner), "changes": _one_at_a_time(by_id, runner)} if by_id else {}
+        )
+        figures |= {"tips": _tips(scans)} if scans else {}
+        for name, figure in figures.items():
+            paths.append(Path(out) / f"published-{name}.png")
+            with replacing(paths[-1]) as draft:
+                figure.savefig(draft, dpi=_DPI)
     return paths
-
-
-def _save(figure, path: Path) -> list[Path]:
-    with replacing(path) as draft, style():
-        figure.savefig(draft, dpi=_DPI)
-    return [path]
 
 
 def _curve(axes, result: Result, label: str, place: int, colour: str) -> None:
@@ -56,20 +54,21 @@ def _panels(by_id, height_mm: float):
     return figure, axes
 
 
+def _with_legend(figure):
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=2)
+    return figure
+
+
 def _curves(by_id: Mapping[str, Judged], runner: Runner):
     figure, axes = _panels(by_id, 66)
     for ax, one in zip(axes, by_id.values(), strict=True):
-        shown = (
-            (PAPER, "black"), (CONVERGED, "blue"), ("printed_viscous", "vermilion"), ("folds", "green"),
-        )  # fmt: skip
-        for place, (word, colour) in enumerate(shown):
+        for place, (word, colour) in enumerate(_SHOWN.items()):
             if word in one.ids:
                 text = _NAMES.get(word) or CHANGES[word].text
                 _curve(ax, runner.results[one.ids[word]["base"]], text, place, COLOURS[colour])
         ax.set_ylim(bottom=0)
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2)
-    return figure
+    return _with_legend(figure)
 
 
 def _one_at_a_time(by_id: Mapping[str, Judged], runner: Runner):
@@ -85,9 +84,7 @@ def _one_at_a_time(by_id: Mapping[str, Judged], runner: Runner):
         _curve(ax, base, _NAMES[PAPER], 0, COLOURS["black"])
         # A run that never cuts grows without bound and would hide the rest.
         ax.set_ylim(0, 1.6 * float(base.force_N.max(initial=1e-9)))
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2)
-    return figure
+    return _with_legend(figure)
 
 
 def _tips(scans: Mapping[str, Scan]):

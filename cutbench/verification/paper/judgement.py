@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from cutbench.case.case import Case
 from cutbench.verification.paper.base import CONVERGED, NUMERICS, PAPER, Claim, Finding
@@ -39,7 +39,6 @@ class ClaimRow:
     ``changed`` has what runs with one thing changed say, by the names of ``CHANGES``.
     """
 
-    claim: str
     findings: Mapping[str, Finding]
     verdict: str
     reason: str
@@ -66,15 +65,9 @@ def calibrate(runner: Runner, materials: Iterable[str]) -> dict[str, Scan]:
     out = {}
     for name, tried in cases.items():
         results = {tip: runner.results[case.id] for tip, case in tried.items()}
-        target = TARGETS[name]
-        out[name] = Scan(
-            name,
-            target.measure,
-            target.published_mm,
-            {tip: target.of(result) for tip, result in results.items()},
-            {tip: case.id for tip, case in tried.items()},
-            best_tip(name, results),
-        )
+        target, ids = TARGETS[name], {tip: case.id for tip, case in tried.items()}
+        found = {tip: target.of(result) for tip, result in results.items()}
+        out[name] = Scan(name, target.measure, target.published_mm, found, ids, best_tip(name, results))
     return out
 
 
@@ -88,14 +81,12 @@ def judge(runner: Runner, chosen: Sequence[Claim], scans: Mapping[str, Scan]) ->
             for name in changes_for(claim):
                 cases[claim.id][name] = _cases(claim, CHANGES[name].start, scans, name)
     runner.go(_pairs(chosen, cases))
-    return [
-        Judged(
-            claim,
-            tuple(_explained(claim, rows[claim.id], cases[claim.id], runner)),
-            {word: {ask: case.id for ask, case in asked.items()} for word, asked in cases[claim.id].items()},
-        )
-        for claim in chosen
-    ]
+    judged = []
+    for claim in chosen:
+        mine = cases[claim.id]
+        ids = {word: {ask: case.id for ask, case in asked.items()} for word, asked in mine.items()}
+        judged.append(Judged(claim, tuple(_explained(claim, rows[claim.id], mine, runner)), ids))
+    return judged
 
 
 def changes_for(claim: Claim) -> list[str]:
@@ -164,21 +155,18 @@ def _read(claim: Claim, asked: Mapping[str, Case], runner: Runner) -> tuple[Find
 
 
 def _compared(claim: Claim, cases, runner: Runner) -> list[ClaimRow]:
-    both = {word: _read(claim, cases[word], runner) for word in NUMERICS}
-    rows = []
-    for pair in zip(*both.values(), strict=True):
-        findings = dict(zip(NUMERICS, pair, strict=True))
-        rows.append(ClaimRow(claim.id, findings, verdict(*(one.holds for one in pair)), ""))
-    return rows
+    pairs = zip(*(_read(claim, cases[word], runner) for word in NUMERICS), strict=True)
+    return [
+        ClaimRow(dict(zip(NUMERICS, pair, strict=True)), verdict(*(one.holds for one in pair)), "")
+        for pair in pairs
+    ]
 
 
 def _explained(claim: Claim, rows: Sequence[ClaimRow], cases, runner: Runner) -> list[ClaimRow]:
     changed = {name: _read(claim, cases[name], runner) for name in CHANGES if name in cases}
     out = []
     for i, row in enumerate(rows):
-        if row.findings[PAPER].solid:
-            out.append(ClaimRow(row.claim, row.findings, row.verdict, SOLID))
-            continue
-        mine = {name: found[i] for name, found in changed.items()}
-        out.append(ClaimRow(row.claim, row.findings, row.verdict, reason(row.findings, mine), mine))
+        solid = row.findings[PAPER].solid
+        mine = {} if solid else {name: found[i] for name, found in changed.items()}
+        out.append(replace(row, reason=SOLID if solid else reason(row.findings, mine), changed=mine))
     return out

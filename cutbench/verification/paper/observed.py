@@ -6,6 +6,8 @@ two looks, so that a stored run holds all that a claim reads.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from cutbench.case.case import Case
@@ -44,8 +46,7 @@ def observed_run(case: Case) -> Result:
 
 def looked_at(picture: Snapshot, case: Case) -> dict[str, float]:
     """The values of ``COLUMNS`` in one picture of the fields."""
-    height = case.p.height
-    lowest = height - picture.displacement_mm
+    height, lowest = case.p.height, case.p.height - picture.displacement_mm
     faces = list(picture.faces.values())
     pressure = np.concatenate([face["contact_pressure_MPa"] for face in faces])
     X, x = (np.concatenate([face[key] for face in faces]) for key in ("X", "x"))
@@ -75,20 +76,15 @@ def _behind(cut: dict[str, np.ndarray], above: float) -> float:
     return float(np.trapezoid(pressure[there], y[there]) / np.ptp(y[there]))
 
 
-def pulled(case: Case) -> Result:
-    """The strip ``case`` in tension, without a notch, as a result: the travel is its elongation."""
-    return _pulled(case, 0.0)
-
-
-def notched(case: Case) -> Result:
-    """The same with a notch."""
-    return _pulled(case, NOTCH_MM)
-
-
-def _pulled(case: Case, notch_mm: float) -> Result:
+def pulled(case: Case, notch_mm: float = 0.0) -> Result:
+    """The strip ``case`` in tension as a result: the travel is its elongation."""
     from cutbench.run.tension import run_tension
 
     test = run_tension(case, notch_mm)
     curve = {"displacement_mm": test.curve["elongation_mm"]}
     curve |= {name: values for name, values in test.curve.items() if name != "elongation_mm"}
     return Result(case, curve, test.outcome, test.timings, test.counts, [], test.measures)
+
+
+#: The same with a notch.
+notched = partial(pulled, notch_mm=NOTCH_MM)
