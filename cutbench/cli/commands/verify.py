@@ -60,7 +60,6 @@ def verify(
         for one in verify(chosen, on_progress=on_progress):
             done.append(one)
         interrupted = False
-    complete = len(done) == len(chosen)
     if done:
         show(_checks(done))
     failed = [one.reference.name for one in done if not one.passed]
@@ -71,7 +70,7 @@ def verify(
         f" {sum(one.seconds for one in done):.0f} s" + (f"; failed: {', '.join(failed)}" if failed else "")
     )
     if out is not None:
-        for path in write(done, out, complete=complete):
+        for path in write(done, out, complete=len(done) == len(chosen)):
             typer.echo(path)
     if interrupted:
         typer.echo("interrupted: what was computed is kept", err=True)

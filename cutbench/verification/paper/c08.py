@@ -1,10 +1,9 @@
 """Contact pressure at 13 mm, and where it acts (paper, figure 4c)."""
 
-import math
-
 from cutbench.verification.paper.base import NEAR_PEAK, Ask, Claim, Finding, below, near
 from cutbench.verification.paper.reading import observed_at, ratio
 
+COLUMNS = ("peak_MPa", "peak_above_tip_mm", "peak_depth_mm", "behind_MPa")
 AT_MM = 13.0
 #: "At the front": within so many tip lengths of the blade's lowest point.
 FRONT = 1.5
@@ -15,31 +14,26 @@ ALMOST_NONE = 0.05
 
 
 def _material(name, run, published, front):
-    value = observed_at(run, "contact_peak_MPa", AT_MM)
-    up = observed_at(run, "contact_peak_above_tip_mm", AT_MM)
-    deep = observed_at(run, "contact_peak_depth_mm", AT_MM)
-    behind = ratio(observed_at(run, "contact_behind_MPa", AT_MM), value)
+    value, up, deep, behind = (observed_at(run, f"contact_{column}", AT_MM) for column in COLUMNS)
+    behind = ratio(behind, value)
     if front:
-        place = Finding(f"{name}: height of that place above the blade's lowest point", "mm", "at the front",
-                        up, below(up, FRONT * run.case.p.tip))  # fmt: skip
+        what, where = f"{name}: height of that place above the blade's lowest point", "at the front"
+        place = Finding(what, "mm", where, up, below(up, FRONT * run.case.p.tip))
     else:
-        place = Finding(f"{name}: depth of that place below the top, unloaded", "mm", "at the top edge",
-                        deep, below(deep, EDGE_MM))  # fmt: skip
+        what, where = f"{name}: depth of that place below the top, unloaded", "at the top edge"
+        place = Finding(what, "mm", where, deep, below(deep, EDGE_MM))
     return (
         Finding(f"{name}: largest contact pressure at 13 mm", "MPa", f"{published:g} MPa", value,
                 near(value, published, within=NEAR_PEAK)),
         place,
         Finding(f"{name}: mean pressure behind the tip, over it", "1", "almost none (below 0.05 here)",
-                behind, None if math.isnan(behind) else behind < ALMOST_NONE),
+                behind, below(behind, ALMOST_NONE)),
     )  # fmt: skip
 
 
 def read(runs):
-    return (
-        *_material("gelatin", runs["gelatin"], 0.04, True),
-        *_material("elastomer", runs["elastomer"], 1.2, False),
-        *_material("meat", runs["meat"], 0.94, True),
-    )
+    told = (("gelatin", 0.04, True), ("elastomer", 1.2, False), ("meat", 0.94, True))
+    return tuple(finding for name, *published in told for finding in _material(name, runs[name], *published))
 
 
 CLAIM = Claim(

@@ -4,19 +4,14 @@ from cutbench.verification.paper.base import Ask, Claim, Finding, near
 from cutbench.verification.paper.reading import measure, ratio
 
 
-def _ratio(runs, name):
-    return ratio(measure(runs["wide"], name), measure(runs["base"], name))
-
-
 def read(runs):
-    slope, level = _ratio(runs, "slope_N_per_mm"), _ratio(runs, "steady_N")
+    def kept(what, name):
+        value = ratio(measure(runs["wide"], name), measure(runs["base"], name))
+        return Finding(what, "1", "the same (within 15 % here)", value, near(value, 1.0))
+
     return (
-        Finding(
-            "steady force, 60 mm over 30 mm", "1", "the same (within 15 % here)", level, near(level, 1.0)
-        ),
-        Finding(
-            "steady slope, 60 mm over 30 mm", "1", "the same (within 15 % here)", slope, near(slope, 1.0)
-        ),
+        kept("steady force, 60 mm over 30 mm", "steady_N"),
+        kept("steady slope, 60 mm over 30 mm", "slope_N_per_mm"),
     )
 
 

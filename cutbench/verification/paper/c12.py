@@ -12,16 +12,11 @@ def read(runs):
     found = []
     for name in MATERIALS:
         notched, whole = runs[name], runs[f"{name}, whole"]
-        onset = measure(notched, "onset_mm")
-        found.append(
-            Finding(f"{name}: elongation at which the notch begins to run", "mm", "before twice the length",
-                    onset, below(onset, LONG_MM), solid=True)
-        )  # fmt: skip
+        what, onset = f"{name}: elongation at which the notch begins to run", measure(notched, "onset_mm")
+        found.append(Finding(what, "mm", "before twice the length", onset, below(onset, LONG_MM), solid=True))
+        what = f"{name}: largest force, over that of a whole strip pulled to twice its length"
         left = ratio(measure(notched, "max_N"), measure(whole, "max_N"))
-        found.append(
-            Finding(f"{name}: largest force, over that of a whole strip pulled to twice its length", "1",
-                    "less than 1", left, below(left, 1.0), solid=True)
-        )  # fmt: skip
+        found.append(Finding(what, "1", "less than 1", left, below(left, 1.0), solid=True))
     return tuple(found)
 
 

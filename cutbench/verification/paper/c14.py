@@ -7,20 +7,19 @@ from cutbench.verification.paper.reading import force_at, measure, ratio
 MARKED = 0.05
 
 
-def _change(a, b):
-    return abs(ratio(a, b) - 1)
-
-
 def read(runs):
     base, less = runs["base"], runs["less"]
-    onset = _change(measure(less, "onset_mm"), measure(base, "onset_mm"))
-    force = _change(force_at(less, 2.0), force_at(base, 2.0))
-    steady = _change(measure(less, "steady_N"), measure(base, "steady_N"))
-    return tuple(
-        Finding(f"{what}, ν = 0.47 against 0.49, relative change", "1", "marked (0.05 or more here)", value,
-                at_least(value, MARKED))
-        for what, value in (("onset of the cut", onset), ("force at 2 mm", force), ("steady force", steady))
-    )  # fmt: skip
+
+    def moved(what, of):
+        value = abs(ratio(of(less), of(base)) - 1)
+        what = f"{what}, ν = 0.47 against 0.49, relative change"
+        return Finding(what, "1", "marked (0.05 or more here)", value, at_least(value, MARKED))
+
+    return (
+        moved("onset of the cut", lambda run: measure(run, "onset_mm")),
+        moved("force at 2 mm", lambda run: force_at(run, 2.0)),
+        moved("steady force", lambda run: measure(run, "steady_N")),
+    )
 
 
 CLAIM = Claim(

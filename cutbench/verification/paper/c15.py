@@ -1,6 +1,6 @@
 """What makes the transition abrupt or smooth (paper, section on the stability of the transition)."""
 
-from cutbench.verification.paper.base import Ask, Claim, Finding
+from cutbench.verification.paper.base import Ask, Claim, Finding, at_least
 from cutbench.verification.paper.reading import measure
 
 #: Far enough for the transition, mm.
@@ -18,11 +18,11 @@ def read(runs):
     def smoother(name, what):
         less = base - fall[name]
         return Finding(f"less fall of the force with {what}", "1", "smooth (0.02 or more here)", less,
-                       None if less != less else less >= MORE)  # fmt: skip
+                       at_least(less, MORE))  # fmt: skip
 
     return (
         Finding("fall of the force with little dissipation, relative", "1", "abrupt (0.1 or more here)", base,
-                None if base != base else base >= 0.1),
+                at_least(base, 0.1)),
         smoother("tougher", "twice the G_c/δ_c against G"),
         smoother("viscous", "a hundred times the viscosity"),
         smoother("adhesive", "adhesion of 8 kPa"),

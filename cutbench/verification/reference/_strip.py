@@ -41,14 +41,6 @@ class Strip:
     grip: np.ndarray
     front: float
 
-    @property
-    def bulk(self) -> list:
-        return [form for form in self.problem.forms if form.name in ("bulk", "pressure")]
-
-    def stored(self, u: np.ndarray) -> float:
-        """Stored energy of the whole strip, mJ per mm."""
-        return 2 * sum(sum(form.energies(u, self.problem.p, {}).values()) for form in self.bulk)
-
 
 def strip(p, element: str, fine: float, run: float, viscosity: float = 0.0) -> Strip:
     """``fine``: elements at the front and over ``run`` ahead of it, mm; ``viscosity`` of the solid, MPa s."""
@@ -84,11 +76,7 @@ def graded(first: float, length: float) -> np.ndarray:
 def transverse(stretch: float, p) -> float:
     """Stretch along the strip at which nothing pulls there: ∂W/∂λ_y = 0."""
     step = 1e-30
-
-    def pull(y: float) -> float:
-        return energy_of(stretch, y + 1j * step, p).imag / step
-
-    return brentq(pull, 0.5 / stretch, 1.5)
+    return brentq(lambda y: energy_of(stretch, y + 1j * step, p).imag / step, 0.5 / stretch, 1.5)
 
 
 def energy_of(x, y, p):
@@ -131,9 +119,8 @@ def stretch_for(spent: float, p) -> float:
     """λ at which the release is ``spent`` (mJ/mm²)."""
     # An incompressible strip would have (λ − 1/λ)² G H/2; twice its strain is more than enough.
     half = np.sqrt(spent / (2 * p.G * H))
-    return brentq(
-        lambda x: release(x, p) - spent, 1 + 1e-6, 1 + 2 * (half + np.hypot(half, 1) - 1), xtol=1e-12
-    )
+    most = 1 + 2 * (half + np.hypot(half, 1) - 1)
+    return brentq(lambda x: release(x, p) - spent, 1 + 1e-6, most, xtol=1e-12)
 
 
 def homogeneous(strip: Strip, stretch: float) -> np.ndarray:

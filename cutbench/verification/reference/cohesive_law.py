@@ -72,10 +72,8 @@ def compute() -> Iterator[Check]:
     K = G_c / delta**2
     for part in (2.0, 0.5):
         (T, _), _ = interface.move(part * delta)
-        yield Check(
-            f"T at {part:g} δ_c, unloading from 3 δ_c to the origin", "kPa",
-            1e3 * K * np.exp(-3) * part * delta, 1e3 * T, 1e-9,
-        )  # fmt: skip
+        what = f"T at {part:g} δ_c, unloading from 3 δ_c to the origin"
+        yield Check(what, "kPa", 1e3 * K * np.exp(-3) * part * delta, 1e3 * T, 1e-9)
     (T, _), _ = interface.move(-0.01 * delta)
     closed = K * 0.01 * delta + Points.closing * p.G * 0.01**2
     yield Check("T closed by δ_c/100: undamaged", "kPa", -1e3 * closed, 1e3 * T, 1e-9)

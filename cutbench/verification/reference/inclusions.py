@@ -92,12 +92,10 @@ def plate() -> tuple[skfem.MeshTri, np.ndarray]:
     on_circle = np.any([np.abs(np.hypot(x - a, y - b) - 0.25).max(axis=0) < 1e-9 for a, b in circles], axis=0)
     of_inclusion = inside[mesh.f2t[0, outer]]
     named = {
-        "inner": outer[on_circle & of_inclusion],
-        "outer": outer[on_circle & ~of_inclusion],
-        "left": outer[x.max(axis=0) < 1e-9],
-        "right": outer[x.min(axis=0) > 1 - 1e-9],
-    }
-    return mesh.with_boundaries(named), inside
+        "inner": on_circle & of_inclusion, "outer": on_circle & ~of_inclusion,
+        "left": x.max(axis=0) < 1e-9, "right": x.min(axis=0) > 1 - 1e-9,
+    }  # fmt: skip
+    return mesh.with_boundaries({name: outer[which] for name, which in named.items()}), inside
 
 
 def curve() -> np.ndarray:
@@ -105,10 +103,8 @@ def curve() -> np.ndarray:
     mesh, inside = plate()
     space = Space.build(mesh, 1)
     volume = space.volume(1)
-    bodies = [
-        BulkForm((LinearElastic(*constants),), volume.some(which), 1.0)
-        for constants, which in ((MATRIX, ~inside), (INCLUSIONS, inside))
-    ]
+    halves = ((MATRIX, ~inside), (INCLUSIONS, inside))
+    bodies = [BulkForm((LinearElastic(*known),), volume.some(which), 1.0) for known, which in halves]
     bodies[1].name = "inclusions"
     plus, minus = space.faces("inner", DEGREE), space.faces("outer", DEGREE)
     ends = space.X[:, plus.nodes]

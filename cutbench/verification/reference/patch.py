@@ -45,16 +45,15 @@ def compute() -> Iterator[Check]:
 def strained(T: np.ndarray, p, dim: int) -> np.ndarray:
     """F = 1 + g ⊗ e_x with P e_x = T."""
 
-    def gradient(g):
-        F = np.eye(3)[:, :, None] + np.einsum("i,J->iJ", g, [1.0, 0, 0])[:, :, None]
-        return F
+    def gradient(g: np.ndarray) -> np.ndarray:
+        F = np.eye(3)
+        F[:dim, 0] += g
+        return F[:, :, None]
 
-    def open_equation(g):
-        full = np.array([*g, 0.0]) if dim == 2 else g
-        return (piola(gradient(full), p.G, p.nu)[:, 0, 0] - T)[:dim] / p.G
+    def open_equation(g: np.ndarray) -> np.ndarray:
+        return (piola(gradient(g), p.G, p.nu)[:, 0, 0] - T)[:dim] / p.G
 
-    found = root(open_equation, np.zeros(dim), tol=1e-13)
-    return gradient(np.array([*found.x, 0.0]) if dim == 2 else found.x)[:, :, 0]
+    return gradient(root(open_equation, np.zeros(dim), tol=1e-13).x)[:, :, 0]
 
 
 def solved(mesh, element: str, p, F: np.ndarray, jump: np.ndarray, T: np.ndarray):

@@ -36,10 +36,10 @@ def verify(references: Sequence[Reference], *, on_progress: OnProgress = silent)
 
 
 def _verify(reference: Reference) -> Verified:
-    began = time.perf_counter()
+    began, failure = time.perf_counter(), None
     checks: list[Check] = []
-    failure = None
     try:
+        # One by one: those before a failure are kept.
         for check in reference.compute():
             checks.append(check)
     except Exception as error:  # a solver that fails on a reference problem is what one wants to be told

@@ -32,9 +32,8 @@ def free() -> Iterator[Check]:
     length = grown(curve, lambda c: c["cut_length_mm"])
     what = "no friction, no viscosity: work of separation per length of the cut, G_c L"
     yield Check(what, "N", case.p.G_c * L, separation / length, 0.01)
-    yield Check(
-        "mean force less the growth of stored energy, G_c L", "N", case.p.G_c * L, force - stored, 0.02
-    )
+    what = "mean force less the growth of stored energy, G_c L"
+    yield Check(what, "N", case.p.G_c * L, force - stored, 0.02)
     yield Check("mean force, G_c L if nothing were stored", "N", case.p.G_c * L, force, 0.06)
     yield Check("length of the cut per travel", "1", 1.0, length / way, 0.02)
 

@@ -60,19 +60,13 @@ class Layer(Space):
 
     def faces(self, name: str, degree: int) -> Faces:
         f = self.section.faces(name, degree)
-        deep = np.zeros((1, *f.X.shape[1:]))
-        flat = np.zeros((1, f.size.size))
-        along = np.concatenate([f.tangents[0], flat])
-        normal = np.concatenate([f.normal, flat])
-        across = np.cross(normal.T, along.T).T
-        return replace(
-            f,
-            dN=np.concatenate([f.dN, np.zeros_like(f.dN)]),
-            w=THICKNESS * f.w,
-            X=np.concatenate([f.X, deep]),
-            normal=normal,
-            tangents=np.stack([along, across]),
-        )
+
+        def deep(values: np.ndarray) -> np.ndarray:
+            return np.concatenate([values, np.zeros((3 - len(values), *values.shape[1:]))])
+
+        along, normal = deep(f.tangents[0]), deep(f.normal)
+        tangents, dN = np.stack([along, np.cross(normal.T, along.T).T]), np.concatenate([f.dN, 0 * f.dN])
+        return replace(f, dN=dN, w=THICKNESS * f.w, X=deep(f.X), normal=normal, tangents=tangents)
 
     def nodes_on(self, name: str) -> np.ndarray:
         return np.arange(self.X.shape[1]) if name == "front" else self.section.nodes_on(name)

@@ -24,9 +24,8 @@ def compute() -> Iterator[Check]:
         T, work = opened("viscous", p, steps)
         many = f"in {steps} steps"
         yield Check(f"viscous: T = G_c/δ_c² η v, {many}", "kPa", 1e3 * steady, 1e3 * T[-1], 1e-9)
-        yield Check(
-            f"viscous: work to 10 δ_c, {many}", "J/m^2", 1e3 * steady * END * p.delta_c, 1e3 * work, 1e-9
-        )
+        expected = steady * END * p.delta_c
+        yield Check(f"viscous: work to 10 δ_c, {many}", "J/m^2", 1e3 * expected, 1e3 * work, 1e-9)
         T, work = opened("viscous_degraded", p, steps)
         expected = -spent * np.expm1(-END)
         yield Check(f"viscous_degraded: work to 10 δ_c, {many}", "J/m^2", 1e3 * expected, 1e3 * work, 1e-6)
