@@ -165,9 +165,6 @@ class Front:
 
 def end_effect(three: dict[str, float], two: dict[str, float]) -> dict[str, float]:
     """3D force over plane-strain force at each stage, from both runs' measures; nan where one lacks it."""
-    out = {}
-    for stage in ("peak_N", "max_N", "steady_N", "slope_N_per_mm", "onset_mm"):
-        a, b = three.get(stage, math.nan), two.get(stage, math.nan)
-        name = "end_effect_" + stage.removesuffix("_N").removesuffix("_N_per_mm").removesuffix("_mm")
-        out[name] = a / b if b else math.nan
-    return out
+    names = ("peak_N", "max_N", "steady_N", "slope_N_per_mm", "onset_mm")
+    pairs = {name.split("_")[0]: (three.get(name, math.nan), two.get(name, math.nan)) for name in names}
+    return {f"end_effect_{stage}": a / b if b else math.nan for stage, (a, b) in pairs.items()}

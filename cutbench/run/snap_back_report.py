@@ -5,44 +5,29 @@ from __future__ import annotations
 import math
 
 from cutbench.run.measures import measures
+from cutbench.run.result import SNAP
 from cutbench.run.snap_back import ELEMENTS, MESH, OPEN, PHYSICAL, STABLE, Jump, SnapBack, forward
+
+#: Steady force and slope mean nothing here; these are measures of the transition.
+TRANSITION = ("drop_rel", "onset_mm", "peak_N", "peak_mm")
 
 
 def limit_rows(followed: SnapBack) -> list[dict[str, object]]:
     """Onset, peak and drop with less and less viscosity, and of the path, over one stretch of travel."""
-    window, height = followed.case.p.thickness, followed.case.values["height"]
+    viscous = [SNAP, *(law.name for law in followed.case.model.all if law.regularises)]
     rows = []
     for text, result in (("as asked", followed.run), *followed.limit):
-        # Steady force and slope mean nothing here; onset, peak and drop are those of the transition.
-        found = result.measures
-        lost = sum(
-            float(result.curve[name][-1])
-            for name in result.curve
-            if name in ("work_snap_mJ", "work_viscous_mJ", "work_viscous_degraded_mJ")
-        )
-        rows.append(
-            {
-                "what": text,
-                "drop_rel": found.get("drop_rel", math.nan),
-                "onset_mm": found.get("onset_mm", math.nan),
-                "peak_N": found.get("peak_N", math.nan),
-                "peak_mm": found.get("peak_mm", math.nan),
-                "outcome": str(result.outcome),
-                "to_viscosity_mJ": lost,
-            }
-        )
-    shape = forward(followed)
+        spent = [result.curve[key][-1] for name in viscous if (key := f"work_{name}_mJ") in result.curve]
+        rows.append((text, result.measures, str(result.outcome), float(sum(spent))))
+    shape, p = forward(followed), followed.case.p
     if shape["displacement_mm"].size > 2:
-        found = measures(shape, window_mm=window, height_mm=height)
-        rows.append(
-            {
-                "what": "path at rest",
-                **{key: found[key] for key in ("drop_rel", "onset_mm", "peak_N", "peak_mm")},
-                "outcome": followed.stopped or "done",
-                "to_viscosity_mJ": 0.0,
-            }
-        )
-    return rows
+        found = measures(shape, window_mm=p.thickness, height_mm=p.height)
+        rows.append(("path at rest", found, followed.stopped or "done", 0.0))
+    return [
+        {"what": text, "outcome": outcome, "to_viscosity_mJ": spent}
+        | {key: found.get(key, math.nan) for key in TRANSITION}
+        for text, found, outcome, spent in rows
+    ]
 
 
 def sentence(followed: SnapBack) -> str:
@@ -92,8 +77,8 @@ def describe_followed(followed: SnapBack) -> dict[str, object]:
     jump = followed.jump
 
     def plain(one: Jump) -> dict[str, object]:
-        keys = [k for k in vars(one) if k not in ("first", "last")]
-        return {k: getattr(one, k) for k in keys} | {"drop_rel": one.drop_rel}
+        known = {k: v for k, v in vars(one).items() if k not in ("first", "last")}
+        return known | {"drop_rel": one.drop_rel}
 
     return {
         "schema": 1,

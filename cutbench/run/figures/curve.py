@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
+from scipy.integrate import cumulative_trapezoid
 
 from cutbench.base.figure_style import COLOURS, GREY, HATCHES, SINGLE_MM, Look, math_text, new_figure, style
 from cutbench.mechanisms import registry
@@ -100,7 +101,8 @@ def _split(axes, result: Result, window_mm: float) -> None:
         axes.fill_between(at, up, up + gain, label=label, **look)
         axes.fill_between(at, down, down + loss, **look)
         up, down = up + gain, down + loss
-    total = smooth_force(travel, _integral(travel, result.force_N[:count]), window_mm, at)
+    work = cumulative_trapezoid(result.force_N[:count], travel, initial=0)
+    total = smooth_force(travel, work, window_mm, at)
     axes.plot(at, total, color="black", ls="-", lw=1.0, label="force on the blade", zorder=5)
     axes.margins(y=0.05)
     until = "; until the blade rests" if count < result.displacement_mm.size else "; below zero: released"
@@ -117,7 +119,7 @@ def _shares(result: Result, window_mm: float, at: np.ndarray) -> list[tuple[str,
     for i, name in enumerate(result.ledger):
         work = result.curve.get(f"work_{name}_mJ")
         if work is None:
-            work = _integral(travel, result.curve[f"force_{name}_N"][:down])
+            work = cumulative_trapezoid(result.curve[f"force_{name}_N"][:down], travel, initial=0)
         share = smooth_force(travel, np.asarray(work, dtype=float)[:down], window_mm, at)
         if not np.any(share):
             continue
@@ -141,11 +143,6 @@ def _look(colour: str | None, place: int) -> dict:
         "edgecolor": "white",
         "lw": 0.0,
     }
-
-
-def _integral(travel: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Work (mJ) of a force (N) over travel (mm) by the trapezoidal rule, zero at the first point."""
-    return np.concatenate(([0.0], np.cumsum(np.diff(travel) * (force[1:] + force[:-1]) / 2)))
 
 
 def _label(name: str) -> str:
