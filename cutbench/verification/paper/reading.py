@@ -53,9 +53,7 @@ def share(result: Result, one: str, other: str, start_mm: float) -> float:
 
 def observed(result: Result, column: str) -> tuple[np.ndarray, np.ndarray]:
     """Travel and value (n,) where ``column`` was observed."""
-    if column not in result.curve:
-        return np.zeros(0), np.zeros(0)
-    values = result.curve[column]
+    values = result.curve.get(column, np.full(result.displacement_mm.shape, np.nan))
     seen = np.isfinite(values)
     return result.displacement_mm[seen], values[seen]
 
@@ -70,8 +68,7 @@ def observed_at(result: Result, column: str, travel_mm: float) -> float:
 def largest_until(result: Result, column: str, travel_mm: float) -> float:
     """Largest value of ``column`` up to ``travel_mm``."""
     d, values = observed(result, column)
-    chosen = values[d <= travel_mm + 1e-9]
-    return float(chosen.max()) if chosen.size else math.nan
+    return float(max(values[d <= travel_mm + 1e-9], default=math.nan))
 
 
 def median_from(result: Result, column: str, travel_mm: float) -> float:
@@ -89,9 +86,8 @@ def measure(result: Result, name: str) -> float:
 def force_at(result: Result, travel_mm: float) -> float:
     """Force, N, at ``travel_mm``; nan if the run did not get there."""
     d = result.displacement_mm
-    if d.size < 2 or d[-1] < travel_mm - 1e-6:
-        return math.nan
-    return float(np.interp(travel_mm, d, result.force_N))
+    there = d.size > 1 and d[-1] >= travel_mm - 1e-6
+    return float(np.interp(travel_mm, d, result.force_N)) if there else math.nan
 
 
 def ratio(a: float, b: float) -> float:

@@ -68,11 +68,10 @@ def _row(row: ClaimRow) -> dict[str, object]:
 
 def _run(result: Result, runner: Runner, folder: Path) -> dict[str, object]:
     case = result.case
-    where = runner.store.path(case.id) / "run.json"
     return {
         "name": case.name,
         "test": runner.kinds.get(case.id, ""),
-        "file": Path(os.path.relpath(where, folder)).as_posix(),
+        "file": Path(os.path.relpath(runner.store.path(case.id) / "run.json", folder)).as_posix(),
         "outcome": str(result.outcome),
         "seconds": result.timings.get("total", math.nan),
         "measures": result.measures,

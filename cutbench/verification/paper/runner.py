@@ -71,11 +71,9 @@ class Runner:
     def _kept(self, id: str, kind: str) -> Result | None:
         """A run from the store, if it holds what claims read: a sweep's run lacks the looks at its fields."""
         result = self.store.get(id)
-        if result is None or (
-            kind == CUT and result.outcome.kind != "failed" and COLUMNS[0] not in result.curve
-        ):
-            return None
-        return result
+        if result is None or kind != CUT or result.outcome.kind == "failed" or COLUMNS[0] in result.curve:
+            return result
+        return None
 
     def _fresh(self, case: Case, kind: str) -> Run | None:
         """How a test of this kind is run, anew: what the store has of it is not what claims read."""

@@ -58,7 +58,7 @@ def bulk_forms(
     space: Space, element: str, height: float = 1.0, degree: int | None = None
 ) -> tuple[list, int]:
     """Neo-Hooke with volume change on one element kind: forms and the number of unknowns."""
-    degree = DEGREE[element] if degree is None else degree
+    degree = degree or DEGREE[element]
     shear, volumetric = law("neo_hookean"), law("volumetric")
     if element != "P2P1":
         return [BulkForm((shear, volumetric), space.volume(degree), height)], space.ndof
