@@ -11,13 +11,10 @@ Exit status 1 if fewer than 99 % reach their depth, 2 for bad input.
 from __future__ import annotations
 
 import argparse
-import multiprocessing
 import os
 import sys
 import time
 from collections.abc import Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,11 +22,12 @@ import numpy as np
 
 from benchmarks.__main__ import check_json, write_whole
 from cutbench.base.errors import CutbenchError
-from cutbench.base.threads import one_thread_each
 from cutbench.case.case import Case
 from cutbench.maps.axes import Axis
 from cutbench.maps.study import Study, load_study
-from cutbench.run.pool.worker import begin_worker, work
+from cutbench.run.pool.job import Job
+from cutbench.run.pool.pool import TaskPool
+from cutbench.run.pool.worker import WorkerLost, work
 from cutbench.run.result import Result
 from cutbench.run.store.runs import Store
 
@@ -106,28 +104,12 @@ def run_all(cases: Sequence[Case], store: Store, workers: int) -> Iterable[Resul
             yield result
         else:
             missing.append(case)
-    if workers == 0:
-        for case in missing:
-            work(None, case, store.root, False)
-            yield from _kept(store, case)
-    elif missing:
-        yield from _in_pool(missing, store, workers)
-
-
-def _in_pool(cases: Sequence[Case], store: Store, workers: int) -> Iterable[Result]:
-    context = multiprocessing.get_context("spawn")
-    lifeline, end = context.Pipe(duplex=False)
-    with one_thread_each():
-        pool = ProcessPoolExecutor(workers, context, initializer=begin_worker, initargs=(lifeline,))
-        try:
-            flying = {pool.submit(work, None, case, store.root, False): case for case in cases}
-            for future in as_completed(flying):
-                future.result()
-                yield from _kept(store, flying[future])
-        finally:
-            end.close()  # ends workers in the middle of a run
-            pool.shutdown(wait=True, cancel_futures=True)
-            lifeline.close()
+    by_id = {case.id: case for case in missing}
+    root, mark = store.root.resolve(), store.mark()
+    with TaskPool(workers) as pool:
+        for done in pool.run(Job(id, work, (None, case, root, mark, False)) for id, case in by_id.items()):
+            done.result()
+            yield from _kept(store, by_id[done.key])
 
 
 def _kept(store: Store, case: Case) -> Iterable[Result]:
@@ -217,8 +199,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                 print(head, result.outcome, file=sys.stderr, flush=True)
         except KeyboardInterrupt:
             stopped = "Interrupted; the same command goes on from here."
-        except BrokenProcessPool:
-            stopped = "A worker died (out of memory, or killed); the same command goes on from here."
+        except WorkerLost as error:
+            stopped = f"{error}; the same command goes on from here."
         found = summary(records, len(cases))
         say(found)
         if asked.json is not None:
