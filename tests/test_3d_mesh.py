@@ -146,7 +146,7 @@ def test_other_elements_and_files_are_refused(tmp_path):
 
 
 def forces(**changes):
-    case = load_case("gelatin", {**SMALL, "h": "2 mm", "depth": "0.4 mm", **changes}, dim=3)
+    case = load_case("gelatin", {**SMALL, "h": "2 mm", "depth": "0.3 mm", **changes}, dim=3)
     built = build(case)
     found = [step.force * built.geometry.multiplicity for step in built.march]
     return np.array(found)

@@ -94,7 +94,7 @@ def test_a_killed_process_goes_on(tmp_path):
     """Killed without a chance to clean up, after its first checkpoint."""
     out = tmp_path / "run"
     sets = [f"--set={key}={value}" for key, value in {**SMALL, "element": "P1"}.items()]
-    command = ["run3d", "gelatin", *sets, "--h=1.5", "--depth=0.8", "--no-plane-strain", "--checkpoint=0"]
+    command = ["run3d", "gelatin", *sets, "--h=1.5", "--depth=0.5", "--no-plane-strain", "--checkpoint=0"]
     process = subprocess.Popen(
         [sys.executable, "-m", "cutbench", *command, f"--out={out}"],
         stdout=subprocess.DEVNULL,

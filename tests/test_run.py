@@ -136,7 +136,7 @@ def test_a_snap_is_damped_over_a_short_way():
 def test_switched_off_is_absent_to_the_bit(name):
     units = {key: q.unit.removeprefix("1") for key, q in BRIEF.model.parameters().items()}
     written = {key: f"{value} {units[key]}".strip() for key, value in SWITCHED[name].items()}
-    zero, absent = run_case(QUICK.set(**written)), run_case(QUICK.set(without=name))
+    zero, absent = (run_case(QUICK.set(depth="0.7 mm").set(**by)) for by in (written, {"without": name}))
     assert zero.outcome.done
     assert (work(zero, name) == 0).all()
     for column, values in absent.curve.items():
@@ -167,7 +167,7 @@ def test_the_undegraded_viscosity_costs_more(cutting):
 
 
 # -- outcomes -----------------------------------------------------------------------------------------
-def test_ctrl_c_keeps_the_curve(brief):
+def test_ctrl_c_keeps_the_curve(quick):
     seen = []
 
     def stop(travel, total, text):
@@ -175,13 +175,13 @@ def test_ctrl_c_keeps_the_curve(brief):
         if len(seen) == 5:
             raise KeyboardInterrupt
 
-    result = run_case(BRIEF, on_progress=stop)
+    result = run_case(QUICK, on_progress=stop)
     assert result.outcome.kind == "interrupted"
     assert seen[-1] == pytest.approx(result.outcome.reached_mm)
-    assert seen[-1] < BRIEF.p.depth
+    assert seen[-1] < QUICK.p.depth
     assert result.displacement_mm[1:] == pytest.approx(seen)
     for name, column in result.curve.items():
-        np.testing.assert_array_equal(column, brief.curve[name][:6], err_msg=name)
+        np.testing.assert_array_equal(column, quick.curve[name][:6], err_msg=name)
 
 
 def test_an_interrupted_run_leaves_a_picture_where_one_was_wanted():
@@ -189,7 +189,7 @@ def test_an_interrupted_run_leaves_a_picture_where_one_was_wanted():
         if travel > 0.2:
             raise KeyboardInterrupt
 
-    result = run_case(BRIEF, on_progress=stop, snapshots_mm=(0.9,))
+    result = run_case(QUICK, on_progress=stop, snapshots_mm=(0.9,))
     assert [s.displacement_mm for s in result.snapshots] == [result.displacement_mm[-1]]
 
 
@@ -210,17 +210,17 @@ def test_steps_are_told_as_they_come():
         ("15 iterations, residual 1.0e-03 of the forces", "does not converge"),
     ],
 )
-def test_a_run_that_stalls_says_where_and_what_to_try(monkeypatch, brief, reason, advice):
+def test_a_run_that_stalls_says_where_and_what_to_try(monkeypatch, quick, reason, advice):
     """From 0.3 mm of travel on no step converges."""
 
     def newton(problem, u, states, step, settings):
-        if step.centre[1] < BRIEF.p.height + BRIEF.p.tip - 0.3:
+        if step.centre[1] < QUICK.p.height + QUICK.p.tip - 0.3:
             raise march.NoConvergence(reason)
         return march_newton(problem, u, states, step, settings)
 
     march_newton = march.newton
     monkeypatch.setattr(march, "newton", newton)
-    result = run_case(BRIEF.set(step_min="0.005 mm"), snapshots_mm=(0.5,))
+    result = run_case(QUICK.set(step_min="0.005 mm"), snapshots_mm=(0.5,))
     assert (result.outcome.kind, result.outcome.done) == ("stalled", False)
     for part in ("no step above 0.005 mm converges", "of 1.1 mm", reason):
         assert part in result.outcome.message
@@ -231,7 +231,7 @@ def test_a_run_that_stalls_says_where_and_what_to_try(monkeypatch, brief, reason
     assert 0.29 < result.outcome.reached_mm <= 0.3 + 1e-9
     assert [s.displacement_mm for s in result.snapshots] == [result.outcome.reached_mm]
     assert result.counts["rejected_steps"] >= 3
-    assert force_at(result, 0.2) == pytest.approx(force_at(brief, 0.2), rel=1e-2)
+    assert force_at(result, 0.2) == pytest.approx(force_at(quick, 0.2), rel=1e-2)
 
 
 # -- what must not matter -----------------------------------------------------------------------------

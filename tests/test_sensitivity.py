@@ -65,9 +65,9 @@ def test_derivatives_are_those_of_central_differences():
     [
         # With the tool's normal the mixed element's neighbours take other steps.
         (
-            {"element": "P2P1", "augmentations": 1, "normal": "material", "h": "0.7 mm"},
+            {"element": "P2P1", "augmentations": 1, "normal": "material", "h": "0.7 mm", "depth": "0.4 mm"},
             ("nu", "tip", "mu"),
-            12 * [LENGTH],
+            8 * [LENGTH],
         ),
         (  # The cut opens in the last tenth.
             {"normal": "tool", "gap": "ellipse", "depth": "1.1 mm"},
