@@ -80,7 +80,7 @@ def test_id_sees_what_matters_and_nothing_else(gelatin):
 @pytest.mark.parametrize(
     ("part", "changes"),
     [("steps", {"calm": 0.3}), ("newton", {"cuts": 7}), ("window", {"caution": (1.0, 0.5)}),
-     ("remesh", {"looks": 9}), ("path", {"turn": 0.1}),
+     ("remesh", {"looks": 9}), ("path", {"leaps": (0.1,)}),
      ("mesh", {"corner": (0.1, 0.01)})],
 )  # fmt: skip
 def test_id_sees_every_tuned_number_and_a_file_keeps_them(gelatin, part, changes):

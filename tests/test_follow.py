@@ -38,7 +38,6 @@ from cutbench.run.snap_back_report import describe_followed, sentence
 from cutbench.solver.arc_length import Path
 from cutbench.solver.problem import Problem
 from cutbench.solver.stability import SMALL, lowest_eigenvalue
-from cutbench.solver.step_control import StepRules
 from cutbench.verification.reference._parts import bulk_forms, law, parameters, piola, space_of
 
 SPRING = 0.1  # N/mm for each mm of depth
@@ -87,8 +86,8 @@ def bar_of(along, across):
     ]
     forms.append(DampingForm(space.volume(1), 1.0))
     problem = Problem(forms, ndof, np.arange(1, ndof, 2), p)
-    rules = StepRules(first=4e-3, largest=0.01)
-    return problem, Path(problem, np.zeros(3), 0.7, np.array([], int), rules=rules)
+    rules = PathTuning(travel=0.05, growth=0.01, first=1e-3)
+    return problem, Path(problem, np.zeros(3), 0.7, np.array([], int), rules)
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +97,7 @@ def bar():
     for point in path:
         points.append(point)
         soft.append(lowest_eigenvalue(problem, point))
-    return SimpleNamespace(p=problem.p, points=points, soft=np.array(soft))
+    return SimpleNamespace(p=problem.p, path=path, points=points, soft=np.array(soft))
 
 
 def traction(opening, p):
@@ -146,7 +145,7 @@ def curve_of(points):
 
 # -- a path that is known exactly -----------------------------------------------------------------------
 def test_the_path_of_a_bar_is_the_exact_one(bar):
-    assert bar.points[-1].travel == pytest.approx(0.7, abs=0.1)
+    assert bar.path.stopped is None and bar.points[-1].travel == pytest.approx(0.7, abs=0.1)
     openings = [2 * float(point.u[0]) for point in bar.points]
     exact = [(travel(opening, bar.p), traction(opening, bar.p) * SECTION) for opening in openings]
     found = [(point.travel, point.force) for point in bar.points]
@@ -155,7 +154,7 @@ def test_the_path_of_a_bar_is_the_exact_one(bar):
     d = np.array([point.travel for point in bar.points])
     top = int(np.argmax(np.diff(d) < 0))
     assert d[top] - d[top:].min() > 0.2 and d[-1] > d[top] > 0.4
-    assert {point.by for point in bar.points} <= {"travel", "cut"}
+    assert {point.by for point in bar.points} <= {"travel", "cut", "damage"}
 
 
 def test_the_turning_point_and_the_energy_set_free(bar):
@@ -291,7 +290,8 @@ def test_viscosity_fades_and_steps_halve():
 @pytest.mark.slow
 def test_the_path_of_a_cut_passes_its_turning_point():
     case = timeless(load_case("gelatin", {"h": "0.8 mm", "depth": "3 mm"}))
-    curve, _ = trace(case, rules=PathTuning(points=100))
+    curve, _, interrupted = trace(case, rules=PathTuning(points=80))
+    assert not interrupted
     jump = max(jumps_of(curve, case.p.thickness), key=lambda one: one.advance_mm)
     assert jump.back_mm > 0.1 and jump.force_N > jump.landing_N
     assert (np.diff(curve["cut_length_mm"]) > -1e-9).all()
@@ -303,7 +303,7 @@ def test_the_command_writes_what_it_found(tmp_path, monkeypatch):
     from cutbench.run import snap_back as start_sensitivities
 
     curve, stopped = shape([0, 2, 1, 3], [0, 2, 1, 1.5]), None
-    monkeypatch.setattr(start_sensitivities, "trace", lambda *_: (curve, stopped))
+    monkeypatch.setattr(start_sensitivities, "trace", lambda *_: (curve, stopped, False))
     monkeypatch.setattr(start_sensitivities, "fading", lambda case, depth: [])
     args = ["run2d", "gelatin", "--h", "0.8", "--depth", "0.6", "--follow", "--out", str(tmp_path)]
     done = CliRunner().invoke(app, args)

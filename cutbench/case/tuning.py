@@ -162,23 +162,45 @@ class RemeshTuning:
 
 @dataclass(frozen=True)
 class PathTuning:
-    """Paths through snap-backs, beside what steps of a march have. Lengths in mm; C is the cut's length."""
+    """Paths through snap-backs (``solver.arc_length``). Lengths in mm; C is the cut's length."""
 
-    damage: float = 0.3
-    """Growth of damage anywhere that makes the next step shorter; twice as much jumps to another branch."""
+    travel: float = 0.1
+    """Largest step of the travel."""
+    growth: float = 0.03
+    """Largest step of C: an element or two."""
+    first: float = 0.005
+    """First step of C, where it takes the place of the travel."""
+    smallest: float = 1e-4
+    """Smallest step of either."""
+    leaps: tuple[float, ...] = (0.03, 0.06)
+    """Where no equilibrium is near, larger steps of C are tried before the body is let go."""
     breaks: float = 0.5
     """C is given instead of the travel where it grows faster than this, per travel."""
+    damage: float = 0.6
+    """Largest growth of damage anywhere in a step: more jumps to another branch."""
     stride: float = 0.15
     """Largest change of the travel in a step."""
     turn: float = 0.02
     """Where the blade turns, its first step the other way is at most this: a longer one changes the
     branch."""
     iterations: int = 10
-    """Newton's iterations at the most where C is given: where it needs more, another branch is found."""
+    """Newton's iterations at the most: where it needs more, another branch is found."""
+    easy: int = 6
+    """A step that needs no more lets the next one grow."""
+    grow: float = 1.5
+    """By this."""
+    shrink: float = 0.25
+    """What is left of a step that was refused."""
     points: int = 3000
     """Points at most."""
+    drag: float = 1.0
+    """Drag of a release at its start, in G: elements move by a part of themselves."""
     rest: float = 1e-4
-    """Drag of a release at its end, in G; it begins as many times higher as damping is raised in a jump."""
+    """And at its end."""
+    decay: float = 0.4
+    """What is left of it after each step."""
+    creeps: int = 60
+    """Steps of a release at the most."""
     nudge: float = 0.01
     """Travel before a release that follows another."""
     nudges: int = 20

@@ -135,16 +135,17 @@ class CutForm(Form):
         (2d − 1)₊, so that it grows smoothly."""
         return self.faces.w.ravel() * np.clip(2 * np.real(state["damage"]) - 1, 0, 1)
 
-    def broken(self, u, p, state, step) -> tuple[float, np.ndarray]:
+    def broken(self, u, p, state, step, local: bool = True) -> tuple[float, np.ndarray]:
         """Length or area of the cut, ∫ g(d) dA, and its derivative by the local displacements (nd, nf).
 
-        g = d³(10 − 15 d + 6 d²) counts where the cut is made, neither the whole plane ahead, which has some
-        damage, nor faces that are open already. Damage never heals, so it grows along every path of
-        equilibria, whichever way the blade goes.
+        ``local``: g = d³(10 − 15 d + 6 d²) counts where the cut is made, neither the whole plane ahead, which
+        has some damage, nor faces that are open already; else g = d. Damage never heals, so both grow along
+        every path of equilibria, whichever way the blade goes.
         """
         jump, at = self.jump(u), self.points(step)
         w, d = self.faces.w, np.real(self._answers(jump, p, state, at)[1]["damage"])
-        g, by_damage = d**3 * (10 - 15 * d + 6 * d**2), 30 * (d * (1 - d)) ** 2
+        g = d**3 * (10 - 15 * d + 6 * d**2) if local else d
+        by_damage = 30 * (d * (1 - d)) ** 2 if local else 1.0
         by_jump = [np.imag(new["damage"]) / STEP for _, new in self._probed(jump, p, state, at)]
         slope = np.stack([(by_damage * each).reshape(w.shape) * w for each in by_jump])
         along = np.einsum("cdf,cqf->dqf", self._frame, slope)

@@ -26,7 +26,6 @@ from cutbench.run.remeshing import RemeshedMarch, follows
 from cutbench.run.result import Result
 from cutbench.run.runner import Ledger, run_case
 from cutbench.solver.arc_length import RELEASE, Path
-from cutbench.solver.march import Stalled
 from cutbench.solver.stability import lowest_eigenvalue
 
 #: Viscosities of the limit, in units of the case's; the last one also with half the steps.
@@ -141,10 +140,10 @@ def trace_snap_back(
     has, and leaves the limit out. Raises BadInput as ``timeless`` does.
     """
     began = time.perf_counter()
-    curve, stopped = trace(timeless(case), on_progress)
+    curve, stopped, interrupted = trace(timeless(case), on_progress)
     jumps = tuple(jumps_of(curve, case.p.thickness))
     runs = []
-    if limit and stopped != INTERRUPTED:
+    if limit and not interrupted:
         farthest = max((jump.travel_mm for jump in jumps), default=0.0)
         onset = run.measures.get("onset_mm", math.nan)
         reach = max(farthest, onset if math.isfinite(onset) else 0.0) + 4 * BEHIND * case.p.thickness
@@ -179,7 +178,7 @@ def trace(
     on_progress: OnProgress = silent,
     rules: PathTuning | None = None,
 ):
-    """The path of a case without time: columns by name, and why it stopped (None: it did not).
+    """The path of a case without time: columns by name, why it stopped (None: it did not), interrupted.
 
     It ends a blade thickness behind its first jump of more than ``ELEMENTS`` elements, at the case's depth,
     or where a cut without one is ``LONG`` thicknesses long.
@@ -195,14 +194,13 @@ def trace(
         case.p.depth,
         march.bottom,
         rules or case.numerics.tuning.path,
-        march.rules,
         march.newton,
     )
     scale, thickness = built.geometry.multiplicity, case.p.thickness
     rows: list[dict[str, float]] = []
     work: dict[str, float] = {}
     farthest, turned, after = 0.0, None, 0
-    stopped: str | None = None
+    interrupted = False
     names = {name: 0.0 for name in Ledger(meshes).last if name.startswith("work_")}
     rows.append({"displacement_mm": 0.0, "force_N": 0.0, "cut_length_mm": 0.0, "released": 0.0,
                  "softest": math.nan, **names})  # fmt: skip
@@ -235,11 +233,9 @@ def trace(
                     break
             if point.broken > LONG * thickness:
                 break
-    except Stalled as error:
-        stopped = error.reason
     except KeyboardInterrupt:
-        stopped = INTERRUPTED
-    return _columns(rows), stopped
+        interrupted = True
+    return _columns(rows), INTERRUPTED if interrupted else path.stopped, interrupted
 
 
 def _columns(rows: Sequence[Mapping[str, float]]) -> dict[str, np.ndarray]:

@@ -27,7 +27,7 @@ def step_to(
 
 
 class Bordered:
-    """Finds u and the travel where C, the length of the ``cut``, has grown as asked."""
+    """Finds u and the travel where C, the damage summed over the plane of ``cut``, has grown as asked."""
 
     def __init__(
         self,
@@ -39,7 +39,10 @@ class Bordered:
     ):
         self._problem, self._cut, self._centre0 = problem, cut, centre0
         self._settings, self._iterations = settings, iterations
-        self._slope = np.zeros(problem.ndof)
+        #: Whether C counts where the cut is made, or else all damage.
+        self.local = True
+        zero = np.zeros(problem.ndof)
+        self._slopes = {True: zero, False: zero}
 
     def solve(self, amount, old, travel, states, broken, u, reached):
         """From ``old`` at ``travel``, where C is ``broken``, on by ``amount`` of C, first looked for at ``u``
@@ -111,10 +114,11 @@ class Bordered:
 
     def broken(self, u, states, step) -> tuple[float, np.ndarray]:
         """C and its derivative (ndof,)."""
-        C, local = self._cut.broken(u, self._problem.p, states["cohesion"], step)
+        C, local = self._cut.broken(u, self._problem.p, states["cohesion"], step, self.local)
         slope = self._problem.pattern.vector("cohesion", local)
         slope[self._problem.fixed] = 0.0
-        # At the start of a step, and where a trial has unloaded all, nothing grows: what grew last will do.
         if slope.any():
-            self._slope = slope
-        return C, self._slope
+            self._slopes[self.local] = slope
+        # At the start of a step, and where a trial has unloaded all, nothing grows: what grew last will do.
+        own = self._slopes[self.local]
+        return C, own if own.any() else self._slopes[not self.local]
