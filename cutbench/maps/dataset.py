@@ -21,7 +21,7 @@ from cutbench.base.versions import versions
 from cutbench.case.values import parameter_of
 from cutbench.maps.axes import Axis
 from cutbench.maps.sections import Regime
-from cutbench.run.measures import ABRUPT, MEASURES, SMOOTH, UNCUT
+from cutbench.run.measures import ABRUPT, MEASURES, NOTED, SMOOTH, UNCUT
 from cutbench.run.result import OUTCOMES, Result
 
 if TYPE_CHECKING:
@@ -33,6 +33,8 @@ NOT_COMPUTED = "not_computed"
 LABELS = (NOT_COMPUTED, SMOOTH, ABRUPT, UNCUT)
 #: Values of the variable ``outcome``; 0 where no run has ended yet.
 OUTCOME_FLAGS = ("missing", *OUTCOMES)
+#: Variables that are numbers of runs, with unit and meaning.
+NUMBERS = MEASURES | NOTED
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ class MapRow:
     message: str = ""
     reached_mm: float = math.nan
     label: str = NOT_COMPUTED
-    measures: Mapping[str, float] = field(default_factory=lambda: dict.fromkeys(MEASURES, math.nan))
+    measures: Mapping[str, float] = field(default_factory=lambda: dict.fromkeys(NUMBERS, math.nan))
 
 
 def row_of(result: Result, regime: Regime) -> MapRow:
@@ -56,7 +58,8 @@ def row_of(result: Result, regime: Regime) -> MapRow:
         label, found = regime.of(result)
     except (ValueError, KeyError) as error:
         return MapRow("failed", f"the curve cannot be read: {error}", outcome.reached_mm)
-    return MapRow(outcome.kind, outcome.message, outcome.reached_mm, label, found)
+    noted = {name: result.measures.get(name, math.nan) for name in NOTED}
+    return MapRow(outcome.kind, outcome.message, outcome.reached_mm, label, {**found, **noted})
 
 
 def build_map(
@@ -82,8 +85,10 @@ def build_map(
         return dims, np.array([pick(row) for row in table.ravel()], dtype=dtype).reshape(study.shape), about
 
     data = {
-        name: collect(lambda row, name=name: row.measures[name], float, units=unit, long_name=text)
-        for name, (unit, text) in MEASURES.items()
+        name: collect(
+            lambda row, name=name: row.measures.get(name, math.nan), float, units=unit, long_name=text
+        )
+        for name, (unit, text) in NUMBERS.items()
     }
     ended = _flags(OUTCOME_FLAGS, "how the run ended")
     data["label"] = collect(lambda row: LABELS.index(row.label), np.int8, **_flags(LABELS, "regime"))
@@ -233,7 +238,8 @@ def to_csv(data: xr.Dataset) -> str:
     dims = axes_of(data)
     units = {name: data[name].attrs["units"] for name in dims}
     heads = [name if unit == "1" else f"{name} [{unit}]" for name, unit in units.items()]
-    columns = ["label", *MEASURES, "outcome", "reached_mm", "run_id", "message"]
+    numbers = [name for name in NUMBERS if name in data]  # older maps have fewer
+    columns = ["label", *numbers, "outcome", "reached_mm", "run_id", "message"]
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow([*heads, *columns])

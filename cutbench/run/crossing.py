@@ -1,48 +1,72 @@
-"""Whether material beside the blade passes through itself: nothing keeps the top face off the cut faces."""
+"""Where material beside the blade passes through itself: looked for at every step of a section."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
+
 import numpy as np
 
-from cutbench.forms.space import Faces
+from cutbench.forms.line import crossings, overlap, surface_lines
 from cutbench.run.build import Built
+from cutbench.solver.march import Accepted
 
 #: So far from the plane of the cut the top is looked at, in blade thicknesses.
 WIDE = 5.0
 
 
-def crosses(built: Built, u: np.ndarray) -> bool:
-    """Whether the line of the top and the cut face of a section, moved by ``u`` (ndof,), crosses itself.
+def lines_of(built: Built) -> list[np.ndarray]:
+    """Nodes along top and cut face of a section, each side by itself; none in three dimensions, which are not
+    looked at."""
+    if built.space.dim == 3 or not built.blades:
+        return []
+    faces = built.blades[0].faces
+    parts = {name: faces.some(np.arange(at.start, at.stop)) for name, at in faces.parts.items()}
+    return surface_lines(parts, built.space.X, WIDE * built.case.p.thickness)
 
-    On the side x ≥ 0. False in three dimensions, which are not looked at.
+
+def crossed_area(built: Built, u: np.ndarray, lines: Iterable[np.ndarray] | None = None) -> float:
+    """Area in mm² of a section, moved by ``u`` (ndof,), that is in one place twice: of its meshed part.
+
+    ``lines`` are what ``lines_of`` it gives.
     """
-    space = built.space
-    if space.dim == 3:
-        return False
-    faces = built.form("blade").faces if built.case.model.laws("blade") else None
-    if faces is None or not {"top", "cut"} <= faces.parts.keys():
-        return False
-    top, cut = _nodes(faces, "top"), _nodes(faces, "cut")
-    top = top[(space.X[0, top] >= 0) & (space.X[0, top] < WIDE * built.case.p.thickness)]
-    # From the top's far end to the corner, and down the cut.
-    top, cut = top[np.argsort(-space.X[0, top])], cut[np.argsort(-space.X[1, cut])]
-    line = np.concatenate([top[top != cut[0]], cut])
-    return crosses_itself((space.X + u[: space.X.size].reshape(-1, 2).T)[:, line])
+    space, total = built.space, 0.0
+    x = space.X + u[: space.X.size].reshape(space.dim, -1, order="F")
+    for line in lines_of(built) if lines is None else lines:
+        moved = x[:, line]
+        if crossings(moved).size:
+            # Closed through the body.
+            top, base = (0, -1) if space.X[1, line[0]] > space.X[1, line[-1]] else (-1, 0)
+            within = np.array([[moved[0, top]], [moved[1, base]]])
+            total += overlap(np.hstack([moved, within]))
+    return total
 
 
-def _nodes(faces: Faces, name: str) -> np.ndarray:
-    return np.unique(faces.nodes[:, faces.parts[name]])
+class Crossing:
+    """Follows a run: ``add`` each step, then ask for ``measures``. ``now``: whether it crosses itself at the
+    last."""
 
+    def __init__(self) -> None:
+        self.now = False
+        self._first, self._most = math.nan, 0.0
+        self._of: tuple[Built, list[np.ndarray]] | None = None
 
-def crosses_itself(x: np.ndarray) -> bool:
-    """Whether two segments of a line through the points x (2, n) meet that are not neighbours."""
-    a, b = x[:, :-1], x[:, 1:]
+    def add(self, built: Built, step: Accepted) -> None:
+        if self._of is None or self._of[0] is not built:
+            self._of = built, lines_of(built)
+        area = crossed_area(built, step.u, self._of[1])
+        self.now = area > 0
+        if self.now and math.isnan(self._first):
+            self._first = step.travel
+        self._most = max(self._most, area)
 
-    def side(p):
-        # On which side of each segment (rows) each of the points p (2, n) lies (columns).
-        d = b - a
-        return d[0][:, None] * (p[1] - a[1][:, None]) - d[1][:, None] * (p[0] - a[0][:, None])
+    def measures(self) -> dict[str, float]:
+        return {"crossed_mm": self._first, "crossed_mm2": self._most}
 
-    parts = side(a) * side(b) < 0  # segment j has its ends on two sides of segment i
-    apart = np.triu(np.ones(parts.shape, bool), 2)
-    return bool((parts & parts.T & apart).any())
+    def state(self) -> dict:
+        """All that a later ``restore`` needs."""
+        return {"now": self.now, "first": self._first, "most": self._most}
+
+    def restore(self, state: dict) -> None:
+        self.now = bool(state["now"])
+        self._first, self._most = float(state["first"]), float(state["most"])

@@ -28,6 +28,12 @@ MEASURES: dict[str, tuple[str, str]] = {
     "energy_mJ": ("mJ", "work done by the blade"),
 }
 
+#: The same of what a run notes that its curve does not say.
+NOTED: dict[str, tuple[str, str]] = {
+    "crossed_mm": ("mm", "blade travel at which the surface first passes through itself"),
+    "crossed_mm2": ("mm2", "largest area of the meshed section that is in one place twice"),
+}
+
 ABRUPT, SMOOTH, UNCUT = "abrupt", "smooth", "uncut"
 
 #: The transition lasts from one window before the onset to this many windows after it: what falls

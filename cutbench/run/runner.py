@@ -12,7 +12,7 @@ from cutbench.case.case import Case
 from cutbench.case.values import check_driven
 from cutbench.run.build import Built
 from cutbench.run.checkpoint import Checkpoint
-from cutbench.run.crossing import crosses
+from cutbench.run.crossing import Crossing
 from cutbench.run.fields import add_slopes, snapshot
 from cutbench.run.front import Front
 from cutbench.run.measures import forward, measures
@@ -68,11 +68,12 @@ def run_case(
 
     ledger = Ledger(meshes)
     front = Front(built) if built.space.dim == 3 else None
+    crossing = Crossing()
     wanted = sorted(snapshots_mm)
     pictures: list[Snapshot] = []
     interrupted, stalled = False, ""
     last: tuple[Built, Accepted] | None = None
-    keeper = _Keeper(meshes, ledger, front, pictures, began)
+    keeper = _Keeper(meshes, ledger, front, crossing, pictures, began)
 
     def report() -> None:
         now = ledger.last
@@ -91,6 +92,7 @@ def run_case(
                 slope = follower.add(step)
                 built.problem.timer.add("sensitivities", since)
             ledger.add(step)
+            crossing.add(built, step)
             if not step.between:
                 last = built, step
                 if follower is not None:
@@ -118,8 +120,7 @@ def run_case(
         shown = case.model.record(curve["displacement_mm"], curve["force_N"], curve["time_s"], case.p)
         curve["recorded_displacement_mm"], curve["recorded_force_N"] = shown
     reached = float(curve["displacement_mm"][-1])
-    crossed = last is not None and crosses(last[0], last[1].u)
-    outcome = _outcome(built, reached, interrupted, stalled, crossed)
+    outcome = _outcome(built, reached, interrupted, stalled, crossing.now)
     if last is not None and wanted and not outcome.done:
         pictures.append(snapshot(*last))
     timer = built.problem.timer
@@ -145,6 +146,8 @@ def run_case(
         )
     if front is not None:
         found |= front.measures()
+    else:
+        found |= crossing.measures()
     by_name = {}
     if follower is not None:
         # An interruption can come between a step's derivatives and its row.
@@ -263,10 +266,12 @@ class _Keeper:
         meshes: RemeshedMarch,
         ledger: Ledger,
         front: Front | None,
+        crossing: Crossing,
         pictures: list[Snapshot],
         began: float,
     ):
         self._meshes, self._ledger, self._front, self._pictures = meshes, ledger, front, pictures
+        self._crossing = crossing
         self._began, self._before = began, 0.0
 
     def seconds(self) -> float:
@@ -281,6 +286,7 @@ class _Keeper:
             "progress": progress.tree(),
             "ledger": self._ledger.state(),
             "front": None if self._front is None else self._front.state(),
+            "crossing": self._crossing.state(),
             "seconds": {**timer.seconds},
             "counts": {**timer.counts},
             "total": self.seconds(),
@@ -293,6 +299,7 @@ class _Keeper:
         self._ledger.restore(tree["ledger"])
         if self._front is not None:
             self._front.restore(tree["front"])
+        self._crossing.restore(tree["crossing"])
         for mine, kept in ((timer.seconds, tree["seconds"]), (timer.counts, tree["counts"])):
             for name, value in kept.items():
                 mine[name] = mine.get(name, 0) + value

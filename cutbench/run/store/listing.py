@@ -20,7 +20,7 @@ from cutbench.base.toml import one_of
 from cutbench.base.units import parse_quantity, unit_factor
 from cutbench.case.computation import computation_here
 from cutbench.case.model import groups as known_groups
-from cutbench.run.measures import MEASURES
+from cutbench.run.measures import MEASURES, NOTED
 from cutbench.run.store.index import Head
 from cutbench.run.store.runs import writer
 
@@ -105,7 +105,7 @@ def parse_condition(text: str, known: Sequence[str], unit: Mapping[str, str]) ->
         raise BadInput("--where", text, "column, sign and value, such as 'drop_rel > 0.1' or 'G >= 10 kPa'")
     column, sign, raw = match.groups()
     sign = "=" if sign == "==" else sign
-    if column not in known and column not in MEASURES:
+    if column not in known and column not in MEASURES | NOTED:
         raise BadInput("--where", column, one_of(column, known))
     if column in _GENERAL and column not in ("reached_mm", "seconds", "dim"):
         return Condition(column, sign, raw)
@@ -127,7 +127,7 @@ def table_of(
     conditions = [parse_condition(text, known, unit) for text in where]
     chosen = list(columns) if columns else known
     for name in [*chosen, *([sort] if sort else [])]:
-        if name not in known and name not in MEASURES and name not in DEFAULT:
+        if name not in known and name not in MEASURES | NOTED and name not in DEFAULT:
             raise BadInput("--columns", name, one_of(name, known))
     kept = [row for row in rows if all(condition.holds(row) for condition in conditions)]
     if sort:
