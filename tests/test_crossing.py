@@ -76,9 +76,8 @@ def test_a_run_says_so(quick, monkeypatch):
 
 
 def test_a_map_keeps_it():
-    case = BRIEF.set(depth="0.1 mm")
     crossed = {"crossed_mm": 2.5, "crossed_mm2": 0.1}
-    result = analytic_runs.computed(case)
+    result = analytic_runs.computed(load_case("gelatin"))
     row = row_of(replace(result, measures=result.measures | crossed), Regime(0.1, None, 0.1))
     assert crossed.items() <= row.measures.items()
 
