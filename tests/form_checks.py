@@ -53,7 +53,7 @@ def displacement(space: Space, seed: int = 0, size: float = 0.02, opening: float
 
 
 def step_between(space: Space) -> Step:
-    c = np.array([0.0, 2.3, 0.0])
+    c = np.array([0.0, 2.3 - P.tip, 0.0])
     return Step(0.2, displacement(space, 1), c, c + np.array([0.0, 0.1, 0.0]))
 
 
@@ -110,7 +110,7 @@ def blade(space: Space, *, face="cut", names=DEFAULT, normal="tool", gap="distan
 
 def blade_case(space, form):
     """Displacements, a step and a state with a past: multipliers, shear and touched points."""
-    c = np.array([0.0, 2.3, 0.0])
+    c = np.array([0.0, 2.3 - P.tip, 0.0])
     u_old = displacement(space, 1, 0.03)
     step = Step(0.2, u_old, c, c + np.array([0.0, 0.01, 0.0]))
     state = form.start(P)

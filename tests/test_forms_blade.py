@@ -78,7 +78,7 @@ def test_top_face_tangent(dim, order):
     space = space_of(dim, order)
     form = blade(space, face="top")
     u = displacement(space, opening=0.0)
-    c = np.array([0.0, HEIGHT + 0.9, 0.0])
+    c = np.array([0.0, HEIGHT + 0.9 - P.tip, 0.0])
     step = Step(0.2, displacement(space, 1, opening=0.0), c, c + np.array([0.0, 0.1, 0.0]))
     state = form.touch(form.start(P))
     assert form.evaluate(u, P, state, step).state["pressure"].max() > 0
@@ -102,7 +102,7 @@ def test_the_force_reported_is_the_sum_of_the_contact_forces(dim, order, normal)
 def test_a_blade_that_comes_down_is_pushed_up(dim, order):
     space = space_of(dim, order)
     form = blade(space, face="top")
-    c = np.array([0.0, HEIGHT + 0.95, 0.0])
+    c = np.array([0.0, HEIGHT + 0.95 - P.tip, 0.0])
     local = form.evaluate(np.zeros(space.ndof), P, form.start(P), Step(1.0, np.zeros(space.ndof), c, c))
     assert form.force(local.state)[1] > 0
     assert local.state["pressure"].max() > 0
@@ -207,11 +207,12 @@ def test_what_slides_round_the_tip_takes_nothing(dim):
     form = blade(space, face="top")
     p = SimpleNamespace(**vars(P) | {"tip": P.thickness / 2})  # round: a turn about its centre keeps gaps
     centre = np.array([0.0, HEIGHT + 1.0, 0.0])
+    apex = centre - [0.0, P.thickness / 2, 0.0]
     c, s = np.cos(0.3), np.sin(0.3)
     arm = space.X[:2] - centre[:2, None]
     u = np.zeros_like(space.X)
     u[:2] = np.array([[c, -s], [s, c]]) @ arm - arm
-    step = Step(0.1, np.zeros(space.ndof), centre, centre)
+    step = Step(0.1, np.zeros(space.ndof), apex, apex)
     state = form.start(p)
     old, new = ({**state, "pressure": state["pressure"] + much} for much in (1.0, 3.0))
     sunk = np.zeros_like(space.X)

@@ -120,7 +120,7 @@ def test_a_march_does_not_crawl(monkeypatch):
     case, newton = QUICK.set(depth="0.6 mm"), march.newton
 
     def stubborn(problem, u, states, step, settings, **options):
-        travel = case.p.height + case.p.tip - step.centre[1]
+        travel = case.p.height - step.centre[1]
         if 0.3 < travel < 0.4 and step.damping_factor < 100:
             raise march.NoConvergence("stubborn")
         return newton(problem, u, states, step, settings, **options)
@@ -136,7 +136,7 @@ def stubborn(case):
     newton = march.newton
 
     def found(problem, u, states, step, settings, **options):
-        before, travel = (case.p.height + case.p.tip - c[1] for c in (step.centre_old, step.centre))
+        before, travel = (case.p.height - c[1] for c in (step.centre_old, step.centre))
         if before < 0.35 < travel and step.damping_factor < 1e4:
             raise march.NoConvergence("stubborn")
         return newton(problem, u, states, step, settings, **options)

@@ -87,7 +87,7 @@ def test_section_shows_both_halves_and_the_blade(result):
 
 
 def test_blade_tip_is_at_height_minus_travel(case):
-    outline = blade_outline(case.p, 6.0, 25.0)
+    outline = blade_outline(case, 6.0, 25.0)
     assert outline[:, 1].min() == pytest.approx(case.p.height - 6.0)
     assert np.abs(outline[:, 0]).max() == pytest.approx(case.p.thickness / 2)
     assert outline[:, 1].max() == 25.0

@@ -8,7 +8,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from cutbench.mechanisms.base import STEP
-from cutbench.mechanisms.blade._tool import GAPS, distance, ellipse
+from cutbench.mechanisms.blade._tool import distance, ellipse
+
+GAPS = {"distance": distance, "ellipse": ellipse}
 
 PAPER = (0.35, 1.05)
 BLADES = [PAPER, (0.35, 0.35), (0.35, 0.2), (0.35, 3.5), (1.0, 0.4)]

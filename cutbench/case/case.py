@@ -88,7 +88,7 @@ class Case:
             full[name] = rounded(value, 14)
         object.__setattr__(self, "mechanisms", model.mechanisms)
         object.__setattr__(self, "values", MappingProxyType(full))
-        check_fit(full, self.numerics, self.dim, blade=bool(model.laws("blade")))
+        check_fit(self.p, self.numerics, self.dim, model)
         object.__setattr__(self, "motion", checked_motion(self.motion, full["depth"]))
 
     def __reduce__(self):
@@ -151,7 +151,7 @@ class Case:
     @property
     def cautions(self) -> tuple[str, ...]:
         """Of the doubts, those about elements."""
-        return doubts(self.values, self.numerics)
+        return doubts(self.p, self.model.tool, self.numerics)
 
     @property
     def far(self) -> list[Far]:

@@ -18,11 +18,19 @@ def chosen(part: float, h: float, thickness: float, rule: tuple[float, float]) -
     return part or min(1.0, max(rule[0], rule[1] * thickness / h))
 
 
-def near_blade(numerics: Numerics, thickness: float) -> dict[str, Any]:
-    """Arguments of ``wanted`` for a blade so thick, in mm, by the choices of ``numerics``."""
+def under_tip(numerics: Numerics, thickness: float, radius: float) -> float:
+    """Size of the elements under the tip, mm, of a blade so thick with an edge of that ``radius``."""
+    h, tuning = numerics.h_mm, numerics.tuning.mesh
+    size = chosen(numerics.corner, h, thickness, tuning.corner) * h
+    return size if numerics.corner else min(size, max(radius / tuning.edge, tuning.corner[0] * h))
+
+
+def near_blade(numerics: Numerics, thickness: float, radius: float) -> dict[str, Any]:
+    """Arguments of ``wanted``, by the choices of ``numerics``, for a blade so thick with an edge of that
+    ``radius``, both in mm."""
     h, tuning = numerics.h_mm, numerics.tuning.mesh
     return {
-        "corner": chosen(numerics.corner, h, thickness, tuning.corner) * h,
+        "corner": under_tip(numerics, thickness, radius),
         "shallow": chosen(numerics.shallow, h, thickness, tuning.shallow),
         "surge": tuning.surge * thickness,
         "rim": tuning.rim * thickness,

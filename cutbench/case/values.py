@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
+from types import SimpleNamespace
 
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import nearest
-from cutbench.case.mesh_sizes import chosen
+from cutbench.case.mesh_sizes import chosen, under_tip
 from cutbench.case.model import (
     PROTOCOL,
     SPECIMEN,
@@ -19,6 +20,7 @@ from cutbench.case.model import (
     tools,
 )
 from cutbench.case.numerics import KEYS, Numerics
+from cutbench.mechanisms import Tool
 
 #: Sharpest tip that an element resolves: its radius of curvature a²/b in element sizes.
 TIP_PER_ELEMENT = 1 / 20
@@ -158,11 +160,6 @@ def _below(value: float) -> float:
     return rounded(math.floor(value / digit) * digit, 2)
 
 
-def _tip_radius(v: Mapping[str, float]) -> float:
-    """Radius of curvature of the blade's tip, a²/b in mm."""
-    return (v["thickness"] / 2) ** 2 / v["tip"]
-
-
 def full_depth(v: Mapping[str, float]) -> float:
     """Travel of a blade that is not told how far: to where the clamp takes over, half the height at least.
 
@@ -182,13 +179,16 @@ def check_driven(model: Model) -> None:
         )  # fmt: skip
 
 
-def check_fit(v: Mapping[str, float], numerics: Numerics, dim: int = 2, *, blade: bool = True) -> None:
+def check_fit(p: SimpleNamespace, numerics: Numerics, dim: int, model: Model) -> None:
     """Raise BadInput where one value rules out another: travel, blade in block, tip on mesh, symmetry.
 
-    Without a ``blade`` the specimen is a strip, which may be pulled further than it is high.
+    Without a blade the specimen is a strip, which may be pulled further than it is high.
     """
-    for key, value, expected in _misfits(v, numerics, dim, blade):
+    for key, value, expected in _misfits(vars(p), numerics, dim, bool(model.laws("blade"))):
         raise BadInput(key=key, value=value, expected=expected)
+    if model.tool is not None:
+        for key, value, expected in _misshapen(model.tool, p, numerics):
+            raise BadInput(key=key, value=value, expected=expected)
 
 
 def _misfits(
@@ -219,33 +219,40 @@ def _misfits(
             f"an element size at the cut plane of at most {ELEMENTS_PER_BLADE:g} times the blade's thickness"
         )
         yield "h", f"{h:g} mm", f"{wanted} ({thickness:g} mm), {ELEMENTS_PER_BLADE * thickness:g} mm"
-    if "tip" in v and (radius := _tip_radius(v)) < h * TIP_PER_ELEMENT:
+
+
+def _misshapen(tool: Tool, p: SimpleNamespace, numerics: Numerics) -> Iterator[tuple[str, str, str]]:
+    """The same of the tool's profile."""
+    yield from tool.misfits(p)
+    if numerics.gap == "ellipse" and not hasattr(tool, "number"):
+        expected = f"'distance': the paper's gap is that of an ellipse, and this is a {tool.name}"
+        yield "gap", "ellipse", expected
+    if numerics.symmetry in ("quarter", "half") and not tool.alike(p):
+        expected = f"'full' or 'auto': the flanks of this {tool.name} are not alike"
+        yield "symmetry", numerics.symmetry, expected
+    (key, formula), least = tool.edge, numerics.h_mm * TIP_PER_ELEMENT
+    if (radius := tool.edge_radius(p)) < least:
+        now, fit = getattr(p, key), tool.edge_for(p, least)
+        other = f"most {_below(fit):g}" if fit < now else f"least {_below(1.1 * fit):g}"
         yield (
-            "tip",
-            f"{v['tip']:g} mm",
-            (
-                f"a tip that the mesh resolves: its radius a^2/b is {radius:.3g} mm, less than h/20 ="
-                f" {h * TIP_PER_ELEMENT:.3g} mm; h = '{_below(radius / TIP_PER_ELEMENT):g} mm' would do,"
-                f" or a tip of at most {_below((thickness / 2) ** 2 / (h * TIP_PER_ELEMENT)):g} mm"
-            ),
+            key,
+            f"{now:g} mm",
+            f"a tip that the mesh resolves: {formula} is {radius:.3g} mm, less than h/20 = {least:.3g} mm;"
+            f" h = '{_below(radius / TIP_PER_ELEMENT):g} mm' would do, or a {key} of at {other} mm",
         )
 
 
-def doubts(v: Mapping[str, float], numerics: Numerics) -> tuple[str, ...]:
+def doubts(p: SimpleNamespace, tool: Tool | None, numerics: Numerics) -> tuple[str, ...]:
     """What can be computed, but says more of the elements than of the cut; sentences for a person."""
-    if "tip" not in v or "thickness" not in v or numerics.normal != "tool" or numerics.mesh is not None:
+    if tool is None or numerics.normal != "tool" or numerics.mesh is not None:
         return ()
-    h, thickness = numerics.h_mm, v["thickness"]
-    tuned = numerics.tuning.mesh
-    parts = (
-        chosen(numerics.corner, h, thickness, tuned.corner),
-        chosen(numerics.shallow, h, thickness, tuned.shallow),
-    )
-    radius, under = _tip_radius(v), h * min(parts)
+    h, thickness, radius = numerics.h_mm, p.thickness, tool.edge_radius(p)
+    shallow = h * chosen(numerics.shallow, h, thickness, numerics.tuning.mesh.shallow)
+    under = min(under_tip(numerics, thickness, radius), shallow)
     if under <= radius * (1 + 1e-12):
         return ()
     return (
-        f"elements under the tip ({under:.3g} mm) are larger than it is round (a^2/b = {radius:.3g} mm):"
+        f"elements under the tip ({under:.3g} mm) are larger than it is round ({radius:.3g} mm):"
         " along the tool's normal it pushes them down and cuts too late;"
         f" corner = {_below(radius / numerics.h_mm):g} or normal = 'material' would do",
     )

@@ -13,7 +13,7 @@ class Step:
     """One time step, as forms see it.
 
     ``u_old`` (ndof,) converged displacements at its start; ``centre``/``centre_old`` (3,) the
-    ellipse's centre in mm; ``dt`` in s; ``damping_factor``: how many times its value the damping's viscosity
+    blade's apex in mm; ``dt`` in s; ``damping_factor``: how many times its value the damping's viscosity
     is. ``damage_held``: the cut's damage stays what its state says.
     """
 

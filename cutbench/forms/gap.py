@@ -6,7 +6,6 @@ import numpy as np
 
 from cutbench.forms.space import Faces
 from cutbench.mechanisms.base import STEP
-from cutbench.mechanisms.blade._tool import GAPS
 
 #: Added to the gap beyond the blade's ends, mm.
 FAR = 1e6
@@ -15,10 +14,10 @@ REACH = 0.25
 
 
 class ToolGap:
-    """Gap of ``kind`` (distance or ellipse) to the blade that the law ``contact`` gives its half-axes."""
+    """Gap of ``kind`` (distance or ellipse) to the blade ``tool``."""
 
-    def __init__(self, kind: str, contact, faces: Faces, height: float):
-        self._law, self._contact = GAPS[kind], contact
+    def __init__(self, kind: str, tool, faces: Faces, height: float):
+        self._tool, self._law = tool, tool.number if kind == "ellipse" else tool.distance
         self._faces, self._dim = faces, faces.X.shape[0]
         #: Whether the gradient has length 1.
         self.unit_gradient = kind == "distance"
@@ -27,37 +26,38 @@ class ToolGap:
         middle = faces.X[0].mean(axis=0)
         on_plane = np.abs(middle) < 1e-9 * height
         self._flank = np.sign(np.where(on_plane, -faces.normal[0], middle))
-        self._upper = faces.X[1].max(axis=0)
+        self._upper, self._lower = faces.X[1].max(axis=0), faces.X[1].min(axis=0)
 
     def near(self, U: np.ndarray, touched: np.ndarray, p, step) -> np.ndarray:
         """Numbers of the faces that, moved by U (dim, nn, nf), can touch the blade or carry shear."""
         turn = np.real(p.tilt) if self._dim == 3 else 0.0
         X, across = _across(self._faces.X, turn), _across(U, turn)
         left, right = X.min(axis=0) + across.min(axis=0), X.max(axis=0) + across.max(axis=0)
-        y = self._upper + U[1].max(axis=0)
-        tip = np.real(step.centre[1] - p.tip)
-        half = np.real(p.thickness) / 2 + REACH
-        near = (left < half) & (right > -half) & (y > tip - REACH)
+        high, low = self._upper + U[1].max(axis=0), self._lower + U[1].min(axis=0)
+        tip = np.real(step.centre[1])
+        least, most, top = self._tool.extent(p)
+        near = (left < most + REACH) & (right > least - REACH) & (high > tip - REACH)
+        near &= low < tip + top + REACH
         return np.flatnonzero(near | (touched.max(axis=0) > 0))
 
     def at(self, x: np.ndarray, near: np.ndarray, p, step):
         """Gap (nq, nf), gradient (dim, nq, nf) and second derivative (dim, dim, nq, nf) where points of the
         faces ``near`` now are, x (dim, nq, nf)."""
         dim, shape = self._dim, x.shape[1:]
-        a, b = self._contact.half_axes(p)
         flank = np.broadcast_to(self._flank[near], shape).ravel()
         turn = p.tilt if dim == 3 else 0.0
-        rx = (_across(x, turn) - step.centre[0]).ravel() * flank
-        ry = (x[1] - step.centre[1]).ravel() + (p.tip - b)  # a shorter tip has its apex at the same place
-        over = np.where(np.real(rx) < 0, rx, 0)  # beyond the mid-plane the gap goes on linearly
-        g, n, H = self._law(rx - over, ry, a, b)
+        rx = (_across(x, turn) - step.centre[0]).ravel()
+        ry = (x[1] - step.centre[1]).ravel()
+        beyond = np.real(rx) * flank < 0  # there the gap goes on linearly
+        over, foot = np.where(beyond, rx, 0), np.where(beyond, 0, rx)
+        foot.real = np.copysign(foot.real, flank)  # -0.0 is on the left flank
+        g, n, H = self._law(foot, ry, p)
         g = g + over * n[0]
         n[1] = n[1] + over * H[0, 1]
-        n[0], H[0, 1], H[1, 0] = flank * n[0], flank * H[0, 1], flank * H[1, 0]
-        H[0, 0] = np.where(np.real(over) < 0, 0, H[0, 0])
+        H[0, 0] = np.where(beyond, 0, H[0, 0])
         bent = np.flatnonzero(over * H[0, 1])
         if bent.size and not np.iscomplexobj(rx):  # third derivative of the gap, by a complex step
-            ahead = self._law((rx - over)[bent], ry[bent] + 1j * STEP, a, b)[2]
+            ahead = self._law(foot[bent], ry[bent] + 1j * STEP, p)[2]
             H[1, 1, bent] += over[bent] * ahead[0, 1].imag / STEP
         if not self.unit_gradient:
             # In mm: on the band the paper's number is 2/a times the distance, to first order.

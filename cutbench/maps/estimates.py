@@ -73,7 +73,7 @@ def classical(case: Case | Physics) -> Classical | None:
     p, tool = case.p, case.model.tool
     if tool is None:
         return None
-    a, b = tool.half_axes(p)
+    a, b = p.thickness / 2, tool.height(p)
     parts = [law.estimate(p, 2 * a / b * p.speed, 2 * a) for law in case.model.all]
     strength, _, work, drag = (sum(each) for each in zip(*parts, strict=True))
     if not strength:

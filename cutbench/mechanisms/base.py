@@ -7,7 +7,7 @@ stay clear of ``abs`` and ``norm`` so that a complex step differentiates them ex
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, ClassVar, NamedTuple
@@ -236,13 +236,53 @@ class Blade(Mechanism):
 
 
 class Tool(Blade):
-    """The blade itself, which keeps the material out; its parameters are those of the section [blade]."""
+    """The blade itself, which keeps the material out; its parameters are those of the section [blade].
+
+    Its profile is given in its own frame: x across, y up, mm, the apex at the origin. ``thickness``, which
+    each tool has, is its largest; lengths of the numerics and of measures are scaled by it.
+    """
 
     role = "contact"
+    #: The parameter that makes the edge as round as it is, and the edge's radius in terms of parameters.
+    edge: ClassVar[tuple[str, str]] = ("thickness", "its radius d/2")
+    #: Whether a band goes on upwards from both ends of the outline; else the outline is closed.
+    band: ClassVar[bool] = True
 
-    def half_axes(self, p: Params) -> tuple[float, float]:
-        """a and b of the elliptic tip, mm; its apex lies p.tip below the blade's reference point."""
+    def distance(self, x: np.ndarray, y: np.ndarray, p: Params) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Signed distance (N,) in mm, above 0 outside, its gradient (2, N) and second derivative (2, 2, N).
+
+        A point belongs to the flank on whose side it lies; x = -0.0 is on the left. Takes complex numbers.
+        """
         raise NotImplementedError(self.name)
+
+    def outline(self, p: Params) -> np.ndarray:
+        """Points (n, 2) along the profile, from the top of the left flank to that of the right."""
+        raise NotImplementedError(self.name)
+
+    def edge_radius(self, p: Params) -> float:
+        """Radius of curvature at the apex, mm: what elements under it have to resolve."""
+        raise NotImplementedError(self.name)
+
+    def height(self, p: Params) -> float:
+        """From the apex to where the tool is as thick as it gets, mm."""
+        raise NotImplementedError(self.name)
+
+    def extent(self, p: Params) -> tuple[float, float, float]:
+        """How far it reaches to the left (below 0), to the right and up, mm."""
+        x, y = np.real(self.outline(p)).T
+        return x.min(), x.max(), np.inf if self.band else y.max()
+
+    def edge_for(self, p: Params, radius: float) -> float:
+        """The parameter ``edge`` of a blade that is round by ``radius``."""
+        raise NotImplementedError(self.name)
+
+    def misfits(self, p: Params) -> Iterator[tuple[str, str, str]]:
+        """Of a profile that cannot be: the parameter, its value and what would be right, in words."""
+        return iter(())
+
+    def alike(self, p: Params) -> bool:
+        """Whether both flanks are alike; if not, half a specimen does not stand for the whole."""
+        return True
 
     def pressure(self, gap: np.ndarray, multiplier, stiffness, p: Params) -> tuple[np.ndarray, np.ndarray]:
         """Contact pressure t_N (N,) in MPa and its derivative by the gap."""

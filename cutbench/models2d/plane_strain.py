@@ -12,9 +12,12 @@ from cutbench.models2d.section import half_block
 from cutbench.models2d.usermesh import read_mesh
 
 
-def geometry(values, numerics, fine: tuple[float, float] = (0.0, np.inf), kept=None) -> Geometry:
+def geometry(
+    values, numerics, radius: float = np.inf, fine: tuple[float, float] = (0.0, np.inf), kept=None
+) -> Geometry:
     """The section of a case: ``values`` have width, height, length in mm. Raises BadInput for a bad mesh.
 
+    ``radius``: of the blade's edge, mm.
     ``fine``: the depths in mm between which a built-in mesh has small elements; ``kept``: places elsewhere.
     """
     length, height = values["length"], values["height"]
@@ -28,7 +31,7 @@ def geometry(values, numerics, fine: tuple[float, float] = (0.0, np.inf), kept=N
         mesh = read_mesh(numerics.mesh, values["width"], height)
         return Geometry(mesh, height, 2 * length)
     reach = numerics.tuning.mesh.reach * values["thickness"] / 2
-    sizes = {"slender": numerics.slender, **near_blade(numerics, values["thickness"])}
+    sizes = {"slender": numerics.slender, **near_blade(numerics, values["thickness"], radius)}
     mesh = half_block(values["width"], height, numerics.h_mm, reach=reach, fine=fine, kept=kept, **sizes)
     if numerics.symmetry == "full":
         return Geometry(mirrored(mesh), height, length, split=True)

@@ -15,8 +15,11 @@ from cutbench.models3d.usermesh import read_mesh
 PARTS = {"quarter": 4.0, "half": 2.0, "full": 1.0}
 
 
-def geometry(values, numerics) -> Geometry:
-    """The block of a case: ``values`` have width, height, length in mm. Raises BadInput for a bad mesh."""
+def geometry(values, numerics, radius: float = np.inf) -> Geometry:
+    """The block of a case: ``values`` have width, height, length in mm. Raises BadInput for a bad mesh.
+
+    ``radius``: of the blade's edge, mm.
+    """
     tilted = bool(values.get("tilt", 0.0))
     if numerics.mesh is not None:
         mesh, part = read_mesh(numerics.mesh, values, numerics.symmetry)
@@ -32,7 +35,7 @@ def geometry(values, numerics) -> Geometry:
     h, tuning = numerics.h_mm, numerics.tuning.mesh
     h_z = length_along(values["length"], h, numerics.along, tuning.longest)
     sizes = {"slender": numerics.slender, "reach": tuning.reach_mm}
-    sizes |= near_blade(numerics, values["thickness"])
+    sizes |= near_blade(numerics, values["thickness"], radius)
     mesh = quarter(values["width"], values["height"], values["length"], h, h_z=h_z, **sizes)
     return block(mesh, part)
 

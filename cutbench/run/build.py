@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -59,9 +59,13 @@ class Built:
 
 def geometry_of(case: Case, **where) -> Geometry:
     """Mesh and names for the case's dimension; in 2D ``where`` says which elements are small."""
+    tool, n = case.model.tool, case.numerics
+    radius = np.inf if tool is None else tool.edge_radius(case.p)
+    if n.symmetry == "auto" and tool is not None and not tool.alike(case.p):
+        n = replace(n, symmetry="full")
     if case.dim == 2:
-        return section_geometry(case.values, case.numerics, **where)
-    return block_geometry(case.values, case.numerics)
+        return section_geometry(case.values, n, radius, **where)
+    return block_geometry(case.values, n, radius)
 
 
 def contact_numerics(model: Model, p, n: Numerics) -> ContactNumerics:
@@ -73,11 +77,6 @@ def contact_numerics(model: Model, p, n: Numerics) -> ContactNumerics:
 def damping_viscosity(model: Model, p, n: Numerics):
     """Viscosity of the damping form, MPa s."""
     return model.shear_modulus(p) * n.damping_mm / p.speed
-
-
-def first_centre(p) -> np.ndarray:
-    """Centre (3,) of the tip's ellipse before the blade moves: the tip touches the top."""
-    return np.array([0.0, p.height + getattr(p, "tip", 0.0), 0.0])
 
 
 def build(case: Case, geometry: Geometry | None = None, space: Space | None = None) -> Built:
@@ -169,7 +168,7 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
         window = Window(problem, space, faces["cut"], p.thickness, past, tuned.window)
     march = March(
         problem,
-        first_centre(p),
+        np.array([0.0, p.height, 0.0]),  # the tip touches the top
         Motion(p.depth, p.speed, case.motion),
         clamped * dim + 1,
         rules,

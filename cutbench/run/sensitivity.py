@@ -9,9 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from types import SimpleNamespace
-
-import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import among
@@ -19,7 +16,7 @@ from cutbench.case.case import Case
 from cutbench.case.model import SPECIMEN, Model
 from cutbench.forms.base import Form
 from cutbench.mechanisms.base import STEP
-from cutbench.run.build import Built, contact_numerics, damping_viscosity, first_centre
+from cutbench.run.build import Built, contact_numerics, damping_viscosity
 from cutbench.solver.sensitivity import Direction, Sensitivities
 
 #: Sizes that move the mesh, and the travel itself: no derivative by them.
@@ -68,12 +65,12 @@ def directions(built: Built, names: Sequence[str]) -> list[Direction]:
 def start_sensitivities(built: Built, names: Sequence[str]) -> Sensitivities:
     """What takes in the accepted steps of ``built.march`` and gives dF/dθ for ``names``."""
     march = built.march
-    return Sensitivities(built.problem, march.speed, march.centre0, directions(built, names))
+    return Sensitivities(built.problem, march.speed, directions(built, names))
 
 
 def _direction(built: Built, name: str) -> Direction:
     case, n = built.case, built.case.numerics
-    p = SimpleNamespace(**case.values)
+    p = case.p
     setattr(p, name, getattr(p, name) + 1j * STEP)
     contact = contact_numerics(case.model, p, n)
     blades = built.blades if isinstance(contact.stiffness, complex) else ()
@@ -82,4 +79,4 @@ def _direction(built: Built, name: str) -> Direction:
     known = [name for form in built.problem.forms for name in form.reads]
     known += [name for law in laws for name in (*law.reads, *(q.name for q in law.parameters))]
     viscosity = damping_viscosity(case.model, p, n)
-    return Direction(name, p, complex(p.speed), np.asarray(first_centre(p)), forms, name in known, viscosity)
+    return Direction(name, p, complex(p.speed), forms, name in known, viscosity)

@@ -146,7 +146,7 @@ class Stalled(ArithmeticError):
 class March:
     """Drive the blade through its ``motion``: iterate over ``steps`` to get each accepted one.
 
-    ``centre0`` (3,): the ellipse's centre at zero travel; the blade moves along −y.
+    ``centre0`` (3,): the blade's apex at zero travel; it moves along −y.
     """
 
     problem: Problem

@@ -45,7 +45,6 @@ class Direction:
     name: str
     p: Any
     speed: complex
-    centre0: np.ndarray
     forms: Mapping[str, Form] = field(default_factory=dict)
     volume: bool = True
     viscosity: complex = 0.0
@@ -66,8 +65,8 @@ class Sensitivities:
     ``unresolved`` counts steps and parameters whose corrections did not settle.
     """
 
-    def __init__(self, problem: Problem, speed: float, centre0: np.ndarray, directions: Sequence[Direction]):
-        self._speed, self._centre0 = speed, centre0
+    def __init__(self, problem: Problem, speed: float, directions: Sequence[Direction]):
+        self._speed = speed
         self._take(problem, directions)
         self._rates = [_Rates(np.zeros(problem.ndof), {}) for _ in directions]
         self.lost: float | None = None
@@ -181,8 +180,8 @@ class Sensitivities:
         moving = Step(
             step.dt * self._speed / direction.speed if direction.speed.imag else step.dt,
             step.u_old + ih * old,
-            step.centre + (direction.centre0 - self._centre0),
-            step.centre_old + (direction.centre0 - self._centre0),
+            step.centre,
+            step.centre_old,
             step.damping_factor,
         )
         complex_states = {

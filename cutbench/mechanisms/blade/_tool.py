@@ -52,7 +52,7 @@ def distance(x: np.ndarray, y: np.ndarray, a, b) -> tuple[np.ndarray, np.ndarray
     step in complex numbers carries the derivative exactly.
     """
     kind = np.result_type(x, y, type(a), type(b), float)
-    side = np.where(np.real(x) < 0, -1.0, 1.0)
+    side = np.where(np.signbit(np.real(x)), -1.0, 1.0)
     g = np.array(side * x - a, dtype=kind)
     n = np.zeros((2, g.size), dtype=kind)
     n[0] = side
@@ -90,6 +90,3 @@ def ellipse(x: np.ndarray, y: np.ndarray, a, b) -> tuple[np.ndarray, np.ndarray,
     n[0], n[1] = 2 * x / a**2, 2 * below / b**2
     H[0, 0], H[1, 1] = 2 / a**2, np.where(np.real(y) < 0, 2 / b**2, 0)
     return g, n, H
-
-
-GAPS = {"distance": distance, "ellipse": ellipse}

@@ -10,6 +10,7 @@ import numpy as np
 
 from cutbench.base.units import Parameter
 from cutbench.mechanisms.base import Group, Tool
+from cutbench.mechanisms.blade._tool import distance, ellipse
 
 #: Half-width of the rounded bracket, in units of the blade's half-thickness.
 SKIN = 0.01
@@ -22,6 +23,7 @@ class Contact(Tool):
     title = "contact"
     rank = -10
     standard = published = True
+    edge = ("tip", "its radius a^2/b")
     settable = (
         Group(
             "sharpness", "b/a", "$b/a$", "tip", ("thickness",),
@@ -62,7 +64,32 @@ class Contact(Tool):
         return {"b/a": 2 * p.tip / p.thickness}
 
     def half_axes(self, p):
+        """a and b of the tip, mm."""
         return p.thickness / 2, p.tip
+
+    def distance(self, x, y, p):
+        a, b = self.half_axes(p)
+        return distance(x, y - b, a, b)
+
+    def number(self, x, y, p):
+        """The paper's dimensionless gap in place of the distance."""
+        a, b = self.half_axes(p)
+        return ellipse(x, y - b, a, b)
+
+    def outline(self, p):
+        a, b = self.half_axes(p)
+        angle = np.linspace(np.pi, 2 * np.pi, 121)
+        return np.column_stack([a * np.cos(angle), b * (1 + np.sin(angle))])
+
+    def edge_radius(self, p):
+        a, b = self.half_axes(p)
+        return a**2 / b
+
+    def edge_for(self, p, radius):
+        return (p.thickness / 2) ** 2 / radius
+
+    def height(self, p):
+        return self.half_axes(p)[1]
 
     def pressure(self, gap, multiplier, stiffness, p):
         """t_N and its slope. The Macaulay bracket is rounded over ``SKIN`` of the blade's half-thickness: a

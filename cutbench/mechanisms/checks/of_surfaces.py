@@ -15,6 +15,7 @@ from cutbench.mechanisms.checks.trial import (
     in_new_units,
     points,
     recorded,
+    rng,
     sliding,
 )
 
@@ -54,11 +55,60 @@ def contact_keeps_out_and_never_pulls(t: Trial) -> None:
         t_N, slope = t.law.pressure(gap, multiplier, stiffness, p)
         assert t_N.min() >= 0 and slope.max() <= 0 and np.all(np.diff(t_N) <= 0) and t_N[-1] == 0
         bracket = np.maximum(multiplier - stiffness * gap, 0)
-        assert np.abs(t_N - bracket).max() <= 0.01 * stiffness * t.law.half_axes(p)[0]
+        assert np.abs(t_N - bracket).max() <= 0.005 * stiffness * p.thickness
         up, down = (t.law.pressure(gap + s * h, multiplier, stiffness, p)[0] for s in (1, -1))
         close(slope, (up - down) / (2 * h), 1e-5)
         probe = t.law.pressure(gap + 1j * STEP, multiplier, stiffness, p)[0]
         close(probe.imag / STEP, slope, 1e-13)
+
+
+@check("blade")
+def tool_is_a_profile(t: Trial) -> None:
+    """The blade's own law: signed distance to its outline, with both derivatives, in any units."""
+    if not isinstance(t.law, Tool):
+        return
+    p, law, r = t.numbers(), t.law, rng()
+    radius, (left, right, _) = law.edge_radius(p), law.extent(p)
+    outer = np.stack([r.uniform(1.5 * left, 1.5 * right, 400), r.uniform(-0.5, 1.3, 400) * law.height(p)])
+    apex = radius * np.stack([r.uniform(-1, 1, 100), r.uniform(-1, 0.2, 100)])
+    x, y = np.hstack([outer, apex])
+    near = law.distance(x, y, p)[0] > -0.1 * radius
+    x, y = x[near], y[near]
+    g, n, H = law.distance(x, y, p)
+    assert np.abs(np.sqrt(g**2) - _to_line(law.outline(p), law.band, x, y)).max() < 2e-3 * p.thickness
+    close((n**2).sum(axis=0), np.ones(x.size), 1e-12)
+    close(np.einsum("ijn,jn->in", H, n), np.zeros_like(n), 0, 1e-9 / radius)
+    for j, (dx, dy) in enumerate([(1j * STEP, 0), (0, 1j * STEP)]):
+        along, turned, _ = law.distance(x + dx, y + dy, p)
+        close(along.imag / STEP, n[j], 1e-11)
+        close(turned.imag / STEP, H[:, j], 1e-8)
+    h = 1e-6 * radius
+    for j, (dx, dy) in enumerate([(h, 0), (0, h)]):
+        up, down = law.distance(x + dx, y + dy, p)[0], law.distance(x - dx, y - dy, p)[0]
+        close((up - down) / (2 * h), n[j], 1e-5)
+    origin = law.distance(np.zeros(1), np.zeros(1), p)
+    close(origin[0], 0, 0, 1e-12 * p.thickness)
+    close(origin[1][:, 0], [0, -1], 1e-12)
+    close(origin[2][0, 0], 1 / radius, 1e-9)
+    if law.alike(p):
+        mirrored, flip = law.distance(-x, y, p), np.array([[-1.0], [1.0]])
+        assert np.array_equal(mirrored[0], g) and np.array_equal(mirrored[1], flip * n)
+    L = NEW_UNITS["[length]"]
+    there = law.distance(x * L, y * L, t.rewritten(p))
+    for value, factor, here in zip(there, (1 / L, 1, L), (g, n, H), strict=True):
+        close(value * factor, here, 1e-9)
+
+
+def _to_line(line: np.ndarray, band: bool, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Distance (N,) of points to a line (n, 2) that goes on upwards from both ends, if it has a band."""
+    if band:
+        top = line[[0, -1]]
+        top[:, 1] += 10 * np.ptp(line)
+        line = np.vstack([top[:1], line, top[1:]])
+    a, way = line[:-1], np.diff(line, axis=0)
+    off = np.stack([x, y])[:, :, None] - a.T[:, None]
+    part = np.clip(np.einsum("ink,ki->nk", off, way) / (way**2).sum(axis=1), 0, 1)
+    return np.hypot(*(off - part * way.T[:, None])).min(axis=1)
 
 
 @check("skin")

@@ -219,7 +219,13 @@ GAP = np.linspace(-0.1, 0.1, N) + 1e-5
 
 def _body(law: Mechanism, p) -> list[np.ndarray]:
     """What a blade's own law says beside its strength."""
-    return [law.pressure(GAP, 0.0, 3.0, p)[0], np.array(law.half_axes(p))] if isinstance(law, Tool) else []
+    if not isinstance(law, Tool):
+        return []
+    return [law.pressure(GAP, 0.0, 3.0, p)[0], law.distance(BESIDE[0], BESIDE[1], p)[0]]
+
+
+#: Places (2, N) below a tool of usual size and beside it, mm.
+BESIDE = np.stack([x := np.linspace(-1, 1, N), 2 * (np.sqrt(x**2) - 0.4)])
 
 
 def factors(laws: list, p, at: Points | None = None) -> np.ndarray:

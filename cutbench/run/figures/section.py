@@ -12,6 +12,7 @@ from matplotlib.patches import Polygon
 from matplotlib.tri import Triangulation
 
 from cutbench.base.figure_style import DOUBLE_MM, FIELD_MAP, Look, new_figure, style
+from cutbench.case.case import Case
 
 if TYPE_CHECKING:
     from cutbench.run.result import Result, Snapshot
@@ -31,9 +32,7 @@ def plot_section(result: Result, snapshot: Snapshot | Sequence[Snapshot] | None 
     wanted = "a section is drawn from plane snapshots (triangle, triangle6)"
     halves = [_Half(s) for s in drawable(shown, "triangle", wanted)]
     top_kPa = max(h.top_kPa for h in halves) or 1.0
-    p = result.case.p
-    if tool := result.case.model.tool:  # a blade may be blunter than its drawing
-        p.tip = tool.half_axes(p)[1]
+    case, p = result.case, result.case.p
     with style():
         n = len(halves)
         figure = new_figure(DOUBLE_MM, 82 if n == 1 else 48 + 190 / n)
@@ -43,10 +42,10 @@ def plot_section(result: Result, snapshot: Snapshot | Sequence[Snapshot] | None 
             grid = figure.subplots(2, n, squeeze=False, height_ratios=(1, 0.85))
         for column, half in enumerate(halves):
             whole, near = grid[0, column], grid[1, column]
-            colours = _draw(whole, half, p, top_kPa, line=0.12)
-            _draw(near, half, p, top_kPa, line=0.2)
+            colours = _draw(whole, half, case, top_kPa, line=0.12)
+            _draw(near, half, case, top_kPa, line=0.2)
             _frame(whole, halves, p)
-            _zoom(whole, near, half, p, lines=n == 1)
+            _zoom(whole, near, half, case, lines=n == 1)
             whole.set_title(f"blade travel {half.travel_mm:.2f} mm", loc="left", fontsize=8.5)
             if column == 0:
                 whole.set_ylabel("height (mm)")
@@ -125,16 +124,19 @@ def _edges(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return edges[first], edges[first[count == 1]]
 
 
-def blade_outline(p, travel_mm: float, top_mm: float) -> np.ndarray:
-    """The blade's section (n, 2), mm: an elliptic tip down to height − travel, a band up to ``top_mm``."""
-    a, b = p.thickness / 2, p.tip
-    centre = p.height - travel_mm + b
-    angle = np.linspace(np.pi, 2 * np.pi, 121)
-    tip = np.column_stack([a * np.cos(angle), centre + b * np.sin(angle)])
-    return np.vstack([[-a, max(top_mm, centre)], tip, [a, max(top_mm, centre)]])
+def blade_outline(case: Case, travel_mm: float, top_mm: float) -> np.ndarray:
+    """The blade's section (n, 2), mm: its profile, the apex at height − travel, a band up to ``top_mm``."""
+    tool = case.model.tool
+    assert tool is not None, "a section is that of a cut"
+    profile = tool.outline(case.p) + np.array([0.0, case.p.height - travel_mm])
+    if not tool.band:
+        return profile
+    ends = profile[[0, -1]]
+    ends[:, 1] = np.maximum(ends[:, 1], top_mm)
+    return np.vstack([ends[:1], profile, ends[1:]])
 
 
-def _draw(axes, half: _Half, p, top_kPa: float, line: float):
+def _draw(axes, half: _Half, case: Case, top_kPa: float, line: float):
     """Field, mesh, surfaces and blade into ``axes``; returns what the colour bar needs."""
     for side in half.sides:
         mesh = Triangulation(side * half.x[:, 0], half.x[:, 1], half.triangles)
@@ -146,7 +148,7 @@ def _draw(axes, half: _Half, p, top_kPa: float, line: float):
         axes.add_collection(
             LineCollection(half.outline * flip, colors="black", linewidths=0.6, capstyle="round")
         )
-    outline = blade_outline(p, half.travel_mm, p.height + 0.2 * p.height)
+    outline = blade_outline(case, half.travel_mm, 1.2 * case.p.height)
     axes.add_patch(Polygon(outline, facecolor="#D9D9D9", edgecolor="black", lw=0.6, hatch="", zorder=3))
     axes.set_aspect("equal")
     return colours
@@ -162,9 +164,10 @@ def _frame(axes, halves: list[_Half], p) -> None:
     axes.set_xlabel("width (mm)")
 
 
-def _zoom(whole, near, half: _Half, p, *, lines: bool) -> None:
+def _zoom(whole, near, half: _Half, case: Case, *, lines: bool) -> None:
     """Limits of the close look: some tip lengths round the tip; its frame in the whole picture."""
-    reach = max(4 * p.thickness, 1.6 * p.tip)
+    p, tool = case.p, case.model.tool
+    reach = max(4 * p.thickness, 1.6 * tool.height(p) if tool else 0.0)
     middle = p.height - half.travel_mm + 0.35 * reach
     near.set_xlim(-reach, reach)
     near.set_ylim(middle - reach, middle + reach)

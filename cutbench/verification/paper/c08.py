@@ -18,7 +18,7 @@ def _material(name, run, published, front):
     behind = ratio(behind, value)
     if front:
         what, where = f"{name}: height of that place above the blade's lowest point", "at the front"
-        place = Finding(what, "mm", where, up, below(up, FRONT * run.case.p.tip))
+        place = Finding(what, "mm", where, up, below(up, FRONT * run.case.model.tool.height(run.case.p)))
     else:
         what, where = f"{name}: depth of that place below the top, unloaded", "at the top edge"
         place = Finding(what, "mm", where, deep, below(deep, EDGE_MM))

@@ -46,6 +46,8 @@ def observed_run(case: Case) -> Result:
 
 def looked_at(picture: Snapshot, case: Case) -> dict[str, float]:
     """The values of ``COLUMNS`` in one picture of the fields."""
+    tool = case.model.tool
+    assert tool is not None, "nothing presses without a blade"
     height, lowest = case.p.height, case.p.height - picture.displacement_mm
     faces = list(picture.faces.values())
     pressure = np.concatenate([face["contact_pressure_MPa"] for face in faces])
@@ -59,7 +61,7 @@ def looked_at(picture: Snapshot, case: Case) -> dict[str, float]:
         "contact_peak_MPa": float(pressure[top]),
         "contact_peak_above_tip_mm": float(x[top, 1] - lowest) if touched else np.nan,
         "contact_peak_depth_mm": float(height - X[top, 1]) if touched else np.nan,
-        "contact_behind_MPa": _behind(cut, lowest + case.p.tip),
+        "contact_behind_MPa": _behind(cut, lowest + tool.height(case.p)),
         "von_mises_peak_MPa": float(picture.point_data["von_mises"][on_plane].max()),
         "widest_opening_mm": float(cut["opening_mm"][widest]),
         "damage_at_widest": float(cut["damage"][widest]),

@@ -84,7 +84,7 @@ def indented(half_thickness: float, tip: float, contact: float, travel: float) -
     bottom, middle = space.nodes_on("bottom"), space.nodes_on("cut")
     problem = Problem([*forms, blade], ndof, np.concatenate([2 * bottom, 2 * bottom + 1, 2 * middle]), p)
     u, states = np.zeros(ndof), problem.start()
-    centre = np.array([0.0, size + tip + skin, 0.0])
+    centre = np.array([0.0, size + skin, 0.0])
     # Down first, against a soft penalty; nothing remembers the way, so a stiffer one can follow in place.
     for part in np.arange(1, STEPS + 1) / STEPS:
         # From a guess that is clear of the punch, so that its sides are never met.
