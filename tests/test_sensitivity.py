@@ -80,8 +80,19 @@ def test_derivatives_are_those_of_central_differences():
             ("G", "G_c", "tip", "mu"),
             6 * [LENGTH],
         ),
+        (
+            {
+                "with_": ["surface_tension", "bending_skin", "film"],
+                "gamma_s": "200 mN/m",
+                "bent_thickness": "0.2 mm",
+                "film_thickness": "0.1 mm",
+                "depth": "0.5 mm",
+            },
+            ("gamma_s", "skin_bending", "film_bending", "G_c", "G"),
+            10 * [LENGTH],
+        ),
     ],
-    ids=["mixed, augmented", "tool's normal", "carried", "no damping"],
+    ids=["mixed, augmented", "tool's normal", "carried", "no damping", "surfaces"],
 )
 def test_they_are_for_other_numerics(changes, names, steps):
     check(CUTTING.set(**changes), names, steps)

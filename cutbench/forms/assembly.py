@@ -7,6 +7,7 @@ which would cost a symbolic factorization each time.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,7 +34,15 @@ class Pattern:
     Local matrices come as (nd_i, nd_j, n) flattened; ``pairs`` of a block may restrict them.
     """
 
-    def __init__(self, ndof: int, fixed: np.ndarray, dof_tables: dict[str, np.ndarray], symmetric: bool):
+    def __init__(
+        self,
+        ndof: int,
+        fixed: np.ndarray,
+        dof_tables: dict[str, np.ndarray],
+        symmetric: bool,
+        idle: Collection[str] = (),
+    ):
+        """``idle``: names of blocks that have vectors alone."""
         self.ndof, self.symmetric = ndof, symmetric
         free = np.ones(ndof, bool)
         free[fixed] = False
@@ -43,7 +52,8 @@ class Pattern:
         n = self.free.size
         # Which degrees of freedom meet: products of incidences, without a list of all local entries.
         met = sp.identity(n, dtype=bool, format="csr")
-        for dofs in _distinct(dof_tables):
+        coupled = {name: dofs for name, dofs in dof_tables.items() if name not in idle}
+        for dofs in _distinct(coupled):
             met = met + _incidence(self.number[dofs], n)
         if symmetric:
             met = sp.triu(met, format="csr")
@@ -53,9 +63,12 @@ class Pattern:
         self.diagonal = numbered.diagonal() - 1
         self.blocks: dict[str, Block] = {}
         self._stacks: dict[tuple[str, ...], sp.csr_matrix] = {}
-        for name, dofs in dof_tables.items():
+        for name, dofs in coupled.items():
             twin = next((block for block in self.blocks.values() if np.array_equal(block.dofs, dofs)), None)
             self.blocks[name] = twin or self._block(dofs, numbered)
+        for name in dof_tables.keys() - coupled.keys():
+            dofs, nothing = dof_tables[name], sp.csr_matrix((0, dof_tables[name].size))
+            self.blocks[name] = Block(dofs, self._vector(dofs), np.zeros(0, int), nothing)
 
     def _block(self, dofs: np.ndarray, numbered: sp.csr_matrix) -> Block:
         """Scatter of the local entries of ``dofs``; ``numbered`` holds places in the CSR values, from 1."""
@@ -79,10 +92,11 @@ class Pattern:
         row = (np.cumsum(used) - 1)[at]
         places = np.flatnonzero(used)
         matrix = sp.csr_matrix((np.ones(row.size), (row, where)), shape=(places.size, nd * nd * count))
-        vector = sp.csr_matrix(
-            (np.ones(dofs.size), (dofs.ravel(), np.arange(dofs.size))), shape=(self.ndof, dofs.size)
-        )
-        return Block(dofs, vector, places, matrix)
+        return Block(dofs, self._vector(dofs), places, matrix)
+
+    def _vector(self, dofs: np.ndarray) -> sp.csr_matrix:
+        ones = np.ones(dofs.size)
+        return sp.csr_matrix((ones, (dofs.ravel(), np.arange(dofs.size))), shape=(self.ndof, dofs.size))
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -48,6 +48,10 @@ class Form:
         """The virgin state."""
         return {}
 
+    def idle(self, p) -> bool:
+        """Whether it is switched off at ``p``: it has no matrix then, and couples no unknowns."""
+        return False
+
     def evaluate(self, u: np.ndarray, p, state: dict, step: Step, tangent: bool = True) -> Local:
         """Residual contribution at displacements u; nothing is stored."""
         raise NotImplementedError

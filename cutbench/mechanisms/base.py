@@ -290,9 +290,13 @@ class Tool(Blade):
 
 
 class Skin(Mechanism):
-    """How properties vary with place: factors on what all laws of a slot answer, 1 where it is off."""
+    """How properties vary with place: factors on what all laws of a slot answer, 1 where it is off. And what
+    the ``surfaces`` themselves have, 0 where it is off.
+    """
 
     slot = "skin"
+    #: Where there is tension or bending stiffness: nowhere, on the top, or on the cut plane's faces too.
+    surfaces: ClassVar[tuple[str, ...]] = ()
 
     def stiffness(self, p: Params, at: Points) -> np.ndarray | float:
         """Factor (N,) on the bulk laws' stresses, energies and viscosities, at ``at.X``, ``at.depth``."""
@@ -301,6 +305,14 @@ class Skin(Mechanism):
     def toughness(self, p: Params, at: Points) -> np.ndarray | float:
         """Factor (N,) on the cut laws' tractions and works."""
         return 1.0
+
+    def tension(self, p: Params) -> float:
+        """Energy γ of the deformed surface per area, N/mm; on the cut plane of what is cut."""
+        return 0.0
+
+    def bending(self, p: Params) -> float:
+        """Bending stiffness B of the surface, N mm."""
+        return 0.0
 
 
 class Support(Mechanism):

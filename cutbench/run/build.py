@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,16 +13,19 @@ from cutbench.case.model import Model
 from cutbench.case.motion import Motion
 from cutbench.case.numerics import Numerics
 from cutbench.forms.base import Form
-from cutbench.forms.bending import BendingForm
+from cutbench.forms.bending import BendingForm, subdivided
 from cutbench.forms.blade import BladeForm, ContactNumerics
 from cutbench.forms.bulk import BulkForm
 from cutbench.forms.cut import CutForm
 from cutbench.forms.damping import DampingForm
 from cutbench.forms.geometry import Geometry, paired
+from cutbench.forms.layer import LayerForm
 from cutbench.forms.mixed import MixedVolumetric
 from cutbench.forms.space import Faces, Space
 from cutbench.forms.support import SupportForm
-from cutbench.mechanisms import Volumetric
+from cutbench.forms.surface import Rim, Share
+from cutbench.forms.tension import SpanForm, TensionForm
+from cutbench.mechanisms import Skin, Volumetric
 from cutbench.models2d.plane_strain import geometry as section_geometry
 from cutbench.models3d.block import geometry as block_geometry
 from cutbench.solver.iterative import rigid_motions
@@ -113,11 +117,12 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
             if minus is not None:
                 stiff["bending_minus"] = minus
             laws = [*model.laws("bulk"), *(law for law in cut if law.role == "cohesive")]
-            forms += [BendingForm(side, space.X, n.layer, laws, mirrors, k) for k, side in stiff.items()]
+            forms += [LayerForm(side, space.X, n.layer, laws, mirrors, k) for k, side in stiff.items()]
     elif geometry.split:
         raise BadInput(
             key="symmetry", value="full", expected="'half' where no law holds the cut plane together"
         )
+    forms += surface_forms(skins, space, geometry, faces, bool(cut))
     blade = model.laws("blade")
     # Without contact nothing meets the blade: neither friction nor adhesion then has a surface to act on.
     if model.tool is not None:
@@ -177,3 +182,28 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
         window,
     )
     return Built(case, geometry, space, problem, march)
+
+
+def surface_forms(
+    skins: Sequence[Skin], space: Space, geometry: Geometry, faces: Mapping[str, Faces], opens: bool
+) -> Iterator[Form]:
+    """Forms of the laws that surfaces have; ``opens``: some law lets the cut plane open."""
+    if not any(law.surfaces for law in skins):
+        return
+    X, cut = space.X, faces["cut"]
+    sides = {"cut": cut} | ({"cut_minus": paired(cut, faces["cut_minus"], X)} if geometry.split else {})
+    rim = Rim.of(faces["top"], cut, sides.get("cut_minus"), X)
+    mirrors = [(space.nodes_on(name), i) for name, i in geometry.held]
+    for law in skins:
+        on = {name: faces[name] for name in law.surfaces if name == "top"}
+        on |= sides if "cut" in law.surfaces and opens else {}
+        for name, side in on.items():
+            if type(law).bending is not Skin.bending:
+                yield BendingForm(
+                    f"{law.name} bent {name}", law, side, X, mirrors, rim if name == "top" else None
+                )
+            if type(law).tension is not Skin.tension:
+                share = Share.all_of(side.w.size) if name == "top" else Share.as_cut(side.w.size)
+                yield TensionForm(f"{law.name} {name}", law, side, share)
+        if type(law).tension is not Skin.tension and "top" in on and opens:
+            yield SpanForm(f"{law.name} across", law, rim, rim.pieces(subdivided(cut.nodes, X)), cut, X)

@@ -173,6 +173,7 @@ class Ledger:
         model = built.case.model
         names = [law.name for slot in ("bulk", "cut", "blade", "support") for law in model.laws(slot)]
         forms = {form.name for form in built.problem.forms}
+        names += [law.name for law in model.laws("skin") if law.surfaces]
         names += [work for work, form in ((BENDING, "bending"), (SNAP, "damping")) if form in forms]
         self._names = names
         row = {"displacement_mm": 0.0, "force_N": 0.0, "time_s": 0.0, "cut_length_mm": 0.0}

@@ -13,6 +13,7 @@ from cutbench.forms.blade import BladeForm
 from cutbench.forms.bulk import BulkForm
 from cutbench.forms.cut import CutForm
 from cutbench.forms.damping import DampingForm
+from cutbench.forms.surface import SurfaceForm
 from cutbench.solver.iterative import solver_for
 
 
@@ -59,10 +60,12 @@ class Problem:
         self.cut = next((form for form in forms if isinstance(form, CutForm)), None)
         self.blades = [form for form in forms if isinstance(form, BladeForm)]
         self.damping = next((form for form in forms if isinstance(form, DampingForm)), None)
+        self.surfaces = [form for form in forms if isinstance(form, SurfaceForm)]
         self.symmetric = all(form.symmetric for form in forms)
         self.timer = Timer()
         start = time.perf_counter()
-        self.pattern = Pattern(ndof, fixed, {form.name: form.dofs for form in forms}, self.symmetric)
+        idle = {form.name for form in forms if form.idle(p)}
+        self.pattern = Pattern(ndof, fixed, {form.name: form.dofs for form in forms}, self.symmetric, idle)
         self.free = self.pattern.free
         #: The same as a mask (ndof,).
         self.is_free = np.zeros(ndof, bool)
@@ -95,8 +98,12 @@ class Problem:
         return {form.name: form.start(self.p) for form in self.forms}
 
     def touched(self, states: dict[str, dict]) -> dict[str, dict]:
-        """``states`` as a step begins with them: faces look for contact anew."""
-        return states | {form.name: form.touch(states[form.name]) for form in self.blades}
+        """``states`` as a step begins with them: faces look for contact anew, surfaces for what is cut."""
+        begun = states | {form.name: form.touch(states[form.name]) for form in self.blades}
+        if self.cut is not None:
+            damage = states["cohesion"]["damage"]
+            begun |= {form.name: form.begun(states[form.name], damage) for form in self.surfaces}
+        return begun
 
     def force(self, states: dict[str, dict]) -> float:
         """Force of the blade against its way, of the meshed part."""

@@ -30,7 +30,7 @@ from cutbench.solver.problem import Problem
 OPEN = 1e-8
 CORRECTIONS = 12
 #: States that the ledger alone reads, and those that make up a blade's force.
-LEDGER = frozenset({"tractions", "shares"})
+LEDGER = frozenset({"tractions", "shares", "before"})
 FORCE = frozenset({"normal_traction", "shear"})
 
 
@@ -122,7 +122,11 @@ class Sensitivities:
         """Rates of the states that a step begins from. Θ is a switch: it has no derivative of its own."""
         begun = {name: {k: v for k, v in rates.items() if k != "touched"} for name, rates in ended.items()}
         blades = [form for form in self._problem.blades if form.name in begun]
-        return {**begun, **{form.name: form.begun(begun[form.name]) for form in blades}}
+        begun |= {form.name: form.begun(begun[form.name]) for form in blades}
+        damage = ended.get("cohesion", {}).get("damage")
+        if damage is not None:
+            begun |= {form.name: {"there": form.share.rate(damage)} for form in self._problem.surfaces}
+        return begun
 
     def _augmented(self, begun: dict, found: dict) -> dict:
         parts = {}

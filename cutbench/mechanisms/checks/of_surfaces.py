@@ -13,6 +13,7 @@ from cutbench.mechanisms.checks.trial import (
     Trial,
     factors,
     in_new_units,
+    of_surfaces,
     points,
     recorded,
     rng,
@@ -120,6 +121,17 @@ def skin_scales(t: Trial) -> None:
     assert np.array_equal(factors([t.law], t.numbers(**off)), np.ones((2, N)))
     at.X, at.depth = at.X * NEW_UNITS["[length]"], at.depth * NEW_UNITS["[length]"]
     close(factors([t.law], t.rewritten(p), at), factors([t.law], p), 1e-12)
+
+
+@check("skin")
+def surfaces_have_it(t: Trial) -> None:
+    """Tension and bending stiffness are not negative, 0 where off, and have their units and their
+    surfaces."""
+    p, off = t.numbers(), {q.name: q.off_value for q in t.law.parameters if q.off is not None}
+    here, there = of_surfaces([t.law], p), of_surfaces([t.law], t.rewritten(p))
+    assert here.min() >= 0 and not of_surfaces([t.law], t.numbers(**off)).any()
+    close(there, [in_new_units(x, unit) for x, unit in zip(here, ("N/mm", "N mm"), strict=True)], 1e-12)
+    assert set(t.law.surfaces) <= {"top", "cut"} and bool(t.law.surfaces) == bool(here.any())
 
 
 @check("rig")

@@ -184,13 +184,15 @@ class Trial:
             return np.concatenate([self.strength(PRESSURE, p), *_body(law, p)])
         if law.slot == "support":
             return np.array([law.compliance(p)])
-        return factors([law], p) if law.slot == "skin" else recorded([law], p)
+        return self.together([law], p) if law.slot == "skin" else recorded([law], p)
 
     def together(self, laws: list, p: SimpleNamespace) -> np.ndarray:
         """What all ``laws`` of a slot answer together."""
         slot = self.law.slot
         if slot in ("skin", "rig"):
-            return factors(laws, p) if slot == "skin" else recorded(laws, p)
+            if slot == "rig":
+                return recorded(laws, p)
+            return np.concatenate([factors(laws, p).ravel(), of_surfaces(laws, p)])
         if slot == "support":
             return np.array([sum(law.compliance(p) for law in laws)])
         states = {k: v for law in laws for k, v in law.start(N, p).items()}
@@ -233,6 +235,11 @@ def factors(laws: list, p, at: Points | None = None) -> np.ndarray:
     at = at or points()
     each = [np.stack([np.broadcast_to(f(p, at), N) for f in (m.stiffness, m.toughness)]) for m in laws]
     return math.prod(each, start=np.ones((2, N)))
+
+
+def of_surfaces(laws: list, p) -> np.ndarray:
+    """Tension and bending stiffness (2,) that skins give the surfaces."""
+    return np.array([sum(law.tension(p) for law in laws), sum(law.bending(p) for law in laws)])
 
 
 def recorded(laws: list, p, length: float = 1.0, time: float = 1.0, force: float = 1.0) -> np.ndarray:

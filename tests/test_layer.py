@@ -9,7 +9,7 @@ from form_checks import P, check_tangent, displacement, space_of, spaces, step_b
 
 from cutbench.case.case import load_case
 from cutbench.case.model import DEFAULT, Model
-from cutbench.forms.bending import BendingForm
+from cutbench.forms.layer import LayerForm
 from cutbench.forms.space import Space
 from cutbench.run.build import build
 from cutbench.run.runner import run_case
@@ -27,9 +27,9 @@ def plate(dim: int, n: int, order: int) -> Space:
     return Space.build(mesh.with_boundaries({"cut": lambda x: np.abs(x[0]) < 1e-9}), order)
 
 
-def form_on(space: Space, **options) -> BendingForm:
+def form_on(space: Space, **options) -> LayerForm:
     laws = [law for law in Model(DEFAULT).all if law.slot in ("bulk", "cut")]
-    return BendingForm(space.faces("cut", 4), space.X, LAYER, laws, **options)
+    return LayerForm(space.faces("cut", 4), space.X, LAYER, laws, **options)
 
 
 def bent(space: Space, out_of_plane) -> np.ndarray:
@@ -105,7 +105,7 @@ def test_all_surfaces_at_the_blade_have_it(part):
     case = load_case("gelatin").set(h="1 mm", symmetry=part)
 
     def stiff(case):
-        return {form.name for form in build(case).problem.forms if isinstance(form, BendingForm)}
+        return {form.name for form in build(case).problem.forms if isinstance(form, LayerForm)}
 
     assert stiff(case) == {"bending", "bending_top"} | ({"bending_minus"} if part == "full" else set())
     assert stiff(case.set(layer=0.0)) == set()
