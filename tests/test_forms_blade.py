@@ -175,6 +175,19 @@ def test_touched_is_kept_on_the_cut_and_not_on_the_top():
         assert bool(later["touched"].all()) is kept
 
 
+def test_adhesion_ends_where_the_blade_is_away():
+    space, numerics = space_of(2, 2), blade(space_of(2, 2))._numerics
+    step = Step(0.1, np.zeros(space.ndof), *2 * (np.array([0.0, -1.0, 0.0]),))  # its flank at every point
+    for release, gap, kept in ((0.01, 0.005, True), (0.01, 0.02, False), (0.0, 0.2, True)):
+        form = blade(space).with_numerics(replace(numerics, release=release))
+        u = np.zeros(space.ndof)
+        u[::2] = P.thickness / 2 + gap
+        shape = form.start(P)["pressure"].shape
+        touched = {**form.start(P), "touched": np.ones(shape)}
+        ended = form.evaluate(u, P, touched, step).state
+        assert (form.touch(ended)["touched"] == float(kept)).all(), (release, gap)
+
+
 @spaces
 @pytest.mark.parametrize("normal", ["tool", "material"])
 def test_blade_work_is_what_the_blade_gives_less_what_the_material_takes(dim, order, normal):

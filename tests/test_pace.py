@@ -8,7 +8,7 @@ from coarse_runs import BRIEF
 
 from cutbench.run.build import build
 from cutbench.solver.newton import NoConvergence
-from cutbench.solver.step_control import EnergyError, StepControl, StepRules, StepState
+from cutbench.solver.step_control import SETTLES, EnergyError, StepControl, StepRules, StepState
 
 
 def test_where_errors_add_up_their_mean_counts():
@@ -70,3 +70,16 @@ def test_refused_steps_come_to_an_end_before_the_end_of_the_way():
             break
     assert len(tried) < 100
     assert tried[-1] == 1e7
+
+
+def test_what_happens_on_a_new_mesh_is_checked_too():
+    control, now = StepControl(StepRules(damage=0.5, defect=0.05)), StepState(0.05, blade=SETTLES)
+    control.check(now, 0.2, 0.01, 0.05)
+    for growth, defect in ((1.1, 0.0), (0.0, 0.2)):
+        with pytest.raises(NoConvergence) as refused:
+            control.check(now, growth, defect, 0.05)
+        # The blade rests already, so it is damping that is raised.
+        tried = control.shorter(now, refused.value, True)
+        assert tried.rests and tried.damping_factor > 1
+    # With as much damping as there is, what is left open is left open: no run ends for that.
+    control.check(StepState(0.05, 1e5, SETTLES), 0.0, 0.2, 0.05)

@@ -11,6 +11,7 @@ from cutbench.models2d.section import half_block
 from cutbench.run.build import build
 from cutbench.run.checkpoint import NAME, Checkpoint
 from cutbench.run.remeshing import RemeshedMarch, Transfer, follows, lengths
+from cutbench.run.result import TRANSFER
 from cutbench.run.runner import run_case
 from cutbench.run.sensitivity import directions, start_sensitivities
 
@@ -83,6 +84,25 @@ def test_followed_meshes_change_little(case, followed):
         ends = [r.curve[f"work_{name}_mJ"][-1] for r in (followed, alone)]
         assert ends[0] == pytest.approx(ends[1], rel=0.03)
     assert abs(followed.measures["closure"] - alone.measures["closure"]) < 0.01
+
+
+def test_what_a_new_mesh_adds_is_what_its_rest_gives_back(case):
+    *_, last = RemeshedMarch(case.set(depth="0.9 mm", around=0))
+    old, coarse = (build(case.set(around=0, h=h)) for h in ("0.12 mm", "0.2 mm"))
+    begin = Transfer(old, coarse).progress(last.progress)
+    assert begin.added > 0.01 * last.force * 0.1, "hardly another mesh"
+    rest = next(coarse.march.steps(begin))
+    assert rest.added == begin.added and rest.between and rest.progress.added == 0
+    assert rest.step.centre[1] == rest.step.centre_old[1], "the blade does no work"
+    assert sum(rest.work.values()) == pytest.approx(-rest.added, rel=0.1)
+
+
+def test_what_new_meshes_add_is_in_the_ledger(case, followed):
+    assert followed.ledger[-1] == TRANSFER
+    added = [step.added for step in RemeshedMarch(case)]
+    scale = case.p.length * 2
+    assert followed.curve["work_transfer_mJ"][-1] == pytest.approx(scale * sum(added), rel=1e-3)
+    assert np.count_nonzero(added) > 0
 
 
 def test_a_state_on_the_same_mesh_is_itself(case):

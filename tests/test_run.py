@@ -256,9 +256,10 @@ def test_twice_the_length_takes_twice_the_force(quick):
 
 def test_speed_counts_only_with_the_viscous_time(quick):
     fast = run_case(QUICK.set(speed="0.21 mm/s", eta_reg="0.238 s"))
-    np.testing.assert_allclose(fast.displacement_mm, quick.displacement_mm, rtol=1e-12)
+    # The length of a step follows from what the one before has left open: differences of nearly equal works.
+    np.testing.assert_allclose(fast.displacement_mm, quick.displacement_mm, rtol=1e-9)
     np.testing.assert_allclose(fast.force_N, quick.force_N, rtol=1e-6)
-    np.testing.assert_allclose(fast.curve["time_s"], quick.curve["time_s"] / 10, rtol=1e-12)
+    np.testing.assert_allclose(fast.curve["time_s"], quick.curve["time_s"] / 10, rtol=1e-9)
     faster = run_case(QUICK.set(speed="0.21 mm/s"))
     # Held together for longer, the faster cut is still whole where the slower one has begun.
     assert force_at(faster, 1.1) > 1.2 * force_at(quick, 1.1)

@@ -16,6 +16,8 @@ from coarse_runs import (
 )
 
 from cutbench.case.numerics import Numerics
+from cutbench.maps.dataset import row_of
+from cutbench.maps.sections import Regime
 from cutbench.mechanisms.base import Points
 from cutbench.run.build import build
 from cutbench.run.runner import run_case
@@ -155,6 +157,41 @@ def test_raised_damping_leaves_no_force_on_the_curve(monkeypatch):
     there = np.interp(held.displacement_mm, free.displacement_mm, free.force_N)
     assert held.force_N == pytest.approx(there, abs=2e-3 * free.force_N.max())
     assert abs(held.measures["closure"]) < 0.01
+
+
+def test_rest_is_on_the_clock(monkeypatch):
+    case = QUICK.set(depth="0.6 mm")
+    free = run_case(case)
+    monkeypatch.setattr(march, "newton", stubborn(case))
+    held = run_case(case)
+    late = [run.curve["time_s"] * case.p.speed - run.displacement_mm for run in (free, held)]
+    assert np.abs(late[0]).max() < 1e-9
+    rests = late[1] / case.numerics.step_min_mm
+    assert (np.diff(rests) > -1e-6).all() and rests[-1] > 0.9
+    np.testing.assert_allclose(rests, np.round(rests), atol=1e-6)
+
+
+def test_what_goes_on_against_raised_damping_is_counted(monkeypatch):
+    case = tuned(QUICK.set(depth="0.6 mm"), "steps", tries=3)
+    newton, refuses = march.newton, stubborn(case)
+
+    def restless(problem, u, states, step, settings, **options):
+        if step.centre[1] == step.centre_old[1] and step.damping_factor > 1:
+            raise march.NoConvergence("no state at rest")
+        return refuses(problem, u, states, step, settings, **options)
+
+    monkeypatch.setattr(march, "newton", restless)
+    dragged = run_case(case)
+    monkeypatch.setattr(march, "newton", newton)
+    free = run_case(case)
+    assert dragged.outcome.done and free.outcome.done
+    assert free.measures["drag_steps"] == free.measures["drag_boost"] == 0
+    assert dragged.measures["drag_steps"] > 1 and dragged.measures["drag_boost"] > 10
+    for run in (free, dragged):
+        part = run.curve["work_snap_mJ"][-1] / run.measures["energy_mJ"]
+        assert run.measures["snap_rel"] == pytest.approx(part, rel=0.01)
+    row = row_of(dragged, Regime(0.1, None, 0.1))
+    assert row.measures["drag_steps"] == dragged.measures["drag_steps"]
 
 
 def test_a_march_goes_on_where_the_blade_rests(monkeypatch):

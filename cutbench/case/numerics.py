@@ -14,7 +14,7 @@ from cutbench.base.units import parse_quantity
 from cutbench.case.tuning import Tuning
 
 #: A length may be written with its unit under the short name (h = "0.4 mm") or bare under the long (h_mm).
-ALIASES = {"h": "h_mm", "step": "step_mm", "step_min": "step_min_mm"}
+ALIASES = {"h": "h_mm", "step": "step_mm", "step_min": "step_min_mm", "release": "release_mm"}
 
 
 def _within(default: float, low: float, high: float, chosen: bool = False) -> Any:
@@ -54,6 +54,9 @@ class Numerics:
     """Contact stiffness, in G per mm of penetration."""
     stick: float = _within(25600.0, 1e-3, 1e6)
     """Stiffness of sticking, in G per mm of slip."""
+    release_mm: float = _within(0.001, 0.0, 10.0)
+    """A face of the cut that had touched the blade keeps its adhesion up to this gap; 0: for ever, as in the
+    paper."""
     closing: float = _within(5000.0, 0.0, 1e6)
     """Pressure at which the closed cut plane would overlap by δ_c, in G."""
     multiplier: str = _one_of("carried", "none")
@@ -188,6 +191,7 @@ def preset(name: object, dim: int, modulus: float, thickness: float) -> Numerics
         penalty=penalty,
         stick=PAPER_STICK,
         multiplier="none",
+        release_mm=0.0,
         closing=0.0,
         layer=0.0,
         scheme="staggered",

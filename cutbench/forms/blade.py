@@ -32,6 +32,8 @@ class ContactNumerics:
     gap: str = "distance"
     #: A step begins with the last one's pressure as its multiplier.
     carried: bool = False
+    #: Gap in mm at which a face that had touched is free of the blade; 0: it never is, as in the paper.
+    release: float = 0.0
 
 
 class BladeForm(Form):
@@ -95,8 +97,8 @@ class BladeForm(Form):
         return new
 
     def touch(self, state: dict) -> dict:
-        """Θ for the next step (paper: from the last known pressure, kept on the cut faces); and its
-        multiplier.
+        """Θ for the next step (paper: from the last known pressure, kept on the cut faces; here until the
+        blade is away) and its multiplier.
         """
         now = (state["pressure"] > 0).astype(float)
         return {**self.begun(state), "touched": np.maximum(now, self._keeps * state["touched"])}
@@ -168,6 +170,9 @@ class BladeForm(Form):
             new["shares"][:, :, near] = slid["shares"]
             new["slid"] = new["slid"].copy()
             new["slid"][:, near] += slid["advance"]
+        if self._numerics.release > 0:
+            new["touched"] = np.array(state["touched"])
+            new["touched"][:, near] *= np.real(g) < np.real(self._numerics.release)
         new["pressure"][:, near] = t_N
         new["active"][:, near] = np.real(t_N) > 0
         new["normal_traction"][:, :, near] = normal_traction

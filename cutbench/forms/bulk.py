@@ -183,6 +183,9 @@ class BulkForm(Form):
                 taken[law.name] = law.work(whole, p, state, at)
         return {name: float(w @ density) for name, density in taken.items() if density is not None}
 
+    def stored(self, u, p, state):
+        return sum(self.energies(u, p, state).values())
+
     def work(self, u, p, old, new, step):
         before = self.energies(step.u_old, p, old)
         after = self.energies(u, p, new)

@@ -151,6 +151,12 @@ class CutForm(Form):
         along = np.einsum("cdf,cqf->dqf", self._frame, slope)
         return float(w.ravel() @ g), np.einsum("qaf,dqf->daf", self._N, along).reshape(self.dofs.shape)
 
+    def stored(self, u, p, state):
+        jump, at = self.jump(u), Points(X=self._X, depth=self._depth, held=True, closing=self.closing)
+        w = self._weights(p, at).ravel()
+        taken = (law.work(jump, p, state, at) for law in self.laws)
+        return sum(float(w @ density) for density in taken if density is not None)
+
     def work(self, u, p, old, new, step):
         jump, at = self.jump(u), self.points(step)
         w = self._weights(p, at).ravel()

@@ -90,6 +90,9 @@ class LayerForm(Form):
         """Stored energy in mJ, per mm of length in 2D."""
         return float((np.take(u, self.dofs) * self._force(u, p)).sum()) / 2
 
+    def stored(self, u, p, state):
+        return self.energy(u, p)
+
     def work(self, u, p, old, new, step):
         return {"bending": self.energy(u, p) - self.energy(step.u_old, p)}
 

@@ -111,6 +111,9 @@ class SurfaceForm(Form):
         """Stored energy in mJ, per mm of length in 2D."""
         return float(self.coefficient(p) * (state["there"] @ self.energies(np.take(u, self.dofs))))
 
+    def stored(self, u, p, state):
+        return self.energy(u, p, state)
+
     def work(self, u, p, old, new, step):
         # The mean of the forces at both ends: each has a factor of its own.
         there = (old["before"] + new["there"]) / 2

@@ -75,7 +75,10 @@ def geometry_of(case: Case, **where) -> Geometry:
 def contact_numerics(model: Model, p, n: Numerics) -> ContactNumerics:
     """Stiffnesses of the contact for parameters ``p``, which may be complex."""
     modulus = model.shear_modulus(p)
-    return ContactNumerics(n.penalty * modulus, n.stick * modulus, n.normal, n.gap, n.multiplier == "carried")
+    carried = n.multiplier == "carried"
+    return ContactNumerics(
+        n.penalty * modulus, n.stick * modulus, n.normal, n.gap, carried, release=n.release_mm
+    )
 
 
 def damping_viscosity(model: Model, p, n: Numerics):

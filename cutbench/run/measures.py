@@ -32,6 +32,9 @@ MEASURES: dict[str, tuple[str, str]] = {
 NOTED: dict[str, tuple[str, str]] = {
     "crossed_mm": ("mm", "blade travel at which the surface first passes through itself"),
     "crossed_mm2": ("mm2", "largest area of the meshed section that is in one place twice"),
+    "drag_steps": ("1", "points of the curve reached against raised damping, a force of the method's own"),
+    "drag_boost": ("1", "largest damping at such a point, in units of its value; 0 where there is none"),
+    "snap_rel": ("1", "work of the damping in jumps, relative to that of the blade"),
 }
 
 ABRUPT, SMOOTH, UNCUT = "abrupt", "smooth", "uncut"

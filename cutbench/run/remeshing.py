@@ -3,8 +3,8 @@
 Small elements are needed where the cut runs. All down the plane they are most of a section's, and of a
 run's time. So the section is meshed anew each time the front has come a blade thickness further;
 displacements and histories are read off the old mesh at the new one's points, and the blade rests until
-forces balance. Elements grow only where larger ones hold the same displacements. What that changes of the
-stored energy shows in the ledger's closure.
+forces balance. Elements grow only where larger ones hold the same displacements. What that adds to the stored
+energy, and the rest gives back, stands in the ledger as ``transfer``.
 """
 
 from __future__ import annotations
@@ -136,6 +136,12 @@ def _misfits(old: Space, new: Space, u: np.ndarray, most: float) -> np.ndarray:
     return corners[..., large].mean(axis=1)
 
 
+def _stored(built: Built, u: np.ndarray, states: dict[str, dict]) -> float:
+    """Energy of a state, of the meshed part."""
+    problem = built.problem
+    return sum(form.stored(u, problem.p, states[form.name]) for form in problem.forms)
+
+
 @dataclass(frozen=True)
 class Transfer:
     """What a state on the mesh of ``old`` is on that of ``new``: linear, so it takes derivatives too."""
@@ -162,10 +168,12 @@ class Transfer:
 
     def progress(self, now: Progress) -> Progress:
         """With the blade at rest until forces balance; what the last step did then goes on."""
+        u, states = self.displacements(now.u), self.states(now.states)
         return replace(
             now,
-            u=self.displacements(now.u),
-            states=self.states(now.states),
+            u=u,
+            states=states,
+            added=now.added + _stored(self.new, u, states) - _stored(self.old, now.u, now.states),
             u_before=None if now.u_before is None else self.displacements(now.u_before),
             control=now.control.settled(),
             past=now.past and now.past | {"u": [self.displacements(u) for u in now.past["u"]]},

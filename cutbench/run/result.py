@@ -19,9 +19,11 @@ OUTCOMES: Final = ("done", "stalled", "interrupted", "failed")
 _LEADING = ("displacement_mm", "force_N", "time_s", "cut_length_mm")
 _TRAILING = ("reaction_N", "closure")
 
-#: Entries of the energy ledger that are no mechanisms: energy lost in jumps, and in bending of surfaces.
+#: Entries of the energy ledger that are no mechanisms: energy lost in jumps, in bending of surfaces, and what
+#: new meshes add.
 SNAP: Final = "snap"
 BENDING: Final = "bending"
+TRANSFER: Final = "transfer"
 
 
 #: Before a parameter's name: the derivative of the displacements by it.

@@ -95,6 +95,8 @@ class Progress:
     #: The blade's work so far, and what of it the ledger has left open.
     spent: float = 0.0
     left: float = 0.0
+    #: Energy that a new mesh has added to the state, which forces give back when they balance there.
+    added: float = 0.0
     #: Steps that predictions are made from.
     past: dict[str, list] | None = None
 
@@ -110,7 +112,8 @@ class Progress:
 
 @dataclass(frozen=True)
 class Accepted:
-    """A converged step. ``pseudo_time_mm``: its end, time × speed; travel where the blade never rests."""
+    """A converged step. ``pseudo_time_mm``: its end in the motion's time, × speed; what steps at rest take is
+    in ``dt`` alone."""
 
     travel: float
     pseudo_time_mm: float
@@ -120,6 +123,8 @@ class Accepted:
     force: float
     reaction: float
     work: dict[str, float]
+    #: Energy that a new mesh has added to the state at its beginning.
+    added: float
     iterations: int
     step: Step
     #: Each inner solve: the states it began from and the displacements it found (one without augmentations).
@@ -216,8 +221,9 @@ class March:
                 # largest step: within a small jump of a fine step nothing is gained by closing better than
                 # that. A blade at rest is taken as one that moves.
                 whole = (abs(now.force) + abs(found.force)) / 2 * max(size, rules.largest)
-                defect = abs(found.left) / max(whole, 1e-300)
-                allowed = control.allowed(found.spent, found.left, now.spent, now.left)
+                left = found.left - now.added
+                defect = abs(left) / max(whole, 1e-300)
+                allowed = control.allowed(found.spent, left, now.spent, now.left)
                 if plan is None:
                     control.check(pace, growth, defect, allowed)
             except NoConvergence as error:
@@ -235,19 +241,19 @@ class March:
                 # Another mesh, the same way: what the last step did goes on.
                 u_before = None if now.u_before is None else now.u_before + found.u - u
                 size_before = now.size_before
-            taken, effort = pace, found.effort
+            taken, effort, added = pace, found.effort, now.added
             pace = control.after(pace, max(effort), growth * self.cut_speed_factor(), defect, allowed)
             pseudo_time_mm += size
             if motion.turns(pseudo_time_mm):
                 u_before, pace = None, replace(pace, size=min(pace.size, rules.first))
             now = Progress(
                 pseudo_time_mm, found.u, found.result.states, pace, u_before, size_before, found.force,
-                spent=now.spent + found.spent, left=now.left + found.left,
+                spent=now.spent + found.spent, left=now.left + left,
                 past=None if self.past is None else self.past.state(),
             )  # fmt: skip
             yield Accepted(
                 ahead, pseudo_time_mm, step.dt, found.u, found.result.states, found.force,
-                found.result.residual[self.bottom].sum(), found.work, sum(effort), step, found.solves,
+                found.result.residual[self.bottom].sum(), found.work, added, sum(effort), step, found.solves,
                 taken.between, now, tuple(refused), Given(size, step.damping_factor, found.u),
             )  # fmt: skip
             refused = []

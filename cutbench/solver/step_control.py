@@ -104,13 +104,14 @@ class StepControl:
     def check(self, now: StepState, growth: float, defect: float, allowed: float) -> None:
         """Raises NoConvergence where damage grew by too much, or too much of the energy is left open."""
         rules, size = self.rules, now.size
-        if rules.paper or now.blade == SETTLES:
+        if rules.paper:
             return
         if growth > 2 * rules.damage and size > 4 * rules.smallest:
             raise NoConvergence(f"damage grew by {growth:.2f}")
         able = self.damped and now.damping_factor < rules.jump_damping
         # Where errors add up, it is their mean over some steps that has to be small.
-        if defect > min(2 * allowed, rules.defect) and (size > rules.finest or able):
+        shortens = size > rules.finest and now.blade != SETTLES
+        if defect > min(2 * allowed, rules.defect) and (shortens or able):
             raise EnergyError(f"the energy of the step closes only to {defect:.0%}")
 
     def shorter(self, now: StepState, error: NoConvergence, moves: bool) -> StepState | None:

@@ -1,6 +1,6 @@
 """Adhesion and wear on the blade (paper, eq. flow_potential and piecewise_adhesion): strength τ_W Θ.
 
-Θ is 1 under contact and stays 1 on a cut face that has touched once.
+Θ is 1 under contact and stays 1 on a cut face that has touched, until the blade is away.
 """
 
 from cutbench.base.units import Parameter

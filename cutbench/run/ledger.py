@@ -1,0 +1,125 @@
+"""Curve and energy balance, a row a step: the blade's work against what each mechanism took up."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cutbench.run.remeshing import RemeshedMarch
+from cutbench.run.result import BENDING, SNAP, TRANSFER
+from cutbench.solver.march import Accepted
+
+
+class Ledger:
+    """One run's; ``last`` is its last row."""
+
+    def __init__(self, meshes: RemeshedMarch):
+        self._meshes, self._rows = meshes, []
+        self.iterations = self.refused = self._drags = 0
+        self._boost = 0.0
+        built = meshes.built
+        self._work: dict[str, float] = {}
+        self._blade = 0.0
+        # What steps at rest have taken, which the motion's time does not have, s.
+        self._rested = 0.0
+        # Since the last row: where the blade is, its force, and what each mechanism took up.
+        self._now = (0.0, 0.0)
+        self._since: dict[str, float] = {}
+        # A curve starts at the origin: nothing touched, nothing spent.
+        model = built.case.model
+        names = [law.name for slot in ("bulk", "cut", "blade", "support") for law in model.laws(slot)]
+        forms = {form.name for form in built.problem.forms}
+        names += [law.name for law in model.laws("skin") if law.surfaces]
+        names += [work for work, form in ((BENDING, "bending"), (SNAP, "damping")) if form in forms]
+        names += [TRANSFER] * meshes.follows
+        self._names = names
+        row = {"displacement_mm": 0.0, "force_N": 0.0, "time_s": 0.0, "cut_length_mm": 0.0}
+        row |= {f"force_{name}_N": 0.0 for name in names} | {f"work_{name}_mJ": 0.0 for name in names}
+        self._rows.append(row | {"reaction_N": 0.0, "closure": 0.0})
+
+    def add(self, step: Accepted) -> dict[str, float]:
+        """The last row: that of ``step``, unless it is between two points of the curve."""
+        built = self._meshes.built
+        scale = built.geometry.multiplicity
+        force = step.force * scale
+        travel, before = self._now
+        self._blade += (before + force) / 2 * (step.travel - travel)
+        self._now = (step.travel, force)
+        self.iterations += step.iterations
+        self.refused += len(step.refused)
+        if step.step.damping_factor > 1 and not step.between:
+            self._drags, self._boost = self._drags + 1, max(self._boost, step.step.damping_factor)
+        self._rested += step.dt * (step.given.advance == 0)
+        taken = step.work | {TRANSFER: step.added}
+        for name in self._names:
+            done = taken.get(name, 0.0) * scale
+            self._work[name] = self._work.get(name, 0.0) + done
+            self._since[name] = self._since.get(name, 0.0) + done
+        if step.between:
+            return self.last
+        row = {
+            "displacement_mm": step.travel,
+            "force_N": force,
+            "time_s": step.pseudo_time_mm / built.march.speed + self._rested,
+            "cut_length_mm": self._cut_length(step),
+        }
+        travelled = step.travel - self.last["displacement_mm"]
+        for name in self._names:
+            row[f"force_{name}_N"] = self._since[name] / travelled if travelled else 0.0
+        self._since = {}
+        row |= {f"work_{name}_mJ": self._work[name] for name in self._names}
+        row["reaction_N"] = step.reaction * scale
+        defect = self._blade - sum(self._work.values())
+        row["closure"] = defect / self._blade if self._blade else 0.0
+        self._rows.append(row)
+        return row
+
+    def _cut_length(self, step: Accepted) -> float:
+        """Length of cut plane (3D: mean over the blade) that has lost its cohesion."""
+        if "cohesion" not in step.states:
+            return 0.0
+        built = self._meshes.built
+        form = built.form("cohesion")
+        cut = float(form.cut_area(step.states["cohesion"]).sum())
+        if form.dim == 3:
+            X = form.faces.X[2]
+            cut /= np.ptp(built.space.X[2]) if X.size else 1.0
+        return cut
+
+    def noted(self) -> dict[str, float]:
+        """The measures of ``cutbench.run.measures.NOTED``."""
+        snap = self._work.get(SNAP, 0.0) / self._blade if self._blade else 0.0
+        return {"drag_steps": float(self._drags), "drag_boost": self._boost, "snap_rel": snap}
+
+    @property
+    def farthest(self) -> float:
+        """The largest travel so far, mm."""
+        return max(row["displacement_mm"] for row in self._rows)
+
+    @property
+    def last(self) -> dict[str, float]:
+        """The row of the last step."""
+        return self._rows[-1]
+
+    def state(self) -> dict:
+        """All that a later ``restore`` needs, in arrays."""
+        return {
+            "names": list(self._rows[0]),
+            "rows": np.array([list(row.values()) for row in self._rows]),
+            "work": {**self._work},
+            "blade": self._blade,
+            "rested": self._rested,
+            "now": self._now,
+            "since": {**self._since},
+            "counts": (self.iterations, self.refused, self._drags, self._boost),
+        }
+
+    def restore(self, state: dict) -> None:
+        self._rows = [dict(zip(state["names"], map(float, row), strict=True)) for row in state["rows"]]
+        self._work, self._blade, self._rested = state["work"], state["blade"], state["rested"]
+        travel, force = map(float, state["now"])
+        self._now, self._since = (travel, force), state["since"]
+        self.iterations, self.refused, self._drags = map(int, state["counts"][:3])
+        self._boost = float(state["counts"][3])
+
+    def columns(self) -> dict[str, np.ndarray]:
+        return {key: np.array([row[key] for row in self._rows]) for key in self._rows[0]}
