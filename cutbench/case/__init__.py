@@ -8,7 +8,8 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "case": ["Case", "load_case", "parse_overrides"],
+        "case": ["Case", "load_case"],
+        "values": ["parse_overrides"],
         "model": ["DEFAULT", "Model", "PAPER"],
         "motion": ["Motion"],
         "numerics": ["Numerics", "defaults", "preset"],

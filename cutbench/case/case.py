@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType, SimpleNamespace
@@ -22,6 +22,7 @@ from cutbench.case.computation import computation_of, mesh_digest
 from cutbench.case.model import DEFAULT, Model, section_of
 from cutbench.case.motion import Polyline, checked_motion, read_motion
 from cutbench.case.numerics import ALIASES, KEYS, Numerics, defaults, preset
+from cutbench.case.outline import Points, checked_outline, namespace, read_outline, with_outline
 from cutbench.case.tuning import Tuning
 from cutbench.case.values import (
     SECTIONS,
@@ -32,6 +33,7 @@ from cutbench.case.values import (
     full_depth,
     misplaced,
     names,
+    parse_overrides,
     parse_values,
     resolve,
     rounded,
@@ -45,10 +47,8 @@ _TOP = ("material", "base", "mechanisms", *SECTIONS, "numerics")
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """A complete, checked description of one run; ``values`` are in internal units.
-
-    Raises BadInput if a value is missing, out of its bounds, or does not fit another.
-    """
+    """A complete, checked description of one run; ``values`` are in internal units. Raises BadInput if one is
+    missing, out of its bounds, or does not fit another."""
 
     name: str
     dim: int
@@ -58,6 +58,8 @@ class Case:
     #: Times (s) and travels (mm) from (0, 0) of a blade that holds, returns or changes its speed; without any
     #: it goes down to ``depth`` at ``speed``.
     motion: Polyline = ()
+    #: Measured points (mm) of the blade's profile, where the blade is the mechanism ``outline``.
+    outline: Points = ()
 
     def __post_init__(self) -> None:
         if self.dim not in (2, 3):
@@ -88,6 +90,7 @@ class Case:
             full[name] = rounded(value, 14)
         object.__setattr__(self, "mechanisms", model.mechanisms)
         object.__setattr__(self, "values", MappingProxyType(full))
+        object.__setattr__(self, "outline", checked_outline(self.outline, model.tool))
         check_fit(self.p, self.numerics, self.dim, model)
         object.__setattr__(self, "motion", checked_motion(self.motion, full["depth"]))
 
@@ -106,7 +109,11 @@ class Case:
     @property
     def p(self) -> SimpleNamespace:
         """The values by attribute, as laws read them."""
-        return SimpleNamespace(**self.values)
+        return namespace(self.values, self.outline)
+
+    @property
+    def _lines(self) -> list[tuple[str, Points]]:
+        return [(name, line) for name in ("motion", "outline") if (line := getattr(self, name))]
 
     @cached_property
     def computation(self) -> str:
@@ -138,8 +145,8 @@ class Case:
             "values": {name: f"{value:.14g}" for name, value in self.values.items()},
             "numerics": numerics,
         }
-        if self.motion:
-            content["motion"] = [[f"{number:.14g}" for number in point] for point in self.motion]
+        for name, line in self._lines:
+            content[name] = [[f"{number:.14g}" for number in point] for point in line]
         text = json.dumps(content, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -172,8 +179,8 @@ class Case:
         Parameters by name (``G="8 kPa"``), ``eta_v="0.05 mm"``, groups (``cohesion=9.0``), numerics
         (``h="0.2 mm"``, ``element="P1"``), ``numerics="paper"`` (all of them as the paper has them, and its
         viscous term), ``with_``, ``without`` and ``mechanisms`` (a name or several), ``motion`` (pairs of
-        time and travel of a blade that holds, returns or changes its speed), ``name``. Groups are solved
-        after the parameters. Raises BadInput.
+        time and travel of a blade that holds, returns or changes its speed), ``outline`` (a CSV file),
+        ``name``. Groups are solved after the parameters. Raises BadInput.
         """
         given = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "mechanisms"}
         return _Draft(model=self.model, **given).changed(changes).case()
@@ -191,7 +198,7 @@ class Case:
             },
             "numerics": {k: v for k, v in asdict(self.numerics).items() if k != "tuning"},
             "tuning": asdict(self.numerics.tuning),
-        } | ({"motion": [list(point) for point in self.motion]} if self.motion else {})
+        } | {name: [list(point) for point in line] for name, line in self._lines}
 
     @classmethod
     def from_dict(cls, data: Mapping) -> Case:
@@ -199,10 +206,10 @@ class Case:
         try:
             model = Model(tuple(data["mechanisms"]))
             written = as_written(data["values"])
-            changes = {**written, **data["numerics"]}
-            motion = read_motion(data.get("motion", ()))
+            lines = {name: data[name] for name in ("motion", "outline") if name in data}
+            changes = {**written, **data["numerics"], **lines}
             numerics = Numerics(tuning=Tuning.of(data["tuning"]) if "tuning" in data else Tuning())
-            draft = _Draft(name=data["name"], model=model, dim=data["dim"], motion=motion, numerics=numerics)
+            draft = _Draft(name=data["name"], model=model, dim=data["dim"], numerics=numerics)
             return draft.changed(changes).case()
         except (KeyError, TypeError, AttributeError) as error:
             expected = "a case as Case.to_dict() writes it"
@@ -219,6 +226,7 @@ class _Draft:
     numerics: Numerics = field(default_factory=Numerics)
     dim: int = 2
     motion: Polyline = ()
+    outline: Points = ()
 
     def changed(self, changes: Mapping[str, object]) -> _Draft:
         """With ``changes`` as ``Case.set`` takes them. Raises BadInput."""
@@ -231,6 +239,7 @@ class _Draft:
         if "without" in rest:
             model = model.without(*names("without", rest.pop("without")))
         motion = read_motion(rest.pop("motion")) if "motion" in rest else self.motion
+        outline, rest = with_outline(rest, self.outline, model.tool)
         name, word = rest.pop("name", self.name), rest.pop("numerics", None)
         if word == "paper":
             model = model.as_published()
@@ -239,7 +248,10 @@ class _Draft:
         numerics = start.set({k: v for k, v in rest.items() if k in KEYS})
         if numerics.mesh is not None:
             mesh_digest(numerics.mesh)  # what cannot be read is refused here, not in the middle of a run
-        return replace(self, name=name, model=model, values=values, numerics=numerics, motion=motion)
+        return _Draft(
+            name=name, model=model, values=values, numerics=numerics, dim=self.dim,
+            motion=motion, outline=outline,
+        )  # fmt: skip
 
     def _preset(self, word: object, model: Model, values: Mapping[str, float]) -> Numerics:
         # What is still missing is named later; until then it is the typical value.
@@ -283,19 +295,6 @@ def known_materials() -> dict[str, Case]:
     return {name: load_case(name) for name in materials.names()}
 
 
-def parse_overrides(texts: Iterable[str]) -> dict[str, object]:
-    """``["eta_reg=0.5 s"]`` -> ``{"eta_reg": "0.5 s"}``. Raises BadInput for no '=' or a key set twice."""
-    changes: dict[str, object] = {}
-    for text in [texts] if isinstance(texts, str) else texts:
-        key, sign, raw = (part.strip() for part in text.partition("="))
-        if not (key and sign and raw):
-            raise BadInput(key="--set", value=text, expected="name=value, such as --set eta_reg='0.5 s'")
-        if key in changes:
-            raise BadInput(key=key, value=raw, expected=f"to be set once; it is also set to '{changes[key]}'")
-        changes[key] = raw
-    return changes
-
-
 def _load(source: str | Path, seen: tuple[Path, ...], dim: int) -> tuple[_Draft, Path, str]:
     """What a file describes, the file and its text; ``seen`` are the files that led to it by ``base``."""
     path = materials.find(source)
@@ -328,6 +327,8 @@ def _load(source: str | Path, seen: tuple[Path, ...], dim: int) -> tuple[_Draft,
             part = dict(table.get(section, {}))
             if section == "protocol" and "motion" in part:
                 changes["motion"] = read_motion(part.pop("motion"))
+            if section == "blade" and "outline" in part:
+                changes["outline"] = read_outline(part.pop("outline"), path.parent)
             for key, raw in part.items():
                 if right := misplaced(key, section, model):
                     expected = f"it in the section [{right}], not in [{section}]"

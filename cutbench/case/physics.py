@@ -9,6 +9,7 @@ from types import SimpleNamespace
 from cutbench.base.errors import BadInput
 from cutbench.case.model import Model
 from cutbench.case.numerics import KEYS
+from cutbench.case.outline import Points, namespace, read_outline
 from cutbench.case.values import as_written, names, resolve
 
 
@@ -18,6 +19,7 @@ class Physics:
 
     model: Model
     values: Mapping[str, float]
+    outline: Points = ()
 
     def __post_init__(self) -> None:
         if missing := [name for name in self.model.parameters() if name not in self.values]:
@@ -32,7 +34,8 @@ class Physics:
         except (KeyError, TypeError, AttributeError) as error:
             expected = "a case as Case.to_dict() writes it"
             raise BadInput(key="case", value=str(error), expected=expected) from error
-        return cls(model, resolve({}, written, model))
+        outline = read_outline(data["outline"]) if "outline" in data else ()
+        return cls(model, resolve({}, written, model), outline)
 
     @property
     def mechanisms(self) -> tuple[str, ...]:
@@ -41,7 +44,7 @@ class Physics:
     @property
     def p(self) -> SimpleNamespace:
         """The values by attribute, as laws read them."""
-        return SimpleNamespace(**self.values)
+        return namespace(self.values, self.outline)
 
     def groups(self) -> dict[str, float]:
         """The dimensionless groups of all its mechanisms."""
@@ -51,4 +54,4 @@ class Physics:
         """With other laws and values as ``Case.set`` takes them; numerical choices are passed over."""
         model = self.model if mechanisms is None else Model(names("mechanisms", mechanisms))
         own = {key: value for key, value in changes.items() if key not in KEYS}
-        return Physics(model, resolve(self.values, own, model))
+        return Physics(model, resolve(self.values, own, model), self.outline)

@@ -101,6 +101,19 @@ def parse_values(raw: Mapping[str, object], model: Model) -> tuple[dict[str, flo
     return values, chosen
 
 
+def parse_overrides(texts: Iterable[str]) -> dict[str, object]:
+    """``["eta_reg=0.5 s"]`` -> ``{"eta_reg": "0.5 s"}``. Raises BadInput for no '=' or a key set twice."""
+    changes: dict[str, object] = {}
+    for text in [texts] if isinstance(texts, str) else texts:
+        key, sign, raw = (part.strip() for part in text.partition("="))
+        if not (key and sign and raw):
+            raise BadInput(key="--set", value=text, expected="name=value, such as --set eta_reg='0.5 s'")
+        if key in changes:
+            raise BadInput(key=key, value=raw, expected=f"to be set once; it is also set to '{changes[key]}'")
+        changes[key] = raw
+    return changes
+
+
 def resolve(start: Mapping[str, float], changes: Mapping[str, object], model: Model) -> dict[str, float]:
     """Values of ``model`` (internal units): ``start``, with ``changes`` as a person wrote them.
 
@@ -233,12 +246,13 @@ def _misshapen(tool: Tool, p: SimpleNamespace, numerics: Numerics) -> Iterator[t
     (key, formula), least = tool.edge, numerics.h_mm * TIP_PER_ELEMENT
     if (radius := tool.edge_radius(p)) < least:
         now, fit = getattr(p, key), tool.edge_for(p, least)
+        article = "an" if key[0] in "aeiou" else "a"
         other = f"most {_below(fit):g}" if fit < now else f"least {_below(1.1 * fit):g}"
         yield (
             key,
             f"{now:g} mm",
             f"a tip that the mesh resolves: {formula} is {radius:.3g} mm, less than h/20 = {least:.3g} mm;"
-            f" h = '{_below(radius / TIP_PER_ELEMENT):g} mm' would do, or a {key} of at {other} mm",
+            f" h = '{_below(radius / TIP_PER_ELEMENT):g} mm' would do, or {article} {key} of at {other} mm",
         )
 
 

@@ -120,7 +120,7 @@ def changes(
 ) -> dict[str, object]:
     """All that the options say, as ``Case.set`` takes it."""
     from cutbench.base.errors import BadInput
-    from cutbench.case.case import parse_overrides
+    from cutbench.case.values import parse_overrides
 
     changes = parse_overrides(sets or [])
     given = {key: value for key, value in options.items() if value is not None}

@@ -248,6 +248,9 @@ class Tool(Blade):
     #: Whether a band goes on upwards from both ends of the outline; else the outline is closed.
     band: ClassVar[bool] = True
 
+    #: Whether its shape is the case's measured outline, ``p.outline`` (n, 2) in mm.
+    measured: ClassVar[bool] = False
+
     def distance(self, x: np.ndarray, y: np.ndarray, p: Params) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Signed distance (N,) in mm, above 0 outside, its gradient (2, N) and second derivative (2, 2, N).
 

@@ -9,19 +9,16 @@ from typing import ClassVar
 import numpy as np
 
 from cutbench.base.units import Parameter
-from cutbench.mechanisms.base import Group, Tool
+from cutbench.mechanisms.base import Group
+from cutbench.mechanisms.blade._rigid import PLACED, Rigid
 from cutbench.mechanisms.blade._tool import distance, ellipse
 
-#: Half-width of the rounded bracket, in units of the blade's half-thickness.
-SKIN = 0.01
 
-
-class Contact(Tool):
+class Contact(Rigid):
     """The blade keeps the material out; it lends no shear strength of its own."""
 
     name = "contact"
     title = "contact"
-    rank = -10
     standard = published = True
     edge = ("tip", "its radius a^2/b")
     settable = (
@@ -42,22 +39,7 @@ class Contact(Tool):
             sought=False,
             trial=("with a tip twice as long", 2.0),
         ),
-        Parameter(
-            "tilt",
-            "deg",
-            "φ",
-            "turn of the blade about the direction in which it moves (three dimensions)",
-            low=-30,
-            high=30,
-            default=0.0,
-        ),
-        Parameter(
-            "overhang",
-            "mm",
-            "l_o",
-            "length of the blade beyond each end of the specimen, negative where it is shorter",
-            default=0.0,
-        ),
+        *PLACED,
     )
 
     def groups(self, p):
@@ -90,19 +72,3 @@ class Contact(Tool):
 
     def height(self, p):
         return self.half_axes(p)[1]
-
-    def pressure(self, gap, multiplier, stiffness, p):
-        """t_N and its slope. The Macaulay bracket is rounded over ``SKIN`` of the blade's half-thickness: a
-        kink there makes Newton's method cycle between contact states.
-        """
-        depth = multiplier / stiffness - gap
-        skin = SKIN * p.thickness / 2
-        inside = np.real(depth) >= np.real(skin)
-        near = ~inside & (np.real(depth) > -np.real(skin))
-        bent = (depth + skin) ** 2 / (4 * skin)
-        t_N = stiffness * np.where(inside, depth, np.where(near, bent, 0))
-        slope = -stiffness * np.where(inside, 1.0, np.where(near, (depth + skin) / (2 * skin), 0))
-        return t_N, slope
-
-    def strength(self, t_N, p, state, at):
-        return 0 * t_N

@@ -11,7 +11,7 @@ from scipy.integrate import quad
 
 from cutbench.forms.base import Step
 from cutbench.forms.blade import BladeForm, ContactNumerics
-from cutbench.mechanisms.blade.contact import SKIN
+from cutbench.mechanisms.blade._rigid import SKIN
 from cutbench.models2d.section import named
 from cutbench.solver.problem import Problem
 from cutbench.verification.reference._parts import bulk_forms, law, parameters, solve, space_of

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cutbench.mechanisms.blade.contact import SKIN
+from cutbench.mechanisms.blade._rigid import SKIN
 from cutbench.verification.reference._punch import approach, indented
 from cutbench.verification.reference.base import Check, Reference
 
