@@ -84,11 +84,13 @@ def value(number: float | tuple[float, ...]) -> str:
 
 
 def replaced(law: Mechanism) -> Mechanism | None:
-    """The law whose role ``law`` takes and whose parameters it keeps; none where it is added to a model."""
+    """The law whose role ``law`` takes, one whose parameters it keeps if there is; none where it is added."""
     names = {q.name for q in law.parameters}
     same = [o for o in registry().values() if o.role == law.role is not None and o.name != law.name]
     inside = [o for o in same if {q.name for q in o.parameters} <= names and o.name in DEFAULT]
-    return next(iter(inside + [o for o in same if {q.name for q in o.parameters} < names]), None)
+    kept = [o for o in same if set(o.parameters) < set(law.parameters)]
+    default = [o for o in same if o.name in DEFAULT and law.name not in DEFAULT]
+    return next(iter(inside + kept + default), None)
 
 
 def mechanisms() -> str:
@@ -98,7 +100,7 @@ def mechanisms() -> str:
         about = re.sub(r" \(paper[^)]*\)", "", " ".join(about.split())).replace("``", "`").rstrip(".,")
         name = f"**`{law.name}`**" if law.name in DEFAULT else f"`{law.name}`"
         other = replaced(law)
-        own = [q for q in law.parameters if other is None or q.name not in {o.name for o in other.parameters}]
+        own = [q for q in law.parameters if other is None or q not in other.parameters]
         units = [f"`{q.name}`" + ("" if q.unit == "1" else f" in {q.unit}") for q in own]
         off = [f"`{q.name}` = {q.off:g}" for q in own if q.off is not None]
         place = f"`{other.name}`" if other else ""

@@ -108,15 +108,15 @@ def blade(space: Space, *, face="cut", names=DEFAULT, normal="tool", gap="distan
     return BladeForm(laws, faces, numerics, keep_touched=["cut"], height=HEIGHT)
 
 
-def blade_case(space, form):
+def blade_case(space, form, p=P):
     """Displacements, a step and a state with a past: multipliers, shear and touched points."""
     c = np.array([0.0, 2.3 - P.tip, 0.0])
     u_old = displacement(space, 1, 0.03)
     step = Step(0.2, u_old, c, c + np.array([0.0, 0.01, 0.0]))
-    state = form.start(P)
+    state = form.start(p)
     for past in (displacement(space, 2, 0.03), u_old):
         before = Step(0.2, displacement(space, 3), step.centre_old, step.centre_old)
-        state = form.augment(form.touch(form.evaluate(past, P, state, before, tangent=False).state))
+        state = form.augment(form.touch(form.evaluate(past, p, state, before, tangent=False).state))
     return u_old + 0.025 * np.random.default_rng(4).standard_normal(u_old.size), state, step
 
 

@@ -45,7 +45,7 @@ def test_front_finds_where_the_cut_starts_and_how_fast_it_runs(built):
     assert found["front_centre_mm"] == pytest.approx(1 + front.z[0] / 2 + ONSET_MM, abs=0.2)
     assert found["front_edge_mm"] == pytest.approx(1 + front.z[-1] / 2 + ONSET_MM, abs=0.2)
     assert found["front_lateral_speed"] == pytest.approx(2.0, rel=0.1)
-    assert front.lengths(made_up(built, 9.0, np.ones(y.size))) == pytest.approx([6.0] * 4)
+    assert front.lengths(made_up(built, 9.0, np.ones(y.size)).states) == pytest.approx([6.0] * 4)
     assert found.keys() == FRONT.keys()
 
 

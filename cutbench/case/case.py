@@ -58,7 +58,7 @@ class Case:
     #: Times (s) and travels (mm) from (0, 0) of a blade that holds, returns or changes its speed; without any
     #: it goes down to ``depth`` at ``speed``.
     motion: Polyline = ()
-    #: Measured points (mm) of the blade's profile, where the blade is the mechanism ``outline``.
+    #: Measured points (mm) of the blade's profile, where the blade is a mechanism that takes them.
     outline: Points = ()
 
     def __post_init__(self) -> None:

@@ -22,7 +22,7 @@ def under_tip(numerics: Numerics, thickness: float, radius: float) -> float:
     """Size of the elements under the tip, mm, of a blade so thick with an edge of that ``radius``."""
     h, tuning = numerics.h_mm, numerics.tuning.mesh
     size = chosen(numerics.corner, h, thickness, tuning.corner) * h
-    return size if numerics.corner else min(size, max(radius / tuning.edge, tuning.corner[0] * h))
+    return size if numerics.corner else min(size, max(radius / tuning.edge[0], tuning.edge[1] * h))
 
 
 def near_blade(numerics: Numerics, thickness: float, radius: float) -> dict[str, Any]:

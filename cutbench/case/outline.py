@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from cutbench.base.errors import BadInput
-from cutbench.mechanisms import Tool
+from cutbench.mechanisms import Tool, registry
 
 #: Along the outline, x across and y up.
 Points = tuple[tuple[float, float], ...]
@@ -68,7 +68,8 @@ def checked_outline(outline: Points, tool: Tool | None) -> Points:
     """``outline`` if ``tool`` takes one and a blade can have it. Raises BadInput."""
     if tool is None or not tool.measured:
         if outline:
-            expected = "the mechanism 'outline' with it (with = 'outline')"
+            takers = [law.name for law in registry().values() if isinstance(law, Tool) and law.measured]
+            expected = f"a mechanism that takes it: {', '.join(takers)}"
             raise BadInput(key="outline", value=f"{len(outline)} points", expected=expected)
         return ()
     if not outline:

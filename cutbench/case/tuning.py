@@ -223,9 +223,9 @@ class MeshTuning:
     corner: tuple[float, float] = (1 / 16, 1 / 89.6)
     """Elements under the tip, where no size is chosen: this part of h, but not below this part of the blade's
     thickness, 8 µm for 0.7 mm."""
-    edge: float = 3.0
-    """And so many of them at least to the radius of the blade's edge, or h's part: a sharper edge bends the
-    surface over a shorter way."""
+    edge: tuple[float, float] = (3.0, 0.01)
+    """And so many of them at least to the radius of the blade's edge, which bends the surface over as short a
+    way, but not below this part of h."""
     shallow: tuple[float, float] = (1 / 4, 1 / 22.4)
     """The same where the cut surges."""
     reach: float = 6 / 7

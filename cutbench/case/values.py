@@ -199,6 +199,9 @@ def check_fit(p: SimpleNamespace, numerics: Numerics, dim: int, model: Model) ->
     """
     for key, value, expected in _misfits(vars(p), numerics, dim, bool(model.laws("blade"))):
         raise BadInput(key=key, value=value, expected=expected)
+    if p.precut and not any(law.role == "cohesive" for law in model.laws("cut")):
+        expected = "0 mm in a model without a cohesive law: its cut plane never opens"
+        raise BadInput(key="precut", value=f"{p.precut:g} mm", expected=expected)
     if model.tool is not None:
         for key, value, expected in _misshapen(model.tool, p, numerics):
             raise BadInput(key=key, value=value, expected=expected)
@@ -212,6 +215,8 @@ def _misfits(
     if v["depth"] > most:
         why = "the height: below it is the clamp" if blade else "1.5 times the height"
         yield "depth", f"{v['depth']:g} mm", f"at most {most:g} mm, {why}"
+    if v["precut"] >= v["height"]:
+        yield "precut", f"{v['precut']:g} mm", f"less than the height, {v['height']:g} mm"
     if "thickness" not in v:
         return
     thickness, h, tilt, overhang = v["thickness"], numerics.h_mm, v.get("tilt", 0.0), v.get("overhang", 0.0)

@@ -29,7 +29,7 @@ _ABSCISSA = {
 }
 _ORDINATE = {"cut": ("force",), **dict.fromkeys((*HOMOGENEOUS, "sliding", "separation"), ("force", "stress"))}
 _SPECIMEN = {
-    "cut": ("width", "length", "height"),
+    "cut": ("width", "length", "height", "precut"),
     **dict.fromkeys(HOMOGENEOUS, ("length", "area", "width", "thickness")),
     "sliding": ("area", "length", "width"),
     "separation": ("area", "length", "width"),
@@ -91,7 +91,7 @@ def read_experiment(table: Mapping[str, object], folder: Path) -> Experiment:
     specimen = _lengths(table, "specimen", _SPECIMEN[kind])
     columns = _columns(table, kind)
     _need_specimen(kind, specimen, columns)
-    blade = _lengths(table, "blade", ("thickness", "tip")) if kind == "cut" else {}
+    blade = _lengths(table, "blade", ("thickness", "tip", "edge_radius", "shoulder")) if kind == "cut" else {}
     if kind == "cut" and "thickness" not in blade:
         raise BadInput(key="blade.thickness", value="(missing)", expected="blade = { thickness = '0.7 mm' }")
     speed = _speed(table, kind, specimen)

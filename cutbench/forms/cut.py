@@ -14,6 +14,9 @@ from cutbench.forms.base import Form, Local, Step, add_states, blend, component_
 from cutbench.forms.space import Faces
 from cutbench.mechanisms.base import STEP, Points, cut_answers
 
+#: Openings at the peak of the cohesion by which the faces of a pre-cut were apart: nothing is left of it.
+PARTED = 100.0
+
 
 class CutForm(Form):
     """The cut laws' traction on one side (symmetric) or between two matching sides.
@@ -67,8 +70,22 @@ class CutForm(Form):
     def start(self, p):
         n = self.faces.w.size
         state = add_states(*(law.start(n, p) for law in self.laws))
+        made = self._depth < np.real(getattr(p, "precut", 0.0))
+        for law in self.laws:
+            if law.role == "cohesive" and made.any():
+                state |= {k: np.where(made, v, state[k]) for k, v in self._parted(law, n, p).items()}
         # Without a cohesive law nothing breaks.
         return {"damage": np.zeros(n), **state, "tractions": np.zeros((len(self.laws), 3, n))}
+
+    def _parted(self, law, n: int, p) -> dict:
+        """The state of a cohesive law whose faces were pulled far apart before."""
+        jump = np.zeros((3, n))
+        jump[0] = PARTED * np.real(law.estimate(p, 0.0, 0.0).opening)
+        at = Points(X=self._X, depth=self._depth, dt=1.0, jump_old=jump, closing=self.closing)
+        state = law.start(n, p)
+        for _ in range(2):  # once to get there, once at rest, for means over a step
+            _, state = law.traction(jump, p, state, at)
+        return state
 
     def carried(self, other, state, p):
         return {name: self.faces.from_others(other.faces, value) for name, value in state.items()}

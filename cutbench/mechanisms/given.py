@@ -15,6 +15,9 @@ SPECIMEN = (
     ),
     Parameter.positive("length", "mm", "L", "specimen along the blade", default=30.0),
     Parameter.positive("height", "mm", "H", "specimen height", default=21.0),
+    Parameter(
+        "precut", "mm", "c_0", "depth to which it is cut before the test", low=0, default=0.0, typical=5.0
+    ),
 )
 PROTOCOL = (
     Parameter.positive(

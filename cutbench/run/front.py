@@ -64,6 +64,8 @@ class Front:
         self.z = (np.arange(count) + 0.5) * end / count
         self._share = np.bincount(self._strip, faces.w.ravel(), count) / float(np.ptp(built.space.X[1]))
         self.onset = np.full(count, math.nan)
+        #: What is cut before the run.
+        self._before = self.lengths(built.problem.start())
         self._last = (0.0, np.zeros(count))
 
     def state(self) -> dict:
@@ -82,10 +84,10 @@ class Front:
         self._stress = {int(strip): float(value) for strip, value in state["stress"]}
         self.onset, self._pattern = state["onset"], state["pattern"]
 
-    def lengths(self, step: Accepted) -> np.ndarray:
+    def lengths(self, states: dict[str, dict]) -> np.ndarray:
         """Cut length (n,) of each strip in mm: its cut area over its width."""
         assert self._form is not None, "there are no strips without a cut"
-        area = self._form.cut_area(step.states["cohesion"])
+        area = self._form.cut_area(states["cohesion"])
         return np.bincount(self._strip, area, self.z.size) / self._share
 
     def add(self, step: Accepted) -> None:
@@ -96,8 +98,9 @@ class Front:
         if self._form is None:
             return
         travel, before = self._last
-        now = self.lengths(step)
-        self._pattern = self._pressures(step, now)
+        lengths = self.lengths(step.states)
+        self._pattern = self._pressures(step, lengths)
+        now = lengths - self._before
         begun = np.flatnonzero(np.isnan(self.onset) & (now >= ONSET_MM))
         if begun.size:
             part = (ONSET_MM - before[begun]) / np.maximum(now[begun] - before[begun], 1e-300)

@@ -32,7 +32,8 @@ class Ledger:
         names += [work for work, form in ((BENDING, "bending"), (SNAP, "damping")) if form in forms]
         names += [TRANSFER] * meshes.follows
         self._names = names
-        row = {"displacement_mm": 0.0, "force_N": 0.0, "time_s": 0.0, "cut_length_mm": 0.0}
+        row = {"displacement_mm": 0.0, "force_N": 0.0, "time_s": 0.0}
+        row["cut_length_mm"] = self._cut_length(built.problem.start())
         row |= {f"force_{name}_N": 0.0 for name in names} | {f"work_{name}_mJ": 0.0 for name in names}
         self._rows.append(row | {"reaction_N": 0.0, "closure": 0.0})
 
@@ -60,7 +61,7 @@ class Ledger:
             "displacement_mm": step.travel,
             "force_N": force,
             "time_s": step.pseudo_time_mm / built.march.speed + self._rested,
-            "cut_length_mm": self._cut_length(step),
+            "cut_length_mm": self._cut_length(step.states),
         }
         travelled = step.travel - self.last["displacement_mm"]
         for name in self._names:
@@ -73,13 +74,13 @@ class Ledger:
         self._rows.append(row)
         return row
 
-    def _cut_length(self, step: Accepted) -> float:
+    def _cut_length(self, states: dict[str, dict]) -> float:
         """Length of cut plane (3D: mean over the blade) that has lost its cohesion."""
-        if "cohesion" not in step.states:
+        if "cohesion" not in states:
             return 0.0
         built = self._meshes.built
         form = built.form("cohesion")
-        cut = float(form.cut_area(step.states["cohesion"]).sum())
+        cut = float(form.cut_area(states["cohesion"]).sum())
         if form.dim == 3:
             X = form.faces.X[2]
             cut /= np.ptp(built.space.X[2]) if X.size else 1.0

@@ -49,19 +49,22 @@ def follows(case: Case) -> bool:
 class Place:
     """Which mesh: its front is between ``strides`` down and the next; ``kept`` (2, n) is small besides.
 
-    ``asked``: of where a new one was asked for in vain.
+    ``asked``: of where a new one was asked for in vain. ``tip``: travel of a blade that had a pre-cut ahead
+    when the mesh was made, mm; elements are small from there on, too.
     """
 
     strides: int = 0
     kept: np.ndarray = field(default_factory=lambda: np.zeros((2, 0)))
     asked: int = -1
+    tip: float = np.inf
 
 
 class RemeshedMarch:
     """The marches of a case, one a mesh. ``built`` and ``place``: the present one."""
 
     def __init__(self, case: Case, place: Place | None = None):
-        self.case, self.follows, self.place = case, follows(case), place or Place()
+        self.case, self.follows = case, follows(case)
+        self.place = place or self._place(case.p.precut)
         self.built = build(case, self._geometry() if self.follows else None)
 
     def __iter__(self) -> Iterator[Accepted]:
@@ -86,15 +89,22 @@ class RemeshedMarch:
 
     def _geometry(self):
         stride, around = lengths(self.case)
-        fine = (self.place.strides * stride - around, (self.place.strides + 1) * stride + around)
+        first, last = self.place.strides * stride, (self.place.strides + 1) * stride
+        fine = (min(first, self.place.tip) - around, last + around)
         return geometry_of(self.case, fine=fine, kept=self.place.kept)
 
     def _leaves(self, now: Progress) -> bool:
-        return self.follows and self._strides(now) not in (self.place.strides, self.place.asked)
+        if not self.follows:
+            return False
+        return self._place(self._front(now)).strides not in (self.place.strides, self.place.asked)
 
-    def _strides(self, now: Progress) -> int:
+    def _place(self, front: float, travel: float = 0.0) -> Place:
+        strides = int(front / lengths(self.case)[0])
+        return Place(strides, tip=travel if self.case.p.precut > 0 else np.inf)
+
+    def _front(self, now: Progress) -> float:
         height = self.built.form("cohesion").faces.X[1].ravel()
-        return int(front_depth(height, self.case.p.height, now.states) / lengths(self.case)[0])
+        return front_depth(height, self.case.p.height, now.states)
 
     def renew(self, now: Progress) -> tuple[Progress, Transfer | None]:
         """Go to the mesh of the present front: where the march goes on there, and what took it there.
@@ -102,7 +112,8 @@ class RemeshedMarch:
         Where elements of the new mesh would be inside out, the old one serves for another stride.
         """
         old, stayed, tuning = self.built, self.place, self.case.numerics.tuning.remesh
-        self.place, misfits = Place(self._strides(now)), np.zeros((2, 0))
+        travel = old.march.motion.travel(now.pseudo_time_mm)
+        self.place, misfits = self._place(self._front(now), travel), np.zeros((2, 0))
         for _ in range(tuning.looks):
             # A resumed run makes the mesh again from what is kept: nothing is added after it was made.
             self.place = replace(self.place, kept=np.hstack([self.place.kept, misfits]))

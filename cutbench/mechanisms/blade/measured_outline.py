@@ -18,10 +18,10 @@ from cutbench.mechanisms.blade._rigid import PLACED
 EXAMPLE = np.column_stack([x := np.linspace(0, 0.35, 71), 3 * (np.sqrt(x**2 + 0.01) - 0.1)])
 
 
-class Outline(Profiled):
+class MeasuredOutline(Profiled):
     """Contact with a blade of measured outline."""
 
-    name = "outline"
+    name = "measured_outline"
     title = "contact (outline)"
     measured = True
     edge = ("thickness", "the radius of its lowest point")
@@ -66,23 +66,31 @@ def _drawn(content: bytes) -> tuple[Flank, Flank]:
     points = points - points[lowest]
     if one_flank := lowest == 0:
         points = np.vstack([points[:0:-1] * [-1.0, 1.0], points])
-    at, way = _smooth(points / np.ptp(points[:, 0]))
+    points = points / np.ptp(points[:, 0])
+    at, way = _smooth(points)
     lowest = len(points) // 2 if one_flank else int(at[:, 1].argmin())
+    if not one_flank:  # between two points there is one that is lower still
+        s, fit = _parabola(points, lowest)
+        level = np.clip(-fit[1, 1] / (2 * fit[2, 1]), *(s[[-1, 1]] / 2)) if fit[2, 1] > 0 else 0.0
+        at[lowest] = fit[0] + level * (fit[1] + level * fit[2])
     at = at - at[lowest]
     right = _arcs(at[lowest:], way[lowest:])
     return right, right if one_flank else _arcs(at[lowest::-1] * [-1.0, 1.0], way[lowest::-1] * [1.0, -1.0])
 
 
 def _smooth(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points (n, 2) on parabolas through five of them, by arc length, and unit directions there."""
+    """Points (n, 2) on parabolas through five of them, and unit directions there."""
+    fits = [_parabola(points, i)[1] for i in range(len(points))]
+    return np.array([fit[0] for fit in fits]), np.array([fit[1] / np.hypot(*fit[1]) for fit in fits])
+
+
+def _parabola(points: np.ndarray, i: int) -> tuple[np.ndarray, np.ndarray]:
+    """The one through point ``i`` and its neighbours, five in all: lengths of all from there (n,) along the
+    line, beginning with its own, and the coefficients (3, 2) of x and y by length."""
     s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-    at, way = np.empty_like(points), np.empty_like(points)
-    for i in range(len(s)):
-        first = min(max(i - 2, 0), len(s) - 5)
-        near = slice(first, first + 5)
-        fit = np.polynomial.polynomial.polyfit(s[near] - s[i], points[near], 2)
-        at[i], way[i] = fit[0], fit[1] / np.hypot(*fit[1])
-    return at, way
+    s, first = s - s[i], min(max(i - 2, 0), len(s) - 5)
+    near = slice(first, first + 5)
+    return np.roll(s, -i), np.polynomial.polynomial.polyfit(s[near], points[near], 2)
 
 
 def _arcs(at: np.ndarray, way: np.ndarray) -> Flank:
