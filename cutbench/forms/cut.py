@@ -70,9 +70,9 @@ class CutForm(Form):
     def start(self, p):
         n = self.faces.w.size
         state = add_states(*(law.start(n, p) for law in self.laws))
-        made = self._depth < np.real(getattr(p, "precut", 0.0))
+        made = self._depth < (precut := np.real(getattr(p, "precut", 0.0)))
         for law in self.laws:
-            if law.role == "cohesive" and made.any():
+            if law.role == "cohesive" and precut > 0:
                 state |= {k: np.where(made, v, state[k]) for k, v in self._parted(law, n, p).items()}
         # Without a cohesive law nothing breaks.
         return {"damage": np.zeros(n), **state, "tractions": np.zeros((len(self.laws), 3, n))}
