@@ -14,11 +14,12 @@ from cutbench.solver.step_control import SETTLES, EnergyError, StepControl, Step
 def test_where_errors_add_up_their_mean_counts():
     """A step may leave twice as much open as steps are to on average, but never more than any step may."""
     control, now = StepControl(StepRules(defect=0.04), False), StepState(0.05)
-    drifting, allowed = control.allowed(1.0, 0.1, 1.0, 0.1), control.allowed(1.0, 0.1, 1.0, -0.1)
-    assert (drifting, allowed) == (0.01, 0.04)
-    control.check(now, 0.1, 0.019, drifting)
+    drifting, allowed = (control.allowed(0.05, 1.0, 0.1, 1.0, before) for before in (0.1, -0.1))
+    # Of the work of a whole step of 0.1 mm.
+    assert (drifting, allowed) == (pytest.approx(2 * control.rules.drift / 2), 0.04)
+    control.check(now, 0.1, 0.009, drifting)
     control.check(now, 0.1, 0.039, allowed)
-    for defect, limit in ((0.021, drifting), (0.041, allowed)):
+    for defect, limit in ((0.011, drifting), (0.041, allowed)):
         with pytest.raises(EnergyError):
             control.check(now, 0.1, defect, limit)
 

@@ -15,6 +15,7 @@ from coarse_runs import (
     tuned,
 )
 
+from cutbench.case.case import load_case
 from cutbench.case.numerics import Numerics
 from cutbench.maps.dataset import row_of
 from cutbench.maps.sections import Regime
@@ -115,6 +116,17 @@ def test_errors_of_the_ledger_do_not_add_up():
     # What one step leaves open before that much is, it may; two in a row it may not.
     assert most[1] > 1.5 * allowed, "nothing to hold"
     assert most[0] < 0.6 * most[1]
+
+
+def test_a_tough_viscous_material_closes():
+    """Each step of its cutting leaves something open, and always to the same side."""
+    case = load_case("meat").set(
+        h="0.25 mm", corner=0.25, shallow=1, step="0.1 mm", around=0, energy_step=0.1, depth="5.2 mm",
+        height="8 mm", width="8 mm",
+    )  # fmt: skip
+    result = run_case(case)
+    assert result.outcome.done
+    assert abs(result.measures["closure"]) < 1.2 * case.numerics.tuning.steps.drift
 
 
 def test_a_march_does_not_crawl(monkeypatch):

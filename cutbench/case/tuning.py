@@ -47,8 +47,8 @@ class StepTuning:
     jump_damping: float = 1e4
     """And to this before a step is taken whose energy does not close: a jump then spreads over several."""
     drift: float = 0.005
-    """Where the ledger has left more than this part of the whole work open, steps that add to it are held to
-    a quarter of what they may leave open otherwise: errors of one sign must not add up."""
+    """Where the ledger has left more than this part of the whole work open, steps that add to it may leave
+    twice this part of their own work open: errors of one sign must not add up."""
     cut_speed_factor: float = 3.0
     """Where the cut grows faster than the blade goes, steps are made for less damage by as much, and so many
     times less at the most: the cut then gathers speed, and rates are differences over a step."""

@@ -223,7 +223,7 @@ class March:
                 whole = (abs(now.force) + abs(found.force)) / 2 * max(size, rules.largest)
                 left = found.left - now.added
                 defect = abs(left) / max(whole, 1e-300)
-                allowed = control.allowed(found.spent, left, now.spent, now.left)
+                allowed = control.allowed(size, found.spent, left, now.spent, now.left)
                 if plan is None:
                     control.check(pace, growth, defect, allowed)
             except NoConvergence as error:

@@ -94,12 +94,15 @@ class StepControl:
         """Time of the next step times the speed: short where the blade rests, so that nothing creeps."""
         return self.rules.smallest if now.rests else now.size
 
-    def allowed(self, spent: float, left: float, spent_before: float, left_before: float) -> float:
-        """Part of the blade's work over the largest step that a step may leave open: less where it adds to
-        what the ledger has left open so far, and that is too much already."""
+    def allowed(
+        self, size: float, spent: float, left: float, spent_before: float, left_before: float
+    ) -> float:
+        """Part of the blade's work over the largest step that one of this ``size`` may leave open: less where
+        it adds to what the ledger has left open so far, and that is too much already."""
         rules = self.rules
         drifts = left * left_before > 0 and abs(left_before + left) > rules.drift * (spent_before + spent)
-        return rules.defect / 4 if drifts else rules.defect
+        own = max(size, rules.finest) / rules.largest
+        return min(rules.defect / 4, 2 * rules.drift * own) if drifts else rules.defect
 
     def check(self, now: StepState, growth: float, defect: float, allowed: float) -> None:
         """Raises NoConvergence where damage grew by too much, or too much of the energy is left open."""
