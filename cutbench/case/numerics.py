@@ -86,6 +86,8 @@ class Numerics:
     """Bulk viscosity over G, times the speed; it carries a run through jumps."""
     layer: float = _within(1.0, 0.0, 100.0)
     """Surfaces at the blade resist bending as a layer so many δ_c thick."""
+    self_contact: str = _one_of("on", "off")
+    """Whether a section's surface beside the blade is kept from passing through itself."""
     tolerance: float = _within(1e-8, 1e-14, 1e-2)
     """Newton's residual relative to the forces in balance."""
     symmetry: str = _one_of("auto", "quarter", "half", "full")
@@ -194,6 +196,7 @@ def preset(name: object, dim: int, modulus: float, thickness: float) -> Numerics
         release_mm=0.0,
         closing=0.0,
         layer=0.0,
+        self_contact="off",
         scheme="staggered",
         stepping="paper",
         predictor="line",

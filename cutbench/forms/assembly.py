@@ -41,8 +41,11 @@ class Pattern:
         dof_tables: dict[str, np.ndarray],
         symmetric: bool,
         idle: Collection[str] = (),
+        couples: dict[str, np.ndarray] | None = None,
     ):
-        """``idle``: names of blocks that have vectors alone."""
+        """``idle``: names of blocks that have vectors alone. ``couples``: tables of local matrices by name,
+        where those are not the tables of the vectors."""
+        couples = couples or {}
         self.ndof, self.symmetric = ndof, symmetric
         free = np.ones(ndof, bool)
         free[fixed] = False
@@ -52,7 +55,7 @@ class Pattern:
         n = self.free.size
         # Which degrees of freedom meet: products of incidences, without a list of all local entries.
         met = sp.identity(n, dtype=bool, format="csr")
-        coupled = {name: dofs for name, dofs in dof_tables.items() if name not in idle}
+        coupled = {name: dofs for name, dofs in dof_tables.items() if name not in idle} | couples
         for dofs in _distinct(coupled):
             met = met + _incidence(self.number[dofs], n)
         if symmetric:
@@ -65,13 +68,15 @@ class Pattern:
         self._stacks: dict[tuple[str, ...], sp.csr_matrix] = {}
         for name, dofs in coupled.items():
             twin = next((block for block in self.blocks.values() if np.array_equal(block.dofs, dofs)), None)
-            self.blocks[name] = twin or self._block(dofs, numbered)
+            vectors = dof_tables[name]
+            self.blocks[name] = twin or self._block(vectors, dofs, numbered)
         for name in dof_tables.keys() - coupled.keys():
             dofs, nothing = dof_tables[name], sp.csr_matrix((0, dof_tables[name].size))
             self.blocks[name] = Block(dofs, self._vector(dofs), np.zeros(0, int), nothing)
 
-    def _block(self, dofs: np.ndarray, numbered: sp.csr_matrix) -> Block:
-        """Scatter of the local entries of ``dofs``; ``numbered`` holds places in the CSR values, from 1."""
+    def _block(self, vectors: np.ndarray, dofs: np.ndarray, numbered: sp.csr_matrix) -> Block:
+        """Scatter of local ``vectors``, and of the local entries of ``dofs``; ``numbered`` holds places in
+        the CSR values, from 1."""
         nd, count = dofs.shape
         entries, reached = [], []
         for i in range(nd):  # a row of all local matrices at a time, to spare memory
@@ -92,7 +97,7 @@ class Pattern:
         row = (np.cumsum(used) - 1)[at]
         places = np.flatnonzero(used)
         matrix = sp.csr_matrix((np.ones(row.size), (row, where)), shape=(places.size, nd * nd * count))
-        return Block(dofs, self._vector(dofs), places, matrix)
+        return Block(vectors, self._vector(vectors), places, matrix)
 
     def _vector(self, dofs: np.ndarray) -> sp.csr_matrix:
         ones = np.ones(dofs.size)

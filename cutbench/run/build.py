@@ -20,7 +20,9 @@ from cutbench.forms.cut import CutForm
 from cutbench.forms.damping import DampingForm
 from cutbench.forms.geometry import Geometry, paired
 from cutbench.forms.layer import LayerForm
+from cutbench.forms.line import surface_lines
 from cutbench.forms.mixed import MixedVolumetric
+from cutbench.forms.self_contact import SelfContactForm
 from cutbench.forms.space import Faces, Space
 from cutbench.forms.support import SupportForm
 from cutbench.forms.surface import Rim, Share
@@ -36,6 +38,8 @@ from cutbench.solver.predictor.window import Window
 from cutbench.solver.problem import Problem
 from cutbench.solver.step_control import StepRules
 
+#: So far from the plane of the cut, in blade thicknesses, the top is kept off the cut faces.
+WIDE = 5.0
 #: Polynomial order of the displacements.
 ORDER = {"P1": 1, "P2": 2, "P2P1": 2}
 #: Quadrature degree in quadratic elements. With 2, exact where strains are small, the mixed one begins to cut
@@ -131,6 +135,8 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
     if model.tool is not None:
         met, kept = Faces.joined(list(faces.values())), [name for name in faces if name != "top"]
         forms.append(BladeForm(blade, met, contact_numerics(model, p, n), keep_touched=kept, height=p.height))
+    if dim == 2 and n.self_contact == "on" and (lines := surface_lines(faces, space.X, WIDE * p.thickness)):
+        forms.append(SelfContactForm(lines, space.X, model.laws("bulk"), p.thickness, n.tuning.self_contact))
     if n.damping_mm > 0:
         forms.append(DampingForm(volume, damping_viscosity(model, p, n)))
     clamped = space.nodes_on(geometry.clamped)

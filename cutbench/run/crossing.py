@@ -8,11 +8,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from cutbench.forms.line import crossings, overlap, surface_lines
-from cutbench.run.build import Built
+from cutbench.run.build import WIDE, Built
 from cutbench.solver.march import Accepted
-
-#: So far from the plane of the cut the top is looked at, in blade thicknesses.
-WIDE = 5.0
 
 
 def lines_of(built: Built) -> list[np.ndarray]:

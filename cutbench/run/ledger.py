@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cutbench.run.remeshing import RemeshedMarch
-from cutbench.run.result import BENDING, SNAP, TRANSFER
+from cutbench.run.result import BENDING, SELF_CONTACT, SNAP, TRANSFER
 from cutbench.solver.march import Accepted
 
 
@@ -29,7 +29,8 @@ class Ledger:
         names = [law.name for slot in ("bulk", "cut", "blade", "support") for law in model.laws(slot)]
         forms = {form.name for form in built.problem.forms}
         names += [law.name for law in model.laws("skin") if law.surfaces]
-        names += [work for work, form in ((BENDING, "bending"), (SNAP, "damping")) if form in forms]
+        own = ((BENDING, "bending"), (SELF_CONTACT, "self_contact"), (SNAP, "damping"))
+        names += [work for work, form in own if form in forms]
         names += [TRANSFER] * meshes.follows
         self._names = names
         row = {"displacement_mm": 0.0, "force_N": 0.0, "time_s": 0.0}

@@ -109,11 +109,15 @@ class RemeshedMarch:
     def renew(self, now: Progress) -> tuple[Progress, Transfer | None]:
         """Go to the mesh of the present front: where the march goes on there, and what took it there.
 
-        Where elements of the new mesh would be inside out, the old one serves for another stride.
+        Where elements of the new mesh would be inside out, or its surface would cross itself, the old one
+        serves for another stride.
         """
         old, stayed, tuning = self.built, self.place, self.case.numerics.tuning.remesh
         travel = old.march.motion.travel(now.pseudo_time_mm)
-        self.place, misfits = self._place(self._front(now), travel), np.zeros((2, 0))
+        self.place = self._place(self._front(now), travel)
+        # What presses on itself has to fit on the new mesh as it does on the old.
+        met = old.problem.self_contact
+        misfits = np.zeros((2, 0)) if met is None else met.places(now.u)
         for _ in range(tuning.looks):
             # A resumed run makes the mesh again from what is kept: nothing is added after it was made.
             self.place = replace(self.place, kept=np.hstack([self.place.kept, misfits]))
@@ -126,8 +130,8 @@ class RemeshedMarch:
         new.problem.timer = old.problem.timer
         transfer = Transfer(old, new)
         then = transfer.progress(now)
-        before, after = (b.form("bulk").smallest_volume_ratio(u) for b, u in ((old, now.u), (new, then.u)))
-        if after < tuning.usable * min(1.0, before):
+        before = old.problem.bulk.smallest_volume_ratio(now.u)
+        if not new.problem.sound(then.u, tuning.usable * min(1.0, before)):
             self.place = replace(stayed, asked=self.place.strides)
             return now, None
         self.built = new

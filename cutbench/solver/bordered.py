@@ -50,8 +50,8 @@ class Bordered:
         problem, settings = self._problem, self._settings
         moving = problem.displacements
         floor = settings.smallest_ratio * min(1.0, problem.bulk.smallest_volume_ratio(old))
-        if problem.bulk.smallest_volume_ratio(u) < floor:
-            raise NoConvergence("the predicted state has inverted elements")
+        if not problem.sound(u, floor):
+            raise NoConvergence("the predicted state has inverted elements, or passes through itself")
         current, C, slope, step = self._look(u, reached, travel, states, old)
         for iteration in range(self._iterations + 1):
             gap = amount - (C - broken)
@@ -82,6 +82,7 @@ class Bordered:
                 alpha /= 2
                 if alpha < 1e-3:
                     raise NoConvergence("elements invert along the Newton direction")
+            alpha *= min(1.0, problem.room(u, alpha * du))
             # A step may raise the residual at first; later that is contact or damage switching to and fro.
             allowed = 2.0 if iteration < 3 else 0.9
             best = None

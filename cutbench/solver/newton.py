@@ -22,7 +22,7 @@ class NoConvergence(ArithmeticError):
 
 
 class BadGuess(NoConvergence):
-    """The state to begin from has inverted elements: another may do."""
+    """The state to begin from has inverted elements, or crosses itself: another may do."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,8 @@ def newton(
     norm = problem.out_of_balance
     # Elements may lose volume, but not most of what the last step left them.
     floor = settings.smallest_ratio * min(1.0, problem.bulk.smallest_volume_ratio(step.u_old))
-    if problem.bulk.smallest_volume_ratio(u) < floor:
-        raise BadGuess("the predicted state has inverted elements")
+    if not problem.sound(u, floor):
+        raise BadGuess("the predicted state has inverted elements, or passes through itself")
     current = problem.evaluate(u, states, step, tangent=not near)
     size = norm(current)
     if near:
@@ -104,7 +104,10 @@ def _chords(problem, u, current, size, states, step, settings):
     """
     goal = settings.tolerance * current.scale
     while size > goal:
-        trial_u = u + problem.back_substitute(current.residual, how="correction")
+        du = problem.back_substitute(current.residual, how="correction")
+        trial_u = u + du
+        if problem.room(u, du) < 1:
+            break
         trial = problem.evaluate(trial_u, states, step, tangent=False)
         r = problem.out_of_balance(trial)
         if not r < settings.chord * size:
@@ -154,10 +157,13 @@ def _direction(problem, u, current, settings, shift, floor):
                 alpha = min(1.0, settings.reach / largest) if largest > 0 else 1.0
                 while alpha > 1e-3 and problem.bulk.smallest_volume_ratio(u + alpha * du) <= floor:
                     alpha /= 2
+                # What is in the way pushes back in the next iteration: no reason to regularise.
+                free_way = problem.room(u, alpha * du)
                 downhill = du[free] @ current.residual[free] < 0
                 if downhill and largest <= settings.trust and alpha >= settings.whole:
                     shift.raised = attempt > 0
-                    return du, alpha
+                    return du, alpha * min(1.0, free_way)
+                alpha *= min(1.0, free_way)
                 if alpha > 1e-3 and (best is None or (downhill and largest <= settings.trust)):
                     best = du, alpha
             else:
@@ -196,6 +202,8 @@ def _search(problem, u, du, alpha, current, states, step, settings, floor, eager
     # Sliding down a long slope (a snap under way): go on while the forces still push.
     while s_high < -settings.slack * abs(start) and 2 * high * largest <= settings.reach:
         if problem.bulk.smallest_volume_ratio(u + 2 * high * du) <= floor:
+            break
+        if problem.room(u, 2 * high * du) < 1:
             break
         low, s_low = high, s_high
         high *= 2

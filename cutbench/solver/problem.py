@@ -13,6 +13,7 @@ from cutbench.forms.blade import BladeForm
 from cutbench.forms.bulk import BulkForm
 from cutbench.forms.cut import CutForm
 from cutbench.forms.damping import DampingForm
+from cutbench.forms.self_contact import SelfContactForm
 from cutbench.forms.surface import SurfaceForm
 from cutbench.solver.iterative import solver_for
 
@@ -64,30 +65,56 @@ class Problem:
         self.symmetric = all(form.symmetric for form in forms)
         self.timer = Timer()
         start = time.perf_counter()
-        idle = {form.name for form in forms if form.idle(p)}
-        self.pattern = Pattern(ndof, fixed, {form.name: form.dofs for form in forms}, self.symmetric, idle)
+        self.self_contact = next((form for form in forms if isinstance(form, SelfContactForm)), None)
+        self._asked = solver, modes
+        self._arrange()
         self.free = self.pattern.free
         #: The same as a mask (ndof,).
         self.is_free = np.zeros(ndof, bool)
         self.is_free[self.free] = True
         #: Where forces count as in balance.
         self.in_balance = np.arange(ndof) if pulled else self.free
-        self.solver = solver_for(
-            solver,
-            self.pattern.indptr,
-            self.pattern.indices,
-            self.free.size,
-            self.symmetric,
-            None if modes is None else modes[self.free],
-        )
+        self._set_up_solver()
+        #: Lengths among the unknowns; pressures of a mixed element stand behind them.
+        self.displacements = slice(0, int(self.bulk.dofs.max()) + 1)
+        self.timer.add("setup", start)
+
+    def _arrange(self) -> None:
+        tables = {form.name: form.dofs for form in self.forms}
+        idle = {form.name for form in self.forms if form.idle(self.p)}
+        met, couples = self.self_contact, {}
+        if met is not None and met.name not in idle:
+            couples[met.name] = met.couples
+        self.pattern = Pattern(self.ndof, self.fixed, tables, self.symmetric, idle, couples)
         #: Stiffness of the damping form at unit viscosity over unit time: the metric of regularised steps.
         self.metric: np.ndarray | None = None
         if self.damping is not None:
             self.metric = np.zeros(self.pattern.indices.size)
             self.pattern.add(self.metric, "damping", self.damping.unit_matrix)
-        #: Lengths among the unknowns; pressures of a mixed element stand behind them.
-        self.displacements = slice(0, int(self.bulk.dofs.max()) + 1)
-        self.timer.add("setup", start)
+
+    def _set_up_solver(self) -> None:
+        (name, modes), pattern, size = self._asked, self.pattern, self.free.size
+        modes = None if modes is None else modes[self.free]
+        self.solver = solver_for(name, pattern.indptr, pattern.indices, size, self.symmetric, modes)
+        self._solves = pattern
+
+    def learn(self, u: np.ndarray) -> None:
+        """Make ``pattern`` anew where parts of the surface meet at ``u`` that it does not know. The solver
+        keeps its factorization until the next."""
+        begin = time.perf_counter()
+        if self.self_contact is not None and self.self_contact.learn(u):
+            self._arrange()
+            self.timer.add("setup", begin)
+
+    def room(self, u: np.ndarray, du: np.ndarray) -> float:
+        """The part of ``du`` that ends before the surface touches itself; infinite where it does not."""
+        return np.inf if self.self_contact is None else self.self_contact.room(u, du)
+
+    def sound(self, u: np.ndarray, floor: float) -> bool:
+        """Whether at ``u`` all volume ratios are above ``floor``, and the surface does not cross itself."""
+        return self.bulk.smallest_volume_ratio(u) > floor and not (
+            self.self_contact and self.self_contact.crosses(u)
+        )
 
     @property
     def shear_modulus(self) -> float:
@@ -122,6 +149,8 @@ class Problem:
     ) -> Evaluation:
         begin = time.perf_counter()
         p = self.p if p is None else p
+        if tangent:
+            self.learn(u)
         vectors, matrices, new = {}, {}, {}
         # A trial state may have inverted elements; the caller sees that it is not finite.
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
@@ -154,6 +183,8 @@ class Problem:
 
     def factorize(self, data: np.ndarray) -> None:
         begin = time.perf_counter()
+        if self._solves is not self.pattern:
+            self._set_up_solver()
         self.solver.refactor(data)
         self.timer.add("factorization", begin)
 

@@ -86,10 +86,14 @@ class Sensitivities:
         # A form without a state is a function of u and p: its tangent matrix says all about it.
         self._stateless = [form for form in forms if not start[form.name]]
         self._stateful = [form for form in forms if start[form.name]]
-        pattern = problem.pattern
+        self._set_up_solver()
+
+    def _set_up_solver(self) -> None:
+        problem, pattern = self._problem, self._problem.pattern
         self._solver = make_solver(
             problem.solver.name, pattern.indptr, pattern.indices, problem.free.size, problem.symmetric
         )
+        self._solves = pattern
         if problem.metric is not None:
             metric = pattern.csr(problem.metric)
             self._metric = metric + sp.triu(metric, 1).T if problem.symmetric else metric
@@ -162,7 +166,11 @@ class Sensitivities:
 
     def _factorize(self, u, states, step) -> sp.csr_matrix:
         """Factorize the tangent at the solution; returns the part of the stateless forms and the damping."""
-        problem, pattern = self._problem, self._problem.pattern
+        problem = self._problem
+        problem.learn(u)
+        if self._solves is not problem.pattern:
+            self._set_up_solver()
+        pattern = problem.pattern
         data = np.zeros(pattern.indices.size)
         for form in self._stateless:
             local = form.evaluate(u, problem.p, {}, step, True)

@@ -226,7 +226,8 @@ class Window:
 
 
 def _relative_residual(problem: Problem, u: np.ndarray, states: dict, step, floor: float) -> float:
-    """Residual over the forces in balance; infinite where an element's volume ratio is below ``floor``."""
-    if problem.bulk.smallest_volume_ratio(u) <= floor:
+    """Residual over the forces in balance; infinite where an element's volume ratio is below ``floor``, or
+    the surface crosses itself."""
+    if not problem.sound(u, floor):
         return np.inf
     return problem.relative_residual(problem.evaluate(u, states, step, tangent=False))
