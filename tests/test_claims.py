@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import claims_runs
@@ -20,10 +21,21 @@ from cutbench.run.result import Outcome, Result, Snapshot
 from cutbench.run.store.runs import Store
 from cutbench.verification.paper import cases as cases_of_claims
 from cutbench.verification.paper import claims
-from cutbench.verification.paper.base import CONVERGED, PAPER, Ask, Finding, at_least, below, near
-from cutbench.verification.paper.cases import CHANGES, TARGETS, TIPS, best_tip, case_of, scan
+from cutbench.verification.paper.base import (
+    BLOCK,
+    CONVERGED,
+    PAPER,
+    TENSION,
+    Ask,
+    Finding,
+    at_least,
+    below,
+    near,
+)
+from cutbench.verification.paper.cases import CHANGES, OPEN, TARGETS, TIPS, best_tip, case_of, left_open, scan
 from cutbench.verification.paper.investigation import investigate, select
 from cutbench.verification.paper.judgement import (
+    CHOICE,
     COARSE,
     NOT,
     REPRODUCED,
@@ -137,6 +149,26 @@ def test_verdicts(paper, converged, expected):
     assert verdict(paper, converged) == expected
 
 
+def test_a_statement_that_another_reading_of_the_paper_turns_has_no_verdict_of_its_own():
+    for paper, converged in ((True, False), (False, True)):
+        assert verdict(paper, converged, [paper, None]) == verdict(paper, converged)
+        assert verdict(paper, converged, [paper, not paper]) == CHOICE
+    found = {PAPER: finding(0.05, True), CONVERGED: finding(0.02, True)}
+    names = list(OPEN)
+    choices = {names[0]: finding(0.3, False), names[1]: finding(0.06, True)}
+    text = reason(found, {}, choices)
+    assert OPEN[names[0]].text in text and "0.3" in text and OPEN[names[1]].text not in text
+
+
+def test_what_the_paper_leaves_open_is_a_range_around_the_preset():
+    base = case_of(Ask("elastomer"), PAPER, 1.05).numerics
+    cases = [case_of(Ask("elastomer"), PAPER, 1.05, change).numerics for change in OPEN.values()]
+    assert {replace(n, facet_degree=6, augmentations=0) for n in cases} == {replace(base, augmentations=0)}
+    chosen = {(n.facet_degree, n.augmentations > 0) for n in (base, *cases)}
+    assert chosen == {(degree, updated) for degree in (2, 6, 12) for updated in (False, True)}
+    assert not left_open(Ask("gelatin", test=BLOCK)) and not left_open(Ask("gelatin", test=TENSION))
+
+
 def finding(value, holds):
     return Finding("fall", "1", "sharp", value, holds)
 
@@ -234,6 +266,8 @@ def test_an_investigation_judges_links_and_is_not_computed_twice(tmp_path, log):
     assert fall.verdict == COARSE
     assert fall.reason.startswith("lost with elements of 0.5 mm (0.05), quadratic elements (0.05)")
     assert rows["end of indentation"].verdict == REPRODUCED
+    assert set(fall.choices) == set(OPEN) and not by_id["C5"].rows[0].choices
+    assert f"holds in {1 + len(OPEN)} of {1 + len(OPEN)}" in (out / "claims.md").read_text(encoding="utf-8")
     assert [row.verdict for row in by_id["C5"].rows] == [COARSE, COARSE]
     assert all(row.reason == SOLID and not row.changed for row in by_id["C5"].rows)
     assert {row.verdict for row in by_id["C13"].rows} <= set(VERDICTS)

@@ -17,6 +17,7 @@ from coarse_runs import (
 
 from cutbench.case.case import load_case
 from cutbench.case.numerics import Numerics
+from cutbench.forms.base import Step
 from cutbench.maps.dataset import row_of
 from cutbench.maps.sections import Regime
 from cutbench.mechanisms.base import Points
@@ -244,6 +245,34 @@ def test_augmentation_reduces_the_penetration():
     assert penalty > 1e-4
     assert once < 0.7 * penalty
     assert thrice < once
+
+
+def test_augmentations_end_where_pressures_stand_still():
+    case = PRESSED.set(depth="0.3 mm", normal="tool", multiplier="none", penalty=3200, augmentations=50)
+    built, still = build(case), case.numerics.tuning.newton.multipliers
+    steps, w = list(built.march), built.form("blade").faces.w
+    assert max(len(step.solves) for step in steps) < 51
+    for step in steps:
+        last = step.solves[-1][0]["blade"]["multiplier"]
+        mean = (w * step.states["blade"]["pressure"]).sum(axis=0) / w.sum(axis=0)
+        assert np.abs(mean - last).max() <= still * mean.max()
+        assert last.max() > 0.9 * mean.max() > 0
+
+
+def test_the_paper_s_contact_is_its_penalty_over_the_element():
+    case = load_case("gelatin", {"numerics": "paper"}).set(h="1 mm", corner=0.25)
+    built = build(case)
+    form, problem = built.form("blade"), built.problem
+    below = np.array([0.0, -10.0, 0.0])  # its flanks at every point, with x = 0: the gap is 1
+    step = Step(1.0, np.zeros(problem.ndof), below, below)
+    with np.errstate(invalid="ignore"):  # above the blade's apex, on its axis, the top has no direction
+        found = form.evaluate(step.u_old, problem.p, form.start(problem.p), step).state["pressure"]
+    cut = form.faces.parts["cut"]
+    elements = built.geometry.mesh.p[:, built.geometry.mesh.t]
+    edges = np.linalg.norm(elements - np.roll(elements, 1, axis=1), axis=0)
+    assert set(np.round(form.faces.cell[cut], 9)) <= set(np.round(edges.max(axis=0), 9))
+    assert np.ptp(form.faces.cell[cut]) > 0
+    np.testing.assert_allclose(found[:, cut], np.broadcast_to(1 / form.faces.cell[cut], found[:, cut].shape))
 
 
 def test_a_larger_penalty_reduces_the_penetration():

@@ -93,6 +93,9 @@ class NewtonTuning:
     assembled on the way."""
     smallest_ratio: float = 0.25
     """Part of the last step's smallest volume ratio below which a state is not tried."""
+    multipliers: float = 1e-3
+    """Change of contact pressures from one augmentation to the next, in units of the largest, at which they
+    stand still."""
     staggered_loops: int = 200
     """Repetitions of the staggered scheme at the most."""
     staggered_change: float = 1e-4

@@ -23,8 +23,8 @@ class ContactNumerics:
     """Numerical choices of the contact. ``stiffness`` ε_N in MPa per unit of the gap (mm, or 1 for the
     ellipse), ``tangential`` in MPa/mm; ``normal``: tool or material; ``gap``: distance or ellipse.
 
-    Neither depends on the mesh: material gives way by p/ε_N, where ``carried`` by what a step adds to p, and
-    results have a limit under refinement."""
+    Unless ``per_cell`` neither depends on the mesh: material gives way by p/ε_N, where ``carried`` by what a
+    step adds to p, and results have a limit under refinement."""
 
     stiffness: float
     tangential: float
@@ -34,6 +34,8 @@ class ContactNumerics:
     carried: bool = False
     #: Gap in mm at which a face that had touched is free of the blade; 0: it never is, as in the paper.
     release: float = 0.0
+    #: Both stiffnesses are times 1 mm over the diameter of the element behind the face, as in the paper.
+    per_cell: bool = False
 
 
 class BladeForm(Form):
@@ -56,8 +58,7 @@ class BladeForm(Form):
         self.dofs = component_major(faces.nodes, self.dim)
         self._gap = ToolGap(numerics.gap, self.tool, faces, height)
         self._material = numerics.normal == "material"
-        self._stiffness = numerics.stiffness
-        self._tangential = numerics.tangential
+        self._stiffness, self._tangential = self._stiffnesses(numerics)
         # Only the tool's normal without shear has a potential: friction is unsymmetric where the blade
         # is curved, and the material's normal turns with the face.
         self.symmetric = not self._material and not self.frictions
@@ -70,9 +71,13 @@ class BladeForm(Form):
         """The same faces and laws with other stiffnesses, which may be complex."""
         other = copy(self)
         other._numerics = numerics
-        other._stiffness = numerics.stiffness
-        other._tangential = numerics.tangential
+        other._stiffness, other._tangential = self._stiffnesses(numerics)
         return other
+
+    def _stiffnesses(self, numerics: ContactNumerics) -> tuple[np.ndarray, np.ndarray]:
+        """Normal and tangential, each (nf,)."""
+        scale = 1 / self.faces.cell if numerics.per_cell else np.ones(self.faces.cell.size)
+        return numerics.stiffness * scale, numerics.tangential * scale
 
     def part(self, columns):
         faces = self.faces.some(columns)
@@ -149,7 +154,7 @@ class BladeForm(Form):
         nq, count = f.w.shape
         g, gradient, H = self._gap.at(f.X + shift, near, p, step)
         direction, dn = (gradient, H) if self._gap.unit_gradient else unit(gradient, H)
-        stiffness = np.full((nq, count), self._stiffness)
+        stiffness = np.broadcast_to(self._stiffness[near], (nq, count))
         t_N, dp = self.tool.pressure(g, state["multiplier"][:, near], stiffness, p)
         push = direction
         turn: Sequence[np.ndarray] = ()
@@ -163,7 +168,18 @@ class BladeForm(Form):
             moved = gather(u - step.u_old, patch.dofs, dim)
             slip = blend(f.N, moved) - (step.centre - step.centre_old)[:dim, None, None]
             slid = shear(
-                self.frictions, self._tangential, f.X, near, t_N, direction, slip, dn, p, state, step, tangent
+                self.frictions,
+                self._tangential[near],
+                f.X,
+                near,
+                t_N,
+                direction,
+                slip,
+                dn,
+                p,
+                state,
+                step,
+                tangent,
             )
             total = total + slid["traction"]
             new["shear"][:, :, near] = slid["traction"]

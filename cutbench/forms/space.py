@@ -31,7 +31,7 @@ INWARD = 1e-6
 NEAREST, OUTSIDE = 16, 1e-6
 
 #: Arrays of ``Faces`` that have one column a face.
-FACE_ARRAYS = ("nodes", "N", "dN", "w", "X", "normal", "tangents", "size")
+FACE_ARRAYS = ("nodes", "N", "dN", "w", "X", "normal", "tangents", "size", "cell")
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,7 @@ class Faces:
     normal: np.ndarray  # (dim, nf) outward, reference
     tangents: np.ndarray  # (dim-1, dim, nf) unit tangents, reference
     size: np.ndarray  # (nf,) diameter in mm
+    cell: np.ndarray  # (nf,) diameter in mm of the element behind
     sets: tuple[tuple[str, slice], ...] = ()  # names and places of the sets that were joined
 
     @property
@@ -210,10 +211,13 @@ class Space:
         if self.dim == 3:
             tangents.append(np.cross(normal.T, tangents[0].T).T)
         dN = np.stack([np.einsum("afdq,df->qaf", slope, t) for t in tangents])
-        diameter = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=0).max(axis=0)
+        behind = self.mesh.p[:, self.mesh.t[:, self.mesh.f2t[0, facets]]]
+        diameter, cell = (
+            np.linalg.norm(c[:, :, None] - c[:, None], axis=0).max(axis=(0, 1)) for c in (corners, behind)
+        )
         w, X = np.asarray(basis.dx).T, np.asarray(basis.global_coordinates()).transpose(0, 2, 1)
         nodes, N, dN, w, X = (np.ascontiguousarray(a) for a in (nodes, N, dN, w, X))
-        return Faces(name, nodes, N, dN, w, X, normal, np.stack(tangents), diameter)
+        return Faces(name, nodes, N, dN, w, X, normal, np.stack(tangents), diameter, cell)
 
     def nodes_on(self, name: str) -> np.ndarray:
         """Node numbers on the boundary called ``name``."""

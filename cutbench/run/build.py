@@ -81,7 +81,7 @@ def contact_numerics(model: Model, p, n: Numerics) -> ContactNumerics:
     modulus = model.shear_modulus(p)
     carried = n.multiplier == "carried"
     return ContactNumerics(
-        n.penalty * modulus, n.stick * modulus, n.normal, n.gap, carried, release=n.release_mm
+        n.penalty * modulus, n.stick * modulus, n.normal, n.gap, carried, n.release_mm, n.scaled == "cell"
     )
 
 

@@ -303,10 +303,14 @@ class March:
         u, result, effort = self._hold_damage(u, states, step)
         solves = [(states, u)]
         for _ in range(self.rules.augmentations):
-            states = {**states}
+            states, still = {**states}, True
             for form in self.problem.blades:
+                before = states[form.name]["multiplier"]
                 held = form.augment(result.states[form.name])["multiplier"]
+                still &= np.abs(held - before).max() <= self.newton.multipliers * np.abs(held).max()
                 states[form.name] = {**states[form.name], "multiplier": held}
+            if still:
+                break
             u, result, more = self._hold_damage(u, states, step)
             effort = effort + more
             solves.append((states, u))

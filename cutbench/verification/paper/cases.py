@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from cutbench.case.case import Case, load_case
-from cutbench.case.numerics import PAPER_EDGE, Numerics
+from cutbench.case.numerics import PAPER_EDGE, PAPER_UPDATES, Numerics
 from cutbench.run.result import Result
-from cutbench.verification.paper.base import BLOCK, CONVERGED, NOTCH_MM, NOTCHED, PAPER, TENSION, Ask
+from cutbench.verification.paper.base import BLOCK, CONVERGED, CUT, NOTCH_MM, NOTCHED, PAPER, TENSION, Ask
 from cutbench.verification.paper.reading import end_of_indentation, measure
 
 
@@ -24,8 +24,8 @@ class ModelChange:
     claims: tuple[str, ...] = ()
 
 
-#: The choices that say how hard the blade and the closed cut are.
-HARD = ("penalty", "stick", "multiplier", "closing")
+#: The choices that say how hard the blade and the closed cut are, and how far adhesion reaches.
+HARD = ("penalty", "stick", "scaled", "multiplier", "augmentations", "closing", "release_mm")
 #: And how long steps are.
 STEPS = ("step_mm", "damage_step")
 #: What tells the paper's numerics from the converged ones, one by one; and from there, its viscous term.
@@ -49,6 +49,17 @@ CHANGES: dict[str, ModelChange] = {
     ),
 }  # fmt: skip
 
+#: What the paper leaves open of its contact: quadrature on faces, and how often multipliers are updated. What
+#: ``--numerics paper`` takes, degree 6 and updates until they stand still, is one choice of six.
+OPEN: dict[str, ModelChange] = {
+    f"degree {degree}, {text}": ModelChange(
+        f"faces of degree {degree}, {text}", PAPER, {"facet_degree": degree, "augmentations": updates}
+    )
+    for degree in (2, 6, 12)
+    for text, updates in (("no updates", 0), ("updated", PAPER_UPDATES))
+    if (degree, updates) != (Numerics.facet_degree, PAPER_UPDATES)
+}
+
 #: Of blocks with the defaults: through a drop on smaller elements, or one that closes better, takes hours.
 BLOCK_CHOICES = {"corner": 1.0, "energy_step": 1.0}
 #: Tip lengths b that are tried, mm, on the paper's numerics, whose elements resolve none beyond 1.6 mm.
@@ -56,6 +67,11 @@ TIPS = (0.35, 0.5, 0.7, 0.85, 1.05, 1.3, 1.6)
 
 
 _END = "end of indentation"
+
+
+def left_open(ask: Ask) -> bool:
+    """Whether what the paper leaves open can change a run."""
+    return ask.test == CUT and ask.numerics != CONVERGED
 
 
 @dataclass(frozen=True)

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 from cutbench.case.case import Case
 from cutbench.verification.paper.base import CONVERGED, NUMERICS, PAPER, Claim, Finding
-from cutbench.verification.paper.cases import CHANGES, TARGETS, best_tip, case_of, scan
+from cutbench.verification.paper.cases import CHANGES, OPEN, TARGETS, best_tip, case_of, left_open, scan
 from cutbench.verification.paper.runner import Runner
 
 REPRODUCED = "reproduced"
 COARSE = "only with coarse numerics"
 RESOLVED = "only with converged numerics"
 NOT = "not reproduced"
+CHOICE = "depends on what the paper leaves open"
 UNKNOWN = "not known"
 BEYOND = "needs three dimensions"
 SOLID = "a run in three dimensions; no single change was tried"
-VERDICTS = (REPRODUCED, COARSE, RESOLVED, NOT, UNKNOWN, BEYOND)
+VERDICTS = (REPRODUCED, COARSE, RESOLVED, NOT, CHOICE, UNKNOWN, BEYOND)
 
 
 @dataclass(frozen=True)
@@ -36,13 +38,15 @@ class Scan:
 class ClaimRow:
     """One statement of a claim: what each set of numerics says, the verdict, and why.
 
-    ``changed`` has what runs with one thing changed say, by the names of ``CHANGES``.
+    ``changed`` has what runs with one thing changed say, by the names of ``CHANGES``; ``choices`` what those
+    with another choice of ``OPEN`` say.
     """
 
     findings: Mapping[str, Finding]
     verdict: str
     reason: str
     changed: Mapping[str, Finding] = field(default_factory=dict)
+    choices: Mapping[str, Finding] = field(default_factory=dict)
 
     @property
     def what(self) -> str:
@@ -74,6 +78,9 @@ def calibrate(runner: Runner, materials: Iterable[str]) -> dict[str, Scan]:
 def judge(runner: Runner, chosen: Sequence[Claim], scans: Mapping[str, Scan]) -> list[Judged]:
     """All of ``chosen`` with verdicts and reasons; what is still to be computed is."""
     cases = {claim.id: {word: _cases(claim, word, scans) for word in NUMERICS} for claim in chosen}
+    for claim in chosen:
+        if any(map(left_open, claim.asks.values())):
+            cases[claim.id] |= {name: _cases(claim, PAPER, scans, name) for name in OPEN}
     runner.go(_pairs(chosen, cases))
     rows = {claim.id: _compared(claim, cases[claim.id], runner) for claim in chosen}
     for claim in chosen:
@@ -95,19 +102,30 @@ def changes_for(claim: Claim) -> list[str]:
     return [name for name in names if not CHANGES[name].claims or claim.id in CHANGES[name].claims]
 
 
-def verdict(paper: bool | None, converged: bool | None) -> str:
-    """From whether a statement holds under the paper's numerics and under the converged ones."""
+def verdict(paper: bool | None, converged: bool | None, choices: Iterable[bool | None] = ()) -> str:
+    """From whether a statement holds under the paper's numerics, with other ``choices`` of what the paper
+    leaves open, and under the converged ones."""
     if paper is None or converged is None:
         return UNKNOWN
+    if (not paper) in choices:
+        return CHOICE
     if paper:
         return REPRODUCED if converged else COARSE
     return RESOLVED if converged else NOT
 
 
-def reason(findings: Mapping[str, Finding], changed: Mapping[str, Finding]) -> str:
+def reason(
+    findings: Mapping[str, Finding],
+    changed: Mapping[str, Finding],
+    choices: Mapping[str, Finding] = MappingProxyType({}),
+) -> str:
     """Why, as far as runs that change one thing tell."""
     paper, converged = findings[PAPER], findings[CONVERGED]
-    ruling = verdict(paper.holds, converged.holds)
+    ruling = verdict(paper.holds, converged.holds, [one.holds for one in choices.values()])
+    if ruling == CHOICE:
+        others = {name: one for name, one in choices.items() if one.holds == (not paper.holds)}
+        word, other = ("holds", "not") if paper.holds else ("does not hold", "but")
+        return f"{word} with the preset, {other} with {_listed(others)}"
     missing = [word for word, one in findings.items() if one.holds is None]
     if missing:
         return f"the runs do not have it ({', '.join(missing)})"
@@ -133,12 +151,17 @@ def reason(findings: Mapping[str, Finding], changed: Mapping[str, Finding]) -> s
 
 
 def _listed(found: Mapping[str, Finding]) -> str:
-    return ", ".join(f"{CHANGES[name].text} ({one.text})" for name, one in found.items())
+    return ", ".join(f"{(CHANGES | OPEN)[name].text} ({one.text})" for name, one in found.items())
 
 
 def _cases(claim: Claim, word: str, scans: Mapping[str, Scan], change: str | None = None) -> dict[str, Case]:
-    step = None if change is None else CHANGES[change]
-    return {name: case_of(ask, word, scans[ask.material].tip_mm, step) for name, ask in claim.asks.items()}
+    step = None if change is None else (CHANGES | OPEN)[change]
+    return {
+        name: case_of(
+            ask, word, scans[ask.material].tip_mm, None if change in OPEN and not left_open(ask) else step
+        )
+        for name, ask in claim.asks.items()
+    }
 
 
 def _pairs(chosen: Sequence[Claim], cases) -> list[tuple[Case, str]]:
@@ -155,11 +178,14 @@ def _read(claim: Claim, asked: Mapping[str, Case], runner: Runner) -> tuple[Find
 
 
 def _compared(claim: Claim, cases, runner: Runner) -> list[ClaimRow]:
-    pairs = zip(*(_read(claim, cases[word], runner) for word in NUMERICS), strict=True)
-    return [
-        ClaimRow(dict(zip(NUMERICS, pair, strict=True)), verdict(*(one.holds for one in pair)), "")
-        for pair in pairs
-    ]
+    choices = [name for name in OPEN if name in cases]
+    rows = []
+    for found in zip(*(_read(claim, cases[word], runner) for word in (*NUMERICS, *choices)), strict=True):
+        pair, others = dict(zip(NUMERICS, found, strict=False)), found[len(NUMERICS) :]
+        others = () if pair[PAPER].solid else others
+        ruling = verdict(pair[PAPER].holds, pair[CONVERGED].holds, [one.holds for one in others])
+        rows.append(ClaimRow(pair, ruling, "", choices=dict(zip(choices, others, strict=False))))
+    return rows
 
 
 def _explained(claim: Claim, rows: Sequence[ClaimRow], cases, runner: Runner) -> list[ClaimRow]:
@@ -168,5 +194,6 @@ def _explained(claim: Claim, rows: Sequence[ClaimRow], cases, runner: Runner) ->
     for i, row in enumerate(rows):
         solid = row.findings[PAPER].solid
         mine = {} if solid else {name: found[i] for name, found in changed.items()}
-        out.append(replace(row, reason=SOLID if solid else reason(row.findings, mine), changed=mine))
+        why = SOLID if solid else reason(row.findings, mine, row.choices)
+        out.append(replace(row, reason=why, changed=mine))
     return out

@@ -11,7 +11,7 @@ from cutbench.base.files import check_writable, markdown_table, picked, write_js
 from cutbench.base.versions import versions
 from cutbench.run.result import Result
 from cutbench.verification.paper.base import CONVERGED, NUMERICS, PAPER, Finding
-from cutbench.verification.paper.cases import CHANGES
+from cutbench.verification.paper.cases import CHANGES, OPEN
 from cutbench.verification.paper.judgement import BEYOND, VERDICTS, ClaimRow, Judged, Scan
 from cutbench.verification.paper.runner import Runner
 
@@ -33,6 +33,7 @@ def describe(
     return {
         "schema": SCHEMA,
         "claims": [_claim(one) for one in judged],
+        "open": {name: picked(change, "text") for name, change in OPEN.items()},
         "changes": {name: picked(change, "text", "start") for name, change in CHANGES.items()},
         "tips": {
             name: {
@@ -62,7 +63,7 @@ def _row(row: ClaimRow) -> dict[str, object]:
         return {word: picked(one, "value", "text", "holds") for word, one in by.items()}
 
     first = picked(row.findings[PAPER], "what", "published", "unit")
-    both = {"found": found(row.findings), "changed": found(row.changed)}
+    both = {"found": found(row.findings), "changed": found(row.changed), "choices": found(row.choices)}
     return {**first, **both, **picked(row, "verdict", "reason")}
 
 
@@ -98,14 +99,25 @@ def _table(record: Mapping) -> list[str]:
             head = claim["id"]
         if claim["beyond"]:
             lines.append([head, "in three dimensions", "see the claim", *[BEYOND] * 3, claim["beyond"]])
-    numerics = ("paper's numerics", "converged defaults")
+    numerics = ("paper's numerics; range of what it leaves open", "converged defaults")
     return markdown_table(("claim", "statement", "the paper", *numerics, "verdict", "reason found"), lines)
 
 
 def _cell(claim: Mapping, row: Mapping, word: str, record: Mapping) -> str:
     links = ", ".join(f"[{name}]({record['runs'][id]['file']})" for name, id in claim["runs"][word].items())
     mark = {True: "holds", False: "does not", None: "not known"}[row["found"][word]["holds"]]
-    return f"{row['found'][word]['text']} ({mark}; {links})"
+    return f"{row['found'][word]['text']} ({mark}{_range(row) if word == PAPER else ''}; {links})"
+
+
+def _range(row: Mapping) -> str:
+    """What the paper's numerics say with all choices of what the paper leaves open."""
+    choices = [*row.get("choices", {}).values()]
+    if not choices:
+        return ""
+    every = [row["found"][PAPER], *choices]
+    values = [one["value"] for one in every if one["value"] is not None and math.isfinite(one["value"])]
+    span = f"; {min(values):.3g} to {max(values):.3g}" if values else ""
+    return f"{span}, holds in {sum(one['holds'] is True for one in every)} of {len(every)}"
 
 
 def _changes(record: Mapping) -> list[str]:
