@@ -55,7 +55,7 @@ class Wedge(Profiled):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter.positive("thickness", "mm", "2a", "blade thickness", default=0.7, sought=False),
         Parameter(
-            "angle", "deg", "2α", "between the flanks", low=1, high=150, default=20.0, sought=False,
+            "angle", "deg", "2α", "between the flanks", low=1, high=178, default=20.0, sought=False,
         ),
         EDGE,
         SHOULDER,

@@ -62,25 +62,31 @@ class Indented:
 
 
 def indented(half_thickness: float, tip: float, contact: float, travel: float) -> Indented:
-    """Press an elliptic punch by ``travel`` into a block meshed for a contact of half-width ``contact``.
+    """Press an elliptic punch by ``travel`` into a block meshed for a contact of half-width ``contact``."""
+    slope = contact * tip / half_thickness**2
+    p = parameters("gelatin", thickness=2 * half_thickness, tip=tip)
+    return pressed("contact", p, contact, travel, slope)
+
+
+def pressed(tool: str, p, contact: float, travel: float, slope: float) -> Indented:
+    """Press the punch ``tool`` by ``travel`` into a block meshed for a contact of half-width ``contact``, at
+    whose end the punch has about the ``slope``.
 
     Elements are quadratic, the load frictionless, the penalty so stiff that its give does not count: the
     rounding of contact then makes the punch thicker by its skin, all round.
     """
-    p = parameters("gelatin", thickness=2 * half_thickness, tip=tip)
     size = BLOCK * contact
     mesh = half_space(size, contact)
     space = space_of(mesh, "P2")
     forms, ndof = bulk_forms(space, "P2", size)
     modulus = 2 * p.G / (1 - p.nu)
-    skin = SKIN * half_thickness
+    skin = SKIN * p.thickness / 2
     # p = ε (depth + skin)²/(4 skin): let the largest pressure give less than a 500th of the indentation.
-    shallow = contact**2 * tip / (2 * half_thickness**2)
-    strain = contact * tip / half_thickness**2 / 2
+    shallow, strain = contact * slope / 2, slope / 2
     penalty = 4 * skin * strain * modulus / (shallow / 500) ** 2
     face = space.faces("top", 6)
     soft = ContactNumerics(penalty / STIFFEN**STAGES, 1.0)
-    blade = BladeForm((law("contact"),), face, soft, keep_touched=[], height=size)
+    blade = BladeForm((law(tool),), face, soft, keep_touched=[], height=size)
     bottom, middle = space.nodes_on("bottom"), space.nodes_on("cut")
     problem = Problem([*forms, blade], ndof, np.concatenate([2 * bottom, 2 * bottom + 1, 2 * middle]), p)
     u, states = np.zeros(ndof), problem.start()

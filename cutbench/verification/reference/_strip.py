@@ -42,8 +42,11 @@ class Strip:
     front: float
 
 
-def strip(p, element: str, fine: float, run: float, viscosity: float = 0.0) -> Strip:
-    """``fine``: elements at the front and over ``run`` ahead of it, mm; ``viscosity`` of the solid, MPa s."""
+def strip(p, element: str, fine: float, run: float, viscosity: float = 0.0, *, uncut: bool = False) -> Strip:
+    """``fine``: elements at the front and over ``run`` ahead of it, mm; ``viscosity`` of the solid, MPa s.
+
+    Behind the front the plane is free; ``uncut``: the cohesive law holds it, but for the pre-cut of ``p``.
+    """
     front = AHEAD * H
     across = graded(fine, H / 2)
     ahead = front - run - graded(fine, front - run)[::-1]
@@ -51,13 +54,14 @@ def strip(p, element: str, fine: float, run: float, viscosity: float = 0.0) -> S
     behind = front + graded(fine, BEHIND * H)
     mesh = skfem.MeshTri.init_tensor(across, np.concatenate([ahead, path[1:], behind[1:]]))
     mesh = mesh.with_boundaries({
-        "ahead": lambda x: (np.abs(x[0]) < 1e-9) & (x[1] < front),
+        "ahead": lambda x: (np.abs(x[0]) < 1e-9) & (uncut | (x[1] < front)),
         "grip": lambda x: np.abs(x[0] - H / 2) < 1e-9,
         "end": lambda x: np.abs(x[1]) < 1e-9,
     })  # fmt: skip
     space = space_of(mesh, element)
     forms, ndof = bulk_forms(space, element)
-    cut = CutForm((law("smith_ferrante"),), space.faces("ahead", 6), 1.0)
+    top = (AHEAD + BEHIND) * H
+    cut = CutForm((law("smith_ferrante"),), space.faces("ahead", 6), top)
     forms.append(cut)
     if viscosity:
         forms.append(DampingForm(space.volume(DEGREE[element]), viscosity))
