@@ -62,8 +62,12 @@ class SmithFerrante(Cut):
         return Estimate(strength=peak, opening=p.delta_c, work=p.G_c)
 
     def keep(self, s, p):
-        """1 − d (N,) where the largest opening so far is s in units of δ_c."""
+        """Stiffness left (N,), over the first, where the largest opening so far is s in units of δ_c."""
         return np.exp(-s)
+
+    def whole(self, s, p):
+        """1 − d (N,)."""
+        return self.keep(s, p)
 
     def spent(self, s, keep, p):
         """Work of opening up to s, over G_c."""
@@ -93,8 +97,9 @@ class SmithFerrante(Cut):
         opening = np.where(jump[0].real > 0, K * keep * jump[0], closed)
         T = np.stack([opening, *(K * keep * p.beta**2 * jump[1:])])
         start = state["delta_max"]
-        mean = WEIGHTS @ self.keep((start + POINTS * (delta_max - start)) / p.delta_c, p)
-        return T, {"delta_max": delta_max, "damage": 1 - keep, "mean_damage": 1 - mean}
+        mean = WEIGHTS @ self.whole((start + POINTS * (delta_max - start)) / p.delta_c, p)
+        damage = 1 - self.whole(delta_max / p.delta_c, p)
+        return T, {"delta_max": delta_max, "damage": damage, "mean_damage": 1 - mean}
 
     def work(self, jump, p, state, at):
         """Stored and dissipated together: a function of the opening and its maximum."""
