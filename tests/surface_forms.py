@@ -16,7 +16,9 @@ from cutbench.models2d.section import named
 from cutbench.models3d.block import block
 from cutbench.run.build import surface_forms
 
-P = SimpleNamespace(G=0.02, thickness=0.7, gamma_s=0.03, skin_bending=2e-3, film_bending=3e-3)
+P = SimpleNamespace(
+    G=0.02, thickness=0.7, gamma_s=0.03, skin_bending=2e-3, film_bending=3e-3, surface_length=0.5
+)
 SIZE, HEIGHT, LENGTH = 1.0, 2.0, 0.6
 
 

@@ -11,7 +11,7 @@ from surface_forms import HEIGHT, P, begun, energy, forms, moved, piece
 
 from cutbench.mechanisms.base import STEP
 
-LAWS = ("surface_tension", "bending_skin", "film")
+LAWS = ("surface_tension", "bending_skin", "film", "surface_gradient")
 every = pytest.mark.parametrize("name", LAWS)
 parts = pytest.mark.parametrize("part", ["half", "full"])
 

@@ -317,6 +317,10 @@ class Skin(Mechanism):
         """Bending stiffness B of the surface, N mm."""
         return 0.0
 
+    def gradient(self, p: Params) -> float:
+        """Stiffness B against bends and gradients of the stretch alike, N mm."""
+        return 0.0
+
 
 class Support(Mechanism):
     """How the base of the specimen gives; without such a law it is clamped."""

@@ -19,6 +19,7 @@ from cutbench.forms.bulk import BulkForm
 from cutbench.forms.cut import CutForm
 from cutbench.forms.damping import DampingForm
 from cutbench.forms.geometry import Geometry, paired
+from cutbench.forms.gradient import GradientForm
 from cutbench.forms.layer import LayerForm
 from cutbench.forms.line import surface_lines
 from cutbench.forms.mixed import MixedVolumetric
@@ -210,6 +211,10 @@ def surface_forms(
             if type(law).bending is not Skin.bending:
                 yield BendingForm(
                     f"{law.name} bent {name}", law, side, X, mirrors, rim if name == "top" else None
+                )
+            if type(law).gradient is not Skin.gradient:
+                yield GradientForm(
+                    f"{law.name} uneven {name}", law, side, X, mirrors, rim if name == "top" else None
                 )
             if type(law).tension is not Skin.tension:
                 share = Share.all_of(side.w.size) if name == "top" else Share.as_cut(side.w.size)

@@ -125,12 +125,15 @@ def skin_scales(t: Trial) -> None:
 
 @check("skin")
 def surfaces_have_it(t: Trial) -> None:
-    """Tension and bending stiffness are not negative, 0 where off, and have their units and their
+    """Tension and stiffnesses are not negative, 0 where off, and have their units and their
     surfaces."""
     p, off = t.numbers(), {q.name: q.off_value for q in t.law.parameters if q.off is not None}
     here, there = of_surfaces([t.law], p), of_surfaces([t.law], t.rewritten(p))
-    assert here.min() >= 0 and not of_surfaces([t.law], t.numbers(**off)).any()
-    close(there, [in_new_units(x, unit) for x, unit in zip(here, ("N/mm", "N mm"), strict=True)], 1e-12)
+    assert here.min() >= 0
+    assert not off or not of_surfaces([t.law], t.numbers(**off)).any()
+    close(
+        there, [in_new_units(x, unit) for x, unit in zip(here, ("N/mm", "N mm", "N mm"), strict=True)], 1e-12
+    )
     assert set(t.law.surfaces) <= {"top", "cut"} and bool(t.law.surfaces) == bool(here.any())
 
 

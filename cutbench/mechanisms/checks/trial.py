@@ -238,8 +238,10 @@ def factors(laws: list, p, at: Points | None = None) -> np.ndarray:
 
 
 def of_surfaces(laws: list, p) -> np.ndarray:
-    """Tension and bending stiffness (2,) that skins give the surfaces."""
-    return np.array([sum(law.tension(p) for law in laws), sum(law.bending(p) for law in laws)])
+    """Tension and stiffnesses (3,) that skins give the surfaces."""
+    return np.array(
+        [sum(getattr(law, name)(p) for law in laws) for name in ("tension", "bending", "gradient")]
+    )
 
 
 def recorded(laws: list, p, length: float = 1.0, time: float = 1.0, force: float = 1.0) -> np.ndarray:
