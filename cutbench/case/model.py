@@ -200,8 +200,10 @@ class Model:
 
     def as_published(self) -> Model:
         """The model with laws of the default model as the paper has them, where the two differ."""
-        roles = {(m.slot, m.role) for m in self.all if m.standard and not m.published}
-        return self.with_(*(n for n in PAPER if (registry()[n].slot, registry()[n].role) in roles))
+        own = {(m.slot, m.role): m.name for m in self.all if m.standard and not m.published}
+        theirs = {(registry()[name].slot, registry()[name].role): name for name in PAPER}
+        bare = self.without(*(name for place, name in own.items() if place not in theirs))
+        return bare.with_(*(name for place, name in theirs.items() if place in own))
 
     def record(self, displacement, force, time, p: SimpleNamespace):
         """What the rig records (displacement, force) of the true ones, (n,) each, in mm, N, s."""

@@ -87,7 +87,7 @@ class Numerics:
     """Part of the blade's work over the largest step that a step may leave open; more refuses the step."""
     damping_mm: float = _within(3e-4, 0.0, 1.0)
     """Bulk viscosity over G, times the speed; it carries a run through jumps."""
-    layer: float = _within(1.0, 0.0, 100.0)
+    layer: float = _within(0.0, 0.0, 100.0)
     """Surfaces at the blade resist bending as a layer so many δ_c thick."""
     self_contact: str = _one_of("on", "off")
     """Whether a section's surface beside the blade is kept from passing through itself."""

@@ -300,6 +300,8 @@ class Skin(Mechanism):
     slot = "skin"
     #: Where there is tension or bending stiffness: nowhere, on the top, or on the cut plane's faces too.
     surfaces: ClassVar[tuple[str, ...]] = ()
+    #: Whether the top goes on across the cut plane until that is cut, or ends there.
+    continuous: ClassVar[bool] = True
 
     def stiffness(self, p: Params, at: Points) -> np.ndarray | float:
         """Factor (N,) on the bulk laws' stresses, energies and viscosities, at ``at.X``, ``at.depth``."""

@@ -208,14 +208,11 @@ def surface_forms(
         on = {name: faces[name] for name in law.surfaces if name == "top"}
         on |= sides if "cut" in law.surfaces and opens else {}
         for name, side in on.items():
+            end = rim if name == "top" and law.continuous else None
             if type(law).bending is not Skin.bending:
-                yield BendingForm(
-                    f"{law.name} bent {name}", law, side, X, mirrors, rim if name == "top" else None
-                )
+                yield BendingForm(f"{law.name} bent {name}", law, side, X, mirrors, end)
             if type(law).gradient is not Skin.gradient:
-                yield GradientForm(
-                    f"{law.name} uneven {name}", law, side, X, mirrors, rim if name == "top" else None
-                )
+                yield GradientForm(f"{law.name} uneven {name}", law, side, X, mirrors, end)
             if type(law).tension is not Skin.tension:
                 share = Share.all_of(side.w.size) if name == "top" else Share.as_cut(side.w.size)
                 yield TensionForm(f"{law.name} {name}", law, side, share)

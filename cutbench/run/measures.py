@@ -37,6 +37,9 @@ NOTED: dict[str, tuple[str, str]] = {
     "snap_rel": ("1", "work of the damping in jumps, relative to that of the blade"),
 }
 
+#: A transition is abrupt where the force falls by this part of it.
+ABRUPT_DROP = 0.1
+
 ABRUPT, SMOOTH, UNCUT = "abrupt", "smooth", "uncut"
 
 #: The transition lasts from one window before the onset to this many windows after it: what falls
@@ -104,7 +107,7 @@ def forward(travel_mm: np.ndarray) -> int:
 
 
 def label(
-    drop_rel: float, surge: float = math.nan, *, drop: float = 0.1, surge_min: float | None = None
+    drop_rel: float, surge: float = math.nan, *, drop: float = ABRUPT_DROP, surge_min: float | None = None
 ) -> str:
     """``"abrupt"`` when the force falls by ``drop`` (and the cut surges by ``surge_min``, where one is
     given), else ``"smooth"``; ``"uncut"`` when the cut never began (``drop_rel`` is nan)."""

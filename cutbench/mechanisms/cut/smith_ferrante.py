@@ -38,7 +38,7 @@ class SmithFerrante(Cut):
         Parameter("beta", "1", "β", "weight of sliding against opening", low=0, default=1.0, sought=False),
     )
     reads = ("G", "thickness")
-    standard = published = True
+    published = True
     settable = (
         Group(
             "opening", "delta_c/a", r"$\delta_\mathrm{c}/a$", "delta_c", ("thickness",),

@@ -22,6 +22,7 @@ class StiffCohesion(SmithFerrante):
 
     name = "stiff_cohesion"
     title = "cohesive (stiff)"
+    standard = True
     parameters = (
         *SmithFerrante.parameters,
         Parameter(

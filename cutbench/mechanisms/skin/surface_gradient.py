@@ -18,6 +18,8 @@ class SurfaceGradient(Skin):
 
     name = "surface_gradient"
     title = "surface gradient"
+    role = "gradient"
+    standard = True
     surfaces = ("top", "cut")
     parameters = (
         Parameter(
