@@ -187,7 +187,7 @@ def test_mullins_loses_what_the_cycle_encloses():
 
 
 # -- cut -------------------------------------------------------------------------------------------
-INTERFACE = {"G_c": 0.01, "delta_c": 0.07, "beta": 0.8}
+INTERFACE = {"G_c": 0.01, "delta_c": 0.07, "beta": 0.8, "onset_stiffness": 20.0}
 
 
 def opened(law, s, p, old=0.0, **more):
@@ -200,12 +200,13 @@ def opened(law, s, p, old=0.0, **more):
 
 
 @pytest.mark.parametrize("q", [0.0, 0.3, 1.0])
-def test_every_shape_has_the_same_work_of_separation_and_peaks_at_delta_c(q):
+def test_every_shape_has_the_same_work_of_separation_and_the_bell_peaks_at_delta_c(q):
     p, law = parameters(**INTERFACE, compactness=q), LAW["compact_cohesion"]
     s = np.linspace(0, 40, 400001)
     T = opened(law, s, p)[0]
     assert np.trapezoid(T, s * p.delta_c) == pytest.approx(p.G_c, rel=1e-6)
-    assert s[np.argmax(T)] == pytest.approx(1.0, abs=1e-3)
+    if q == 1:
+        assert s[np.argmax(T)] == pytest.approx(1.0, abs=1e-3)
     damage = opened(law, s, p)[1]
     assert damage[0] == 0 and np.all(np.diff(damage) >= -1e-15)
 
@@ -293,6 +294,11 @@ def test_there_are_the_candidates_of_the_catalogue():
 @pytest.mark.parametrize("name", CANDIDATES)
 @pytest.mark.parametrize("base", [DEFAULT, PAPER])
 def test_every_candidate_extends_a_model(name, base):
+    if name == "compact_cohesion" and base == PAPER:
+        # It begins at the default's cohesive law, not at the paper's.
+        with pytest.raises(BadInput, match="smith_ferrante as a special case"):
+            Model(base).extended(name)
+        return
     model, new = Model(base).extended(name)
     assert name in model.mechanisms
     assert set(new) == set(model.parameters()) - set(Model(base).parameters())

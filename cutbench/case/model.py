@@ -140,7 +140,10 @@ class Model:
                 expected = "a mechanism that a value of its own switches off"
                 raise BadInput(key="with", value=name, expected=expected)
             for old in replaced:
-                if not set(old.parameters) <= set(added.parameters):
+                kin = [c for c in type(added).__mro__[1:] if any(type(m) is c for m in registry().values())]
+                if not set(old.parameters) <= set(added.parameters) or type(old) not in (
+                    kin[:1] or [type(old)]
+                ):
                     expected = f"a mechanism that has {old.name} as a special case"
                     raise BadInput(key="with", value=name, expected=expected)
             for q in new:

@@ -123,7 +123,7 @@ def _percent(value: float, sign: str = "+") -> str:
 
 
 def write(plan: ConvergencePlan, rows: Sequence[ConvergenceRow], out: str | os.PathLike[str]) -> list[Path]:
-    """convergence.json, convergence.md and convergence.png in ``out``, and choices.png where there are any."""
+    """convergence.json, convergence.md, convergence.png in ``out``, and choices.png where there are any."""
     folder = check_writable(Path(out))
     rest = {"title": plan.title, "tolerance": TOLERANCE, "versions": versions()}
     described = [vars(r) | {"change": r.change or "defaults", "holds": r.holds} for r in rows]

@@ -1,15 +1,16 @@
-"""A cohesive law of another shape: from Smith–Ferrante's long tail (q = 0) to a bell without one (q = 1).
+"""A cohesive law of another shape: from the exponential tail of ``stiff_cohesion`` (q = 0) to a bell (q = 1).
 
-With s = δ/δ_c, 1 − d = (1 − q) e^(−s) + q Q(λ s), Q(y) = e^(−y) (1 + y + y²/2 + y³/6), and the stiffness
-G_c/(δ_c² M), M = 1 − q + 10 q/λ². λ is such that both ends peak at δ_c; G_c is the work of separation for
-every q. The peak traction rises from 0.37 to 0.57 G_c/δ_c. Compare the shape parameters of Park, Paulino
-& Roesler, J. Mech. Phys. Solids 57 (2009) 891, 10.1016/j.jmps.2008.10.003.
+T = (1 − q) T_stiff + q T_bell, with s = δ/δ_c and T_bell = G_c/δ_c (λ²/10) s Q(λ s), Q(y) = e^(−y)
+(1 + y + y²/2 + y³/6). λ is such that the bell peaks at δ_c; G_c is the work of separation for every q.
+The traction at δ_c rises from 0.36 to 0.57 G_c/δ_c. Compare the shape parameters of Park, Paulino & Roesler,
+J. Mech. Phys. Solids 57 (2009) 891, 10.1016/j.jmps.2008.10.003.
 """
 
 import numpy as np
 
 from cutbench.base.units import Parameter
-from cutbench.mechanisms.cut.smith_ferrante import SmithFerrante
+from cutbench.mechanisms.base import Estimate
+from cutbench.mechanisms.cut.stiff_cohesion import StiffCohesion
 
 #: Positive root of 1 + λ + λ²/2 + λ³/6 = λ⁴/6, where s Q(λ s) peaks at s = 1.
 BELL = float(max(r.real for r in np.roots([1 / 6, -1 / 6, -1 / 2, -1, -1]) if abs(r.imag) < 1e-9))
@@ -24,32 +25,46 @@ def _poisson(y, terms: int):
     return np.exp(-y) * total
 
 
-class CompactCohesion(SmithFerrante):
+class CompactCohesion(StiffCohesion):
     """Cohesive law whose shape q runs from an exponential tail to a compact bell."""
 
     name = "compact_cohesion"
     title = "cohesive (shape)"
     parameters = (
-        *SmithFerrante.parameters,
+        *StiffCohesion.parameters,
         Parameter.effect(
-            "compactness", "1", "q", "shape: 0 Smith–Ferrante, 1 a bell without tail", high=1.0, typical=0.5
+            "compactness",
+            "1",
+            "q",
+            "shape: 0 an exponential tail, 1 a bell without one",
+            high=1.0,
+            typical=0.5,
         ),
     )
 
     def groups(self, p):
         return {**super().groups(p), "compactness": p.compactness}
 
-    def keep(self, s, p):
-        return (1 - p.compactness) * np.exp(-s) + p.compactness * _poisson(BELL * s, 4)
-
-    def _moment(self, p):
-        return 1 - p.compactness + p.compactness * 10 / BELL**2
+    def _parts(self, p):
+        """First stiffnesses of the tail and of the bell, MPa/mm."""
+        tail = (1 - p.compactness) * super().stiffness(p)
+        return tail, p.compactness * p.G_c / p.delta_c**2 * BELL**2 / 10
 
     def stiffness(self, p):
-        return super().stiffness(p) / self._moment(p)
+        return sum(self._parts(p))
+
+    def keep(self, s, p):
+        tail, bell = self._parts(p)
+        return (tail * super().keep(s, p) + bell * _poisson(BELL * s, 4)) / (tail + bell)
+
+    def whole(self, s, p):
+        return (1 - p.compactness) * np.exp(-s) + p.compactness * _poisson(BELL * s, 4)
 
     def spent(self, s, keep, p):
         y, q = BELL * s, p.compactness
-        tail = np.exp(-s)
-        bell = s**2 / 2 * _poisson(y, 4) + 10 / BELL**2 * (1 - _poisson(y, 6))
-        return ((1 - q) * super().spent(s, tail, p) + q * bell) / self._moment(p)
+        bell = BELL**2 / 10 * s**2 / 2 * _poisson(y, 4) + 1 - _poisson(y, 6)
+        return (1 - q) * super().spent(s, keep, p) + q * bell
+
+    def estimate(self, p, rate, width):
+        peak = self.stiffness(p) * p.delta_c * self.keep(np.ones(1), p)[0]
+        return Estimate(strength=peak, opening=p.delta_c, work=p.G_c)
