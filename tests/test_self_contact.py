@@ -12,6 +12,7 @@ from cutbench.forms.assembly import Pattern
 from cutbench.forms.self_contact import SelfContactForm
 from cutbench.run.build import build
 from cutbench.run.runner import run_case
+from cutbench.verification.reference import crease
 
 P, EPS = SimpleNamespace(G=0.02, nu=0.49), 1e-30
 TUNING = SelfContactTuning(part=0.5, reach=0.1)
@@ -135,3 +136,7 @@ def test_it_can_be_left_out():
     case = load_case("gelatin", {"h": "2 mm", "element": "P1"})
     names = [[f.name for f in build(case.set(self_contact=sc)).problem.forms] for sc in ("on", "off")]
     assert "self_contact" in names[0] and "self_contact" not in names[1]
+
+
+def test_a_crease_is_in_balance_at_the_strain_of_the_literature():
+    assert crease.balance(0.04)[0] == pytest.approx(crease.CRITICAL, rel=0.02)

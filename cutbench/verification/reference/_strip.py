@@ -80,7 +80,7 @@ def graded(first: float, length: float) -> np.ndarray:
 def transverse(stretch: float, p) -> float:
     """Stretch along the strip at which nothing pulls there: ∂W/∂λ_y = 0."""
     step = 1e-30
-    return brentq(lambda y: energy_of(stretch, y + 1j * step, p).imag / step, 0.5 / stretch, 1.5)
+    return brentq(lambda y: energy_of(stretch, y + 1j * step, p).imag / step, 0.5 / stretch, 2.0 / stretch)
 
 
 def energy_of(x, y, p):
