@@ -15,7 +15,7 @@ COARSE = load_case("gelatin").set(h="0.6 mm", corner=0.0625, shallow=1.0, step="
 #: Pressed in, nothing cut yet.
 PRESSED = COARSE.set(depth="1.5 mm")
 #: A weak cut plane and a slender tip: cuts from the first millimetre on, with friction and adhesion.
-CUTTING = COARSE.set(cohesion=1.0, tip="3.5 mm", mu=0.2, depth="2 mm")
+CUTTING = COARSE.set(cohesion=0.5, tip="3.5 mm", mu=0.2, depth="2 mm")
 #: The same, fewer steps.
 BRIEF = CUTTING.set(depth="1.1 mm")
 #: A contact that gives way by 1 µm where the pressure is G: onsets come early.

@@ -133,7 +133,7 @@ FILES = {
     "unknown section": (changed("[protocol]", "[protocl]"), 12, "protocl", "speed", "mean 'protocol'"),
     "key outside a section": ('G = "7 kPa"\n' + GOOD, 1, "G", "7 kPa", "[parameters]"),
     "section that is none": ("parameters = 3\n", 1, "parameters", "3", "[parameters]"),
-    "missing parameter": (changed('G_c = "5.3 J/m^2"\n', ""), None, "G_c", "(missing)", "smith_ferrante"),
+    "missing parameter": (changed('G_c = "5.3 J/m^2"\n', ""), None, "G_c", "(missing)", "stiff_cohesion"),
     "unknown mechanism": ('mechanisms = ["neo_hooke"]\n' + GOOD, 1, "mechanisms", "neo_hooke", "neo_hookean"),
     "two of a role": (
         'mechanisms = ["neo_hookean", "smith_ferrante", "viscous", "viscous_degraded"]\n' + GOOD,

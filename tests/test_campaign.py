@@ -107,7 +107,7 @@ def test_without_a_cut_it_is_the_part_that_the_tests_see():
     case, _ = start_case(None, kinds=("uniaxial",), parameters={"G": "0.4 MPa"})
     assert case.mechanisms == ("neo_hookean", "volumetric")
     case, _ = start_case("elastomer", kinds=("separation", "uniaxial"))
-    assert case.mechanisms == ("neo_hookean", "volumetric", "smith_ferrante", "viscous_degraded")
+    assert case.mechanisms == ("neo_hookean", "volumetric", "stiff_cohesion", "viscous_degraded")
 
 
 def test_several_files_are_repetitions(folder):

@@ -90,7 +90,9 @@ def test_files_hold_what_the_table_shows(study):
     table = markdown(rows)
     assert "| h/2 | +10.0 % | +25.0 % | -1.0 % |" in table and "✗" in table
     written = write(load_plan(study), rows, study.parent / "out")
-    assert [p.name for p in written] == ["convergence.json", "convergence.md", "convergence.png"]
+    assert [p.name for p in written] == [
+        "convergence.json", "convergence.md", "convergence.png", "choices.png",
+    ]  # fmt: skip
     record = json.loads(written[0].read_text(encoding="utf-8"))
     assert record["rows"][1]["moved"]["onset_mm"] == pytest.approx(0.1)
     for row in record["rows"]:

@@ -106,7 +106,7 @@ def test_points_added_along_the_polygon_change_nothing(extra):
 
 
 @settings(max_examples=40, deadline=None)
-@given(st.floats(1e-4, 1e4), st.lists(st.floats(0, 5), min_size=4, max_size=30))
+@given(st.floats(1e-4, 1e4), st.lists(st.just(0.0) | st.floats(1e-9, 5), min_size=4, max_size=30))
 def test_forces_scale_and_ratios_stay(factor, forces):
     d = np.linspace(0, 20, len(forces))
     base = curve(d, forces, d)

@@ -128,7 +128,7 @@ def test_force_relaxes_while_the_blade_rests_and_falls_on_the_way_back(held):
 
 def test_without_relaxation_a_frictionless_block_gives_all_back():
     there = [(0, 0), (40, 0.8), (80, 0.8), (120, 0.05)]
-    case = CASE.set(without=["maxwell", "adhesion", "viscous_degraded", "smith_ferrante"], motion=there)
+    case = CASE.set(without=["maxwell", "adhesion", "viscous_degraded", "stiff_cohesion"], motion=there)
     r = run_case(case)
     down, back = (np.interp(x, r.curve["time_s"], r.force_N) for x in (20.0, 80 + 40 * 0.4 / 0.75))
     assert back == pytest.approx(down, rel=2e-3)

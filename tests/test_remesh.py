@@ -80,7 +80,7 @@ def test_followed_meshes_change_little(case, followed):
     at = np.linspace(0.2, 2, 60)
     forces = [np.interp(at, r.displacement_mm, r.force_N) for r in (followed, alone)]
     assert np.abs(forces[0] - forces[1]).max() < 0.03 * forces[1].max()
-    for name in ("smith_ferrante", "neo_hookean"):
+    for name in ("stiff_cohesion", "neo_hookean"):
         ends = [r.curve[f"work_{name}_mJ"][-1] for r in (followed, alone)]
         assert ends[0] == pytest.approx(ends[1], rel=0.03)
     assert abs(followed.measures["closure"] - alone.measures["closure"]) < 0.01

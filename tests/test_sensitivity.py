@@ -164,9 +164,9 @@ def test_names_that_are_refused():
         run_case(QUICK, sensitivities=["G_k"])
     with pytest.raises(BadInput, match="switches off"):
         extended(QUICK, ["viscous"])
-    bare = QUICK.set(without=["smith_ferrante", "viscous_degraded", "adhesion"])
+    bare = QUICK.set(without=["stiff_cohesion", "viscous_degraded", "adhesion"])
     with pytest.raises(BadInput, match="switches off"):
-        extended(bare, ["smith_ferrante"])
+        extended(bare, ["stiff_cohesion"])
 
 
 def test_they_are_written_in_units_a_person_uses(tmp_path):

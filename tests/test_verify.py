@@ -20,11 +20,13 @@ FLUX = {
     "neo_hookean": ("stress_factors", "tangent_factors"),
     "volumetric": ("stress_factors", "tangent_factors"),
     "smith_ferrante": ("traction",),
+    "stiff_cohesion": ("traction",),
     "viscous": ("traction",),
     "viscous_degraded": ("traction",),
     "contact": ("pressure",),
     "coulomb": ("strength",),
     "adhesion": ("strength",),
+    "surface_gradient": ("gradient",),
 }
 
 

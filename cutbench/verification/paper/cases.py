@@ -28,7 +28,7 @@ class ModelChange:
 HARD = ("penalty", "stick", "scaled", "multiplier", "augmentations", "closing", "release_mm")
 #: And how long steps are.
 STEPS = ("step_mm", "damage_step")
-#: What tells the paper's numerics from the converged ones, one by one; and from there, its viscous term.
+#: What tells the paper's numerics and model from the converged ones, one by one; and from there, its laws.
 CHANGES: dict[str, ModelChange] = {
     "size": ModelChange("elements of 0.5 mm", PAPER, {"h": "0.5 mm"}),
     "order": ModelChange("quadratic elements", PAPER, {"element": "P2"}),
@@ -42,9 +42,15 @@ CHANGES: dict[str, ModelChange] = {
         {"scheme": "monolithic", "stepping": "adaptive", **{key: getattr(Numerics, key) for key in STEPS}},
     ),
     "normal": ModelChange("the tool's normal", PAPER, {"normal": "tool"}),
+    "cohesion": ModelChange("a cohesive law that is stiff at first", PAPER, {"with_": "stiff_cohesion"}),
+    "surfaces": ModelChange("surfaces with a length", PAPER, {"with_": "surface_gradient"}),
     "printed_viscous": ModelChange("viscosity as printed, else converged", CONVERGED, {"with_": "viscous"}),
+    "printed_cohesion": ModelChange(
+        "the cohesive law as printed, else converged", CONVERGED, {"with_": "smith_ferrante"},
+        claims=("C1", "C2"),
+    ),
     "folds": ModelChange(
-        "surfaces without bending stiffness, else converged", CONVERGED, {"layer": 0.0},
+        "surfaces without a length, else converged", CONVERGED, {"without": "surface_gradient"},
         claims=("C1", "C2"),
     ),
 }  # fmt: skip

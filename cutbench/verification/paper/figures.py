@@ -80,7 +80,9 @@ def _one_at_a_time(by_id: Mapping[str, Judged], runner: Runner):
         for place, name in enumerate(names):
             if name in one.ids:
                 result = runner.results[one.ids[name]["base"]]
-                _curve(ax, result, CHANGES[name].text, place + 1, colours[place % len(colours)])
+                _curve(
+                    ax, result, CHANGES[name].text, (place + 1) % len(LINES), colours[place % len(colours)]
+                )
         _curve(ax, base, _NAMES[PAPER], 0, COLOURS["black"])
         # A run that never cuts grows without bound and would hide the rest.
         ax.set_ylim(0, 1.6 * float(base.force_N.max(initial=1e-9)))

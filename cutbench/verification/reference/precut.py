@@ -17,8 +17,9 @@ from cutbench.verification.reference.base import Check, Reference
 FINE, RUN, PART = 1 / 20, 0.3, 0.9
 #: A cut through the elastomer, whose process zone of 1.2 mm coarse elements resolve, and how deep it begins.
 COARSE = {
-    "mu": 0, "tau_W": "0 kPa", "eta_reg": "0 s", "h": "0.6 mm", "corner": 0.0625, "shallow": 1, "around": 0,
-    "step": "0.1 mm", "depth": "6 mm", "width": "16 mm", "height": "14 mm",
+    "without": "surface_gradient", "mu": 0, "tau_W": "0 kPa", "eta_reg": "0 s", "h": "0.6 mm",
+    "corner": 0.0625, "shallow": 1, "around": 0, "step": "0.1 mm", "depth": "6 mm", "width": "16 mm",
+    "height": "14 mm",
 }  # fmt: skip
 PRECUT, FROM = 3.0, 4.0
 
@@ -52,7 +53,7 @@ def cut_on() -> Iterator[Check]:
     if not result.outcome.done:
         raise ArithmeticError(str(result.outcome))
     curve, L = result.curve, case.p.length
-    length, spent = curve["cut_length_mm"], curve["work_smith_ferrante_mJ"]
+    length, spent = curve["cut_length_mm"], curve["work_stiff_cohesion_mJ"]
     first = int(np.argmax(curve["displacement_mm"] >= FROM))
     yield Check("length of the cut before the blade comes", "mm", PRECUT, float(length[0]), 0.02)
     per_length = float((spent[-1] - spent[first]) / (length[-1] - length[first]))
@@ -64,7 +65,7 @@ REFERENCE = Reference(
     "A strip in pure shear and a blade's specimen, cut beforehand: energy below the pre-cut.",
     "J = W(λ) H (Rivlin and Thomas 1953; Rice 1968); energy balance of cutting",
     compute,
-    laws=("smith_ferrante",),
+    laws=("smith_ferrante", "stiff_cohesion"),
     quick=False,
     seconds=15.0,
 )
