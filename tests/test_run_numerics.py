@@ -106,7 +106,7 @@ def test_errors_of_the_ledger_do_not_add_up():
         depth="6 mm",
         energy_step=0.1,
         cohesion=8.0,
-        layer=0.0,
+        surface_length="0 mm",
         normal="material",
         predictor="line",
         **SOFT,

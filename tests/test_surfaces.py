@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 from form_checks import spaces, step_between
 from scipy.spatial.transform import Rotation
-from surface_forms import HEIGHT, P, begun, energy, forms, moved, piece
+from surface_forms import HEIGHT, LENGTH, P, begun, energy, forms, moved, piece
 
+from cutbench.base.errors import BadInput
+from cutbench.case.case import load_case
 from cutbench.mechanisms.base import STEP
+from cutbench.run.runner import run_case
 
 LAWS = ("surface_tension", "bending_skin", "film", "surface_gradient")
 every = pytest.mark.parametrize("name", LAWS)
@@ -41,7 +44,7 @@ def test_forces_are_the_energys_derivative_and_tangents_theirs(dim, order, name,
         size = np.abs(found.vector).max() * np.abs(v).max()
         np.testing.assert_allclose(np.einsum("ijn,jn->in", found.matrix, local), slope, atol=1e-10 * size)
         h = 1e-6
-        slope = (form.energy(u + h * v, P, state) - form.energy(u - h * v, P, state)) / (2 * h)
+        slope = (form.stored(u + h * v, P, state) - form.stored(u - h * v, P, state)) / (2 * h)
         assert (found.vector * local).sum() == pytest.approx(slope, rel=1e-6)
 
 
@@ -50,7 +53,8 @@ def test_forces_are_the_energys_derivative_and_tangents_theirs(dim, order, name,
 @parts
 def test_energy_does_not_see_rotations_nor_forces_push_the_whole(dim, order, name, part):
     space, geometry = piece(dim, order, part, 3)
-    found = [form for form in forms(space, geometry, name) if not form.name.endswith("across")]
+    # What holds the edges does not turn with them.
+    found = [form for form in forms(space, geometry, name) if not form.name.endswith(("across", "held"))]
     u = shaken(space)
     x = space.X + u.reshape(-1, dim).T
     R, u = turned(space), (x - space.X).T.ravel()
@@ -82,7 +86,7 @@ def test_a_flat_surface_is_stretched_for_nothing(dim, order, name, part):
     scale = energy(forms(space, geometry, name), space, shaken(space))
     for form in forms(space, geometry, name):
         state = begun(form, space, 0.0)
-        assert form.energy(u, P, state) < 1e-24 * scale + 1e-28
+        assert form.stored(u, P, state) < 1e-24 * scale + 1e-28
         force = form.evaluate(u, P, state, step_between(space), tangent=False).vector
         assert np.abs(force).max() < 1e-12
 
@@ -126,3 +130,103 @@ def test_half_of_a_block_has_half_of_the_energy(dim, order, part, name):
             for space, geometry in (half, whole)
         ]
         assert energies[1] == pytest.approx(2 * energies[0], rel=1e-9)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_surface_tension_is_the_area_of_what_is_deformed_and_cut(dim):
+    space, geometry = piece(dim, 2, nx=6)
+
+    def sheared(X):
+        return np.stack([1.5 * X[0], X[1] + 0.4 * X[0], *(1.2 * X[2:])])
+
+    found, u = forms(space, geometry, "surface_tension"), moved(space, sheared)
+    found = [form for form in found if not form.name.endswith("held")]
+    depth = 1.0 if dim == 2 else 1.2 * 2 * LENGTH
+    top, cut = np.hypot(1.5, 0.4) * depth, HEIGHT * depth
+    for damage in (0.0, 0.25, 1.0):
+        assert energy(found, space, u, damage) == pytest.approx(P.gamma_s * (top + damage * cut), rel=1e-12)
+
+
+@spaces
+@parts
+def test_a_whole_top_pulls_nowhere_at_the_cut_plane_a_cut_one_does(dim, order, part):
+    """Stretched evenly it is in balance along itself, but at its outer edge."""
+    space, geometry = piece(dim, order, part, 3)
+    found = forms(space, geometry, "surface_tension")
+    stretch = np.array([1.5, 0.8, 1.2])[:dim]
+    u = moved(space, lambda X: stretch[:, None] * X)
+    at_edge = np.intersect1d(space.nodes_on("top"), space.nodes_on("cut"))
+    pulls = []
+    for damage in (0.0, 1.0):
+        force = np.zeros(space.ndof)
+        for form in found:
+            local = form.evaluate(u, P, begun(form, space, damage), step_between(space), tangent=False).vector
+            np.add.at(force, form.dofs, local)
+        pulls.append(-force.reshape(-1, dim)[at_edge, 0].sum())
+    # In space it pulls at the edge by γ per deformed length.
+    length = 1.0 if dim == 2 else 1.2 * LENGTH * (2 if geometry.mesh.p[2].min() < 0 else 1)
+    assert pulls[0] == pytest.approx(0, abs=1e-12)
+    assert pulls[1] == pytest.approx(P.gamma_s * length, rel=1e-12)
+
+
+@spaces
+@parts
+def test_a_whole_block_is_at_rest(dim, order, part):
+    space, geometry = piece(dim, order, part, 3)
+    force = np.zeros(space.ndof)
+    for form in forms(space, geometry, *LAWS):
+        local = form.evaluate(
+            0 * force, P, begun(form, space, 0.0), step_between(space), tangent=False
+        ).vector
+        np.add.at(force, form.dofs, local)
+    assert np.abs(force).max() < 1e-14
+
+
+def test_what_is_left_of_an_edge_is_a_matter_of_its_damage():
+    """A kinked top stores in proportion to how far its edge is whole, and nothing where that is cut."""
+    space, geometry = piece(2, 2)
+    found = forms(space, geometry, "bending_skin")
+    u = moved(space, lambda X: np.stack([X[0], X[1] + 0.3 * X[0]]))
+    whole, half, cut = (energy(found, space, u, damage) for damage in (0.0, 0.5, 1.0))
+    assert whole > 0
+    assert half == pytest.approx(whole / 2, rel=1e-12)
+    assert cut == pytest.approx(0, abs=1e-12 * whole)
+
+
+@every
+def test_it_takes_the_mean_of_what_it_is_at_both_ends_of_a_step(name):
+    space, geometry = piece(2, 2)
+    n = space.faces("cut", 4).w.size
+    step, u = step_between(space), shaken(space, 0.01)
+    for form in forms(space, geometry, name):
+        states = [begun(form, space, damage) for damage in (0.2, 0.6)]
+        begins = form.begun(states[0], np.full(n, 0.6))
+        (taken,) = form.work(u, P, begins, form.evaluate(u, P, begins, step).state, step).values()
+        mean = sum(form.stored(u, P, s) - form.stored(step.u_old, P, s) for s in states) / 2
+        assert taken == pytest.approx(mean, rel=1e-12)
+
+
+def test_a_film_has_a_thickness_and_a_layer_is_said_otherwise(tmp_path):
+    case = load_case("gelatin").set(with_="film", film_thickness="0.07 mm")
+    assert case.values["film_bending"] == pytest.approx(case.p.G * 0.07**3 / 3)
+    assert case.groups()["film_thickness/a"] == pytest.approx(0.2)
+    path = tmp_path / "own.toml"
+    path.write_text('base = "gelatin"\n[numerics]\nlayer = 0.5\n', encoding="utf-8")
+    with pytest.raises(BadInput, match="surface_length") as error:
+        load_case(path)
+    assert (error.value.key, error.value.line) == ("layer", 3)
+    with pytest.raises(BadInput, match="surface_gradient"):
+        case.set(layer=1.0)
+
+
+@pytest.mark.slow
+def test_a_film_keeps_the_elastomer_from_being_cut_in_a_fold_and_its_onset_has_a_limit():
+    case = load_case("elastomer").set(
+        depth="2.72 mm", h="0.125 mm", corner=0.125, shallow=1.0, step="0.1 mm", energy_step=0.1
+    )
+    film = case.set(with_="film", film_thickness="0.07 mm")
+    bare, stiff, coarser = (
+        run_case(each).measures["onset_mm"] for each in (case, film, film.set(corner=0.25))
+    )
+    assert bare < 0.8 * stiff
+    assert coarser == pytest.approx(stiff, rel=0.02)

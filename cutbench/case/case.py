@@ -31,6 +31,7 @@ from cutbench.case.values import (
     check_fit,
     doubts,
     full_depth,
+    instead,
     misplaced,
     names,
     parse_overrides,
@@ -330,6 +331,8 @@ def _load(source: str | Path, seen: tuple[Path, ...], dim: int) -> tuple[_Draft,
             if section == "blade" and "outline" in part:
                 changes["outline"] = read_outline(part.pop("outline"), path.parent)
             for key, raw in part.items():
+                if instead(key):
+                    raise unknown(key, raw, model)
                 if right := misplaced(key, section, model):
                     expected = f"it in the section [{right}], not in [{section}]"
                     raise BadInput(key=key, value=brief(raw), expected=expected)

@@ -87,8 +87,6 @@ class Numerics:
     """Part of the blade's work over the largest step that a step may leave open; more refuses the step."""
     damping_mm: float = _within(3e-4, 0.0, 1.0)
     """Bulk viscosity over G, times the speed; it carries a run through jumps."""
-    layer: float = _within(0.0, 0.0, 100.0)
-    """Surfaces at the blade resist bending as a layer so many δ_c thick."""
     self_contact: str = _one_of("on", "off")
     """Whether a section's surface beside the blade is kept from passing through itself."""
     tolerance: float = _within(1e-8, 1e-14, 1e-2)
@@ -207,7 +205,6 @@ def preset(name: object, dim: int, modulus: float, thickness: float) -> Numerics
         augmentations=PAPER_UPDATES,
         release_mm=0.0,
         closing=0.0,
-        layer=0.0,
         self_contact="off",
         scheme="staggered",
         stepping="paper",

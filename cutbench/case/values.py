@@ -20,7 +20,7 @@ from cutbench.case.model import (
     tools,
 )
 from cutbench.case.numerics import KEYS, Numerics
-from cutbench.mechanisms import Tool
+from cutbench.mechanisms import Tool, registry
 
 #: Sharpest tip that an element resolves: its radius of curvature a²/b in element sizes.
 TIP_PER_ELEMENT = 1 / 20
@@ -63,10 +63,17 @@ def parameter_of(name: str) -> str:
     return known[name].parameter if name in known else name
 
 
+def instead(key: str) -> str | None:
+    """What to write where a mechanism is meant that has no such name."""
+    return next((law.meant[key] for law in registry().values() if key in law.meant), None)
+
+
 def unknown(key: str, raw: object, model: Model) -> BadInput:
     """The error for a name that this model does not have: where it belongs, or which was meant."""
     target = parameter_of(key)
-    if target not in model.parameters() and (who := owners(target)):
+    if text := instead(key):
+        expected = text
+    elif target not in model.parameters() and (who := owners(target)):
         expected = (
             f"a parameter of this model ({', '.join(model.mechanisms)}); add the mechanism"
             f" {' or '.join(who)} that has it"

@@ -41,8 +41,6 @@ class Form:
     dofs: np.ndarray
     #: False where the local matrix is not symmetric for the laws in use.
     symmetric: bool = True
-    #: Parameters that it takes by itself, besides those of its laws.
-    reads: tuple[str, ...] = ()
 
     def start(self, p) -> dict[str, Any]:
         """The virgin state."""

@@ -23,7 +23,7 @@ import scipy.sparse as sp
 
 from cutbench.forms.base import component_major
 from cutbench.forms.space import Faces
-from cutbench.forms.surface import Rim, Share, SurfaceForm
+from cutbench.forms.surface import Rim, Share, SurfaceForm, edge_of
 from cutbench.mechanisms.base import Skin
 
 
@@ -60,7 +60,9 @@ class BendingForm(SurfaceForm):
         super().__init__(name, law, component_major(rings.nodes.reshape(-1, centres.size), dim), share)
         # Lines in space are strips of which nothing varies across: the faces say how wide they are.
         width = faces.w.sum() / rings.total
-        self._arrays = (X[:, rings.nodes], rings.weights, rings.slopes, rings.area / width, keep)
+        # Differences first: edges are thousands of times shorter than the block.
+        away = X[:, rings.nodes] - X[:, rings.nodes[:, :1]]
+        self._arrays: tuple[np.ndarray, ...] = (away, rings.weights, rings.slopes, rings.area / width, keep)
 
     def coefficient(self, p):
         return self.law.bending(p)
@@ -74,9 +76,10 @@ class BendingForm(SurfaceForm):
         """By how much the surface turns at each node, times the node's area: a vector (dim, n); the edges'
         directions and lengths; and in space the surface's tangents, its normal, and what that was divided by.
         """
-        X, weights, slopes, _, keep = self._arrays
-        x = X + U.reshape(X.shape)
-        edges = np.where(weights == 0, 1.0, x - x[:, :, :1])
+        away, weights, slopes, _, keep = self._arrays
+        u = U.reshape(away.shape)
+        x = away + (u - u[:, :, :1])
+        edges = np.where(weights == 0, 1.0, x)
         lengths = np.sqrt((edges * edges).sum(axis=0))
         edges = edges / lengths
         turned = keep * (weights * edges).sum(axis=(1, 2))
@@ -155,11 +158,8 @@ class Rings:
             tables[0], np.linalg.norm(X[:, pieces[:, None]] - X[:, pieces[None]], axis=0), volume
         )
         area = np.bincount(pieces.ravel(), part_of.ravel(), minlength=size)
-        # A ridge that belongs to one piece alone is on the surface's edge, or in a mirror.
-        ridges = np.hstack([np.sort(np.delete(pieces, k, axis=0), axis=0) for k in range(corners)])
-        ridges, count = np.unique(ridges, axis=1, return_counts=True)
-        edge = (count == 1) & ~np.isin(ridges, ends).all(axis=0)
-        kept = np.setdiff1d(pieces, ridges[:, edge])
+        edge = edge_of(pieces)[0]
+        kept = np.setdiff1d(pieces, edge[:, ~np.isin(edge, ends).all(axis=0)])
         width = int(np.diff(maps[0].indptr)[kept].max(initial=1))
         nodes, values = np.tile(kept, (width, 1)), np.zeros((len(maps), width, kept.size))
         for column, node in enumerate(kept):

@@ -107,18 +107,34 @@ class SurfaceForm(Form):
                 matrix[:, k] = np.real(c) * self.forces(probe, there).imag / STEP
         return Local(c * self.forces(U, there), matrix, dict(state))
 
-    def energy(self, u: np.ndarray, p, state: dict) -> float:
-        """Stored energy in mJ, per mm of length in 2D."""
-        return float(self.coefficient(p) * (state["there"] @ self.energies(np.take(u, self.dofs))))
-
     def stored(self, u, p, state):
-        return self.energy(u, p, state)
+        return float(self.coefficient(p) * (state["there"] @ self.energies(np.take(u, self.dofs))))
 
     def work(self, u, p, old, new, step):
         # The mean of the forces at both ends: each has a factor of its own.
         there = (old["before"] + new["there"]) / 2
         before, after = (self.energies(np.take(v, self.dofs)) for v in (step.u_old, u))
         return {self.law.name: float(self.coefficient(p) * (there @ (after - before)))}
+
+
+def edge_of(pieces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Ridges (m, n) at the edge of a surface of the pieces (m+1, k), the corners (n,) opposite them, and the
+    numbers (n,) of their pieces."""
+    ridges = np.hstack([np.sort(np.delete(pieces, k, axis=0), axis=0) for k in range(len(pieces))])
+    _, first, count = np.unique(ridges, axis=1, return_index=True, return_counts=True)
+    alone = first[count == 1]
+    return ridges[:, alone], pieces.ravel()[alone], alone % pieces.shape[1]
+
+
+def edge_lines(nodes: np.ndarray, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points, or lines with their middle, at the edge of faces with the ``nodes`` (nn, nf): (1 to 3, n), and
+    the corners (n,) opposite them. ``X`` (dim, nnode) positions of all nodes."""
+    ridges, opposite, face = edge_of(nodes[: X.shape[0]])
+    middles = nodes[X.shape[0] :, face]
+    if len(ridges) == 2 and len(middles):
+        away = np.linalg.norm(X[:, middles] - X[:, ridges].mean(axis=1)[:, None], axis=0)
+        ridges = np.vstack([ridges, np.take_along_axis(middles, away.argmin(axis=0)[None], axis=0)])
+    return ridges, opposite
 
 
 @dataclass(frozen=True)
@@ -141,16 +157,6 @@ class Rim:
             found = np.intersect1d(top.nodes, minus.nodes)
             other = found[cKDTree(X[:, found].T).query(X[:, plus].T)[1]]
         return cls(plus, other, cls.nearest(cut, X[:, plus]))
-
-    def pieces(self, of_cut: np.ndarray) -> np.ndarray:
-        """Numbers (1 or 2, n) in ``plus`` of the points, or of the ends of the lines, that the rim is made
-        of, from the pieces (m, n) of the cut plane."""
-        if len(of_cut) == 2:
-            return np.arange(self.plus.size)[None]
-        there = np.isin(of_cut, self.plus)
-        ends = of_cut.T[there.sum(axis=0) == 2]
-        ends = ends[np.isin(ends, self.plus)].reshape(-1, 2)
-        return np.searchsorted(self.plus, np.unique(np.sort(ends, axis=1), axis=0)).T
 
     @staticmethod
     def nearest(cut: Faces, X: np.ndarray) -> np.ndarray:

@@ -98,6 +98,8 @@ class Mechanism:
     published: ClassVar[bool] = False
     #: Whether it is there for the march's sake alone: paths of equilibria leave it out.
     regularises: ClassVar[bool] = False
+    #: Words for it that set nothing, and what to write instead.
+    meant: ClassVar[Mapping[str, str]] = {}
     #: What a person may set in place of the law's parameters, in case files, studies and options.
     settable: ClassVar[tuple[Group, ...]] = ()
 

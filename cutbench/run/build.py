@@ -13,21 +13,20 @@ from cutbench.case.model import Model
 from cutbench.case.motion import Motion
 from cutbench.case.numerics import Numerics
 from cutbench.forms.base import Form
-from cutbench.forms.bending import BendingForm, subdivided
+from cutbench.forms.bending import BendingForm
 from cutbench.forms.blade import BladeForm, ContactNumerics
 from cutbench.forms.bulk import BulkForm
 from cutbench.forms.cut import CutForm
 from cutbench.forms.damping import DampingForm
 from cutbench.forms.geometry import Geometry, paired
 from cutbench.forms.gradient import GradientForm
-from cutbench.forms.layer import LayerForm
 from cutbench.forms.line import surface_lines
 from cutbench.forms.mixed import MixedVolumetric
 from cutbench.forms.self_contact import SelfContactForm
 from cutbench.forms.space import Faces, Space
 from cutbench.forms.support import SupportForm
 from cutbench.forms.surface import Rim, Share
-from cutbench.forms.tension import SpanForm, TensionForm
+from cutbench.forms.tension import HeldForm, SpanForm, TensionForm
 from cutbench.mechanisms import Skin, Volumetric
 from cutbench.models2d.plane_strain import geometry as section_geometry
 from cutbench.models3d.block import geometry as block_geometry
@@ -119,13 +118,6 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
     if cut := model.laws("cut"):
         minus = paired(faces["cut"], faces["cut_minus"], space.X) if geometry.split else None
         forms.append(CutForm(cut, faces["cut"], p.height, minus, skins, n.closing))
-        if n.layer > 0:
-            mirrors = [(space.nodes_on(name), i) for name, i in geometry.held]
-            stiff = {"bending": faces["cut"], "bending_top": faces["top"]}
-            if minus is not None:
-                stiff["bending_minus"] = minus
-            laws = [*model.laws("bulk"), *(law for law in cut if law.role == "cohesive")]
-            forms += [LayerForm(side, space.X, n.layer, laws, mirrors, k) for k, side in stiff.items()]
     elif geometry.split:
         raise BadInput(
             key="symmetry", value="full", expected="'half' where no law holds the cut plane together"
@@ -216,5 +208,9 @@ def surface_forms(
             if type(law).tension is not Skin.tension:
                 share = Share.all_of(side.w.size) if name == "top" else Share.as_cut(side.w.size)
                 yield TensionForm(f"{law.name} {name}", law, side, share)
-        if type(law).tension is not Skin.tension and "top" in on and opens:
-            yield SpanForm(f"{law.name} across", law, rim, rim.pieces(subdivided(cut.nodes, X)), cut, X)
+        if type(law).tension is Skin.tension or "top" not in on:
+            continue
+        inner = [rim.plus, *([] if rim.minus is None else [rim.minus]), *(at for at, _ in mirrors)]
+        yield HeldForm(f"{law.name} held", law, faces["top"], inner, X)
+        if opens:
+            yield SpanForm(f"{law.name} across", law, rim, cut, X)

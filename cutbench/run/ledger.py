@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cutbench.run.remeshing import RemeshedMarch
-from cutbench.run.result import BENDING, SELF_CONTACT, SNAP, TRANSFER
+from cutbench.run.result import SELF_CONTACT, SNAP, TRANSFER
 from cutbench.solver.march import Accepted
 
 
@@ -27,9 +27,9 @@ class Ledger:
         # A curve starts at the origin: nothing touched, nothing spent.
         model = built.case.model
         names = [law.name for slot in ("bulk", "cut", "blade", "support") for law in model.laws(slot)]
-        forms = {form.name for form in built.problem.forms}
         names += [law.name for law in model.laws("skin") if law.surfaces]
-        own = ((BENDING, "bending"), (SELF_CONTACT, "self_contact"), (SNAP, "damping"))
+        forms = {form.name for form in built.problem.forms}
+        own = ((SELF_CONTACT, "self_contact"), (SNAP, "damping"))
         names += [work for work, form in own if form in forms]
         names += [TRANSFER] * meshes.follows
         self._names = names

@@ -19,10 +19,9 @@ OUTCOMES: Final = ("done", "stalled", "interrupted", "failed")
 _LEADING = ("displacement_mm", "force_N", "time_s", "cut_length_mm")
 _TRAILING = ("reaction_N", "closure")
 
-#: Entries of the energy ledger that are no mechanisms: energy lost in jumps, in bending of surfaces, where
-#: these press on themselves, and what new meshes add.
+#: Entries of the energy ledger that are no mechanisms: energy lost in jumps, where surfaces press on
+#: themselves, and what new meshes add.
 SNAP: Final = "snap"
-BENDING: Final = "bending"
 SELF_CONTACT: Final = "self_contact"
 TRANSFER: Final = "transfer"
 

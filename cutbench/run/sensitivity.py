@@ -76,7 +76,6 @@ def _direction(built: Built, name: str) -> Direction:
     blades = built.blades if isinstance(contact.stiffness, complex) else ()
     forms: dict[str, Form] = {form.name: form.with_numerics(contact) for form in blades}
     laws = [law for law in case.model.all if law.slot not in _FACES]
-    known = [name for form in built.problem.forms for name in form.reads]
-    known += [name for law in laws for name in (*law.reads, *(q.name for q in law.parameters))]
+    known = [name for law in laws for name in (*law.reads, *(q.name for q in law.parameters))]
     viscosity = damping_viscosity(case.model, p, n)
     return Direction(name, p, complex(p.speed), forms, name in known, viscosity)

@@ -122,7 +122,9 @@ class Problem:
         return sum(law.shear_modulus(self.p) for law in self.bulk.laws)
 
     def start(self) -> dict[str, dict]:
-        return {form.name: form.start(self.p) for form in self.forms}
+        states = {form.name: form.start(self.p) for form in self.forms}
+        # What is cut from the start on has never been whole: there is no step in which it was.
+        return self.touched(self.touched(states))
 
     def touched(self, states: dict[str, dict]) -> dict[str, dict]:
         """``states`` as a step begins with them: faces look for contact anew, surfaces for what is cut."""

@@ -34,6 +34,7 @@ class SurfaceGradient(Skin):
         ),
     )
     reads = ("G", "thickness")
+    meant = {"layer": "surface_length, a length, of the mechanism surface_gradient"}  # noqa: RUF012
 
     def groups(self, p):
         return {"surface_length/a": p.surface_length / (p.thickness / 2)}

@@ -6,7 +6,7 @@ cut: the energy of new faces is a part of G_c. Style, Jagota, Hui, Dufresne, Ann
 """
 
 from cutbench.base.units import Parameter
-from cutbench.mechanisms.base import Group, Skin
+from cutbench.mechanisms.base import Skin
 
 
 class SurfaceTension(Skin):
@@ -17,12 +17,6 @@ class SurfaceTension(Skin):
     surfaces = ("top", "cut")
     parameters = (Parameter.effect("gamma_s", "mN/m", "γ", "surface tension", high=1000.0, typical=50.0),)
     reads = ("G", "thickness")
-    settable = (
-        Group(
-            "capillarity", "gamma_s/(G a)", r"$\gamma/(G\,a)$", "gamma_s", ("G", "thickness"),
-            lambda p: p.gamma_s / (p.G * p.thickness / 2), lambda p, x: x * p.G * p.thickness / 2,
-        ),
-    )  # fmt: skip
 
     def groups(self, p):
         return {"gamma_s/(G a)": p.gamma_s / (p.G * p.thickness / 2)}

@@ -11,7 +11,7 @@ from scipy.integrate import cumulative_trapezoid
 from cutbench.base.figure_style import COLOURS, GREY, HATCHES, SINGLE_MM, Look, math_text, new_figure, style
 from cutbench.mechanisms import registry
 from cutbench.run.measures import forward
-from cutbench.run.result import BENDING, SNAP, TRANSFER
+from cutbench.run.result import SNAP, TRANSFER
 
 if TYPE_CHECKING:
     from cutbench.run.result import Result
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 #: Entries that never reach this share of the largest force are drawn together.
 NEGLIGIBLE = 0.005
 #: Labels of entries that are not in the registry.
-NO_MECHANISM = {SNAP: "unresolved jumps", BENDING: "bending of surfaces", TRANSFER: "new meshes"}
+NO_MECHANISM = {SNAP: "unresolved jumps", TRANSFER: "new meshes"}
 
 
 def plot_curve(result: Result) -> Figure:

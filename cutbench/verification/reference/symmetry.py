@@ -22,6 +22,7 @@ CASE = {
     "element": "P1", "h": "0.8 mm", "width": "12 mm", "height": "8 mm", "depth": "2.4 mm", "mu": 0.2,
     "G_c": "2 J/m^2", "eta_v": "0.02 mm", "energy_step": 0.1, "corner": 0.0625, "shallow": 1,
     "step": "0.1 mm", "penalty": 1000, "stick": 400, "multiplier": "none",
+    "with": ["surface_tension", "film"], "gamma_s": "50 mN/m", "film_thickness": "0.07 mm",
 }  # fmt: skip
 THICKNESS = 0.5
 
