@@ -175,7 +175,7 @@ def test_the_estimates_follow_what_they_are_made_of():
     assert classical(gelatin.set(cohesion=0.5)).drop_rel == 0.0  # too stiff: little is stored
     lasting = classical(gelatin.set(with_="viscous"))
     assert lasting.steady_N > here.steady_N
-    assert classical(gelatin.set(without="smith_ferrante", eta_reg="0 s", tau_W="0 kPa").set(
+    assert classical(gelatin.set(without="stiff_cohesion", eta_reg="0 s", tau_W="0 kPa").set(
         mechanisms=("neo_hookean", "volumetric", "contact"))) is None  # fmt: skip
 
 
