@@ -173,7 +173,7 @@ def test_blade_tangent_where_strength_depends_on_the_rate(normal, monkeypatch):
     numerics = ContactNumerics(stiffness=5 * P.G, tangential=20 * P.G, normal=normal)
     form = BladeForm(laws, space.faces("cut", 6), numerics, keep_touched=["cut"], height=HEIGHT)
     monkeypatch.setattr(form_checks, "P", ON)
-    u, state, step = form_checks.blade_case(space, form)
+    u, state, step = form_checks.blade_case(space, form, ON)
     new = form.evaluate(u, ON, state, step).state
     strength = sum(law.strength(state["pressure"], ON, state, SimpleNamespace(
         touched=state["touched"], slid=state["slid"], slip_rate=(new["slid"] - state["slid"]) / step.dt,

@@ -252,7 +252,7 @@ def test_a_cutting_campaign_gives_its_truth_back():
         assert e.low < SOLID.values[e.label] < e.high, e.label
     assert found.estimate("G").value == pytest.approx(SOLID.values["G"], rel=0.06)
     (slow, _) = found.compared
-    assert list(slow.regimes()) == ["onset", "transition"]
+    assert list(slow.regimes())[-2:] == ["onset", "transition"]
     data = to_dict(found)
     assert data["experiments"]["slow"]["regimes"]["onset"]["to_mm"] <= 1.0
     assert set(data["parameters"]) == {"G", "G_c"}
