@@ -10,6 +10,8 @@ folds where it is squeezed (the artificial compliance of intrinsic laws: Falk, N
 11, 2001, Pr5-43). That length is m times shorter here.
 """
 
+import math
+
 import numpy as np
 
 from cutbench.base.units import Parameter
@@ -41,7 +43,7 @@ class StiffCohesion(SmithFerrante):
         return {**super().groups(p), "onset stiffness": p.onset_stiffness}
 
     def estimate(self, p, rate, width):
-        return Estimate(strength=p.G_c / (np.e * p.delta_c), opening=p.delta_c, work=p.G_c)
+        return Estimate(strength=p.G_c / (math.e * p.delta_c), opening=p.delta_c, work=p.G_c)
 
     def stiffness(self, p):
         return p.onset_stiffness * super().stiffness(p)
@@ -51,10 +53,10 @@ class StiffCohesion(SmithFerrante):
 
     def _turns(self, p):
         """s₁, where the traction begins to fall."""
-        return np.e - 2 + np.log(2) / (np.e * p.onset_stiffness)
+        return math.e - 2 + np.log(2) / (math.e * p.onset_stiffness)
 
     def keep(self, s, p):
-        x = np.e * p.onset_stiffness * s
+        x = math.e * p.onset_stiffness * s
         small = np.real(x) < 1e-4
         first = np.where(small, 1 - x * x / 3, np.tanh(x) / np.where(small, 1.0, x))
         y = 1 + s - self._turns(p)
@@ -63,10 +65,10 @@ class StiffCohesion(SmithFerrante):
         return np.where(falls, y * np.exp(1 - y) / np.where(falls, x, 1.0), first)
 
     def spent(self, s, keep, p):
-        x = np.e * p.onset_stiffness * s
+        x = math.e * p.onset_stiffness * s
         # ln cosh x, free of cancellation where x is small.
         first = np.where(np.real(x) < 1e-4, x * x / 2, x + np.log1p(np.exp(-2 * x)) - np.log(2))
         y = 1 + s - self._turns(p)
         falls = np.real(y) >= 1
         y = np.where(falls, y, 1.0)
-        return np.where(falls, 1 - (1 + y) * np.exp(-y), first / (np.e**2 * p.onset_stiffness))
+        return np.where(falls, 1 - (1 + y) * np.exp(-y), first / (math.e**2 * p.onset_stiffness))

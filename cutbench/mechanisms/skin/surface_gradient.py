@@ -1,12 +1,14 @@
 """A surface with a length ℓ that resists gradients of its deformation: ½ B |Δ₀φ|², B = G ℓ³/3
 
-On the top, as far as the cut plane is whole across that too, and on both faces of the cut plane. It resists
-bends as a film of the block's material does which is ℓ thick, and gradients of the stretch along it as
-much: a second-gradient surface energy (Steigmann, Ogden, Proc. R. Soc. A 455, 1999, 437-474,
-10.1098/rspa.1999.0320). A soft surface without a length folds as finely as elements allow where it is
-squeezed (Biot, Appl. Sci. Res. A 12, 1963, 168-182), and under a blunt tip one element can be stretched
-alone; with it folds and stretches are not much finer than ℓ. No test measures it: what depends on it is
-undecided.
+On the top and on both faces of the cut plane. It resists bends as a film of the block's material does which
+is ℓ thick, and gradients of the stretch along it as much: a second-gradient surface energy (Steigmann,
+Ogden, Proc. R. Soc. A 455, 1999, 437-474, 10.1098/rspa.1999.0320). A soft surface without a length folds as
+finely as elements allow where it is squeezed (Biot, Appl. Sci. Res. A 12, 1963, 168-182), and under a blunt
+tip one element can be stretched alone; with it folds and stretches are not much finer than ℓ. No test
+measures it: what depends on it is undecided.
+
+The top ends at the cut plane, as where the edge of the blade nicks it as it touches it first: an ellipse
+stands for an edge that is sharper than itself. ``whole_surface_gradient`` is not nicked.
 """
 
 from cutbench.base.units import Parameter
@@ -21,6 +23,7 @@ class SurfaceGradient(Skin):
     role = "gradient"
     standard = True
     surfaces = ("top", "cut")
+    continuous = False
     parameters = (
         Parameter(
             "surface_length",
