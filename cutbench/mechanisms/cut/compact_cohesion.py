@@ -54,16 +54,17 @@ class CompactCohesion(StiffCohesion):
         return sum(self._parts(p))
 
     def keep(self, s, p):
-        tail, bell = self._parts(p)
-        return (tail * super().keep(s, p) + bell * _poisson(BELL * s, 4)) / (tail + bell)
+        (tail, bell), first = self._parts(p), super().keep(s, p)
+        return first + bell / (tail + bell) * (_poisson(BELL * s, 4) - first)
 
     def whole(self, s, p):
-        return (1 - p.compactness) * np.exp(-s) + p.compactness * _poisson(BELL * s, 4)
+        first = super().whole(s, p)
+        return first + p.compactness * (_poisson(BELL * s, 4) - first)
 
     def spent(self, s, keep, p):
-        y, q = BELL * s, p.compactness
+        y, first = BELL * s, super().spent(s, keep, p)
         bell = BELL**2 / 10 * s**2 / 2 * _poisson(y, 4) + 1 - _poisson(y, 6)
-        return (1 - q) * super().spent(s, keep, p) + q * bell
+        return first + p.compactness * (bell - first)
 
     def estimate(self, p, rate, width):
         peak = self.stiffness(p) * p.delta_c * self.keep(np.ones(1), p)[0]
