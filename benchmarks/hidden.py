@@ -138,7 +138,7 @@ def base_case(family: str, rng) -> Case:
         return case
     if family == "cut law":
         case, _ = start_case(
-            "elastomer", baseline=["neo_hookean", "volumetric", "smith_ferrante"], kinds=kinds
+            "elastomer", baseline=["neo_hookean", "volumetric", "stiff_cohesion"], kinds=kinds
         )
         return case
     laws = ["neo_hookean", "volumetric", "contact", "coulomb", "adhesion"]

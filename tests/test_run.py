@@ -292,9 +292,10 @@ def test_twice_as_large_is_the_same_test():
     """All lengths twice, G_c too, at the same stresses and the same times: four times the force."""
     v, n = SMALL.values, SMALL.numerics
     double = {
-        k: f"{2 * v[k]!r} mm" for k in ("width", "length", "height", "thickness", "tip", "delta_c", "depth")
+        k: f"{2 * v[k]!r} mm"
+        for k in ("width", "length", "height", "thickness", "tip", "delta_c", "surface_length", "depth")
     }
-    double |= {k: 2 * getattr(n, k) for k in ("h_mm", "step_mm", "step_min_mm", "damping_mm")}
+    double |= {k: 2 * getattr(n, k) for k in ("h_mm", "step_mm", "step_min_mm", "damping_mm", "release_mm")}
     large = SMALL.set(**double, G_c=f"{2 * v['G_c']!r} N/mm", speed=f"{2 * v['speed']!r} mm/s")
     assert large.groups() == pytest.approx(SMALL.groups())
     # The first step of a run is the largest step or 0.02 mm: here both are the largest.

@@ -67,7 +67,7 @@ def test_derivatives_are_those_of_central_differences():
         # With the tool's normal the mixed element's neighbours take other steps.
         (
             {"element": "P2P1", "augmentations": 1, "normal": "material", "h": "0.7 mm", "depth": "0.4 mm"},
-            ("nu", "tip", "mu"),
+            ("nu", "tip", "tau_W"),
             8 * [LENGTH],
         ),
         (  # The cut opens in the last tenth.

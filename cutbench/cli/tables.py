@@ -7,6 +7,7 @@ import math
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 from rich.console import Group as Stack
@@ -17,6 +18,7 @@ from rich.text import Text
 from cutbench.base.units import Parameter
 from cutbench.case import materials
 from cutbench.case.case import Case, load_case
+from cutbench.case.model import Model
 from cutbench.case.model import groups as settable_groups
 from cutbench.case.model import mechanism as find_mechanism
 from cutbench.cli.show import PLAIN, table
@@ -97,8 +99,9 @@ def mechanism(name: str) -> RenderableType:
     parts: list[RenderableType] = [Text(f"{title}: no parameters")]
     if m.parameters:
         parts = [_table(*heads, rows=rows, title=title)]
-    # The texts of its groups are found by asking for them at typical values.
-    if groups := m.groups(load_case(materials.names()[0]).set(with_=m.name).p):
+    # The texts of its groups are found by asking for them at some values.
+    some = {q.name: q.typical * q.factor for q in Model().with_(m.name).parameters().values()}
+    if groups := m.groups(SimpleNamespace(**some)):
         parts.append(Text(f"groups: {', '.join(groups)}"))
     if m.settable:
         parts.append(Text(f"may be set: {', '.join(f'{g.name} = {g.text}' for g in m.settable)}"))
