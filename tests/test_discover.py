@@ -40,7 +40,8 @@ def gent():
      ("adhesion_wear", "blade law"), ("coulomb_saturating", "blade law")],
 )  # fmt: skip
 def test_it_names_what_was_hidden(effect, family):
-    hidden, d = found(effect, family)
+    # The third rate-dependent toughness changes curves by 6 %, and may be taken for scatter.
+    hidden, d = found(effect, family, number=2 if effect == "rate_toughness" else 3)
     assert hidden.change > 1.5 * SCATTER
     assert d.verdict == "mechanism"
     assert effect in (d.found[0], *d.rounds[0].group)
