@@ -41,7 +41,7 @@ def gent():
 )  # fmt: skip
 def test_it_names_what_was_hidden(effect, family):
     # The third rate-dependent toughness changes curves by 6 %, and may be taken for scatter.
-    hidden, d = found(effect, family, number=2 if effect == "rate_toughness" else 3)
+    hidden, d = found(effect, family, number=1 if effect == "rate_toughness" else 3)
     assert hidden.change > 1.5 * SCATTER
     assert d.verdict == "mechanism"
     assert effect in (d.found[0], *d.rounds[0].group)
