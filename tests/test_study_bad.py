@@ -171,7 +171,7 @@ def damages(line):
 
 
 #: Files of `cutbench sweep`; the others are read by `cutbench converge` (test_convergence.py).
-CONVERGE = ("convergence", "choices")
+CONVERGE = ("convergence", "choices", "folds")
 STUDIES = sorted(p for p in Path(__file__).parents[1].glob("studies/*.toml") if p.stem not in CONVERGE)
 
 
