@@ -1,0 +1,35 @@
+"""Compiled loops over arrays where numba is installed, NumPy where it is not. Results agree to rounding."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from typing import Any
+
+try:
+    if os.environ.get("CUTBENCH_COMPILED") == "0":
+        raise ImportError("switched off by CUTBENCH_COMPILED=0")
+    import numba
+except Exception:  # not installed, or broken: NumPy serves
+    numba = None
+
+#: Whether loops are compiled here.
+COMPILED = numba is not None
+
+
+def compiled(plain: Callable[..., Any] | None = None) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Decorator of a function of numbers and arrays, written in loops that numba compiles.
+
+    ``plain`` does the same in NumPy, and is what runs without numba; where it is None the loops themselves
+    do. Machine code is kept on disk beside the source, or in the user's cache where that cannot be written.
+    """
+
+    def chosen(loops: Callable[..., Any]) -> Callable[..., Any]:
+        if numba is None:
+            return plain or loops
+        try:
+            return numba.njit(cache=True, error_model="numpy")(loops)
+        except RuntimeError:  # no place for a cache
+            return numba.njit(error_model="numpy")(loops)
+
+    return chosen
