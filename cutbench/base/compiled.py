@@ -11,7 +11,7 @@ try:
         raise ImportError("switched off by CUTBENCH_COMPILED=0")
     import numba
 except Exception:  # not installed, or broken: NumPy serves
-    numba = None
+    numba = None  # type: ignore[assignment]
 
 #: Whether loops are compiled here.
 COMPILED = numba is not None
