@@ -24,8 +24,14 @@ class Timer:
 
     seconds: dict[str, float] = field(default_factory=dict)
     counts: dict[str, int] = field(default_factory=dict)
+    prefix: str = ""
+
+    def within(self, part: str) -> Timer:
+        """One that counts here, too, under names that begin with ``part``: its time is within that part's."""
+        return Timer(self.seconds, self.counts, f"{part}_")
 
     def add(self, name: str, since: float) -> None:
+        name = self.prefix + name
         self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - since
         self.counts[name] = self.counts.get(name, 0) + 1
 
@@ -53,9 +59,10 @@ class Problem:
         solver: str = "auto",
         modes: np.ndarray | None = None,
         pulled: bool = False,
+        timer: Timer | None = None,
     ):
         """``modes`` (ndof, 6): rigid motions of a solid, for solvers that iterate. ``pulled``: its largest
-        forces are where it is held."""
+        forces are where it is held. ``timer``: where its time counts."""
         self.forms, self.ndof, self.fixed, self.p = list(forms), ndof, fixed, p
         self.bulk = next(form for form in forms if isinstance(form, BulkForm))
         self.cut = next((form for form in forms if isinstance(form, CutForm)), None)
@@ -63,7 +70,7 @@ class Problem:
         self.damping = next((form for form in forms if isinstance(form, DampingForm)), None)
         self.surfaces = [form for form in forms if isinstance(form, SurfaceForm)]
         self.symmetric = all(form.symmetric for form in forms)
-        self.timer = Timer()
+        self.timer = timer or Timer()
         start = time.perf_counter()
         self.self_contact = next((form for form in forms if isinstance(form, SelfContactForm)), None)
         self._asked = solver, modes

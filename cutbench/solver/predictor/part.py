@@ -34,7 +34,8 @@ class SubProblem:
                 self.chosen.append((form, np.flatnonzero(met)))
         parts = [part for form, columns in self.chosen if (part := form.part(columns)) is not None]
         solver = "superlu" if whole.solver.name == "superlu" else "auto"
-        self.problem = Problem(parts, whole.ndof, np.flatnonzero(~free), whole.p, solver=solver)
+        held, timer = np.flatnonzero(~free), whole.timer.within("window")
+        self.problem = Problem(parts, whole.ndof, held, whole.p, solver=solver, timer=timer)
         elements = self.problem.bulk.volume.nodes
         #: Nodes (n,) of its elements, with those at its edge.
         self.nodes, local = np.unique(elements, return_inverse=True)
