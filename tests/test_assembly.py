@@ -86,6 +86,25 @@ def test_unsymmetric_local_matrices_keep_rows_and_columns_apart():
     np.testing.assert_allclose(pattern.csr(data).toarray(), dense[np.ix_(free, free)], atol=1e-13)
 
 
+@pytest.mark.parametrize("symmetric", [False, True])
+def test_a_pattern_that_grows_is_one_made_anew(symmetric):
+    rng, ndof, fixed = np.random.default_rng(3), 30, np.array([0, 3, 17, 29])
+    dofs, pairs = tables(rng, ndof), np.stack([rng.permutation(ndof)[:4] for _ in range(6)], axis=1)
+    vectors = dofs | {"pairs": np.arange(ndof)[:, None]}
+    locals_ = {name: rng.normal(size=(t.shape[0], *t.shape)) for name, t in (dofs | {"pairs": pairs}).items()}
+    old = Pattern(ndof, fixed, vectors, symmetric, idle={"pairs"})
+    few = old.grown("pairs", pairs[:, :2])[0]
+    grown, moved = old.grown("pairs", pairs)
+    anew = Pattern(ndof, fixed, vectors, symmetric, couples={"pairs": pairs})
+    for pattern in (grown, few.grown("pairs", pairs)[0]):
+        np.testing.assert_array_equal(pattern.indices, anew.indices)
+        np.testing.assert_array_equal(pattern.indptr, anew.indptr)
+        np.testing.assert_array_equal(pattern.diagonal, anew.diagonal)
+        np.testing.assert_allclose(pattern.matrices(locals_), anew.matrices(locals_), atol=1e-13)
+    before = {name: locals_[name] for name in dofs}
+    np.testing.assert_allclose(grown.matrices(before)[moved], old.matrices(before), atol=1e-13)
+
+
 def test_a_diagonal_entry_is_kept_where_nothing_is_assembled():
     pattern = Pattern(4, np.array([], int), {"only": np.array([[0], [1]])}, symmetric=True)
     assert pattern.csr(np.ones(pattern.indices.size)).diagonal().tolist() == [1, 1, 1, 1]

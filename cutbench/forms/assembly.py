@@ -1,37 +1,37 @@
 """From blocks of local vectors and matrices to one right-hand side and one CSR matrix.
 
-The pattern and the places of all local entries are found once; afterwards an assembly is one sparse
-product a block. scikit-fem's own assembly drops zeros and may change the pattern between iterations,
-which would cost a symbolic factorization each time.
+The pattern and the places of all local entries are found once; afterwards an assembly is one loop over them.
+scikit-fem's own assembly drops zeros and may change the pattern between iterations, which would cost a
+symbolic factorization each time.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
 
+from cutbench.base.compiled import compiled
+
 
 @dataclass(frozen=True)
 class Block:
-    """Scatter of one kind of local contribution: ``dofs`` (nd, n) global numbers.
-
-    ``places`` are the CSR values that the local matrices reach: few for a block of faces.
+    """Scatter of one kind of local contribution: places in a global vector of the local ones (nd·n,), and
+    among CSR values of all entries of local matrices (nd·nd·n,), behind the last where one is not kept.
     """
 
-    dofs: np.ndarray
-    vector: sp.csr_matrix  # (ndof, nd·n)
-    places: np.ndarray  # (reached,)
-    matrix: sp.csr_matrix  # (reached, entries)
+    vectors: np.ndarray
+    matrices: np.ndarray
 
 
 class Pattern:
     """CSR pattern over the free degrees of freedom, with scatters for each block.
 
     ``symmetric``: only the upper triangle is kept (row ≤ column), as symmetric solvers want it.
-    Local matrices come as (nd_i, nd_j, n) flattened; ``pairs`` of a block may restrict them.
+    Local matrices come as (nd_i, nd_j, n) flattened.
     """
 
     def __init__(
@@ -45,63 +45,58 @@ class Pattern:
     ):
         """``idle``: names of blocks that have vectors alone. ``couples``: tables of local matrices by name,
         where those are not the tables of the vectors."""
-        couples = couples or {}
         self.ndof, self.symmetric = ndof, symmetric
         free = np.ones(ndof, bool)
         free[fixed] = False
         self.free = np.flatnonzero(free)
-        self.number = np.full(ndof, -1)
-        self.number[self.free] = np.arange(self.free.size)
-        n = self.free.size
-        # Which degrees of freedom meet: products of incidences, without a list of all local entries.
-        met = sp.identity(n, dtype=bool, format="csr")
-        coupled = {name: dofs for name, dofs in dof_tables.items() if name not in idle} | couples
-        for dofs in _distinct(coupled):
-            met = met + _incidence(self.number[dofs], n)
+        self._number = np.full(ndof, -1)
+        self._number[self.free] = np.arange(self.free.size)
+        coupled = {name: dofs for name, dofs in dof_tables.items() if name not in idle} | (couples or {})
+        distinct: list[np.ndarray] = []
+        which = {name: _numbered(dofs, distinct) for name, dofs in coupled.items()}
+        met = _meeting([self._number[dofs] for dofs in distinct], self.free.size)
         if symmetric:
             met = sp.triu(met, format="csr")
         met.sort_indices()
-        self.indices, self.indptr = met.indices.astype(np.int32), met.indptr.astype(np.int32)
-        numbered = sp.csr_matrix((np.arange(1, met.nnz + 1), self.indices, self.indptr), shape=(n, n))
-        self.diagonal = numbered.diagonal() - 1
+        self._hold(met.indices, met.indptr)
+        placed = [self._placed(dofs) for dofs in distinct]
         self.blocks: dict[str, Block] = {}
-        self._stacks: dict[tuple[str, ...], sp.csr_matrix] = {}
-        for name, dofs in coupled.items():
-            twin = next((block for block in self.blocks.values() if np.array_equal(block.dofs, dofs)), None)
-            vectors = dof_tables[name]
-            self.blocks[name] = twin or self._block(vectors, dofs, numbered)
-        for name in dof_tables.keys() - coupled.keys():
-            dofs, nothing = dof_tables[name], sp.csr_matrix((0, dof_tables[name].size))
-            self.blocks[name] = Block(dofs, self._vector(dofs), np.zeros(0, int), nothing)
+        for name, dofs in dof_tables.items():
+            matrices = placed[which[name]] if name in which else np.zeros(0, np.uint32)
+            self.blocks[name] = Block(dofs.astype(np.uint32).ravel(), matrices)
 
-    def _block(self, vectors: np.ndarray, dofs: np.ndarray, numbered: sp.csr_matrix) -> Block:
-        """Scatter of local ``vectors``, and of the local entries of ``dofs``; ``numbered`` holds places in
-        the CSR values, from 1."""
-        nd, count = dofs.shape
-        entries, reached = [], []
-        for i in range(nd):  # a row of all local matrices at a time, to spare memory
-            row = np.broadcast_to(self.number[dofs[i]], (nd, count)).ravel()
-            col = self.number[dofs].ravel()
-            keep = (row >= 0) & (col >= 0)
-            if self.symmetric:
-                keep &= row <= col
-            chosen = np.flatnonzero(keep)
-            entries.append(chosen + i * nd * count)
-            if chosen.size == 0:  # all of it fixed: a sparse matrix has no empty selection
-                reached.append(np.zeros(0, int))
-                continue
-            reached.append(np.asarray(numbered[row[chosen], col[chosen]]).ravel() - 1)
-        at, where = np.concatenate(reached), np.concatenate(entries)
-        used = np.zeros(self.indices.size, bool)
-        used[at] = True
-        row = (np.cumsum(used) - 1)[at]
-        places = np.flatnonzero(used)
-        matrix = sp.csr_matrix((np.ones(row.size), (row, where)), shape=(places.size, nd * nd * count))
-        return Block(vectors, self._vector(vectors), places, matrix)
+    def _hold(self, indices: np.ndarray, indptr: np.ndarray) -> None:
+        self.indices, self.indptr = indices.astype(np.int32), indptr.astype(np.int32)
+        n = self.free.size
+        rows = np.repeat(np.arange(n), np.diff(self.indptr))
+        #: Where each diagonal entry is among the CSR values.
+        self.diagonal = np.flatnonzero(rows == self.indices)
+        self._codes = rows * n + self.indices  # rising
 
-    def _vector(self, dofs: np.ndarray) -> sp.csr_matrix:
-        ones = np.ones(dofs.size)
-        return sp.csr_matrix((ones, (dofs.ravel(), np.arange(dofs.size))), shape=(self.ndof, dofs.size))
+    def _placed(self, dofs: np.ndarray) -> np.ndarray:
+        """Places of all entries of local matrices on ``dofs`` (nd, count)."""
+        return _places(self.indptr, self.indices, self._number[dofs].astype(np.int32), self.symmetric)
+
+    def grown(self, name: str, couples: np.ndarray) -> tuple[Pattern, np.ndarray]:
+        """The pattern with other ``couples`` (nd, n) of the block ``name``, no entry less; and where the CSR
+        values of this one are in it."""
+        n, number = self.free.size, self._number[couples]
+        rows, columns = np.broadcast_arrays(number[:, None], number[None])
+        kept = (rows >= 0) & (columns >= (rows if self.symmetric else 0))
+        wanted = np.unique(rows[kept] * n + columns[kept])
+        at = np.searchsorted(self._codes, wanted)
+        fresh = np.append(self._codes, -1)[at] != wanted
+        wanted, at = wanted[fresh], at[fresh]
+        moved = np.arange(self._codes.size) + np.cumsum(np.bincount(at, minlength=self._codes.size + 1))[:-1]
+        codes = np.insert(self._codes, at, wanted)
+        moved = np.append(moved, codes.size).astype(np.uint32)
+        more = copy(self)
+        more._hold(codes % n, np.searchsorted(codes, n * np.arange(n + 1)))
+        held = {id(block.matrices): block.matrices for block in self.blocks.values()}
+        placed = {key: moved[matrices] for key, matrices in held.items()}
+        more.blocks = {k: replace(b, matrices=placed[id(b.matrices)]) for k, b in self.blocks.items()}
+        more.blocks[name] = replace(self.blocks[name], matrices=more._placed(couples))
+        return more, moved[:-1]
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -109,59 +104,100 @@ class Pattern:
 
     def vector(self, name: str, local: np.ndarray) -> np.ndarray:
         """Sum local vectors (nd, n) into a global one (ndof,), real or complex."""
-        return self.blocks[name].vector @ local.ravel()
+        out = np.zeros(self.ndof, dtype=local.dtype)
+        _scatter(out, self.blocks[name].vectors, local.ravel())
+        return out
 
     def add(self, data: np.ndarray, name: str, local: np.ndarray) -> None:
         """Add local matrices (nd, nd, n) to the CSR values ``data``."""
-        block = self.blocks[name]
-        values = block.matrix @ local.ravel()
-        if block.places.size == data.size:
-            data += values
-        else:
-            data[block.places] += values
+        data += self.matrices({name: local})
 
     def vectors(self, locals_: dict[str, np.ndarray]) -> np.ndarray:
-        """As ``vector`` for several blocks in one product: (blocks, ndof), in the order given."""
-        names = tuple(locals_)
-        scatter = self._stacks.get(names)
-        if scatter is None:
-            scatter = sp.block_diag([self.blocks[name].vector for name in names], format="csr")
-            self._stacks[names] = scatter
-        stacked = np.concatenate([local.ravel() for local in locals_.values()])
-        return (scatter @ stacked).reshape(len(names), -1)
+        """As ``vector`` for several blocks: (blocks, ndof), in the order given."""
+        out = np.zeros((len(locals_), self.ndof), dtype=np.result_type(*locals_.values()))
+        for row, (name, local) in zip(out, locals_.items(), strict=True):
+            _scatter(row, self.blocks[name].vectors, local.astype(out.dtype, copy=False).ravel())
+        return out
 
     def matrices(self, locals_: dict[str, np.ndarray]) -> np.ndarray:
-        """CSR values of the sum of several blocks' local matrices, in one product."""
-        names = (*locals_, "matrices")
-        scatter = self._stacks.get(names)
-        if scatter is None:
-            parts = []
-            for name in locals_:
-                block = self.blocks[name]
-                rows = sp.csr_matrix(
-                    (np.ones(block.places.size), (block.places, np.arange(block.places.size))),
-                    shape=(self.indices.size, block.places.size),
-                )
-                parts.append(rows @ block.matrix)
-            scatter = sp.hstack(parts, format="csr")
-            self._stacks[names] = scatter
-        return scatter @ np.concatenate([local.ravel() for local in locals_.values()])
+        """CSR values of the sum of several blocks' local matrices."""
+        data = np.zeros(self.indices.size + 1)
+        for name, local in locals_.items():
+            _scatter(data, self.blocks[name].matrices, local.ravel())
+        return data[:-1]
 
     def csr(self, data: np.ndarray) -> sp.csr_matrix:
         return sp.csr_matrix((data, self.indices, self.indptr), shape=self.shape)
 
 
-def _distinct(tables: dict[str, np.ndarray]) -> list[np.ndarray]:
-    found: list[np.ndarray] = []
-    for dofs in tables.values():
-        if not any(np.array_equal(dofs, other) for other in found):
-            found.append(dofs)
-    return found
+def _numbered(dofs: np.ndarray, distinct: list[np.ndarray]) -> int:
+    """Which of the ``distinct`` tables ``dofs`` is, which is put there where it is none."""
+    for k, other in enumerate(distinct):
+        if np.array_equal(dofs, other):
+            return k
+    distinct.append(dofs)
+    return len(distinct) - 1
 
 
-def _incidence(numbers: np.ndarray, n: int) -> sp.csr_matrix:
-    """True (n, n) where two of the unknowns stand in one column of ``numbers`` (nd, count); −1 is none."""
-    free = numbers >= 0
-    of = np.broadcast_to(np.arange(numbers.shape[1]), numbers.shape)[free]
-    meets = sp.csr_matrix((np.ones(of.size, bool), (numbers[free], of)), shape=(n, numbers.shape[1]))
+def _meeting(tables: list[np.ndarray], n: int) -> sp.csr_matrix:
+    """True (n, n) where an unknown meets another in a column of one of ``tables`` (nd, count), or itself; −1
+    in them is none. A product of incidences, without a list of all local entries."""
+    numbers, columns, count = [np.arange(n)], [np.arange(n)], n
+    for table in tables:
+        free = table >= 0
+        numbers.append(table[free])
+        columns.append(np.broadcast_to(np.arange(count, count + table.shape[1]), table.shape)[free])
+        count += table.shape[1]
+    row, column = np.concatenate(numbers), np.concatenate(columns)
+    meets = sp.csr_matrix((np.ones(row.size, bool), (row, column)), shape=(n, count))
     return meets @ meets.T
+
+
+def _plain_scatter(out, places, values):
+    if np.iscomplexobj(values):
+        out += np.bincount(places, values.real, out.size) + 1j * np.bincount(places, values.imag, out.size)
+    else:
+        out += np.bincount(places, values, out.size)
+
+
+@compiled(_plain_scatter)
+def _scatter(out, places, values):
+    """Add ``values`` to ``out`` at ``places``, which may repeat."""
+    for k in range(places.size):
+        out[places[k]] += values[k]
+
+
+def _plain_places(indptr, indices, numbers, symmetric):
+    (nd, count), n = numbers.shape, indptr.size - 1
+    numbered = sp.csr_matrix((np.arange(indices.size), indices, indptr), shape=(n, n))
+    places = np.full((nd, nd * count), indices.size, np.uint32)
+    for i in range(nd):  # a row of all local matrices at a time, to spare memory
+        row = np.broadcast_to(numbers[i], (nd, count)).ravel()
+        column = numbers.ravel()
+        kept = np.flatnonzero((row >= 0) & (column >= (row if symmetric else 0)))
+        if kept.size:  # a sparse matrix has no empty selection
+            places[i, kept] = np.asarray(numbered[row[kept], column[kept]]).ravel()
+    return places.ravel()
+
+
+@compiled(_plain_places)
+def _places(indptr, indices, numbers, symmetric):
+    """Places among the values of a CSR pattern of all pairs in the columns of ``numbers`` (nd, count), behind
+    the last where one is negative or, if ``symmetric``, below the diagonal."""
+    nd, count = numbers.shape
+    places = np.full(nd * nd * count, indices.size, np.uint32)
+    for i in range(nd):
+        for j in range(nd):
+            for e in range(count):
+                row, column = numbers[i, e], numbers[j, e]
+                if row < 0 or column < 0 or (symmetric and column < row):
+                    continue
+                low, high = indptr[row], indptr[row + 1]
+                while low < high - 1:
+                    middle = (low + high) // 2
+                    if indices[middle] <= column:
+                        low = middle
+                    else:
+                        high = middle
+                places[(i * nd + j) * count + e] = low
+    return places

@@ -108,9 +108,13 @@ class Problem:
     def learn(self, u: np.ndarray) -> None:
         """Make ``pattern`` anew where parts of the surface meet at ``u`` that it does not know. The solver
         keeps its factorization until the next."""
-        begin = time.perf_counter()
-        if self.self_contact is not None and self.self_contact.learn(u):
-            self._arrange()
+        begin, met = time.perf_counter(), self.self_contact
+        if met is not None and met.learn(u):
+            self.pattern, moved = self.pattern.grown(met.name, met.couples)
+            if self.metric is not None:
+                metric = np.zeros(self.pattern.indices.size)
+                metric[moved] = self.metric
+                self.metric = metric
             self.timer.add("setup", begin)
 
     def room(self, u: np.ndarray, du: np.ndarray) -> float:
