@@ -58,20 +58,18 @@ class Pattern:
         if symmetric:
             met = sp.triu(met, format="csr")
         met.sort_indices()
-        self._hold(met.indices, met.indptr)
+        self._hold(np.repeat(np.arange(met.shape[0]), np.diff(met.indptr)), met.indices, met.indptr)
         placed = [self._placed(dofs) for dofs in distinct]
         self.blocks: dict[str, Block] = {}
         for name, dofs in dof_tables.items():
             matrices = placed[which[name]] if name in which else np.zeros(0, np.uint32)
             self.blocks[name] = Block(dofs.astype(np.uint32).ravel(), matrices)
 
-    def _hold(self, indices: np.ndarray, indptr: np.ndarray) -> None:
+    def _hold(self, rows: np.ndarray, indices: np.ndarray, indptr: np.ndarray) -> None:
+        self._rows = rows
         self.indices, self.indptr = indices.astype(np.int32), indptr.astype(np.int32)
-        n = self.free.size
-        rows = np.repeat(np.arange(n), np.diff(self.indptr))
         #: Where each diagonal entry is among the CSR values.
         self.diagonal = np.flatnonzero(rows == self.indices)
-        self._codes = rows * n + self.indices  # rising
 
     def _placed(self, dofs: np.ndarray) -> np.ndarray:
         """Places of all entries of local matrices on ``dofs`` (nd, count)."""
@@ -84,14 +82,15 @@ class Pattern:
         rows, columns = np.broadcast_arrays(number[:, None], number[None])
         kept = (rows >= 0) & (columns >= (rows if self.symmetric else 0))
         wanted = np.unique(rows[kept] * n + columns[kept])
-        at = np.searchsorted(self._codes, wanted)
-        fresh = np.append(self._codes, -1)[at] != wanted
-        wanted, at = wanted[fresh], at[fresh]
-        moved = np.arange(self._codes.size) + np.cumsum(np.bincount(at, minlength=self._codes.size + 1))[:-1]
-        codes = np.insert(self._codes, at, wanted)
-        moved = np.append(moved, codes.size).astype(np.uint32)
+        codes = self._rows * n + self.indices  # rising
+        at = np.searchsorted(codes, wanted)
+        fresh = np.append(codes, -1)[at] != wanted
+        (rows, columns), at = np.divmod(wanted[fresh], n), at[fresh]
+        beyond = np.bincount(at, minlength=codes.size + 1)
+        moved = (np.arange(codes.size + 1) + np.cumsum(beyond)).astype(np.uint32)
+        indptr = self.indptr + np.append(0, np.cumsum(np.bincount(rows, minlength=n)))
         more = copy(self)
-        more._hold(codes % n, np.searchsorted(codes, n * np.arange(n + 1)))
+        more._hold(np.insert(self._rows, at, rows), np.insert(self.indices, at, columns), indptr)
         held = {id(block.matrices): block.matrices for block in self.blocks.values()}
         placed = {key: moved[matrices] for key, matrices in held.items()}
         more.blocks = {k: replace(b, matrices=placed[id(b.matrices)]) for k, b in self.blocks.items()}
