@@ -12,10 +12,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from cutbench.base.compiled import compiled
 from cutbench.forms.space import Faces
 
-#: Pairs (2, n) of numbers of segments or points of a line. A segment has the number of its first point.
-Pairs = np.ndarray
 #: So many neighbours are looked at as one first.
 BLOCK = 16
 
@@ -39,14 +38,8 @@ def surface_lines(faces: Mapping[str, Faces], X: np.ndarray, wide: float = np.in
     return lines
 
 
-def near(x: np.ndarray, y: np.ndarray, reach: np.ndarray | float = 0.0, points: bool = True) -> Pairs:
-    """Points (but the last) and segments of the line x (2, n), or of what it sweeps on its way to y, that may
-    be nearer than the points' ``reach`` (n,). Or segments and segments.
-
-    Boxes around them meet. Where a line goes on in one direction nobody looks.
-    """
+def _plain_near(x, y, reach, points):
     starts, ends, block = _blocks(x.shape[1])
-    reach = np.broadcast_to(reach, x.shape[1])
     most = np.maximum.reduceat(reach[:-1], starts)
     # One direction for the whole way.
     middle = x if y is x else (x + y) / 2
@@ -74,6 +67,76 @@ def near(x: np.ndarray, y: np.ndarray, reach: np.ndarray | float = 0.0, points: 
     first = _boxes(low - reach, high + reach) if points else segments
     meet = _apart(first[:, i], segments[:, j]) <= 0
     return np.stack([i[meet], j[meet]])
+
+
+@compiled()
+def _runs(x, first, last, along):
+    """How far each segment from ``first`` to before ``last`` goes ``along`` at least."""
+    least = np.inf
+    for k in range(first, last):
+        least = min(least, (x[0, k + 1] - x[0, k]) * along[0] + (x[1, k + 1] - x[1, k]) * along[1])
+    return least
+
+
+@compiled(_plain_near)
+def near(x, y, reach, points):
+    """Points (but the last) and segments of the line x (2, n), or of what it sweeps on its way to y, that may
+    be nearer than the points' ``reach`` (n,); without ``points``, segments and segments. Pairs (2, k) of
+    numbers: a segment has that of its first point.
+
+    Boxes around them meet. Where a line goes on in one direction nobody looks.
+    """
+    n = x.shape[1] - 1  # segments
+    count = (n + BLOCK - 1) // BLOCK
+    most, on, along = np.zeros(count), np.ones(count, np.bool_), np.zeros(2)
+    low, high = np.empty((2, count)), np.empty((2, count))
+    for b in range(count):
+        first, last = b * BLOCK, min((b + 1) * BLOCK, n)
+        most[b] = reach[first:last].max()
+        for k in range(2):
+            low[k, b] = min(x[k, first : last + 1].min(), y[k, first : last + 1].min())
+            high[k, b] = max(x[k, first : last + 1].max(), y[k, first : last + 1].max())
+    for b in range(count):
+        first, last, far = b * BLOCK, min((b + 1) * BLOCK, n), min((b + 2) * BLOCK, n)
+        for k in range(2):  # one direction for the whole way
+            along[k] = (x[k, far] + y[k, far] - x[k, first] - y[k, first]) / 2
+        along /= max(np.sqrt(along[0] ** 2 + along[1] ** 2), 1e-300)
+        least = max(most[b], most[(b + 1) % count])
+        for z in (x, y):
+            on[b] &= _runs(z, first, last, along) > least and _runs(z, last, far, along) > least
+    found, size = np.empty((2, 64), np.int64), 0
+    for b in range(count):
+        for c in range(count):
+            if b == c and (on[b] or on[(b - 1) % count]):
+                continue
+            if abs(b - c) == 1 and on[min(b, c)]:
+                continue
+            if not (
+                low[0, b] - most[b] <= high[0, c]
+                and low[0, c] <= high[0, b] + most[b]
+                and low[1, b] - most[b] <= high[1, c]
+                and low[1, c] <= high[1, b] + most[b]
+            ):
+                continue
+            for i in range(b * BLOCK, min((b + 1) * BLOCK, n)):
+                own = reach[i] if points else 0.0
+                to = i if points else i + 1
+                left = min(min(x[0, i], y[0, i]), min(x[0, to], y[0, to])) - own
+                right = max(max(x[0, i], y[0, i]), max(x[0, to], y[0, to])) + own
+                below = min(min(x[1, i], y[1, i]), min(x[1, to], y[1, to])) - own
+                above = max(max(x[1, i], y[1, i]), max(x[1, to], y[1, to])) + own
+                for j in range(c * BLOCK, min((c + 1) * BLOCK, n)):
+                    if (
+                        min(min(x[0, j], x[0, j + 1]), min(y[0, j], y[0, j + 1])) <= right
+                        and max(max(x[0, j], x[0, j + 1]), max(y[0, j], y[0, j + 1])) >= left
+                        and min(min(x[1, j], x[1, j + 1]), min(y[1, j], y[1, j + 1])) <= above
+                        and max(max(x[1, j], x[1, j + 1]), max(y[1, j], y[1, j + 1])) >= below
+                    ):
+                        if size == found.shape[1]:
+                            found = np.concatenate((found, np.empty((2, size), np.int64)), axis=1)
+                        found[0, size], found[1, size] = i, j
+                        size += 1
+    return found[:, :size]
 
 
 @lru_cache(maxsize=8)
@@ -112,38 +175,48 @@ def _apart(boxes: np.ndarray, others: np.ndarray) -> np.ndarray:
     return out
 
 
-def crossings(x: np.ndarray) -> Pairs:
-    """Which segments of the line through the points x (2, n) cross that are not neighbours."""
+def _cross(a, b):
+    return a[0] * b[1] - a[1] * b[0]
+
+
+def _plain_crossings(x):
     a, b = x[:, :-1], x[:, 1:]
-    i, j = (pairs := near(x, x, points=False))[:, pairs[0] + 1 < pairs[1]]
+    i, j = (pairs := _plain_near(x, x, np.zeros(x.shape[1]), False))[:, pairs[0] + 1 < pairs[1]]
 
     def parted(i, j):
         """Whether the ends of j are on two sides of i."""
         d = b[:, i] - a[:, i]
-        p, q = (end[:, j] - a[:, i] for end in (a, b))
-        return (d[0] * p[1] - d[1] * p[0]) * (d[0] * q[1] - d[1] * q[0]) < 0
+        return _cross(d, a[:, j] - a[:, i]) * _cross(d, b[:, j] - a[:, i]) < 0
 
-    if i.size == 0:
-        return pairs[:, :0]
     cross = parted(i, j) & parted(j, i)
     return np.stack([i[cross], j[cross]])
 
 
-def room(x: np.ndarray, y: np.ndarray) -> float:
-    """Part of its straight way to y that the line x (2, n) goes before it touches itself; infinite where it
-    does not."""
-    i, j = (pairs := near(x, y))[:, (pairs[0] != pairs[1]) & (pairs[0] != pairs[1] + 1)]
-    if i.size == 0:
-        return np.inf
+@compiled(_plain_crossings)
+def crossings(x):
+    """Which segments (2, k) of the line through the points x (2, n) cross that are not neighbours."""
+    pairs = near(x, x, np.zeros(x.shape[1]), False)
+    cross = np.zeros(pairs.shape[1], np.bool_)
+    for k in range(cross.size):
+        i, j = pairs[0, k], pairs[1, k]
+        if i + 1 < j:
+            c, d = x[:, i + 1] - x[:, i], x[:, j + 1] - x[:, j]
+            p, q, o = x[:, j] - x[:, i], x[:, j + 1] - x[:, i], x[:, i + 1] - x[:, j]
+            one = (c[0] * p[1] - c[1] * p[0]) * (c[0] * q[1] - c[1] * q[0])
+            two = (d[1] * p[0] - d[0] * p[1]) * (d[0] * o[1] - d[1] * o[0])
+            cross[k] = one < 0 and two < 0
+    return pairs[:, cross]
+
+
+def _plain_room(x, y):
+    i, j = (pairs := _plain_near(x, y, np.zeros(x.shape[1]), True))[
+        :, (pairs[0] != pairs[1]) & (pairs[0] != pairs[1] + 1)
+    ]
     move = y - x
     p, e = x[:, i] - x[:, j], x[:, j + 1] - x[:, j]
     dp, de = move[:, i] - move[:, j], move[:, j + 1] - move[:, j]
-
-    def cross(a, b):
-        return a[0] * b[1] - a[1] * b[0]
-
     # In line with the segment at the roots of A t² + B t + C.
-    A, B, C = cross(dp, de), cross(dp, e) + cross(p, de), cross(p, e)
+    A, B, C = _cross(dp, de), _cross(dp, e) + _cross(p, de), _cross(p, e)
     with np.errstate(divide="ignore", invalid="ignore"):
         q = -(B + np.where(B < 0, -1.0, 1.0) * np.sqrt(B * B - 4 * A * C)) / 2
         roots = np.stack([q / A, C / q])
@@ -151,6 +224,59 @@ def room(x: np.ndarray, y: np.ndarray) -> float:
         along = (at * long).sum(axis=0) / (long * long).sum(axis=0)
         hit = (roots > 0) & (roots <= 1) & (along >= -1e-9) & (along <= 1 + 1e-9)
     return float(roots[hit].min(initial=np.inf))
+
+
+@compiled(_plain_room)
+def room(x, y):
+    """Part of its straight way to y that the line x (2, n) goes before it touches itself; infinite where it
+    does not."""
+    pairs, least = near(x, y, np.zeros(x.shape[1]), True), np.inf
+    for k in range(pairs.shape[1]):
+        i, j = pairs[0, k], pairs[1, k]
+        if i == j or i == j + 1:
+            continue
+        p0, p1, e0, e1 = x[0, i] - x[0, j], x[1, i] - x[1, j], x[0, j + 1] - x[0, j], x[1, j + 1] - x[1, j]
+        dp0, dp1 = y[0, i] - y[0, j] - p0, y[1, i] - y[1, j] - p1
+        de0, de1 = y[0, j + 1] - y[0, j] - e0, y[1, j + 1] - y[1, j] - e1
+        # In line with the segment at the roots of A t² + B t + C.
+        A, B, C = dp0 * de1 - dp1 * de0, dp0 * e1 - dp1 * e0 + p0 * de1 - p1 * de0, p0 * e1 - p1 * e0
+        q = -(B + (-1.0 if B < 0 else 1.0) * np.sqrt(B * B - 4 * A * C)) / 2
+        for t in (q / A, C / q):
+            if 0 < t <= 1:
+                l0, l1 = e0 + t * de0, e1 + t * de1
+                along = ((p0 + t * dp0) * l0 + (p1 + t * dp1) * l1) / (l0 * l0 + l1 * l1)
+                if -1e-9 <= along <= 1 + 1e-9:
+                    least = min(least, t)
+    return least
+
+
+def _plain_meeting(x, reach):
+    i, e = _plain_near(x, x, reach, True)
+    apart = (i != e) & (i != e + 1)
+    i, e = i[apart], e[apart]
+    r, long = x[:, i] - x[:, e], x[:, e + 1] - x[:, e]
+    along = (r * long).sum(axis=0) / np.maximum((long * long).sum(axis=0), 1e-300)
+    foot = r - np.clip(along, 0, 1) * long
+    close = (foot * foot).sum(axis=0) < reach[i] ** 2
+    return np.sort(i[close] * x.shape[1] + e[close])
+
+
+@compiled(_plain_meeting)
+def meeting(x, reach):
+    """Which points of the line x (2, n) are nearer than their ``reach`` (n,) to a segment that they are no
+    end of: codes (k,), rising, number of the point times n + that of the segment."""
+    pairs, n = near(x, x, reach, True), x.shape[1]
+    codes, size = np.empty(pairs.shape[1], np.int64), 0
+    for k in range(codes.size):
+        i, e = pairs[0, k], pairs[1, k]
+        if i == e or i == e + 1:
+            continue
+        r0, r1, l0, l1 = x[0, i] - x[0, e], x[1, i] - x[1, e], x[0, e + 1] - x[0, e], x[1, e + 1] - x[1, e]
+        along = min(max((r0 * l0 + r1 * l1) / max(l0 * l0 + l1 * l1, 1e-300), 0.0), 1.0)
+        if (r0 - along * l0) ** 2 + (r1 - along * l1) ** 2 < reach[i] ** 2:
+            codes[size] = i * n + e
+            size += 1
+    return np.sort(codes[:size])
 
 
 def overlap(x: np.ndarray) -> float:

@@ -15,12 +15,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from cutbench.case.tuning import SelfContactTuning
+from cutbench.forms.barrier import barrier, plain_barrier
 from cutbench.forms.base import Form, Local
-from cutbench.forms.line import Pairs, crossings, near, room
+from cutbench.forms.line import crossings, meeting, near, room
 from cutbench.mechanisms.base import Bulk
 
 
@@ -38,7 +40,7 @@ class SelfContactForm(Form):
         tuning: SelfContactTuning,
     ):
         """``X`` (2, nnode): positions of all nodes."""
-        self._X, self._laws, self._tuning = X, tuple(laws), tuning
+        self._laws, self._tuning = tuple(laws), tuning
         self.reads = tuple(n for law in laws for n in (*law.reads, *(q.name for q in law.parameters)))
         self._lines = [_Line.of(nodes, X[:, nodes], thickness, tuning) for nodes in lines]
         self._numbers = np.concatenate([line.nodes for line in self._lines])
@@ -58,37 +60,32 @@ class SelfContactForm(Form):
         return not self.couples.size
 
     # -- where lines are --------------------------------------------------------------------------
-    def _moved(self, line: _Line, u: np.ndarray) -> np.ndarray:
-        return self._X[:, line.nodes] + u[2 * line.nodes + np.arange(2)[:, None]]
-
     def crosses(self, u: np.ndarray) -> bool:
         """Whether a line passes through itself."""
-        return any(crossings(self._moved(line, u)).size for line in self._lines)
+        return any(crossings(line.moved(u)).size for line in self._lines)
 
     def room(self, u: np.ndarray, du: np.ndarray) -> float:
         """The part of ``du`` that ends safely before lines touch; infinite where none do."""
-        parts = (room(self._moved(line, u), self._moved(line, u + du)) for line in self._lines)
+        parts = (room(line.moved(u), line.moved(u + du)) for line in self._lines)
         return self._tuning.room * min(parts, default=np.inf)
 
     def places(self, u: np.ndarray) -> np.ndarray:
         """Where (2, n) in the undeformed body the surface meets itself at ``u``."""
         found = [np.zeros((2, 0))]
         for line in self._lines:
-            met = line.meeting(self._moved(line, u))
-            i, e = met.point, met.segment
-            found.append(self._X[:, line.nodes[np.unique(np.concatenate([i, e, e + 1]))]])
+            i, e = np.divmod(line.meeting(line.moved(u)), line.nodes.size)
+            found.append(line.X[:, np.unique(np.concatenate([i, e, e + 1]))])
         return np.hstack(found)
 
     def learn(self, u: np.ndarray) -> bool:
         """Whether ``couples`` had to grow for what meets at ``u``."""
         grown = False
         for k, line in enumerate(self._lines):
-            x = self._moved(line, u)
-            if np.isin(line.meeting(x).codes, self._known[k], assume_unique=True).all():
+            x = line.moved(u)
+            met = line.meeting(x)
+            if met.size == 0 or np.isin(met, self._known[k], assume_unique=True).all():
                 continue
-            # A new pattern costs as much as two tangents.
-            pairs = line.pairs(x, self._tuning.ahead)
-            self._known[k] = np.union1d(self._known[k], pairs[0] * line.nodes.size + pairs[1])
+            self._known[k] = np.union1d(self._known[k], line.pairs(x, self._tuning.ahead))
             grown = True
         if grown:
             tables = []
@@ -106,28 +103,26 @@ class SelfContactForm(Form):
 
     def evaluate(self, u, p, state, step, tangent=True):
         kappa, forces, blocks = self.stiffness(p), [], []
+        tangent = tangent and self.couples.size > 0
         for line, known in zip(self._lines, self._known, strict=True):
-            met, block = line.meeting(self._moved(line, u)), np.zeros((6, 6, known.size))
-            force = np.zeros((line.nodes.size, 2), dtype=met.r.dtype)
+            x = line.moved(u)
+            force = np.zeros((line.nodes.size, 2), dtype=x.dtype)
+            block = np.zeros((6, 6, known.size if tangent else 0))
             forces.append(force.reshape(-1))
             blocks.append(block)
-            if met.point.size == 0:
+            if line.meeting(x).size == 0:
                 continue
-            _, slope, curvature = met.derivatives(tangent)
-            at = np.stack([met.point, met.segment, met.segment + 1])
-            np.add.at(force, at, slope.reshape(3, 2, -1).transpose(0, 2, 1))
+            met = line.barrier(x, tangent)
+            np.add.at(force, met.points, met.slope.reshape(3, 2, -1).transpose(0, 2, 1))
             if tangent:
                 here = np.isin(met.codes, known, assume_unique=True)
-                block[..., np.searchsorted(known, met.codes[here])] = curvature[..., here]
-        matrix = None
-        if tangent and self.couples.size:
-            matrix = np.real(kappa) * np.concatenate(blocks, axis=2)
+                block[..., np.searchsorted(known, met.codes[here])] = met.curvature[..., here]
+        matrix = np.real(kappa) * np.concatenate(blocks, axis=2) if tangent else None
         return Local(kappa * np.concatenate(forces)[:, None], matrix, {})
 
     def stored(self, u, p, state):
         """Stored energy in mJ per mm of length."""
-        met = [line.meeting(self._moved(line, u)) for line in self._lines]
-        stored = sum(each.derivatives(False)[0].sum() for each in met if each.point.size)
+        stored = sum(line.barrier(np.real(line.moved(u)), False).energy.sum() for line in self._lines)
         return float(np.real(self.stiffness(p)) * stored)
 
     def work(self, u, p, old, new, step):
@@ -136,9 +131,12 @@ class SelfContactForm(Form):
 
 @dataclass(frozen=True)
 class _Line:
-    """``nodes`` (n,) in their order, the ``length`` that each stands for, and its d̂, ``reach``, in mm."""
+    """``nodes`` (n,) in their order, their positions ``X`` and ``places`` among the unknowns (2, n), the
+    ``length`` that each stands for, and its d̂, ``reach``, in mm."""
 
     nodes: np.ndarray
+    X: np.ndarray
+    places: np.ndarray
     length: np.ndarray
     reach: np.ndarray
     _last: list = field(default_factory=list, repr=False)
@@ -150,123 +148,43 @@ class _Line:
         length = (before + after) / 2
         length[[0, -1]] /= 2
         reach = np.minimum(tuning.part * np.minimum(before, after), tuning.reach * thickness)
-        return cls(nodes, length, reach)
+        places = 2 * nodes + np.arange(2)[:, None]
+        return cls(nodes, np.ascontiguousarray(X), places, length, reach)
 
-    def pairs(self, x: np.ndarray, times: float = 1.0) -> Pairs:
-        """Points and segments (2, k), none of them with itself, that may be nearer than so many d̂."""
-        x = np.real(x)
-        i, e = near(x, x, times * self.reach)
-        apart = (i != e) & (i != e + 1)
-        return np.stack([i[apart], e[apart]])
+    def moved(self, u: np.ndarray) -> np.ndarray:
+        return self.X + np.take(u, self.places)
 
-    def meeting(self, x: np.ndarray) -> _Met:
-        """What is nearer than d̂, of the line through x (2, n)."""
+    def pairs(self, x: np.ndarray, times: float) -> np.ndarray:
+        """Codes of points and segments, none of them with itself, that may be nearer than so many d̂."""
+        i, e = near(x, x, times * self.reach, True)
+        return (i * self.nodes.size + e)[(i != e) & (i != e + 1)]
+
+    def meeting(self, x: np.ndarray) -> np.ndarray:
+        """Codes of what is nearer than d̂, of the line through x (2, n)."""
         # Energy, forces and tangent are asked for one after the other.
-        if self._last and np.array_equal(self._last[0], x):
-            return self._last[1]
-        self._last[:] = x, self._met(x)
+        x = np.real(x)
+        if not (self._last and np.array_equal(self._last[0], x)):
+            self._last[:] = x, meeting(np.ascontiguousarray(x), self.reach)
         return self._last[1]
 
-    def _met(self, x: np.ndarray) -> _Met:
-        i, e = self.pairs(x)
-        p, a, b = x[:, i], x[:, e], x[:, e + 1]
-        r, long = p - a, b - a
-        along = np.real((r * long).sum(axis=0)) / np.maximum(np.real((long * long).sum(axis=0)), 1e-300)
-        foot = r - np.clip(along, 0, 1) * long
-        close = np.real((foot * foot).sum(axis=0)) < self.reach[i] ** 2
-        order = np.flatnonzero(close)
-        order = order[np.argsort(i[order] * self.nodes.size + e[order], kind="stable")]
-        i, e = i[order], e[order]
+    def barrier(self, x: np.ndarray, tangent: bool) -> Barrier:
+        """Of what is nearer than d̂, for κ = 1."""
+        codes = self.meeting(x)
+        i, e = np.divmod(codes, self.nodes.size)
         # A corner between two segments that both count: not beside the point itself, nor at the line's end.
         corner = (e > 0) & (np.abs(i - e) > 1)
-        return _Met(
-            i, e, i * self.nodes.size + e, r[:, order], long[:, order], along[order], corner,
-            self.length[i] / 2, self.reach[i],
-        )  # fmt: skip
+        by = plain_barrier if np.iscomplexobj(x) else barrier
+        first = x[:, e]
+        found = by(x[:, i] - first, x[:, e + 1] - first, corner, self.length[i] / 2, self.reach[i], tangent)
+        return Barrier(codes, np.stack([i, e, e + 1]), *found)
 
 
-@dataclass(frozen=True)
-class _Met:
-    """Pairs of a ``point`` and a ``segment`` within d̂, ``reach``, of one another, in the order of their
-    ``codes``.
+class Barrier(NamedTuple):
+    """Pairs by their ``codes``, rising: the ``points`` (3, n) of each, energy (n,), derivatives (6, n) and
+    second ones (6, 6, n)."""
 
-    ``r`` from the segment's first point, ``long`` the segment, ``along`` it the foot; ``corner``: whether
-    its first point is one that counts once less.
-    """
-
-    point: np.ndarray
-    segment: np.ndarray
     codes: np.ndarray
-    r: np.ndarray
-    long: np.ndarray
-    along: np.ndarray
-    corner: np.ndarray
-    weight: np.ndarray
-    reach: np.ndarray
-
-    def derivatives(self, tangent: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Energy (n,) for κ = 1, its derivatives (6, n) by the point and the segment's ends, and second ones
-        (6, 6, n), empty without ``tangent``."""
-        from_line = _from_line(self.r, self.long, tangent)
-        for end, clipped in ((1, self.along <= 0), (2, self.along >= 1)):
-            r = self.r if end == 1 else self.r - self.long
-            for mine, other in zip(from_line, _from_point(r, end, tangent), strict=True):
-                np.copyto(mine, other, where=clipped[: mine.shape[-1]])
-        whole = self._barrier(*from_line)
-        corner = self._barrier(*_from_point(self.r, 1, tangent))
-        value, slope, curvature = (
-            a - self.corner[: a.shape[-1]] * b for a, b in zip(whole, corner, strict=True)
-        )
-        return value, slope, curvature
-
-    def _barrier(self, q, slope, curvature):
-        """w d̂ b(√q/d̂), from the squared distance q and its derivatives."""
-        d, inside = self.reach, np.real(q) < self.reach**2
-        s = np.sqrt(np.where(inside, q, d**2)) / d
-        log = np.log(s)
-        first = -2 * (s - 1) * log - (s - 1) ** 2 / s
-        by_q = self.weight * first / (2 * s * d)
-        if curvature.shape[-1]:
-            second = -2 * log - 4 * (s - 1) / s + (s - 1) ** 2 / s**2
-            by_qq = self.weight * (second / s**2 - first / s**3) / (4 * d**3)
-            curvature = by_q * curvature + np.where(inside, by_qq, 0.0) * slope[:, None] * slope[None]
-        return -self.weight * d * (s - 1) ** 2 * log, by_q * slope, curvature
-
-
-#: ∂/∂(point, first, last) of r = point − first and of the segment, last − first, as signs.
-_R, _LONG = np.array([1.0, -1.0, 0.0]), np.array([0.0, -1.0, 1.0])
-_TURN = np.array([[0.0, 1.0], [-1.0, 0.0]])
-
-
-def _from_line(r, long, tangent):
-    """Squared distance c²/l from the line through a segment, c = long × r, l = long², and derivatives."""
-    c, l = long[0] * r[1] - long[1] * r[0], (long * long).sum(axis=0)
-    dc = np.concatenate([_R[k] * -(_TURN @ long) + _LONG[k] * (_TURN @ r) for k in range(3)])
-    dl = np.concatenate([2 * _LONG[k] * long for k in range(3)])
-    q = c * c / l
-    slope = 2 * c / l * dc - q / l * dl
-    if not tangent:
-        return q, slope, np.zeros((6, 6, 0))
-    # c = longᵀ T r.
-    ddc = np.kron(np.outer(_LONG, _R), _TURN)
-    ddc = (ddc + ddc.T)[..., None]
-    ddl = 2 * np.kron(np.outer(_LONG, _LONG), np.eye(2))[..., None]
-    mixed = dc[:, None] * dl[None]
-    curvature = (
-        2 / l * dc[:, None] * dc[None]
-        + 2 * c / l * ddc
-        - 2 * c / l**2 * (mixed + mixed.transpose(1, 0, 2))
-        + 2 * q / l**2 * dl[:, None] * dl[None]
-        - q / l * ddl
-    )
-    return q, slope, curvature
-
-
-def _from_point(r, end, tangent):
-    """Squared distance from an ``end`` of the segment, 1 or 2, and derivatives."""
-    signs = np.zeros(3)
-    signs[0], signs[end] = 1.0, -1.0
-    slope = np.concatenate([2 * sign * r for sign in signs])
-    ddq = 2 * np.kron(np.outer(signs, signs), np.eye(2))[..., None]
-    curvature = np.repeat(ddq, r.shape[1], axis=2) if tangent else np.zeros((6, 6, 0))
-    return (r * r).sum(axis=0), slope, curvature
+    points: np.ndarray
+    energy: np.ndarray
+    slope: np.ndarray
+    curvature: np.ndarray
