@@ -99,7 +99,7 @@ def tangent_blocks(
 def whole_tangent(factors: Sequence, k: Kinematics, dim: int) -> np.ndarray:
     """dP/dF (dim, dim, dim, dim, N) of the factors ff, fc, cc, swap, one, from kinematics in 3D."""
     factors = np.broadcast_arrays(*factors, k.J)[:-1]
-    A = np.empty((dim, dim, dim, dim, k.J.size))
+    A = np.empty((dim, dim, dim, dim, k.J.size), k.J.dtype)
     for i, m, block in tangent_blocks(factors, k.F[:dim, :dim], k.C[:dim, :dim], np.eye(dim)[:, :, None]):
         A[i, :, m] = block
         A[m, :, i] = block.transpose(1, 0, 2)

@@ -1,0 +1,212 @@
+"""Functions of arrays of points as one compiled loop over points, where numba is installed.
+
+``fused(f)`` answers as f does, up to rounding. First f is read as a formula (``cutbench.base.symbols``), of
+which a loop is written and compiled, with derivatives for complex steps in f; the user's cache keeps it.
+Numbers and arrays are inputs; all else that f is given (flags, names, laws) says which formula it is. What
+cannot be read stays NumPy, as does what turns out to differ: calls number 1, 2, 4, 8, … are compared.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import tempfile
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cutbench.base.compiled import COMPILED, compiled
+from cutbench.base.formula import Formula
+from cutbench.base.symbols import begin, leaf
+
+#: Formulas of one function: with more there is something that changes from call to call.
+MOST = 64
+#: By which an answer may differ from NumPy's, over its largest number.
+ROUNDING = 1e-9
+_FLOAT, _COMPLEX = np.dtype(float), np.dtype(complex)
+_MISS = object()
+
+
+class Fused:
+    """``plain`` as a compiled loop; the last ``axes`` axes of arrays run over points.
+
+    ``loops`` makes a function of its source.
+    """
+
+    def __init__(self, plain: Callable[..., Any], axes: int, loops: Callable[[str], Callable[..., None]]):
+        self.plain, self._axes, self._loops = plain, axes, loops
+        self._known: list[_Reading] = []
+
+    def __call__(self, *given: Any) -> Any:
+        for reading in self._known:
+            if (found := reading.answer(given)) is not _MISS:
+                return found
+        if len(self._known) < MOST:
+            self._known.insert(0, reading := _Reading(self.plain, given, self._axes, self._loops))
+            if (found := reading.answer(given)) is not _MISS:
+                return found
+        return self.plain(*given)
+
+    @property
+    def left_plain(self) -> list[str]:
+        """Why what has been asked for is not compiled; empty if it is."""
+        return [reading.why for reading in self._known if reading.why]
+
+
+@lru_cache(maxsize=256)
+def fused(plain: Callable[..., Any], axes: int = 1) -> Callable[..., Any]:
+    """``plain`` as one compiled loop over points, the last ``axes`` axes of all arrays; else itself."""
+    return Fused(plain, axes, _compiled_source) if COMPILED else plain
+
+
+class _Reading:
+    """A function read for arguments of one kind."""
+
+    def __init__(self, plain, given: tuple, axes: int, loops: Callable[[str], Callable[..., None]]):
+        self._plain, self._axes, self.why, self._calls = plain, axes, "", 0
+        self._guards: list[str] = []
+        self._objects: dict[str, Any] = {"array": np.array}
+        self._places: list[str] = []
+        self._leading: list[tuple[int, ...]] = []
+        first = next((x for x in given if isinstance(x, np.ndarray) and x.ndim >= axes), None)
+        self._shape = None if first is None else first.shape[first.ndim - axes :]
+        numbers, arrays, build = [], [], "None"
+        begin()
+        try:
+            read = [self._read(x, f"a{k}") for k, x in enumerate(given)]
+            formula = Formula(plain(*read), axes, self._object)
+            if not formula.arrays:
+                raise TypeError("an answer that depends on no points")
+            self._loop, self._rows = loops(formula.source), formula.rows
+            numbers, arrays, build = formula.numbers, formula.arrays, formula.build
+        except Exception as error:  # whatever NumPy, a law or a compiler says to symbols
+            self.why = f"{type(error).__name__}: {error}"
+        self._lead = [self._leading[k] for k in arrays]
+        listed = [", ".join(self._places[k] for k in some) for some in (numbers, arrays)]
+        code = [
+            f"def gather({', '.join(f'a{k}' for k in range(len(given)))}):",
+            *(f"    if not ({guard}): return None" for guard in self._guards),
+            f"    return array([{listed[0]}], ndmin=1), [{listed[1]}]",
+            f"def build(o, shape): return {build}",
+        ]
+        exec("\n".join(code), self._objects)
+        self._gather, self._build = self._objects["gather"], self._objects["build"]
+
+    def _object(self, x: Any) -> str:
+        """A name for an object in what is written."""
+        self._objects[name := f"k{len(self._objects)}"] = x
+        return name
+
+    def _read(self, x: Any, place: str) -> Any:
+        """An argument with symbols in it, in place of numbers and arrays of points."""
+        if isinstance(x, (float, complex, np.inexact)) or (isinstance(x, np.ndarray) and x.ndim == 0):
+            return self._leaf(place, None)
+        if isinstance(x, np.ndarray):
+            split = x.ndim - self._axes
+            if x.dtype in (_FLOAT, _COMPLEX) and x.shape[max(split, 0) :] == self._shape:
+                return self._leaf(place, x.shape[:split])
+            return Unread()
+        if isinstance(x, dict):
+            self._guards.append(f"{place}.keys() == {self._object(dict.fromkeys(x).keys())}")
+            return {k: self._read(v, f"{place}[{self._object(k)}]") for k, v in x.items()}
+        if isinstance(x, SimpleNamespace):
+            self._guards.append(f"type({place}) is {self._object(type(x))}")
+            new = type(x)()
+            vars(new).update(self._read(vars(x), f"{place}.__dict__"))
+            return new
+        if isinstance(x, (tuple, list)):
+            self._guards.append(f"type({place}) is {self._object(type(x))} and len({place}) == {len(x)}")
+            parts = [self._read(each, f"{place}[{i}]") for i, each in enumerate(x)]
+            return type(x)(*parts) if hasattr(x, "_fields") else type(x)(parts)
+        same = "==" if isinstance(x, (int, str)) and not isinstance(x, bool) else "is"
+        self._guards.append(f"{place} {same} {self._object(x)}")
+        return x
+
+    def _leaf(self, place: str, leading: tuple[int, ...] | None) -> Any:
+        self._places.append(place)
+        self._leading.append(leading or ())
+        return leaf(len(self._places) - 1, None if leading is None else leading + (1,) * self._axes)
+
+    def answer(self, given: tuple) -> Any:
+        """What the function answers; ``_MISS`` where it was not read for such arguments."""
+        try:
+            found = self._gather(*given)
+        except (AttributeError, TypeError, ValueError, LookupError):
+            return _MISS
+        if found is None:
+            return _MISS
+        if self.why:
+            return self._plain(*given)
+        q, arrays = found
+        shape = arrays[0].shape[arrays[0].ndim - self._axes :]
+        kind, inputs = q.dtype, []
+        for x in arrays:
+            if x.dtype != kind:
+                kind = _COMPLEX
+        for x, lead in zip(arrays, self._lead, strict=True):
+            if x.shape != lead + shape:
+                return _MISS
+            x = np.ascontiguousarray(x, kind).reshape(math.prod(lead), -1)
+            inputs.append(x if x.flags.writeable else x.copy())
+        if kind is not _FLOAT:
+            q = q.astype(kind)
+        out = np.empty((self._rows, inputs[0].shape[1]), kind)
+        self._loop(q, *inputs, out)
+        found = self._build(out, shape)
+        self._calls += 1
+        if self._calls & (self._calls - 1) == 0 and not _alike(found, self._plain(*given)):
+            self.why = "differs from NumPy"
+            return self._plain(*given)
+        return found
+
+
+class Unread:
+    """In place of an array that does not run over points: no formula can have it."""
+
+
+def _alike(found: Any, plain: Any) -> bool:
+    if isinstance(plain, Mapping):
+        return found.keys() == plain.keys() and all(_alike(found[k], plain[k]) for k in plain)
+    if isinstance(plain, (tuple, list)):
+        return len(found) == len(plain) and all(map(_alike, found, plain))
+    if not isinstance(plain, (np.ndarray, float, complex)):
+        return found is plain or found == plain
+    if np.shape(found) != np.shape(plain):
+        return False
+    return all(_close(part(found), part(plain)) for part in (np.real, np.imag))
+
+
+def _close(found: Any, plain: Any) -> bool:
+    most = np.max(np.abs(plain), initial=0.0, where=np.isfinite(plain))
+    with np.errstate(invalid="ignore"):
+        near = (np.abs(found - plain) <= ROUNDING * most) | (found == plain)
+    return bool(np.all(near | (np.isnan(plain) & np.isnan(found))))
+
+
+def _compiled_source(source: str) -> Callable[..., None]:
+    """``loop`` of a source, compiled, and kept for the next process where there is a place for it."""
+    code = compile(source, _kept(source), "exec")
+    scope: dict[str, Any] = {"np": np, "__name__": __name__}
+    exec(code, scope)
+    return compiled()(scope["loop"])
+
+
+def _kept(source: str) -> str:
+    """The file of a source in the user's cache; machine code is kept beside it."""
+    name = f"{hashlib.sha256(source.encode()).hexdigest()[:24]}.py"
+    home = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or Path.home() / ".cache"
+    folder = Path(home) / "cutbench" / "loops"
+    try:
+        if not (folder / name).exists():
+            folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.NamedTemporaryFile("w", dir=folder, suffix=".new", delete=False) as file:
+                file.write(source)
+            os.replace(file.name, folder / name)
+    except (OSError, RuntimeError):  # no home, or no room in it
+        return f"<{name}>"
+    return str(folder / name)
