@@ -19,8 +19,8 @@ from cutbench.base.toml import located, read_toml, written
 from cutbench.case import materials
 from cutbench.case.calibrated import Far, far
 from cutbench.case.computation import computation_of, mesh_digest
-from cutbench.case.model import DEFAULT, Model, section_of
-from cutbench.case.motion import Polyline, checked_motion, read_motion
+from cutbench.case.model import DEFAULT, Model
+from cutbench.case.motion import DEPTH, Polyline, checked_motion, read_motion
 from cutbench.case.numerics import ALIASES, KEYS, Numerics, defaults, preset
 from cutbench.case.outline import Points, checked_outline, namespace, read_outline, with_outline
 from cutbench.case.tuning import Tuning
@@ -29,8 +29,8 @@ from cutbench.case.values import (
     as_written,
     brief,
     check_fit,
+    completed,
     doubts,
-    full_depth,
     instead,
     misplaced,
     names,
@@ -61,39 +61,20 @@ class Case:
     motion: Polyline = ()
     #: Measured points (mm) of the blade's profile, where the blade is a mechanism that takes them.
     outline: Points = ()
+    #: "transition": the run ends where its transition is known, if that is before the depth.
+    until: str = DEPTH
 
     def __post_init__(self) -> None:
         if self.dim not in (2, 3):
             raise BadInput(key="dim", value=self.dim, expected="2 or 3")
         written("name", self.name, "a name, such as 'gelatin'")
         model = Model(tuple(self.mechanisms))
-        known = model.parameters()
-        for key, value in self.values.items():
-            if key not in known:
-                raise unknown(key, value, model)
-        full: dict[str, float] = {}
-        for name, q in known.items():
-            if name in self.values:
-                value = float(self.values[name])
-            elif q.default is not None:
-                value = q.default * q.factor
-            elif name == "depth":
-                value = full_depth(full)
-            else:
-                users = [m.name for m in model.all if name in (*m.reads, *(o.name for o in m.parameters))]
-                expected = (
-                    f"a value in [{section_of(name)}], such as {name} = '{q.typical:g} {q.unit}'"
-                    f" ({q.doc}; needed by {', '.join(users)})"
-                )
-                raise BadInput(key=name, value="(missing)", expected=expected)
-            q.check(rounded(value / q.factor, 15))
-            # Fourteen digits, so that a value is the same number in whatever unit it was written.
-            full[name] = rounded(value, 14)
+        full = completed(self.values, model)
         object.__setattr__(self, "mechanisms", model.mechanisms)
         object.__setattr__(self, "values", MappingProxyType(full))
         object.__setattr__(self, "outline", checked_outline(self.outline, model.tool))
         check_fit(self.p, self.numerics, self.dim, model)
-        object.__setattr__(self, "motion", checked_motion(self.motion, full["depth"]))
+        object.__setattr__(self, "motion", checked_motion(self.motion, full["depth"], self.until))
 
     def __reduce__(self):
         given = {f.name: getattr(self, f.name) for f in fields(self)}
@@ -146,6 +127,8 @@ class Case:
             "values": {name: f"{value:.14g}" for name, value in self.values.items()},
             "numerics": numerics,
         }
+        if self.until != DEPTH:
+            content["until"] = self.until
         for name, line in self._lines:
             content[name] = [[f"{number:.14g}" for number in point] for point in line]
         text = json.dumps(content, sort_keys=True, separators=(",", ":"))
@@ -180,8 +163,9 @@ class Case:
         Parameters by name (``G="8 kPa"``), ``eta_v="0.05 mm"``, groups (``cohesion=9.0``), numerics
         (``h="0.2 mm"``, ``element="P1"``), ``numerics="paper"`` (all of them as the paper has them, and its
         viscous term), ``with_``, ``without`` and ``mechanisms`` (a name or several), ``motion`` (pairs of
-        time and travel of a blade that holds, returns or changes its speed), ``outline`` (a CSV file),
-        ``name``. Groups are solved after the parameters. Raises BadInput.
+        time and travel of a blade that holds, returns or changes its speed), ``until`` (``"depth"``, or
+        ``"transition"``: no further than that needs to be known), ``outline`` (a CSV file), ``name``.
+        Groups are solved after the parameters. Raises BadInput.
         """
         given = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "mechanisms"}
         return _Draft(model=self.model, **given).changed(changes).case()
@@ -193,6 +177,7 @@ class Case:
             "name": self.name,
             "dim": self.dim,
             "mechanisms": list(self.mechanisms),
+            "until": self.until,
             "values": {
                 name: {"value": rounded(value / known[name].factor, 15), "unit": known[name].unit}
                 for name, value in self.values.items()
@@ -207,7 +192,7 @@ class Case:
         try:
             model = Model(tuple(data["mechanisms"]))
             written = as_written(data["values"])
-            lines = {name: data[name] for name in ("motion", "outline") if name in data}
+            lines = {name: data[name] for name in ("motion", "outline", "until") if name in data}
             changes = {**written, **data["numerics"], **lines}
             numerics = Numerics(tuning=Tuning.of(data["tuning"]) if "tuning" in data else Tuning())
             draft = _Draft(name=data["name"], model=model, dim=data["dim"], numerics=numerics)
@@ -228,6 +213,7 @@ class _Draft:
     dim: int = 2
     motion: Polyline = ()
     outline: Points = ()
+    until: str = DEPTH
 
     def changed(self, changes: Mapping[str, object]) -> _Draft:
         """With ``changes`` as ``Case.set`` takes them. Raises BadInput."""
@@ -242,6 +228,7 @@ class _Draft:
         motion = read_motion(rest.pop("motion")) if "motion" in rest else self.motion
         outline, rest = with_outline(rest, self.outline, model.tool)
         name, word = rest.pop("name", self.name), rest.pop("numerics", None)
+        until = str(rest.pop("until", self.until))
         if word == "paper":
             model = model.as_published()
         values = resolve(self.values, {k: v for k, v in rest.items() if k not in KEYS}, model)
@@ -251,7 +238,7 @@ class _Draft:
             mesh_digest(numerics.mesh)  # what cannot be read is refused here, not in the middle of a run
         return _Draft(
             name=name, model=model, values=values, numerics=numerics, dim=self.dim,
-            motion=motion, outline=outline,
+            motion=motion, outline=outline, until=until,
         )  # fmt: skip
 
     def _preset(self, word: object, model: Model, values: Mapping[str, float]) -> Numerics:
@@ -328,6 +315,8 @@ def _load(source: str | Path, seen: tuple[Path, ...], dim: int) -> tuple[_Draft,
             part = dict(table.get(section, {}))
             if section == "protocol" and "motion" in part:
                 changes["motion"] = read_motion(part.pop("motion"))
+            if section == "protocol" and "until" in part:
+                changes["until"] = part.pop("until")
             if section == "blade" and "outline" in part:
                 changes["outline"] = read_outline(part.pop("outline"), path.parent)
             for key, raw in part.items():

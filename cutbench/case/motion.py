@@ -9,10 +9,14 @@ from functools import cached_property
 import numpy as np
 
 from cutbench.base.errors import BadInput
+from cutbench.base.toml import among
 from cutbench.base.units import parse_quantity
 
 #: From (0, 0): times in s and travels in mm.
 Polyline = tuple[tuple[float, float], ...]
+#: How far a blade goes: to its depth, or until the transition from indentation to cutting is known.
+DEPTH, TRANSITION = "depth", "transition"
+UNTIL = (DEPTH, TRANSITION)
 
 
 @dataclass(frozen=True)
@@ -93,8 +97,12 @@ def simplified(motion: Polyline, part: float = 0.005) -> Polyline:
     return tuple((float(times[i]), float(travels[i])) for i in sorted({0, *inner, times.size - 1}))
 
 
-def checked_motion(motion: Polyline, depth: float) -> Polyline:
-    """``motion`` if a blade can follow it to no more than ``depth``. Raises BadInput."""
+def checked_motion(motion: Polyline, depth: float, until: str = DEPTH) -> Polyline:
+    """``motion`` if a blade can follow it to no more than ``depth``, all the way. Raises BadInput."""
+    among("until", until, UNTIL)
+    if motion and until != DEPTH:
+        expected = f"'{DEPTH}' with a motion, which has an end of its own"
+        raise BadInput(key="until", value=until, expected=expected)
     for i, (time, travel) in enumerate(motion):
         if not (math.isfinite(time) and math.isfinite(travel)):
             raise BadInput(key="motion", value=f"({time}, {travel})", expected="times in s and travels in mm")

@@ -51,7 +51,7 @@ class Physics:
         return self.model.groups(self.p)
 
     def set(self, mechanisms: object = None, **changes: object) -> Physics:
-        """With other laws and values as ``Case.set`` takes them; numerical choices are passed over."""
+        """With other laws and values as ``Case.set`` takes them; what belongs to a run is passed over."""
         model = self.model if mechanisms is None else Model(names("mechanisms", mechanisms))
-        own = {key: value for key, value in changes.items() if key not in KEYS}
+        own = {key: value for key, value in changes.items() if key not in (*KEYS, "motion", "until")}
         return Physics(model, resolve(self.values, own, model), self.outline)

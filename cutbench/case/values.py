@@ -143,10 +143,39 @@ def resolve(start: Mapping[str, float], changes: Mapping[str, object], model: Mo
     return apply_groups(values, asked)
 
 
+def completed(given: Mapping[str, float], model: Model) -> dict[str, float]:
+    """All values of ``model``, checked one by one: ``given`` ones, and defaults. Raises BadInput."""
+    known = model.parameters()
+    for key, value in given.items():
+        if key not in known:
+            raise unknown(key, value, model)
+    full: dict[str, float] = {}
+    for name, q in known.items():
+        if name in given:
+            value = float(given[name])
+        elif q.default is not None:
+            value = q.default * q.factor
+        elif name == "depth":
+            value = full_depth(full)
+        else:
+            users = [m.name for m in model.all if name in (*m.reads, *(o.name for o in m.parameters))]
+            expected = (
+                f"a value in [{section_of(name)}], such as {name} = '{q.typical:g} {q.unit}'"
+                f" ({q.doc}; needed by {', '.join(users)})"
+            )
+            raise BadInput(key=name, value="(missing)", expected=expected)
+        q.check(rounded(value / q.factor, 15))
+        # Fourteen digits, so that a value is the same number in whatever unit it was written.
+        full[name] = rounded(value, 14)
+    return full
+
+
 def misplaced(key: str, section: str, model: Model) -> str | None:
     """The section ``key`` belongs to if that is not ``section``; None for unknown names too."""
     if key in KEYS:
         right = "numerics"
+    elif key in ("motion", "until"):
+        right = "protocol"
     elif key in settable(model):
         right = section_of(key)
     else:

@@ -82,6 +82,10 @@ Sets = Annotated[
 ]
 Size = Annotated[str | None, typer.Option("--h", metavar="MM", help="Element size at the cut plane.")]
 Depth = Annotated[str | None, typer.Option(metavar="MM", help="Blade travel.")]
+Until = Annotated[
+    str | None,
+    typer.Option(metavar="depth|transition", help="Where it ends; transition: once that is known."),
+]
 Element = Annotated[str | None, typer.Option(metavar="P1|P2|P2P1", help="Finite element.")]
 Normal = Annotated[
     str | None, typer.Option(metavar="tool|material", help="Direction of the contact pressure.")
@@ -174,6 +178,7 @@ def run_options(*, dim: int) -> Callable[[Callable], Callable]:
             sets: Sets = None,
             h: Size = None,
             depth: Depth = None,
+            until: Until = None,
             element: Element = None,
             normal: Normal = None,
             numerics: Preset = None,
@@ -185,7 +190,7 @@ def run_options(*, dim: int) -> Callable[[Callable], Callable]:
         ) -> None:
             every_s = seconds("--checkpoint", checkpoint, 60.0)
             options = {"h": in_mm(h), "depth": in_mm(depth), "element": element, "normal": normal}
-            options["numerics"] = numerics
+            options |= {"numerics": numerics, "until": until}
             case, folder = asked(material, changes(sets, options, with_, without), out, dim=dim)
             command(Wanted(case, folder, every_s), **own)
 
@@ -224,6 +229,7 @@ def finish(result: Result, folder: Path, plane: Result | None = None) -> None:
     show(result_table(result))
     typer.echo(str(result.outcome))
     typer.echo(f"written to {folder}")
+    typer.echo(result.sentence())
     leave(result.outcome)
 
 

@@ -77,7 +77,7 @@ def _count(done: float, total: float, unit: str) -> str:
     if not math.isfinite(total):
         return ""
     number = f"{done:g}" if done == int(done) else f"{done:.2f}"
-    return f"{number} of {total:g} {unit}".rstrip()
+    return f"{number} of {round(total, 2):g} {unit}".rstrip()
 
 
 def duration(seconds: float) -> str:

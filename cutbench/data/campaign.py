@@ -128,7 +128,8 @@ def cut_case(experiment: Experiment, base: Case) -> Case:
         motion = measured_motion(experiment)
         if not experiment.monotone or _uneven(motion):
             sizes["motion"] = motion
-    return base.set(**sizes, speed=speed, name=f"{base.name}: {experiment.id}")
+    # As far as it was measured, wherever the base ends.
+    return base.set(**sizes, speed=speed, until="depth", name=f"{base.name}: {experiment.id}")
 
 
 def _uneven(motion: Polyline) -> bool:

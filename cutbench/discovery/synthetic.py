@@ -50,7 +50,7 @@ def clean(truth: Case, test: Test) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Abscissa, ordinate and time (n,) of a test without noise. Raises ComputationFailed."""
     if test.kind == "cut":
         values = {**truth.values, **(test.sizes or {}), "depth": test.reach, "speed": test.speed}
-        result = run_case(case := replace(truth, values=values, motion=()))
+        result = run_case(case := replace(truth, values=values, motion=(), until="depth"))
         if not result.outcome.done:
             raise ComputationFailed(f"'{test.id}': {result.outcome}", result)
         course = np.stack([result.curve[name] for name in ("displacement_mm", "force_N", "time_s")])

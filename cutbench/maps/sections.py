@@ -39,8 +39,9 @@ class Regime:
         """The regime of a run and its measures, from its curve."""
         p = result.case.p
         found = measures(
-            result.curve, window_mm=p.thickness, height_mm=p.height, onset_length_mm=self.onset_length_mm
-        )
+            result.curve, window_mm=p.thickness, height_mm=p.height, onset_length_mm=self.onset_length_mm,
+            whole=result.whole,
+        )  # fmt: skip
         return label(found["drop_rel"], found["surge"], drop=self.drop, surge_min=self.surge_min), found
 
 

@@ -22,6 +22,7 @@ from cutbench.base.toml import among, line_of, located, read_toml, written
 from cutbench.case import materials
 from cutbench.case.case import Case, load_case
 from cutbench.case.model import Model, section_of
+from cutbench.case.motion import TRANSITION
 from cutbench.case.physics import Physics
 from cutbench.case.values import check_driven, parameter_of
 from cutbench.maps.axes import (
@@ -48,6 +49,7 @@ from cutbench.maps.sections import (
     read_search,
     read_section,
 )
+from cutbench.run.measures import ONSET_MM
 
 _SECTIONS = ("parameters", "specimen", "blade", "protocol", "numerics")
 _TOP = ("title", "mode", "base", "mechanisms", *_SECTIONS, "axis", "sample", "boundary", "regime", "plot")
@@ -175,6 +177,11 @@ def load_study(path: str | Path) -> Study:
     axes = read_axes(table, path, text, base.model, changes, mode)
     with located(path, text, "regime"):
         regime = read_regime(read_section(table, "regime"))
+        if base.until == TRANSITION and regime.onset_length_mm > ONSET_MM:
+            expected = (
+                f"at most {ONSET_MM:g} mm: a run until its transition ends behind the onset by that length"
+            )
+            raise BadInput("onset_length", f"{regime.onset_length_mm:g} mm", expected)
     with located(path, text, "plot"):
         plot = read_plot(read_section(table, "plot"), axes)
     search: Search | None = None
@@ -270,6 +277,8 @@ def _changes(table: dict, path: Path, text: str, model: Model) -> dict[str, obje
             for key, raw in part.items():
                 if key in known and section_of(key) != section:
                     raise BadInput(key, raw, f"it in [{section_of(key)}], not in [{section}]")
+                if key in ("motion", "until") and section != "protocol":
+                    raise BadInput(key, raw, f"it in [protocol], not in [{section}]")
                 if key in ("name", "with", "with_", "without", "mechanisms"):
                     raise BadInput(key, raw, f"a quantity in [{section}]")
                 if key in changes:

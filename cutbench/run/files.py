@@ -87,6 +87,7 @@ def describe(result: Result, *, command: str | None = None) -> dict:
         "case": case.to_dict(),
         "groups": plain(case.groups()),
         "outcome": plain(asdict(result.outcome)),
+        "said": result.sentence(),
         "measures": plain(result.measures),
         "counts": plain(result.counts),
         "timings_s": plain(result.timings),

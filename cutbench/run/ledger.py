@@ -98,6 +98,11 @@ class Ledger:
         return max(row["displacement_mm"] for row in self._rows)
 
     @property
+    def grown_mm(self) -> float:
+        """By how much the cut is longer than at the start."""
+        return self.last["cut_length_mm"] - self._rows[0]["cut_length_mm"]
+
+    @property
     def last(self) -> dict[str, float]:
         """The row of the last step."""
         return self._rows[-1]

@@ -23,7 +23,7 @@ MEASURES: dict[str, tuple[str, str]] = {
     "peak_mm": ("mm", "blade travel at the first prominent force maximum"),
     "peak_N": ("N", "first prominent force maximum"),
     "max_N": ("N", "largest force"),
-    "steady_N": ("N", "mean force over the last two fifths of the travel above the base"),
+    "steady_N": ("N", "mean force over the last two fifths of a whole run's travel above the base"),
     "slope_N_per_mm": ("N/mm", "least-squares slope of the force over the same travel"),
     "energy_mJ": ("mJ", "work done by the blade"),
 }
@@ -41,10 +41,17 @@ NOTED: dict[str, tuple[str, str]] = {
 ABRUPT_DROP = 0.1
 
 ABRUPT, SMOOTH, UNCUT = "abrupt", "smooth", "uncut"
+#: Where what the model leaves open decides between the first two.
+UNDECIDED = "undecided"
 
 #: The transition lasts from one window before the onset to this many windows after it: what falls
 #: later is not the transition but unsteadiness of the cutting that follows.
 TRANSITION = 4.0
+#: So many windows after the onset a fall that begins in the transition has come to its end: what follows
+#: changes neither drop nor label.
+KNOWN = TRANSITION + 1
+#: The cut has begun when it is so much longer than at the start, mm.
+ONSET_MM = 0.1
 #: A drop is that of the force's mean over this part of a window: shorter ups and downs, the serrations of
 #: heterogeneous material or of coarse elements among them, are no transition.
 BLUR = 0.5
@@ -58,8 +65,9 @@ def measures(
     curve: Mapping[str, np.ndarray],
     *,
     window_mm: float,
-    onset_length_mm: float = 0.1,
+    onset_length_mm: float = ONSET_MM,
     height_mm: float = math.inf,
+    whole: bool = True,
 ) -> dict[str, float]:
     """The measures of ``MEASURES`` for a curve with ``displacement_mm``, ``force_N``, ``cut_length_mm``.
 
@@ -68,7 +76,8 @@ def measures(
     the force falls by ``PROMINENCE`` of it before it rises above it; ``TAIL`` is the last part of
     the travel that counts as steady, which ends ``CLAMP`` windows above the base of a specimen
     ``height_mm`` high. What a curve does not have (a peak, an onset) is nan; without
-    an onset there is no transition, so ``drop_rel`` is nan too.
+    an onset there is no transition, so ``drop_rel`` is nan too. One that is not ``whole`` ends with its
+    transition: nothing of it is steady, and ``max_N``, ``surge`` and ``energy_mJ`` are those up to there.
 
     Raises ValueError for arrays of unequal length, values that are not finite, a blade that runs
     backwards, or a window that is not positive.
@@ -78,17 +87,16 @@ def measures(
         raise ValueError(f"window_mm must be positive, not {window_mm}")
     if d.size < 2 or d[-1] <= d[0]:
         return dict.fromkeys(MEASURES, math.nan)
-    onset = _first_crossing(d, c - c[0], onset_length_mm)
-    peak_mm, peak_N = _first_peak(d, F)
+    onset = first_crossing(d, c - c[0], onset_length_mm)
+    # Whatever comes later, relative to the forces up to there.
+    known = min(d[-1], onset + KNOWN * window_mm)
+    least = _FLOOR * max(F[d <= known].max(), np.interp(known, d, F), 0.0)
+    peak_mm, peak_N = _first_peak(d, F, least)
     end = min(d[-1], height_mm - CLAMP * window_mm)
     end = end if end > d[0] else d[-1]
-    steady, slope = _steady(d, F, end - TAIL * (end - d[0]), end)
+    steady, slope = _steady(d, F, end - TAIL * (end - d[0]), end) if whole else (math.nan, math.nan)
     return {
-        "drop_rel": (
-            _drop(d, F, window_mm, onset - window_mm, onset + TRANSITION * window_mm)
-            if math.isfinite(onset)
-            else math.nan
-        ),
+        "drop_rel": _drop(d, F, window_mm, onset, least) if math.isfinite(onset) else math.nan,
         "surge": _surge(d, c, window_mm),
         "onset_mm": onset,
         "peak_mm": peak_mm,
@@ -130,7 +138,7 @@ def _columns(curve: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray, n
     return d, F, c
 
 
-def _first_crossing(x: np.ndarray, y: np.ndarray, level: float) -> float:
+def first_crossing(x: np.ndarray, y: np.ndarray, level: float) -> float:
     """Where the polygon (x, y) first rises to ``level``; nan if it stays below."""
     above = np.flatnonzero(y >= level)
     if above.size == 0:
@@ -141,24 +149,25 @@ def _first_crossing(x: np.ndarray, y: np.ndarray, level: float) -> float:
     return float(x[i - 1] + (level - y[i - 1]) / (y[i] - y[i - 1]) * (x[i] - x[i - 1]))
 
 
-def _first_peak(d: np.ndarray, F: np.ndarray) -> tuple[float, float]:
-    """Place and height of the first maximum from which the force falls by ``PROMINENCE`` of it."""
-    floor = _FLOOR * F.max()
+def _first_peak(d: np.ndarray, F: np.ndarray, least: float) -> tuple[float, float]:
+    """Place and height of the first maximum above ``least`` from which the force falls by ``PROMINENCE``."""
     best = 0
     for i in range(F.size):
         if F[i] > F[best]:
             best = i
-        elif F[best] > max(floor, 0.0) and F[i] < (1 - PROMINENCE) * F[best]:
+        elif F[best] > least and F[i] < (1 - PROMINENCE) * F[best]:
             return float(d[best]), float(F[best])
     return math.nan, math.nan
 
 
-def _blurred(d: np.ndarray, F: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:
+def _blurred(
+    d: np.ndarray, F: np.ndarray, width: float, start: float, stop: float
+) -> tuple[np.ndarray, np.ndarray]:
     """The polygon's mean over ``width`` around places 1/40 of it apart, wherever the polygon's points are.
 
     Towards the ends of the travel the stretch that the mean is taken over shrinks.
     """
-    places = np.linspace(d[0], d[-1], 2 + int(np.ceil(40 * (d[-1] - d[0]) / width)))
+    places = np.linspace(start, stop, 2 + int(np.ceil(40 * (stop - start) / width - 1e-9)))
     half = np.minimum(width / 2, np.minimum(places - d[0], d[-1] - places))
     total = np.concatenate([[0.0], np.cumsum(np.diff(d) * (F[1:] + F[:-1]) / 2)])
 
@@ -191,12 +200,14 @@ def _steady(d: np.ndarray, F: np.ndarray, start: float, end: float) -> tuple[flo
     return mean, moment / (length**3 / 12)
 
 
-def _drop(d: np.ndarray, F: np.ndarray, window: float, start: float, stop: float) -> float:
-    """max over start ≤ x ≤ stop of (F̄(x) − min F̄ over [x, x + window]) / F̄(x), F̄ the blurred force."""
-    places, mean = _blurred(d, F, BLUR * window)
+def _drop(d: np.ndarray, F: np.ndarray, window: float, onset: float, least: float) -> float:
+    """max over the transition's x of (F̄(x) − min F̄ over [x, x + window]) / F̄(x), F̄ the blurred force above
+    ``least``. All of it comes from the curve up to ``KNOWN`` windows after the onset."""
+    stop = min(d[-1], onset + (KNOWN - BLUR / 2) * window)
+    places, mean = _blurred(d, F, BLUR * window, max(d[0], onset - window), stop)
     ahead = int(window / (places[1] - places[0]) * (1 + 1e-9))
     low = sliding_window_view(np.pad(mean, (0, ahead), mode="edge"), ahead + 1).min(axis=1)
-    counts = (places >= start) & (places <= stop) & (mean > max(_FLOOR * F.max(), 0.0))
+    counts = (places <= onset + TRANSITION * window) & (mean > least)
     return float(((mean - low)[counts] / mean[counts]).max(initial=0.0))
 
 

@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from cutbench.base.versions import versions
+from cutbench.case.motion import TRANSITION
+from cutbench.run.said import said
 
 if TYPE_CHECKING:
     from cutbench.case.case import Case
 
-#: How a run can end; only ``"done"`` reached the depth that was asked for.
+#: How a run can end; only ``"done"`` reached what was asked for, its depth or its transition.
 OUTCOMES: Final = ("done", "stalled", "interrupted", "failed")
 
 _LEADING = ("displacement_mm", "force_N", "time_s", "cut_length_mm")
@@ -115,6 +117,16 @@ class Result:
     def force_N(self) -> np.ndarray:
         """Force on the blade (n,) in N."""
         return self.curve["force_N"]
+
+    @property
+    def whole(self) -> bool:
+        """Whether it is not one that ended with its transition, before its depth."""
+        early = self.outcome.done and self.case.until == TRANSITION
+        return not early or self.outcome.reached_mm >= self.case.p.depth - 1e-9
+
+    def sentence(self, band: tuple[float, float] | None = None) -> str:
+        """What it found; ``band``: the least and the largest drop over what the model leaves open."""
+        return said(self.case, self.outcome, self.measures, band)
 
     @property
     def ledger(self) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""One run: march a case to its depth, keep the curve, the ledger, the fields and how it ended."""
+"""One run: march a case to its end, keep the curve, the ledger, the fields and how it ended."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from cutbench.case.values import check_driven
 from cutbench.run.build import Built
 from cutbench.run.checkpoint import Checkpoint
 from cutbench.run.crossing import Crossing
+from cutbench.run.ending import Ending
 from cutbench.run.fields import add_slopes, snapshot
 from cutbench.run.front import Front
 from cutbench.run.ledger import Ledger
@@ -44,14 +45,15 @@ def run_case(
     sensitivities: Sequence[str] = (),
     checkpoint: Checkpoint | None = None,
 ) -> Result:
-    """March ``case`` to its depth.
+    """March ``case`` to its depth, or until its transition is known.
 
-    ``on_progress`` has the blade's time × speed in mm, and its force; fields are kept at the first step at
-    or past each of ``snapshots_mm``. ``sensitivities`` names parameters: ``result.sensitivities`` then has
-    dF/dθ along the curve, and each snapshot du/dθ. ``checkpoint`` keeps the state of the run, which begins
-    from what it holds; derivatives are not part of it, so a run with both begins anew. A KeyboardInterrupt
-    ends the run with what it has. Raises BadInput if no law lets the blade meet the specimen, the
-    case's mesh cannot be used, or it cannot be differentiated by one of the names.
+    ``on_progress`` has the blade's time × speed in mm, its end as far as that is known, and the force; fields
+    are kept at the first step at or past each of ``snapshots_mm``, and where it ended before the last of
+    them. ``sensitivities`` names parameters: ``result.sensitivities`` then has dF/dθ along the curve, and
+    each snapshot du/dθ. ``checkpoint`` keeps the state of the run, which begins from what it holds;
+    derivatives are not part of it, so a run with both begins anew. A KeyboardInterrupt ends the run with
+    what it has. Raises BadInput if no law lets the blade meet the specimen, the case's mesh cannot be used,
+    or it cannot be differentiated by one of the names.
     """
     began = time.perf_counter()
     check_driven(case.model)
@@ -69,7 +71,7 @@ def run_case(
 
     ledger = Ledger(meshes)
     front = Front(built) if built.space.dim == 3 else None
-    crossing = Crossing()
+    crossing, ending = Crossing(), Ending(case, built.march.motion, ledger)
     wanted = sorted(snapshots_mm)
     pictures: list[Snapshot] = []
     interrupted, stalled = False, ""
@@ -78,7 +80,8 @@ def run_case(
 
     def report() -> None:
         now = ledger.last
-        on_progress(now["time_s"] * case.p.speed, built.march.motion.end, f"{now['force_N']:.3g} N")
+        done = now["time_s"] * case.p.speed
+        on_progress(done, done if ending.known() else ending.mm(), f"{now['force_N']:.3g} N")
 
     if kept:
         keeper.restore(kept)
@@ -86,7 +89,7 @@ def run_case(
         report()
     try:
         begin = Progress.of(kept["progress"]) if kept else None
-        for step in meshes.steps(begin, moved if names else None):
+        for step in () if ending.known() else meshes.steps(begin, moved if names else None):
             built = meshes.built
             if follower is not None:
                 since = time.perf_counter()
@@ -108,6 +111,8 @@ def run_case(
                 report()
             if checkpoint is not None and not names:
                 checkpoint.offer(keeper.state(step.progress))
+            if ending.known():
+                break
     except KeyboardInterrupt:
         interrupted = True
     except Stalled as error:
@@ -121,8 +126,9 @@ def run_case(
         shown = case.model.record(curve["displacement_mm"], curve["force_N"], curve["time_s"], case.p)
         curve["recorded_displacement_mm"], curve["recorded_force_N"] = shown
     reached = float(curve["displacement_mm"][-1])
-    outcome = _outcome(built, reached, interrupted, stalled, crossing.now)
-    if last is not None and wanted and not outcome.done:
+    outcome = _outcome(built, reached, interrupted, stalled, crossing.now, ending)
+    short = wanted and (ending.known() or not outcome.done)
+    if last is not None and short and (not pictures or pictures[-1].displacement_mm < last[1].travel):
         pictures.append(snapshot(*last))
     timer = built.problem.timer
     timings = {**timer.seconds, "total": keeper.seconds()}
@@ -139,8 +145,9 @@ def run_case(
         down = forward(curve["displacement_mm"])
         way_down = {name: column[:down] for name, column in curve.items()}
         found = measures(
-            way_down, window_mm=case.values.get("thickness", 0.7), height_mm=case.values["height"]
-        )
+            way_down, window_mm=case.values.get("thickness", 0.7), height_mm=case.values["height"],
+            whole=not ending.known(),
+        )  # fmt: skip
         found |= ledger.noted()
         found["closure"] = float(curve["closure"][-1])
         found["reaction_error"] = float(
@@ -208,7 +215,9 @@ class _Keeper:
         self._pictures[:] = [Snapshot(**picture) for picture in tree["snapshots"]]
 
 
-def _outcome(built: Built, reached: float, interrupted: bool, stalled: str, crossed: bool) -> Outcome:
+def _outcome(
+    built: Built, reached: float, interrupted: bool, stalled: str, crossed: bool, ending: Ending
+) -> Outcome:
     motion = built.march.motion
     depth = motion.depth
     if interrupted:
@@ -220,6 +229,8 @@ def _outcome(built: Built, reached: float, interrupted: bool, stalled: str, cros
         )
     if not stalled:
         caution = CROSSED if crossed else ""
+        if ending.known():
+            return Outcome("done", str(ending), caution, reached)
         if motion.points:
             deepest = max(travel for _, travel in motion.points)
             text = f"went the whole way, {deepest:g} mm deep, to {reached:g} mm at last"

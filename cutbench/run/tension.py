@@ -73,7 +73,7 @@ def strip_case(case: Case, changes: Mapping[str, object] | None = None, *, notch
             key="notch", value=f"{notch_mm:g} mm", expected="0 mm in a model without a law for the cut plane"
         )
     asked = {**SPECIMEN, **(changes or {})}
-    made = case.set(mechanisms=kept, **{"depth": asked["height"], **asked})
+    made = case.set(mechanisms=kept, **{"depth": asked["height"], "until": "depth", **asked})
     if not 0 <= notch_mm < made.p.width:
         raise BadInput(
             key="notch", value=f"{notch_mm:g} mm", expected=f"less than the width, {made.p.width:g} mm"

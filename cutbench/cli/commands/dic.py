@@ -55,7 +55,7 @@ def dic(
         value = "(missing)" if math.isnan(mm) else f"{mm:g} mm"
         expected = "blade travels above 0, as a column 'travel [mm]' or by --travel"
         raise BadInput("travel", value, expected, file=str(fields))
-    options = {"h": in_mm(h), "depth": f"{measured[-1].travel_mm!r} mm"}
+    options = {"h": in_mm(h), "depth": f"{measured[-1].travel_mm!r} mm", "until": "depth"}
     case, folder = asked(material, changes(sets, options, with_, without), out, dim=2)
     # One step before each field too: between the two the displacements are interpolated.
     step = case.numerics.step_mm

@@ -32,7 +32,8 @@ def run3d(
     if plane_strain and result.outcome.kind != "interrupted":
         from cutbench.run.front import end_effect
 
-        plane = computed(_flat(case, result.outcome.reached_mm))
+        # A transition comes elsewhere in plane strain: as far as the block was meant to go.
+        plane = computed(_flat(case, case.p.depth if not result.whole else result.outcome.reached_mm))
         result.measures |= end_effect(result.measures, plane.measures)
     finish(result, folder, plane)
 
