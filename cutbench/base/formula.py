@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cutbench.base.symbols import Node, Symbol
+from cutbench.base.symbols import Node, Symbol, congruent
 
 _OPERATORS = {
     "add": "+", "subtract": "-", "multiply": "*", "true_divide": "/", "power": "**", "logical_and": "and",
@@ -30,6 +30,13 @@ def _text(part: Any) -> str:
 
 def _real(part: Any) -> str:
     return _text(part) + (".real" if isinstance(part, Node) else "")
+
+
+def _value(x: Any) -> Any:
+    value, step = (x.re, x.im) if isinstance(x, Symbol) else (float(x), 0.0)
+    if step != 0 or (isinstance(value, Node) and value.truth):
+        raise TypeError("an answer that is no real number")
+    return float(value) if isinstance(value, (bool, int)) else value
 
 
 def _expression(node: Node) -> str:
@@ -60,10 +67,11 @@ class Formula:
     """Of an answer: ``source`` of ``loop(q, x0, x1, …, out)`` with numbers q and arrays (rows, n), of
     which inputs ``numbers`` and ``arrays`` say; ``rows`` of ``out``; and ``build``, an expression that
     makes the answer of ``o``, which is ``out``, and the points' ``shape``. ``keep`` names an object for it.
+    The symbols are at ``points``, the last axes of arrays.
     """
 
-    def __init__(self, answer: Any, axes: int, keep: Callable[[Any], str]):
-        self._axes, self._keep = axes, keep
+    def __init__(self, answer: Any, points: tuple[int, ...], keep: Callable[[Any], str]):
+        self._points, self._keep = points, keep
         self._outputs: list[Any] = []
         self.build = self._built(answer)
         self.rows = len(self._outputs)
@@ -85,16 +93,21 @@ class Formula:
     def _built(self, x: Any) -> str:
         """An expression for a part of the answer."""
         if isinstance(x, Symbol):
+            if isinstance(value := _value(x), Node) and value.varies:
+                raise TypeError("one number of many points")
             return f"o[{self._row(x)}, 0]"
         if isinstance(x, np.ndarray):
-            split = x.ndim - self._axes
-            if split < 0 or any(size != 1 for size in x.shape[split:]):
+            split = x.ndim - len(self._points)
+            if split < 0 or x.shape[split:] != self._points:
                 if x.dtype == object:
                     raise TypeError("an array of symbols that does not run over points")
                 return self._keep(x)
             first, lead = len(self._outputs), x.shape[:split]
-            for item in x.ravel():
-                self._row(item)
+            for row in x.reshape(-1, math.prod(self._points)):
+                self._row(row[0])
+                for point, each in enumerate(row):
+                    if not congruent(self._outputs[-1], _value(each), point):
+                        raise TypeError("an answer at one point that depends on others")
             return f"o[{first}:{len(self._outputs)}].reshape({lead} + shape)"
         if isinstance(x, dict):
             return f"{{{', '.join(f'{self._keep(k)}: {self._built(v)}' for k, v in x.items())}}}"
@@ -105,10 +118,7 @@ class Formula:
         return self._keep(x)
 
     def _row(self, x: Any) -> int:
-        value, step = (x.re, x.im) if isinstance(x, Symbol) else (float(x), 0.0)
-        if step != 0 or (isinstance(value, Node) and value.truth):
-            raise TypeError("an answer that is no real number")
-        self._outputs.append(float(value) if isinstance(value, (bool, int)) else value)
+        self._outputs.append(_value(x))
         return len(self._outputs) - 1
 
     def _nodes(self) -> list[Node]:
@@ -133,7 +143,7 @@ class Formula:
     def _lines(self, node: Node, nodes: list[Node], inside: dict[Node, set[Node]]) -> list[str]:
         name = _text(node)
         if node.name == "leaf":
-            number, row = node.args
+            number, row, _ = node.args
             if node.varies:
                 return [f"{name} = x{self.arrays.index(number)}[{row}, i]"]
             return [f"{name} = q[{self.numbers.index(number)}]"]

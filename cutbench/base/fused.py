@@ -79,7 +79,7 @@ class _Reading:
         begin()
         try:
             read = [self._read(x, f"a{k}") for k, x in enumerate(given)]
-            formula = Formula(plain(*read), axes, self._object)
+            formula = Formula(plain(*read), (2,) * axes, self._object)
             if not formula.arrays:
                 raise TypeError("an answer that depends on no points")
             self._loop, self._rows = loops(formula.source), formula.rows
@@ -130,7 +130,7 @@ class _Reading:
     def _leaf(self, place: str, leading: tuple[int, ...] | None) -> Any:
         self._places.append(place)
         self._leading.append(leading or ())
-        return leaf(len(self._places) - 1, None if leading is None else leading + (1,) * self._axes)
+        return leaf(len(self._places) - 1, leading, (2,) * self._axes)
 
     def answer(self, given: tuple) -> Any:
         """What the function answers; ``_MISS`` where it was not read for such arguments."""

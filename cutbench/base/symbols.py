@@ -1,13 +1,15 @@
 """Functions of NumPy read as formulas: called with symbols in place of numbers, they leave a graph.
 
 A ``Symbol`` has a real part and the first-order part that complex steps have, so that a function that probes
-another with ``x + 1j * STEP`` gives the derivative's own formula. Arrays of points are ``Symbols`` with one
-point. What a graph cannot say — a branch on a value, an index, an unknown function — raises.
+another with ``x + 1j * STEP`` gives the derivative's own formula. Arrays of points are ``Symbols`` with two
+points, which no formula may mix. What a graph cannot say (a branch on a value, an index, an unknown function)
+raises.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
@@ -72,14 +74,23 @@ def begin() -> None:
     _graph = Graph()
 
 
-def leaf(number: int, shape: tuple[int, ...] | None = None) -> Any:
-    """Input ``number``: a number, or an array of ``shape`` of which each row varies from point to point."""
+def leaf(number: int, shape: tuple[int, ...] | None = None, points: tuple[int, ...] = ()) -> Any:
+    """Input ``number``: a number, or an array of ``shape`` at each of the ``points``, its last axes."""
     if shape is None:
-        return Symbol(_graph.node("leaf", (number, 0), False))
-    filled = np.empty(shape, object)
-    for row in range(filled.size):
-        filled.flat[row] = Symbol(_graph.node("leaf", (number, row), True))
-    return _symbols(filled)
+        return Symbol(_graph.node("leaf", (number, 0, 0), False))
+    count = math.prod(points)
+    each = (
+        Symbol(_graph.node("leaf", (number, *divmod(k, count)), True))
+        for k in range(math.prod(shape) * count)
+    )
+    return _filled(shape + points, each)
+
+
+def _filled(shape: tuple[int, ...], items: Iterable) -> Symbols:
+    array = np.empty(shape, object)
+    for k, item in enumerate(items):
+        array.flat[k] = item
+    return array.view(Symbols)
 
 
 def _number(part: Part) -> Part:
@@ -299,14 +310,34 @@ def iterated(advance: Callable[[Any], tuple[Any, Any]], x: Any, times: int) -> A
             if done.all():
                 break
         return x
-    start, step = _parts(x.item())
-    inside = _graph.node("variable", (len(_graph),), True)
-    filled = np.full(x.shape, None, object)
-    filled.fill(Symbol(inside))
-    following, done = advance(_symbols(filled))
-    (value, slope), (ends, _) = _parts(following.item()), _parts(done.item())
-    if step != 0 or slope != 0:
-        raise TypeError("a complex step through an iteration")
-    answer = filled.copy()
-    answer.fill(Symbol(_graph.node("iterated", (start, inside, value, ends, times), True)))
-    return _symbols(answer)
+    starts = [_parts(each) for each in x.flat]
+    inside = [_graph.node("variable", (len(_graph),), True) for _ in starts]
+    found = [np.ravel(each) for each in advance(_filled(x.shape, map(Symbol, inside)))]
+    answers = []
+    for (start, step), variable, following, done in zip(starts, inside, *found, strict=True):
+        (value, slope), (ends, _) = _parts(following), _parts(done)
+        if step != 0 or slope != 0:
+            raise TypeError("a complex step through an iteration")
+        answers.append(Symbol(_graph.node("iterated", (start, variable, value, ends, times), True)))
+    return _filled(x.shape, answers)
+
+
+def congruent(first: Part, other: Part, point: int) -> bool:
+    """Whether ``other`` is at ``point`` what ``first`` is at point 0, and neither knows other points."""
+    known: dict[Node, Node] = {}
+    seen: set[tuple[Node, Node]] = set()
+    left = [(first, other)]
+    while left:
+        a, b = left.pop()
+        if not (isinstance(a, Node) and isinstance(b, Node)):
+            if isinstance(a, Node) or isinstance(b, Node) or repr(a) != repr(b):
+                return False
+        elif known.setdefault(a, b) is not b or a.name != b.name:
+            return False
+        elif a.name == "leaf":
+            if a.args[:2] != b.args[:2] or (a.args[2], b.args[2]) != (0, point if b.varies else 0):
+                return False
+        elif a.name != "variable" and (a, b) not in seen:
+            seen.add((a, b))
+            left += zip(a.args, b.args, strict=True)
+    return True
