@@ -6,6 +6,8 @@ import os
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 try:
     if os.environ.get("CUTBENCH_COMPILED") == "0":
         raise ImportError("switched off by CUTBENCH_COMPILED=0")
@@ -33,3 +35,21 @@ def compiled(plain: Callable[..., Any] | None = None) -> Callable[[Callable[...,
             return numba.njit(error_model="numpy")(loops)
 
     return chosen
+
+
+def shared(formula: Callable[..., Any]) -> Callable[..., Any]:
+    """Decorator of a formula that compiled loops use with numbers and NumPy with arrays; see ``choose``."""
+    return formula if numba is None else numba.extending.register_jitable(formula)
+
+
+def choose(condition, first, second):
+    """``first`` where the condition holds, else ``second``: of numbers in compiled loops, or of arrays."""
+    return np.where(condition, first, second)
+
+
+def _choose_number(condition, first, second):
+    return lambda condition, first, second: first if condition else second
+
+
+if numba is not None:
+    numba.extending.overload(choose)(_choose_number)

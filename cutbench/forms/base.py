@@ -94,7 +94,7 @@ def component_major(nodes: np.ndarray, dim: int) -> np.ndarray:
 
 def gather(u: np.ndarray, places: np.ndarray, dim: int) -> np.ndarray:
     """Values (dim, nn, n) at the nodes of each element or face, from its numbers by ``component_major``."""
-    return np.take(u, places).reshape(dim, -1, places.shape[-1])
+    return np.take(u, places).reshape(dim, len(places) // dim, -1)
 
 
 def blend(N: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -6,14 +6,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from cutbench.forms.base import Form, Local, blend, component_major, gather
 from cutbench.forms.gap import ToolGap
 from cutbench.forms.normals import cross, inward, unit
-from cutbench.forms.sliding import shear
+from cutbench.forms.pressed import Contact, Found, Sliding, pressed, pressed_plain, sandwich
+from cutbench.forms.sliding import Strengths
 from cutbench.forms.space import Faces
 from cutbench.mechanisms.base import Tool
 
@@ -62,7 +64,8 @@ class BladeForm(Form):
         # Only the tool's normal without shear has a potential: friction is unsymmetric where the blade
         # is curved, and the material's normal turns with the face.
         self.symmetric = not self._material and not self.frictions
-        self._patch: _Patch | None = None
+        self._strengths = Strengths(self.frictions)
+        self._place: _Place | None = None
         if self._material:
             along = np.einsum("dqf,df->qf", cross(list(faces.tangents[:, :, None])), faces.normal)
             self._sign = np.sign(along)
@@ -70,7 +73,7 @@ class BladeForm(Form):
     def with_numerics(self, numerics: ContactNumerics) -> BladeForm:
         """The same faces and laws with other stiffnesses, which may be complex."""
         other = copy(self)
-        other._numerics = numerics
+        other._numerics, other._place, other._strengths = numerics, None, Strengths(self.frictions)
         other._stiffness, other._tangential = self._stiffnesses(numerics)
         return other
 
@@ -125,90 +128,63 @@ class BladeForm(Form):
         return {**state, "multiplier": np.broadcast_to(mean, pressure.shape)}
 
     # -- evaluation -----------------------------------------------------------------------------
-    def _patch_of(self, near: np.ndarray) -> _Patch:
+    def _at(self, near: np.ndarray) -> _Place:
         """The faces ``near`` alone; from one evaluation to the next they are mostly the same."""
-        if self._patch is None or not np.array_equal(self._patch.near, near):
-            self._patch = _Patch.of(self.faces, self.dofs, near)
-        return self._patch
+        if self._place is None or not np.array_equal(self._place.near, near):
+            nq = len(self.faces.w)
+            stiffness, stick = (np.tile(k[near], nq) for k in (self._stiffness, self._tangential))
+            self._place = _Place(self.faces.some(near), self.dofs[:, near], near, stiffness, stick)
+        return self._place
 
     def evaluate(self, u, p, state, step, tangent=True):
-        dim = self.dim
-        nd, nf = self.dofs.shape
-        near = self._gap.near(gather(u.real, self.dofs, dim), state["touched"], p, step)
+        dim, (nd, nf), nq = self.dim, self.dofs.shape, len(self.faces.w)
         # Any of these may carry a complex step.
         given = (u, step.u_old, step.centre, step.dt, self._stiffness, *state.values(), *vars(p).values())
         kind = np.result_type(float, *given)
-        vector = np.zeros((nd, nf), dtype=kind)
-        matrix = np.zeros((nd, nd, nf)) if tangent else None
-        new = {**state}
-        for key in ("pressure", "active", "normal_traction", "shear", "shares"):
-            new[key] = np.zeros_like(state[key])
-        if near.size == 0:
-            return Local(vector, matrix, new)
-        if np.iscomplexobj(vector):
-            new = {k: v.astype(complex) for k, v in new.items()}
-        patch = self._patch_of(near)
-        f = patch.faces
-        U = gather(u, patch.dofs, dim)
-        shift = blend(f.N, U)
-        nq, count = f.w.shape
-        g, gradient, H = self._gap.at(f.X + shift, near, p, step)
-        direction, dn = (gradient, H) if self._gap.unit_gradient else unit(gradient, H)
-        stiffness = np.broadcast_to(self._stiffness[near], (nq, count))
-        t_N, dp = self.tool.pressure(g, state["multiplier"][:, near], stiffness, p)
-        push = direction
-        turn: Sequence[np.ndarray] = ()
-        if self._material:
-            slopes = [f.tangents[s][:, None] + blend(f.dN[s], U) for s in range(dim - 1)]
-            push, turn = inward(slopes, self._sign[:, near], tangent)
-        normal_traction = t_N * push
-        total = normal_traction
-        slid = None
+        real = kind.kind != "c"
+        old = {name: np.ascontiguousarray(state[name], kind) for name in ("touched", "shear", "slid")}
+        met = self._gap.met(u, p, old["touched"], step, self.dofs, real)
+        scalars = {name: np.zeros((nq, nf), kind) for name in ("pressure", "active")}
+        vectors = {name: np.zeros((dim, nq, nf), kind) for name in ("normal_traction", "shear")}
+        new = {**state, **scalars, **vectors, "shares": np.zeros((len(self.frictions), nq, nf), kind)}
+        if not real:
+            new = {name: value.astype(complex, copy=False) for name, value in new.items()}
+        vector, matrix = np.zeros((nd, nf), kind), np.zeros((nd, nd, nf) if tangent else (0, 0, 0))
+        local = Local(vector, matrix if tangent else None, new)
+        if met.near.size == 0:
+            return local
+        place = self._at(met.near)
+        g, gradient, H = self._gap.of(*met[:4], p)
+        n, dn = (gradient, H) if self._gap.unit_gradient else unit(gradient, H)
+        multiplier = np.take(state["multiplier"], met.near, axis=1).ravel()
+        t_N, dp = self.tool.pressure(g, multiplier, place.stiffness, p)
+        push, turn = self._inward(u, place, tangent) if self._material else (n, ())
+        parts = by_rate = np.zeros((0, 0))
         if self.frictions:
-            moved = gather(u - step.u_old, patch.dofs, dim)
-            slip = blend(f.N, moved) - (step.centre - step.centre_old)[:dim, None, None]
-            slid = shear(
-                self.frictions,
-                self._tangential[near],
-                f.X,
-                near,
-                t_N,
-                direction,
-                slip,
-                dn,
-                p,
-                state,
-                step,
-                tangent,
-            )
-            total = total + slid["traction"]
-            new["shear"][:, :, near] = slid["traction"]
-            new["shares"][:, :, near] = slid["shares"]
-            new["slid"] = new["slid"].copy()
-            new["slid"][:, near] += slid["advance"]
-        if self._numerics.release > 0:
-            new["touched"] = np.array(state["touched"])
-            new["touched"][:, near] *= np.real(g) < np.real(self._numerics.release)
-        new["pressure"][:, near] = t_N
-        new["active"][:, near] = np.real(t_N) > 0
-        new["normal_traction"][:, :, near] = normal_traction
-        vector[:, near] = -np.einsum("qaf,dqf->daf", f.N, total * f.w).reshape(nd, count)
-        if matrix is not None:
-            D = dp * push[:, None] * gradient[None]
-            if not self._material:
-                D += t_N * dn
-            if slid is not None:
-                D += slid["D"]
-            K = _sandwich(D * f.w, patch.NN)
-            for dt, NdN in zip(turn, patch.NdN, strict=False):
-                K += _sandwich(dt * (t_N * f.w), NdN)
-            matrix[:, :, near] = -K.reshape(nd, nd, count)
-        return Local(vector, matrix, new)
+            parts, by_rate = self._strengths.at(place, n, met.slip, p, state, step, tangent)
+            new["slid"] = old["slid"].copy()
+        release = np.real(self._numerics.release)
+        if release > 0:
+            new["touched"] = old["touched"].copy()
+        f = place.faces
+        contact = Contact(met.near, f.N, f.w, g, gradient, n, dn, push, not self._material, t_N, dp)
+        known = old["shear"], old["touched"], release
+        names = ("pressure", "active", "normal_traction", "shear", "shares", "slid", "touched")
+        fill = pressed if real else pressed_plain
+        slides = Sliding(met.slip, place.stick, parts, by_rate.ravel(), step.dt, *known)
+        fill(contact, slides, Found(vector, matrix, *(new[name] for name in names)))
+        if tangent:
+            for dt, dN in zip(turn, f.dN, strict=False):
+                K = sandwich(dt * (t_N.reshape(f.w.shape) * f.w), f.N[:, :, None] * dN[:, None])
+                matrix[:, :, met.near] -= K.reshape(nd, nd, -1)
+        return local
 
-    def _gaps(self, u, centre, p, step) -> np.ndarray:
-        """Gap (nq, nf) at all points, for displacements ``u`` and the blade at ``centre``."""
-        x = self.faces.X + blend(self.faces.N, gather(u, self.dofs, self.dim))
-        return self._gap.at(x, np.arange(self.faces.size.size), p, replace(step, centre=centre))[0]
+    def _inward(self, u, place: _Place, tangent: bool) -> tuple[np.ndarray, Sequence[np.ndarray]]:
+        """The material's normal (dim, N), and its derivative by each tangent of the moved faces."""
+        f, U = place.faces, gather(u, place.dofs, self.dim)
+        slopes = [f.tangents[s][:, None] + blend(f.dN[s], U) for s in range(self.dim - 1)]
+        push, turn = inward(slopes, self._sign[:, place.near], tangent)
+        return push.reshape(self.dim, -1), turn
 
     def gap_of_nodes(self, X, u, state, p, step) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Gap (n,), its gradient (dim, n) and numbers (n,) of the nodes of faces that touch in ``state``.
@@ -217,10 +193,10 @@ class BladeForm(Form):
         """
         near = np.flatnonzero(state["active"].max(axis=0) > 0)
         all_nodes = self.faces.nodes[:, near]
-        x = (X + u[: X.size].reshape(-1, self.dim).T)[:, all_nodes]
-        g, gradient, _ = self._gap.at(x, near, p, step)
         nodes, first = np.unique(all_nodes.ravel(), return_index=True)
-        return g.ravel()[first], gradient.reshape(self.dim, -1)[:, first], nodes
+        x = X[:, all_nodes] + gather(u, component_major(all_nodes, self.dim), self.dim)
+        g, gradient, _ = self._gap.at(x, near, p, step.centre)
+        return g[first], gradient[:, first], nodes
 
     # -- results --------------------------------------------------------------------------------
     def force(self, state: dict) -> np.ndarray:
@@ -238,13 +214,19 @@ class BladeForm(Form):
         if self._gap.unit_gradient and not self._material:
             # t_N ∇g·ds is t_N dg. The mean of two tractions does not turn with what slides round the tip
             # within a step, and contact would seem to take energy.
+            pressure = mean("pressure")
+            near = np.flatnonzero((pressure != 0).any(axis=0))
+            part, w = f.some(near), f.w[:, near]
+            ends = ((step.u_old, step.centre_old), (u, step.centre))
             before, after = (
-                self._gaps(*at, p, step) for at in ((step.u_old, step.centre_old), (u, step.centre))
+                self._gap.at(part.X + blend(part.N, gather(at, self.dofs[:, near], dim)), near, p, centre)[
+                    0
+                ].reshape(w.shape)
+                for at, centre in ends
             )
-            taken = -mean("pressure") * (after - before)
+            out = {self.tool.name: -float((pressure[:, near] * (after - before) * w).sum())}
         else:
-            taken = -(mean("normal_traction") * slip).sum(axis=0)
-        out = {self.tool.name: float((taken * f.w).sum())}
+            out = {self.tool.name: -float((mean("normal_traction") * slip * f.w).sum())}
         for i, law in enumerate(self.frictions):
             part = (old["shares"][i] * old["shear"] + new["shares"][i] * new["shear"]) / 2
             out[law.name] = -float((part * slip * f.w).sum())
@@ -252,22 +234,16 @@ class BladeForm(Form):
 
 
 @dataclass(frozen=True)
-class _Patch:
-    """Some of the faces, with the products of their shape functions that tangents need."""
+class _Place:
+    """Some of the faces; the stiffnesses (N,) at their points, in MPa/mm."""
 
-    near: np.ndarray  # (count,) their numbers
-    dofs: np.ndarray  # (nd, count)
     faces: Faces
-    NN: np.ndarray  # (nq, nn, nn, count)
-    NdN: list[np.ndarray]  # (nq, nn, nn, count) for each tangent
+    dofs: np.ndarray  # (nd, count)
+    near: np.ndarray  # (count,) their numbers
+    stiffness: np.ndarray
+    stick: np.ndarray
 
-    @classmethod
-    def of(cls, faces: Faces, dofs: np.ndarray, near: np.ndarray) -> _Patch:
-        some = faces.some(near)
-        N, reached = some.N[:, :, None], np.ascontiguousarray(dofs[:, near])
-        return cls(near, reached, some, N * some.N[:, None], [N * dN[:, None] for dN in some.dN])
-
-
-def _sandwich(D: np.ndarray, NM: np.ndarray) -> np.ndarray:
-    """Σ_q D_ik (N_a M_b): (i, k, q, f), (q, a, b, f) to (i, a, k, b, f)."""
-    return np.einsum("ikqf,qabf->iakbf", D, NM)
+    @cached_property
+    def X(self) -> np.ndarray:
+        """Where their points (dim, N) are before loading."""
+        return self.faces.X.reshape(len(self.faces.X), -1)

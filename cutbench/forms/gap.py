@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
+from cutbench.base.compiled import compiled
+from cutbench.forms.base import blend, gather
 from cutbench.forms.space import Faces
 from cutbench.mechanisms.base import STEP
 
@@ -11,6 +15,89 @@ from cutbench.mechanisms.base import STEP
 FAR = 1e6
 #: Points farther beside the blade than this cannot touch it within a step, mm.
 REACH = 0.25
+
+
+class Met(NamedTuple):
+    """Points of the faces ``near`` (count,) in the tool's frame, N = nq·count in all: the ``foot`` across the
+    blade, how far a point is ``over`` its mid-plane, its height ``up``, and its ``slip`` (dim, N) past it."""
+
+    near: np.ndarray
+    foot: np.ndarray
+    over: np.ndarray
+    up: np.ndarray
+    slip: np.ndarray
+
+
+def _met(u, u_old, way, apex, turn, extent, touched, dofs, N, X, flank) -> tuple[np.ndarray, ...]:
+    """``Met`` of the faces that, moved by ``u``, can touch the blade or carry shear."""
+    dim = len(X)
+    U = gather(u.real, dofs, dim)
+    at, across = _across(X, turn.real), _across(U, turn.real)
+    left, right = at.min(axis=0) + across.min(axis=0), at.max(axis=0) + across.max(axis=0)
+    high, low = X[1].max(axis=0) + U[1].max(axis=0), X[1].min(axis=0) + U[1].min(axis=0)
+    least, most, top = extent
+    meets = (left < most + REACH) & (right > least - REACH) & (high > apex[1].real - REACH)
+    meets &= low < apex[1].real + top + REACH
+    near = np.flatnonzero(meets | (touched.real.max(axis=0) > 0))
+    N, dofs = N[:, :, near], dofs[:, near]
+    slip = blend(N, gather(u - u_old, dofs, dim)) - way[:, None, None]
+    x = X[:, :, near] + blend(N, gather(u, dofs, dim))
+    return near, *_in_frame(x, apex, turn, flank[near]), slip.reshape(dim, -1)
+
+
+@compiled(_met)
+def met(u, u_old, way, apex, turn, extent, touched, dofs, N, X, flank):
+    dim, nq, nf = X.shape
+    nn = N.shape[1]
+    c, s = np.cos(turn), np.sin(turn)
+    least, most, top = extent
+    near = np.empty(nf, np.int64)
+    count = 0
+    for f in range(nf):
+        meets = False
+        left = low = across_least = up_least = np.inf
+        right = high = across_most = up_most = -np.inf
+        for q in range(nq):
+            meets |= touched[q, f] > 0
+            x = X[0, q, f] if dim == 2 else X[0, q, f] * c - X[2, q, f] * s
+            left, right = min(left, x), max(right, x)
+            low, high = min(low, X[1, q, f]), max(high, X[1, q, f])
+        for a in range(nn):
+            x, y = u[dofs[a, f]], u[dofs[nn + a, f]]
+            if dim == 3:
+                x = x * c - u[dofs[2 * nn + a, f]] * s
+            across_least, across_most = min(across_least, x), max(across_most, x)
+            up_least, up_most = min(up_least, y), max(up_most, y)
+        beside = left + across_least < most + REACH and right + across_most > least - REACH
+        level = high + up_most > apex[1] - REACH and low + up_least < apex[1] + top + REACH
+        if meets or (beside and level):
+            near[count] = f
+            count += 1
+    size = nq * count
+    foot, over, up, slip = np.empty(size), np.zeros(size), np.empty(size), np.empty((dim, size))
+    for j in range(count):
+        f = near[j]
+        for q in range(nq):
+            k = q * count + j
+            x = 0.0
+            for i in range(dim):
+                at, moved = X[i, q, f], -way[i]
+                for a in range(nn):
+                    dof = dofs[i * nn + a, f]
+                    at += N[q, a, f] * u[dof]
+                    moved += N[q, a, f] * (u[dof] - u_old[dof])
+                slip[i, k] = moved
+                if i == 0:
+                    x += at * c if dim == 3 else at
+                elif i == 1:
+                    up[k] = at - apex[1]
+                else:
+                    x -= at * s
+            x -= apex[0]
+            if x * flank[f] < 0:  # there the gap goes on linearly
+                over[k], x = x, 0.0
+            foot[k] = np.copysign(x, flank[f])
+    return near[:count].copy(), foot, over, up, slip
 
 
 class ToolGap:
@@ -26,59 +113,73 @@ class ToolGap:
         middle = faces.X[0].mean(axis=0)
         on_plane = np.abs(middle) < 1e-9 * height
         self._flank = np.sign(np.where(on_plane, -faces.normal[0], middle))
-        self._upper, self._lower = faces.X[1].max(axis=0), faces.X[1].min(axis=0)
+        self._shape = (*(q.name for q in tool.parameters), *tool.reads)
+        self._extent: tuple[Any, tuple[float, float, float]] = (None, (0.0, 0.0, 0.0))
 
-    def near(self, U: np.ndarray, touched: np.ndarray, p, step) -> np.ndarray:
-        """Numbers of the faces that, moved by U (dim, nn, nf), can touch the blade or carry shear."""
-        turn = np.real(p.tilt) if self._dim == 3 else 0.0
-        X, across = _across(self._faces.X, turn), _across(U, turn)
-        left, right = X.min(axis=0) + across.min(axis=0), X.max(axis=0) + across.max(axis=0)
-        high, low = self._upper + U[1].max(axis=0), self._lower + U[1].min(axis=0)
-        tip = np.real(step.centre[1])
-        least, most, top = self._tool.extent(p)
-        near = (left < most + REACH) & (right > least - REACH) & (high > tip - REACH)
-        near &= low < tip + top + REACH
-        return np.flatnonzero(near | (touched.max(axis=0) > 0))
+    def extent(self, p) -> tuple[float, float, float]:
+        """How far the tool reaches to the left, to the right and up, mm."""
+        shape = [getattr(p, name) for name in self._shape]
+        if self._tool.measured or self._extent[0] != shape:
+            least, most, top = self._tool.extent(p)
+            self._extent = shape, (float(least), float(most), float(top))
+        return self._extent[1]
 
-    def at(self, x: np.ndarray, near: np.ndarray, p, step):
-        """Gap (nq, nf), gradient (dim, nq, nf) and second derivative (dim, dim, nq, nf) where points of the
-        faces ``near`` now are, x (dim, nq, nf)."""
-        dim, shape = self._dim, x.shape[1:]
-        flank = np.broadcast_to(self._flank[near], shape).ravel()
-        turn = p.tilt if dim == 3 else 0.0
-        rx = (_across(x, turn) - step.centre[0]).ravel()
-        ry = (x[1] - step.centre[1]).ravel()
-        beyond = np.real(rx) * flank < 0  # there the gap goes on linearly
-        over, foot = np.where(beyond, rx, 0), np.where(beyond, 0, rx)
-        foot.real = np.copysign(foot.real, flank)  # -0.0 is on the left flank
-        g, n, H = self._law(foot, ry, p)
-        g = g + over * n[0]
-        n[1] = n[1] + over * H[0, 1]
-        H[0, 0] = np.where(beyond, 0, H[0, 0])
-        bent = np.flatnonzero(over * H[0, 1])
-        if bent.size and not np.iscomplexobj(rx):  # third derivative of the gap, by a complex step
-            ahead = self._law(foot[bent], ry[bent] + 1j * STEP, p)[2]
-            H[1, 1, bent] += over[bent] * ahead[0, 1].imag / STEP
+    def met(self, u, p, touched, step, dofs, real: bool) -> Met:
+        """The points near the blade, for displacements ``u``; ``real`` unless anything is complex."""
+        dim, faces = self._dim, self._faces
+        turn = p.tilt + 0.0 if dim == 3 else 0.0
+        way = (step.centre - step.centre_old)[:dim]
+        given = u, step.u_old, way, step.centre, turn, self.extent(p), touched, dofs
+        return Met(*(met if real else _met)(*given, faces.N, faces.X, self._flank))
+
+    def at(self, x: np.ndarray, near: np.ndarray, p, centre):
+        """As ``of`` where points of the faces ``near`` now are, x (dim, nq, nf)."""
+        turn = p.tilt if self._dim == 3 else 0.0
+        return self.of(near, *_in_frame(x, centre, turn, self._flank[near]), p)
+
+    def of(self, near, foot, over, up, p):
+        """Gap (N,), gradient (dim, N) and second derivative (dim, dim, N) at points in the tool's frame."""
+        dim = self._dim
+        g, n, H = self._law(foot, up, p)
+        beyond = over.real != 0
+        if beyond.any():
+            g = g + over * n[0]
+            n[1] = n[1] + over * H[0, 1]
+            H[0, 0] = np.where(beyond, 0, H[0, 0])
+            bent = np.flatnonzero(over * H[0, 1])
+            if bent.size and not np.iscomplexobj(over):  # third derivative of the gap, by a complex step
+                ahead = self._law(foot[bent], up[bent] + 1j * STEP, p)[2]
+                H[1, 1, bent] += over[bent] * ahead[0, 1].imag / STEP
         if not self.unit_gradient:
             # In mm: on the band the paper's number is 2/a times the distance, to first order.
             g, n, H = (p.thickness / 4 * part for part in (g, n, H))
-        gradient = np.zeros((dim, *shape), dtype=n.dtype)
-        second = np.zeros((dim, dim, *shape), dtype=n.dtype)
-        gradient[:2] = n.reshape(2, *shape)
-        second[:2, :2] = H.reshape(2, 2, *shape)
-        g = g.reshape(shape)
-        if dim == 3:
-            if turn != 0:
-                c, s = np.cos(turn), np.sin(turn)
-                back = np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
-                gradient = np.einsum("ji,jqf->iqf", back, gradient)
-                second = np.einsum("ji,jkqf,kl->ilqf", back, second, back)
-            if np.real(p.overhang) < 0:
-                # The blade ends inside the block: points beyond it, as they lay before loading, stay free.
-                X = self._faces.X[:, :, near]
-                along = X[2] * np.cos(np.real(turn)) + X[0] * np.sin(np.real(turn))
-                g = np.where(np.abs(along) > np.real(p.length) / 2 + np.real(p.overhang), g + FAR, g)
+        return (g, n, H) if dim == 2 else self._in_space(near, g, n, H, p)
+
+    def _in_space(self, near, g, n, H, p):
+        """The same for a blade that is turned about the height and may end inside the block."""
+        turn, size = p.tilt, g.size
+        gradient, second = np.zeros((3, size), dtype=n.dtype), np.zeros((3, 3, size), dtype=n.dtype)
+        gradient[:2], second[:2, :2] = n, H
+        if turn != 0:
+            c, s = np.cos(turn), np.sin(turn)
+            back = np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
+            gradient = np.einsum("ji,jk->ik", back, gradient)
+            second = np.einsum("ji,jkn,kl->iln", back, second, back)
+        if np.real(p.overhang) < 0:
+            # Points beyond its ends, as they lay before loading, stay free.
+            X = self._faces.X[:, :, near].reshape(3, -1)
+            along = X[2] * np.cos(np.real(turn)) + X[0] * np.sin(np.real(turn))
+            g = np.where(np.abs(along) > np.real(p.length) / 2 + np.real(p.overhang), g + FAR, g)
         return g, gradient, second
+
+
+def _in_frame(x, apex, turn, flank) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """``foot``, ``over`` and ``up`` of ``Met`` for points x (dim, nq, nf)."""
+    across = _across(x, turn) - apex[0]
+    beyond = across.real * flank < 0  # there the gap goes on linearly
+    over, foot = np.where(beyond, across, 0), np.where(beyond, 0, across)
+    foot.real = np.copysign(foot.real, flank)  # -0.0 is on the left flank
+    return foot.ravel(), over.ravel(), (x[1] - apex[1]).ravel()
 
 
 def _across(x: np.ndarray, turn) -> np.ndarray:

@@ -15,7 +15,7 @@ def unit(n: np.ndarray, H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Unit normal and its derivative, for a gap whose gradient may not have length 1."""
     size = np.sqrt((n * n).sum(axis=0))
     e = n / size
-    He = np.einsum("ikqf,kqf->iqf", H, e)
+    He = np.einsum("ik...,k...->i...", H, e)
     return e, (H - e[:, None] * He[None]) / size
 
 

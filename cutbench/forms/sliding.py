@@ -1,4 +1,4 @@
-"""Sliding past the blade: return mapping of the tangential traction of friction and adhesion.
+"""Sliding past the blade: strengths of friction and adhesion, and the return mapping of their traction.
 
 What a law's strength depends on — pressure and Θ — is that of the last converged step. The paper does so
 with Θ; with the pressure too, friction no longer feeds back on contact within a step, and runs with
@@ -7,57 +7,116 @@ Coulomb friction get through onsets at which they stall otherwise. Refining the 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
+from cutbench.base.compiled import choose, shared
 from cutbench.mechanisms.base import STEP, Points
 
 
-def shear(laws, stick, X, near, t_N, n, slip, dn, p, state, step, tangent) -> dict[str, np.ndarray]:
-    """``traction`` (dim, nq, nf), the laws' ``shares`` of it (laws, nq, nf), the ``advance`` of the way slid
-    (nq, nf); with ``tangent`` also D (dim, dim, nq, nf), the traction's derivative. Strengths add up.
+class Rubbed(Points):
+    """Points whose ``slip_rate`` is found when a law asks for it, which is noted in ``asked``."""
 
-    ``stick`` in MPa/mm; ``slip`` (dim, nq, nf) of the material past the blade, whose normal n has the
-    derivative dn. ``state`` is that of all faces, X and the rest belong to those ``near``.
+    asked = False
+    _slides: tuple[np.ndarray, np.ndarray]
+
+    @property
+    def slip_rate(self) -> np.ndarray:
+        self.asked = True
+        return way(*self._slides) / self.dt
+
+
+class Strengths:
+    """What the laws lend at the points of some faces; they are asked again where that may have changed."""
+
+    def __init__(self, laws: Sequence[Any]):
+        self._laws = tuple(laws)
+        self._given: tuple = ()
+        self._parts = np.zeros((0, 0))
+
+    def at(self, place, n, slip, p, state, step, tangent) -> tuple[np.ndarray, np.ndarray]:
+        """Shares (laws, N) of the strength at the points of ``place``, and the derivative (N,) of their sum
+        by the slip rate, empty where it has none; for normals n and ways ``slip`` (dim, N) past the blade.
+
+        States are never changed in place: the same arrays give the same strengths, but for the rate.
+        """
+        known = tuple(state[key] for key in ("pressure", "touched", "slid"))
+        given = (place, p, step.dt, *known)
+        if len(given) == len(self._given) and all(a is b for a, b in zip(given, self._given, strict=True)):
+            return self._parts, np.zeros(0)
+        t_N, touched, slid = (np.take(value, place.near, axis=-1).ravel() for value in known)
+        about = {"X": place.X, "touched": touched, "slid": slid, "speed": p.speed, "dt": step.dt}
+        at = Rubbed(_slides=(n, slip), **about)
+        answers = [np.broadcast_to(law.strength(t_N, p, state, at), t_N.shape) for law in self._laws]
+        parts = np.array(answers)
+        self._given = () if at.asked else given
+        self._parts = parts
+        if not (tangent and at.asked):
+            return parts, np.zeros(0)
+        faster = Points(slip_rate=at.slip_rate + 1j * STEP, **about)
+        return parts, sum(np.imag(law.strength(t_N, p, state, faster)) for law in self._laws) / STEP
+
+
+@shared
+def way(n, slip):
+    """Length of what of ``slip`` is along the blade, whose normal is n, at one point or at many."""
+    along = slip[0] * n[0]
+    for i in range(1, len(n)):
+        along = along + slip[i] * n[i]
+    square = 0.0 * along
+    for i in range(len(n)):
+        part = slip[i] - n[i] * along
+        square = square + part * part
+    return np.sqrt(choose(square.real > 0, square, 0.0))
+
+
+@shared
+def returned(n, dn, shear, slip, stick, strength, by_rate, dt, traction, D, tangent, rated):
+    """Return mapping at one point (compiled), or at many along the last axis of all.
+
+    ``shear`` of the last step and ``slip`` (dim,) past the blade, whose normal n has the derivative dn;
+    ``stick`` in MPa/mm. Fills ``traction`` (dim,) and, with ``tangent``, its derivative D (dim, dim), where
+    ``rated`` with that of the strength ``by_rate``. The way slid is the answer.
     """
     dim = len(n)
-    v = state["shear"][:, :, near] - stick * slip
-    nv = (n * v).sum(axis=0)
-    trial = v - n * nv
-    m2 = (trial * trial).sum(axis=0)
-    m = np.sqrt(np.where(m2.real > 0, m2, 1.0))
-    tangential = slip - n * (n * slip).sum(axis=0)
-    s2 = (tangential * tangential).sum(axis=0)
-    distance = np.sqrt(np.where(s2.real > 0, s2, 0.0))
-    known, touched, way = (state[key][:, near] for key in ("pressure", "touched", "slid"))
-    rate = distance / step.dt
-    at = Points(X=X, touched=touched, slid=way, slip_rate=rate, speed=p.speed, dt=step.dt)
-    parts = np.stack([law.strength(known, p, state, at) + 0 * t_N for law in laws])
-    strength = parts.sum(axis=0)
-    slips = m.real > strength.real
-    ratio = np.where(slips, strength / m, 1.0)
-    ratio = np.where(m2.real > 0, ratio, 0.0)
-    traction = ratio * trial
-    total = np.where(strength.real > 0, strength, 1.0)
-    # What passes the blade at a distance does not rub.
-    rubs = (np.real(at.touched) > 0) | (np.real(t_N) > 0)
-    out = {"traction": traction, "shares": parts / total, "advance": np.where(rubs, distance, 0)}
-    if not tangent:
-        return out
-    nn = n[:, None] * n[None]
-    dv = (v[:, None] * dn).sum(axis=0)
-    dtrial = stick * nn - dn * nv - n[:, None] * dv[None]
+    pulled, along = n[0] * (shear[0] - stick * slip[0]), n[0] * slip[0]
+    for i in range(1, dim):
+        pulled = pulled + n[i] * (shear[i] - stick * slip[i])
+        along = along + n[i] * slip[i]
+    square = 0.0 * pulled
     for i in range(dim):
-        dtrial[i, i] -= stick
-    e = trial / m
-    along = np.where(slips, (e[:, None] * dtrial).sum(axis=0), 0.0)
-    D = ratio * (dtrial - e[:, None] * along[None])
-    faster = Points(**{**vars(at), "slip_rate": at.slip_rate + 1j * STEP})
-    by_rate = sum(np.imag(law.strength(known, p, state, faster)) for law in laws) / STEP
-    by_rate = np.where(slips & (distance > 0), by_rate, 0.0)
-    if by_rate.any():
-        # In small steps this is what resists most: the strength grows with Δs/Δt.
-        s = tangential / np.where(distance > 0, distance, 1.0)
-        longer = s - (s[:, None] * dn).sum(axis=0) * (n * slip).sum(axis=0)
-        D = D + e[:, None] * (by_rate / step.dt * longer)[None]
-    out["D"] = D
-    return out
+        traction[i] = shear[i] - stick * slip[i] - n[i] * pulled  # the trial
+        square = square + traction[i] * traction[i]
+    moved = way(n, slip)
+    size = np.sqrt(choose(square.real > 0, square, 1.0))
+    slips = size.real > strength.real
+    ratio = choose(square.real > 0, choose(slips, strength / size, 1.0), 0.0)
+    if tangent:
+        for k in range(dim):
+            turned = (traction[0] + n[0] * pulled) * dn[0, k]
+            for i in range(1, dim):
+                turned = turned + (traction[i] + n[i] * pulled) * dn[i, k]
+            for i in range(dim):
+                D[i, k] = stick * n[i] * n[k] - dn[i, k] * pulled - n[i] * turned
+            D[k, k] = D[k, k] - stick
+            stretch = traction[0] * D[0, k]
+            for i in range(1, dim):
+                stretch = stretch + traction[i] * D[i, k]
+            stretch = choose(slips, stretch, 0.0) / (size * size)
+            for i in range(dim):
+                D[i, k] = ratio * (D[i, k] - traction[i] * stretch)
+        if rated:
+            # In small steps this is what resists most: the strength grows with Δs/Δt.
+            harder = choose(moved.real > 0, by_rate, 0.0) / (dt * choose(moved.real > 0, moved, 1.0) * size)
+            harder = choose(slips, harder, 0.0)
+            for k in range(dim):
+                longer = slip[k] - n[k] * along
+                for i in range(dim):
+                    longer = longer - (slip[i] - n[i] * along) * dn[i, k] * along
+                for i in range(dim):
+                    D[i, k] = D[i, k] + traction[i] * harder * longer
+    for i in range(dim):
+        traction[i] = ratio * traction[i]
+    return moved

@@ -1,0 +1,146 @@
+"""From what the blade's laws answer at points to nodal forces, local matrices and the new state."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cutbench.base.compiled import compiled
+from cutbench.forms.sliding import returned
+
+
+class Contact(NamedTuple):
+    """N = nq·count points of ``count`` faces, whose shape functions and weights are Na (nq, nn, count) and w
+    (nq, count): gaps g (N,) with their ``gradient`` (dim, N), unit normals n with the derivative dn, the
+    direction ``push`` of the pressure t_N, whose derivative by the gap is dp. ``turns``: it turns by dn."""
+
+    near: np.ndarray
+    Na: np.ndarray
+    w: np.ndarray
+    g: np.ndarray
+    gradient: np.ndarray
+    n: np.ndarray
+    dn: np.ndarray
+    push: np.ndarray
+    turns: bool
+    t_N: np.ndarray
+    dp: np.ndarray
+
+
+class Sliding(NamedTuple):
+    """Way (dim, N) past the blade, stiffness (N,) against it, the laws' shares (laws, N) of the strength, the
+    derivative of that by the rate, empty where it has none; ``shear`` (dim, nq, nf) of the last step."""
+
+    slip: np.ndarray
+    stick: np.ndarray
+    parts: np.ndarray
+    by_rate: np.ndarray
+    dt: float
+    shear: np.ndarray
+    touched: np.ndarray
+    release: float
+
+
+class Found(NamedTuple):
+    """What is filled in at the faces ``near``: local vectors (nd, nf), matrices (nd, nd, nf), or (0, 0, 0)
+    for none, and new states (…, nq, nf). ``slid`` and ``held``, the new Θ, come with their old values."""
+
+    vector: np.ndarray
+    matrix: np.ndarray
+    pressure: np.ndarray
+    active: np.ndarray
+    normal_traction: np.ndarray
+    shear: np.ndarray
+    shares: np.ndarray
+    slid: np.ndarray
+    held: np.ndarray
+
+
+def pressed_plain(contact: Contact, sliding: Sliding, found: Found) -> None:
+    c, s, near = contact, sliding, contact.near
+    (dim, size), (nq, nn, count) = c.n.shape, c.Na.shape
+    tangent = found.matrix.size > 0
+    normal = c.t_N * c.push
+    kind = found.vector.dtype
+    traction, D = np.zeros((dim, size), kind), np.zeros((dim, dim, size), kind)
+    touched = s.touched[:, near].ravel()
+    if len(s.parts):
+        strength = s.parts.sum(axis=0)
+        shear, rated = s.shear[:, :, near].reshape(dim, -1), s.by_rate.size > 0
+        moved = returned(
+            c.n, c.dn, shear, s.slip, s.stick, strength, s.by_rate, s.dt, traction, D, tangent, rated
+        )
+        found.shear[:, :, near] = traction.reshape(dim, nq, count)
+        shares = s.parts / np.where(strength.real > 0, strength, 1.0)
+        found.shares[:, :, near] = shares.reshape(-1, nq, count)
+        # What passes the blade at a distance does not rub.
+        rubs = (touched.real > 0) | (c.t_N.real > 0)
+        found.slid[:, near] += np.where(rubs, moved, 0).reshape(nq, count)
+    if np.real(s.release) > 0:
+        found.held[:, near] *= (c.g.real < np.real(s.release)).reshape(nq, count)
+    found.pressure[:, near] = c.t_N.reshape(nq, count)
+    found.active[:, near] = (c.t_N.real > 0).reshape(nq, count)
+    found.normal_traction[:, :, near] = normal.reshape(dim, nq, count)
+    total = (normal + traction).reshape(dim, nq, count) * c.w
+    found.vector[:, near] = -np.einsum("qaf,dqf->daf", c.Na, total).reshape(-1, count)
+    if tangent:
+        D += c.dp * c.push[:, None] * c.gradient[None]
+        if c.turns:
+            D += c.t_N * c.dn
+        D = D.reshape(dim, dim, nq, count) * c.w
+        NN = c.Na[:, :, None] * c.Na[:, None]
+        found.matrix[:, :, near] = -sandwich(D, NN).reshape(dim * nn, dim * nn, count)
+
+
+def sandwich(D: np.ndarray, NM: np.ndarray) -> np.ndarray:
+    """Σ_q D_ik (N_a M_b): (i, k, q, f), (q, a, b, f) to (i, a, k, b, f)."""
+    return np.einsum("ikqf,qabf->iakbf", D, NM)
+
+
+@compiled(pressed_plain)
+def pressed(contact, sliding, found):
+    near, Na, w, g, gradient, n, dn, push, turns, t_N, dp = contact
+    slip, stick, parts, by_rate, dt, old, touched, release = sliding
+    vector, matrix, pressure, active, normal_traction, shear, shares, slid, held = found
+    dim, (nq, nn, count) = len(n), Na.shape
+    laws, tangent, rated = len(parts), matrix.size > 0, by_rate.size > 0
+    traction, D = np.zeros(dim), np.zeros((dim, dim))
+    for j in range(count):
+        f = near[j]
+        for q in range(nq):
+            k = q * count + j
+            if laws > 0:
+                strength = 0.0
+                for law in range(laws):
+                    strength += parts[law, k]
+                rate = by_rate[k] if rated else 0.0
+                moved = returned(
+                    n[:, k], dn[:, :, k], old[:, q, f], slip[:, k], stick[k], strength, rate, dt,
+                    traction, D, tangent, rated,
+                )  # fmt: skip
+                for law in range(laws):
+                    shares[law, q, f] = parts[law, k] / (strength if strength > 0 else 1.0)
+                if touched[q, f] > 0 or t_N[k] > 0:
+                    slid[q, f] += moved
+            if release > 0 and not g[k] < release:
+                held[q, f] = 0.0
+            pressure[q, f], active[q, f] = t_N[k], t_N[k] > 0
+            for i in range(dim):
+                shear[i, q, f], normal_traction[i, q, f] = traction[i], t_N[k] * push[i, k]
+                force = (normal_traction[i, q, f] + traction[i]) * w[q, j]
+                for a in range(nn):
+                    vector[i * nn + a, f] -= Na[q, a, j] * force
+            if not tangent:
+                continue
+            for i in range(dim):
+                for m in range(dim):
+                    slope = dp[k] * push[i, k] * gradient[m, k]
+                    if laws > 0:
+                        slope += D[i, m]
+                    if turns:
+                        slope += t_N[k] * dn[i, m, k]
+                    for a in range(nn):
+                        part = slope * w[q, j] * Na[q, a, j]
+                        for b in range(nn):
+                            matrix[i * nn + a, m * nn + b, f] -= part * Na[q, b, j]
