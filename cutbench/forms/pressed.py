@@ -1,4 +1,5 @@
-"""From what the blade's laws answer at points to nodal forces, local matrices and the new state."""
+"""From what the blade's laws answer at points to nodal forces, local matrices and the new state; with the
+return mapping of friction and adhesion."""
 
 from __future__ import annotations
 
@@ -6,8 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cutbench.base.compiled import compiled
-from cutbench.forms.sliding import returned
+from cutbench.base.compiled import choose, compiled, shared
 
 
 class Contact(NamedTuple):
@@ -55,6 +55,69 @@ class Found(NamedTuple):
     shares: np.ndarray
     slid: np.ndarray
     held: np.ndarray
+
+
+@shared
+def way(n, slip):
+    """Length of what of ``slip`` is along the blade, whose normal is n, at one point or at many."""
+    along = slip[0] * n[0]
+    for i in range(1, len(n)):
+        along = along + slip[i] * n[i]
+    square = 0.0 * along
+    for i in range(len(n)):
+        part = slip[i] - n[i] * along
+        square = square + part * part
+    return np.sqrt(choose(square.real > 0, square, 0.0))
+
+
+@shared
+def returned(n, dn, shear, slip, stick, strength, by_rate, dt, traction, D, tangent, rated):
+    """Return mapping at one point (compiled), or at many along the last axis of all.
+
+    ``shear`` of the last step and ``slip`` (dim,) past the blade, whose normal n has the derivative dn;
+    ``stick`` in MPa/mm. Fills ``traction`` (dim,) and, with ``tangent``, its derivative D (dim, dim), where
+    ``rated`` with that of the strength ``by_rate``. The way slid is the answer.
+    """
+    dim = len(n)
+    pulled, along = n[0] * (shear[0] - stick * slip[0]), n[0] * slip[0]
+    for i in range(1, dim):
+        pulled = pulled + n[i] * (shear[i] - stick * slip[i])
+        along = along + n[i] * slip[i]
+    square = 0.0 * pulled
+    for i in range(dim):
+        traction[i] = shear[i] - stick * slip[i] - n[i] * pulled  # the trial
+        square = square + traction[i] * traction[i]
+    moved = way(n, slip)
+    size = np.sqrt(choose(square.real > 0, square, 1.0))
+    slips = size.real > strength.real
+    ratio = choose(square.real > 0, choose(slips, strength / size, 1.0), 0.0)
+    if tangent:
+        for k in range(dim):
+            turned = (traction[0] + n[0] * pulled) * dn[0, k]
+            for i in range(1, dim):
+                turned = turned + (traction[i] + n[i] * pulled) * dn[i, k]
+            for i in range(dim):
+                D[i, k] = stick * n[i] * n[k] - dn[i, k] * pulled - n[i] * turned
+            D[k, k] = D[k, k] - stick
+            stretch = traction[0] * D[0, k]
+            for i in range(1, dim):
+                stretch = stretch + traction[i] * D[i, k]
+            stretch = choose(slips, stretch, 0.0) / (size * size)
+            for i in range(dim):
+                D[i, k] = ratio * (D[i, k] - traction[i] * stretch)
+        if rated:
+            # In small steps this is what resists most: the strength grows with Δs/Δt.
+            harder = choose(moved.real > 0, by_rate, 0.0) / (dt * choose(moved.real > 0, moved, 1.0) * size)
+            harder = choose(slips, harder, 0.0)
+            for k in range(dim):
+                longer = slip[k] - n[k] * along
+                for i in range(dim):
+                    longer = longer - (slip[i] - n[i] * along) * dn[i, k] * along
+                for i in range(dim):
+                    D[i, k] = D[i, k] + traction[i] * harder * longer
+    for i in range(dim):
+        traction[i] = ratio * traction[i]
+    return moved
 
 
 def pressed_plain(contact: Contact, sliding: Sliding, found: Found) -> None:

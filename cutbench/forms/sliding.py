@@ -1,4 +1,4 @@
-"""Sliding past the blade: strengths of friction and adhesion, and the return mapping of their traction.
+"""Sliding past the blade: the strengths of friction and adhesion.
 
 What a law's strength depends on — pressure and Θ — is that of the last converged step. The paper does so
 with Θ; with the pressure too, friction no longer feeds back on contact within a step, and runs with
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from cutbench.base.compiled import choose, shared
+from cutbench.forms.pressed import way
 from cutbench.mechanisms.base import STEP, Points
 
 
@@ -57,66 +57,3 @@ class Strengths:
             return parts, np.zeros(0)
         faster = Points(slip_rate=at.slip_rate + 1j * STEP, **about)
         return parts, sum(np.imag(law.strength(t_N, p, state, faster)) for law in self._laws) / STEP
-
-
-@shared
-def way(n, slip):
-    """Length of what of ``slip`` is along the blade, whose normal is n, at one point or at many."""
-    along = slip[0] * n[0]
-    for i in range(1, len(n)):
-        along = along + slip[i] * n[i]
-    square = 0.0 * along
-    for i in range(len(n)):
-        part = slip[i] - n[i] * along
-        square = square + part * part
-    return np.sqrt(choose(square.real > 0, square, 0.0))
-
-
-@shared
-def returned(n, dn, shear, slip, stick, strength, by_rate, dt, traction, D, tangent, rated):
-    """Return mapping at one point (compiled), or at many along the last axis of all.
-
-    ``shear`` of the last step and ``slip`` (dim,) past the blade, whose normal n has the derivative dn;
-    ``stick`` in MPa/mm. Fills ``traction`` (dim,) and, with ``tangent``, its derivative D (dim, dim), where
-    ``rated`` with that of the strength ``by_rate``. The way slid is the answer.
-    """
-    dim = len(n)
-    pulled, along = n[0] * (shear[0] - stick * slip[0]), n[0] * slip[0]
-    for i in range(1, dim):
-        pulled = pulled + n[i] * (shear[i] - stick * slip[i])
-        along = along + n[i] * slip[i]
-    square = 0.0 * pulled
-    for i in range(dim):
-        traction[i] = shear[i] - stick * slip[i] - n[i] * pulled  # the trial
-        square = square + traction[i] * traction[i]
-    moved = way(n, slip)
-    size = np.sqrt(choose(square.real > 0, square, 1.0))
-    slips = size.real > strength.real
-    ratio = choose(square.real > 0, choose(slips, strength / size, 1.0), 0.0)
-    if tangent:
-        for k in range(dim):
-            turned = (traction[0] + n[0] * pulled) * dn[0, k]
-            for i in range(1, dim):
-                turned = turned + (traction[i] + n[i] * pulled) * dn[i, k]
-            for i in range(dim):
-                D[i, k] = stick * n[i] * n[k] - dn[i, k] * pulled - n[i] * turned
-            D[k, k] = D[k, k] - stick
-            stretch = traction[0] * D[0, k]
-            for i in range(1, dim):
-                stretch = stretch + traction[i] * D[i, k]
-            stretch = choose(slips, stretch, 0.0) / (size * size)
-            for i in range(dim):
-                D[i, k] = ratio * (D[i, k] - traction[i] * stretch)
-        if rated:
-            # In small steps this is what resists most: the strength grows with Δs/Δt.
-            harder = choose(moved.real > 0, by_rate, 0.0) / (dt * choose(moved.real > 0, moved, 1.0) * size)
-            harder = choose(slips, harder, 0.0)
-            for k in range(dim):
-                longer = slip[k] - n[k] * along
-                for i in range(dim):
-                    longer = longer - (slip[i] - n[i] * along) * dn[i, k] * along
-                for i in range(dim):
-                    D[i, k] = D[i, k] + traction[i] * harder * longer
-    for i in range(dim):
-        traction[i] = ratio * traction[i]
-    return moved
