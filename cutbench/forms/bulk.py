@@ -9,9 +9,10 @@ from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Delaunay, cKDTree
 
 from cutbench.forms.base import Form, Local, add_states, component_major, gather
+from cutbench.forms.elements import deformed, pushed, stresses, tangents
 from cutbench.forms.space import Volume
 from cutbench.mechanisms.base import Bulk, Points
-from cutbench.mechanisms.bulk._isotropic import Isochoric, Isotropic, Kinematics, Volumetric, tangent_blocks
+from cutbench.mechanisms.bulk._isotropic import Isochoric, Isotropic, Kinematics, Volumetric
 
 
 class BulkForm(Form):
@@ -29,12 +30,10 @@ class BulkForm(Form):
         nq, dim, nn = volume.dphi.shape
         self.dofs = self._places = component_major(volume.nodes, dim)
         self._gradient = volume.dphi.reshape(nq * dim, nn)
-        # Products of reference gradients: one matrix for all elements, and its transpose in the nodes.
+        # Products of reference gradients: one matrix for all elements.
         pair = np.einsum("qma,qnb->abqmn", volume.dphi, volume.dphi)
         self._pairs = np.ascontiguousarray(pair.reshape(nn, nn, nq * dim * dim))
-        self._pairs_transposed = np.ascontiguousarray(self._pairs.transpose(1, 0, 2))
-        #: The unit tensor with both indices pushed to the reference element.
-        self._metric = np.einsum("mje,nje->mne", volume.jinv, volume.jinv)
+        self._last: list[tuple[np.ndarray, Kinematics]] = []
         X = np.zeros((3, volume.w.size))
         X[:dim] = volume.X.reshape(dim, -1)
         self._X, self._depth = X, height - X[1]
@@ -75,19 +74,21 @@ class BulkForm(Form):
             new[name] = found.T.reshape(*value.shape[:-1], -1)
         return new
 
-    def _in_plane(self, u: np.ndarray) -> np.ndarray:
-        """The components of F that vary (dim, dim, nq·ne)."""
+    def _kinematics(self, u: np.ndarray) -> Kinematics:
+        """Of F without the row and column that plane strain leaves as they are."""
+        # Volume ratios, forces, tangent and energies are asked for one after the other, and the step's start.
+        for at, found in self._last:
+            if at.dtype == u.dtype and np.array_equal(at, u):
+                return found
         v, dim = self.volume, self.dim
         nq, ne = v.w.shape
         G = np.matmul(self._gradient, gather(u, self._places, dim)).reshape(dim, nq, dim, ne)
-        F = np.einsum("iqme,mje->ijqe", G, v.jinv)
-        for i in range(dim):
-            F[i, i] += 1.0
-        return F.reshape(dim, dim, -1)
+        self._last = [(u.copy(), deformed(G, v.jinv)), *self._last[:1]]
+        return self._last[0][1]
 
     def deformation(self, u: np.ndarray) -> np.ndarray:
         """F (3, 3, nq·ne)."""
-        return self._padded(self._in_plane(u))
+        return self._padded(self._kinematics(u).F)
 
     def _padded(self, inner: np.ndarray) -> np.ndarray:
         if self.dim == 3:
@@ -98,16 +99,15 @@ class BulkForm(Form):
         return F
 
     def evaluate(self, u, p, state, step, tangent=True):
-        k, at, w = Kinematics(self._in_plane(u)), self.points(step), self.weights(p)
+        k, at, w = self._kinematics(u), self.points(step), self.weights(p)
         vector: np.ndarray = np.zeros(())
         matrix = vector
         if self._isotropic:
-            F, C = self._push(k.F), self._push(k.C)
-            s, c = self._summed("stress_factors", k, p, at, w)
-            vector = self._project(s[:, None] * F + c[:, None] * C)
+            jinv = self.volume.jinv
+            vector = self._project(stresses(k.F, self._summed("stress_factors", k, p, at, w), jinv))
             if tangent:
                 factors = self._summed("tangent_factors", k, p, at, w)
-                matrix = self._sandwich(tangent_blocks(factors, F, C, self._metric))
+                matrix = self._sandwich(tangents(k.F, factors, jinv))
         parts = []
         for law in self._others:
             whole = self._padded(k.F)
@@ -123,11 +123,6 @@ class BulkForm(Form):
         sums = zip(*(getattr(law, factors)(k, p, at) for law in self._isotropic), strict=True)
         return [np.multiply(sum(values), w.ravel()).reshape(w.shape) for values in sums]
 
-    def _push(self, T: np.ndarray) -> np.ndarray:
-        """The material index pushed to the reference element: (dim, dim, nq·ne) to (dim, nq, dim, ne)."""
-        v, dim = self.volume, self.dim
-        return np.einsum("ijqe,mje->iqme", T.reshape(dim, dim, *v.w.shape), v.jinv)
-
     def _project(self, P: np.ndarray) -> np.ndarray:
         """Nodal forces (dim·nn, ne) of pushed stresses times weights (dim, nq, dim, ne)."""
         ne = P.shape[-1]
@@ -142,13 +137,13 @@ class BulkForm(Form):
             block = block.reshape(-1, ne)
             np.matmul(self._pairs, block, out=out[i, :, k])
             if k > i:
-                np.matmul(self._pairs_transposed, block, out=out[k, :, i])
+                out[k, :, i] = out[i, :, k].transpose(1, 0, 2)
         return out.reshape(dim * nn, dim * nn, ne)
 
     def _vector(self, P: np.ndarray, w: np.ndarray) -> np.ndarray:
         """Nodal forces (dim·nn, ne) of a first Piola stress (3, 3, nq·ne) with weights (nq, ne)."""
         dim = self.dim
-        return self._project(self._push(P[:dim, :dim]) * w[:, None])
+        return self._project(pushed(P[:dim, :dim], self.volume.jinv) * w[:, None])
 
     def _matrix(self, A: np.ndarray, w: np.ndarray) -> np.ndarray:
         """Element matrices (dim·nn, dim·nn, ne) of a tangent dP/dF (dim, dim, dim, dim, nq·ne)."""
@@ -163,7 +158,7 @@ class BulkForm(Form):
 
     def smallest_volume_ratio(self, u: np.ndarray) -> float:
         """min J over the quadrature points: an inverted element shows here."""
-        return float(Kinematics(self._in_plane(u)).J.min())
+        return float(self._kinematics(u).J.min())
 
     def stress(self, u: np.ndarray, p, state) -> np.ndarray:
         """First Piola stress of all laws together (3, 3, nq·ne), MPa, at a converged state."""
@@ -173,7 +168,7 @@ class BulkForm(Form):
 
     def energies(self, u, p, state) -> dict[str, float]:
         """Work taken up so far by each law of whose F and state it is a function."""
-        k, at = Kinematics(self._in_plane(u)), self.points(None)
+        k, at = self._kinematics(u), self.points(None)
         w, whole, taken = self.weights(p).ravel(), None, {}
         for law in self.laws:
             if _by_density(law):

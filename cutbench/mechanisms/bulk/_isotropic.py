@@ -46,13 +46,24 @@ class Kinematics:
     ``C`` (dim, dim, N) its cofactor, ``J`` (N,) its determinant, ``trace`` (N,) tr FᵀF.
     """
 
-    def __init__(self, F: np.ndarray):
+    def __init__(self, F: np.ndarray, J: np.ndarray | None = None, trace: np.ndarray | None = None):
+        """``J`` and ``trace`` where they are known."""
         self.F = F
+        if J is not None:
+            self.J = J
+        if trace is not None:
+            self.trace = trace
+
+    @cached_property
+    def C(self) -> np.ndarray:
+        F = self.F
         if F.shape[0] == 2:
-            self.C = np.stack([F[1, 1], -F[1, 0], -F[0, 1], F[0, 0]]).reshape(F.shape)
-        else:
-            self.C = cofactor(F)
-        self.J = sum(F[0, J] * self.C[0, J] for J in range(F.shape[0]))
+            return np.stack([F[1, 1], -F[1, 0], -F[0, 1], F[0, 0]]).reshape(F.shape)
+        return cofactor(F)
+
+    @cached_property
+    def J(self) -> np.ndarray:
+        return sum(self.F[0, J] * self.C[0, J] for J in range(self.F.shape[0]))
 
     @cached_property
     def trace(self) -> np.ndarray:

@@ -1,0 +1,135 @@
+"""What a bulk form does at its points: deformation, and stresses and tangents pushed to reference elements.
+
+Loops of a section are compiled. Solids, and complex numbers, go through NumPy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from cutbench.base.compiled import compiled
+from cutbench.mechanisms.bulk._isotropic import Kinematics, tangent_blocks
+
+#: Indices i ≤ k of a section's tangent blocks.
+_BLOCKS = ((0, 0), (0, 1), (1, 1))
+
+
+def deformed(G: np.ndarray, jinv: np.ndarray) -> Kinematics:
+    """From gradients by reference coordinates G (dim, nq, dim, ne), and ``jinv`` (dim, dim, ne) of these."""
+    if len(jinv) == 2 and np.isrealobj(G):
+        return Kinematics(*_deformed(G, jinv))
+    return Kinematics(_plain_deformed(G, jinv)[0])
+
+
+def pushed(T: np.ndarray, jinv: np.ndarray) -> np.ndarray:
+    """The material index pushed to the reference element: (dim, dim, nq·ne) to (dim, nq, dim, ne)."""
+    return np.einsum("ijqe,mje->iqme", T.reshape(*T.shape[:2], -1, jinv.shape[-1]), jinv)
+
+
+def stresses(F: np.ndarray, factors: Iterable[np.ndarray], jinv: np.ndarray) -> np.ndarray:
+    """P = s F + c cof F, pushed (dim, nq, dim, ne), of F (dim, dim, nq·ne) and factors s, c (nq, ne)."""
+    s, c = factors
+    if len(jinv) == 2 and np.isrealobj(F) and np.isrealobj(s) and np.isrealobj(c):
+        return _stresses(F, s, c, jinv)
+    return _plain_stresses(F, s, c, jinv)
+
+
+def tangents(
+    F: np.ndarray, factors: Iterable[np.ndarray], jinv: np.ndarray
+) -> Iterable[tuple[int, int, np.ndarray]]:
+    """i, k ≥ i and dP_iJ/dF_kL, pushed (nq, dim, dim, ne), of factors ff, fc, cc, swap, one (nq, ne)."""
+    if len(jinv) == 2:
+        return ((i, k, A) for (i, k), A in zip(_BLOCKS, _tangents(F, *factors, jinv), strict=True))
+    metric = np.einsum("mje,nje->mne", jinv, jinv)
+    return tangent_blocks(tuple(factors), pushed(F, jinv), pushed(Kinematics(F).C, jinv), metric)
+
+
+def _plain_deformed(G, jinv):
+    F = np.einsum("iqme,mje->ijqe", G, jinv)
+    for i in range(len(F)):
+        F[i, i] += 1.0
+    F = F.reshape(*F.shape[:2], -1)
+    return F, None, None
+
+
+@compiled(_plain_deformed)
+def _deformed(G, jinv):
+    """F (2, 2, nq·ne), its determinant, and tr FᵀF in plane strain."""
+    nq, ne = G.shape[1], G.shape[3]
+    F, J, trace = np.empty((2, 2, nq * ne)), np.empty(nq * ne), np.empty(nq * ne)
+    for q in range(nq):
+        for e in range(ne):
+            n = q * ne + e
+            a = 1 + G[0, q, 0, e] * jinv[0, 0, e] + G[0, q, 1, e] * jinv[1, 0, e]
+            b = G[0, q, 0, e] * jinv[0, 1, e] + G[0, q, 1, e] * jinv[1, 1, e]
+            c = G[1, q, 0, e] * jinv[0, 0, e] + G[1, q, 1, e] * jinv[1, 0, e]
+            d = 1 + G[1, q, 0, e] * jinv[0, 1, e] + G[1, q, 1, e] * jinv[1, 1, e]
+            F[0, 0, n], F[0, 1, n], F[1, 0, n], F[1, 1, n] = a, b, c, d
+            J[n] = a * d - b * c
+            trace[n] = a * a + b * b + c * c + d * d + 1
+    return F, J, trace
+
+
+def _plain_stresses(F, s, c, jinv):
+    return s[:, None] * pushed(F, jinv) + c[:, None] * pushed(Kinematics(F).C, jinv)
+
+
+@compiled(_plain_stresses)
+def _stresses(F, s, c, jinv):
+    nq, ne = s.shape
+    P = np.empty((2, nq, 2, ne))
+    for q in range(nq):
+        for e in range(ne):
+            n, by_F, by_C = q * ne + e, s[q, e], c[q, e]
+            p00 = by_F * F[0, 0, n] + by_C * F[1, 1, n]
+            p01 = by_F * F[0, 1, n] - by_C * F[1, 0, n]
+            p10 = by_F * F[1, 0, n] - by_C * F[0, 1, n]
+            p11 = by_F * F[1, 1, n] + by_C * F[0, 0, n]
+            for m in range(2):
+                P[0, q, m, e] = p00 * jinv[m, 0, e] + p01 * jinv[m, 1, e]
+                P[1, q, m, e] = p10 * jinv[m, 0, e] + p11 * jinv[m, 1, e]
+    return P
+
+
+def _plain_tangents(F, ff, fc, cc, swap, one, jinv):
+    metric = np.einsum("mje,nje->mne", jinv, jinv)
+    both = pushed(F, jinv), pushed(Kinematics(F).C, jinv)
+    return np.stack([A for *_, A in tangent_blocks((ff, fc, cc, swap, one), *both, metric)])
+
+
+@compiled(_plain_tangents)
+def _tangents(F, ff, fc, cc, swap, one, jinv):
+    """dP_iJ/dF_kL of i ≤ k, pushed (3, nq, 2, 2, ne)."""
+    nq, ne = ff.shape
+    A = np.empty((3, nq, 2, 2, ne))
+    for q in range(nq):
+        for e in range(ne):
+            n = q * ne + e
+            h00, h01, h10, h11 = jinv[0, 0, e], jinv[0, 1, e], jinv[1, 0, e], jinv[1, 1, e]
+            m00, m01, m11 = h00 * h00 + h01 * h01, h00 * h10 + h01 * h11, h10 * h10 + h11 * h11
+            F00, F01, F10, F11 = F[0, 0, n], F[0, 1, n], F[1, 0, n], F[1, 1, n]
+            f00, f01 = F00 * h00 + F01 * h01, F00 * h10 + F01 * h11
+            f10, f11 = F10 * h00 + F11 * h01, F10 * h10 + F11 * h11
+            c00, c01 = F11 * h00 - F10 * h01, F11 * h10 - F10 * h11
+            c10, c11 = F00 * h01 - F01 * h00, F00 * h11 - F01 * h10
+            by_ff, by_fc, by_cc, by_swap, by_one = ff[q, e], fc[q, e], cc[q, e], swap[q, e], one[q, e]
+            x00, x01 = by_ff * f00 + by_fc * c00, by_ff * f01 + by_fc * c01
+            x10, x11 = by_ff * f10 + by_fc * c10, by_ff * f11 + by_fc * c11
+            y00, y01 = by_fc * f00 + by_cc * c00, by_fc * f01 + by_cc * c01
+            y10, y11 = by_fc * f10 + by_cc * c10, by_fc * f11 + by_cc * c11
+            z00, z01, z10, z11 = by_swap * c00, by_swap * c01, by_swap * c10, by_swap * c11
+            A[0, q, 0, 0, e] = f00 * x00 + c00 * (y00 + z00) + by_one * m00
+            A[0, q, 0, 1, e] = f00 * x01 + c00 * (y01 + z01) + by_one * m01
+            A[0, q, 1, 0, e] = f01 * x00 + c01 * (y00 + z00) + by_one * m01
+            A[0, q, 1, 1, e] = f01 * x01 + c01 * (y01 + z01) + by_one * m11
+            A[1, q, 0, 0, e] = f00 * x10 + c00 * y10 + c10 * z00
+            A[1, q, 0, 1, e] = f00 * x11 + c00 * y11 + c10 * z01
+            A[1, q, 1, 0, e] = f01 * x10 + c01 * y10 + c11 * z00
+            A[1, q, 1, 1, e] = f01 * x11 + c01 * y11 + c11 * z01
+            A[2, q, 0, 0, e] = f10 * x10 + c10 * (y10 + z10) + by_one * m00
+            A[2, q, 0, 1, e] = f10 * x11 + c10 * (y11 + z11) + by_one * m01
+            A[2, q, 1, 0, e] = f11 * x10 + c11 * (y10 + z10) + by_one * m01
+            A[2, q, 1, 1, e] = f11 * x11 + c11 * (y11 + z11) + by_one * m11
+    return A
