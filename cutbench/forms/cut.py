@@ -5,11 +5,12 @@ On a symmetry plane only one side is meshed: ⟦u⟧ = 2 u_n and half of the wor
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
 
+from cutbench.base.compiled import compiled
+from cutbench.base.fused import fused
 from cutbench.forms.base import Form, Local, Step, add_states, blend, component_major, gather
 from cutbench.forms.space import Faces
 from cutbench.mechanisms.base import STEP, Points, cut_answers
@@ -46,17 +47,18 @@ class CutForm(Form):
                 up = np.zeros_like(opening)
                 up[1] = 1.0
                 axes += [up, np.cross(opening.T, up.T).T]
-        self._frame = np.stack(axes)  # (nc, dim, nf)
+        self._frame = np.ascontiguousarray(np.stack(axes))  # (nc, dim, nf)
         sides = [(plus, 1.0)] if minus is None else [(plus, 1.0), (minus, -1.0)]
         nodes = np.concatenate([side.nodes for side, _ in sides])
         # On a symmetry plane the other side moves oppositely: ⟦u⟧ = 2 u_n, half the work is ours.
-        self._N = np.concatenate([sign * side.N for side, sign in sides], axis=1) / self.share
-        self._NN = self._N[:, :, None] * self._N[:, None]
-        self.dofs = component_major(nodes, dim)
+        N = np.concatenate([sign * side.N for side, sign in sides], axis=1) / self.share
+        self._N, self._w = np.ascontiguousarray(N), np.ascontiguousarray(plus.w * self.share)
+        self.dofs = np.ascontiguousarray(component_major(nodes, dim))
         nq, nf = plus.w.shape
         X = np.zeros((3, nq * nf))
         X[:dim] = plus.X.reshape(dim, -1)
         self._X, self._depth = X, height - X[1]
+        self._began: tuple = (None, None)
 
     @cached_property
     def width(self) -> float:
@@ -92,60 +94,32 @@ class CutForm(Form):
 
     def jump(self, u: np.ndarray) -> np.ndarray:
         """⟦u⟧ (3, nq·nf) in the local frame: opening, then sliding."""
-        values = blend(self._N, gather(u, self.dofs, self.dim))  # (dim, nq, nf)
-        out = np.zeros((3, self.faces.w.size), dtype=values.dtype)
-        for c, axis in enumerate(self._frame):
-            out[c] = (axis[:, None] * values).sum(axis=0).ravel()
-        return out
+        return _jumps(u, self.dofs, self._N, self._frame)
 
     def points(self, step: Step) -> Points:
-        jump_old = self.jump(step.u_old)
+        if self._began[0] is not step.u_old:
+            self._began = step.u_old, self.jump(step.u_old)
         return Points(
-            X=self._X, depth=self._depth, dt=step.dt, jump_old=jump_old, held=step.damage_held,
+            X=self._X, depth=self._depth, dt=step.dt, jump_old=self._began[1], held=step.damage_held,
             closing=self.closing,
         )  # fmt: skip
 
     def _weights(self, p, at) -> np.ndarray:
         """Quadrature weights times this side's share and the skins' factor (nq, nf)."""
-        w = self.faces.w * self.share
+        w = self._w
         for skin in self.skins:
             w = w * np.broadcast_to(skin.toughness(p, at), w.size).reshape(w.shape)
         return w
 
-    def _answers(self, jump, p, state, at) -> tuple[np.ndarray, dict]:
-        """Tractions (laws, 3, nq·nf) and the new state."""
-        found = cut_answers(self.laws, jump, p, state, at)
-        T = np.stack([each.traction for each in found]) if found else np.zeros((0, *jump.shape))
-        return T, {"damage": state["damage"], **add_states(*(each.new for each in found))}
-
-    def _probed(self, jump, p, state, at) -> Iterator[tuple[np.ndarray, dict]]:
-        """``_answers`` to a complex step of each component of the frame."""
-        for c in range(self._frame.shape[0]):
-            probe = jump.astype(complex)
-            probe[c] += 1j * STEP
-            yield self._answers(probe, p, state, at)
-
     def evaluate(self, u, p, state, step, tangent=True):
         jump, at = self.jump(u), self.points(step)
-        T, new = self._answers(jump, p, state, at)
-        new["tractions"] = T
-        total = T.sum(axis=0)
-        nq, nf = self.faces.w.shape
-        nc = self._frame.shape[0]
-        w = self._weights(p, at)
-        t = np.einsum("cdf,cqf->dqf", self._frame, total[:nc].reshape(nc, nq, nf) * w)
-        vector = np.einsum("qaf,dqf->daf", self._N, t)
-        matrix = None
-        if tangent:
-            D = np.empty((nc, nc, nq, nf))
-            for c, (tractions, _) in enumerate(self._probed(jump, p, state, at)):
-                D[:, c] = (tractions.sum(axis=0)[:nc].imag / STEP).reshape(nc, nq, nf)
-            nd = self.dofs.shape[0]
-            D = (D * w).transpose(2, 0, 1, 3).reshape(nq, nc, nc, nf)
-            matrix = np.einsum("qcef,qabf->ceabf", D, self._NN)
-            matrix = np.einsum("cdf,ceabf,ekf->dakbf", self._frame, matrix, self._frame)
-            matrix = matrix.reshape(nd, nd, nf)
-        return Local(vector.reshape(self.dofs.shape[0], -1), matrix, new)
+        components = self._frame.shape[0] if tangent else 0
+        T, new, D, _ = fused(answers)(self.laws, components, jump, p, state, at)
+        w, (nd, nf) = self._weights(p, at), self.dofs.shape
+        given = T.sum(axis=0), D, self._N, self._frame, w
+        room = np.zeros((nd, nf), np.result_type(T, w)), np.zeros((nd, nd, nf if tangent else 0), D.dtype)
+        vector, matrix = _projected(*given, *room)
+        return Local(vector, matrix if tangent else None, {**new, "tractions": T})
 
     def cut_area(self, state) -> np.ndarray:
         """Of each point (n,) what has lost its cohesion, mm or mm²: from half damage on, in proportion,
@@ -160,11 +134,11 @@ class CutForm(Form):
         every path of equilibria, whichever way the blade goes.
         """
         jump, at = self.jump(u), self.points(step)
-        w, d = self.faces.w, np.real(self._answers(jump, p, state, at)[1]["damage"])
+        _, new, _, by_jump = fused(answers)(self.laws, self._frame.shape[0], jump, p, state, at)
+        w, d = self.faces.w, np.real(new["damage"])
         g = d**3 * (10 - 15 * d + 6 * d**2) if local else d
         by_damage = 30 * (d * (1 - d)) ** 2 if local else 1.0
-        by_jump = [np.imag(new["damage"]) / STEP for _, new in self._probed(jump, p, state, at)]
-        slope = np.stack([(by_damage * each).reshape(w.shape) * w for each in by_jump])
+        slope = (by_damage * by_jump).reshape(-1, *w.shape) * w
         along = np.einsum("cdf,cqf->dqf", self._frame, slope)
         return float(w.ravel() @ g), np.einsum("qaf,dqf->daf", self._N, along).reshape(self.dofs.shape)
 
@@ -187,3 +161,88 @@ class CutForm(Form):
                 density = after - law.work(at.jump_old, p, old, at)
             out[law.name] = float(w @ density)
         return out
+
+
+def answers(laws, components: int, jump, p, state, at) -> tuple[np.ndarray, dict, np.ndarray, np.ndarray]:
+    """Tractions (laws, 3, N), the new state, and derivatives by the first ``components`` of the jump: of the
+    whole traction (components, components, N) and of the damage (components, N).
+    """
+    found = cut_answers(laws, jump, p, state, at)
+    T = np.stack([each.traction for each in found]) if found else np.zeros((0, *jump.shape))
+    new = {"damage": state["damage"], **add_states(*(each.new for each in found))}
+    D, by_jump = [], []
+    for c in range(components):
+        probe = jump.astype(complex)
+        probe[c] += 1j * STEP
+        probed = cut_answers(laws, probe, p, state, at)
+        D.append(sum(np.imag(each.traction[:components]) for each in probed) / STEP + 0 * jump[:components])
+        damages = [each.new["damage"] for each in probed if "damage" in each.new]
+        by_jump.append(sum(map(np.imag, damages)) / STEP + 0 * jump[0])
+    none = 0 * jump[:0]
+    return T, new, np.stack(D, axis=1) if D else none[None], np.stack(by_jump) if by_jump else none
+
+
+def _local_jumps(u, dofs, N, frame):
+    values = blend(N, gather(u, dofs, frame.shape[1]))  # (dim, nq, nf)
+    out = np.zeros((3, values[0].size), dtype=values.dtype)
+    for c, axis in enumerate(frame):
+        out[c] = (axis[:, None] * values).sum(axis=0).ravel()
+    return out
+
+
+@compiled(_local_jumps)
+def _jumps(u, dofs, N, frame):
+    nc, dim, nf = frame.shape
+    nq, nn, _ = N.shape
+    out = np.zeros((3, nq * nf), u.dtype)
+    for q in range(nq):
+        for d in range(dim):
+            for f in range(nf):
+                value = N[q, 0, f] * u[dofs[d * nn, f]]
+                for a in range(1, nn):
+                    value += N[q, a, f] * u[dofs[d * nn + a, f]]
+                for c in range(nc):
+                    out[c, q * nf + f] += frame[c, d, f] * value
+    return out
+
+
+def _project(total, D, N, frame, w, vector, matrix):
+    (nq, nf), nc, nd = w.shape, len(frame), len(vector)
+    t = np.einsum("cdf,cqf->dqf", frame, total[:nc].reshape(nc, nq, nf) * w)
+    vector = np.einsum("qaf,dqf->daf", N, t).reshape(nd, nf)
+    if matrix.size:
+        turned = np.einsum("cdf,ceqf,ekf->qdkf", frame, D.reshape(nc, nc, nq, nf) * w, frame)
+        matrix = np.einsum("qdkf,qabf->dakbf", turned, N[:, :, None] * N[:, None]).reshape(nd, nd, nf)
+    return vector, matrix
+
+
+@compiled(_project)
+def _projected(total, D, N, frame, w, vector, matrix):
+    """Nodal forces (nd, nf) of tractions (3, nq·nf) and, where ``matrix`` (nd, nd, nf) is not empty, their
+    derivative, from that of the tractions, D (nc, nc, nq·nf)."""
+    nc, dim, nf = frame.shape
+    nq, nn, _ = N.shape
+    t = np.zeros(nf, vector.dtype)
+    turned = np.zeros(nf, matrix.dtype)
+    for q in range(nq):
+        for d in range(dim):
+            t[:] = 0
+            for c in range(nc):
+                for f in range(nf):
+                    t[f] += frame[c, d, f] * total[c, q * nf + f] * w[q, f]
+            for a in range(nn):
+                for f in range(nf):
+                    vector[d * nn + a, f] += N[q, a, f] * t[f]
+            if matrix.size == 0:
+                continue
+            for k in range(dim):
+                turned[:] = 0
+                for c in range(nc):
+                    for e in range(nc):
+                        for f in range(nf):
+                            turned[f] += frame[c, d, f] * D[c, e, q * nf + f] * frame[e, k, f] * w[q, f]
+                for a in range(nn):
+                    for b in range(nn):
+                        for f in range(nf):
+                            matrix[d * nn + a, k * nn + b, f] += N[q, a, f] * N[q, b, f] * turned[f]
+    return vector, matrix
