@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from cutbench.base.fused import fused
 from cutbench.forms.base import Form, Local, blend, component_major, gather
 from cutbench.forms.gap import ToolGap
 from cutbench.forms.normals import cross, inward, unit
@@ -64,7 +65,7 @@ class BladeForm(Form):
         # Only the tool's normal without shear has a potential: friction is unsymmetric where the blade
         # is curved, and the material's normal turns with the face.
         self.symmetric = not self._material and not self.frictions
-        self._strengths = Strengths(self.frictions)
+        self._strengths, self._pressure = Strengths(self.frictions), fused(self.tool.pressure)
         self._place: _Place | None = None
         if self._material:
             along = np.einsum("dqf,df->qf", cross(list(faces.tangents[:, :, None])), faces.normal)
@@ -157,7 +158,8 @@ class BladeForm(Form):
         g, gradient, H = self._gap.of(*met[:4], p)
         n, dn = (gradient, H) if self._gap.unit_gradient else unit(gradient, H)
         multiplier = np.take(state["multiplier"], met.near, axis=1).ravel()
-        t_N, dp = self.tool.pressure(g, multiplier, place.stiffness, p)
+        press = self._pressure if real else self.tool.pressure
+        t_N, dp = press(g, multiplier, place.stiffness, p)
         push, turn = self._inward(u, place, tangent) if self._material else (n, ())
         parts = by_rate = np.zeros((0, 0))
         if self.frictions:

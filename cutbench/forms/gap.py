@@ -141,12 +141,13 @@ class ToolGap:
         """Gap (N,), gradient (dim, N) and second derivative (dim, dim, N) at points in the tool's frame."""
         dim = self._dim
         g, n, H = self._law(foot, up, p)
-        beyond = over.real != 0
-        if beyond.any():
+        beyond = np.flatnonzero(over.real)
+        if beyond.size:
             g = g + over * n[0]
-            n[1] = n[1] + over * H[0, 1]
-            H[0, 0] = np.where(beyond, 0, H[0, 0])
-            bent = np.flatnonzero(over * H[0, 1])
+            further = over * H[0, 1]
+            n[1] += further
+            H[0, 0, beyond] = 0
+            bent = np.flatnonzero(further)
             if bent.size and not np.iscomplexobj(over):  # third derivative of the gap, by a complex step
                 ahead = self._law(foot[bent], up[bent] + 1j * STEP, p)[2]
                 H[1, 1, bent] += over[bent] * ahead[0, 1].imag / STEP

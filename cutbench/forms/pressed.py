@@ -168,7 +168,9 @@ def pressed(contact, sliding, found):
     vector, matrix, pressure, active, normal_traction, shear, shares, slid, held = found
     dim, (nq, nn, count) = len(n), Na.shape
     laws, tangent, rated = len(parts), matrix.size > 0, by_rate.size > 0
-    traction, D = np.zeros(dim), np.zeros((dim, dim))
+    # Views of the arrays at each point would take longer than what is done with them.
+    normal, way_, before, traction = np.zeros(dim), np.zeros(dim), np.zeros(dim), np.zeros(dim)
+    turn, D = np.zeros((dim, dim)), np.zeros((dim, dim))
     for j in range(count):
         f = near[j]
         for q in range(nq):
@@ -177,11 +179,15 @@ def pressed(contact, sliding, found):
                 strength = 0.0
                 for law in range(laws):
                     strength += parts[law, k]
+                for i in range(dim):
+                    normal[i], way_[i], before[i] = n[i, k], slip[i, k], old[i, q, f]
+                    if tangent:
+                        for m in range(dim):
+                            turn[i, m] = dn[i, m, k]
                 rate = by_rate[k] if rated else 0.0
                 moved = returned(
-                    n[:, k], dn[:, :, k], old[:, q, f], slip[:, k], stick[k], strength, rate, dt,
-                    traction, D, tangent, rated,
-                )  # fmt: skip
+                    normal, turn, before, way_, stick[k], strength, rate, dt, traction, D, tangent, rated
+                )
                 for law in range(laws):
                     shares[law, q, f] = parts[law, k] / (strength if strength > 0 else 1.0)
                 if touched[q, f] > 0 or t_N[k] > 0:
