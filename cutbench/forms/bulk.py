@@ -8,6 +8,8 @@ import numpy as np
 from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Delaunay, cKDTree
 
+from cutbench.base.compiled import COMPILED
+from cutbench.base.fused import fused
 from cutbench.forms.base import Form, Local, add_states, component_major, gather
 from cutbench.forms.elements import deformed, pushed, stresses, tangents
 from cutbench.forms.space import Volume
@@ -103,25 +105,25 @@ class BulkForm(Form):
         vector: np.ndarray = np.zeros(())
         matrix = vector
         if self._isotropic:
-            jinv = self.volume.jinv
-            vector = self._project(stresses(k.F, self._summed("stress_factors", k, p, at, w), jinv))
+            s, c, *factors = self._summed(k, p, at, w, tangent)
+            vector = self._project(stresses(k.F, [s, c], self.volume.jinv))
             if tangent:
-                factors = self._summed("tangent_factors", k, p, at, w)
-                matrix = self._sandwich(tangents(k.F, factors, jinv))
+                matrix = self._sandwich(tangents(k.F, factors, self.volume.jinv))
         parts = []
         for law in self._others:
             whole = self._padded(k.F)
-            P, new = law.stress(whole, p, state, at)
+            P, new = fused(law.stress)(whole, p, state, at)
             vector = vector + self._vector(P, w)
             parts.append(new)
             if tangent:
-                matrix = matrix + self._matrix(law.tangent(whole, p, state, at, self.dim), w)
+                matrix = matrix + self._matrix(fused(law.tangent)(whole, p, state, at, self.dim), w)
         return Local(vector, matrix if tangent else None, add_states(*parts))
 
-    def _summed(self, factors: str, k: Kinematics, p, at, w: np.ndarray) -> list[np.ndarray]:
+    def _summed(self, k: Kinematics, p, at, w: np.ndarray, tangent: bool) -> list[np.ndarray]:
         """Factors of all isotropic laws together, times the weights ``w``, each (nq, ne)."""
-        sums = zip(*(getattr(law, factors)(k, p, at) for law in self._isotropic), strict=True)
-        return [np.multiply(sum(values), w.ravel()).reshape(w.shape) for values in sums]
+        given = self._isotropic, p, at, w.ravel(), tangent
+        found = fused(_factors)(k.F, k.j, *given) if COMPILED else _factors_of(k, *given)
+        return [factor.reshape(w.shape) for factor in found]
 
     def _project(self, P: np.ndarray) -> np.ndarray:
         """Nodal forces (dim·nn, ne) of pushed stresses times weights (dim, nq, dim, ne)."""
@@ -192,6 +194,20 @@ class BulkForm(Form):
                 mean = (law.stress(F_old, p, old, at)[0] + law.stress(F, p, new, at)[0]) / 2
                 out[law.name] = float(w @ (mean * (F - F_old)).sum(axis=(0, 1)))
         return out
+
+
+def _factors(F, j, *given) -> list[np.ndarray]:
+    k = Kinematics(F)
+    vars(k)["j"] = j  # NumPy's powers are vectorized
+    return _factors_of(k, *given)
+
+
+def _factors_of(k: Kinematics, laws, p, at, w, tangent: bool) -> list[np.ndarray]:
+    """Of stresses, with ``tangent`` of their derivatives too, of all ``laws`` together, times w (N,)."""
+    every = [
+        law.stress_factors(k, p, at) + (law.tangent_factors(k, p, at) if tangent else ()) for law in laws
+    ]
+    return [np.multiply(sum(values), w) for values in zip(*every, strict=True)]
 
 
 def _by_density(law) -> bool:
