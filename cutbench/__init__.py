@@ -27,6 +27,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "maps.study": ["Study", "load_study"],
         "maps.sweep": ["run_study"],
         "mechanisms": ["known_mechanisms", "use_mechanisms"],
+        "run.band": ["Band", "band"],
         "run.cutting": ["run2d", "run3d"],
         "run.result": ["Outcome", "Result"],
         "run.runner": ["run_case"],

@@ -35,7 +35,7 @@ class Parameter:
     value in the middle of the field's experience (not given: ``default`` where that has an effect, else 1): a
     start for fits and tests. ``lever`` is what a designer calls it who can change it, for guides.
     ``sought``: a fit looks for it by itself. ``trial``: a further test that would change it, in words, and by
-    which factor.
+    which factor. ``unmeasured``: factors by which it could as well be another, for all that tests have told.
     """
 
     name: str
@@ -52,6 +52,7 @@ class Parameter:
     lever: str = ""
     sought: bool = True
     trial: tuple[str, float] | None = None
+    unmeasured: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if math.isnan(self.typical):

@@ -214,6 +214,9 @@ def preset(name: object, dim: int, modulus: float, thickness: float) -> Numerics
     )
 
 
+#: What stands for something that no test has measured: choices that are scaled together, and the factors.
+UNMEASURED = {"contact stiffness": (("penalty", "stick"), (0.5, 4.0))}
+
 #: What a person may set.
 _FIELDS = {f.name: f for f in fields(Numerics) if f.name != "tuning"}
 #: All names that may be set, long and short.

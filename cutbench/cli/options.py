@@ -148,8 +148,10 @@ def doubted(*cases: Case) -> None:
         typer.echo(f"cutbench: note: {sentence}", err=True)
 
 
-def asked(material: str, changes: dict[str, object], out: Path | None, *, dim: int) -> tuple[Case, Path]:
-    """The case and a folder that can be written to."""
+def asked(
+    material: str, changes: dict[str, object], out: Path | None, *, dim: int, under: str = "runs"
+) -> tuple[Case, Path]:
+    """The case and a folder that can be written to, by default one of its own ``under`` this name."""
     from cutbench.base.files import check_writable
     from cutbench.case.case import load_case
     from cutbench.case.values import check_driven
@@ -157,7 +159,7 @@ def asked(material: str, changes: dict[str, object], out: Path | None, *, dim: i
     case = load_case(material, changes, dim=dim)
     check_driven(case.model)
     doubted(case)
-    return case, check_writable(out if out is not None else Path("runs") / f"{_slug(case.name)}-{case.id}")
+    return case, check_writable(out if out is not None else Path(under) / f"{_slug(case.name)}-{case.id}")
 
 
 @dataclass(frozen=True)

@@ -102,6 +102,8 @@ class Mechanism:
     meant: ClassVar[Mapping[str, str]] = {}
     #: What a person may set in place of the law's parameters, in case files, studies and options.
     settable: ClassVar[tuple[Group, ...]] = ()
+    #: Laws, by name, that could stand in its place for all that tests have told.
+    alternatives: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(cls) -> None:
         for flag in ("standard", "published"):
@@ -249,7 +251,6 @@ class Tool(Blade):
     edge: ClassVar[tuple[str, str]] = ("thickness", "its radius d/2")
     #: Whether a band goes on upwards from both ends of the outline; else the outline is closed.
     band: ClassVar[bool] = True
-
     #: Whether its shape is the case's measured outline, ``p.outline`` (n, 2) in mm.
     measured: ClassVar[bool] = False
 

@@ -19,11 +19,10 @@ from cutbench.base.files import check_writable
 from cutbench.base.progress import OnProgress, silent
 from cutbench.base.toml import among, line_of, located, read_toml, written
 from cutbench.case.case import Case, load_case
+from cutbench.run.pool.batch import CUT, Batch
 from cutbench.run.pool.worker import Run
-from cutbench.run.result import Result
 from cutbench.run.runner import run_case
 from cutbench.run.store.runs import Store
-from cutbench.verification.paper.runner import Runner
 
 #: What is compared: measure -> (heading, unit).
 COMPARED = {
@@ -138,13 +137,6 @@ def _set(start: Case, change: NumericalChange, path: Path, text: str) -> Case:
         raise BadInput(key, error.value, error.expected, file=str(path), line=place) from error
 
 
-class _Once(Runner):
-    """Whatever the store has is taken: measures are all that is read."""
-
-    def _kept(self, id: str, kind: str) -> Result | None:
-        return self.store.get(id)
-
-
 def compute(
     plan: ConvergencePlan,
     out: str | os.PathLike[str],
@@ -155,8 +147,8 @@ def compute(
 ) -> list[ConvergenceRow]:
     """Run what is missing of ``plan`` and compare; runs are kept in ``out/runs``."""
     folder = check_writable(Path(out))
-    runner = _Once(Store(folder / "runs"), workers=workers, on_progress=on_progress, runs={"cut": run})
-    runner.go((case, "cut") for cases in plan.cases.values() for case in cases.values())
+    runner = Batch(Store(folder / "runs"), workers=workers, on_progress=on_progress, runs={CUT: run})
+    runner.go((case, CUT) for cases in plan.cases.values() for case in cases.values())
     refinements = {c.name: c.refinement for c in plan.changes}
     rows = []
     for material, cases in plan.cases.items():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -12,12 +12,11 @@ from matplotlib.figure import Figure
 from cutbench.base.figure_style import DOUBLE_MM, GREY, LINE_COLOURS, save, style
 from cutbench.base.files import check_writable, markdown_table, write_json, write_text
 from cutbench.base.versions import versions
-from cutbench.run.measures import ABRUPT_DROP
+from cutbench.run.figures.choices import MARKERS, plot_choices
 from cutbench.verification.convergence import COMPARED, TOLERANCE, ConvergencePlan, ConvergenceRow
 
 #: Beyond this, at the most, a mark sits at the edge as an arrow, %.
 EDGE = 30.0
-_MARKERS = ("o", "s", "^", "D", "v")
 
 
 def plot_convergence(rows: Sequence[ConvergenceRow], tolerance: float = 3.0) -> Figure:
@@ -35,7 +34,7 @@ def plot_convergence(rows: Sequence[ConvergenceRow], tolerance: float = 3.0) -> 
         for ax, material in zip(axes, materials, strict=True):
             ax.axvspan(-tolerance, tolerance, color="0.88", lw=0, zorder=0)
             ax.axvline(0, color=GREY, lw=0.6)
-            for k, ((key, (title, _)), marker) in enumerate(zip(COMPARED.items(), _MARKERS, strict=True)):
+            for k, ((key, (title, _)), marker) in enumerate(zip(COMPARED.items(), MARKERS, strict=True)):
                 points = [
                     (100 * row.moved[key], names.index(row.change) + 0.13 * (k - 2))
                     for row in changed
@@ -65,34 +64,12 @@ def plot_convergence(rows: Sequence[ConvergenceRow], tolerance: float = 3.0) -> 
     return figure
 
 
-def plot_choices(rows: Sequence[ConvergenceRow]) -> Figure:
-    """What other choices make of onset and peak, over the default's, and of the drop, with the threshold of
-    its label; a run that is not cut has no mark."""
-    materials = list(dict.fromkeys(row.material for row in rows))
-    names = list(dict.fromkeys(row.change for row in rows if not row.refinement))
-    base = {row.material: row.measures for row in rows if not row.change}
-    with style():
-        figure = Figure(figsize=(DOUBLE_MM / 25.4, (24 + 5.2 * len(names)) / 25.4), layout="constrained")
-        axes = figure.subplots(1, 3, sharey=True)
-        for ax, key in zip(axes, ("onset_mm", "peak_N", "drop_rel"), strict=True):
-            title, drop = COMPARED[key][0], key == "drop_rel"
-            ax.axvline(ABRUPT_DROP if drop else 1.0, color=GREY, lw=0.6, ls="--" if drop else "-")
-            ax.set_xlabel(f"{title} of the force" if drop else f"{title} over the default's")
-            for k, (material, marker) in enumerate(zip(materials, _MARKERS, strict=False)):
-                own = [row for row in rows if row.material == material and not row.refinement]
-                scale = 1.0 if drop else base[material][key]
-                ax.plot(
-                    [row.measures[key] / scale for row in own],
-                    [names.index(row.change) + 0.18 * (k - (len(materials) - 1) / 2) for row in own],
-                    marker, color=LINE_COLOURS[k], mfc="white" if k % 2 else LINE_COLOURS[k], ms=3.6, mew=0.9,
-                    ls="", label=material,
-                )  # fmt: skip
-        axes[2].annotate("abrupt", (ABRUPT_DROP, -0.45), (2, 0), textcoords="offset points", va="center")
-        axes[0].set_yticks(range(len(names)), [name or "defaults" for name in names])
-        axes[0].set_ylim(len(names) - 0.4, -0.8)
-        handles, labels = axes[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
-    return figure
+def choices(rows: Sequence[ConvergenceRow]) -> dict[str, dict[str, Mapping[str, float]]]:
+    """Measures of the base and of what is no refinement, by material and change."""
+    found: dict[str, dict[str, Mapping[str, float]]] = {}
+    for row in (row for row in rows if not row.refinement):
+        found.setdefault(row.material, {})[row.change or "defaults"] = row.measures
+    return found
 
 
 def markdown(rows: Sequence[ConvergenceRow]) -> str:
@@ -127,10 +104,10 @@ def write(plan: ConvergencePlan, rows: Sequence[ConvergenceRow], out: str | os.P
     folder = check_writable(Path(out))
     rest = {"title": plan.title, "tolerance": TOLERANCE, "versions": versions()}
     described = [vars(r) | {"change": r.change or "defaults", "holds": r.holds} for r in rows]
-    choices = any(r.change and not r.refinement for r in rows)
+    chosen = any(r.change and not r.refinement for r in rows)
     return [
         write_json({"schema": 1, **rest, "rows": described}, folder / "convergence.json"),
         write_text(markdown(rows), folder / "convergence.md"),
         *save(plot_convergence(rows), folder / "convergence.png"),
-        *(save(plot_choices(rows), folder / "choices.png") if choices else []),
+        *(save(plot_choices(choices(rows)), folder / "choices.png") if chosen else []),
     ]

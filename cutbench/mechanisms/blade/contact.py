@@ -38,6 +38,7 @@ class Contact(Rigid):
             lever="tip",
             sought=False,
             trial=("with a tip twice as long", 2.0),
+            unmeasured=(0.5, 2.0),
         ),
         *PLACED,
     )

@@ -13,7 +13,9 @@ from cutbench.mechanisms.base import Group
 from cutbench.mechanisms.blade._profile import Profiled, flank
 from cutbench.mechanisms.blade._rigid import PLACED
 
-EDGE = Parameter.positive("edge_radius", "mm", "r", "radius of the edge", default=0.02, sought=False)
+EDGE = Parameter.positive(
+    "edge_radius", "mm", "r", "radius of the edge", default=0.02, sought=False, unmeasured=(0.5, 2.0)
+)
 SHOULDER = Parameter.positive(
     "shoulder", "mm", "r_s", "radius between flank and band", default=0.35, sought=False
 )

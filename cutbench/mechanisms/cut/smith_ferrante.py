@@ -31,6 +31,7 @@ class SmithFerrante(Cut):
     name = "smith_ferrante"
     title = "cohesive"
     role = "cohesive"
+    alternatives = ("stiff_cohesion",)
     rank = -10  # before the laws that scale its traction, or fade with its damage
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter.positive("G_c", "J/m^2", "G_c", "work of separation", typical=10.0, lever="toughness"),

@@ -25,6 +25,7 @@ class StiffCohesion(SmithFerrante):
     name = "stiff_cohesion"
     title = "cohesive (stiff)"
     standard = True
+    alternatives = ("smith_ferrante",)
     parameters = (
         *SmithFerrante.parameters,
         Parameter(
@@ -36,6 +37,7 @@ class StiffCohesion(SmithFerrante):
             high=1000.0,
             default=20.0,
             sought=False,
+            unmeasured=(0.25, 4.0),
         ),
     )
 

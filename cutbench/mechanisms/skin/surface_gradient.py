@@ -34,8 +34,10 @@ class SurfaceGradient(Skin):
             high=10.0,
             default=0.07,
             sought=False,
+            unmeasured=(0.5, 2.0),
         ),
     )
+    alternatives = ("whole_surface_gradient",)
     reads = ("G", "thickness")
     meant = {"layer": "surface_length, a length, of the mechanism surface_gradient"}  # noqa: RUF012
 

@@ -13,3 +13,4 @@ class WholeSurfaceGradient(SurfaceGradient):
     name = "whole_surface_gradient"
     title = "surface gradient (whole)"
     continuous = True
+    alternatives = ("surface_gradient",)

@@ -1,0 +1,173 @@
+"""A run with its band: repeated over what the model leaves open, one thing at a time.
+
+What that is the laws and the numerics declare (``cutbench.case.unmeasured``). The band of a measure is what
+the repetitions make of it; a label is undecided where the drop's band holds the threshold of abrupt.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import tempfile
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+
+from cutbench.base.figure_style import save
+from cutbench.base.files import check_writable, plain, replacing, write_json
+from cutbench.base.progress import OnProgress, silent
+from cutbench.base.versions import versions
+from cutbench.case.case import Case, load_case
+from cutbench.case.motion import TRANSITION
+from cutbench.case.unmeasured import others
+from cutbench.run.figures.choices import plot_choices
+from cutbench.run.measures import ABRUPT, ABRUPT_DROP, MEASURES, SMOOTH, UNCUT, UNDECIDED, label
+from cutbench.run.pool.batch import CUT, Batch
+from cutbench.run.pool.worker import Run
+from cutbench.run.result import Result
+from cutbench.run.store.runs import Store
+
+#: The run without a change, in tables and files.
+AS_ASKED = "as asked"
+
+
+@dataclass(frozen=True)
+class Range:
+    """A measure: of the run as asked, the least and the largest, and of how many runs that have it."""
+
+    value: float
+    low: float
+    high: float
+    runs: int
+
+
+@dataclass(frozen=True)
+class Band:
+    """``results`` by what is changed, ``AS_ASKED`` first; ``refused``: changes that the case cannot have, and
+    why."""
+
+    case: Case
+    results: Mapping[str, Result]
+    refused: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def asked(self) -> Result:
+        """The run without a change."""
+        return self.results[AS_ASKED]
+
+    @cached_property
+    def labels(self) -> dict[str, str]:
+        """Abrupt, smooth or uncut, of each run that came to its end."""
+        done = {name: result for name, result in self.results.items() if result.outcome.done}
+        return {name: label(result.measures.get("drop_rel", math.nan)) for name, result in done.items()}
+
+    @property
+    def short(self) -> tuple[str, ...]:
+        """Runs that fell short: no range has them."""
+        return tuple(name for name in self.results if name not in self.labels)
+
+    @cached_property
+    def ranges(self) -> dict[str, Range]:
+        """Of each measure that any run has."""
+        found = {}
+        for key in MEASURES:
+            values = [self.results[name].measures.get(key, math.nan) for name in self.labels]
+            if there := [float(value) for value in values if math.isfinite(value)]:
+                value = float(self.asked.measures.get(key, math.nan))
+                found[key] = Range(value, min(there), max(there), len(there))
+        return found
+
+    @property
+    def label(self) -> str:
+        """That of the run as asked; undecided where the band of the drop holds the threshold."""
+        if {ABRUPT, SMOOTH} <= set(self.labels.values()):
+            return UNDECIDED
+        return label(self.asked.measures.get("drop_rel", math.nan))
+
+    def sentence(self) -> str:
+        """What the run found, and what of it is left open."""
+        drop, cut = self.ranges.get("drop_rel"), self.labels.get(AS_ASKED) != UNCUT
+        text = self.asked.sentence((drop.low, drop.high) if drop and cut else None)
+        otherwise = [name for name, each in self.labels.items() if (each != UNCUT) != cut]
+        if otherwise:
+            text += f"; {'not cut' if cut else 'cut'}: {', '.join(otherwise)}"
+        return text + (f"; fell short: {', '.join(self.short)}" if self.short else "")
+
+    def describe(self) -> dict:
+        """The content of band.json."""
+        return {
+            "schema": 1,
+            "said": self.sentence(),
+            "label": self.label,
+            "threshold": ABRUPT_DROP,
+            "case": self.case.to_dict(),
+            "ranges": {key: vars(each) for key, each in self.ranges.items()},
+            "runs": {
+                name: {
+                    "id": result.id,
+                    "label": self.labels.get(name),
+                    "outcome": str(result.outcome),
+                    "measures": plain(result.measures),
+                }
+                for name, result in self.results.items()
+            },
+            "refused": dict(self.refused),
+            "versions": versions(),
+        }
+
+
+def banded(case: Case) -> Case:
+    """``case`` as a band has it by default: each run ends with its transition, unless it has a motion."""
+    return case if case.motion else replace(case, until=TRANSITION)
+
+
+def band(
+    source: str | Path | Case,
+    *,
+    out: str | Path | None = None,
+    workers: int | None = 0,
+    on_progress: OnProgress = silent,
+    run: Run | None = None,
+    **changes: object,
+) -> Band:
+    """Repeat a run of ``source`` (a material, a TOML file or a case) over what the model leaves open.
+
+    ``changes`` are what ``Case.set`` takes; without ``until`` among them runs end with their transition.
+    Runs are kept in ``out/runs``, if there is an ``out``, and what is there is not computed again; band.json,
+    band.csv and band.png are written beside them. ``workers`` processes compute (0: this one; None: one a
+    core). ``run`` replaces how a case is run. A KeyboardInterrupt passes through: runs that ended are kept.
+    Raises BadInput.
+    """
+    case = source.set(**changes) if isinstance(source, Case) else load_case(source, changes)
+    case = case if "until" in changes else banded(case)
+    changed, refused = others(case)
+    cases = {AS_ASKED: case, **changed}
+    with ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory()) if out is None else check_writable(out)
+        batch = Batch(Store(Path(folder) / "runs"), workers=workers, on_progress=on_progress, runs={CUT: run})
+        batch.go((each, CUT) for each in cases.values())
+    found = Band(case, {name: batch.results[each.id] for name, each in cases.items()}, refused)
+    if out is not None:
+        write_band(found, out)
+    return found
+
+
+def write_band(found: Band, out: str | Path) -> list[Path]:
+    """band.json, band.csv and band.png in ``out``; the paths."""
+    folder = check_writable(out)
+    table = folder / "band.csv"
+    with replacing(table) as draft, draft.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["change", "label", *MEASURES, "outcome", "run_id"])
+        for name, result in found.results.items():
+            values = (result.measures.get(key, math.nan) for key in MEASURES)
+            cells = ("" if math.isnan(value) else f"{value:.10g}" for value in values)
+            writer.writerow([name, found.labels.get(name, ""), *cells, result.outcome.kind, result.id])
+    known = {name: found.results[name].measures for name in found.labels}
+    return [
+        write_json(found.describe(), folder / "band.json"),
+        table,
+        *save(plot_choices({found.case.name: known}), folder / "band.png"),
+    ]
