@@ -118,15 +118,35 @@ class Pattern:
             _scatter(row, self.blocks[name].vectors, local.astype(out.dtype, copy=False).ravel())
         return out
 
-    def matrices(self, locals_: dict[str, np.ndarray]) -> np.ndarray:
-        """CSR values of the sum of several blocks' local matrices."""
-        data = np.zeros(self.indices.size + 1)
+    def matrices(self, locals_: dict[str, np.ndarray], begin: np.ndarray | float = 0.0) -> np.ndarray:
+        """CSR values of the sum of several blocks' local matrices, and of the values ``begin``."""
+        data = np.empty(self.indices.size + 1)
+        data[:-1], data[-1] = begin, 0.0
         for name, local in locals_.items():
             _scatter(data, self.blocks[name].matrices, local.ravel())
         return data[:-1]
 
     def csr(self, data: np.ndarray) -> sp.csr_matrix:
         return sp.csr_matrix((data, self.indices, self.indptr), shape=self.shape)
+
+
+def plain_balance(vectors, at):
+    """As ``balance``, for real and complex numbers."""
+    parts = np.take(vectors, at, axis=1).real
+    return vectors.sum(axis=0), np.sqrt((parts * parts).sum(axis=1)).sum()
+
+
+@compiled(plain_balance)
+def balance(vectors, at):
+    """Sum of the ``vectors`` (blocks, ndof), and the sum of their lengths over the places ``at``."""
+    total, squares = np.zeros(vectors.shape[1]), np.zeros(len(vectors))
+    for k in range(total.size):
+        for b in range(squares.size):
+            total[k] += vectors[b, k]
+    for k in at:
+        for b in range(squares.size):
+            squares[b] += vectors[b, k] ** 2
+    return total, np.sqrt(squares).sum()
 
 
 def _numbered(dofs: np.ndarray, distinct: list[np.ndarray]) -> int:

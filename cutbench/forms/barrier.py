@@ -56,39 +56,54 @@ def _by_distance(weight: np.ndarray, d: np.ndarray, found: Derivatives) -> Deriv
     return -weight * d * (s - 1) ** 2 * log, by_q * slope, curvature
 
 
-def plain_barrier(r, long, corner, weight, reach, tangent):
+def plain_barrier(x, codes, length, reach, known, tangent):
     """As ``barrier``, for real and complex places."""
-    l = np.maximum(np.real((long * long).sum(axis=0)), 1e-300)
-    along = np.real((r * long).sum(axis=0)) / l
+    i, e = np.divmod(codes, x.shape[1])
+    r, long = x[:, i] - x[:, e], x[:, e + 1] - x[:, e]
+    along = np.real((r * long).sum(axis=0)) / np.maximum(np.real((long * long).sum(axis=0)), 1e-300)
     found = _from_line(r, long, tangent)
     for end, clipped in enumerate((along <= 0, along >= 1)):
         for mine, other in zip(found, _from_end(r - end * long, end, tangent), strict=True):
             np.copyto(mine, other, where=clipped[: mine.shape[-1]])
-    less = _by_distance(weight, reach, _from_end(r, 0, tangent))
+    weight, corner = length[i] / 2, (e > 0) & (np.abs(i - e) > 1)
+    less = _by_distance(weight, reach[i], _from_end(r, 0, tangent))
     value, slope, curvature = (
-        a - corner[: a.shape[-1]] * b for a, b in zip(_by_distance(weight, reach, found), less, strict=True)
+        a - corner[: a.shape[-1]] * b
+        for a, b in zip(_by_distance(weight, reach[i], found), less, strict=True)
     )
-    return value, slope, curvature
+    force, blocks = np.zeros((x.shape[1], 2), x.dtype), np.zeros((6, 6, known.size if tangent else 0))
+    np.add.at(force, np.stack([i, e, e + 1]), slope.reshape(3, 2, -1).transpose(0, 2, 1))
+    if tangent:
+        here = np.isin(codes, known, assume_unique=True)
+        blocks[..., np.searchsorted(known, codes[here])] = curvature[..., here]
+    return value.sum(), force, blocks
 
 
 @compiled(plain_barrier)
-def barrier(r, long, corner, weight, reach, tangent):
-    """Energy (n,), its derivatives (6, n) by the point and the segment's ends, and second ones (6, 6, n),
-    empty without ``tangent``.
+def barrier(x, codes, length, reach, known, tangent):
+    """Energy, forces on the points (n, 2) and tangents (6, 6, k) of the pairs ``known`` (k,), none without
+    ``tangent``.
 
-    ``r`` (2, n) from the segment's first point, ``long`` (2, n) the segment; ``corner``: whether its first
-    point counts once less; ``weight`` w and ``reach`` d̂ (n,).
+    ``codes`` (m,), rising, are number of the point times n + that of the segment, of what is nearer than
+    ``reach`` d̂ (n,) on the line x (2, n), whose points stand for ``length`` (n,) of it: w is half of that.
+    A corner between two segments that both count counts once less.
     """
-    n = r.shape[1]
-    value, slope = np.zeros(n), np.zeros((6, n))
-    curvature = np.zeros((6, 6, n if tangent else 0))
-    g, turned = np.zeros(6), np.zeros(6)
-    for m in range(n):
-        r0, r1, l0, l1, d = r[0, m], r[1, m], long[0, m], long[1, m], reach[m]
+    n = x.shape[1]
+    total, force, blocks = 0.0, np.zeros((n, 2)), np.zeros((6, 6, known.size if tangent else 0))
+    g, turned, points = np.zeros(6), np.zeros(6), np.zeros(3, np.int64)
+    at = 0
+    for code in codes:
+        i, e = code // n, code % n
+        points[0], points[1], points[2] = i, e, e + 1
+        while at < known.size and known[at] < code:
+            at += 1
+        bends = tangent and at < known.size and known[at] == code
+        r0, r1, d = x[0, i] - x[0, e], x[1, i] - x[1, e], reach[i]
+        l0, l1 = x[0, e + 1] - x[0, e], x[1, e + 1] - x[1, e]
         l = l0 * l0 + l1 * l1
         along = (r0 * l0 + r1 * l1) / max(l, 1e-300)
-        for part in range(2):  # the whole, and less the corner
-            if part == 1 and not corner[m]:
+        for part in range(2):  # the whole, and less the corner: not beside the point, nor at the line's end
+            if part == 1 and not (e > 0 and abs(i - e) > 1):
                 break
             line = part == 0 and 0 < along < 1
             end = 1 if part == 0 and along >= 1 else 0
@@ -108,23 +123,23 @@ def barrier(r, long, corner, weight, reach, tangent):
                     g[2 * k], g[2 * k + 1] = 2 * _ENDS[end, k] * a, 2 * _ENDS[end, k] * b
             if not q < d * d:
                 continue
-            sign = (1.0 - 2.0 * part) * weight[m]
+            weight = (0.5 - part) * length[i]
             s = np.sqrt(q) / d
             log = np.log(s)
             first = -2 * (s - 1) * log - (s - 1) ** 2 / s
-            by_q = sign * first / (2 * s * d)
-            value[m] -= sign * d * (s - 1) ** 2 * log
-            for a in range(6):
-                slope[a, m] += by_q * g[a]
-            if not tangent:
+            by_q = weight * first / (2 * s * d)
+            total -= weight * d * (s - 1) ** 2 * log
+            for k in range(6):
+                force[points[k // 2], k % 2] += by_q * g[k]
+            if not bends:
                 continue
             second = -2 * log - 4 * (s - 1) / s + (s - 1) ** 2 / s**2
-            by_qq = sign * (second / s**2 - first / s**3) / (4 * d**3)
-            for a in range(6):
-                for b in range(6):
+            by_qq = weight * (second / s**2 - first / s**3) / (4 * d**3)
+            for k in range(6):
+                for m in range(6):
                     if line:
-                        bent = 2 / l * turned[a] * turned[b] + 2 * w * _DDC[a, b] - w * w * _DDL[a, b]
+                        bent = 2 / l * turned[k] * turned[m] + 2 * w * _DDC[k, m] - w * w * _DDL[k, m]
                     else:
-                        bent = _DDQ[end, a, b]
-                    curvature[a, b, m] += by_q * bent + by_qq * g[a] * g[b]
-    return value, slope, curvature
+                        bent = _DDQ[end, k, m]
+                    blocks[k, m, at] += by_q * bent + by_qq * g[k] * g[m]
+    return total, force, blocks

@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 
@@ -83,7 +82,8 @@ class SelfContactForm(Form):
         for k, line in enumerate(self._lines):
             x = line.moved(u)
             met = line.meeting(x)
-            if met.size == 0 or np.isin(met, self._known[k], assume_unique=True).all():
+            at, known = np.searchsorted(self._known[k], met), np.append(self._known[k], -1)
+            if (known[at] == met).all():
                 continue
             self._known[k] = np.union1d(self._known[k], line.pairs(x, self._tuning.ahead))
             grown = True
@@ -102,27 +102,24 @@ class SelfContactForm(Form):
         return self._tuning.stiffness * sum(law.shear_modulus(p) for law in self._laws)
 
     def evaluate(self, u, p, state, step, tangent=True):
-        kappa, forces, blocks = self.stiffness(p), [], []
         tangent = tangent and self.couples.size > 0
-        for line, known in zip(self._lines, self._known, strict=True):
-            x = line.moved(u)
-            force = np.zeros((line.nodes.size, 2), dtype=x.dtype)
-            block = np.zeros((6, 6, known.size if tangent else 0))
-            forces.append(force.reshape(-1))
-            blocks.append(block)
-            if line.meeting(x).size == 0:
-                continue
-            met = line.barrier(x, tangent)
-            np.add.at(force, met.points, met.slope.reshape(3, 2, -1).transpose(0, 2, 1))
-            if tangent:
-                here = np.isin(met.codes, known, assume_unique=True)
-                block[..., np.searchsorted(known, met.codes[here])] = met.curvature[..., here]
-        matrix = np.real(kappa) * np.concatenate(blocks, axis=2) if tangent else None
-        return Local(kappa * np.concatenate(forces)[:, None], matrix, {})
+        found = [
+            line.barrier(line.moved(u), known, tangent)
+            for line, known in zip(self._lines, self._known, strict=True)
+        ]
+        forces = np.concatenate([force.ravel() for _, force, _ in found])[:, None]
+        if not forces.any():
+            return Local(forces, None, {})
+        kappa = self.stiffness(p)
+        matrix = (
+            np.real(kappa) * np.concatenate([blocks for *_, blocks in found], axis=2) if tangent else None
+        )
+        return Local(kappa * forces, matrix, {})
 
     def stored(self, u, p, state):
         """Stored energy in mJ per mm of length."""
-        stored = sum(line.barrier(np.real(line.moved(u)), False).energy.sum() for line in self._lines)
+        none = np.zeros(0, int)
+        stored = sum(line.barrier(np.real(line.moved(u)), none, False)[0] for line in self._lines)
         return float(np.real(self.stiffness(p)) * stored)
 
     def work(self, u, p, old, new, step):
@@ -167,24 +164,9 @@ class _Line:
             self._last[:] = x, meeting(np.ascontiguousarray(x), self.reach)
         return self._last[1]
 
-    def barrier(self, x: np.ndarray, tangent: bool) -> Barrier:
-        """Of what is nearer than d̂, for κ = 1."""
-        codes = self.meeting(x)
-        i, e = np.divmod(codes, self.nodes.size)
-        # A corner between two segments that both count: not beside the point itself, nor at the line's end.
-        corner = (e > 0) & (np.abs(i - e) > 1)
+    def barrier(
+        self, x: np.ndarray, known: np.ndarray, tangent: bool
+    ) -> tuple[float, np.ndarray, np.ndarray]:
+        """Energy, forces (n, 2) and tangents (6, 6, k) of the pairs ``known``, for κ = 1."""
         by = plain_barrier if np.iscomplexobj(x) else barrier
-        first = x[:, e]
-        found = by(x[:, i] - first, x[:, e + 1] - first, corner, self.length[i] / 2, self.reach[i], tangent)
-        return Barrier(codes, np.stack([i, e, e + 1]), *found)
-
-
-class Barrier(NamedTuple):
-    """Pairs by their ``codes``, rising: the ``points`` (3, n) of each, energy (n,), derivatives (6, n) and
-    second ones (6, 6, n)."""
-
-    codes: np.ndarray
-    points: np.ndarray
-    energy: np.ndarray
-    slope: np.ndarray
-    curvature: np.ndarray
+        return by(x, self.meeting(x), self.length, self.reach, known, tangent)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cutbench.forms.assembly import Pattern
+from cutbench.forms.assembly import Pattern, balance, plain_balance
 from cutbench.forms.base import Form, Step
 from cutbench.forms.blade import BladeForm
 from cutbench.forms.bulk import BulkForm
@@ -174,16 +174,16 @@ class Problem:
                 if local.matrix is not None:
                     matrices[form.name] = local.matrix
             forces = self.pattern.vectors(vectors)
-            residual = forces.sum(axis=0)
-            balance = np.take(forces, self.in_balance, axis=1).real
-            scale = float(np.sqrt((balance * balance).sum(axis=1)).sum())
+            by = plain_balance if np.iscomplexobj(forces) else balance
+            residual, scale = by(forces, self.in_balance)
             data = None
             if tangent:
-                data = self.pattern.matrices(matrices)
+                damped: np.ndarray | float = 0.0
                 if self.damping is not None and self.metric is not None:
-                    data += self.damping.factor(step) * self.metric
+                    damped = self.damping.factor(step) * self.metric
+                data = self.pattern.matrices(matrices, damped)
         self.timer.add("assembly" if tangent else "residual", begin)
-        return Evaluation(residual, data, new, scale)
+        return Evaluation(residual, data, new, float(scale))
 
     def out_of_balance(self, found: Evaluation) -> float:
         """Length of the residual on the free degrees of freedom, N; infinite where it is not finite."""
