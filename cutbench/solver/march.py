@@ -213,8 +213,7 @@ class March:
             if straight is not None:
                 straight = self.load.placed(straight, ahead)
             try:
-                desperate = pace.damping_factor > 1 or size <= 2 * rules.smallest
-                straight = self._improved(straight, known, u, begun, step, desperate)
+                straight = self._improved(straight, known, u, begun, step)
                 found = self._first_that_holds(u, straight, begun, step, now.force, travel, ahead)
                 growth = damage_growth(states, found.result.states)
                 # What the ledger leaves open is the error of the step, against the blade's work over the
@@ -264,7 +263,7 @@ class March:
             return 1.0
         return min(max(1.0, self.past.speed()), self.rules.cut_speed_factor)
 
-    def _improved(self, straight, known, last, states, step, desperate) -> np.ndarray | None:
+    def _improved(self, straight, known, last, states, step) -> np.ndarray | None:
         """A better prediction than ``straight``: what is ``known``, or what the front's own solution says."""
         if known is not None:
             return known
@@ -274,9 +273,6 @@ class March:
         try:
             return self.window.solved(straight, last, states, step, self.newton)
         except BadGuess:
-            # Where no smaller step will be tried, the last state may still do.
-            if not desperate:
-                raise
             return straight
         finally:
             self.problem.timer.add("window", began)

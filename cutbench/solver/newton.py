@@ -33,18 +33,29 @@ class NewtonSettings(NewtonTuning):
 
 
 def newton(
-    problem: Problem, u: np.ndarray, states: dict, step: Step, settings: NewtonSettings, *, near: bool = False
+    problem: Problem,
+    u: np.ndarray,
+    states: dict,
+    step: Step,
+    settings: NewtonSettings,
+    *,
+    near: bool = False,
+    strict: bool = False,
 ):
     """Solve R(u) = 0 from the guess ``u``. Returns (u, Evaluation, iterations); raises NoConvergence.
 
     ``near``: the guess solves a problem that hardly differs, and the solver still has its factorization.
-    Steps with that come first; they may suffice, and then no tangent is assembled.
+    Steps with that come first; they may suffice, and then no tangent is assembled. A guess with inverted
+    elements, or that passes through itself, is left for a state on the way to it, unless ``strict``: then
+    BadGuess is raised.
     """
     norm = problem.out_of_balance
     # Elements may lose volume, but not most of what the last step left them.
     floor = settings.smallest_ratio * min(1.0, problem.bulk.smallest_volume_ratio(step.u_old))
     if not problem.sound(u, floor):
-        raise BadGuess("the predicted state has inverted elements, or passes through itself")
+        if strict:
+            raise BadGuess("the predicted state has inverted elements, or passes through itself")
+        u = _on_the_way(problem, step.u_old, u, floor)
     current = problem.evaluate(u, states, step, tangent=not near)
     size = norm(current)
     if near:
@@ -94,6 +105,20 @@ def newton(
     raise NoConvergence(
         f"{settings.iterations} iterations, residual {size / current.scale:.1e} of the forces", nearest
     )
+
+
+def _on_the_way(problem: Problem, u: np.ndarray, guess: np.ndarray, floor: float) -> np.ndarray:
+    """``guess`` with its free unknowns on the way from ``u``, before elements invert or the surface meets
+    itself. Raises BadGuess where ``u`` is no better."""
+    start = guess.copy()
+    start[problem.free] = u[problem.free]
+    du = guess - start
+    alpha = min(1.0, problem.room(start, du))
+    for _ in range(8):
+        if problem.sound(start + alpha * du, floor):
+            return start + alpha * du
+        alpha /= 2
+    raise BadGuess("the state to begin from has inverted elements, or passes through itself")
 
 
 def _chords(problem, u, current, size, states, step, settings):

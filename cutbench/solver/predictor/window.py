@@ -80,7 +80,7 @@ class Window:
             else replace(settings, cautious=self._tuning.cautious, relax=self._tuning.relax)
         )
         try:
-            u = self._newton(part, begin, of_part, step, moved)
+            u = self._newton(part, begin, of_part, step, moved, strict=True)
         except BadGuess:
             # All turn elements inside out: begin as it was, and yield to the edge.
             u = self._newton(part, last + part.extended(u - last), of_part, step, settings)
@@ -94,11 +94,13 @@ class Window:
                 break
         return u
 
-    def _newton(self, part: SubProblem, u, states, step, settings: NewtonSettings) -> np.ndarray:
+    def _newton(
+        self, part: SubProblem, u, states, step, settings: NewtonSettings, strict: bool = False
+    ) -> np.ndarray:
         tolerance = max(self._tuning.enough, settings.tolerance)
         near = replace(settings, tolerance=tolerance, iterations=self._tuning.iterations)
         try:
-            return newton(part.problem, u, states, step, near)[0]
+            return newton(part.problem, u, states, step, near, strict=strict)[0]
         except NoConvergence as error:
             left, nearest = error.nearest
             if left > self._tuning.usable:
