@@ -81,6 +81,17 @@ def test_a_measured_ellipse_is_the_ellipse(flanks, tmp_path):
     assert case.model.tool.alike(case.p) == (flanks != "both")
 
 
+@pytest.mark.parametrize("name", (*SHAPES, "contact", "blunt_tip"))
+def test_a_distance_is_the_same_in_complex_numbers(name):
+    """Those go through NumPy, real numbers through compiled loops where there are any."""
+    p = SimpleNamespace(**vars(ROUND) | {"blunting": 0.5})
+    r = np.random.default_rng(7)
+    x, y = r.uniform(-0.6, 0.6, 2000), r.uniform(-0.3, 2.0, 2000)
+    for real, other in zip(tool(name).distance(x, y, p), tool(name).distance(x + 0j, y, p), strict=True):
+        assert np.iscomplexobj(other) and np.abs(other).max() > 0
+        np.testing.assert_allclose(real, other.real, rtol=0, atol=1e-12 * np.abs(other).max())
+
+
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("name", SHAPES)
 def test_blade_tangent(name, dim):

@@ -131,7 +131,7 @@ class BladeForm(Form):
     # -- evaluation -----------------------------------------------------------------------------
     def _at(self, near: np.ndarray) -> _Place:
         """The faces ``near`` alone; from one evaluation to the next they are mostly the same."""
-        if self._place is None or not np.array_equal(self._place.near, near):
+        if self._place is None or self._place.near.tobytes() != near.tobytes():
             nq = len(self.faces.w)
             stiffness, stick = (np.tile(k[near], nq) for k in (self._stiffness, self._tangential))
             self._place = _Place(self.faces.some(near), self.dofs[:, near], near, stiffness, stick)
@@ -157,7 +157,7 @@ class BladeForm(Form):
         place = self._at(met.near)
         g, gradient, H = self._gap.of(*met[:4], p)
         n, dn = (gradient, H) if self._gap.unit_gradient else unit(gradient, H)
-        multiplier = np.take(state["multiplier"], met.near, axis=1).ravel()
+        multiplier = state["multiplier"].take(met.near, axis=1).ravel()
         press = self._pressure if real else self.tool.pressure
         t_N, dp = press(g, multiplier, place.stiffness, p)
         push, turn = self._inward(u, place, tangent) if self._material else (n, ())

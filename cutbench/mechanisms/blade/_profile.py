@@ -7,15 +7,19 @@ from piece to piece, so the distance has a continuous gradient; its second deriv
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
+from cutbench.base.compiled import choose, compiled, shared
 from cutbench.mechanisms.base import Params
 from cutbench.mechanisms.blade._rigid import Rigid
 
 #: Points of a piece in an outline.
 DRAWN = 40
+#: In place of an infinite length, mm.
+ENDLESS = 1e6
 
 
 class Flank(NamedTuple):
@@ -41,6 +45,7 @@ class Flank(NamedTuple):
         return np.vstack([lines[0], *(line[1:] for line in lines[1:])])
 
 
+@lru_cache(maxsize=64)
 def flank(*pieces: tuple) -> Flank:
     """From curvature and length of each piece; the first one begins at the apex, level."""
     bend, length = (np.array(column) for column in zip(*pieces, strict=True))
@@ -62,34 +67,77 @@ def _forward(bend, s):
     return np.where(bent, np.sin(k * s) / k, s), np.where(bent, (1 - np.cos(k * s)) / k, turn * s / 2)
 
 
-def _feet(chain: Flank, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """The piece (n,) that is nearest to each point, real numbers."""
-    x0, y0, angle, bend, length = (np.real(part)[:, None] for part in chain)
+@shared
+def _apart(u, w, past, bend, first, last):
+    """Squared distance from a piece that turns by 180 degrees at the most, of points u along and w to the
+    left of where it begins, ``past`` along its last direction beyond its end; ``first``, ``last``: from its
+    ends."""
+    size = np.sqrt((bend * u) ** 2 + (1 - bend * w) ** 2)
+    g = (bend * (u * u + w * w) - 2 * w) / (size + 1)
+    return choose((u >= 0) & (past <= 0), g * g, np.minimum(first, last))
+
+
+@shared
+def _beside(u, w, c, sn, bend, size):
+    """Distance, gradient and second derivative by the direction across it, for points beside a piece of
+    direction (c, sn). ``size``: from its centre, in radii; so one formula holds for arcs and lines, without
+    their difference of large numbers."""
+    g = (bend * (u * u + w * w) - 2 * w) / (size + 1)
+    across, up = bend * u / size, (bend * w - 1) / size
+    return g, c * across - sn * up, sn * across + c * up, bend / size
+
+
+def _ends(chain: Flank) -> np.ndarray:
+    """Of each piece (8, k): where it begins, cosine and sine of its direction there; the same of its end."""
+    real = Flank(*map(np.real, chain))
+    length = np.minimum(real.length, ENDLESS)
+    last = real.angle + real.bend * length
+    end = real.along(np.arange(length.size), length)
+    first = real.x, real.y, np.cos(real.angle), np.sin(real.angle)
+    return np.stack([*first, *end, np.cos(last), np.sin(last)])
+
+
+def _signed(chain: Flank, ends: np.ndarray, x: np.ndarray, y: np.ndarray):
+    real_x, real_y = np.real(x), np.real(y)
+    x0, y0, c, sn, x1, y1, c1, sn1 = ends[:, :, None]
+    fx, fy, lx, ly = real_x - x0, real_y - y0, real_x - x1, real_y - y1
+    bend, from_ends = np.real(chain.bend)[:, None], (fx * fx + fy * fy, lx * lx + ly * ly)
+    apart = _apart(c * fx + sn * fy, c * fy - sn * fx, c1 * lx + sn1 * ly, bend, *from_ends)
+    x0, y0, angle, bend, _ = (part[np.argmin(apart, axis=0)] for part in chain)
     c, sn = np.cos(angle), np.sin(angle)
     u, w = c * (x - x0) + sn * (y - y0), c * (y - y0) - sn * (x - x0)
-    bent = bend != 0
-    k, half = np.where(bent, bend, 1.0), bend * np.where(bent, length, 0.0) / 2
-    turned = np.arctan2(k * u, 1 - k * w)
-    s = np.where(bent, (half + np.angle(np.exp(1j * (turned - half)))) / k, u)
-    s = np.clip(s, 0, length)
-    along, aside = _forward(bend, s)
-    return np.argmin((u - along) ** 2 + (w - aside) ** 2, axis=0)
+    size = (bend * u) ** 2 + (1 - bend * w) ** 2
+    g, nx, ny, rate = _beside(u, w, c, sn, bend, np.sqrt(np.where(np.real(size) > 1e-24, size, 1e-24)))
+    n, q = np.stack([nx, ny]), np.stack([-ny, nx])
+    return g, n, rate * q[:, None] * q[None]
+
+
+@compiled(_signed)
+def _signed_loops(chain, ends, x, y):
+    bend, count = chain[3], x.size
+    g, n, H = np.empty(count), np.empty((2, count)), np.empty((2, 2, count))
+    for i in range(count):
+        least, best, u, w = np.inf, 0, 0.0, 0.0
+        for k in range(bend.size):
+            fx, fy, lx, ly = x[i] - ends[0, k], y[i] - ends[1, k], x[i] - ends[4, k], y[i] - ends[5, k]
+            along, aside = ends[2, k] * fx + ends[3, k] * fy, ends[2, k] * fy - ends[3, k] * fx
+            past = ends[6, k] * lx + ends[7, k] * ly
+            apart = _apart(along, aside, past, bend[k], fx * fx + fy * fy, lx * lx + ly * ly)
+            if apart < least or k == 0:
+                least, best, u, w = apart, k, along, aside
+        b = bend[best]
+        size = np.sqrt(max((b * u) ** 2 + (1 - b * w) ** 2, 1e-24))
+        g[i], nx, ny, rate = _beside(u, w, ends[2, best], ends[3, best], b, size)
+        n[0, i], n[1, i] = nx, ny
+        H[0, 0, i], H[1, 1, i] = rate * ny * ny, rate * nx * nx
+        H[0, 1, i] = H[1, 0, i] = -rate * nx * ny
+    return g, n, H
 
 
 def signed(chain: Flank, x: np.ndarray, y: np.ndarray):
     """Distance, gradient and second derivative for points beside a right flank, complex ones too."""
-    k = _feet(chain, np.real(x), np.real(y))
-    x0, y0, angle, bend, _ = (part[k] for part in chain)
-    c, sn = np.cos(angle), np.sin(angle)
-    u, w = c * (x - x0) + sn * (y - y0), c * (y - y0) - sn * (x - x0)
-    # From the centre, in radii; one formula for arcs and lines, without their difference of large numbers.
-    size = (bend * u) ** 2 + (1 - bend * w) ** 2
-    size = np.sqrt(np.where(np.real(size) > 1e-24, size, 1e-24))
-    g = (bend * (u * u + w * w) - 2 * w) / (size + 1)
-    across, up = bend * u / size, (bend * w - 1) / size
-    n = np.stack([c * across - sn * up, sn * across + c * up])
-    q = np.stack([-n[1], n[0]])
-    return g, n, bend / size * q[:, None] * q[None]
+    loops = _signed if np.result_type(x, y, *chain).kind == "c" else _signed_loops
+    return loops(chain, _ends(chain), x, y)
 
 
 class Profiled(Rigid):

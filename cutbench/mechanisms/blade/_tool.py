@@ -118,7 +118,7 @@ def distance(x: np.ndarray, y: np.ndarray, a, b) -> tuple[np.ndarray, np.ndarray
 
     Accepts complex x, y, a, b for a complex step.
     """
-    if any(map(np.iscomplexobj, (x, y, a, b))):
+    if x.dtype.kind == "c" or y.dtype.kind == "c" or isinstance(a + b, complex):
         return _distance(x, y, a, b)
     return _distances(np.ascontiguousarray(x, float), np.ascontiguousarray(y, float), float(a), float(b))
 
