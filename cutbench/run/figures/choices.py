@@ -45,10 +45,10 @@ def plot_choices(found: Mapping[str, Mapping[str, Mapping[str, float]]]) -> Figu
                 ax.hlines(y, scale * first, x, lw=3.0 if alone else 1.0, alpha=0.55, **look)
                 ax.plot(
                     x, y, MARKERS[k % len(MARKERS)], mfc="white" if k % 2 else look["color"], ms=3.6, mew=0.9,
-                    ls="", label=material, **look,
+                    ls="", label=material, clip_on=False, **look,
                 )  # fmt: skip
                 if (alone or not drop) and math.isfinite(first):
-                    ax.axvline(scale * first, color=GREY, lw=0.6)
+                    ax.vlines(scale * first, -0.4, len(names) - 0.4, color=GREY, lw=0.6)
                 for place in y[np.isnan(x)] if alone else ():
                     ax.annotate(
                         none, (0.98, place), xycoords=("axes fraction", "data"), ha="right", va="center",
