@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -138,6 +139,26 @@ def test_cut_tangent(dim, order, names):
     assert grew.any() and not grew.all()
     assert (form.jump(u)[0] < 0).any(), "some points close"
     check_tangent(space, form, u, state, step)
+
+
+def test_a_rate_s_traction_is_of_second_order():
+    """Viscous faces that open as t²: exact at the end of steps of unequal length, but for the first, and with
+    a rest between them."""
+    space = space_of(2, 2)
+    laws = [law for law in Model(PAPER).laws("cut") if law.name == "viscous"]
+    form = CutForm(laws, space.faces("cut", 4), HEIGHT)
+    opening = np.zeros_like(space.X)
+    opening[0], none = 1.0, np.zeros(3)
+    u = lambda t: 0.01 * t**2 * opening.T.ravel()  # noqa: E731
+    times, state, last = (1.0, 1.3, 1.5, 1.5, 1.9), form.start(P), 0.0
+    for begin, end in pairwise(times):
+        rests, dt = begin == end, end - begin or 1e-3
+        step = Step(dt, u(begin), none, none, ratio=dt / last if last and not rests else 0.0, rests=rests)
+        state = form.evaluate(u(end), P, state, step).state
+        rate = 0.0 if rests else 2 * 0.02 * end if last else 2 * 0.01 * (begin + end)
+        expected = P.G_c / P.delta_c**2 * P.eta_reg * rate
+        np.testing.assert_allclose(state["tractions"][0, 0], expected, rtol=1e-12)
+        last = last if rests else dt
 
 
 def two_sided(dim: int, order: int):

@@ -88,16 +88,21 @@ def test_the_staggered_scheme_tends_to_the_monolithic_one():
         without="surface_gradient", **SOFT,
     )  # fmt: skip
     at = np.linspace(0.05, 0.8, 40)
-    apart = []
+    apart, forces = [], []
     for step in ("0.02 mm", "0.005 mm"):
         whole, lagged = (run_case(case.set(step=step, scheme=s)) for s in ("monolithic", "staggered"))
         assert lagged.outcome.done
         assert lagged.curve["cut_length_mm"][-1] > 0.01
         assert lagged.counts["iterations"] >= whole.counts["iterations"]
         assert lagged.counts["steps"] < 1.3 * whole.counts["steps"], "nothing snaps"
-        apart.append(np.abs(force_at(lagged, at) / force_at(whole, at) - 1).max())
+        forces.append(force_at(whole, at))
+        apart.append(np.abs(force_at(lagged, at) / forces[-1] - 1).max())
     # First order in the step: a quarter of it leaves a quarter, or a little more, of the difference.
-    assert apart[1] < 0.4 * apart[0] < 0.4 * 0.01
+    assert apart[1] < 0.4 * apart[0] < 0.4 * 0.03
+    # The monolithic scheme is of second order.
+    forces.append(force_at(run_case(case.set(step="0.01 mm")), at))
+    far, near = (np.abs(force / forces[1] - 1).max() for force in (forces[0], forces[2]))
+    assert 15 / 4 * near < 1.2 * far < 1.2 * 0.005
 
 
 def test_errors_of_the_ledger_do_not_add_up():

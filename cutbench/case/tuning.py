@@ -20,6 +20,9 @@ class StepTuning:
     shorter."""
     grow: float = 1.5
     """Growth from one step to the next at most: steps that double are refused as often as they are taken."""
+    ratio: float = 2.0
+    """Steps longer by more than this than the last one begin anew, with rates of first order: those of second
+    order are unstable beyond 1 + √2."""
     shrink: float = 0.5
     """What is left of a step that was refused, and of raised damping after a step at rest that was hard."""
     shorter: float = 0.7

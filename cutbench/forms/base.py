@@ -14,7 +14,9 @@ class Step:
 
     ``u_old`` (ndof,) converged displacements at its start; ``centre``/``centre_old`` (3,) the
     blade's apex in mm; ``dt`` in s; ``damping_factor``: how many times its value the damping's viscosity
-    is. ``damage_held``: the cut's damage stays what its state says.
+    is. ``damage_held``: the cut's damage stays what its state says. ``ratio``: its length over the last
+    one's, where what that did goes on, else 0. ``rests``: the blade does, and what the last step did is kept
+    for the next.
     """
 
     dt: float
@@ -23,6 +25,22 @@ class Step:
     centre_old: np.ndarray
     damping_factor: float = 1.0
     damage_held: bool = False
+    ratio: float = 0.0
+    rests: bool = False
+
+    @property
+    def ahead(self) -> float:
+        """By how much of its change since the last step a rate's mean over the step goes on to its end. That
+        of displacements is then the one of BDF2."""
+        return self.ratio / (1 + self.ratio)
+
+    def foreseen(self, now, before):
+        """What is ``now``, at the step's start, and was ``before`` the last one: at its end."""
+        return now + self.ratio * (now - before)
+
+
+#: What a state is looked at with that no step begins from.
+AT_REST = Step(1.0, np.zeros(0), np.zeros(3), np.zeros(3))
 
 
 @dataclass

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from cutbench.base.fused import fused
-from cutbench.forms.base import Form, Local, blend, component_major, gather
+from cutbench.forms.base import AT_REST, Form, Local, Step, blend, component_major, gather
 from cutbench.forms.gap import ToolGap
 from cutbench.forms.normals import cross, inward, unit
 from cutbench.forms.pressed import Contact, Found, Sliding, pressed, pressed_plain, sandwich
@@ -26,14 +26,14 @@ class ContactNumerics:
     """Numerical choices of the contact. ``stiffness`` ε_N in MPa per unit of the gap (mm, or 1 for the
     ellipse), ``tangential`` in MPa/mm; ``normal``: tool or material; ``gap``: distance or ellipse.
 
-    Unless ``per_cell`` neither depends on the mesh: material gives way by p/ε_N, where ``carried`` by what a
-    step adds to p, and results have a limit under refinement."""
+    Unless ``per_cell`` neither depends on the mesh: material gives way by p/ε_N, where ``carried`` by what
+    is not foreseen of p, and results have a limit under refinement."""
 
     stiffness: float
     tangential: float
     normal: str = "tool"
     gap: str = "distance"
-    #: A step begins with the last one's pressure as its multiplier.
+    #: A step begins with the pressure foreseen from the last two as its multiplier.
     carried: bool = False
     #: Gap in mm at which a face that had touched is free of the blade; 0: it never is, as in the paper.
     release: float = 0.0
@@ -90,7 +90,8 @@ class BladeForm(Form):
     # -- state ----------------------------------------------------------------------------------
     def start(self, p):
         nq, nf = self.faces.w.shape
-        scalars = dict.fromkeys(("multiplier", "pressure", "touched", "slid", "active"), np.zeros((nq, nf)))
+        names = ("multiplier", "pressure", "earlier", "touched", "slid", "active")
+        scalars = dict.fromkeys(names, np.zeros((nq, nf)))
         vectors = {name: np.zeros((self.dim, nq, nf)) for name in ("normal_traction", "shear")}
         return {**scalars, **vectors, "shares": np.zeros((len(self.frictions), nq, nf))}
 
@@ -105,18 +106,22 @@ class BladeForm(Form):
             new[name] = np.round(new[name])
         return new
 
-    def touch(self, state: dict) -> dict:
+    def touch(self, state: dict, step: Step = AT_REST) -> dict:
         """Θ for the next step (paper: from the last known pressure, kept on the cut faces; here until the
         blade is away) and its multiplier.
         """
         now = (state["pressure"] > 0).astype(float)
-        return {**self.begun(state), "touched": np.maximum(now, self._keeps * state["touched"])}
+        return {**self.begun(state, step), "touched": np.maximum(now, self._keeps * state["touched"])}
 
-    def begun(self, state: dict) -> dict:
-        """With the multiplier of the next step: where the last one's pressure is carried, material gives way
-        by what the pressure changes in a step. ``state`` or its derivatives.
+    def begun(self, state: dict, step: Step = AT_REST) -> dict:
+        """With the multiplier of ``step``, where pressures are carried: foreseen from the last two, so
+        that material gives way by what that errs by. ``state`` or its derivatives.
         """
-        return self.augment(state) if self._numerics.carried else state
+        if not self._numerics.carried:
+            return state
+        now, earlier = state["pressure"], state["earlier"]
+        begun = self.augment({**state, "pressure": step.foreseen(now, earlier)})
+        return {**begun, "pressure": now, "earlier": earlier if step.rests else now}
 
     def augment(self, state: dict) -> dict:
         """Uzawa update: the multiplier takes over the pressure (paper, eq. update:ALN), a face's mean of it.

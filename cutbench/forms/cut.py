@@ -77,7 +77,8 @@ class CutForm(Form):
             if law.role == "cohesive" and precut > 0:
                 state |= {k: np.where(made, v, state[k]) for k, v in self._parted(law, n, p).items()}
         # Without a cohesive law nothing breaks.
-        return {"damage": np.zeros(n), **state, "tractions": np.zeros((len(self.laws), 3, n))}
+        none = np.zeros((len(self.laws), 3, n))
+        return {"damage": np.zeros(n), **state, "tractions": none, "means": none}
 
     def _parted(self, law, n: int, p) -> dict:
         """The state of a cohesive law whose faces were pulled far apart before."""
@@ -111,10 +112,14 @@ class CutForm(Form):
             w = w * np.broadcast_to(skin.toughness(p, at), w.size).reshape(w.shape)
         return w
 
+    def _answers(self, components: int, jump, p, state, at, step):
+        T, new, D, by_jump = fused(answers)(self.laws, components, jump, p, state, at, step.ahead)
+        return T, {**new, "means": state["means"]} if step.rests else new, D, by_jump
+
     def evaluate(self, u, p, state, step, tangent=True):
         jump, at = self.jump(u), self.points(step)
         components = self._frame.shape[0] if tangent else 0
-        T, new, D, _ = fused(answers)(self.laws, components, jump, p, state, at)
+        T, new, D, _ = self._answers(components, jump, p, state, at, step)
         w, (nd, nf) = self._weights(p, at), self.dofs.shape
         given = T.sum(axis=0), D, self._N, self._frame, w
         room = np.zeros((nd, nf), np.result_type(T, w)), np.zeros((nd, nd, nf if tangent else 0), D.dtype)
@@ -134,7 +139,7 @@ class CutForm(Form):
         every path of equilibria, whichever way the blade goes.
         """
         jump, at = self.jump(u), self.points(step)
-        _, new, _, by_jump = fused(answers)(self.laws, self._frame.shape[0], jump, p, state, at)
+        _, new, _, by_jump = self._answers(self._frame.shape[0], jump, p, state, at, step)
         w, d = self.faces.w, np.real(new["damage"])
         g = d**3 * (10 - 15 * d + 6 * d**2) if local else d
         by_damage = 30 * (d * (1 - d)) ** 2 if local else 1.0
@@ -163,23 +168,32 @@ class CutForm(Form):
         return out
 
 
-def answers(laws, components: int, jump, p, state, at) -> tuple[np.ndarray, dict, np.ndarray, np.ndarray]:
-    """Tractions (laws, 3, N), the new state, and derivatives by the first ``components`` of the jump: of the
-    whole traction (components, components, N) and of the damage (components, N).
+def answers(laws, components: int, jump, p, state, at, ahead) -> tuple:
+    """Tractions (laws, 3, N) at the step's end, the new state, and derivatives by the first ``components`` of
+    the jump: of the whole traction (components, components, N) and of the damage (components, N).
+
+    A mean over the step goes on to its end by ``ahead`` of what it differs by from that over the last one.
     """
     found = cut_answers(laws, jump, p, state, at)
-    T = np.stack([each.traction for each in found]) if found else np.zeros((0, *jump.shape))
+    T = [each.traction for each in found]
     new = {"damage": state["damage"], **add_states(*(each.new for each in found))}
+    new["means"] = np.stack(T) if T else np.zeros((0, *jump.shape))
+    on = [ahead if law.over_step else 0.0 for law in laws]
+    T = [mean + more * (mean - last) for mean, more, last in zip(T, on, state["means"], strict=True)]
     D, by_jump = [], []
     for c in range(components):
         probe = jump.astype(complex)
         probe[c] += 1j * STEP
         probed = cut_answers(laws, probe, p, state, at)
-        D.append(sum(np.imag(each.traction[:components]) for each in probed) / STEP + 0 * jump[:components])
+        parts = [
+            (1 + more) * np.imag(each.traction[:components]) for more, each in zip(on, probed, strict=True)
+        ]
+        D.append(sum(parts) / STEP + 0 * jump[:components])
         damages = [each.new["damage"] for each in probed if "damage" in each.new]
         by_jump.append(sum(map(np.imag, damages)) / STEP + 0 * jump[0])
     none = 0 * jump[:0]
-    return T, new, np.stack(D, axis=1) if D else none[None], np.stack(by_jump) if by_jump else none
+    ends = np.stack(T) if T else new["means"]
+    return ends, new, np.stack(D, axis=1) if D else none[None], np.stack(by_jump) if by_jump else none
 
 
 def _local_jumps(u, dofs, N, frame):

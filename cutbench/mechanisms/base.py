@@ -24,8 +24,7 @@ Params = Any  # attribute access by parameter name: p.G, p.nu
 
 
 class Points(SimpleNamespace):
-    """What a law may know about the points it is evaluated at, besides its kinematics.
-
+    """What a law may know about the points it is evaluated at, besides its kinematics:
     ``X`` (3, N) reference position in mm with X[1] the height; ``depth`` (N,) distance below the
     top face in the reference state; ``dt`` seconds; ``speed`` blade speed mm/s; slots add theirs
     (``jump_old``, ``slip_rate``, …). ``laws`` (slot bulk): all bulk laws of the model, for one that
@@ -193,10 +192,11 @@ class Cut(Mechanism):
     That of the role ``cohesive`` parts the faces: its state has ``damage`` (N,), 0 where the interface is
     whole and 1 where it is cut, which never falls. Where faces are cut, how far the cut is and how long steps
     may be are read off it, and other laws find it in ``at.before["cohesive"]``, an ``Answer``. It may have
-    ``mean_damage`` (N,), the mean over the step, too.
-    """
+    ``mean_damage`` (N,), the mean over the step, too."""
 
     slot = "cut"
+    #: Whether ``traction`` is its mean over the step, as of a rate: what it is at the end follows from two.
+    over_step: ClassVar[bool] = False
 
     def traction(self, jump: np.ndarray, p: Params, state: State, at: Points) -> tuple[np.ndarray, State]:
         """T (3, N) in MPa — normal, two tangential components — and the new state.

@@ -202,14 +202,16 @@ class March:
                 pace = replace(pace, size=min(pace.size, motion.room(now.pseudo_time_mm)))
             pseudo_time_mm, u, states, size = now.pseudo_time_mm, now.u, now.states, pace.advance
             travel, ahead = motion.travel(pseudo_time_mm), motion.travel(pseudo_time_mm + size)
+            straight, ratio = (u, 0.0) if pace.rests else (None, 0.0)
+            if not pace.rests and now.u_before is not None and now.size_before is not None:
+                ratio = size / now.size_before
+                straight = u + (u - now.u_before) * ratio
+            smooth = ratio <= rules.ratio and pace.damping_factor == 1 and rules.second_order
             step = Step(
                 control.duration(pace) / self.speed, u, self.centre(ahead), self.centre(travel),
-                pace.damping_factor,
+                pace.damping_factor, ratio=ratio if smooth else 0.0, rests=pace.rests,
             )  # fmt: skip
-            begun = problem.touched(states)
-            straight = u if pace.rests else None
-            if straight is None and now.u_before is not None and now.size_before is not None:
-                straight = u + (u - now.u_before) * (size / now.size_before)
+            begun = problem.touched(states, step)
             if straight is not None:
                 straight = self.load.placed(straight, ahead)
             try:

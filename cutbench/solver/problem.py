@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cutbench.forms.assembly import Pattern, balance, plain_balance
-from cutbench.forms.base import Form, Step
+from cutbench.forms.base import AT_REST, Form, Step
 from cutbench.forms.blade import BladeForm
 from cutbench.forms.bulk import BulkForm
 from cutbench.forms.cut import CutForm
@@ -137,9 +137,9 @@ class Problem:
         # What is cut from the start on has never been whole: there is no step in which it was.
         return self.touched(self.touched(states))
 
-    def touched(self, states: dict[str, dict]) -> dict[str, dict]:
-        """``states`` as a step begins with them: faces look for contact anew, surfaces for what is cut."""
-        begun = states | {form.name: form.touch(states[form.name]) for form in self.blades}
+    def touched(self, states: dict[str, dict], step: Step = AT_REST) -> dict[str, dict]:
+        """``states`` as ``step`` begins with them: faces look for contact anew, surfaces for what is cut."""
+        begun = states | {form.name: form.touch(states[form.name], step) for form in self.blades}
         if self.cut is not None:
             damage = states["cohesion"]["damage"]
             begun |= {form.name: form.begun(states[form.name], damage) for form in self.surfaces}

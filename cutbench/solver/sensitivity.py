@@ -14,7 +14,7 @@ know that.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -103,7 +103,7 @@ class Sensitivities:
         forces = np.full(len(self._directions), np.nan)
         if self.lost is not None:
             return forces
-        begun = [self._begun(old.states) for old in self._rates]
+        begun = [self._begun(old.states, accepted.step) for old in self._rates]
         after = self._rates
         try:
             for number, (states, u) in enumerate(accepted.solves):
@@ -122,11 +122,11 @@ class Sensitivities:
         """du/dθ (ndof,) by parameter at the last step; nan where the tangent was singular on the way."""
         return [rates.u * (1.0 if self.lost is None else np.nan) for rates in self._rates]
 
-    def _begun(self, ended: dict) -> dict:
-        """Rates of the states that a step begins from. Θ is a switch: it has no derivative of its own."""
+    def _begun(self, ended: dict, step: Step) -> dict:
+        """Rates of the states that a ``step`` begins from. Θ is a switch: it has no derivative of its own."""
         begun = {name: {k: v for k, v in rates.items() if k != "touched"} for name, rates in ended.items()}
-        blades = [form for form in self._problem.blades if form.name in begun]
-        begun |= {form.name: form.begun(begun[form.name]) for form in blades}
+        blades = [form for form in self._problem.blades if "pressure" in begun.get(form.name, ())]
+        begun |= {form.name: form.begun(begun[form.name], step) for form in blades}
         damage = ended.get("cohesion", {}).get("damage")
         if damage is not None:
             begun |= {form.name: {"there": form.share.rate(damage)} for form in self._problem.surfaces}
@@ -189,13 +189,8 @@ class Sensitivities:
     def _trial(self, direction: Direction, u, states, rates, step) -> _Trial:
         old = self._rates[self._directions.index(direction)].u
         ih = 1j * STEP
-        moving = Step(
-            step.dt * self._speed / direction.speed if direction.speed.imag else step.dt,
-            step.u_old + ih * old,
-            step.centre,
-            step.centre_old,
-            step.damping_factor,
-        )
+        dt = step.dt * self._speed / direction.speed if direction.speed.imag else step.dt
+        moving = replace(step, dt=dt, u_old=step.u_old + ih * old)
         complex_states = {
             form.name: {
                 key: value + ih * rates[form.name][key] if key in rates.get(form.name, ()) else value

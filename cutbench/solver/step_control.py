@@ -31,6 +31,12 @@ class StepRules(StepTuning):
     #: A tenth of the step when damage grew by more than ``damage``, else five times (the paper's rule).
     paper: bool = False
 
+    @property
+    def second_order(self) -> bool:
+        """Whether rates are of second order: the paper's are not, and where damage is held they have no mean
+        over the step."""
+        return not (self.paper or self.staggered)
+
 
 class EnergyError(NoConvergence):
     """A step that converged, but whose energy does not close."""

@@ -22,7 +22,7 @@ class Viscous(Cut):
     role = "viscous"
     parameters = (ETA,)
     reads = ("G_c", "delta_c", "speed")
-    published = regularises = True
+    published = regularises = over_step = True
     settable = (
         Group(
             "viscosity", "eta_reg v/delta_c", r"$\eta_\mathrm{reg}\,v/\delta_\mathrm{c}$", "eta_reg",
