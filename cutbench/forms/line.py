@@ -38,7 +38,7 @@ def surface_lines(faces: Mapping[str, Faces], X: np.ndarray, wide: float = np.in
     return lines
 
 
-def _plain_near(x, y, reach, points):
+def _plain_near(x, y, reach, width):
     starts, ends, block = _blocks(x.shape[1])
     most = np.maximum.reduceat(reach[:-1], starts)
     # One direction for the whole way.
@@ -64,8 +64,8 @@ def _plain_near(x, y, reach, points):
     i, j = i[there], j[there]
     low, high = np.minimum(x, y), np.maximum(x, y)
     segments = _boxes(np.minimum(low[:, :-1], low[:, 1:]), np.maximum(high[:, :-1], high[:, 1:]))
-    first = _boxes(low - reach, high + reach) if points else segments
-    meet = _apart(first[:, i], segments[:, j]) <= 0
+    first = segments if width else _boxes(low, high)
+    meet = _apart(first[:, i], segments[:, j]) <= reach[i]
     return np.stack([i[meet], j[meet]])
 
 
@@ -79,10 +79,10 @@ def _runs(x, first, last, along):
 
 
 @compiled(_plain_near)
-def near(x, y, reach, points):
+def near(x, y, reach, width):
     """Points (but the last) and segments of the line x (2, n), or of what it sweeps on its way to y, that may
-    be nearer than the points' ``reach`` (n,); without ``points``, segments and segments. Pairs (2, k) of
-    numbers: a segment has that of its first point.
+    be nearer than the points' ``reach`` (n,), with a ``width`` of 0; segments and segments, of 1. Pairs (2, k)
+    of numbers: a segment has that of its first point.
 
     Boxes around them meet. Where a line goes on in one direction nobody looks.
     """
@@ -119,8 +119,7 @@ def near(x, y, reach, points):
             ):
                 continue
             for i in range(b * BLOCK, min((b + 1) * BLOCK, n)):
-                own = reach[i] if points else 0.0
-                to = i if points else i + 1
+                own, to = reach[i], i + width
                 left = min(min(x[0, i], y[0, i]), min(x[0, to], y[0, to])) - own
                 right = max(max(x[0, i], y[0, i]), max(x[0, to], y[0, to])) + own
                 below = min(min(x[1, i], y[1, i]), min(x[1, to], y[1, to])) - own
@@ -181,7 +180,7 @@ def _cross(a, b):
 
 def _plain_crossings(x):
     a, b = x[:, :-1], x[:, 1:]
-    i, j = (pairs := _plain_near(x, x, np.zeros(x.shape[1]), False))[:, pairs[0] + 1 < pairs[1]]
+    i, j = (pairs := _plain_near(x, x, np.zeros(x.shape[1]), 1))[:, pairs[0] + 1 < pairs[1]]
 
     def parted(i, j):
         """Whether the ends of j are on two sides of i."""
@@ -192,10 +191,14 @@ def _plain_crossings(x):
     return np.stack([i[cross], j[cross]])
 
 
-@compiled(_plain_crossings)
-def crossings(x):
+def crossings(x: np.ndarray) -> np.ndarray:
     """Which segments (2, k) of the line through the points x (2, n) cross that are not neighbours."""
-    pairs = near(x, x, np.zeros(x.shape[1]), False)
+    return _crossings(np.ascontiguousarray(x))
+
+
+@compiled(_plain_crossings)
+def _crossings(x):
+    pairs = near(x, x, np.zeros(x.shape[1]), np.int64(1))
     cross = np.zeros(pairs.shape[1], np.bool_)
     for k in range(cross.size):
         i, j = pairs[0, k], pairs[1, k]
@@ -209,7 +212,7 @@ def crossings(x):
 
 
 def _plain_room(x, y):
-    i, j = (pairs := _plain_near(x, y, np.zeros(x.shape[1]), True))[
+    i, j = (pairs := _plain_near(x, y, np.zeros(x.shape[1]), 0))[
         :, (pairs[0] != pairs[1]) & (pairs[0] != pairs[1] + 1)
     ]
     move = y - x
@@ -230,7 +233,7 @@ def _plain_room(x, y):
 def room(x, y):
     """Part of its straight way to y that the line x (2, n) goes before it touches itself; infinite where it
     does not."""
-    pairs, least = near(x, y, np.zeros(x.shape[1]), True), np.inf
+    pairs, least = near(x, y, np.zeros(x.shape[1]), np.int64(0)), np.inf
     for k in range(pairs.shape[1]):
         i, j = pairs[0, k], pairs[1, k]
         if i == j or i == j + 1:
@@ -251,21 +254,21 @@ def room(x, y):
 
 
 def _plain_meeting(x, reach):
-    i, e = _plain_near(x, x, reach, True)
+    i, e = _plain_near(x, x, reach, 0)
     apart = (i != e) & (i != e + 1)
     i, e = i[apart], e[apart]
     r, long = x[:, i] - x[:, e], x[:, e + 1] - x[:, e]
     along = (r * long).sum(axis=0) / np.maximum((long * long).sum(axis=0), 1e-300)
     foot = r - np.clip(along, 0, 1) * long
     close = (foot * foot).sum(axis=0) < reach[i] ** 2
-    return np.sort(i[close] * x.shape[1] + e[close])
+    return i[close] * x.shape[1] + e[close]
 
 
 @compiled(_plain_meeting)
 def meeting(x, reach):
     """Which points of the line x (2, n) are nearer than their ``reach`` (n,) to a segment that they are no
-    end of: codes (k,), rising, number of the point times n + that of the segment."""
-    pairs, n = near(x, x, reach, True), x.shape[1]
+    end of: codes (k,), number of the point times n + that of the segment."""
+    pairs, n = near(x, x, reach, np.int64(0)), x.shape[1]
     codes, size = np.empty(pairs.shape[1], np.int64), 0
     for k in range(codes.size):
         i, e = pairs[0, k], pairs[1, k]
@@ -276,7 +279,7 @@ def meeting(x, reach):
         if (r0 - along * l0) ** 2 + (r1 - along * l1) ** 2 < reach[i] ** 2:
             codes[size] = i * n + e
             size += 1
-    return np.sort(codes[:size])
+    return codes[:size]
 
 
 def overlap(x: np.ndarray) -> float:

@@ -153,7 +153,7 @@ class _Line:
 
     def pairs(self, x: np.ndarray, times: float) -> np.ndarray:
         """Codes of points and segments, none of them with itself, that may be nearer than so many d̂."""
-        i, e = near(x, x, times * self.reach, True)
+        i, e = near(x, x, times * self.reach, 0)
         return (i * self.nodes.size + e)[(i != e) & (i != e + 1)]
 
     def meeting(self, x: np.ndarray) -> np.ndarray:
@@ -161,7 +161,7 @@ class _Line:
         # Energy, forces and tangent are asked for one after the other.
         x = np.real(x)
         if not (self._last and np.array_equal(self._last[0], x)):
-            self._last[:] = x, meeting(np.ascontiguousarray(x), self.reach)
+            self._last[:] = x, np.sort(meeting(np.ascontiguousarray(x), self.reach))
         return self._last[1]
 
     def barrier(
