@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -12,8 +12,11 @@ try:
     if os.environ.get("CUTBENCH_COMPILED") == "0":
         raise ImportError("switched off by CUTBENCH_COMPILED=0")
     import numba
+    from numba.core import event
 except Exception:  # not installed, or broken: NumPy serves
     numba = None  # type: ignore[assignment]
+
+Part = TypeVar("Part")
 
 #: Whether loops are compiled here.
 COMPILED = numba is not None
@@ -35,6 +38,28 @@ def compiled(plain: Callable[..., Any] | None = None) -> Callable[[Callable[...,
             return numba.njit(error_model="numpy")(loops)
 
     return chosen
+
+
+def announced(parts: Iterator[Part], say: Callable[[], None]) -> Iterator[Part]:
+    """``parts``; where loops are compiled meanwhile, of which this machine keeps no code, ``say`` is called
+    first, once."""
+    if numba is None:
+        yield from parts
+        return
+
+    class Waiting(event.Listener):
+        said = False
+
+        def on_start(self, event) -> None:
+            if not self.said:
+                self.said = True
+                say()
+
+        def on_end(self, event) -> None:
+            pass
+
+    with event.install_listener("numba:compile", Waiting()):
+        yield from parts
 
 
 def shared(formula: Callable[..., Any]) -> Callable[..., Any]:

@@ -81,8 +81,8 @@ def _runs(x, first, last, along):
 @compiled(_plain_near)
 def near(x, y, reach, width):
     """Points (but the last) and segments of the line x (2, n), or of what it sweeps on its way to y, that may
-    be nearer than the points' ``reach`` (n,), with a ``width`` of 0; segments and segments, of 1. Pairs (2, k)
-    of numbers: a segment has that of its first point.
+    be nearer than the points' ``reach`` (n,), with a ``width`` of 0; segments and segments, of 1. Pairs
+    (2, k) of numbers: a segment has that of its first point.
 
     Boxes around them meet. Where a line goes on in one direction nobody looks.
     """

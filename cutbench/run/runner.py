@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from cutbench.base.compiled import announced
 from cutbench.base.progress import OnProgress, silent
 from cutbench.case.case import Case
 from cutbench.case.values import check_driven
@@ -35,6 +36,9 @@ _ADVICE = {
 
 #: Said of a run whose surface passes through itself.
 CROSSED = "(Beside the blade the surface passes through itself: nothing keeps one part of it off another.)"
+
+#: Said while a run waits for machine code that this machine does not have yet.
+COMPILING = "compiling, once on this machine"
 
 
 def run_case(
@@ -78,10 +82,17 @@ def run_case(
     last: tuple[Built, Accepted] | None = None
     keeper = _Keeper(meshes, ledger, front, crossing, pictures, began)
 
+    reported = 0.0, built.march.motion.end
+
     def report() -> None:
+        nonlocal reported
         now = ledger.last
         done = now["time_s"] * case.p.speed
-        on_progress(done, done if ending.known() else ending.mm(), f"{now['force_N']:.3g} N")
+        reported = done, done if ending.known() else ending.mm()
+        on_progress(*reported, f"{now['force_N']:.3g} N")
+
+    def waits() -> None:
+        on_progress(*reported, COMPILING)
 
     if kept:
         keeper.restore(kept)
@@ -89,7 +100,8 @@ def run_case(
         report()
     try:
         begin = Progress.of(kept["progress"]) if kept else None
-        for step in () if ending.known() else meshes.steps(begin, moved if names else None):
+        steps = meshes.steps(begin, moved if names else None)
+        for step in () if ending.known() else announced(steps, waits):
             built = meshes.built
             if follower is not None:
                 since = time.perf_counter()

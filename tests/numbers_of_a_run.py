@@ -1,0 +1,50 @@
+"""Numbers of evaluations and of a short run, kept in a file: ``python numbers_of_a_run.py FILE``."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+from coarse_runs import BRIEF, QUICK
+from test_self_contact import P, form_on, pocket
+
+from cutbench.case.case import load_case
+from cutbench.forms.base import Step
+from cutbench.run.build import build
+from cutbench.run.runner import run_case
+
+
+def evaluations() -> dict[str, np.ndarray]:
+    """Of problems at places that mean nothing."""
+    found: dict[str, np.ndarray] = {}
+    solid = load_case("gelatin", {"h": "2 mm", "element": "P1"}, dim=3)
+    cases = {"section": BRIEF, "whole": BRIEF.set(symmetry="full"), "mixed": BRIEF.set(element="P2P1")}
+    for name, case in (cases | {"solid": solid}).items():
+        problem, rng = build(case).problem, np.random.default_rng(4)
+        u, old = (1e-3 * rng.normal(size=problem.ndof) for _ in range(2))
+        apex = np.array([0.0, case.p.height - 0.2, 0.0])
+        states = problem.touched(problem.start())
+        at = problem.evaluate(u, states, Step(0.5, old, apex, apex + 0.1))
+        assert at.data is not None
+        found |= {f"{name} residual": at.residual, f"{name} data": at.data, f"{name} scale": at.scale}
+        found[f"{name} volume"] = problem.bulk.smallest_volume_ratio(u)
+        for form, state in at.states.items():
+            found |= {f"{name} {form} {key}": value for key, value in state.items()}
+    for seed in range(4):
+        X, u = pocket(seed)
+        form, du = form_on(X), np.random.default_rng(seed).normal(size=u.size)
+        form.learn(u)
+        local = form.evaluate(u, P, {}, None)
+        found |= {
+            f"{seed} force": local.vector,
+            f"{seed} matrix": local.matrix,
+            f"{seed} pairs": form.couples,
+        }
+        found |= {f"{seed} room": form.room(u, du), f"{seed} crosses": form.crosses(u + du)}
+    return found
+
+
+if __name__ == "__main__":
+    run = run_case(QUICK)
+    curves = {f"curve {name}": column for name, column in run.curve.items()}
+    np.savez(sys.argv[1], **evaluations(), **curves)
