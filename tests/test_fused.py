@@ -119,6 +119,19 @@ def test_pressure_of_tools(name):
     same(LAWS[name].pressure, GAP, 0.01 * stiffness, stiffness, Trial(LAWS[name]).numbers())
 
 
+@pytest.mark.parametrize("kind", ["distance", "number"])
+@pytest.mark.parametrize("name", ["contact", "blunt_tip"])
+def test_gap_of_elliptic_tips(name, kind):
+    law, p = getattr(LAWS[name], kind), Trial(LAWS[name]).numbers()
+    x, y = np.random.default_rng(2).uniform(-0.5, 0.5, (2, 60)) * [[1], [3]]
+    x[:2], y[:2] = (0.0, -0.0), -0.2
+    same(law, x, y, p, tolerance=1e-11)
+    if kind == "distance":
+        same(lambda x, y, p: np.imag(law(x, y + 1j * STEP, p)[2]) / STEP, x, y, p, tolerance=1e-11)
+    p.thickness += 1j * STEP
+    same(law, x, y, p, tolerance=1e-11)
+
+
 def test_a_complex_step_in_parameters_goes_through():
     law, jump = LAWS["stiff_cohesion"], Trial(LAWS["stiff_cohesion"]).jumps()
     p, state = Trial(law).numbers(), law.start(N, Trial(law).numbers())

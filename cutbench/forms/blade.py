@@ -163,8 +163,7 @@ class BladeForm(Form):
         g, gradient, H = self._gap.of(*met[:4], p)
         n, dn = (gradient, H) if self._gap.unit_gradient else unit(gradient, H)
         multiplier = state["multiplier"].take(met.near, axis=1).ravel()
-        press = self._pressure if real else self.tool.pressure
-        t_N, dp = press(g, multiplier, place.stiffness, p)
+        t_N, dp = self._pressure(g, multiplier, place.stiffness, p)
         push, turn = self._inward(u, place, tangent) if self._material else (n, ())
         parts = by_rate = np.zeros((0, 0))
         if self.frictions:

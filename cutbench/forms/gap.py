@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cutbench.base.compiled import compiled
+from cutbench.base.fused import fused
 from cutbench.forms.base import blend, gather
 from cutbench.forms.space import Faces
 from cutbench.mechanisms.base import STEP
@@ -104,7 +105,8 @@ class ToolGap:
     """Gap of ``kind`` (distance or ellipse) to the blade ``tool``."""
 
     def __init__(self, kind: str, tool, faces: Faces, height: float):
-        self._tool, self._law = tool, tool.number if kind == "ellipse" else tool.distance
+        self._tool, self._kind = tool, kind
+        self._law = fused(_law(tool, kind))
         self._faces, self._dim = faces, faces.X.shape[0]
         #: Whether the gradient has length 1.
         self.unit_gradient = kind == "distance"
@@ -149,8 +151,8 @@ class ToolGap:
             H[0, 0, beyond] = 0
             bent = np.flatnonzero(further)
             if bent.size and not np.iscomplexobj(over):  # third derivative of the gap, by a complex step
-                ahead = self._law(foot[bent], up[bent] + 1j * STEP, p)[2]
-                H[1, 1, bent] += over[bent] * ahead[0, 1].imag / STEP
+                ahead = fused(_bend_by_height)(self._tool, self._kind, foot[bent], up[bent], p)
+                H[1, 1, bent] += over[bent] * ahead
         if not self.unit_gradient:
             # In mm: on the band the paper's number is 2/a times the distance, to first order.
             g, n, H = (p.thickness / 4 * part for part in (g, n, H))
@@ -172,6 +174,15 @@ class ToolGap:
             along = X[2] * np.cos(np.real(turn)) + X[0] * np.sin(np.real(turn))
             g = np.where(np.abs(along) > np.real(p.length) / 2 + np.real(p.overhang), g + FAR, g)
         return g, gradient, second
+
+
+def _law(tool, kind: str):
+    return tool.number if kind == "ellipse" else tool.distance
+
+
+def _bend_by_height(tool, kind: str, x, y, p) -> np.ndarray:
+    """Derivative (N,) of the gap's mixed second derivative by the height."""
+    return np.imag(_law(tool, kind)(x, y + 1j * STEP, p)[2][0, 1]) / STEP
 
 
 def _in_frame(x, apex, turn, flank) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
