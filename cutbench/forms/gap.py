@@ -76,10 +76,9 @@ def met(u, u_old, way, apex, turn, extent, touched, dofs, N, X, flank):
             count += 1
     size = nq * count
     foot, over, up, slip = np.empty(size), np.zeros(size), np.empty(size), np.empty((dim, size))
-    for j in range(count):
-        f = near[j]
-        for q in range(nq):
-            k = q * count + j
+    for q in range(nq):
+        for j in range(count):
+            f, k = near[j], q * count + j
             x = 0.0
             for i in range(dim):
                 at, moved = X[i, q, f], -way[i]

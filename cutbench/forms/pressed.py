@@ -168,25 +168,26 @@ def pressed(contact, sliding, found):
     vector, matrix, pressure, active, normal_traction, shear, shares, slid, held = found
     dim, (nq, nn, count) = len(n), Na.shape
     laws, tangent, rated = len(parts), matrix.size > 0, by_rate.size > 0
+    size = nq * count
+    force, slope = np.empty((dim, size)), np.empty((dim, dim, size if tangent else 0))  # times weights
     # Views of the arrays at each point would take longer than what is done with them.
-    normal, way_, before, traction = np.zeros(dim), np.zeros(dim), np.zeros(dim), np.zeros(dim)
+    normal, passed, before, traction = np.zeros(dim), np.zeros(dim), np.zeros(dim), np.zeros(dim)
     turn, D = np.zeros((dim, dim)), np.zeros((dim, dim))
-    for j in range(count):
-        f = near[j]
-        for q in range(nq):
-            k = q * count + j
+    for q in range(nq):
+        for j in range(count):
+            f, k = near[j], q * count + j
             if laws > 0:
                 strength = 0.0
                 for law in range(laws):
                     strength += parts[law, k]
                 for i in range(dim):
-                    normal[i], way_[i], before[i] = n[i, k], slip[i, k], old[i, q, f]
+                    normal[i], passed[i], before[i] = n[i, k], slip[i, k], old[i, q, f]
                     if tangent:
                         for m in range(dim):
                             turn[i, m] = dn[i, m, k]
                 rate = by_rate[k] if rated else 0.0
                 moved = returned(
-                    normal, turn, before, way_, stick[k], strength, rate, dt, traction, D, tangent, rated
+                    normal, turn, before, passed, stick[k], strength, rate, dt, traction, D, tangent, rated
                 )
                 for law in range(laws):
                     shares[law, q, f] = parts[law, k] / (strength if strength > 0 else 1.0)
@@ -197,19 +198,29 @@ def pressed(contact, sliding, found):
             pressure[q, f], active[q, f] = t_N[k], t_N[k] > 0
             for i in range(dim):
                 shear[i, q, f], normal_traction[i, q, f] = traction[i], t_N[k] * push[i, k]
-                force = (normal_traction[i, q, f] + traction[i]) * w[q, j]
-                for a in range(nn):
-                    vector[i * nn + a, f] -= Na[q, a, j] * force
-            if not tangent:
-                continue
-            for i in range(dim):
-                for m in range(dim):
-                    slope = dp[k] * push[i, k] * gradient[m, k]
-                    if laws > 0:
-                        slope += D[i, m]
-                    if turns:
-                        slope += t_N[k] * dn[i, m, k]
-                    for a in range(nn):
-                        part = slope * w[q, j] * Na[q, a, j]
-                        for b in range(nn):
-                            matrix[i * nn + a, m * nn + b, f] -= part * Na[q, b, j]
+                force[i, k] = (normal_traction[i, q, f] + traction[i]) * w[q, j]
+                if tangent:
+                    for m in range(dim):
+                        whole = dp[k] * push[i, k] * gradient[m, k] + D[i, m]
+                        if turns:
+                            whole += t_N[k] * dn[i, m, k]
+                        slope[i, m, k] = whole * w[q, j]
+    # Faces innermost: they stand side by side.
+    V, K = np.zeros((dim * nn, count)), np.zeros((dim * nn, dim * nn, count if tangent else 0))
+    for i in range(dim):
+        for a in range(nn):
+            for q in range(nq):
+                for j in range(count):
+                    V[i * nn + a, j] -= Na[q, a, j] * force[i, q * count + j]
+            for m in range(dim if tangent else 0):
+                for b in range(nn):
+                    for q in range(nq):
+                        for j in range(count):
+                            part = Na[q, a, j] * Na[q, b, j]
+                            K[i * nn + a, m * nn + b, j] -= part * slope[i, m, q * count + j]
+    for i in range(dim * nn):
+        for j in range(count):
+            vector[i, near[j]] = V[i, j]
+        for m in range(dim * nn if tangent else 0):
+            for j in range(count):
+                matrix[i, m, near[j]] = K[i, m, j]
