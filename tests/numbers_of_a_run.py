@@ -24,12 +24,18 @@ def evaluations() -> dict[str, np.ndarray]:
         u, old = (1e-3 * rng.normal(size=problem.ndof) for _ in range(2))
         apex = np.array([0.0, case.p.height - 0.2, 0.0])
         states = problem.touched(problem.start())
-        at = problem.evaluate(u, states, Step(0.5, old, apex, apex + 0.1))
+        step = Step(0.5, old, apex, apex + 0.1)
+        at = problem.evaluate(u, states, step)
         assert at.data is not None
         found |= {f"{name} residual": at.residual, f"{name} data": at.data, f"{name} scale": at.scale}
         found[f"{name} volume"] = problem.bulk.smallest_volume_ratio(u)
-        for form, state in at.states.items():
-            found |= {f"{name} {form} {key}": value for key, value in state.items()}
+        for form in problem.forms:
+            local = form.evaluate(u, problem.p, states[form.name], step)
+            found[f"{name} {form.name} vector"] = local.vector
+            if local.matrix is not None:
+                found[f"{name} {form.name} matrix"] = local.matrix
+            state = at.states[form.name]
+            found |= {f"{name} {form.name} {key}": value for key, value in state.items()}
     for seed in range(4):
         X, u = pocket(seed)
         form, du = form_on(X), np.random.default_rng(seed).normal(size=u.size)
