@@ -56,7 +56,7 @@ class Spring(BladeForm):
     def start(self, p):
         return {}
 
-    def touch(self, state):
+    def touch(self, state, step=None):
         return state
 
     def evaluate(self, u, p, state, step, tangent=True):
