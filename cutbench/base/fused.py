@@ -125,7 +125,9 @@ class _Reading:
             return type(x)(*parts) if hasattr(x, "_fields") else type(x)(parts)
         same = "==" if isinstance(x, (int, str)) and not isinstance(x, bool) else "is"
         flag = f"{place} {same} {self._object(x)}"
-        self._guards.insert(0 if place.isalnum() else len(self._guards), flag)  # what differs most often first
+        self._guards.insert(
+            0 if place.isalnum() else len(self._guards), flag
+        )  # what differs most often first
         return x
 
     def _leaf(self, place: str, leading: tuple[int, ...] | None) -> Any:

@@ -105,7 +105,7 @@ class ToolGap:
 
     def __init__(self, kind: str, tool, faces: Faces, height: float):
         self._tool, self._kind = tool, kind
-        self._law = fused(_law(tool, kind))
+        self._law = fused(_continued)
         self._faces, self._dim = faces, faces.X.shape[0]
         #: Whether the gradient has length 1.
         self.unit_gradient = kind == "distance"
@@ -141,17 +141,11 @@ class ToolGap:
     def of(self, near, foot, over, up, p):
         """Gap (N,), gradient (dim, N) and second derivative (dim, dim, N) at points in the tool's frame."""
         dim = self._dim
-        g, n, H = self._law(foot, up, p)
-        beyond = np.flatnonzero(over.real)
-        if beyond.size:
-            g = g + over * n[0]
-            further = over * H[0, 1]
-            n[1] += further
-            H[0, 0, beyond] = 0
-            bent = np.flatnonzero(further)
-            if bent.size and not np.iscomplexobj(over):  # third derivative of the gap, by a complex step
-                ahead = fused(_bend_by_height)(self._tool, self._kind, foot[bent], up[bent], p)
-                H[1, 1, bent] += over[bent] * ahead
+        g, n, H, further = self._law(self._tool, self._kind, foot, over, up, p)
+        bent = np.flatnonzero(further)
+        if bent.size and not np.iscomplexobj(over):  # third derivative of the gap, by a complex step
+            ahead = fused(_bend_by_height)(self._tool, self._kind, foot[bent], up[bent], p)
+            H[1, 1, bent] += over[bent] * ahead
         if not self.unit_gradient:
             # In mm: on the band the paper's number is 2/a times the distance, to first order.
             g, n, H = (p.thickness / 4 * part for part in (g, n, H))
@@ -177,6 +171,14 @@ class ToolGap:
 
 def _law(tool, kind: str):
     return tool.number if kind == "ellipse" else tool.distance
+
+
+def _continued(tool, kind: str, foot, over, up, p):
+    """Gap, gradient and second derivative, linear beyond the mid-plane, and what the gradient gains there."""
+    g, n, H = _law(tool, kind)(foot, up, p)
+    further, across = over * H[0, 1], np.where(np.real(over) == 0, H[0, 0], 0)
+    second = np.stack([np.stack([across, H[0, 1]]), np.stack([H[1, 0], H[1, 1]])])
+    return g + over * n[0], np.stack([n[0], n[1] + further]), second, further
 
 
 def _bend_by_height(tool, kind: str, x, y, p) -> np.ndarray:
