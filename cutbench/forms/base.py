@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from cutbench.base.compiled import compiled
+
 
 @dataclass
 class Step:
@@ -120,6 +122,27 @@ def blend(N: np.ndarray, values: np.ndarray) -> np.ndarray:
     out = N[None, :, 0] * values[:, None, 0]
     for a in range(1, N.shape[1]):
         out += N[None, :, a] * values[:, None, a]
+    return out
+
+
+def spread(matrices: np.ndarray, local: np.ndarray) -> np.ndarray:
+    """Local ``matrices`` (nn, nn, n) times each component of local vectors (c·nn, n), real or complex."""
+    return (_plain_spread if np.iscomplexobj(local) else _spread)(matrices, local)
+
+
+def _plain_spread(matrices, local):
+    parts = local.reshape(-1, *matrices.shape[1:])
+    return np.einsum("abe,ibe->iae", matrices, parts).reshape(local.shape)
+
+
+@compiled(_plain_spread)
+def _spread(matrices, local):
+    nn, out = len(matrices), np.zeros_like(local)
+    for i in range(0, len(local), nn):
+        for a in range(nn):
+            for b in range(nn):
+                for e in range(local.shape[1]):
+                    out[i + a, e] += matrices[a, b, e] * local[i + b, e]
     return out
 
 

@@ -11,25 +11,8 @@ from copy import copy
 
 import numpy as np
 
-from cutbench.base.compiled import compiled
-from cutbench.forms.base import Form, Local, component_major
+from cutbench.forms.base import Form, Local, component_major, spread
 from cutbench.forms.space import Volume
-
-
-def _plain_spread(laplace, du):
-    return np.einsum("abe,ibe->iae", laplace, du.reshape(-1, *laplace.shape[1:])).reshape(du.shape)
-
-
-@compiled(_plain_spread)
-def _spread(laplace, du):
-    """Matrices (nn, nn, ne) times each component of local vectors (dim·nn, ne)."""
-    nn, out = len(laplace), np.zeros_like(du)
-    for i in range(0, len(du), nn):
-        for a in range(nn):
-            for b in range(nn):
-                for e in range(du.shape[1]):
-                    out[i + a, e] += laplace[a, b, e] * du[i + b, e]
-    return out
 
 
 class DampingForm(Form):
@@ -67,7 +50,7 @@ class DampingForm(Form):
 
     def evaluate(self, u, p, state, step, tangent=True):
         du = np.take(self.factor(step) * (u - step.u_old), self.dofs)
-        force = (_plain_spread if np.iscomplexobj(du) else _spread)(self._laplace, du)
+        force = spread(self._laplace, du)
         return Local(force, self.factor(step) * self.unit_matrix if tangent else None, {"force": force})
 
     def work(self, u, p, old, new, step):

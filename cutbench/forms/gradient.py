@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cutbench.forms.base import Local
+from cutbench.forms.base import Local, spread
 from cutbench.forms.bending import BendingForm
 
 
@@ -30,22 +30,19 @@ class GradientForm(BendingForm):
             rows[i, i] = flat * keep[i]
         rows = rows.reshape(dim, -1, columns)
         start = keep * (weights * X).sum(axis=(1, 2))
-        self._arrays = (rows, start, area, np.einsum("din,djn->ijn", rows, rows) / area)
+        matrices = np.ascontiguousarray(np.einsum("din,djn->ijn", rows, rows) / area)
+        self._arrays = (rows, start, area, matrices, np.einsum("din,dn->in", rows, start / area))
 
     def coefficient(self, p):
         return self.law.gradient(p)
 
-    def _summed(self, U):
-        """The Laplacian of φ at each node times its area (dim, n)."""
-        rows, start, *_ = self._arrays
-        return start + np.einsum("din,in->dn", rows, U)
-
     def energies(self, U):
-        return (self._summed(U) ** 2).sum(axis=0) / (2 * self._arrays[2])
+        rows, start, area, *_ = self._arrays
+        return ((start + np.einsum("din,in->dn", rows, U)) ** 2).sum(axis=0) / (2 * area)
 
     def forces(self, U, there):
-        rows, _, area, _ = self._arrays
-        return np.einsum("din,dn->in", rows, self._summed(U) * (there / area))
+        *_, matrices, start = self._arrays
+        return there * (start + spread(matrices, U))
 
     def evaluate(self, u, p, state, step, tangent=True):
         found = super().evaluate(u, p, state, step, tangent=False)
