@@ -89,21 +89,25 @@ def near(x, y, reach, width):
     n = x.shape[1] - 1  # segments
     count = (n + BLOCK - 1) // BLOCK
     most, on, along = np.zeros(count), np.ones(count, np.bool_), np.zeros(2)
-    low, high = np.empty((2, count)), np.empty((2, count))
-    for b in range(count):
-        first, last = b * BLOCK, min((b + 1) * BLOCK, n)
-        most[b] = reach[first:last].max()
-        for k in range(2):
-            low[k, b] = min(x[k, first : last + 1].min(), y[k, first : last + 1].min())
-            high[k, b] = max(x[k, first : last + 1].max(), y[k, first : last + 1].max())
+    # Boxes of segments, and of blocks of them.
+    least, largest = np.empty((2, n)), np.empty((2, n))
+    low, high = np.full((2, count), np.inf), np.full((2, count), -np.inf)
+    for k in range(2):
+        for i in range(n):
+            least[k, i] = min(min(x[k, i], x[k, i + 1]), min(y[k, i], y[k, i + 1]))
+            largest[k, i] = max(max(x[k, i], x[k, i + 1]), max(y[k, i], y[k, i + 1]))
+            low[k, i // BLOCK] = min(low[k, i // BLOCK], least[k, i])
+            high[k, i // BLOCK] = max(high[k, i // BLOCK], largest[k, i])
+    for i in range(n):
+        most[i // BLOCK] = max(most[i // BLOCK], reach[i])
     for b in range(count):
         first, last, far = b * BLOCK, min((b + 1) * BLOCK, n), min((b + 2) * BLOCK, n)
         for k in range(2):  # one direction for the whole way
             along[k] = (x[k, far] + y[k, far] - x[k, first] - y[k, first]) / 2
         along /= max(np.sqrt(along[0] ** 2 + along[1] ** 2), 1e-300)
-        least = max(most[b], most[(b + 1) % count])
+        room = max(most[b], most[(b + 1) % count])
         for z in (x, y):
-            on[b] &= _runs(z, first, last, along) > least and _runs(z, last, far, along) > least
+            on[b] &= _runs(z, first, last, along) > room and _runs(z, last, far, along) > room
     found, size = np.empty((2, 64), np.int64), 0
     for b in range(count):
         for c in range(count):
@@ -119,17 +123,19 @@ def near(x, y, reach, width):
             ):
                 continue
             for i in range(b * BLOCK, min((b + 1) * BLOCK, n)):
-                own, to = reach[i], i + width
-                left = min(min(x[0, i], y[0, i]), min(x[0, to], y[0, to])) - own
-                right = max(max(x[0, i], y[0, i]), max(x[0, to], y[0, to])) + own
-                below = min(min(x[1, i], y[1, i]), min(x[1, to], y[1, to])) - own
-                above = max(max(x[1, i], y[1, i]), max(x[1, to], y[1, to])) + own
+                if width:
+                    left, right, below, above = least[0, i], largest[0, i], least[1, i], largest[1, i]
+                else:
+                    left, right = min(x[0, i], y[0, i]) - reach[i], max(x[0, i], y[0, i]) + reach[i]
+                    below, above = min(x[1, i], y[1, i]) - reach[i], max(x[1, i], y[1, i]) + reach[i]
+                if low[0, c] > right or high[0, c] < left or low[1, c] > above or high[1, c] < below:
+                    continue
                 for j in range(c * BLOCK, min((c + 1) * BLOCK, n)):
                     if (
-                        min(min(x[0, j], x[0, j + 1]), min(y[0, j], y[0, j + 1])) <= right
-                        and max(max(x[0, j], x[0, j + 1]), max(y[0, j], y[0, j + 1])) >= left
-                        and min(min(x[1, j], x[1, j + 1]), min(y[1, j], y[1, j + 1])) <= above
-                        and max(max(x[1, j], x[1, j + 1]), max(y[1, j], y[1, j + 1])) >= below
+                        least[0, j] <= right
+                        and largest[0, j] >= left
+                        and least[1, j] <= above
+                        and largest[1, j] >= below
                     ):
                         if size == found.shape[1]:
                             found = np.concatenate((found, np.empty((2, size), np.int64)), axis=1)
