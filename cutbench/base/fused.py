@@ -124,10 +124,8 @@ class _Reading:
             parts = [self._read(each, f"{place}[{i}]") for i, each in enumerate(x)]
             return type(x)(*parts) if hasattr(x, "_fields") else type(x)(parts)
         same = "==" if isinstance(x, (int, str)) and not isinstance(x, bool) else "is"
-        flag = f"{place} {same} {self._object(x)}"
-        self._guards.insert(
-            0 if place.isalnum() else len(self._guards), flag
-        )  # what differs most often first
+        # Arguments that are flags differ most often.
+        self._guards.insert(0 if place.isalnum() else len(self._guards), f"{place} {same} {self._object(x)}")
         return x
 
     def _leaf(self, place: str, leading: tuple[int, ...] | None) -> Any:

@@ -15,7 +15,7 @@ from cutbench.base.fused import fused
 from cutbench.forms.base import AT_REST, Form, Local, Step, blend, component_major, gather
 from cutbench.forms.gap import ToolGap
 from cutbench.forms.normals import cross, inward, unit
-from cutbench.forms.pressed import Contact, Found, Sliding, pressed, pressed_plain, sandwich
+from cutbench.forms.pressed import Contact, Found, Sliding, pressed, sandwich
 from cutbench.forms.sliding import Strengths
 from cutbench.forms.space import Faces
 from cutbench.mechanisms.base import Tool
@@ -155,7 +155,7 @@ class BladeForm(Form):
         new = {**state, **scalars, **vectors, "shares": np.zeros((len(self.frictions), nq, nf), kind)}
         if not real:
             new = {name: value.astype(complex, copy=False) for name, value in new.items()}
-        vector, matrix = np.zeros((nd, nf), kind), np.zeros((nd, nd, nf) if tangent else (0, 0, 0))
+        vector, matrix = np.zeros((nd, nf), kind), np.zeros((nd, nd, nf) if tangent else (0, 0, 0), kind)
         local = Local(vector, matrix if tangent else None, new)
         if met.near.size == 0:
             return local
@@ -165,7 +165,7 @@ class BladeForm(Form):
         multiplier = state["multiplier"].take(met.near, axis=1).ravel()
         t_N, dp = self._pressure(g, multiplier, place.stiffness, p)
         push, turn = self._inward(u, place, tangent) if self._material else (n, ())
-        parts = by_rate = np.zeros((0, 0))
+        parts, by_rate = np.zeros((0, 0)), np.zeros(0)
         if self.frictions:
             parts, by_rate = self._strengths.at(place, n, met.slip, p, state, step, tangent)
             new["slid"] = old["slid"].copy()
@@ -173,12 +173,17 @@ class BladeForm(Form):
         if release > 0:
             new["touched"] = old["touched"].copy()
         f = place.faces
+        slip, stick = met.slip, place.stick
+        if not real:
+            g, gradient, n, dn, push, t_N, dp, slip, stick, parts, by_rate = (
+                np.ascontiguousarray(each, complex)
+                for each in (g, gradient, n, dn, push, t_N, dp, slip, stick, parts, by_rate)
+            )
         contact = Contact(met.near, f.N, f.w, g, gradient, n, dn, push, not self._material, t_N, dp)
         known = old["shear"], old["touched"], release
         names = ("pressure", "active", "normal_traction", "shear", "shares", "slid", "touched")
-        fill = pressed if real else pressed_plain
-        slides = Sliding(met.slip, place.stick, parts, by_rate.ravel(), step.dt, *known)
-        fill(contact, slides, Found(vector, matrix, *(new[name] for name in names)))
+        slides = Sliding(slip, stick, parts, by_rate, kind.type(step.dt), *known)
+        pressed(contact, slides, Found(vector, matrix, *(new[name] for name in names)))
         if tangent:
             for dt, dN in zip(turn, f.dN, strict=False):
                 K = sandwich(dt * (t_N.reshape(f.w.shape) * f.w), f.N[:, :, None] * dN[:, None])

@@ -59,23 +59,24 @@ def met(u, u_old, way, apex, turn, extent, touched, dofs, N, X, flank):
         left = low = across_least = up_least = np.inf
         right = high = across_most = up_most = -np.inf
         for q in range(nq):
-            meets |= touched[q, f] > 0
-            x = X[0, q, f] if dim == 2 else X[0, q, f] * c - X[2, q, f] * s
+            meets |= touched[q, f].real > 0
+            x = X[0, q, f] if dim == 2 else X[0, q, f] * c.real - X[2, q, f] * s.real
             left, right = min(left, x), max(right, x)
             low, high = min(low, X[1, q, f]), max(high, X[1, q, f])
         for a in range(nn):
-            x, y = u[dofs[a, f]], u[dofs[nn + a, f]]
+            x, y = u[dofs[a, f]].real, u[dofs[nn + a, f]].real
             if dim == 3:
-                x = x * c - u[dofs[2 * nn + a, f]] * s
+                x = x * c.real - u[dofs[2 * nn + a, f]].real * s.real
             across_least, across_most = min(across_least, x), max(across_most, x)
             up_least, up_most = min(up_least, y), max(up_most, y)
         beside = left + across_least < most + REACH and right + across_most > least - REACH
-        level = high + up_most > apex[1] - REACH and low + up_least < apex[1] + top + REACH
+        level = high + up_most > apex[1].real - REACH and low + up_least < apex[1].real + top + REACH
         if meets or (beside and level):
             near[count] = f
             count += 1
     size = nq * count
-    foot, over, up, slip = np.empty(size), np.zeros(size), np.empty(size), np.empty((dim, size))
+    foot, over, up = np.empty(size, u.dtype), np.zeros(size, u.dtype), np.empty(size, u.dtype)
+    slip = np.empty((dim, size), u.dtype)
     for q in range(nq):
         for j in range(count):
             f, k = near[j], q * count + j
@@ -94,9 +95,11 @@ def met(u, u_old, way, apex, turn, extent, touched, dofs, N, X, flank):
                 else:
                     x -= at * s
             x -= apex[0]
-            if x * flank[f] < 0:  # there the gap goes on linearly
+            if x.real * flank[f] < 0:  # there the gap goes on linearly
                 over[k], x = x, 0.0
-            foot[k] = np.copysign(x, flank[f])
+            if np.copysign(1.0, x.real) * flank[f] < 0:  # of zeros
+                x = -np.conj(x)
+            foot[k] = x
     return near[:count].copy(), foot, over, up, slip
 
 
@@ -128,10 +131,10 @@ class ToolGap:
     def met(self, u, p, touched, step, dofs, real: bool) -> Met:
         """The points near the blade, for displacements ``u``; ``real`` unless anything is complex."""
         dim, faces = self._dim, self._faces
-        turn = p.tilt + 0.0 if dim == 3 else 0.0
-        way = (step.centre - step.centre_old)[:dim]
-        given = u, step.u_old, way, step.centre, turn, self.extent(p), touched, dofs
-        return Met(*(met if real else _met)(*given, faces.N, faces.X, self._flank))
+        kind = float if real else complex
+        moves = u, step.u_old, (step.centre - step.centre_old)[:dim], step.centre
+        given = (*(np.asarray(each, kind) for each in moves), kind(p.tilt if dim == 3 else 0.0))
+        return Met(*met(*given, self.extent(p), touched, dofs, faces.N, faces.X, self._flank))
 
     def at(self, x: np.ndarray, near: np.ndarray, p, centre):
         """As ``of`` where points of the faces ``near`` now are, x (dim, nq, nf)."""

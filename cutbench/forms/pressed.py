@@ -169,10 +169,13 @@ def pressed(contact, sliding, found):
     dim, (nq, nn, count) = len(n), Na.shape
     laws, tangent, rated = len(parts), matrix.size > 0, by_rate.size > 0
     size = nq * count
-    force, slope = np.empty((dim, size)), np.empty((dim, dim, size if tangent else 0))  # times weights
+    kind = vector.dtype
+    force = np.empty((dim, size), kind)  # times weights
+    slope = np.empty((dim, dim, size if tangent else 0), kind)
     # Views of the arrays at each point would take longer than what is done with them.
-    normal, passed, before, traction = np.zeros(dim), np.zeros(dim), np.zeros(dim), np.zeros(dim)
-    turn, D = np.zeros((dim, dim)), np.zeros((dim, dim))
+    normal, passed = np.zeros(dim, kind), np.zeros(dim, kind)
+    before, traction = np.zeros(dim, kind), np.zeros(dim, kind)
+    turn, D = np.zeros((dim, dim), kind), np.zeros((dim, dim), kind)
     for q in range(nq):
         for j in range(count):
             f, k = near[j], q * count + j
@@ -190,12 +193,12 @@ def pressed(contact, sliding, found):
                     normal, turn, before, passed, stick[k], strength, rate, dt, traction, D, tangent, rated
                 )
                 for law in range(laws):
-                    shares[law, q, f] = parts[law, k] / (strength if strength > 0 else 1.0)
-                if touched[q, f] > 0 or t_N[k] > 0:
+                    shares[law, q, f] = parts[law, k] / (strength if strength.real > 0 else 1.0)
+                if touched[q, f].real > 0 or t_N[k].real > 0:
                     slid[q, f] += moved
-            if release > 0 and not g[k] < release:
+            if release > 0 and not g[k].real < release:
                 held[q, f] = 0.0
-            pressure[q, f], active[q, f] = t_N[k], t_N[k] > 0
+            pressure[q, f], active[q, f] = t_N[k], 1.0 if t_N[k].real > 0 else 0.0
             for i in range(dim):
                 shear[i, q, f], normal_traction[i, q, f] = traction[i], t_N[k] * push[i, k]
                 force[i, k] = (normal_traction[i, q, f] + traction[i]) * w[q, j]
@@ -206,7 +209,7 @@ def pressed(contact, sliding, found):
                             whole += t_N[k] * dn[i, m, k]
                         slope[i, m, k] = whole * w[q, j]
     # Faces innermost: they stand side by side.
-    V, K = np.zeros((dim * nn, count)), np.zeros((dim * nn, dim * nn, count if tangent else 0))
+    V, K = np.zeros((dim * nn, count), kind), np.zeros((dim * nn, dim * nn, count if tangent else 0), kind)
     for i in range(dim):
         for a in range(nn):
             for q in range(nq):

@@ -1,5 +1,6 @@
 """Mechanisms: one effect, one file. A law alone declares its parameters, groups, levers and names."""
 
+from cutbench.base.symbols import iterated
 from cutbench.base.units import Parameter
 from cutbench.mechanisms.base import (
     Answer,
@@ -41,6 +42,7 @@ __all__ = [
     "Tool",
     "Volumetric",
     "file_of",
+    "iterated",
     "known_mechanisms",
     "registry",
     "use_mechanisms",
