@@ -1,1 +1,1 @@
-"""What a run costs on this machine: ``python -m benchmarks [--quick] [--json FILE]``."""
+"""What runs cost on this machine, and how they stand what may happen: each module says how it is called."""

@@ -1,140 +1,157 @@
-"""``python -m benchmarks [--quick] [--only NAME] [--repeat N] [--json FILE]``: seconds, iterations, memory.
+"""``python -m benchmarks [--against COMMIT] [--all [--write]] [--quick] [--json FILE]``: what a run costs.
 
-Each job runs in a process of its own with one thread. This process imports no numpy: on Linux a child's
-peak memory starts at its parent's size. Exit status 1 if a job fell short, 2 for bad input.
+Each material at the defaults, in CPU seconds, beside its limit: the time in factorization and solution of the
+iterations made. ``--against``: the same runs in an older commit, by turns, each in a process of its own with
+one thread and this interpreter. ``--all``: beside an older commit, beside the peer (``benchmarks.peer``), and
+runs to the transition (``benchmarks.transition``); ``--write`` puts it into the documentation's table
+(``benchmarks.page``), from a tree without changes. Exit status 1 if a run fell short, 2 for bad input.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
-import os
-import subprocess
 import sys
-import tempfile
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from contextlib import nullcontext
 from pathlib import Path
 
-from benchmarks.jobs import JOBS, QUICK_MM, Job
-from benchmarks.machine import facts
-from cutbench.base.threads import ONE_THREAD
+from benchmarks import page, peer, transition
+from benchmarks.tools import ROOT, check_json, facts, fastest, files_of, here, job, known, table, timed
+from cutbench.base.files import write_json
 
-ROOT = Path(__file__).resolve().parents[1]
+MATERIALS = ("gelatin", "elastomer", "meat")
+DEPTH_MM, QUICK_MM = 7.0, 0.5
+#: The commit that ``--all`` is held against.
+OLDER = "dc2113e"
 
 _COLUMNS = (
-    "job", "solver", "mm", "dofs", "s", "steps", "given up", "iterations", "solves",
-    "ms/it", "window", "assembly", "factor.", "solve", "rest", "peak MB",
+    "run", "commit", "mm", "unknowns", "CPU s", "steps", "given up", "iterations", "factor.", "window",
+    "limit %", "onset mm", "peak N", "drop", "closure", "peak MB",
 )  # fmt: skip
 
 
-def run(job: Job, repeat: int) -> dict:
-    """The fastest of ``repeat`` runs of a job, with the seconds of all. RuntimeError if one crashes."""
-    found = []
-    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
-    for _ in range(repeat):
-        done = subprocess.run(
-            [sys.executable, "-m", "benchmarks.measure"], input=json.dumps(asdict(job)), text=True,
-            capture_output=True, env={**os.environ, **ONE_THREAD, "PYTHONPATH": path}, check=False,
-        )  # fmt: skip
-        if done.returncode != 0:
-            said = done.stderr.strip().splitlines()
-            raise RuntimeError(f"{job.name}: {said[-1] if said else f'exit status {done.returncode}'}")
-        found.append(json.loads(done.stdout))
-    best = min(found, key=lambda r: r["seconds"]["total"])
-    return {**asdict(job), **best, "all_seconds": [r["seconds"]["total"] for r in found]}
+def side_by_side(name: str, depth_mm: float, rounds: int, older: Path | None) -> dict:
+    """A material here and, where its files are given, in the older commit, by turns. RuntimeError where a
+    process crashes."""
+    trees = {"here": ROOT} if older is None else {"older": older, "here": ROOT}
+    found: dict[str, list[dict]] = {side: [] for side in trees}
+    for _ in range(rounds):
+        for side, tree in trees.items():
+            print(f"{name}, {side} ...", file=sys.stderr, flush=True)
+            found[side] += timed([job(name, depth_mm)], tree)
+    best = {side: fastest(records) for side, records in found.items()}
+    return {"run": name, "here": best["here"], "older": best.get("older")}
 
 
-def row(r: dict) -> list[str]:
+def row(name: str, commit: str, r: dict) -> list[str]:
     """A record as the table shows it."""
 
-    def ms(part: str) -> str:
-        value = r["ms_per_iteration"][part]
-        return "-" if value is None else f"{value:.2f}"
+    def shown(key: str, form: str, factor: float = 1.0) -> str:
+        return "-" if r[key] is None else format(factor * r[key], form)
 
-    reached = f"{r['reached_mm']:g}" + ("" if r["outcome"] == "done" else f" of {r['depth_mm']:g}")
-    peak = "-" if r["peak_MB"] is None else f"{r['peak_MB']:.0f}"
     return [
-        r["name"], r["solver"], reached, str(r["degrees_of_freedom"]), f"{r['seconds']['total']:.2f}",
-        str(r["steps"]), str(r["rejected_steps"]), str(r["iterations"]), str(r["solves"]),
-        ms("total"), ms("window"), ms("assembly"), ms("factorization"), ms("solve"), ms("rest"), peak,
+        name, commit, shown("reached_mm", "g"), shown("unknowns", "d", 1), shown("cpu_s", ".2f"),
+        *(shown(key, "d", 1) for key in ("steps", "rejected_steps", "iterations", "factorization_calls",
+                                         "window_factorization_calls")),
+        shown("limit", ".0f", 100), shown("onset_mm", ".3f"), shown("peak_N", ".4g"),
+        shown("drop_rel", ".3f"), shown("closure", ".1e"), shown("peak_MB", ".0f"),
     ]  # fmt: skip
 
 
-def table(rows: Sequence[Sequence[str]], columns: Sequence[str] = _COLUMNS) -> str:
-    """Columns of text, the first to the left, numbers to the right."""
-    lines = [list(columns), *map(list, rows)]
-    widths = [max(len(line[i]) for line in lines) for i in range(len(columns))]
-    sides = [str.ljust if i < 2 else str.rjust for i in range(len(columns))]
-    shown = [
-        "  ".join(side(cell, width) for side, cell, width in zip(sides, line, widths, strict=True))
-        for line in lines
-    ]
-    return "\n".join([shown[0], "-" * len(shown[0]), *shown[1:]])
-
-
-def check_json(parser: argparse.ArgumentParser, path: Path | None) -> None:
-    """Before the runs, so that minutes of measuring do not end at a missing folder."""
-    if path is not None and not (path.parent.is_dir() and os.access(path.parent, os.W_OK)):
-        parser.error(f"--json = '{path}' cannot be used; expected a file in a folder that can be written to")
-
-
-def write_whole(path: Path, data: dict) -> None:
-    """Write JSON beside ``path`` and put it in its place: it is there whole or not at all."""
-    with tempfile.NamedTemporaryFile(
-        "w", dir=path.parent, suffix=".tmp", delete=False, encoding="utf-8"
-    ) as draft:
-        json.dump(data, draft, indent=2)
-        draft.write("\n")
-    os.replace(draft.name, path)
-
-
 def options(argv: Sequence[str] | None) -> argparse.Namespace:
-    names = [job.name for job in JOBS]
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description="Time runs on this machine.")
-    quick = f"{QUICK_MM:g} mm of travel each: a check, no measurement"
-    parser.add_argument("--quick", action="store_true", help=quick)
+    parser.add_argument("--against", metavar="COMMIT", help=f"an older commit; --all takes {OLDER}")
+    parser.add_argument("--materials", default=",".join(MATERIALS), help="by name, with commas between")
     parser.add_argument(
-        "--only", action="append", choices=names, metavar="NAME", help=f"one of: {'; '.join(names)}"
+        "--depth", type=float, default=DEPTH_MM, metavar="MM", help="blade travel (default 7)"
     )
-    parser.add_argument("--repeat", type=int, default=1, metavar="N", help="the fastest of N runs counts")
+    parser.add_argument("--rounds", type=int, default=1, metavar="N", help="the fastest of N counts")
+    parser.add_argument("--all", action="store_true", help="the peer and runs to the transition, too")
+    parser.add_argument("--points", type=int, default=transition.POINTS, metavar="N", help="of those runs")
+    parser.add_argument("--python", default=peer.PYTHON, metavar="EXE", help="one that has DOLFINx")
+    parser.add_argument("--quick", action="store_true", help=f"{QUICK_MM:g} mm: a check, no measurement")
+    parser.add_argument("--write", action="store_true", help="put what --all finds into the documentation")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write everything there, too")
     asked = parser.parse_args(argv)
-    if asked.repeat < 1:
-        parser.error(f"--repeat = {asked.repeat} cannot be used; expected a whole number, 1 or more")
+    asked.materials = [name for name in asked.materials.split(",") if name]
+    wrong = set(asked.materials) - set(MATERIALS)
+    if wrong or not asked.materials:
+        value = ", ".join(sorted(wrong))
+        parser.error(f"--materials '{value}' cannot be used; expected some of {', '.join(MATERIALS)}")
+    for name, low in (("rounds", 1), ("points", 1)):
+        if getattr(asked, name) < low:
+            parser.error(
+                f"--{name} = {getattr(asked, name)} cannot be used; expected a whole number, 1 or more"
+            )
+    if not asked.depth > 0:
+        parser.error(f"--depth = {asked.depth:g} cannot be used; expected more than 0 mm")
+    if asked.write and (not asked.all or asked.quick):
+        parser.error("--write cannot be used like this; expected --all beside it, and no --quick")
+    if asked.write and here()["changed"] is not False:
+        parser.error(
+            "--write cannot be used here; expected a git clone without changes, so that a commit names it"
+        )
     check_json(parser, asked.json)
+    if asked.all and asked.against is None:
+        asked.against = OLDER
+    asked.older = None if asked.against is None else known(parser, "--against", asked.against)
     return asked
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     asked = options(argv)
-    jobs = [job for job in JOBS if asked.only is None or job.name in asked.only]
-    if asked.quick:
-        jobs = [replace(job, depth_mm=QUICK_MM) for job in jobs]
-    found, crashed = [], []
-    for job in jobs:
-        print(f"{job.name}, {job.depth_mm:g} mm ...", file=sys.stderr, flush=True)
-        try:
-            found.append(run(job, asked.repeat))
-        except RuntimeError as error:
-            crashed.append(str(error))
-            print(error, file=sys.stderr)
-    machine = facts(ONE_THREAD["OMP_NUM_THREADS"])
-    print(f"{machine['cpu']}, {machine['cores']} cores, {machine['threads_per_run']} thread a run")
-    print(machine["system"])
-    print(", ".join(f"{k} {v}" for k, v in {"python": machine["python"], **machine["versions"]}.items() if v))
-    print(table([row(r) for r in found]))
+    depth = QUICK_MM if asked.quick else asked.depth
+    command = "python -m benchmarks " + " ".join(sys.argv[1:] if argv is None else argv)
+    found = {
+        **here(), "command": command.strip(), "quick": asked.quick, "machine": facts(), "depth_mm": depth,
+        "older": asked.older, "runs": [],
+    }  # fmt: skip
+    crashed = []
+    with nullcontext() if asked.older is None else files_of(asked.older) as older:
+        for name in asked.materials:
+            try:
+                found["runs"].append(side_by_side(name, depth, asked.rounds, older))
+            except RuntimeError as error:
+                crashed.append(f"{name}: {error}")
+    rows = []
+    for r in found["runs"]:
+        rows += [row(r["run"], page.short(asked.older), r["older"])] if r["older"] else []
+        rows.append(row(r["run"], "here", r["here"]))
+    print(page.machine(found["machine"]))
+    print(table(rows, _COLUMNS))
     print(
-        "iterations: factorizations, also of steps that were given up; solves beyond them reuse one.\n"
-        "ms/it: time per iteration with its further solves. Where another program counts otherwise,\n"
-        "only the seconds compare."
+        "CPU s: of the run alone, in one thread; limit: the part of it in factorization and solution;"
+        " factor., window: factorizations\nof the whole body, and of the elements around the front."
     )
-    short = [r for r in found if r["outcome"] != "done"]
-    for r in short:
-        print(f"{r['name']}: {r['message']}")
+    for r in found["runs"]:
+        limit = r["here"]["limit"]
+        text = f"{r['run']}: {1 / limit:.2f} times its limit" if limit else r["run"]
+        if r["older"]:
+            times = r["older"]["cpu_s"] / r["here"]["cpu_s"]
+            text += f"; {page.short(asked.older)} takes {times:.2f} times as long"
+        print(text)
+    if asked.all:
+        few = (0.3, 20) if asked.quick else ()
+        try:
+            found["peer"] = peer.measured(asked.python, asked.rounds, *few)
+        except (OSError, RuntimeError) as error:
+            crashed.append(f"--python = '{asked.python}': {error}; expected one that has DOLFINx 0.5")
+        peer_s = found["peer"]["peer_s"] if "peer" in found else None
+        try:
+            changes = {"depth": "0.3 mm"} if asked.quick else {}
+            found["transition"] = transition.measured(asked.points, 1, peer_s, **changes)
+            print(transition.told(found["transition"]))
+        except RuntimeError as error:
+            crashed.append(f"transition: {error}")
+    sides = [r[side] for r in found["runs"] for side in ("here", "older") if r[side]]
+    short = [f"{r['material']}: {r['message']}" for r in sides if r["outcome"] != "done"]
+    for line in (*crashed, *short):
+        print(line, file=sys.stderr)
     if asked.json is not None:
-        write_whole(asked.json, {"quick": asked.quick, "machine": machine, "jobs": found, "crashed": crashed})
-    return 1 if short or crashed else 0
+        write_json({**found, "crashed": crashed}, asked.json)
+    if asked.write and not crashed:
+        print(f"written: {', '.join(page.write(found))}")
+    return 1 if crashed or short else 0
 
 
 if __name__ == "__main__":

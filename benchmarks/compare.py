@@ -1,8 +1,8 @@
 """``python -m benchmarks.compare OLD NEW [--only NAME ...] [--tolerance 1e-9] [--json FILE]``: what moved?
 
-Two commits side by side. Each is checked out into a temporary worktree, and the same jobs run in both by the
-command line alone, so that neither's inner layout matters: one thread a process, old and new of a job at a
-time. Every number of the tables and of the reports is compared, but for times, versions, ids and counts of
+Two commits side by side. The files of each are put into a temporary folder, and the same jobs run in both by
+the command line alone, so that neither's inner layout matters: one thread a process, old and new of a job at
+a time. Every number of the tables and of the reports is compared, but for times, versions, ids and counts of
 work. Differences of a curve are relative to the largest value of its unit, of other numbers to themselves.
 A name that only the newer commit has is reported; one that it has no more counts as a difference, unless its
 numbers are there under another name. Exit status 0 if all is equal within the tolerance, 1 if not, 2 for bad
@@ -22,18 +22,15 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.__main__ import check_json, table
 from benchmarks.compare_jobs import JOBS, Job
+from benchmarks.tools import check_json, files_of, known, table
+from cutbench.base.files import write_json
 from cutbench.base.threads import ONE_THREAD
-from cutbench.run.files import write_json
-
-ROOT = Path(__file__).resolve().parents[1]
 
 Numbers = dict[str, np.ndarray]
 
@@ -46,18 +43,6 @@ IGNORED = {
 ERRORS = ("closure", "reaction_error", "chance")
 #: What a curve whose numbers moved is told by, beside the numbers that moved.
 MEASURES = ("onset_mm", "peak_N", "drop_rel", "steady_N", "max_N")
-
-
-@contextmanager
-def worktree(revision: str, at: Path) -> Iterator[Path]:
-    """A commit's files at ``at``, gone afterwards. CalledProcessError where git does not know it."""
-    git = ["git", "-C", str(ROOT), "worktree"]
-    add = [*git, "add", "-q", "--detach", str(at), revision]
-    subprocess.run(add, check=True, capture_output=True, text=True)
-    try:
-        yield at
-    finally:
-        subprocess.run([*git, "remove", "--force", str(at)], check=False, capture_output=True)
 
 
 def environment(tree: Path) -> dict[str, str]:
@@ -243,10 +228,8 @@ def options(argv: Sequence[str] | None) -> argparse.Namespace:
     asked = parser.parse_args(argv)
     if not 0 <= asked.tolerance < math.inf:
         parser.error(f"--tolerance = {asked.tolerance} cannot be used; expected a number, 0 or more")
-    for revision in (asked.old, asked.new):
-        known = ["git", "-C", str(ROOT), "rev-parse", "--verify", "--quiet", f"{revision}^{{commit}}"]
-        if subprocess.run(known, capture_output=True, check=False).returncode:
-            parser.error(f"'{revision}' cannot be used; expected a commit of the repository at {ROOT}")
+    for name in ("old", "new"):
+        known(parser, name.upper(), getattr(asked, name))
     check_json(parser, asked.json)
     return asked
 
@@ -256,7 +239,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     found = []
     with tempfile.TemporaryDirectory(prefix="compare-") as name:
         folder = Path(name)
-        with worktree(asked.old, folder / "tree-old") as old, worktree(asked.new, folder / "tree-new") as new:
+        with files_of(asked.old) as old, files_of(asked.new) as new:
             for job in JOBS:
                 if asked.only is None or job.name in asked.only:
                     print(f"{job.name}: {job.command} ...", file=sys.stderr, flush=True)

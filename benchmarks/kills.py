@@ -19,8 +19,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from benchmarks.__main__ import check_json, write_whole
-from benchmarks.machine import facts
+from benchmarks.tools import check_json, facts
+from cutbench.base.files import write_json
 
 STUDY = """title = "To be killed"
 base = "gelatin"
@@ -148,8 +148,8 @@ def main(argv: list[str] | None = None) -> int:
     print(f"kills: {kills}; runs {found['runs']} of {found['all_runs']}")
     print(f"lost {found['lost']}; written twice {found['written_twice']}; {maps}")
     if asked.json:
-        record = {"schema": 1, "seed": asked.seed, **found, "machine": facts("1")}
-        write_whole(asked.json, record)
+        record = {"schema": 1, "seed": asked.seed, **found, "machine": facts()}
+        write_json(record, asked.json)
     return 0 if good else 1
 
 

@@ -1,8 +1,8 @@
 """Timed runs in a process of their own: jobs as a JSON list on standard input, a record a line on output.
 
-With the package that PYTHONPATH has first, which may be an older one: so this file knows nothing of its
-neighbours, and of cutbench its first two public names alone. Before the first job a short run loads what a
-process loads once, compiled code with it; what that takes is told beside.
+With the package of the folder that it is started in, which may be an older one: so this file knows nothing of its
+neighbours, and of cutbench a few public names alone. Before the first job of a kind a short run loads what a
+process loads once, compiled code with it.
 """
 
 from __future__ import annotations
@@ -10,10 +10,11 @@ from __future__ import annotations
 import json
 import sys
 import time
+from pathlib import Path
 
 import cutbench
 
-#: Parts of a run's time that are the limit: what its factorizations and solutions take, wherever it makes them.
+#: Parts of a run's time that are the limit: factorizations and solutions, of the body and around the front.
 LIMIT = ("factorization", "solve", "window_factorization", "window_solve")
 COUNTS = ("steps", "rejected_steps", "iterations", "factorization_calls", "window_factorization_calls")
 MEASURES = ("onset_mm", "peak_N", "drop_rel", "closure")
@@ -54,16 +55,26 @@ def peak_MB() -> float | None:
 
 
 def main() -> None:
-    jobs = json.load(sys.stdin)
-    cutbench.run2d(cutbench.load_case(jobs[0]["material"], {"depth": f"{WARM_MM} mm"}))
-    before = time.process_time()
+    here = Path.cwd().resolve()
+    if not cutbench.__file__ or not Path(cutbench.__file__).resolve().is_relative_to(here):
+        sys.exit(f"cutbench is that of {cutbench.__file__}, not the one of {here}")
+    jobs, warm = json.load(sys.stdin), set()
     for job in jobs:
-        case = cutbench.load_case(job["material"], job["changes"])
+        case = job.pop("case", None)
+        if case is None:
+            case, kind = (
+                cutbench.load_case(job["material"], job["changes"]),
+                (job["material"], *job["changes"]),
+            )
+        else:
+            case, kind = cutbench.Case.from_dict(case), job["material"]
+        if kind not in warm:
+            cutbench.run2d(case.set(depth=f"{WARM_MM} mm"))
+            warm.add(kind)
         begin = time.process_time()
         result = cutbench.run2d(case)
         done = record(result, time.process_time() - begin)
-        print(json.dumps({**job, **done, "package": cutbench.__file__, "ready_s": before, "peak_MB": peak_MB()}),
-              flush=True)  # fmt: skip
+        print(json.dumps({**job, **done, "peak_MB": peak_MB()}), flush=True)
 
 
 if __name__ == "__main__":

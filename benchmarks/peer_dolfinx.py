@@ -1,10 +1,10 @@
 """One Newton iteration of the published model in DOLFINx, timed: assembly of both sides and a factorization.
 
-``peer_dolfinx.py [REPEAT]`` runs under an interpreter that has DOLFINx, without cutbench, and prints a line of
-JSON: CPU milliseconds. Plane strain, quadratic elements, 2,070 degrees of freedom; neo-Hookean bulk, cohesive
-traction with the printed viscosity on the cut plane, contact with the dimensionless gap along the material's
-normal on both faces. Friction, adhesion and updates of states, which the real thing has besides, are left
-out: it is rather faster than that.
+``peer_dolfinx.py [REPEAT]`` runs under an interpreter that has DOLFINx, without cutbench, and prints a line
+of JSON: CPU milliseconds. Plane strain, quadratic elements, 2,070 degrees of freedom; neo-Hookean bulk,
+cohesive traction with the printed viscosity on the cut plane, contact with the dimensionless gap along the
+material's normal on both faces. Friction, adhesion and updates of states, which the real thing has besides,
+are left out: it is rather faster than that.
 """
 
 import json

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.machine import facts
+from benchmarks.tools import facts
 from cutbench.base.errors import ComputationFailed
 from cutbench.base.files import write_json
 from cutbench.calibration.fitting import fit
@@ -93,7 +93,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         else:
             print(_line(found[-1]), flush=True)
         if asked.json is not None:
-            report = {"machine": facts("1"), "cases": found, "failed": failed, **summary(found)}
+            report = {"machine": facts(), "cases": found, "failed": failed, **summary(found)}
             write_json(report, asked.json)
     if not found:
         return 1

@@ -20,8 +20,9 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.__main__ import check_json, write_whole
+from benchmarks.tools import ROOT, check_json
 from cutbench.base.errors import CutbenchError
+from cutbench.base.files import write_json
 from cutbench.case.case import Case
 from cutbench.maps.axes import Axis
 from cutbench.maps.study import Study, load_study
@@ -31,7 +32,6 @@ from cutbench.run.pool.worker import WorkerLost, work
 from cutbench.run.result import Result
 from cutbench.run.store.runs import Store
 
-ROOT = Path(__file__).resolve().parents[1]
 STUDY = ROOT / "studies" / "transition.toml"
 #: An axis is made longer by this part of its length.
 WIDEN = 0.5
@@ -61,13 +61,13 @@ class Side:
         return value if self.unit == "1" else f"{value!r} {self.unit}"
 
 
-def side_of(axis: Axis) -> Side:
-    """The axis, longer by half; nothing that was 0 or above falls below 0."""
+def side_of(axis: Axis, widen: float = WIDEN) -> Side:
+    """The axis, longer by a part of its length; nothing that was 0 or above falls below 0."""
     low, high = axis.values[0], axis.values[-1]
     if axis.scale == "log":
-        factor = (high / low) ** (WIDEN / 2)
+        factor = (high / low) ** (widen / 2)
         return Side(axis.name, axis.unit, low / factor, high * factor, True)
-    more = WIDEN / 2 * (high - low)
+    more = widen / 2 * (high - low)
     return Side(axis.name, axis.unit, max(low - more, 0.0) if low >= 0 else low - more, high + more, False)
 
 
@@ -84,8 +84,13 @@ def points(study: Study, count: int, *, seed: int = 1, **changes: object) -> lis
 
     The blade goes down to the bottom, whatever the study's depth, unless ``changes`` say otherwise.
     """
-    sides = box(study)
-    base = study.base.set(**{"depth": f"{study.base.p.height!r} mm", **changes})
+    return drawn(
+        study.base.set(**{"depth": f"{study.base.p.height!r} mm", **changes}), box(study), count, seed
+    )
+
+
+def drawn(base: Case, sides: Sequence[Side], count: int, seed: int) -> list[Case]:
+    """``base`` at ``count`` points of a Latin hypercube between ``sides``."""
     rng = np.random.default_rng(seed)
     # One point in each of ``count`` slices of every side, at random within it.
     slices = np.stack([rng.permutation(count) for _ in sides], axis=1)
@@ -205,7 +210,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         say(found)
         if asked.json is not None:
             runs = sorted(records, key=lambda r: r["id"])
-            write_whole(asked.json, {**found, "seed": asked.seed, "runs": runs})
+            write_json({**found, "seed": asked.seed, "runs": runs}, asked.json)
     except CutbenchError as error:
         print(error, file=sys.stderr)
         return error.exit_code

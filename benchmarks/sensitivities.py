@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.differences import Marched, differences
-from benchmarks.machine import facts
+from benchmarks.tools import facts
 from cutbench.base.errors import BadInput
 from cutbench.base.files import write_json
 from cutbench.case.case import Case, load_case
@@ -127,7 +127,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         cases = [load_case(m).set(depth=f"{asked.depth!r} mm") for m in asked.material or MATERIALS]
     except BadInput as error:
         parser.error(str(error))
-    report, good = {"machine": facts("1"), "materials": {}}, True
+    report, good = {"machine": facts(), "materials": {}}, True
     for case in cases:
         names = [name for name in NAMES if case.values.get(name)]
         paid = cost(case, names)

@@ -20,8 +20,9 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.__main__ import ROOT, check_json, table, write_whole
-from benchmarks.machine import facts
+from benchmarks.one_run import peak_MB
+from benchmarks.tools import ROOT, check_json, facts, table
+from cutbench.base.files import write_json
 from cutbench.base.threads import ONE_THREAD
 
 #: Element sizes in mm and how many thousand tetrahedra they give; the last two only if asked for.
@@ -45,7 +46,6 @@ def jobs(large: bool, run: bool) -> list[dict]:
 
 def measured(job: dict) -> dict:
     """Compute ``job`` in this process. Raises BadInput for a solver that is not installed."""
-    from benchmarks.measure import peak_MB
     from cutbench.case.case import load_case
     from cutbench.run.build import build
     from cutbench.solver.march import Stalled
@@ -138,7 +138,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         json.dump(measured(asked.job), sys.stdout)
         return 0
     found, crashed = [], []
-    machine = facts(ONE_THREAD["OMP_NUM_THREADS"])
+    machine = facts()
     for job in jobs(asked.large, asked.run):
         print(job, "...", file=sys.stderr, flush=True)
         try:
@@ -147,8 +147,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             crashed.append(str(error))
             print(error, file=sys.stderr)
         if asked.json is not None:  # after each: the large ones take minutes
-            write_whole(asked.json, {"machine": machine, "jobs": found, "crashed": crashed})
-    print(f"{machine['cpu']}, {machine['cores']} cores, {machine['threads_per_run']} thread a run")
+            write_json({"machine": machine, "jobs": found, "crashed": crashed}, asked.json)
+    print(f"{machine['cpu']}, {machine['cores']} cores, one thread a run")
     print(table([row(r) for r in found], _COLUMNS))
     for r in found:
         if "h" not in r:

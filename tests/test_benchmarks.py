@@ -1,9 +1,12 @@
-"""The benchmarks: what is timed, that the parts add up, and that nothing is left out in silence."""
+"""The benchmarks: each is there and can be called, what is timed, and that nothing is left out in silence."""
 
 from __future__ import annotations
 
+import ast
+import importlib
 import json
-import os
+import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -12,131 +15,223 @@ from types import SimpleNamespace
 import pytest
 
 from benchmarks import __main__ as bench
-from benchmarks.jobs import JOBS
-from benchmarks.measure import PARTS, record
+from benchmarks import one_run, page, peer, tools, transition
 from cutbench.base.threads import ONE_THREAD
-from cutbench.case.case import load_case
+from cutbench.case.case import Case, load_case
+from cutbench.maps.study import load_study
 from cutbench.run.build import build
+from cutbench.run.runner import run_case
 
 ROOT = Path(__file__).resolve().parents[1]
+#: All but what another interpreter runs.
+MODULES = sorted({path.stem for path in (ROOT / "benchmarks").glob("*.py")} - {"__init__", "peer_dolfinx"})
+needs_git = pytest.mark.skipif(tools.git("rev-parse", "HEAD") is None, reason="needs a git clone")
 
 
-def result(kind="done", factorizations=10, solves=40):
-    """A run of 2 s, of which the timer knows 1.5 s."""
-    return SimpleNamespace(
-        timings={"setup": 0.1, "assembly": 0.6, "residual": 0.2, "factorization": 0.4, "solve": 0.2,
-                 "total": 2.0},
-        counts={"steps": 5, "rejected_steps": 1, "iterations": 8, "degrees_of_freedom": 99,
-                "factorization_calls": factorizations, "solve_calls": solves},
-        outcome=SimpleNamespace(kind=kind, reached_mm=0.5), measures={"closure": 0.001},
-    )  # fmt: skip
-
-
-def test_parts_add_up_to_the_total():
-    found = record(result(), 100.0)
-    assert sum(found["seconds"][part] for part in (*PARTS, "rest")) == pytest.approx(2.0)
-    assert found["seconds"]["rest"] == pytest.approx(0.5)
-
-
-def test_cheap_solves_do_not_count_as_iterations():
-    found = record(result(), None)
-    assert (found["iterations"], found["solves"], found["iterations_in_accepted_steps"]) == (10, 40, 8)
-    assert found["ms_per_iteration"]["total"] == pytest.approx(200.0)
-    assert found["ms_per_iteration"]["assembly"] == pytest.approx(80.0)  # tangents and residuals
-
-
-def test_a_run_without_iterations_has_no_time_per_iteration():
-    assert record(result(factorizations=0), None)["ms_per_iteration"]["total"] is None
-
-
-@pytest.mark.parametrize("job", [job for job in JOBS if "coarse" in job.name], ids=lambda job: job.name)
-def test_the_coarse_section_has_about_2100_unknowns(job):
-    case = load_case(job.material, job.changes)
-    assert case.numerics.element == "P2"
-    assert build(case).problem.free.size == pytest.approx(2100, rel=0.05)
-
-
-def test_jobs_have_their_depths():
-    assert [job.depth_mm for job in JOBS if "coarse" in job.name] == 4 * [14.0]
-    assert {job.material: job.depth_mm for job in JOBS if not job.changes} == dict.fromkeys(
-        ("gelatin", "elastomer", "meat"), 21.0
+@pytest.mark.parametrize("name", MODULES)
+def test_each_opens_and_says_how_it_is_called(name, capsys):
+    module = importlib.import_module(f"benchmarks.{name}")
+    called = re.search(
+        r"``?python -m (benchmarks[\w.]*)|^ +python -m (benchmarks[\w.]*)", module.__doc__, re.M
     )
+    if (
+        called
+        and called[0].strip("` ").split()[-1] in (f"benchmarks.{name}", "benchmarks")
+        and name != "page"
+    ):
+        with pytest.raises(SystemExit) as stop:
+            module.main(["--help"])
+        assert stop.value.code == 0 and "--json" in capsys.readouterr().out
 
 
-def command(*args, **env):
-    return subprocess.run(
-        [sys.executable, "-m", "benchmarks", *args], cwd=ROOT, capture_output=True, text=True,
-        env={**os.environ, **env}, check=False,
+def test_the_other_interpreters_part_is_python_too():
+    ast.parse((ROOT / "benchmarks" / "peer_dolfinx.py").read_text(encoding="utf-8"))
+
+
+def result(**seconds):
+    """A run of 2 s."""
+    return SimpleNamespace(
+        timings={"assembly": 0.6, "factorization": 0.4, "solve": 0.2, "total": 2.0, **seconds},
+        counts={"steps": 5, "rejected_steps": 1, "iterations": 8, "degrees_of_freedom": 99},
+        outcome=SimpleNamespace(kind="done", reached_mm=0.5),
+        measures={"closure": 1e-3, "onset_mm": float("nan")},
     )  # fmt: skip
 
 
-def test_quick_command_prints_and_writes(tmp_path):
-    names = ("gelatin, coarse", "gelatin, coarse, superlu")
-    only = [word for name in names for word in ("--only", name)]
-    done = command("--quick", *only, "--json", str(tmp_path / "b.json"), OMP_NUM_THREADS="2")
+def test_the_limit_is_the_part_in_factorization_and_solution_wherever_they_are_made():
+    assert one_run.record(result(), 1.0)["limit"] == pytest.approx(0.3)
+    window = {"window": 0.5, "window_factorization": 0.2, "window_solve": 0.1}
+    assert one_run.record(result(**window), 1.0)["limit"] == pytest.approx(0.45)
+    # Not known where the front's own solutions have not been timed.
+    assert one_run.record(result(window=0.5), 1.0)["limit"] is None
+    assert one_run.record(result(), 1.0)["onset_mm"] is None
+
+
+def test_a_run_times_the_solutions_around_its_front_within_its_own_time():
+    seconds = run_case(load_case("gelatin", {"depth": "0.5 mm", "h": "0.5 mm"})).timings
+    around = {name: value for name, value in seconds.items() if name.startswith("window_")}
+    assert around["window_factorization"] > 0 < around["window_solve"]
+    assert sum(around.values()) < seconds["window"] < seconds["total"]
+    outside = ("setup", "assembly", "residual", "factorization", "solve", "window")
+    assert sum(seconds.get(name, 0.0) for name in outside) <= seconds["total"]
+
+
+@pytest.mark.parametrize("changes", peer.PROBLEMS.values(), ids=peer.PROBLEMS)
+def test_the_peers_problem_has_its_size_and_laws(changes):
+    case = load_case("gelatin", changes)
+    assert build(case).problem.free.size == pytest.approx(2090, rel=0.01)
+    assert {"smith_ferrante", "viscous"} <= set(case.model.mechanisms)
+    assert not [name for name in case.model.mechanisms if "surface" in name]
+    default = load_case("gelatin").numerics
+    assert case.numerics.predictor == default.predictor
+    assert case.numerics.energy_step == default.energy_step < 1
+
+
+def test_points_of_the_transition_lie_in_the_maps_box():
+    jobs = transition.jobs(5, seed=3)
+    assert jobs == transition.jobs(5, seed=3) != transition.jobs(5, seed=4)
+    assert {job["case"]["until"] for job in jobs} == {"transition"}
+    p = [Case.from_dict(job["case"]).p for job in jobs]
+    values = {
+        "cohesion": [q.G_c / q.delta_c / q.G for q in p],
+        "viscosity": [q.eta_reg * q.speed / q.delta_c for q in p],
+        "adhesion": [q.tau_W / (q.G_c / q.delta_c) for q in p],
+    }
+    for axis in load_study(transition.STUDY).axes:
+        low, high = axis.values[0] * (1 - 1e-5), axis.values[-1] * (1 + 1e-5)
+        assert len(set(values[axis.name])) == 5 and all(low <= value <= high for value in values[axis.name])
+
+
+def command(*args):
+    line = [sys.executable, "-m", "benchmarks", *args]
+    return subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=False)
+
+
+def test_the_quick_command_prints_and_writes(tmp_path):
+    done = command("--quick", "--materials", "gelatin", "--json", str(tmp_path / "b.json"))
     assert done.returncode == 0, done.stderr
     data = json.loads((tmp_path / "b.json").read_text(encoding="utf-8"))
-    assert data["quick"] is True and data["machine"]["threads_per_run"] == "1"
-    assert data["machine"]["versions"]["numpy"] and data["machine"]["cores"] >= 1
-    assert [job["name"] for job in data["jobs"]] == list(names)
-    for job in data["jobs"]:
-        assert job["outcome"] == "done" and job["reached_mm"] == pytest.approx(0.5)
-        assert 0 < job["iterations"] <= job["solves"]
-        assert job["seconds"]["rest"] > 0
-        assert f"{job['degrees_of_freedom']}" in done.stdout
-    assert data["jobs"][1]["solver"] == "superlu"
+    assert data["quick"] is True and data["machine"]["versions"]["numpy"] and data["older"] is None
+    (run,) = data["runs"]
+    assert run["run"] == "gelatin" and run["older"] is None
+    assert run["here"]["outcome"] == "done" and run["here"]["reached_mm"] == pytest.approx(bench.QUICK_MM)
+    assert 0 < run["here"]["limit"] < 1 and run["here"]["cpu_s"] > 0
+    assert f"{run['here']['unknowns']}" in done.stdout and "times its limit" in done.stdout
     assert list(tmp_path.iterdir()) == [tmp_path / "b.json"]
 
 
-def test_each_run_has_one_thread(monkeypatch):
-    given = {}
-
-    def fake(*args, env, **kwargs):
-        given.update(env)
-        return SimpleNamespace(returncode=0, stdout=json.dumps({"seconds": {"total": 1.0}}), stderr="")
-
-    monkeypatch.setenv("OMP_NUM_THREADS", "8")
-    monkeypatch.setattr(bench.subprocess, "run", fake)
-    bench.run(JOBS[0], 1)
-    assert {given[name] for name in ONE_THREAD} == {"1"}
-
-
-def shown(job, kind):
-    found = record(result(kind), None)
-    return {**vars(job), **found, "solver": "superlu", "message": f"{kind}: no step", "reached_mm": 3.0}
+PACKAGE = """
+from types import SimpleNamespace
+class Case:
+    def set(self, **changes): return self
+def load_case(name, changes): return Case()
+def run2d(case):
+    return SimpleNamespace(
+        timings={{"total": 1.0, "factorization": 0.5}}, measures={{"peak_N": {peak}}},
+        counts={{"degrees_of_freedom": 9, "steps": 1}},
+        outcome=SimpleNamespace(kind="{kind}", reached_mm=7.0))
+"""
 
 
-def test_a_run_that_falls_short_is_told(monkeypatch, capsys):
-    monkeypatch.setattr(bench, "run", lambda job, repeat: shown(job, "stalled"))
-    assert bench.main(["--only", "meat"]) == 1
-    out = capsys.readouterr().out
-    assert "3 of 21" in out and "meat: stalled: no step" in out
+@pytest.fixture
+def repository(tmp_path, monkeypatch):
+    """Two commits of a package that computes nothing."""
+    who = ("-c", "user.name=x", "-c", "user.email=x@y.example")
+    folder = tmp_path / "repository"
+    (folder / "cutbench").mkdir(parents=True)
+    (folder / "benchmarks").mkdir()
+    shutil.copy(ROOT / "benchmarks" / "one_run.py", folder / "benchmarks")
+    subprocess.run(["git", "init", "-q", str(folder)], check=True)
+    for peak in (1.0, 2.0):
+        (folder / "cutbench" / "__init__.py").write_text(PACKAGE.format(peak=peak, kind="done"))
+        for step in (("add", "-A"), ("commit", "-q", "-m", "x")):
+            subprocess.run(["git", "-C", str(folder), *who, *step], check=True, capture_output=True)
+    monkeypatch.setattr(tools, "ROOT", folder)
+    monkeypatch.setattr(bench, "ROOT", folder)
+    return folder
 
 
-def test_a_crash_does_not_hide_the_others(monkeypatch, capsys, tmp_path):
-    def run(job, repeat):
-        if job.name == "meat":
-            raise RuntimeError("meat: crashed")
-        return shown(job, "done")
-
-    monkeypatch.setattr(bench, "run", run)
-    assert bench.main(["--json", str(tmp_path / "b.json")]) == 1
+@needs_git
+def test_an_older_commit_runs_beside_this_one(repository, tmp_path, capsys):
+    asked = [
+        "--against",
+        "HEAD~1",
+        "--materials",
+        "meat",
+        "--rounds",
+        "2",
+        "--json",
+        str(tmp_path / "b.json"),
+    ]
+    assert bench.main(asked) == 0
     data = json.loads((tmp_path / "b.json").read_text(encoding="utf-8"))
-    assert data["crashed"] == ["meat: crashed"] and len(data["jobs"]) == len(JOBS) - 1
-    assert "meat: crashed" in capsys.readouterr().err
+    (run,) = data["runs"]
+    assert (run["older"]["peak_N"], run["here"]["peak_N"]) == (1.0, 2.0)
+    assert run["here"]["changes"] == run["older"]["changes"] == {"depth": "7 mm"}
+    assert len(run["here"]["all_cpu_s"]) == 2 and data["older"] == tools.git("rev-parse", "HEAD~1")
+    assert data["older"][:7] in capsys.readouterr().out
+
+
+@needs_git
+def test_a_run_that_falls_short_or_crashes_is_told(repository, capsys):
+    (repository / "cutbench" / "__init__.py").write_text(PACKAGE.format(peak=1, kind="stalled"))
+    assert bench.main(["--materials", "meat"]) == 1
+    assert "meat: " in capsys.readouterr().err
+    (repository / "cutbench" / "__init__.py").write_text("raise OSError('no such law')")
+    assert bench.main(["--materials", "meat,gelatin"]) == 1
+    said = capsys.readouterr().err
+    assert "meat: OSError: no such law" in said and "gelatin: OSError" in said
+
+
+def test_each_run_has_one_thread_and_the_package_that_was_asked_for(tmp_path, monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "8")
+    package = PACKAGE.format(peak=1, kind="done")
+    package += "import os\nassert {os.environ[name] for name in " + repr(list(ONE_THREAD)) + "} == {'1'}\n"
+    (tmp_path / "cutbench").mkdir()
+    (tmp_path / "cutbench" / "__init__.py").write_text(package)
+    (found,) = tools.timed([tools.job("meat", 1.0)], tmp_path)
+    assert found["peak_N"] == 1.0
+    (tmp_path / "cutbench" / "__init__.py").rename(tmp_path / "elsewhere.py")
+    (tmp_path / "cutbench").rmdir()
+    with pytest.raises(RuntimeError):  # another package, or none
+        list(tools.timed([tools.job("meat", 1.0, depth="0.01 mm")], tmp_path))
 
 
 @pytest.mark.parametrize(
     ("args", "named"),
-    [(["--repeat", "0"], "--repeat = 0"), (["--json", "/no/such/folder/b.json"], "/no/such/folder/b.json"),
-     (["--only", "cheese"], "cheese")],
+    [(["--rounds", "0"], "--rounds = 0"), (["--json", "/no/such/folder/b.json"], "/no/such/folder/b.json"),
+     (["--materials", "gelatin,cheese"], "cheese"), (["--against", "nonsense"], "nonsense"),
+     (["--write"], "--all"), (["--depth", "-1"], "--depth")],
 )  # fmt: skip
 def test_bad_input_is_refused_before_any_run(args, named, monkeypatch, capsys):
-    monkeypatch.setattr(bench, "run", lambda *_: pytest.fail("ran"))
+    monkeypatch.setattr(bench, "timed", lambda *_: pytest.fail("ran"))
     with pytest.raises(SystemExit) as stop:
         bench.main(args)
     assert stop.value.code == 2
     assert named in capsys.readouterr().err
+
+
+def test_a_folder_without_history_says_what_is_needed(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(tools, "ROOT", tmp_path)
+    with pytest.raises(SystemExit):
+        bench.main(["--against", "dc2113e"])
+    assert "git history" in capsys.readouterr().err
+
+
+def test_the_peer_that_is_not_there_is_told(capsys):
+    assert peer.main(["--python", "/no/such/python"]) == 2
+    assert "/no/such/python" in capsys.readouterr().err
+
+
+def test_the_page_has_what_was_measured_and_the_commit():
+    data = json.loads(page.DATA.read_text(encoding="utf-8"))
+    text = page.PAGE.read_text(encoding="utf-8")
+    assert page.renewed(text, data) == text
+    assert re.fullmatch("[0-9a-f]{40}", data["commit"]) and data["changed"] is False and not data["quick"]
+    assert data["commit"][:7] in text and data["machine"]["cpu"] in text
+    slower = json.loads(json.dumps(data))
+    slower["runs"][0]["here"]["cpu_s"] *= 2
+    assert page.renewed(text, slower) != text
 
 
 def test_a_block_is_pressed_in_by_each_solver_to_the_same_force(tmp_path):
@@ -151,11 +246,3 @@ def test_a_block_is_pressed_in_by_each_solver_to_the_same_force(tmp_path):
     assert direct["factorizations"] == direct["iterations"] > 0 == direct["gmres_iterations"]
     assert kept["factorizations"] < kept["iterations"] < kept["gmres_iterations"]
     assert all(len(solid.row(r)) == len(solid._COLUMNS) for r in found)
-
-
-def test_a_table_of_blocks_needs_a_folder_to_be_written_to(capsys):
-    from benchmarks import solid
-
-    with pytest.raises(SystemExit) as stopped:
-        solid.main(["--json", "none/there/table.json"])
-    assert stopped.value.code == 2 and "none/there" in capsys.readouterr().err

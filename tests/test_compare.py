@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from benchmarks import compare
+from benchmarks import compare, tools
 from benchmarks.compare_jobs import JOBS, Job
 
 RUN = """import pathlib, sys
@@ -102,7 +102,7 @@ def test_two_commits_from_checkout_to_table(tmp_path, monkeypatch, capsys):
         (repository / "cutbench/__main__.py").write_text(text)
         git("add", "-A")
         git("commit", "-q", "-m", "x")
-    monkeypatch.setattr(compare, "ROOT", repository)
+    monkeypatch.setattr(tools, "ROOT", repository)
     monkeypatch.setattr(compare, "JOBS", (JOB,))
     assert compare.main(["HEAD", "HEAD", "--json", str(tmp_path / "same.json")]) == 0
     assert compare.main(["HEAD~1", "HEAD", "--json", str(tmp_path / "other.json")]) == 1
