@@ -1,8 +1,8 @@
 """Timed runs in a process of their own: jobs as a JSON list on standard input, a record a line on output.
 
 With the package of the folder that it is started in, which may be an older one: so this file knows nothing of
-its neighbours, and of cutbench a few public names alone. Before the first job of a kind a short run loads what
-a process loads once, compiled code with it.
+its neighbours, and of cutbench a few public names alone. Before the first job of a kind a short run loads
+what a process loads once, compiled code with it.
 """
 
 from __future__ import annotations

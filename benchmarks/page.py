@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import sys
+import textwrap
 from collections.abc import Sequence
 from typing import Any
 
@@ -28,6 +29,11 @@ def machine(facts: dict) -> str:
     versions = [f"{name} {version}" for name, version in facts["versions"].items() if version]
     system = f"{facts['cpu']}, {facts['cores']} cores; {facts['system']}"
     return f"{system}; Python {facts['python']}, {', '.join(versions)}"
+
+
+def filled(text: str) -> str:
+    """Prose in lines of the page's length."""
+    return textwrap.fill(text, 120, break_on_hyphens=False, break_long_words=False)
 
 
 def told(data: dict[str, Any]) -> str:
@@ -64,22 +70,22 @@ def told(data: dict[str, Any]) -> str:
         ]
         for r in beside["problems"]
     ]
-    lines = [
+    columns = ("problem", "unknowns", "factorizations", "CPU s", "times")
+    made = (
         f"Commit `{short(data['commit'])}`, `{data['command']}`, one thread a run"
-        f" ({machine(data['machine'])}):",
-        "",
-        *markdown_table(head, cells),
-        "",
+        f" ({machine(data['machine'])}):"
+    )
+    held = (
         f"The published model of gelatin to {beside['depth_mm']:g} mm beside"
         f" DOLFINx {beside['measured']['dolfinx']}: an iteration of a problem of its size takes {ms:.1f} ms"
         f" there (measured, by turns), and an independent implementation needed {iterations:,} of them (taken"
-        f" as given), {beside['peer_s']:.0f} s in all.",
-        "",
-        *markdown_table(("problem", "unknowns", "factorizations", "CPU s", "times"), problems),
-        "",
-        transition.told(data["transition"]),
-    ]
-    return "\n".join(lines) + "\n"
+        f" as given), {beside['peer_s']:.0f} s in all."
+    )
+    parts = (
+        filled(made), "\n".join(markdown_table(head, cells)), filled(held),
+        "\n".join(markdown_table(columns, problems)), filled(transition.told(data["transition"])),
+    )  # fmt: skip
+    return "\n\n".join(parts) + "\n"
 
 
 def renewed(text: str, data: dict[str, Any]) -> str:
