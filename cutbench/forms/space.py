@@ -17,6 +17,8 @@ import skfem
 from scipy.spatial import cKDTree
 from skfem.quadrature import get_quadrature
 
+from cutbench.base.compiled import compiled
+
 KINDS = {
     (2, 1): skfem.ElementTriP1,
     (2, 2): skfem.ElementTriP2,
@@ -141,21 +143,14 @@ class Space:
         that is in no element.
         """
         centres, origin, jinv = self._finder
-
-        def found(points, near):
-            """Of the elements ``near`` (k, n) the one that each point is deepest in; where, and how deep."""
-            xi = np.einsum("mjkn,jkn->mkn", jinv[:, :, near], points[:, None] - origin[:, near])
-            depth = np.minimum(xi.min(axis=0), 1 - xi.sum(axis=0))
-            best = depth.argmax(axis=0), np.arange(points.shape[1])
-            return near[best], xi[:, *best], depth[best]
-
+        points = np.ascontiguousarray(points)
         count = origin.shape[1]
-        element, xi, depth = found(points, centres.query(points.T, min(NEAREST, count))[1].T)
+        near = np.atleast_2d(centres.query(points.T, min(NEAREST, count))[1].T)
+        element, xi, depth = _deepest(points, np.ascontiguousarray(near), origin, jinv)
         # Beside a large element there are many small ones, with nearer centres.
         for i in np.flatnonzero(depth < -OUTSIDE):
-            element[i], xi[:, i], depth[i] = (
-                a[..., 0] for a in found(points[:, [i]], np.arange(count)[:, None])
-            )
+            found = _deepest(np.ascontiguousarray(points[:, [i]]), np.arange(count)[:, None], origin, jinv)
+            element[i], xi[:, i], depth[i] = (a[..., 0] for a in found)
         if depth.min(initial=0.0) < -OUTSIDE:
             raise ValueError("a point is in no element")
         shape, nodes = KINDS[self.dim, self.order](), self.element_nodes[:, element]
@@ -170,7 +165,8 @@ class Space:
         corners = self.mesh.p[:, self.mesh.t]
         jac = np.moveaxis(corners[:, 1:] - corners[:, :1], 2, 0)
         jinv = np.moveaxis(np.linalg.inv(jac), 0, 2)
-        return cKDTree(corners.mean(axis=1).T), corners[:, 0], jinv
+        first, jinv = np.ascontiguousarray(corners[:, 0]), np.ascontiguousarray(jinv)
+        return cKDTree(corners.mean(axis=1).T), first, jinv
 
     def volume(self, degree: int, order: int | None = None) -> Volume:
         """Quadrature exact to ``degree``; ``order`` evaluates another Lagrange order (the pressure's)."""
@@ -222,6 +218,34 @@ class Space:
     def nodes_on(self, name: str) -> np.ndarray:
         """Node numbers on the boundary called ``name``."""
         return np.unique(self.faces(name, 2).nodes)
+
+
+def _plain_deepest(points, near, origin, jinv):
+    xi = np.einsum("mjkn,jkn->mkn", jinv[:, :, near], points[:, None] - origin[:, near])
+    depth = np.minimum(xi.min(axis=0), 1 - xi.sum(axis=0))
+    best = depth.argmax(axis=0), np.arange(points.shape[1])
+    return near[best], xi[:, *best], depth[best]
+
+
+@compiled(_plain_deepest)
+def _deepest(points, near, origin, jinv):
+    """Of the elements ``near`` (k, n) the one that each of the ``points`` (dim, n) is deepest in; where in
+    it, in reference coordinates, and how deep. Elements have a first corner ``origin`` and dξ/dX ``jinv``."""
+    dim, n = points.shape
+    element, where, depth = np.zeros(n, np.int64), np.zeros((dim, n)), np.full(n, -np.inf)
+    xi = np.zeros(dim)
+    for i in range(n):
+        for e in near[:, i]:
+            least, rest = np.inf, 1.0
+            for m in range(dim):
+                xi[m] = 0.0
+                for j in range(dim):
+                    xi[m] += jinv[m, j, e] * (points[j, i] - origin[j, e])
+                least = min(least, xi[m])
+                rest -= xi[m]
+            if min(least, rest) > depth[i]:
+                element[i], where[:, i], depth[i] = e, xi, min(least, rest)
+    return element, where, depth
 
 
 def _selected(parts, names: Sequence[str], which: np.ndarray):
