@@ -167,6 +167,23 @@ def test_rows_and_two_axes_of_points():
     same(plain, F[:, :, ::2], w[::2], axes=2)  # parts of arrays
 
 
+def test_slopes_of_functions():
+    def plain(x, p):
+        y = np.exp(x) ** p.n + x**p.n * x**3 / np.sqrt(x) - np.tanh(x**0.5) + p.n**x - (-x)
+        y = y + np.sin(x) * np.cos(x) + np.sinh(x) / np.cosh(x) + np.log(x) * np.log1p(x) + np.expm1(x)
+        y = y + np.arctan(x) + np.square(x) + np.reciprocal(x) + np.minimum(x, 0.5) * np.maximum(x, p.n)
+        return y + np.clip(x, 0.2, 0.8) + np.where((x > 0.3) & ~(x >= 0.6), x**2, (x < 0.1) | (x != x))
+
+    def slope(x, p):
+        return np.imag(plain(x + 1j * STEP, p)) / STEP, np.imag(plain(x * (1 + 0j), p)) + x
+
+    x, p = np.linspace(0.05, 1, 20), SimpleNamespace(n=0.7)
+    with np.errstate(all="raise"):
+        same(slope, x, p)
+    same(plain, x, p)
+    same(plain, x + 1j * STEP, p)
+
+
 def test_a_root_by_iteration_and_its_slope():
     def root(x):
         def advance(t):
@@ -205,6 +222,11 @@ def test_what_is_no_formula_of_a_point_stays_numpy(plain):
         for _ in range(2):
             assert np.array_equal(reader(x, p), plain(x, p))
     assert reader.left_plain
+
+
+def test_a_function_of_fused_functions_is_one_formula():
+    inner = read(lambda x: np.exp(-x))
+    same(lambda x: inner(x) * x + np.imag(inner(x + 1j * STEP)) / STEP, np.linspace(0, 1, 5))
 
 
 def test_what_differs_from_numpy_later_on_is_noticed():

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from cutbench.base.symbols import Node, Symbol, congruent
+from cutbench.base.graph import Node, congruent
+from cutbench.base.symbols import Symbol
 
 _OPERATORS = {
     "add": "+", "subtract": "-", "multiply": "*", "true_divide": "/", "power": "**", "logical_and": "and",
