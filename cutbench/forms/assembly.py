@@ -14,7 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
-from cutbench.base.compiled import compiled
+from cutbench.base.compiled import COMPILED, compiled
+
+#: Of places in arrays: short, and never negative, or what NumPy counts with.
+_PLACE = np.uint32 if COMPILED else np.intp
 
 
 @dataclass(frozen=True)
@@ -62,8 +65,8 @@ class Pattern:
         placed = [self._placed(dofs) for dofs in distinct]
         self.blocks: dict[str, Block] = {}
         for name, dofs in dof_tables.items():
-            matrices = placed[which[name]] if name in which else np.zeros(0, np.uint32)
-            self.blocks[name] = Block(dofs.astype(np.uint32).ravel(), matrices)
+            matrices = placed[which[name]] if name in which else np.zeros(0, _PLACE)
+            self.blocks[name] = Block(dofs.astype(_PLACE).ravel(), matrices)
 
     def _hold(self, rows: np.ndarray, indices: np.ndarray, indptr: np.ndarray) -> None:
         self._rows = rows
@@ -87,7 +90,7 @@ class Pattern:
         fresh = np.append(codes, -1)[at] != wanted
         (rows, columns), at = np.divmod(wanted[fresh], n), at[fresh]
         beyond = np.bincount(at, minlength=codes.size + 1)
-        moved = (np.arange(codes.size + 1) + np.cumsum(beyond)).astype(np.uint32)
+        moved = (np.arange(codes.size + 1) + np.cumsum(beyond)).astype(_PLACE)
         indptr = self.indptr + np.append(0, np.cumsum(np.bincount(rows, minlength=n)))
         more = copy(self)
         more._hold(np.insert(self._rows, at, rows), np.insert(self.indices, at, columns), indptr)
@@ -189,7 +192,7 @@ def _scatter(out, places, values):
 def _plain_places(indptr, indices, numbers, symmetric):
     (nd, count), n = numbers.shape, indptr.size - 1
     numbered = sp.csr_matrix((np.arange(indices.size), indices, indptr), shape=(n, n))
-    places = np.full((nd, nd * count), indices.size, np.uint32)
+    places = np.full((nd, nd * count), indices.size, _PLACE)
     for i in range(nd):  # a row of all local matrices at a time, to spare memory
         row = np.broadcast_to(numbers[i], (nd, count)).ravel()
         column = numbers.ravel()
@@ -204,7 +207,7 @@ def _places(indptr, indices, numbers, symmetric):
     """Places among the values of a CSR pattern of all pairs in the columns of ``numbers`` (nd, count), behind
     the last where one is negative or, if ``symmetric``, below the diagonal."""
     nd, count = numbers.shape
-    places = np.full(nd * nd * count, indices.size, np.uint32)
+    places = np.full(nd * nd * count, indices.size, _PLACE)
     for i in range(nd):
         for j in range(nd):
             for e in range(count):

@@ -106,9 +106,9 @@ class BulkForm(Form):
         matrix = vector
         if self._isotropic:
             s, c, *factors = self._summed(k, p, at, w, tangent)
-            vector = self._project(stresses(k.F, [s, c], self.volume.jinv))
+            vector = self._project(stresses(k, [s, c], self.volume.jinv))
             if tangent:
-                matrix = self._sandwich(tangents(k.F, factors, self.volume.jinv))
+                matrix = self._sandwich(tangents(k, factors, self.volume.jinv))
         parts = []
         for law in self._others:
             whole = self._padded(k.F)

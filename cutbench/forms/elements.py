@@ -9,7 +9,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from cutbench.base.compiled import compiled
+from cutbench.base.compiled import COMPILED, compiled
 from cutbench.mechanisms.bulk._isotropic import Kinematics, tangent_blocks
 
 #: Indices i ≤ k of a section's tangent blocks.
@@ -18,9 +18,12 @@ _BLOCKS = ((0, 0), (0, 1), (1, 1))
 
 def deformed(G: np.ndarray, jinv: np.ndarray) -> Kinematics:
     """From gradients by reference coordinates G (dim, nq, dim, ne), and ``jinv`` (dim, dim, ne) of these."""
-    if len(jinv) == 2 and np.isrealobj(G):
+    if COMPILED and len(jinv) == 2 and np.isrealobj(G):
         return Kinematics(*_deformed(G, jinv))
-    return Kinematics(_plain_deformed(G, jinv)[0])
+    F = np.einsum("iqme,mje->ijqe", G, jinv)
+    for i in range(len(F)):
+        F[i, i] += 1.0
+    return Kinematics(F.reshape(*F.shape[:2], -1))
 
 
 def pushed(T: np.ndarray, jinv: np.ndarray) -> np.ndarray:
@@ -28,33 +31,25 @@ def pushed(T: np.ndarray, jinv: np.ndarray) -> np.ndarray:
     return np.einsum("ijqe,mje->iqme", T.reshape(*T.shape[:2], -1, jinv.shape[-1]), jinv)
 
 
-def stresses(F: np.ndarray, factors: Iterable[np.ndarray], jinv: np.ndarray) -> np.ndarray:
-    """P = s F + c cof F, pushed (dim, nq, dim, ne), of F (dim, dim, nq·ne) and factors s, c (nq, ne)."""
+def stresses(k: Kinematics, factors: Iterable[np.ndarray], jinv: np.ndarray) -> np.ndarray:
+    """P = s F + c cof F, pushed (dim, nq, dim, ne), of factors s and c (nq, ne)."""
     s, c = factors
-    if len(jinv) == 2 and np.isrealobj(F) and np.isrealobj(s) and np.isrealobj(c):
-        return _stresses(F, s, c, jinv)
-    return _plain_stresses(F, s, c, jinv)
+    if COMPILED and len(jinv) == 2 and np.isrealobj(k.F) and np.isrealobj(s) and np.isrealobj(c):
+        return _stresses(k.F, s, c, jinv)
+    return s[:, None] * pushed(k.F, jinv) + c[:, None] * pushed(k.C, jinv)
 
 
 def tangents(
-    F: np.ndarray, factors: Iterable[np.ndarray], jinv: np.ndarray
+    k: Kinematics, factors: Iterable[np.ndarray], jinv: np.ndarray
 ) -> Iterable[tuple[int, int, np.ndarray]]:
     """i, k ≥ i and dP_iJ/dF_kL, pushed (nq, dim, dim, ne), of factors ff, fc, cc, swap, one (nq, ne)."""
-    if len(jinv) == 2:
-        return ((i, k, A) for (i, k), A in zip(_BLOCKS, _tangents(F, *factors, jinv), strict=True))
+    if COMPILED and len(jinv) == 2:
+        return ((i, j, A) for (i, j), A in zip(_BLOCKS, _tangents(k.F, *factors, jinv), strict=True))
     metric = np.einsum("mje,nje->mne", jinv, jinv)
-    return tangent_blocks(tuple(factors), pushed(F, jinv), pushed(Kinematics(F).C, jinv), metric)
+    return tangent_blocks(tuple(factors), pushed(k.F, jinv), pushed(k.C, jinv), metric)
 
 
-def _plain_deformed(G, jinv):
-    F = np.einsum("iqme,mje->ijqe", G, jinv)
-    for i in range(len(F)):
-        F[i, i] += 1.0
-    F = F.reshape(*F.shape[:2], -1)
-    return F, None, None
-
-
-@compiled(_plain_deformed)
+@compiled()
 def _deformed(G, jinv):
     """F (2, 2, nq·ne), its determinant, and tr FᵀF in plane strain."""
     nq, ne = G.shape[1], G.shape[3]
@@ -72,11 +67,7 @@ def _deformed(G, jinv):
     return F, J, trace
 
 
-def _plain_stresses(F, s, c, jinv):
-    return s[:, None] * pushed(F, jinv) + c[:, None] * pushed(Kinematics(F).C, jinv)
-
-
-@compiled(_plain_stresses)
+@compiled()
 def _stresses(F, s, c, jinv):
     nq, ne = s.shape
     P = np.empty((2, nq, 2, ne))
@@ -93,13 +84,7 @@ def _stresses(F, s, c, jinv):
     return P
 
 
-def _plain_tangents(F, ff, fc, cc, swap, one, jinv):
-    metric = np.einsum("mje,nje->mne", jinv, jinv)
-    both = pushed(F, jinv), pushed(Kinematics(F).C, jinv)
-    return np.stack([A for *_, A in tangent_blocks((ff, fc, cc, swap, one), *both, metric)])
-
-
-@compiled(_plain_tangents)
+@compiled()
 def _tangents(F, ff, fc, cc, swap, one, jinv):
     """dP_iJ/dF_kL of i ≤ k, pushed (3, nq, 2, 2, ne)."""
     nq, ne = ff.shape
