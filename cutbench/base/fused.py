@@ -55,6 +55,9 @@ class Fused:
                 return found
         return self.plain(*given)
 
+    def __reduce__(self):
+        return fused, (self.plain, self._axes)
+
     @property
     def left_plain(self) -> list[str]:
         """Why what has been asked for is not compiled; empty if it is."""
