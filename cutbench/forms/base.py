@@ -125,6 +125,15 @@ def blend(N: np.ndarray, values: np.ndarray) -> np.ndarray:
     return out
 
 
+@compiled(np.array_equal)
+def same(one, other):
+    """Whether two vectors are equal."""
+    k, n = 0, min(one.size, other.size)
+    while k < n and one[k] == other[k]:
+        k += 1
+    return k == one.size == other.size
+
+
 def spread(matrices: np.ndarray, local: np.ndarray) -> np.ndarray:
     """Local ``matrices`` (nn, nn, n) times each component of local vectors (c·nn, n), real or complex."""
     return (_plain_spread if np.iscomplexobj(local) else _spread)(matrices, local)

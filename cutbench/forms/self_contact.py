@@ -20,7 +20,7 @@ import numpy as np
 
 from cutbench.case.tuning import SelfContactTuning
 from cutbench.forms.barrier import barrier, plain_barrier
-from cutbench.forms.base import Form, Local
+from cutbench.forms.base import Form, Local, same
 from cutbench.forms.line import crossings, meeting, near, room
 from cutbench.mechanisms.base import Bulk
 
@@ -159,9 +159,9 @@ class _Line:
     def meeting(self, x: np.ndarray) -> np.ndarray:
         """Codes of what is nearer than d̂, of the line through x (2, n)."""
         # Energy, forces and tangent are asked for one after the other.
-        x = np.real(x)
-        if not (self._last and np.array_equal(self._last[0], x)):
-            self._last[:] = x, np.sort(meeting(np.ascontiguousarray(x), self.reach))
+        x = np.ascontiguousarray(np.real(x))
+        if not (self._last and same(self._last[0].ravel(), x.ravel())):
+            self._last[:] = x, np.sort(meeting(x, self.reach))
         return self._last[1]
 
     def barrier(
