@@ -110,10 +110,11 @@ class SelfContactForm(Form):
         forces = np.concatenate([force.ravel() for _, force, _ in found])[:, None]
         if not forces.any():
             return Local(forces, None, {})
-        kappa = self.stiffness(p)
-        matrix = (
-            np.real(kappa) * np.concatenate([blocks for *_, blocks in found], axis=2) if tangent else None
-        )
+        kappa, matrix = self.stiffness(p), None
+        if tangent:
+            blocks = [block for *_, block in found]
+            matrix = blocks[0] if len(blocks) == 1 else np.concatenate(blocks, axis=2)
+            matrix *= np.real(kappa)
         return Local(kappa * forces, matrix, {})
 
     def stored(self, u, p, state):
