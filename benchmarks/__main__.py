@@ -131,9 +131,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             text += f"; {page.short(asked.older)} takes {times:.2f} times as long"
         print(text)
     if asked.all:
-        few = (0.3, 20) if asked.quick else ()
+        few = (1, 0.3, 20) if asked.quick else (max(asked.rounds, peer.ROUNDS),)
         try:
-            found["peer"] = peer.measured(asked.python, asked.rounds, *few)
+            found["peer"] = peer.measured(asked.python, *few)
         except (OSError, RuntimeError) as error:
             crashed.append(f"--python = '{asked.python}': {error}; expected one that has DOLFINx 0.5")
         peer_s = found["peer"]["peer_s"] if "peer" in found else None

@@ -4,9 +4,8 @@ Two commits side by side. The files of each are put into a temporary folder, and
 the command line alone, so that neither's inner layout matters: one thread a process, old and new of a job at
 a time. Every number of the tables and of the reports is compared, but for times, versions, ids and counts of
 work. Differences of a curve are relative to the largest value of its unit, of other numbers to themselves.
-A name that only the newer commit has is reported; one that it has no more counts as a difference, unless its
-numbers are there under another name. Exit status 0 if all is equal within the tolerance, 1 if not, 2 for bad
-input.
+A name that only the newer commit has is reported; one that it has no more counts as a difference. Exit status
+0 if all is equal within the tolerance, 1 if not, 2 for bad input.
 """
 
 from __future__ import annotations
@@ -21,16 +20,110 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.compare_jobs import JOBS, Job
 from benchmarks.tools import check_json, files_of, known, table
 from cutbench.base.files import write_json
 from cutbench.base.threads import ONE_THREAD
+
+HOLD = """base = "gelatin"
+[protocol]
+depth = "4 mm"
+motion = [["0 s", "0 mm"], ["190 s", "4 mm"], ["230 s", "4 mm"], ["270 s", "3.5 mm"]]
+[numerics]
+h = "0.7 mm"
+"""
+
+MAP = """title = "Eight points"
+base = "gelatin"
+[protocol]
+depth = "10 mm"
+[numerics]
+energy_step = 0.1
+corner = 0.125
+shallow = 1
+step = "0.2 mm"
+h = "0.65 mm"
+penalty = 16000
+stick = 6400
+[[axis]]
+name = "cohesion"
+values = [1.0, 12.5]
+[[axis]]
+name = "viscosity"
+values = [0.01, 5.0]
+[[axis]]
+name = "adhesion"
+values = [0.0, 0.187]
+[plot]
+x = "cohesion"
+y = "viscosity"
+panel = "adhesion"
+"""
+
+CAMPAIGN = """title = "Made up: a rubber that stiffens and relaxes"
+baseline = ["neo_hookean", "volumetric"]
+candidates = ["yeoh", "gent", "maxwell"]
+[parameters]
+G = "15 kPa"
+nu = 0.4999
+[fit]
+free = ["G"]
+"""
+
+TEST = """[[experiment]]
+id = "{0}"
+kind = "uniaxial"
+data = "{0}.csv"
+columns = {{ time = "time", stretch = "stretch", stress = "stress", repetition = "specimen" }}
+"""
+
+
+def campaign() -> dict[str, str]:
+    """The files of a campaign: slow and fast tension of two specimens each, with noise."""
+    noise, files = np.random.default_rng(1), {"campaign.toml": CAMPAIGN}
+    for name, rate in (("slow", 0.002), ("fast", 0.2)):
+        rows = ["specimen,time [s],stretch,stress [kPa]"]
+        for specimen, scale in (("A", 0.98), ("B", 1.02)):
+            for x in np.linspace(1.02, 1.8, 40):
+                t, strain = (x - 1) / rate, x - x**-2
+                relaxed = 20 * scale * strain * (1 + 0.15 * (x - 1) ** 2)
+                P = relaxed + 6 * strain * -math.expm1(-t / 2) * 2 / t + 0.05 * noise.standard_normal()
+                rows.append(f"{specimen},{t:.5f},{x:.5f},{P:.5f}")
+        files[f"{name}.csv"] = "\n".join(rows) + "\n"
+        files["campaign.toml"] += TEST.format(name)
+    return files
+
+
+@dataclass(frozen=True)
+class Job:
+    """A command, the files that it reads, and those of its output that are compared."""
+
+    name: str
+    command: str
+    compared: tuple[str, ...] = ("curve.csv", "run.json")
+    files: Mapping[str, str] = field(default_factory=dict)
+
+
+#: Small enough for coarse elements, and weak enough to be cut within a minute.
+BLOCK = "--set width='8 mm' --set length='3 mm' --set height='6 mm' --set cohesion=1.5"
+JOBS = (
+    Job("gelatin", "run2d gelatin --depth 5"),
+    Job("elastomer", "run2d elastomer --depth 5"),
+    Job("meat", "run2d meat --depth 5"),
+    Job("map", "sweep map.toml --workers 1", ("map.csv",), {"map.toml": MAP}),
+    Job("fit", "fit campaign.toml --workers 0", ("fit.json",), campaign()),
+    Job("discovery", "discover campaign.toml --workers 0", ("discovery.json",), campaign()),
+    Job("block", f"run3d gelatin --depth 1.3 --h 1 --no-plane-strain {BLOCK}"),
+    Job("tension", "tension gelatin --notched --h 1 --elongation 7", ("curve.csv", "tension.json")),
+    Job("hold", "run2d hold.toml", files={"hold.toml": HOLD}),
+    Job("paper", "run2d gelatin --numerics paper --h 0.7 --depth 4"),
+)
 
 Numbers = dict[str, np.ndarray]
 
@@ -135,22 +228,13 @@ def differences(old: Numbers, new: Numbers, curve: bool, tolerance: float) -> di
         size = max(_largest(old.get(name, np.zeros(1)), new.get(name, np.zeros(1))), name.endswith(ERRORS))
         scales[group(name)] = max(scales.get(group(name), 0.0), size)
     apart = {name: _difference(old[name], new[name], scales[group(name)]) for name in old if name in new}
-    added = {name: b for name, b in new.items() if name not in old}
-    gone, renamed = [], {}
-    for name in [name for name in old if name not in new and not np.isnan(old[name]).all()]:
-        scale = scales[group(name)]
-        same = [n for n, b in added.items() if _difference(old[name], b, scale) <= tolerance]
-        if same:
-            renamed[name] = same[0]
-            del added[same[0]]
-        else:
-            gone.append(name)
-            apart[name] = math.inf
+    gone = [name for name in old if name not in new and not np.isnan(old[name]).all()]
+    apart |= dict.fromkeys(gone, math.inf)
     where = max(apart, key=apart.__getitem__, default="") if any(apart.values()) else ""
     return {
         "largest": apart.get(where, 0.0), "where": where, "compared": len(apart), "note": note,
         "above": sorted(name for name, d in apart.items() if not d <= tolerance),
-        "renamed": renamed, "only_old": gone, "only_new": sorted(added),
+        "only_old": gone, "only_new": sorted({*new} - {*old}),
     }  # fmt: skip
 
 
@@ -204,8 +288,6 @@ def told(found: dict) -> Iterator[str]:
             yield f"{name}: {f['note']}"
         if f.get("above"):
             yield f"{name}: {len(f['above'])} of {f['compared']} differ: {', '.join(f['above'][:8])}"
-        if f.get("renamed"):
-            yield f"{name}: renamed: {', '.join(f'{a} -> {b}' for a, b in f['renamed'].items())}"
         for side in ("old", "new"):
             if f.get(f"only_{side}"):
                 yield f"{name}: only {side}: {', '.join(f[f'only_{side}'][:8])}"

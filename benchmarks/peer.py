@@ -29,7 +29,7 @@ from cutbench.base.threads import ONE_THREAD
 
 #: Iterations that the implementation in DOLFINx needed to 14 mm.
 ITERATIONS = 3728
-DEPTH_MM = 14.0
+DEPTH_MM, ROUNDS = 14.0, 3
 PYTHON = "/usr/bin/python3"
 #: Element size in mm at which the section has about 2,090 unknowns.
 SIZE_MM = 0.52
@@ -95,7 +95,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         prog="python -m benchmarks.peer", description="Beside DOLFINx, by turns."
     )
     parser.add_argument("--python", default=PYTHON, metavar="EXE", help="one that has DOLFINx")
-    parser.add_argument("--rounds", type=int, default=3, metavar="N")
+    parser.add_argument("--rounds", type=int, default=ROUNDS, metavar="N")
     parser.add_argument("--quick", action="store_true", help="0.3 mm of travel: a check, no measurement")
     parser.add_argument("--json", type=Path, metavar="FILE")
     asked = parser.parse_args(argv)

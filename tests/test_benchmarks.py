@@ -223,6 +223,21 @@ def test_the_peer_that_is_not_there_is_told(capsys):
     assert "/no/such/python" in capsys.readouterr().err
 
 
+@pytest.mark.slow
+def test_the_peer_and_a_transition_run_quickly(tmp_path):
+    file = tmp_path / "b.json"
+    assert transition.main(["--quick", "--points", "2", "--json", str(file)]) == 0
+    found = json.loads(file.read_text(encoding="utf-8"))["transition"]
+    assert found["points"] == found["done"] == len(found["runs"]) == 2
+    has = subprocess.run([peer.PYTHON, "-c", "import dolfinx"], capture_output=True, check=False)
+    if has.returncode:
+        pytest.skip("DOLFINx is not installed")
+    assert peer.main(["--quick", "--rounds", "1", "--json", str(file)]) == 0
+    found = json.loads(file.read_text(encoding="utf-8"))["peer"]
+    assert found["measured"]["ms_per_iteration"] > 0
+    assert [r["outcome"] for r in found["problems"]] == ["done", "done"]
+
+
 def test_the_page_has_what_was_measured_and_the_commit():
     data = json.loads(page.DATA.read_text(encoding="utf-8"))
     text = page.PAGE.read_text(encoding="utf-8")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from cut_files import COARSE, campaign_of, write_readings
 
-from benchmarks.differences import Marched, extrapolated
+from benchmarks.sensitivities import Marched, extrapolated
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.calibration.fitting import fit
 from cutbench.calibration.inverse import Inverse, unknowns

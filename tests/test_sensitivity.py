@@ -7,7 +7,7 @@ import csv
 import numpy as np
 import pytest
 
-from benchmarks.differences import Marched, extrapolated, moved
+from benchmarks.sensitivities import Marched, extrapolated, moved
 from cutbench.base.errors import BadInput
 from cutbench.case.case import Case, load_case
 from cutbench.mechanisms import registry
