@@ -17,9 +17,9 @@ def test_where_errors_add_up_their_mean_counts():
     drifting, allowed = (control.allowed(0.05, 1.0, 0.1, 1.0, before) for before in (0.1, -0.1))
     # Of the work of a whole step of 0.1 mm.
     assert (drifting, allowed) == (pytest.approx(2 * control.rules.drift / 2), 0.04)
-    control.check(now, 0.1, 0.009, drifting)
+    control.check(now, 0.1, 1.9 * drifting, drifting)
     control.check(now, 0.1, 0.039, allowed)
-    for defect, limit in ((0.011, drifting), (0.041, allowed)):
+    for defect, limit in ((2.1 * drifting, drifting), (0.041, allowed)):
         with pytest.raises(EnergyError):
             control.check(now, 0.1, defect, limit)
 
@@ -32,25 +32,40 @@ def test_the_next_step_is_shorter_where_the_cut_hastens():
     assert sizes[0] > 0.02 > sizes[1]
 
 
-def test_haste_is_the_cut_over_the_travel():
-    """Over its last element: within one it runs and waits."""
+def test_before_the_cut_has_begun_damage_grows_by_less_in_a_step():
+    rules = StepRules(largest=1.0, damage=0.5)
+    control, now, growth = StepControl(rules, False), StepState(0.02, easy=3, rate=2.0), 0.3
+    sizes = [control.after(now, 2, growth, 0.0, 0.05, nascent).size for nascent in (False, True)]
+    assert sizes[0] > 0.02 > sizes[1]
+    control.check(now, growth, 0.0, 0.05)
+    with pytest.raises(NoConvergence, match="damage grew"):
+        control.check(now, growth, 0.0, 0.05, nascent=True)
+
+
+def test_what_grows_exponentially_is_followed():
+    """A step is a part of the way over which damage grows e times faster, however little it grows."""
+    rules = StepRules(largest=1.0, damage=0.5)
+    control, length, way = StepControl(rules, False), 0.01, 0.03
+    now = StepState(length, easy=3, rate=0.0)
+    for times in (1.0, np.exp(length / way)):
+        now = control.after(now, 2, 0.02 * times, 0.0, 0.05, nascent=True)
+        now = replace(now, size=length) if times == 1 else now
+    assert now.size == pytest.approx(min(rules.resolved * way, rules.grow * length))
+
+
+def test_a_cut_has_begun_where_faces_are_apart():
     march = build(BRIEF).march
-    past, none = march.past, np.zeros(march.problem.ndof)
-    cut = next(form for form in march.problem.forms if form.name == "cohesion")
-    assert march.cut_speed_factor() == 1
-    for travel, length in ((0.0, 0.0), (1.0, 0.1), (1.4, 0.9), (1.5, 1.5), (2.0, 2.1)):
-        damage = np.full(cut.faces.w.size, length * past.fall / BRIEF.p.height)
-        past.add(travel * 1.6 * past.fall, none, damage)
-    # From 1.1 elements, at 1.4 + 0.1/3, to 2.1 at 2.
-    assert past.speed() == pytest.approx(1 / (1.6 * (0.6 - 0.1 / 3)))
-    assert march.cut_speed_factor() == pytest.approx(past.speed())
-    past.add(2.01 * 1.6 * past.fall, none, 9 * damage)
-    assert march.cut_speed_factor() == march.rules.cut_speed_factor == 3
+    states = march.problem.start()
+    assert march.nascent(states)
+    damage = np.where(march.problem.cut.faces.X[1].ravel() > BRIEF.p.height - 0.5, 1.0, 0.2)
+    assert not march.nascent({"cohesion": {**states["cohesion"], "damage": damage}})
 
 
 def test_the_papers_steps_and_blocks_do_without():
-    for changes in ({"stepping": "paper"}, {"predictor": "line"}):
-        assert build(BRIEF.set(**changes)).march.cut_speed_factor() == 1
+    assert not build(BRIEF.set(predictor="line")).march.nascent({})
+    papers = StepControl(StepRules(largest=1.0, damage=0.1, paper=True), False)
+    sizes = [papers.after(StepState(0.02), 2, 0.09, 0.0, 0.05, nascent).size for nascent in (False, True)]
+    assert sizes == [0.1, 0.1]
 
 
 def test_a_refused_step_says_why():

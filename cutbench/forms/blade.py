@@ -90,7 +90,7 @@ class BladeForm(Form):
     # -- state ----------------------------------------------------------------------------------
     def start(self, p):
         nq, nf = self.faces.w.shape
-        names = ("multiplier", "pressure", "earlier", "touched", "slid", "active")
+        names = ("multiplier", "pressure", "earlier", "foreseen", "touched", "slid", "active")
         scalars = dict.fromkeys(names, np.zeros((nq, nf)))
         vectors = {name: np.zeros((self.dim, nq, nf)) for name in ("normal_traction", "shear")}
         return {**scalars, **vectors, "shares": np.zeros((len(self.frictions), nq, nf))}
@@ -114,14 +114,16 @@ class BladeForm(Form):
         return {**self.begun(state, step), "touched": np.maximum(now, self._keeps * state["touched"])}
 
     def begun(self, state: dict, step: Step = AT_REST) -> dict:
-        """With the multiplier of ``step``, where pressures are carried: foreseen from the last two, so
-        that material gives way by what that errs by. ``state`` or its derivatives.
+        """With the pressure ``foreseen`` for ``step`` from the last two: it is the strength of friction, and,
+        where pressures are carried, the multiplier, so that material gives way by what it errs by. ``state``
+        or its derivatives.
         """
-        if not self._numerics.carried:
-            return state
         now, earlier = state["pressure"], state["earlier"]
-        begun = self.augment({**state, "pressure": step.foreseen(now, earlier)})
-        return {**begun, "pressure": now, "earlier": earlier if step.rests else now}
+        foreseen = step.foreseen(now, earlier)
+        begun = {**state, "foreseen": foreseen, "earlier": earlier if step.rests else now}
+        if self._numerics.carried:
+            begun["multiplier"] = self.augment({"pressure": foreseen})["multiplier"]
+        return begun
 
     def augment(self, state: dict) -> dict:
         """Uzawa update: the multiplier takes over the pressure (paper, eq. update:ALN), a face's mean of it.

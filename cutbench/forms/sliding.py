@@ -1,8 +1,8 @@
 """Sliding past the blade: the strengths of friction and adhesion.
 
-What a law's strength depends on — pressure and Θ — is that of the last converged step. The paper does so
-with Θ; with the pressure too, friction no longer feeds back on contact within a step, and runs with
-Coulomb friction get through onsets at which they stall otherwise. Refining the step removes the lag.
+What a law's strength depends on — pressure and Θ — is known before the step: the pressure foreseen from
+those of the last two, and Θ of the last one, as in the paper. So friction does not feed back on contact within
+a step, and runs with Coulomb friction get through onsets at which they stall otherwise.
 """
 
 from __future__ import annotations
@@ -42,11 +42,12 @@ class Strengths:
 
         States are never changed in place: the same arrays give the same strengths, but for the rate.
         """
-        known = tuple(state[key] for key in ("pressure", "touched", "slid"))
+        known = tuple(state[key] for key in ("foreseen", "touched", "slid"))
         given = (place, p, step.dt, *known)
         if len(given) == len(self._given) and all(a is b for a, b in zip(given, self._given, strict=True)):
             return self._parts, np.zeros(0)
         t_N, touched, slid = (np.take(value, place.near, axis=-1).ravel() for value in known)
+        t_N = np.where(np.real(t_N) > 0, t_N, 0.0)
         about = {"X": place.X, "touched": touched, "slid": slid, "speed": p.speed, "dt": step.dt}
         at = Rubbed(_slides=(n, slip), **about)
         answers = [np.broadcast_to(law.strength(t_N, p, state, at), t_N.shape) for law in self._laws]

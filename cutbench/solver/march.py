@@ -211,7 +211,7 @@ class March:
                 control.duration(pace) / self.speed, u, self.centre(ahead), self.centre(travel),
                 pace.damping_factor, ratio=ratio if smooth else 0.0, rests=pace.rests,
             )  # fmt: skip
-            begun = problem.touched(states, step)
+            begun, nascent = problem.touched(states, step), self.nascent(states)
             if straight is not None:
                 straight = self.load.placed(straight, ahead)
             try:
@@ -226,7 +226,7 @@ class March:
                 defect = abs(left) / max(whole, 1e-300)
                 allowed = control.allowed(size, found.spent, left, now.spent, now.left)
                 if plan is None:
-                    control.check(pace, growth, defect, allowed)
+                    control.check(pace, growth, defect, allowed, nascent)
             except NoConvergence as error:
                 refused.append(f"{travel:.4f} mm, step {size:.2g} mm: {error.reason}")
                 less = control.shorter(pace, error, pseudo_time_mm > 0) if plan is None else None
@@ -243,7 +243,7 @@ class March:
                 u_before = None if now.u_before is None else now.u_before + found.u - u
                 size_before = now.size_before
             taken, effort, added = pace, found.effort, now.added
-            pace = control.after(pace, max(effort), growth * self.cut_speed_factor(), defect, allowed)
+            pace = control.after(pace, max(effort), growth, defect, allowed, nascent)
             pseudo_time_mm += size
             if motion.turns(pseudo_time_mm):
                 u_before, pace = None, replace(pace, size=min(pace.size, rules.first))
@@ -259,11 +259,12 @@ class March:
             )  # fmt: skip
             refused = []
 
-    def cut_speed_factor(self) -> float:
-        """How many times faster than the blade the cut grows, within the rules."""
-        if self.past is None or self.rules.paper:
-            return 1.0
-        return min(max(1.0, self.past.speed()), self.rules.cut_speed_factor)
+    def nascent(self, states: dict[str, dict]) -> bool:
+        """Whether the cut has not begun in ``states``. Of sections: blocks have too few elements for that."""
+        cut = self.problem.cut
+        if cut is None or self.past is None:
+            return False
+        return bool(cut.cut_area(states["cohesion"]).sum() < self.rules.begun * cut.width)
 
     def _improved(self, straight, known, last, states, step) -> np.ndarray | None:
         """A better prediction than ``straight``: what is ``known``, or what the front's own solution says."""

@@ -59,6 +59,8 @@ class StepState:
     easy: int = 0
     refused: int = 0
     vain: int = 0
+    #: Growth of damage in the last step, per mm.
+    rate: float = 0.0
 
     @property
     def rests(self) -> bool:
@@ -110,12 +112,14 @@ class StepControl:
         own = max(size, rules.finest) / rules.largest
         return min(rules.defect / 4, 2 * rules.drift * own) if drifts else rules.defect
 
-    def check(self, now: StepState, growth: float, defect: float, allowed: float) -> None:
+    def check(
+        self, now: StepState, growth: float, defect: float, allowed: float, nascent: bool = False
+    ) -> None:
         """Raises NoConvergence where damage grew by too much, or too much of the energy is left open."""
         rules, size = self.rules, now.size
         if rules.paper:
             return
-        if growth > 2 * rules.damage and size > 4 * rules.smallest:
+        if growth > 2 * self._most(nascent) and size > 4 * rules.smallest:
             raise NoConvergence(f"damage grew by {growth:.2f}")
         able = self.damped and now.damping_factor < rules.jump_damping
         # Where errors add up, it is their mean over some steps that has to be small.
@@ -147,7 +151,19 @@ class StepControl:
             return replace(now, damping_factor=max(10.0, now.damping_factor * 10))
         return None
 
-    def after(self, now: StepState, hardest: int, growth: float, defect: float, allowed: float) -> StepState:
+    def _most(self, nascent: bool) -> float:
+        """Growth of damage beyond which the next step is shorter."""
+        return self.rules.damage * (self.rules.nascent if nascent and not self.rules.paper else 1.0)
+
+    def after(
+        self,
+        now: StepState,
+        hardest: int,
+        growth: float,
+        defect: float,
+        allowed: float,
+        nascent: bool = False,
+    ) -> StepState:
         """After a step that needed ``hardest`` iterations at the most."""
         rules, size = self.rules, now.size
         now = replace(now, easy=now.easy + 1)
@@ -162,20 +178,28 @@ class StepControl:
             now = replace(now, blade=RESTS, vain=0, damping_factor=less)
         return replace(
             now,
-            size=self._size(now, hardest, growth, defect, allowed),
+            size=self._size(now, hardest, growth, defect, allowed, nascent),
+            rate=growth / size,
             refused=0 if size >= rules.gentle else now.refused,
         )
 
-    def _size(self, now: StepState, hardest: int, growth: float, defect: float, allowed: float) -> float:
-        rules, size = self.rules, now.size
+    def _size(
+        self, now: StepState, hardest: int, growth: float, defect: float, allowed: float, nascent: bool
+    ) -> float:
+        rules, size, most = self.rules, now.size, self._most(nascent)
         if rules.paper:
             return max(size / 10, rules.smallest) if growth > rules.damage else min(5 * size, rules.largest)
-        if hardest > rules.iterations + 3 or growth > rules.damage or defect > rules.shorter * allowed:
+        by_rate = np.inf
+        if nascent and growth > rules.noticed * rules.damage and 0 < now.rate < growth / size:
+            by_rate = rules.resolved / np.log(growth / size / now.rate)
+        if by_rate < 1:
+            return max(max(by_rate, rules.shrink) * size, rules.smallest)
+        if hardest > rules.iterations + 3 or growth > most or defect > rules.shorter * allowed:
             return max(rules.shorter * size, min(size, rules.smallest))
         if hardest <= rules.iterations and now.easy > 1:
             # Damage grows with the step, and what the ledger leaves open with its square.
             by_energy = np.sqrt(rules.target * rules.shorter * allowed / max(defect, 1e-9))
-            room = min(rules.target * rules.damage / max(growth, 1e-9), by_energy)
+            room = min(rules.target * most / max(growth, 1e-9), by_energy, by_rate)
             if room > 1:
                 return min(size * min(room, rules.grow), rules.largest)
         return size

@@ -75,13 +75,6 @@ class History:
                 du = down @ du
             yield u + du
 
-    def speed(self) -> float:
-        """Growth of the cut per travel, over its last element; 1 before it is so long."""
-        if not self.travel or self._length[0] > self._length[-1] - self.fall:
-            return 1.0
-        then = np.interp(self._length[-1] - self.fall, self._length, self.travel)
-        return self.fall / max(self.travel[-1] - then, 1e-9)
-
     def at(self, travel: float) -> np.ndarray:
         i = min(max(int(np.searchsorted(self.travel, travel)), 1), len(self.travel) - 1)
         a, b = self.travel[i - 1], self.travel[i]
