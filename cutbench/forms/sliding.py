@@ -1,8 +1,8 @@
 """Sliding past the blade: the strengths of friction and adhesion.
 
 What a law's strength depends on — pressure and Θ — is known before the step: the pressure foreseen from
-those of the last two, and Θ of the last one, as in the paper. So friction does not feed back on contact within
-a step, and runs with Coulomb friction get through onsets at which they stall otherwise.
+those of the last two, and Θ of the last one, as in the paper. So friction does not feed back on contact
+within a step, and runs with Coulomb friction get through onsets at which they stall otherwise.
 """
 
 from __future__ import annotations
