@@ -72,8 +72,8 @@ def told(data: dict[str, Any]) -> str:
     ]
     columns = ("problem", "unknowns", "factorizations", "CPU s", "times")
     made = (
-        f"Commit `{short(data['commit'])}`, `{data['command']}`, one thread a run"
-        f" ({machine(data['machine'])}):"
+        f"Commit `{short(data['commit'])}`, `{data['command']}`, one thread a run, compiled code"
+        f" loaded before ({machine(data['machine'])}):"
     )
     held = (
         f"The published model of gelatin to {beside['depth_mm']:g} mm beside"
