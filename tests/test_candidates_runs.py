@@ -50,7 +50,7 @@ def baseline():
 
 def test_the_baseline_cuts():
     run = baseline()
-    assert run.outcome.done and run.measures["onset_mm"] < 0.6
+    assert run.outcome.done and run.measures["onset_mm"] < 0.65
     assert abs(run.measures["closure"]) < 0.03
 
 

@@ -121,11 +121,11 @@ def test_two_flats_press_the_same_on_every_mesh(gap):
 def folded():
     """An elastomer whose plane opens below the tip: the cap above folds in beside the blade."""
     coarse = {"h": "0.3 mm", "corner": 0.2, "shallow": 1, "step": "0.1 mm", "energy_step": 0.2}
-    return run_case(load_case("elastomer", {**coarse, "penalty": 4000, "stick": 1600, "depth": "3.35 mm"}))
+    return run_case(load_case("elastomer", {**coarse, "penalty": 4000, "stick": 1600, "depth": "3.55 mm"}))
 
 
 def test_what_folds_in_beside_the_blade_is_not_in_one_place_twice(folded):
-    assert folded.outcome.done and folded.measures["onset_mm"] < 3.3
+    assert folded.outcome.done and folded.measures["onset_mm"] < 3.45
     assert np.isnan(folded.measures["crossed_mm"]) and folded.measures["crossed_mm2"] == 0
     assert abs(folded.measures["closure"]) < 0.01
     stored = folded.curve["work_self_contact_mJ"]
