@@ -62,7 +62,7 @@ class Numerics:
     closing: float = _within(5000.0, 0.0, 1e6)
     """Pressure at which the closed cut plane would overlap by δ_c, in G."""
     multiplier: str = _one_of("carried", "none")
-    """A step begins with the contact pressure of the last one, or with none."""
+    """A step begins with the contact pressure foreseen from the last two, or with none."""
     augmentations: int = _within(0, 0, 50)
     """Uzawa updates a step at the most, until pressures stand still; each costs a solution and lessens the
     penetration."""
