@@ -86,6 +86,19 @@ def test_unsymmetric_local_matrices_keep_rows_and_columns_apart():
     np.testing.assert_allclose(pattern.csr(data).toarray(), dense[np.ix_(free, free)], atol=1e-13)
 
 
+@pytest.mark.parametrize("part", [1.0, 1j], ids=["real", "complex"])
+def test_forces_in_balance_are_weighed_by_block_and_without_what_is_apart(part):
+    rng, ndof, apart = np.random.default_rng(5), 30, np.array([0, 3, 17, 29])
+    dofs = tables(rng, ndof)
+    pattern = Pattern(ndof, apart, dofs, symmetric=False)
+    forces = {name: rng.normal(size=t.shape) + part * rng.normal(size=t.shape) for name, t in dofs.items()}
+    whole = {name: pattern.vector(name, force) for name, force in forces.items()}
+    total, scale = pattern.balance(forces, apart)
+    np.testing.assert_allclose(total, sum(whole.values()), atol=1e-13)
+    lengths = (np.linalg.norm(vector[pattern.free].real) for vector in whole.values())
+    assert scale == pytest.approx(sum(lengths), rel=1e-13)
+
+
 @pytest.mark.parametrize("symmetric", [False, True])
 def test_a_pattern_that_grows_is_one_made_anew(symmetric):
     rng, ndof, fixed = np.random.default_rng(3), 30, np.array([0, 3, 17, 29])

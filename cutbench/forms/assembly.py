@@ -114,12 +114,15 @@ class Pattern:
         """Add local matrices (nd, nd, n) to the CSR values ``data``."""
         data += self.matrices({name: local})
 
-    def vectors(self, locals_: dict[str, np.ndarray]) -> np.ndarray:
-        """As ``vector`` for several blocks: (blocks, ndof), in the order given."""
-        out = np.zeros((len(locals_), self.ndof), dtype=np.result_type(*locals_.values()))
-        for row, (name, local) in zip(out, locals_.items(), strict=True):
-            _scatter(row, self.blocks[name].vectors, local.astype(out.dtype, copy=False).ravel())
-        return out
+    def balance(self, locals_: dict[str, np.ndarray], apart: np.ndarray) -> tuple[np.ndarray, float]:
+        """Sum (ndof,) of several blocks' local vectors, and the sum of the lengths of their own global ones
+        but for the unknowns ``apart``."""
+        total = np.zeros(self.ndof, dtype=np.result_type(*locals_.values()))
+        one, scale = np.empty_like(total), 0.0
+        by = _plain_weighed if np.iscomplexobj(total) else _weighed
+        for name, local in locals_.items():
+            scale += by(total, one, self.blocks[name].vectors, local.ravel(), apart)
+        return total, scale
 
     def matrices(self, locals_: dict[str, np.ndarray], begin: np.ndarray | float = 0.0) -> np.ndarray:
         """CSR values of the sum of several blocks' local matrices, and of the values ``begin``."""
@@ -131,25 +134,6 @@ class Pattern:
 
     def csr(self, data: np.ndarray) -> sp.csr_matrix:
         return sp.csr_matrix((data, self.indices, self.indptr), shape=self.shape)
-
-
-def plain_balance(vectors, at):
-    """As ``balance``, for real and complex numbers."""
-    parts = np.take(vectors, at, axis=1).real
-    return vectors.sum(axis=0), np.sqrt((parts * parts).sum(axis=1)).sum()
-
-
-@compiled(plain_balance)
-def balance(vectors, at):
-    """Sum of the ``vectors`` (blocks, ndof), and the sum of their lengths over the places ``at``."""
-    total, squares = np.zeros(vectors.shape[1]), np.zeros(len(vectors))
-    for k in range(total.size):
-        for b in range(squares.size):
-            total[k] += vectors[b, k]
-    for k in at:
-        for b in range(squares.size):
-            squares[b] += vectors[b, k] ** 2
-    return total, np.sqrt(squares).sum()
 
 
 def _numbered(dofs: np.ndarray, distinct: list[np.ndarray]) -> int:
@@ -187,6 +171,33 @@ def _scatter(out, places, values):
     """Add ``values`` to ``out`` at ``places``, which may repeat."""
     for k in range(places.size):
         out[places[k]] += values[k]
+
+
+def _plain_weighed(total, one, places, values, apart):
+    one[:] = 0.0
+    _plain_scatter(one, places, values)
+    total += one
+    one[apart] = 0.0
+    return float(np.linalg.norm(one.real))
+
+
+@compiled(_plain_weighed)
+def _weighed(total, one, places, values, apart):
+    """Sum ``values`` at ``places`` up in ``one``, add that to ``total``, and say how long it is."""
+    one[:] = 0.0
+    for k in range(places.size):
+        one[places[k]] += values[k]
+    for k in range(one.size):
+        total[k] += one[k]
+    for k in apart:
+        one[k] = 0.0
+    parts = np.zeros(4)  # a processor adds up some at a time
+    for k in range(one.size // 4):
+        for m in range(4):
+            parts[m] += one[4 * k + m] ** 2
+    for k in range(one.size // 4 * 4, one.size):
+        parts[0] += one[k] ** 2
+    return np.sqrt(parts.sum())
 
 
 def _plain_places(indptr, indices, numbers, symmetric):

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cutbench.forms.assembly import Pattern, balance, plain_balance
+from cutbench.forms.assembly import Pattern
 from cutbench.forms.base import AT_REST, Form, Step
 from cutbench.forms.blade import BladeForm
 from cutbench.forms.bulk import BulkForm
@@ -79,8 +79,8 @@ class Problem:
         #: The same as a mask (ndof,).
         self.is_free = np.zeros(ndof, bool)
         self.is_free[self.free] = True
-        #: Where forces count as in balance.
-        self.in_balance = np.arange(ndof) if pulled else self.free
+        #: Where forces do not count as in balance.
+        self.apart = np.flatnonzero(~self.is_free & (not pulled))
         self._set_up_solver()
         #: Lengths among the unknowns; pressures of a mixed element stand behind them.
         self.displacements = slice(0, int(self.bulk.dofs.max()) + 1)
@@ -173,9 +173,7 @@ class Problem:
                 vectors[form.name], new[form.name] = local.vector, local.state
                 if local.matrix is not None:
                     matrices[form.name] = local.matrix
-            forces = self.pattern.vectors(vectors)
-            by = plain_balance if np.iscomplexobj(forces) else balance
-            residual, scale = by(forces, self.in_balance)
+            residual, scale = self.pattern.balance(vectors, self.apart)
             data = None
             if tangent:
                 damped: np.ndarray | float = 0.0
@@ -183,7 +181,7 @@ class Problem:
                     damped = self.damping.factor(step) * self.metric
                 data = self.pattern.matrices(matrices, damped)
         self.timer.add("assembly" if tangent else "residual", begin)
-        return Evaluation(residual, data, new, float(scale))
+        return Evaluation(residual, data, new, scale)
 
     def out_of_balance(self, found: Evaluation) -> float:
         """Length of the residual on the free degrees of freedom, N; infinite where it is not finite."""

@@ -66,5 +66,5 @@ class SubProblem:
             self._smooth = make_solver(name, pattern.indptr, pattern.indices, free.size, problem.symmetric)
             self._smooth.refactor(data)
         local = np.einsum("ije,je->ie", damping.unit_matrix, np.take(du, damping.dofs))
-        du[free] = self._smooth.solve(-problem.pattern.vectors({"damping": local}).sum(axis=0)[free])
+        du[free] = self._smooth.solve(-problem.pattern.vector("damping", local)[free])
         return du
