@@ -30,13 +30,13 @@ def _one_of(default: str, *others: str) -> Any:
 class Numerics:
     """Every choice that is numerical; part of a case's identity. docs/tables.py makes the table of it."""
 
-    h_mm: float = _within(0.03125, 1e-3, 10.0)
+    h_mm: float = _within(0.0625, 1e-3, 10.0)
     """Element size at the cut plane, from where elements grow; at most 3 times the blade's thickness."""
     corner: float = _within(0.0, 0.005, 1.0, chosen=True)
-    """Element size under the tip, in units of `h`; 0: h/16, but not below 1/90 of the blade's thickness."""
+    """Element size under the tip, in units of `h`; 0: h/16, but not below 1/45 of the blade's thickness."""
     shallow: float = _within(0.0, 0.02, 1.0, chosen=True)
     """Element size on the cut plane down to three blade thicknesses, where cutting begins, in units of `h`;
-    further down it grows to `h`. 0: h/4, but not below 1/22 of the blade's thickness."""
+    further down it grows to `h`. 0: h/4, but not below 1/11 of the blade's thickness."""
     around: float = _within(1.25, 0.0, 100.0)
     """How far above and below the front of the cut elements are that small, in blade thicknesses; the section
     is meshed anew as the front goes down. 0: one mesh with small elements all the way."""
@@ -50,9 +50,9 @@ class Numerics:
     """Direction of the contact pressure: the blade's normal, or the material's, as in the paper."""
     gap: str = _one_of("distance", "ellipse")
     """Signed distance to the blade, or the paper's number times half the blade's thickness."""
-    penalty: float = _within(64000.0, 1e-3, 1e6)
+    penalty: float = _within(16000.0, 1e-3, 1e6)
     """Contact stiffness, in G per mm of penetration."""
-    stick: float = _within(25600.0, 1e-3, 1e6)
+    stick: float = _within(6400.0, 1e-3, 1e6)
     """Stiffness of sticking, in G per mm of slip."""
     release_mm: float = _within(0.001, 0.0, 10.0)
     """A face of the cut that had touched the blade keeps its adhesion up to this gap; 0: for ever, as in the
@@ -77,13 +77,13 @@ class Numerics:
     predictor: str = _one_of("front", "line")
     """Where Newton's method begins: on a line through the last two states, with the elements around the front
     solved first; or on the line itself."""
-    step_mm: float = _within(0.05, 1e-6, 5.0)
+    step_mm: float = _within(0.1, 1e-6, 5.0)
     """Largest step of blade travel."""
     step_min_mm: float = _within(1e-4, 1e-9, 1.0)
     """Smallest step; a run that needs a smaller one ends as stalled, with its curve."""
-    damage_step: float = _within(0.5, 1e-3, 1.0)
+    damage_step: float = _within(0.35, 1e-3, 1.0)
     """Growth of damage in a step that makes the next one smaller; twice as much refuses the step."""
-    energy_step: float = _within(0.05, 1e-4, 1.0)
+    energy_step: float = _within(0.1, 1e-4, 1.0)
     """Part of the blade's work over the largest step that a step may leave open; more refuses the step."""
     damping_mm: float = _within(3e-4, 0.0, 1.0)
     """Bulk viscosity over G, times the speed; it carries a run through jumps."""
@@ -145,11 +145,15 @@ _SOLID = Numerics(
     slender=8.0,
     facet_degree=4,
     bulk_degree=2,
+    damage_step=0.5,
+    energy_step=0.05,
     normal="material",
     penalty=1000.0,
     stick=400.0,
     multiplier="none",
 )
+#: Where a preset for first looks differs, in sections: half as many elements and steps.
+_FAST: dict[str, Any] = {"h_mm": 0.125, "damage_step": 0.7}
 
 
 def defaults(dim: int) -> Numerics:
@@ -169,20 +173,23 @@ PAPER_UPDATES = 50
 #: In three dimensions elements grow away from the cut plane: this size on it gives as many as the paper's.
 PAPER_SOLID: dict[str, Any] = {"h_mm": 0.85, "along": 1.25}
 #: Sets of choices under one word.
-PRESETS = ("converged", "paper")
+PRESETS = ("converged", "fast", "paper")
 
 
 def preset(name: object, dim: int, modulus: float, thickness: float) -> Numerics:
     """The numerics called ``name``, for a shear ``modulus`` and a blade. BadInput for an unknown name.
 
-    ``converged``: the defaults. ``paper``: linear elements of the paper's size, the material's normal, its
-    dimensionless gap 1 − (x−c)ᵀA(x−c) with ε_N/h, h the element's diameter, and multipliers that are updated
-    until they stand still, sticking with ε_T/h, a cut plane that resists closing as it resists opening,
-    damage staggered, its steps. Strengths of friction and adhesion follow the last step's pressure all the
-    same, not this one's.
+    ``converged``: the defaults. ``fast``: elements twice as tall and steps twice as long, for first looks;
+    what that costs stands in docs/numerics.md. A block has its defaults. ``paper``: linear elements of the
+    paper's size, the material's normal, its dimensionless gap 1 − (x−c)ᵀA(x−c) with ε_N/h, h the element's diameter,
+    and multipliers that are updated until they stand still, sticking with ε_T/h, a cut plane that resists
+    closing as it resists opening, damage staggered, its steps. Strengths of friction and adhesion follow the
+    last step's pressure all the same, not this one's.
     """
     among("numerics", name, PRESETS)
     start = defaults(dim)
+    if name == "fast":
+        return start if dim == 3 else replace(start, **_FAST)
     if name == "converged":
         return start
     # Our ellipse gap is a/2 times the dimensionless one, and the penalty is in G per mm of it.

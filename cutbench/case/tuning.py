@@ -94,10 +94,10 @@ class NewtonTuning:
     minimise."""
     patience: int = 20
     """Iterations before a residual that does not fall counts as cycling."""
-    close: float = 0.1
+    close: float = 0.3
     """A Newton step that leaves less than this of the residual is followed by steps with its
     factorization."""
-    chord: float = 0.2
+    chord: float = 0.5
     """As long as each of them leaves less than this: a new factorization costs as much as three."""
     nearly: float = 0.02
     """A full step from below this part of the forces is likely to be followed by such: no tangent is
@@ -127,7 +127,7 @@ class WindowTuning:
     follows: float = 0.25
     """It goes down with the front in steps of this part of its reach: its pattern is analysed anew each
     time."""
-    enough: float = 1e-3
+    enough: float = 0.01
     """A part's residual over its own forces that is small enough: what surrounds it is not exact either."""
     iterations: int = 15
     """Newton's iterations on a part at the most."""
@@ -143,12 +143,6 @@ class WindowTuning:
     """How often what a moved state lacks is averaged near the front, where it differs within an element."""
     near: float = 0.15
     """So near to the front."""
-    wrong: float = 0.01
-    """Where else the residual is above this part of the forces a part is solved too."""
-    spots: int = 2
-    """So many such parts."""
-    fewest: int = 60
-    """Of so many nodes at least: smaller ones push the error out of themselves."""
     touch_mm: float = 0.01
     """Nodes nearer to the blade than this keep their distance in a prediction."""
     remembered: int = 3
@@ -234,13 +228,13 @@ class MeshTuning:
     blade."""
     on_rim: float = 0.8
     """By this."""
-    corner: tuple[float, float] = (1 / 16, 1 / 89.6)
+    corner: tuple[float, float] = (1 / 16, 1 / 44.8)
     """Elements under the tip, where no size is chosen: this part of h, but not below this part of the blade's
-    thickness, 8 µm for 0.7 mm."""
+    thickness, 16 µm for 0.7 mm."""
     edge: tuple[float, float] = (3.0, 0.01)
     """And so many of them at least to the radius of the blade's edge, which bends the surface over as short a
     way, but not below this part of h."""
-    shallow: tuple[float, float] = (1 / 4, 1 / 22.4)
+    shallow: tuple[float, float] = (1 / 4, 1 / 11.2)
     """The same where the cut surges."""
     reach: float = 6 / 7
     """Half-thicknesses of the blade over which elements of a section become as wide as tall, away from the

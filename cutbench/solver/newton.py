@@ -55,7 +55,7 @@ def newton(
     if not problem.sound(u, floor):
         if strict:
             raise BadGuess("the predicted state has inverted elements, or passes through itself")
-        u = _on_the_way(problem, step.u_old, u, floor)
+        u = on_the_way(problem, step.u_old, u, floor)
     current = problem.evaluate(u, states, step, tangent=not near)
     size = norm(current)
     if near:
@@ -107,7 +107,7 @@ def newton(
     )
 
 
-def _on_the_way(problem: Problem, u: np.ndarray, guess: np.ndarray, floor: float) -> np.ndarray:
+def on_the_way(problem: Problem, u: np.ndarray, guess: np.ndarray, floor: float) -> np.ndarray:
     """``guess`` with its free unknowns on the way from ``u``, before elements invert or the surface meets
     itself. Raises BadGuess where ``u`` is no better."""
     start = guess.copy()

@@ -2,10 +2,9 @@
 
 From one step to the next the tip meets other faces and the front opens other points. Newton's method spends
 most of its iterations on finding which, and solves the whole block each time. So they are found on the
-elements around the front alone, with the rest of the block held where a straight line has it; and then
-around the node with the largest residual, where that is elsewhere. What is left then is smooth, and takes
-one or two iterations of the whole (nonlinear elimination: Lanzkron, Rose, Wilkes, SIAM J. Sci. Comput. 17,
-1996; Cai, Li, SIAM J. Sci. Comput. 33, 2011).
+elements around the front alone, with the rest of the block held where a straight line has it. What is left
+then is smooth, and takes one or two iterations of the whole (nonlinear elimination: Lanzkron, Rose, Wilkes,
+SIAM J. Sci. Comput. 17, 1996; Cai, Li, SIAM J. Sci. Comput. 33, 2011).
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ import numpy as np
 
 from cutbench.case.tuning import WindowTuning
 from cutbench.forms.space import Faces, Space
-from cutbench.solver.newton import BadGuess, NewtonSettings, NoConvergence, newton
+from cutbench.solver.newton import BadGuess, NewtonSettings, NoConvergence, newton, on_the_way
 from cutbench.solver.predictor.history import History
 from cutbench.solver.predictor.part import SubProblem
 from cutbench.solver.problem import Problem
@@ -33,7 +32,7 @@ def front_depth(height: np.ndarray, top: float, states: dict) -> float:
 
 
 class Window:
-    """Parts of a problem: around the front of its cut, and where else a prediction is wrong."""
+    """The part of a problem around the front of its cut."""
 
     def __init__(
         self,
@@ -59,7 +58,6 @@ class Window:
         self._smoothed = max(tuning.near * thickness, self._tall)
         self._place: int | None = None
         self._part: SubProblem
-        self._spot: tuple[np.ndarray, SubProblem] | None = None
 
     def solved(self, u: np.ndarray, last: np.ndarray, states: dict, step, settings: NewtonSettings):
         """``u``, which predicts the end of ``step`` from ``last``, with the unknowns of the parts solved for.
@@ -83,15 +81,12 @@ class Window:
             u = self._newton(part, begin, of_part, step, moved, strict=True)
         except BadGuess:
             # All turn elements inside out: begin as it was, and yield to the edge.
-            u = self._newton(part, last + part.extended(u - last), of_part, step, settings)
-        for _ in range(self._tuning.spots if self._flat else 0):
-            spot = self._worst(u, states, step)
-            if spot is None:
-                break
             try:
-                u = self._newton(spot, u, spot.picked(states), step, settings)
-            except NoConvergence:
-                break
+                u = self._newton(part, last + part.extended(u - last), of_part, step, settings)
+            except BadGuess:
+                floor = settings.smallest_ratio * min(1.0, self._problem.bulk.smallest_volume_ratio(last))
+                u = on_the_way(self._problem, last, u, floor)
+                u = self._newton(part, u, of_part, step, settings)
         return u
 
     def _newton(
@@ -205,26 +200,6 @@ class Window:
         free = np.isin(places, part.problem.free)
         guess[places[free]] = (moved + lacked)[free]
         return guess
-
-    # -- elsewhere --------------------------------------------------------------------------------
-    def _worst(self, u: np.ndarray, states: dict, step) -> SubProblem | None:
-        """The part around the node with the largest residual; None where that is small, or at the front."""
-        problem, space = self._problem, self._space
-        found = problem.evaluate(u, states, step, tangent=False)
-        forces = np.zeros(problem.ndof)
-        forces[problem.free] = found.residual[problem.free]
-        if not self._tuning.wrong * found.scale < np.linalg.norm(forces) < np.inf:
-            return None
-        node = int(np.linalg.norm(forces[: space.ndof].reshape(-1, space.dim), axis=1).argmax())
-        if node in self._part.nodes:
-            return None
-        if self._spot is None or node not in self._spot[0]:
-            away = np.linalg.norm(space.X - space.X[:, [node]], axis=0)
-            least = min(self._tuning.fewest, away.size) - 1
-            reach = max(self._reach, float(np.partition(away, least)[least]))
-            core = np.flatnonzero(away < reach / 2)
-            self._spot = core, SubProblem(problem, space.dim, away <= reach)
-        return self._spot[1]
 
 
 def _relative_residual(problem: Problem, u: np.ndarray, states: dict, step, floor: float) -> float:
