@@ -83,6 +83,8 @@ class _Reading:
         self._shape = None if first is None else first.shape[first.ndim - axes :]
         numbers, arrays, build = [], [], "None"
         try:
+            if (owner := getattr(plain, "__self__", None)) is not None:
+                self._keeps(owner, self._object(owner))
             with symbolic():
                 read = [self._read(x, f"a{k}") for k, x in enumerate(given)]
                 formula = Formula(plain(*read), (2,) * axes, self._object)
@@ -132,7 +134,14 @@ class _Reading:
         same = "==" if isinstance(x, (int, str)) and not isinstance(x, bool) else "is"
         # Arguments that are flags differ most often.
         self._guards.insert(0 if place.isalnum() else len(self._guards), f"{place} {same} {self._object(x)}")
+        self._keeps(x, place)
         return x
+
+    def _keeps(self, x: Any, place: str) -> None:
+        """A law has nothing of its own; if it gets something, a method in place of its class's, it is read
+        anew."""
+        if not isinstance(x, type) and type(getattr(x, "__dict__", None)) is dict:
+            self._guards.append(f"{place}.__dict__ == {self._object({**vars(x)})}")
 
     def _leaf(self, place: str, leading: tuple[int, ...] | None) -> Any:
         self._places.append(place)

@@ -181,10 +181,10 @@ def preset(name: object, dim: int, modulus: float, thickness: float) -> Numerics
 
     ``converged``: the defaults. ``fast``: elements twice as tall and steps twice as long, for first looks;
     what that costs stands in docs/numerics.md. A block has its defaults. ``paper``: linear elements of the
-    paper's size, the material's normal, its dimensionless gap 1 − (x−c)ᵀA(x−c) with ε_N/h, h the element's diameter,
-    and multipliers that are updated until they stand still, sticking with ε_T/h, a cut plane that resists
-    closing as it resists opening, damage staggered, its steps. Strengths of friction and adhesion follow the
-    last step's pressure all the same, not this one's.
+    paper's size, the material's normal, its dimensionless gap 1 − (x−c)ᵀA(x−c) with ε_N/h, h the element's
+    diameter, and multipliers that are updated until they stand still, sticking with ε_T/h, a cut plane that
+    resists closing as it resists opening, damage staggered, its steps. Strengths of friction and adhesion
+    follow the last step's pressure all the same, not this one's.
     """
     among("numerics", name, PRESETS)
     start = defaults(dim)
