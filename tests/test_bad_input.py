@@ -90,7 +90,7 @@ OPTIONS = {
     "unknown scheme": (["--set", "scheme=stagered"], "scheme", "stagered", "did you mean 'staggered'"),
     "half an augmentation": (["--set", "augmentations=1.5"], "augmentations", "1.5", "whole number"),
     "no tolerance": (["--set", "tolerance=0"], "tolerance", "0", "tolerance <= 0.01"),
-    "steps crossed": (["--set", "step_min=0.5 mm"], "step_min", "0.5 mm", "the largest (0.05 mm)"),
+    "steps crossed": (["--set", "step_min=0.5 mm"], "step_min", "0.5 mm", "the largest (0.1 mm)"),
     "no such mesh": (["--set", "mesh=/nowhere/block.msh"], "mesh", "/nowhere/block.msh", "can be read"),
     "unknown mechanism": (["--with", "gentt"], "with", "gentt", "did you mean 'gent'"),
     "take out what is not there": (["--without", "viscous"], "without", "viscous", "'viscous_degraded'"),

@@ -25,8 +25,9 @@ from cutbench.base.formula import Formula
 from cutbench.base.graph import symbolic, under_way
 from cutbench.base.symbols import leaf
 
-#: Formulas of one function: with more there is something that changes from call to call.
-MOST = 64
+#: Formulas of one function that are kept, the last ones; and calls of one before there may be another beyond
+#: them: with fewer there is something that changes from call to call.
+MOST, USED = 64, 8
 #: By which an answer may differ from NumPy's, over its largest number.
 ROUNDING = 1e-8
 _FLOAT, _COMPLEX = np.dtype(float), np.dtype(complex)
@@ -49,7 +50,8 @@ class Fused:
         for reading in self._known:
             if (found := reading.answer(given)) is not _MISS:
                 return found
-        if len(self._known) < MOST:
+        if len(self._known) < MOST or self._known[0].calls > USED:
+            del self._known[MOST - 1 :]
             self._known.insert(0, reading := _Reading(self.plain, given, self._axes, self._loops))
             if (found := reading.answer(given)) is not _MISS:
                 return found
@@ -74,7 +76,7 @@ class _Reading:
     """A function read for arguments of one kind."""
 
     def __init__(self, plain, given: tuple, axes: int, loops: Callable[[str], Callable[..., None]]):
-        self._plain, self._axes, self.why, self._calls = plain, axes, "", 0
+        self._plain, self._axes, self.why, self.calls = plain, axes, "", 0
         self._guards: list[str] = []
         self._objects: dict[str, Any] = {"array": np.array}
         self._places: list[str] = []
@@ -174,8 +176,8 @@ class _Reading:
         out = np.empty((self._rows, inputs[0].shape[1]), kind)
         self._loop(q, *inputs, out)
         found = self._build(out, shape)
-        self._calls += 1
-        if self._calls & (self._calls - 1) == 0 and not _alike(found, self._plain(*given)):
+        self.calls += 1
+        if self.calls & (self.calls - 1) == 0 and not _alike(found, self._plain(*given)):
             self.why = "differs from NumPy"
             return self._plain(*given)
         return found
