@@ -50,9 +50,9 @@ class Numerics:
     """Direction of the contact pressure: the blade's normal, or the material's, as in the paper."""
     gap: str = _one_of("distance", "ellipse")
     """Signed distance to the blade, or the paper's number times half the blade's thickness."""
-    penalty: float = _within(16000.0, 1e-3, 1e6)
+    penalty: float = _within(64000.0, 1e-3, 1e6)
     """Contact stiffness, in G per mm of penetration."""
-    stick: float = _within(6400.0, 1e-3, 1e6)
+    stick: float = _within(25600.0, 1e-3, 1e6)
     """Stiffness of sticking, in G per mm of slip."""
     release_mm: float = _within(0.001, 0.0, 10.0)
     """A face of the cut that had touched the blade keeps its adhesion up to this gap; 0: for ever, as in the
