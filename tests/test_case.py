@@ -336,3 +336,10 @@ def test_importing_is_light():
     code = f"import sys, cutbench, cutbench.cli.main; print([m for m in {heavy} if m in sys.modules])"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.strip() == "[]"
+
+
+def test_first_looks_have_fewer_elements_and_steps_and_blocks_their_own():
+    quick, usual = (load_case("gelatin", {"numerics": word}).numerics for word in ("fast", "converged"))
+    assert usual == Numerics()
+    assert quick.h_mm > usual.h_mm and quick.damage_step > usual.damage_step
+    assert load_case("gelatin", {"numerics": "fast"}, dim=3).numerics == load_case("gelatin", dim=3).numerics

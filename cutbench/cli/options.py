@@ -92,7 +92,7 @@ Normal = Annotated[
 ]
 Preset = Annotated[
     str | None,
-    typer.Option("--numerics", metavar="converged|paper", help="All numerical choices under one word."),
+    typer.Option("--numerics", metavar="converged|fast|paper", help="All numerical choices under one word."),
 ]
 Without = Annotated[
     list[str] | None, typer.Option(metavar="NAME", help="Leave a mechanism out; may be repeated.")
