@@ -25,9 +25,9 @@ from cutbench.base.formula import Formula
 from cutbench.base.graph import symbolic, under_way
 from cutbench.base.symbols import leaf
 
-#: Formulas of one function that are kept, the last ones; and calls of one before there may be another beyond
-#: them: with fewer there is something that changes from call to call.
-MOST, USED = 64, 8
+#: Readings of one function that are kept, the last ones; and different formulas of one: with more there is
+#: something that changes from call to call, and each would be compiled.
+MOST, FORMULAS = 64, 256
 #: By which an answer may differ from NumPy's, over its largest number.
 ROUNDING = 1e-8
 _FLOAT, _COMPLEX = np.dtype(float), np.dtype(complex)
@@ -43,6 +43,7 @@ class Fused:
     def __init__(self, plain: Callable[..., Any], axes: int, loops: Callable[[str], Callable[..., None]]):
         self.plain, self._axes, self._loops = plain, axes, loops
         self._known: list[_Reading] = []
+        self._formulas: set[str] = set()
 
     def __call__(self, *given: Any) -> Any:
         if under_way():  # of what calls it
@@ -50,9 +51,11 @@ class Fused:
         for reading in self._known:
             if (found := reading.answer(given)) is not _MISS:
                 return found
-        if len(self._known) < MOST or self._known[0].calls > USED:
-            del self._known[MOST - 1 :]
-            self._known.insert(0, reading := _Reading(self.plain, given, self._axes, self._loops))
+        if len(self._formulas) < FORMULAS:
+            reading = _Reading(self.plain, given, self._axes, self._loops)
+            self._known.insert(0, reading)
+            del self._known[MOST:]
+            self._formulas.add(reading.source)
             if (found := reading.answer(given)) is not _MISS:
                 return found
         return self.plain(*given)
@@ -76,7 +79,7 @@ class _Reading:
     """A function read for arguments of one kind."""
 
     def __init__(self, plain, given: tuple, axes: int, loops: Callable[[str], Callable[..., None]]):
-        self._plain, self._axes, self.why, self.calls = plain, axes, "", 0
+        self._plain, self._axes, self.why, self.source, self.calls = plain, axes, "", "", 0
         self._guards: list[str] = []
         self._objects: dict[str, Any] = {"array": np.array}
         self._places: list[str] = []
@@ -92,7 +95,8 @@ class _Reading:
                 formula = Formula(plain(*read), (2,) * axes, self._object)
             if not formula.arrays:
                 raise TypeError("an answer that depends on no points")
-            self._loop, self._rows = loops(formula.source), formula.rows
+            self.source = formula.source
+            self._loop, self._rows = loops(self.source), formula.rows
             numbers, arrays, build = formula.numbers, formula.arrays, formula.build
         except Exception as error:  # whatever NumPy, a law or a compiler says to symbols
             self.why = f"{type(error).__name__}: {error}"
@@ -206,6 +210,7 @@ def _close(found: Any, plain: Any) -> bool:
     return bool(np.all(near | (np.isnan(plain) & np.isnan(found))))
 
 
+@lru_cache(maxsize=1024)
 def _compiled_source(source: str) -> Callable[..., None]:
     """``loop`` of a source, compiled, and kept for the next process where there is a place for it."""
     code = compile(source, _kept(source), "exec")
