@@ -84,6 +84,20 @@ def test_the_boundary_parts_the_regimes(study):
             assert corners.min() <= 1 + 1e-9 and corners.max() >= 1 - 1e-9
 
 
+def test_the_boundary_of_a_power_law_is_a_straight_line_on_log_axes(study):
+    """A drop whose logarithm is linear in those of the axes, on five by four points: the line is known."""
+    s = study("cohesion", "viscosity", "adhesion")
+    data = build_map(s, rows_of(s))
+    slope = 0.9 * np.log(data["cohesion"] / 5) + 0.4 * np.log(data["viscosity"] / 0.4)
+    data["drop_rel"] = (0.1 * np.exp(-slope)).broadcast_like(data["drop_rel"])
+    for ax in panels(draw_phase(data)):
+        x, y = np.concatenate([p.vertices for p in contours(ax)[0].get_paths()]).T
+        inside = (x >= 1) & (x <= 30) & (y >= 0.01) & (y <= 5)
+        assert inside.sum() > 20
+        octaves = np.log2(y / 0.4) + 0.9 / 0.4 * np.log2(x / 5)
+        assert np.abs(octaves[inside]).max() < 0.02
+
+
 def test_markers_count_the_regimes(study):
     s = study("cohesion", "viscosity", "adhesion")
     data = build_map(s, rows_of(s))

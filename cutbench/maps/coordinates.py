@@ -11,7 +11,7 @@ import xarray as xr
 from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
+from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator, RegularGridInterpolator
 
 from cutbench.base.figure_style import Look
 
@@ -23,6 +23,8 @@ MATERIAL: Look = {"marker": "D", "mfc": "#D55E00", "mec": "white", "ms": 6.0, "m
 PANELS = 6
 #: Values below this are as good as none where their logarithm is taken.
 LEAST = 1e-3
+#: Pieces that a whole axis is contoured in at the least.
+_PIECES = 128
 
 
 def panels_of(data: xr.Dataset, panel: str) -> tuple[xr.Dataset, xr.Dataset]:
@@ -83,6 +85,22 @@ def edges(values: np.ndarray, log: bool) -> np.ndarray:
         mid = (v[1:] + v[:-1]) / 2
         e = np.concatenate([[2 * v[0] - mid[0]], mid, [2 * v[-1] - mid[-1]]])
     return np.exp(e) if log else e
+
+
+def finer(ticks: Sequence[np.ndarray], logs: Sequence[bool], z: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Ticks of both axes, x first, and z (y, x), so fine that a contour is straight in the axes' own scales.
+
+    Matplotlib finds a contour between points linearly in what it is given, which on a log axis of a few
+    points is far off.
+    """
+    own = [np.log(t) if log else np.asarray(t, dtype=float) for t, log in zip(ticks, logs, strict=True)]
+    fine = []
+    for t in own:
+        parts = max(1, math.ceil(_PIECES / (t.size - 1)))
+        fine.append(np.interp(np.arange(parts * (t.size - 1) + 1) / parts, np.arange(t.size), t))
+    v, u = np.meshgrid(fine[1], fine[0], indexing="ij")
+    between = RegularGridInterpolator((own[1], own[0]), z)((v, u))
+    return *(np.exp(t) if log else t for t, log in zip(fine, logs, strict=True)), between
 
 
 def is_log(coordinate: xr.DataArray) -> bool:

@@ -34,6 +34,7 @@ from cutbench.maps.coordinates import (
     axis_text,
     draw_materials,
     edges,
+    finer,
     is_log,
     marks_of,
     panels_of,
@@ -177,10 +178,11 @@ def _boundary(ax: Axes, part: xr.Dataset, x: str, y: str) -> bool:
         z = _fill(z)
     # The outer cells reach beyond their points: hold the value there, so that the line meets the frame.
     z = np.pad(z, 1, mode="edge")
-    grids = []
-    for name in (x, y):
-        e = edges(part[name].values, is_log(part[name]))
+    grids, logs = [], [is_log(part[n]) for n in (x, y)]
+    for name, log in zip((x, y), logs, strict=True):
+        e = edges(part[name].values, log)
         grids.append(np.concatenate([e[:1], part[name].values, e[-1:]]))
+    *grids, z = finer(grids, logs, z)
     lines = ax.contour(
         *grids, np.ma.masked_invalid(z), levels=[0.0], colors="black",
         linewidths=1.5 if whole else 1.2, linestyles="solid" if whole else "dashed", zorder=3,
@@ -197,7 +199,8 @@ def _band(ax: Axes, part: xr.Dataset, x: str, y: str) -> None:
     doubt = (SURE * part["margin_sd"] - np.abs(part["margin"])).transpose(y, x).values
     if min(doubt.shape) > 1 and (doubt > 0).any():
         look: Look = {"levels": [0, np.inf], "colors": "none", "hatches": ["//////"], "zorder": 2.5}
-        ax.contourf(part[x].values, part[y].values, doubt, **look)
+        grids = part[x].values, part[y].values
+        ax.contourf(*finer(grids, [is_log(part[n]) for n in (x, y)], doubt), **look)
 
 
 def _classical(ax: Axes, part: xr.Dataset, x: str, y: str) -> bool:
@@ -212,6 +215,7 @@ def _classical(ax: Axes, part: xr.Dataset, x: str, y: str) -> bool:
     known = found[np.isfinite(found)]
     if known.size == 0 or not known.min() < 0 <= known.max():
         return False
+    *grids, found = finer(grids, [is_log(part[n]) for n in (x, y)], found)
     ax.contour(
         *grids, np.ma.masked_invalid(found), levels=[0.0], colors="0.25", linewidths=0.9,
         linestyles=[_DASHES], zorder=2.8,
