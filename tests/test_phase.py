@@ -63,7 +63,8 @@ def test_a_panel_a_level_with_boundary_and_each_material_on_its_own(study):
     assert [texts(ax) for ax in axes] == [["meat"], ["gelatin"], ["elastomer"]]
     assert ["0.187" in ax.get_title() for ax in axes] == [False, False, True]
     assert all(len(contours(ax)) == 1 for ax in axes)
-    assert legend(figure) == ["abrupt", "smooth", "boundary: drop of 10 %", "classical estimate", "material"]
+    said = ["abrupt", "smooth", "boundary: drop of 10 %", "classical estimate", "material, own run"]
+    assert legend(figure) == [*said, "elastomer (μ = 0.35)"]
     assert figure.get_figwidth() * 25.4 == pytest.approx(180)
     assert "viscosity" in axes[0].get_ylabel() and "cohesion" in axes[2].get_xlabel()
 
@@ -159,6 +160,26 @@ def test_a_material_off_a_level_says_its_value_and_one_off_the_axes_is_named(stu
 def test_materials_that_fall_together_share_a_mark(study):
     s = study("viscosity")
     assert texts(panels(draw_phase(build_map(s, rows_of(s))))[0]) == ["gelatin, elastomer", "meat"]
+    # With runs of their own they are apart where drops are what is up.
+    rows = rows_of(s) | {mark.case.id: MapRow("done", label="smooth", measures={"drop_rel": drop})
+                         for mark, drop in zip(s.marks(), (0.08, 0.02, 0.0), strict=True)}  # fmt: skip
+    (ax,) = panels(draw_phase(build_map(s, rows)))
+    assert texts(ax) == ["gelatin", "elastomer", "meat"]
+    heights = [line.get_ydata()[0] for line in ax.lines if line.get_marker() == "D"]
+    assert heights == pytest.approx([0.08, 0.02, 0.0])
+
+
+def test_a_material_is_filled_with_the_drop_of_its_own_run(study):
+    s = study("cohesion", "viscosity", "adhesion")
+    rows, fills = rows_of(s), {}
+    for mark, drop in zip(s.marks(), (0.12, 0.3, 0.0), strict=True):
+        rows[mark.case.id] = MapRow("done", label="abrupt", measures={"drop_rel": drop})
+    figure = draw_phase(build_map(s, rows))
+    assert "elastomer (μ = 0.35): abrupt" in legend(figure)
+    for ax, (text,) in ((ax, texts(ax)) for ax in panels(figure)):
+        (line,) = [line for line in ax.lines if line.get_marker() == "D"]
+        fills[text] = np.dot(line.get_markerfacecolor()[:3], [0.2126, 0.7152, 0.0722])
+    assert fills["elastomer"] < fills["gelatin"] < fills["meat"]  # the larger the darker
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import pytest
 from study_texts import BOUNDARY, GOOD, SAMPLED
 
 from cutbench.base.errors import BadInput
+from cutbench.case.model import DEFAULT
 from cutbench.maps.study import load_study
 
 
@@ -60,6 +61,8 @@ BAD = [
     ("drop = 0.2", 'onset_length = "0 mm"', "onset_length", "0 mm", "above 0", 22),
     ("drop = 0.2", "surge = -1", "surge", "-1", "0 < surge", 22),
     ('mark = ["meat"]', 'mark = ["meet"]', "mark", "meet", "'meat'", 25),
+    ('mark = ["meat"]', 'mark = ["my/meat.toml"]', "mark", "my/meat.toml", "TOML file", 25),
+    ('mark = ["meat"]', 'mark = ["meat", "meat"]', "mark", "meat", "different names", 25),
     ('mark = ["meat"]', 'mark = "meat"', "mark", "meat", "a list", 25),
     ('mark = ["meat"]', 'x = "viscosity"', "x", "viscosity", "cohesion", 25),
     ('mark = ["meat"]', 'x = "speed"\ny = "speed"', "y", "speed", "not show already", 26),
@@ -80,6 +83,23 @@ def test_what_is_wrong_is_named(write, old, new, key, value, hint, line):
     assert error.line == line
     if line is not None:
         assert error.file == str(path)
+
+
+@pytest.mark.parametrize(
+    ("case", "file", "key", "hint"),
+    [
+        ("[parameters]\nG = 3\n", "gel.toml", "G", "unit"),  # wrong in its own file
+        ("G = 3\n", "gel.toml", "G", "[parameters]"),
+        (f"mechanisms = {[m for m in DEFAULT if 'viscous' not in m]}", "study.toml", "mark", "viscosity"),
+        ('[blade]\nthickness = "0.1 mm"\ntip = "0.15 mm"\n', "study.toml", "mark", "element size"),
+    ],
+)
+def test_a_marked_case_file_with_an_error_is_refused(write, tmp_path, case, file, key, hint):
+    (tmp_path / "gel.toml").write_text('base = "gelatin"\n' + case)
+    with pytest.raises(BadInput) as caught:
+        load_study(write(GOOD.replace('"meat"', '"gel.toml"').replace('"cohesion"', '"viscosity"')))
+    assert caught.value.key == key and hint in caught.value.expected
+    assert Path(caught.value.file).name == file
 
 
 @pytest.mark.parametrize(

@@ -29,9 +29,7 @@ from cutbench.maps.sweep import run_study
 from cutbench.run.store.runs import Store
 
 STUDY = f"""base = "gelatin"
-{analytic_runs.AXES}[plot]
-mark = ["gelatin", "meat"]
-"""
+{analytic_runs.AXES}"""
 
 
 @pytest.fixture
@@ -85,6 +83,31 @@ def test_the_map_holds_what_the_curves_say(study, log, tmp_path):
         rows = list(csv.DictReader(file))
     assert len(rows) == 24 and {row["label"] for row in rows} == {"abrupt", "smooth"}
     assert float(rows[0]["cohesion"]) == 1.0 and rows[0]["run_id"] == study.grid[0].id
+
+
+def test_marked_materials_and_case_files_have_runs_of_their_own(study, plain, log, tmp_path):
+    (tmp_path / "my").mkdir()
+    (tmp_path / "my" / "soft.toml").write_text(
+        'base = "gelatin"\n[parameters]\nG = "5 kPa"\nmu = 0.2\n[protocol]\ndepth = "9 mm"\n'
+    )
+    study.path.write_text(STUDY + '[plot]\nmark = ["elastomer", "my/soft.toml"]\n')
+    study = load_study(study.path)
+    elastomer, soft = study.marks()
+    assert elastomer.differs == "μ = 0.35" and soft.differs == "μ = 0.2" and soft.name == "soft"
+    assert soft.case.p.depth == 9 and soft.case.numerics == study.base.numerics
+    assert soft.at["cohesion"] == pytest.approx(1.5 * 10.1, rel=0.01)
+    sweep = run_study(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run)
+    assert sweep.status.total == 26 and computed(log).keys() >= {elastomer.case.id, soft.case.id}
+    data = load_map(sweep.out / "map.nc")
+    for mark in study.marks():
+        own = data.sel(mark=mark.name)
+        assert float(own["mark_drop_rel"]) == pytest.approx(analytic_runs.drop_of(mark.case), rel=1e-9)
+        assert str(own["mark_run_id"].values) == mark.case.id and own["mark_differs"] == mark.differs
+    with open(sweep.out / "map.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["mark"] for row in rows] == [""] * 24 + ["elastomer", "soft"]
+    assert float(rows[-1]["viscosity"]) == pytest.approx(soft.at["viscosity"])
+    assert rows[-1]["run_id"] == soft.case.id
 
 
 def test_a_second_sweep_computes_nothing_and_draws_the_same(plain, study, log, tmp_path):

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 
 from cutbench.maps.emulator import Emulator, Kernel
+from cutbench.maps.sampling import coarse_to_fine
 
 #: Two-sided 95 % of a normal distribution: what "sure" means.
 SURE = 1.96
@@ -86,7 +87,8 @@ class Seeker:
         if not self._asked:
             ticks = [np.rint(np.linspace(0, n - 1, self._start)).astype(int) for n in self.shape]
             first = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, len(self.shape))
-            return self._hand_out(self._flat(first))
+            order = list(coarse_to_fine((self._start,) * len(self.shape)))
+            return self._hand_out(self._flat(first[order]))
         room = min(self._batch, self._runs - len(self._asked))
         if room <= 0:
             return []

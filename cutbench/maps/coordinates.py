@@ -1,24 +1,21 @@
-"""Coordinates of a map as pictures need them: cell edges, scales, labels, and where materials lie."""
+"""Coordinates of a map as pictures need them: cell edges, scales, labels, colours of the drop."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import xarray as xr
-from matplotlib import patheffects
+from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator, RegularGridInterpolator
 
-from cutbench.base.figure_style import Look
-
-_HALO = [patheffects.withStroke(linewidth=2.2, foreground="white")]
-MATERIAL: Look = {"marker": "D", "mfc": "#D55E00", "mec": "white", "ms": 6.0, "mew": 0.9, "ls": ""}
-
-
+#: Light (no drop) to dark; the darkest and lightest ends are left out so that markers and lines show.
+DROPS = LinearSegmentedColormap.from_list("drops", colormaps["cividis_r"](np.linspace(0.06, 0.9, 256)))
 #: Levels of a continuous third axis that a picture shows.
 PANELS = 6
 #: Values below this are as good as none where their logarithm is taken.
@@ -143,59 +140,9 @@ def axis_text(coordinate: xr.DataArray) -> str:
     return f"{coordinate.attrs['long_name']}  {symbol(coordinate)}" + (f" [{unit}]" if unit else "")
 
 
-def marks_of(data: xr.Dataset, x: str, y: str, panel: str) -> tuple[list[dict], list[str]]:
-    """The materials of the study, each on the panel of the nearest level; and those outside the axes."""
-    inside: list[dict] = []
-    outside: list[str] = []
-    for mark in json.loads(data.attrs["marks"]):
-        ranges = [edges(data[n].values, is_log(data[n])) for n in (x, y) if n]
-        here = [mark[n] for n in (x, y) if n]
-        if not all(e[0] <= v <= e[-1] for e, v in zip(ranges, here, strict=True)):
-            outside.append(mark["name"])
-            continue
-        level, text = 0, ""
-        if panel:
-            values = data[panel].values
-            level = nearest_level(mark[panel], values)
-            if abs(mark[panel] - values[level]) > 0.02 * max(abs(mark[panel]), abs(values[level])):
-                text = f" ({mark[panel]:.2g})"
-        text = mark["name"] + text
-        for other in inside:
-            # Where a picture lacks the axis that parts two materials, they share a mark.
-            if other["panel"] == level and all(
-                math.isclose(other[n], mark[n], rel_tol=0.02) for n in (x, y) if n
-            ):
-                other["text"] += f", {text}"
-                break
-        else:
-            inside.append({**mark, "panel": level, "text": text})
-    return inside, outside
-
-
 def nearest_level(value: float, levels: Sequence[float] | np.ndarray) -> int:
     """Index of the nearest level; ratios count among positive levels, and zero is a level like any."""
     v = np.asarray(levels, dtype=float)
     positive = np.abs(v[v != 0])
     small = positive.min() if positive.size else 1.0
     return int(np.argmin(np.abs(np.arcsinh(v / small) - np.arcsinh(value / small))))
-
-
-def draw_materials(ax: Axes, marks: list[Mapping], x: str, y: str, part: xr.Dataset) -> None:
-    drop = part.attrs["drop_threshold"]
-    for mark in marks:
-        px, py = mark[x], (mark[y] if y else drop)
-        ax.plot([px], [py], zorder=6, clip_on=False, **MATERIAL)
-        # The label goes to the side with more room, above or below, away from the rows of markers.
-        place = ax.transData.transform((px, py))
-        right = ax.transAxes.inverted().transform(place)[0] < 0.6
-        up = 1
-        if y:
-            points = ax.figure.dpi / 72
-            rows = ax.transData.transform([(px, v) for v in part[y].values])[:, 1]
-            free = {sign: np.abs(rows - (place[1] + sign * 9 * points)).min() for sign in (1, -1)}
-            up = 1 if free[1] >= free[-1] else -1
-        ax.annotate(
-            mark["text"], (px, py), xytext=(5 if right else -5, 4 * up), textcoords="offset points",
-            ha="left" if right else "right", va="bottom" if up > 0 else "top",
-            fontsize=8.5, fontweight="bold", zorder=7, path_effects=_HALO,
-        )  # fmt: skip

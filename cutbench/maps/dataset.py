@@ -7,7 +7,7 @@ import io
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,6 +26,7 @@ from cutbench.run.result import OUTCOMES, Result
 
 if TYPE_CHECKING:
     from cutbench.maps.boundary import BoundaryEstimate
+    from cutbench.maps.marks import Mark
     from cutbench.maps.study import Study
 
 NOT_COMPUTED = "not_computed"
@@ -35,6 +36,7 @@ LABELS = (NOT_COMPUTED, SMOOTH, ABRUPT, UNCUT)
 OUTCOME_FLAGS = ("missing", *OUTCOMES)
 #: Variables that are numbers of runs, with unit and meaning.
 NUMBERS = MEASURES | NOTED
+_RUN_ID = "hash of the run's inputs; its folder in the store"
 
 
 @dataclass(frozen=True)
@@ -81,27 +83,11 @@ def build_map(
         table_ids[index] = id
         table[index] = rows.get(id, MapRow())
 
-    def collect(pick, dtype, **about):
-        return dims, np.array([pick(row) for row in table.ravel()], dtype=dtype).reshape(study.shape), about
-
-    data = {
-        name: collect(
-            lambda row, name=name: row.measures.get(name, math.nan), float, units=unit, long_name=text
-        )
-        for name, (unit, text) in NUMBERS.items()
-    }
-    ended = _flags(OUTCOME_FLAGS, "how the run ended")
-    data["label"] = collect(lambda row: LABELS.index(row.label), np.int8, **_flags(LABELS, "regime"))
-    data["outcome"] = collect(lambda row: OUTCOME_FLAGS.index(row.outcome), np.int8, **ended)
-    data["reached_mm"] = collect(
-        lambda row: row.reached_mm, float, units="mm", long_name="blade travel reached"
-    )
-    data["message"] = collect(lambda row: row.message, str, long_name="what the run said at its end")
-    text = "hash of the run's inputs; its folder in the store"
-    data["run_id"] = dims, table_ids.astype(str), {"long_name": text}
+    data = _columns(table, dims)
+    data["run_id"] = dims, table_ids.astype(str), {"long_name": _RUN_ID}
     if not study.on_grid:
         samples = np.array(study.samples, dtype=float).reshape(-1, len(study.axes))
-    coords = {
+    coords: dict[str, tuple] = {
         axis.name: (
             axis.name if study.on_grid else "point",
             np.array(axis.values) if study.on_grid else samples[:, k],
@@ -112,6 +98,9 @@ def build_map(
     }
     if estimates:
         data |= _estimated(study, estimates)
+    if marks := study.marks():
+        data |= _own_runs(marks, rows)
+        coords["mark"] = "mark", [mark.name for mark in marks], {"long_name": "marked material"}
     about = {
         "title": study.title,
         "mode": study.mode,
@@ -134,6 +123,39 @@ def build_map(
         "marks": json.dumps([{"name": m.name} | dict(m.at) for m in study.marks()]),
     }
     return xr.Dataset(data, coords, about)
+
+
+def _columns(table: np.ndarray, dims: list[str]) -> dict[str, tuple]:
+    """Variables of the ``MapRow``s of a table, shaped as it."""
+
+    def collect(pick, dtype, **about):
+        return dims, np.array([pick(row) for row in table.ravel()], dtype=dtype).reshape(table.shape), about
+
+    data = {
+        name: collect(
+            lambda row, name=name: row.measures.get(name, math.nan), float, units=unit, long_name=text
+        )
+        for name, (unit, text) in NUMBERS.items()
+    }
+    ended = _flags(OUTCOME_FLAGS, "how the run ended")
+    data["label"] = collect(lambda row: LABELS.index(row.label), np.int8, **_flags(LABELS, "regime"))
+    data["outcome"] = collect(lambda row: OUTCOME_FLAGS.index(row.outcome), np.int8, **ended)
+    data["reached_mm"] = collect(
+        lambda row: row.reached_mm, float, units="mm", long_name="blade travel reached"
+    )
+    data["message"] = collect(lambda row: row.message, str, long_name="what the run said at its end")
+    return data
+
+
+def _own_runs(marks: Sequence[Mark], rows: Mapping[str, MapRow]) -> dict[str, tuple]:
+    """The marked materials' own runs: the variables of runs as ``mark_...`` along ``mark``."""
+    table = np.empty(len(marks), dtype=object)
+    table[:] = [rows.get(mark.case.id, MapRow()) for mark in marks]
+    data = {f"mark_{name}": column for name, column in _columns(table, ["mark"]).items()}
+    data["mark_run_id"] = ["mark"], [mark.case.id for mark in marks], {"long_name": _RUN_ID}
+    text = "in what a material's own run differs from the map's at its place"
+    data["mark_differs"] = ["mark"], [mark.differs for mark in marks], {"long_name": text}
+    return data
 
 
 def _estimated(study: Study, estimates: Mapping[tuple[int, ...], BoundaryEstimate]) -> dict[str, tuple]:
@@ -234,7 +256,8 @@ def save_map(data: xr.Dataset, folder: Path) -> None:
 
 
 def to_csv(data: xr.Dataset) -> str:
-    """One line a point, axes first (the unit in the header), the same for the same runs."""
+    """One line a point, axes first (the unit in the header), the same for the same runs; at the end the
+    marked materials' own runs, each at its place, with its name under ``mark``."""
     dims = axes_of(data)
     units = {name: data[name].attrs["units"] for name in dims}
     heads = [name if unit == "1" else f"{name} [{unit}]" for name, unit in units.items()]
@@ -242,7 +265,8 @@ def to_csv(data: xr.Dataset) -> str:
     columns = ["label", *numbers, "outcome", "reached_mm", "run_id", "message"]
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow([*heads, *columns])
+    marks = {mark["name"]: mark for mark in json.loads(data.attrs["marks"])} if "mark" in data else {}
+    writer.writerow([*heads, *columns, *(["mark"] if marks else [])])
     gridded = list(data["label"].dims) == dims
     found, ticks = {name: data[name].values for name in columns}, [data[dim].values for dim in dims]
     for index in np.ndindex(data["label"].shape):
@@ -250,7 +274,12 @@ def to_csv(data: xr.Dataset) -> str:
             continue  # a place of a search at which no run was needed
         at = index if gridded else index * len(dims)
         line = [f"{values[i]:.10g}" for values, i in zip(ticks, at, strict=True)]
-        writer.writerow([*line, *(_cell(name, found[name][index]) for name in columns)])
+        cells = [_cell(name, found[name][index]) for name in columns]
+        writer.writerow([*line, *cells, *([""] if marks else [])])
+    for k, (name, mark) in enumerate(marks.items()):
+        line = [f"{mark[dim]:.10g}" for dim in dims]
+        cells = [_cell(column, data[f"mark_{column}"].values[k]) for column in columns]
+        writer.writerow([*line, *cells, name])
     return out.getvalue()
 
 

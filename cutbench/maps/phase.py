@@ -15,10 +15,9 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from matplotlib import colormaps, patheffects
+from matplotlib import patheffects
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -30,13 +29,11 @@ from cutbench.maps.axes import BOUNDARY, ONE
 from cutbench.maps.boundary import SURE
 from cutbench.maps.confirmed_points import FOLDER, RECORD, draw_confirmed, handles_of, read_confirmed
 from cutbench.maps.coordinates import (
-    MATERIAL,
+    DROPS,
     axis_text,
-    draw_materials,
     edges,
     finer,
     is_log,
-    marks_of,
     panels_of,
     set_scale,
     slab,
@@ -45,10 +42,9 @@ from cutbench.maps.coordinates import (
 )
 from cutbench.maps.dataset import LABELS, NOT_COMPUTED, OUTCOME_FLAGS, axes_of
 from cutbench.maps.estimates import estimated_margin
+from cutbench.maps.marked_points import draw_materials, marks_of
+from cutbench.maps.marked_points import handles_of as handles_of_marks
 from cutbench.run.measures import ABRUPT, SMOOTH, UNCUT
-
-#: Light (no drop) to dark; the darkest and lightest ends are left out so that markers and lines show.
-DROPS = LinearSegmentedColormap.from_list("drops", colormaps["cividis_r"](np.linspace(0.06, 0.9, 256)))
 
 _MARKERS: dict[str, Look] = {
     ABRUPT: {"marker": "o", "mfc": "black", "mec": "white", "ms": 4.2, "mew": 0.6, "label": "abrupt"},
@@ -97,7 +93,7 @@ def draw_phase(data: xr.Dataset, confirmed: Sequence[Mapping] = ()) -> Figure:
             else:
                 _profile(ax, part, x)
             seen |= _points(ax, slab(whole, data, panel, k) if panel else part, x, y)
-            draw_materials(ax, [m for m in marks if m["panel"] == k], x, y, part)
+            draw_materials(ax, [m for m in marks if m["panel"] == k], x, y, part, top)
             solid |= draw_confirmed(ax, confirmed, part, x, y, (panel, k, data[panel or x]))
             _title(ax, data, panel, k, panels > 1)
             if k // columns == rows - 1 or k + columns >= panels:
@@ -110,7 +106,8 @@ def draw_phase(data: xr.Dataset, confirmed: Sequence[Mapping] = ()) -> Figure:
             bar.set_label("relative force drop")
             bar.ax.axhline(data.attrs["drop_threshold"], color="black", lw=1.4)
             bar.outline.set_linewidth(0.6)
-        _legend(figure, data, seen, bool(marks), bool(y), bridged, classical, handles_of(solid))
+        extra = [*handles_of_marks(marks, top), *handles_of(solid)]
+        _legend(figure, data, seen, bool(y), bridged, classical, extra)
         note = "; ".join([*fixed, *([f"outside the map: {', '.join(outside)}"] if outside else [])])
         if note:
             figure.supxlabel(note, fontsize=7.5, color="0.3")
@@ -289,7 +286,7 @@ def draw_samples(data: xr.Dataset) -> Figure:
             ax.set_xlabel(axis_text(data[names[k]]))
             if k % columns == 0:
                 ax.set_ylabel("relative force drop")
-        _legend(figure, data, seen, False, False, False, False)
+        _legend(figure, data, seen, False, False, False)
     return figure
 
 
@@ -309,11 +306,10 @@ def _legend(
     figure: Figure,
     data: xr.Dataset,
     seen: set[str],
-    materials: bool,
     plane: bool,
     bridged: bool,
     classical: bool,
-    solid: Sequence[Line2D] = (),
+    extra: Sequence[Line2D] = (),
 ) -> None:
     handles: list[Artist] = [Line2D([], [], ls="", **look) for name, look in _MARKERS.items() if name in seen]
     text = f"boundary: drop of {100 * data.attrs['drop_threshold']:g} %"
@@ -327,9 +323,7 @@ def _legend(
         handles.append(Patch(label="unsure (95 %)", **look))
     if classical:
         handles.append(Line2D([], [], color="0.25", lw=0.9, ls=_DASHES, label="classical estimate"))
-    if materials:
-        handles.append(Line2D([], [], label="material", **MATERIAL))
-    handles += solid
+    handles += extra
     columns = len(handles) if len(handles) < 6 else math.ceil(len(handles) / 2)
     look = {"ncols": columns, "columnspacing": 1.6, "handletextpad": 0.5}
     figure.legend(handles=handles, loc="outside upper center", **look)

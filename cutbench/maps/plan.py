@@ -17,6 +17,9 @@ from cutbench.maps.dataset import MapRow
 from cutbench.maps.study import Study
 from cutbench.run.measures import UNCUT
 
+#: So many runs come before those of the marked materials.
+_LOOK = 8
+
 
 class SamplingPlan:
     """The runs of a grid, of a sample, or one axis at a time: known beforehand, asked for once."""
@@ -32,7 +35,11 @@ class SamplingPlan:
         if self.ids:
             return []
         self.ids = {index: case.id for index, case in self.study.points()}
-        return self.study.cases()
+        return self.with_marks(self.study.cases())
+
+    def with_marks(self, cases: list[Case]) -> list[Case]:
+        """The first runs and those of the marked materials, which follow a look at the whole map."""
+        return [*cases[:_LOOK], *(mark.case for mark in self.study.marks()), *cases[_LOOK:]]
 
     def estimates(self, rows: Mapping[str, MapRow]) -> dict[Index, BoundaryEstimate]:
         """What is known of a boundary that is sought, by the indices of the levels."""
@@ -67,14 +74,20 @@ class BoundaryPlan(SamplingPlan):
         ]
 
     def ask(self, rows: Mapping[str, MapRow]) -> list[Case]:
+        first = not self.ids
         while True:
-            asked, cases = 0, []
-            for level in self._levels:
-                for inner in level.seeker.ask(self._known(level, rows)):
-                    asked += 1
-                    cases += self._case(level, inner)
-            if cases or not asked:
-                return cases
+            asked = [level.seeker.ask(self._known(level, rows)) for level in self._levels]
+            # One of each level in turn: any beginning says something of all.
+            turns = list(itertools.zip_longest(*asked))
+            cases = [
+                case
+                for turn in turns
+                for level, inner in zip(self._levels, turn, strict=True)
+                if inner is not None
+                for case in self._case(level, inner)
+            ]
+            if cases or not turns:
+                return self.with_marks(cases) if first else cases
 
     def _case(self, level: _Level, inner: Index) -> list[Case]:
         index = level.places[inner] = self._whole(level, inner)

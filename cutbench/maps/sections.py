@@ -119,9 +119,8 @@ def read_plot(part: dict, axes: tuple[Axis, ...]) -> Plot:
             chosen[key] = free.pop(0) if free else ""
     mark = part.get("mark", [])
     if not isinstance(mark, list) or not all(isinstance(m, str) for m in mark):
-        raise BadInput("mark", str(mark), f"a list of materials, such as {materials.names()}")
-    for name in mark:
-        among("mark", name, materials.names())
+        wanted = f"a list of materials and case files, such as {[*materials.names(), 'my/gel.toml']}"
+        raise BadInput("mark", str(mark), wanted)
     return Plot(**chosen, mark=tuple(mark))
 
 

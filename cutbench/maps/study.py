@@ -36,8 +36,8 @@ from cutbench.maps.axes import (
     refuse_unknown,
     switched,
     value_on,
-    values_on,
 )
+from cutbench.maps.marks import Mark, read_mark
 from cutbench.maps.sampling import coarse_to_fine, latin_hypercube, one_at_a_time
 from cutbench.maps.sections import (
     Plot,
@@ -56,14 +56,6 @@ _TOP = ("title", "mode", "base", "mechanisms", *_SECTIONS, "axis", "sample", "bo
 
 
 Startable = TypeVar("Startable", Case, Physics)
-
-
-@dataclass(frozen=True)
-class Mark:
-    """Where a material lies: axis name -> value in the axis' unit."""
-
-    name: str
-    at: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -113,19 +105,28 @@ class Study:
         """The case with these values of its axes. Raises BadInput if they do not fit one another."""
         return case_at(self.start or self.base, self.changes, self.axes, values)
 
-    def marks(self) -> list[Mark]:
+    def marks(self) -> tuple[Mark, ...]:
         """The marked materials on the study's axes."""
-        found = []
-        for name in self.plot.mark:
-            case = load_case(name)
-            at, missing = values_on(self.axes, case)
-            if missing:
+        return self._marks
+
+    @cached_property
+    def _marks(self) -> tuple[Mark, ...]:
+        found: list[Mark] = []
+        for source in self.plot.mark:
+            try:
+                mark = read_mark(source, self.path.parent, self.base, self.axes, self.case_at)
+                if mark.name in [other.name for other in found]:
+                    raise BadInput("mark", source, f"materials of different names: two are '{mark.name}'")
+            except BadInput as error:
+                if error.file is not None:  # in the material's own file
+                    raise
+                named = error.key in ("mark", "material")
+                expected = error.expected if named else f"a material that this study can run: {error}"
                 raise BadInput(
-                    file=str(self.path), key="mark", value=name, line=line_of(self.text, "mark", "plot"),
-                    expected=f"materials that have a value of {', '.join(missing)}",
-                )  # fmt: skip
-            found.append(Mark(case.name, at))
-        return found
+                    "mark", source, expected, file=str(self.path), line=line_of(self.text, "mark", "plot")
+                ) from error
+            found.append(mark)
+        return tuple(found)
 
 
 def case_at(
@@ -213,7 +214,7 @@ def load_study(path: str | Path) -> Study:
         path, title, text, base, axes, () if mode == BOUNDARY else cases, regime, plot, mode, samples,
         search, start, changes,
     )  # fmt: skip
-    study.marks()
+    study.marks()  # what is wrong with one is said before anything is run
     return study
 
 
