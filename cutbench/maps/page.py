@@ -64,7 +64,7 @@ def contents(data: xr.Dataset, store: Store | None) -> dict:
                 "label": LABELS[int(data["label"].values[here])],
                 "outcome": OUTCOME_FLAGS[int(data["outcome"].values[here])],
                 "message": str(data["message"].values[here]),
-                "measures": {name: _short(data[name].values[here]) for name in MEASURES},
+                "measures": {name: _short(data[name].values[here]) for name in MEASURES if name in data},
             }
             | ({} if result is None else {"curve": curve_of(result)})
         )
