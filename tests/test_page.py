@@ -1,53 +1,30 @@
-"""map.html: one file that asks nobody for anything, and does in a browser what it should."""
+"""map.html: what it holds, without a browser; what it does in one is tests/test_page_browser.py's."""
 
 from __future__ import annotations
 
 import json
 import re
-import shutil
-import subprocess
 
-import analytic_runs
 import numpy as np
+import page_maps
 import pytest
 
 from cutbench.case.case import load_case
+from cutbench.maps.axes import Axis
 from cutbench.maps.dataset import load_map
-from cutbench.maps.page import REST, contents, curve_of, page, page_template, save_page, thinned
-from cutbench.maps.study import load_study
-from cutbench.maps.sweep import run_study
-from cutbench.run.measures import MEASURES
+from cutbench.maps.page import contents, page, plain, save_page
+from cutbench.maps.page_curves import NEAR, REST, curve_of, thinned
+from cutbench.maps.page_layers import refined
 from cutbench.run.result import Outcome, Result
 from cutbench.run.store.runs import Store
-
-GRID = f"""title = "Cohesion </script> & viscosity"
-base = "gelatin"
-{analytic_runs.AXES}[plot]
-mark = ["gelatin"]
-"""
-SOUGHT = GRID.replace("points = 4\n", "").replace("base", 'mode = "boundary"\nbase').replace(
-    "values = [0.01, 0.2, 5.0]", "from = 0.01\nto = 5.0"
-) + '[boundary]\nruns = 40\n'  # fmt: skip
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-
-
-def split_run(case):
-    """The stand-in, with a ledger whose parts make up the force."""
-    result = analytic_runs.computed(case)
-    force = result.curve["force_N"]
-    result.curve |= {"force_neo_hookean_N": 0.75 * force, "force_adhesion_N": 0.25 * force}
-    return result
 
 
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory):
-    found = {}
-    for name, text in (("grid", GRID), ("sought", SOUGHT)):
-        folder = tmp_path_factory.mktemp(name)
-        (folder / "study.toml").write_text(text)
-        run_study(load_study(folder / "study.toml"), folder, workers=0, run=split_run)
-        found[name] = folder
-    return found
+    return {
+        kind: page_maps.swept(tmp_path_factory.mktemp(kind), text)
+        for kind, text in (("grid", page_maps.GRID), ("sought", page_maps.SOUGHT))
+    }
 
 
 def data_of(html):
@@ -56,128 +33,166 @@ def data_of(html):
 
 
 @pytest.mark.parametrize("kind", ["grid", "sought"])
-def test_the_page_holds_every_run_with_its_curve_and_split(folders, kind):
+def test_the_page_holds_every_run_with_its_curve_and_asks_nobody_for_anything(folders, kind):
     html = (folders[kind] / "map.html").read_text(encoding="utf-8")
     assert not re.search(
-        r"""(src|href)\s*=|url\(|import\s|fetch\(|XMLHttp|https?://(?!www\.w3\.org/2000/svg)""", html
+        r"""(src|href)\s*=|url\((?!#)|import\s|fetch\(|XMLHttp|https?://(?!www\.w3\.org/2000/svg)""",
+        html.replace("`url(#${name})`", ""),
     )
-    found = data_of(html)
-    data = load_map(folders[kind] / "map.nc")
-    ids = {id for id in data["run_id"].values.ravel() if id}
-    assert {point["id"] for point in found["points"]} == ids and found["title"] == data.attrs["title"]
-    store = Store(folders[kind] / "runs")
-    for point in found["points"][::5]:
-        curve = store.get(point["id"]).curve
-        assert point["curve"]["force"] == pytest.approx(curve["force_N"], rel=1e-3)
-        assert {"neo_hookean", "adhesion"} <= set(point["curve"]["split"])
-        assert sum(map(np.array, point["curve"]["split"].values())) == pytest.approx(
-            point["curve"]["force"], abs=2e-3 * max(point["curve"]["force"])
+    found, data, store = data_of(html), load_map(folders[kind] / "map.nc"), Store(folders[kind] / "runs")
+    runs = [point for point in found["points"] if not point["mark"]]
+    assert {run["id"] for run in runs} == {id for id in data["run_id"].values.ravel() if id}
+    assert found["title"] == page_maps.TITLE
+    for run in runs[::5]:
+        curve = run["curve"]
+        x, y = store.get(run["id"]).displacement_mm, store.get(run["id"]).force_N
+        drawn = np.interp(x, curve["d"], curve["scale"] * np.array(curve["force"]))
+        assert drawn == pytest.approx(y, abs=(found["error"] + 1e-3) * max(y))
+        assert {"neo_hookean", "adhesion"} <= set(curve["split"]) and run["closure"] == 1e-3
+
+
+def test_a_point_has_its_groups_and_what_they_are_in_units(folders):
+    found = data_of((folders["grid"] / "map.html").read_text(encoding="utf-8"))
+    run = next(p for p in found["points"] if p["at"] == [30.0, 0.2, 0.187])
+    varied = [q for q in found["quantities"] if q["fixed"] is None]
+    known = {q["name"]: (q, pair) for q, pair in zip(varied, run["values"], strict=True)}
+    q, (group, value) = known["cohesion"]
+    assert (q["symbol"], q["sets"], q["in"], group) == ("(G_c/δ_c)/G", "G_c", "J/m^2", 30.0)
+    case = load_case("gelatin", {"cohesion": 30.0, "viscosity": 0.2, "adhesion": 0.187})
+    assert value == pytest.approx(1e3 * case.p.G_c, rel=1e-3)
+    assert known["adhesion"][1] == pytest.approx([0.187, 1e3 * case.p.tau_W], rel=1e-3)
+    assert known["viscosity"][1] == pytest.approx([0.2, case.p.eta_reg], rel=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["grid", "sought"])
+def test_drop_chance_and_boundary_are_there_for_grids_and_for_boundaries(folders, kind):
+    found, data = (
+        data_of((folders[kind] / "map.html").read_text(encoding="utf-8")),
+        load_map(folders[kind] / "map.nc"),
+    )
+    for layer, keys in (("drop", ["z"]), ("chance", ["margin", "sd"]), ("line", ["z"])):
+        shape = [len(values) for values in found["layers"][layer]["values"]]
+        assert all(len(found["layers"][layer][key]) == np.prod(shape) for key in keys)
+    chance = found["layers"]["chance"]
+    shape = [len(values) for values in chance["values"]]
+    margin = np.array(chance["margin"], dtype=float).reshape(shape)
+    for run in (p for p in found["points"] if p["label"] in ("abrupt", "smooth") and not p["mark"]):
+        at = tuple(
+            int(np.argmin(np.abs(np.array(v) - a))) for v, a in zip(chance["values"], run["at"], strict=True)
         )
-    assert (found["field"] is not None) == (kind == "sought")
-    if kind == "sought":
-        assert len(found["field"]["margin"]) == np.prod([len(v) for v in found["field"]["values"]])
+        near = all(
+            v[i] == pytest.approx(a, rel=1e-3)
+            for v, i, a in zip(chance["values"], at, run["at"], strict=True)
+        )
+        assert not near or abs(margin[at]) < 50 or (margin[at] > 0) == (run["label"] == "abrupt")
+    if kind == "grid":
+        drop = np.array(found["layers"]["drop"]["z"]).reshape(data["drop_rel"].shape)
+        assert drop == pytest.approx(1000 * data["drop_rel"].values, abs=0.51)
+        line = np.array(found["layers"]["line"]["z"]).reshape(drop.shape)
+        assert ((line >= 0) == (data["drop_rel"].values >= 0.1)).all()
+
+
+def test_marked_materials_come_with_their_own_runs(folders):
+    found = data_of((folders["grid"] / "map.html").read_text(encoding="utf-8"))
+    marks = {point["mark"]: point for point in found["points"] if point["mark"]}
+    assert set(marks) == {"gelatin", "elastomer"} and "μ = 0.35" in marks["elastomer"]["differs"]
+    data = load_map(folders["grid"] / "map.nc")
+    assert {point["id"] for point in marks.values()} == set(data["mark_run_id"].values)
+    names = [q["name"] for q in found["quantities"] if q["fixed"] is None]
+    friction = names.index("friction")
+    assert marks["elastomer"]["values"][friction][1] == 0.35 and marks["gelatin"]["values"][friction][1] == 0
+    assert marks["elastomer"]["curve"]["force"]
 
 
 def test_a_page_without_its_store_has_numbers_and_no_curves(folders, tmp_path):
     data = load_map(folders["grid"] / "map.nc")
     assert save_page(data, None, tmp_path).is_file()
-    points = contents(data, None)["points"]
-    assert len(points) == 24 and not any("curve" in point for point in points)
-    assert points[0]["measures"]["drop_rel"] == pytest.approx(data["drop_rel"].values[0, 0, 0], rel=1e-3)
+    found = contents(data, None)
+    assert len(found["points"]) == 26 and not any(point["curve"] for point in found["points"])
+    place = [number["name"] for number in found["numbers"]].index("drop_rel")
+    assert found["points"][0]["measures"][place] == pytest.approx(data["drop_rel"].values[0, 0, 0], rel=1e-3)
 
 
-def test_curves_are_thinned_and_stay_close():
+def test_marks_of_a_map_without_their_runs_are_places(folders):
+    data = load_map(folders["grid"] / "map.nc").drop_dims("mark")
+    marks = [point for point in contents(data, None)["points"] if point["mark"]]
+    assert marks[0]["at"] == pytest.approx([10.1, 0.714, 0.01057], rel=1e-3)
+    assert not any(mark["outcome"] for mark in marks) and "__" not in page(data, None).split("<body>")[0]
+
+
+def test_runs_that_lie_on_no_grid_have_no_layers(tmp_path):
+    text = page_maps.GRID.replace("values = [0.01, 0.2, 5.0]", "from = 0.01\nto = 5.0")
+    text = text.replace("points = 4\n", "").replace("base", 'mode = "lhs"\nbase', 1)
+    folder = page_maps.swept(tmp_path, text + "[sample]\npoints = 9\n")
+    found = data_of((folder / "map.html").read_text(encoding="utf-8"))
+    assert found["layers"] == {} and not found["gridded"] and len(found["points"]) == 11
+
+
+def test_curves_are_thinned_and_stay_as_close_as_they_say():
     x = np.linspace(0, 10, 4000)
-    y = np.sin(x) + (x > 5)
-    keep = thinned(x, y, 60)
-    assert keep.size <= 60 and keep[0] == 0 and keep[-1] == 3999
-    assert np.abs(np.interp(x, x[keep], y[keep]) - y).max() < 0.03
-
-
-DRIVE = """<script>
-const report = { before: document.querySelectorAll("#map .point").length };
-report.marks = document.querySelectorAll("#map .mark").length;
-report.title = document.getElementById("title").textContent;
-report.line = (document.getElementById("boundary") || { getAttribute: () => "" }).getAttribute("d").length;
-const slider = document.querySelector("input[type=range]");
-report.levels = Number(slider.max) + 1;
-slider.value = "0"; slider.dispatchEvent(new Event("input"));
-report.shown = [...document.querySelectorAll("#map .point")].map(p => p.dataset.id).sort();
-document.querySelector("#map .point").dispatchEvent(new MouseEvent("mouseenter"));
-report.hovered = document.querySelector("#map .point").dataset.id;
-report.hint = document.getElementById("hint").textContent;
-report.force = document.getElementById("force").getAttribute("points").split(" ").length;
-report.split = document.querySelectorAll("#curve .split").length;
-report.rows = document.querySelectorAll("#numbers tr").length;
-const up = document.getElementById("y");
-up.value = "2"; up.dispatchEvent(new Event("change"));
-report.swapped = [...document.querySelectorAll("input[type=range]")].map(s => s.id);
-const out = document.createElement("pre"); out.id = "report"; out.textContent = JSON.stringify(report);
-document.body.appendChild(out);
-</script></body>"""
-
-
-@pytest.mark.skipif(BROWSER is None, reason="no Chromium here")
-@pytest.mark.parametrize("kind", ["grid", "sought"])
-def test_in_a_browser_points_show_their_curves_and_sliders_walk_the_third_axis(folders, kind, tmp_path):
-    driven = tmp_path / "driven.html"
-    html = page(load_map(folders[kind] / "map.nc"), Store(folders[kind] / "runs"))
-    driven.write_text(html.replace("</body>", DRIVE), encoding="utf-8")
-    flags = ["--headless=new", "--no-sandbox", "--disable-gpu", "--host-resolver-rules=MAP * ~NOTFOUND"]
-    flags += [f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=5000", "--dump-dom"]
-    done = subprocess.run(
-        [BROWSER, *flags, driven.as_uri()], capture_output=True, text=True, encoding="utf-8", timeout=120,
-        check=False,
-    )  # fmt: skip
-    (text,) = re.findall(r'<pre id="report">(.*?)</pre>', done.stdout, re.S) or [done.stderr[-2000:]]
-    report = json.loads(text.replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&"))
-    data = load_map(folders[kind] / "map.nc")
-    ids = data["run_id"].isel(adhesion=0).values
-    assert report["title"] == "Cohesion </script> & viscosity"
-    assert report["levels"] == 2 and report["shown"] == sorted(id for id in ids.ravel() if id)
-    assert report["hovered"] in report["hint"] and report["force"] == 6 and report["split"] >= 2
-    assert report["rows"] == 3 + len(MEASURES) and report["before"] > 10
-    assert report["swapped"] == ["slider-viscosity"] and (report["line"] > 100) == (kind == "sought")
+    lines = np.stack([np.sin(x) + (x > 5), np.cos(3 * x)], axis=1)
+    for points in (40, 400):
+        keep, error = thinned(x, lines, NEAR, points)
+        drawn = np.stack([np.interp(x, x[keep], line[keep]) for line in lines.T], axis=1)
+        assert np.abs(drawn - lines).max() == pytest.approx(error, rel=1e-6)
+        assert keep[0] == 0 and keep[-1] == 3999 and keep.size <= points
+    assert error <= NEAR and keep.size < 150
 
 
 def uneven_run(case):
-    """Steps of unequal length, a mechanism that gives back what another takes up, a force that jumps."""
+    """Steps of unequal length, a mechanism that gives back what another takes up, a jump, a rest."""
     d = np.cumsum(np.concatenate([[0.0], np.random.default_rng(3).uniform(0.001, 0.05, 400)]))
     force = np.where(d < 4, d, 3.0) + 0.02 * np.sin(40 * d)
     steps = (force[1:] + force[:-1]) / 2  # the mean force over each step, which its work is made of
     given = np.where(d[1:] < 4, 0.3 * steps, -0.8 * steps)
     parts = {"neo_hookean": given, "smith_ferrante": 0.9 * (steps - given), "adhesion": 0.1 * (steps - given)}
+    d, force = np.append(d, [d[-1], d[-1]]), np.append(force, [2.0, 1.5])
     return Result(
         case,
         {"displacement_mm": d, "force_N": force, "time_s": d, "cut_length_mm": 0 * d}
-        | {f"force_{name}_N": np.append(0, part) for name, part in parts.items()},
+        | {f"force_{name}_N": np.concatenate([[0], part, [0, 0]]) for name, part in parts.items()},
         Outcome("done", "made up", "", float(d[-1])),
     )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def uneven():
-    case = load_case("gelatin", {"depth": "12 mm"})
-    return curve_of(uneven_run(case))
+    run = uneven_run(load_case("gelatin", {"depth": "12 mm"}))
+    return run, curve_of(run)
 
 
-def test_the_parts_of_a_force_are_the_force_at_every_point(uneven):
-    force, split = np.array(uneven["force"]), {k: np.array(v) for k, v in uneven["split"].items()}
-    assert len(force) < 100 and all(part.shape == force.shape for part in split.values())
-    assert sum(split.values()) == pytest.approx(force, abs=2e-3 * force.max())
-    assert np.abs(split[REST]).max() < 0.15 * force.max(), "the mechanisms have nearly all of it"
-    late = np.array(uneven["d"]) > 4.5
-    assert (split["neo_hookean"][late] < 0).all(), "what gives work back is below zero"
-    assert split["adhesion"][late] == pytest.approx(0.18 * force[late], rel=0.1)
-
-
-@pytest.mark.skipif(shutil.which("node") is None, reason="no JavaScript here")
-def test_what_the_page_stacks_ends_at_the_force(uneven):
-    (code,) = re.findall(r"^function stacked\(split\) \{\n.*?^\}", page_template(), re.S | re.M)
-    asked = f"{code}\nconsole.log(JSON.stringify(stacked({json.dumps(uneven['split'])})))"
-    bands = json.loads(
-        subprocess.run(["node", "-e", asked], capture_output=True, text=True, check=True).stdout
+def test_the_parts_of_a_force_are_all_of_it_at_every_point(uneven):
+    run, found = uneven
+    mean = np.array(found["mean"])
+    split = {name: np.array(share) for name, share in found["split"].items()}
+    assert (sum(split.values()) == mean).all(), "exactly, in whole numbers"
+    assert all(share.shape == mean.shape for share in split.values())
+    d = np.array(found["d"])[: mean.size]
+    assert np.abs(split.get(REST, np.zeros(1))).max() * found["scale"] < 0.005 * run.force_N.max()
+    smooth = (d > 1) & (d < 3.7)
+    force = np.interp(d[smooth], run.displacement_mm, run.force_N)
+    assert found["scale"] * mean[smooth] == pytest.approx(force, abs=0.03)
+    late = (d > 4.5) & (d < d[-1] - 0.5)
+    assert found["scale"] * split["neo_hookean"][late] == pytest.approx(-2.4, abs=0.1), (
+        "what gives back is below zero"
     )
-    tops = np.max([band["to"] for band in bands] + [np.zeros(len(uneven["d"]))], axis=0)
-    lows = np.min([band["to"] for band in bands] + [np.zeros(len(uneven["d"]))], axis=0)
-    assert tops + lows == pytest.approx(np.array(uneven["force"]), abs=2e-3 * max(uneven["force"]))
+    assert found["scale"] * split["adhesion"][late] == pytest.approx(0.54, abs=0.02)
+    early = (d > 0.5) & (d < 3.5)
+    assert split["neo_hookean"][early] == pytest.approx(0.3 * mean[early], abs=0.02 * mean.max())
+
+
+def test_the_force_goes_on_through_a_rest_and_its_split_does_not(uneven):
+    _, found = uneven
+    assert len(found["mean"]) < len(found["force"]) and found["d"][-1] == found["d"][len(found["mean"]) - 1]
+    assert found["scale"] * found["force"][-1] == pytest.approx(1.5, abs=1e-3 * 3)
+
+
+def test_symbols_lose_their_markup():
+    assert plain(r"$\eta_\mathrm{reg}\,v/\delta_\mathrm{c}$") == "η_reg v/δ_c"
+    assert plain("$r/a$") == "r/a" and plain("b") == "b"
+
+
+def test_the_estimate_of_a_grid_holds_the_grid_s_own_values():
+    axis = Axis("cohesion", "1", "", "", (1.0, 2.0, 8.0), "log", "G_c")
+    fine = refined(axis, 21)
+    assert len(fine) == 21 and fine[::10] == pytest.approx([1, 2, 8]) and fine[5] == pytest.approx(2**0.5)

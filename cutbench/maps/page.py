@@ -4,26 +4,49 @@ from __future__ import annotations
 
 import json
 import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
+from matplotlib.colors import to_hex
 
+from cutbench.base.errors import BadInput
 from cutbench.base.figure_style import COLOURS
 from cutbench.base.files import replacing
-from cutbench.maps.dataset import LABELS, OUTCOME_FLAGS, axes_of, axis_of, places_of
-from cutbench.run.figures.curve import smooth_force
-from cutbench.run.measures import MEASURES, forward
+from cutbench.case.case import Case
+from cutbench.case.physics import Physics
+from cutbench.maps.cases import physics_on, remarks
+from cutbench.maps.coordinates import DROPS
+from cutbench.maps.dataset import LABELS, NUMBERS, OUTCOME_FLAGS, axes_of, axis_of, places_of
+from cutbench.maps.page_curves import POINTS, curve_of, titles_of
+from cutbench.maps.page_layers import layers_of
+from cutbench.run.measures import NOTED
 from cutbench.run.result import Result
 from cutbench.run.store.runs import Store
 
-#: Points that a curve is thinned to; it stays within a pixel or so of itself.
-_POINTS = 60
-#: What the shares of mechanisms, which are means over a stretch of travel, leave of the force at a point.
-REST = "rest"
-#: Levels of an estimated map along a third axis and more: the page would grow by each of them.
-_LEVELS = 17
+#: Of more runs than these the curves have half the points.
+_MANY = 300
+#: Parts of the page in the order in which its script has them.
+_SCRIPTS = ("plot.js", "map.js", "detail.js", "page.js")
+#: Numbers of a run whose names alone do not tell them apart.
+_TITLES = {
+    "drop_rel": "force drop",
+    "peak_mm": "peak at",
+    "max_N": "largest force",
+    "steady_N": "steady force",
+    "crossed_mm": "crossed from",
+    "crossed_mm2": "crossed area",
+    "snap_rel": "work in jumps",
+}
+_GREEK = {
+    "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "eta": "η", "kappa": "κ", "mu": "μ", "nu": "ν",
+    "rho": "ρ", "sigma": "σ", "tau": "τ",
+}  # fmt: skip
 
 
 def save_page(data: xr.Dataset, store: Store | None, folder: str | Path) -> Path:
@@ -35,56 +58,109 @@ def save_page(data: xr.Dataset, store: Store | None, folder: str | Path) -> Path
 
 
 def page(data: xr.Dataset, store: Store | None) -> str:
-    """The whole page as HTML, its data and its script in it."""
-    template = page_template()
+    """The whole page as HTML, its data, its style and its script in it."""
     # "</script>" in a title must not end the script.
-    content = json.dumps(contents(data, store), separators=(",", ":")).replace("<", "\\u003c")
+    content = json.dumps(contents(data, store), separators=(",", ":"), ensure_ascii=False)
     title = data.attrs["title"].replace("&", "&amp;").replace("<", "&lt;")
-    return template.replace("__TITLE__", title).replace("__DATA__", content)
+    parts = {
+        "__TITLE__": title,
+        "__STYLE__": web("page.css"),
+        "__DATA__": content.replace("<", "\\u003c"),
+        "__SCRIPT__": "".join(map(web, _SCRIPTS)),
+    }
+    return re.sub("|".join(parts), lambda match: parts[match[0]], web("page.html"))
 
 
-def page_template() -> str:
-    """The page without its data."""
-    return resources.files("cutbench.maps").joinpath("page.html").read_text(encoding="utf-8")
+def web(name: str) -> str:
+    """A part of the page as the package has it."""
+    return resources.files("cutbench.maps").joinpath("web", name).read_text(encoding="utf-8")
 
 
 def contents(data: xr.Dataset, store: Store | None) -> dict:
-    """What the page shows, as plain data: axes, points with measures and curves, the estimated boundary."""
-    names = axes_of(data)
-    places = places_of(data)
-    points = []
-    for index in np.argwhere(data["run_id"].values != ""):
-        here = tuple(index)
-        id = str(data["run_id"].values[here])
-        result = store.get(id) if store is not None else None
-        points.append(
-            {
-                "id": id,
-                "at": [_short(places[name][here]) for name in names],
-                "label": LABELS[int(data["label"].values[here])],
-                "outcome": OUTCOME_FLAGS[int(data["outcome"].values[here])],
-                "message": str(data["message"].values[here]),
-                "measures": {name: _short(data[name].values[here]) for name in MEASURES if name in data},
-            }
-            | ({} if result is None else {"curve": curve_of(result)})
-        )
+    """What the page shows, as plain data: axes, layers, runs and materials with their numbers and curves."""
+    names, runs = axes_of(data), _runs(data)
+    results = [store.get(run.id) if store is not None and run.id else None for run in runs]
+    most = POINTS if len(runs) <= _MANY else POINTS // 2
+    curves = [curve_of(result, most) if result else None for result in results]
+    quantities, values = _quantities(data, runs, results)
+    numbers = [name for name in NUMBERS if name in data]
     shown = [data.attrs[f"plot_{which}"] for which in ("x", "y", "panel")]
+    entries = list(dict.fromkeys(name for curve in curves if curve for name in curve["split"]))
     return {
         "title": data.attrs["title"],
-        "axes": [_axis(data, name, np.unique(places[name])) for name in names],
+        "by": remarks(data),
+        "axes": [_axis(data, name, np.unique(places_of(data)[name])) for name in names],
         "x": names.index(shown[0]),
         "y": names.index(shown[1]) if shown[1] else -1,
-        "units": {name: unit for name, (unit, _) in MEASURES.items()},
-        "threshold": data.attrs["drop_threshold"],
-        "points": points,
+        "numbers": [_number(name) for name in numbers],
+        "threshold": float(data.attrs["drop_threshold"]),
+        "surge": _short(data.attrs["surge_threshold"]),
         "gridded": list(data["label"].dims) == names,
-        "marks": [
-            {"name": mark["name"], "at": [_short(mark[name]) for name in names]}
-            for mark in json.loads(data.attrs["marks"])
+        "sought": "margin" in data,
+        "points": [
+            run.plain(names, numbers) | {"values": own, "curve": curve, "closure": _closure(result)}
+            for run, own, curve, result in zip(runs, values, curves, results, strict=True)
         ],
-        "field": _field(data, names, shown) if "margin" in data else None,
-        "colours": list(COLOURS.values()),
+        "quantities": quantities,
+        "layers": layers_of(data),
+        "entries": [{"name": name, "title": title} for name, title in titles_of(entries).items()],
+        "colours": [colour for name, colour in COLOURS.items() if name != "black"],
+        "drops": [to_hex(DROPS(k / 16)) for k in range(17)],
+        "error": max((curve["error"] for curve in curves if curve), default=None),
     }
+
+
+@dataclass(frozen=True)
+class _Run:
+    """One run of a map, or the own run of a marked material: ``mark`` is its name, ``differs`` in what it is
+    not the map's. ``columns`` are the map's variables there; without a run (``id`` is empty) it has none."""
+
+    id: str
+    at: Mapping[str, float]
+    columns: Mapping[str, Any]
+    mark: str = ""
+    differs: str = ""
+
+    def plain(self, names: list[str], numbers: list[str]) -> dict:
+        """For the page: places by axis, measures in the order of ``numbers``."""
+        told = self.columns
+        return {
+            "id": self.id or f"mark-{self.mark}",
+            "mark": self.mark,
+            "differs": plain_group(self.differs),
+            "at": [_short(self.at[name]) for name in names],
+            "label": LABELS[int(told["label"])] if told else "",
+            "outcome": OUTCOME_FLAGS[int(told["outcome"])] if told else "",
+            "reached": _short(told["reached_mm"]) if told else None,
+            "message": str(told["message"]) if told else "",
+            "measures": [_short(told.get(name, math.nan)) for name in numbers],
+        }
+
+
+def _runs(data: xr.Dataset) -> list[_Run]:
+    """All runs, then the marked materials."""
+    places, found = places_of(data), []
+    known = [n for n in (*NUMBERS, "label", "outcome", "reached_mm", "message", "run_id") if n in data]
+    columns = {name: data[name].values for name in known}
+    for index in np.argwhere(columns["run_id"] != ""):
+        i = tuple(index)
+        at = {name: float(values[i]) for name, values in places.items()}
+        found.append(_Run(str(columns["run_id"][i]), at, {name: v[i] for name, v in columns.items()}))
+    for mark in json.loads(data.attrs["marks"]):
+        at = {name: float(mark[name]) for name in places}
+        if "mark" in data.coords and mark["name"] in data["mark"].values:
+            own = data.sel(mark=mark["name"])
+            told = {name: own[f"mark_{name}"].item() for name in known if f"mark_{name}" in data}
+            found.append(_Run(told["run_id"], at, told, mark["name"], str(own["mark_differs"].item())))
+        else:
+            found.append(_Run("", at, {}, mark["name"]))
+    return found
+
+
+def _number(name: str) -> dict:
+    unit, text = NUMBERS[name]
+    title = _TITLES.get(name, re.sub(r"_(rel|mm2?|N|mJ|N_per_mm)$", "", name).replace("_", " "))
+    return {"name": name, "title": title, "unit": unit, "text": text, "noted": name in NOTED}
 
 
 def _axis(data: xr.Dataset, name: str, values: np.ndarray) -> dict:
@@ -92,85 +168,72 @@ def _axis(data: xr.Dataset, name: str, values: np.ndarray) -> dict:
     return {
         "name": name,
         "text": axis.long_name,
+        "symbol": plain(axis.symbol),
         "unit": "" if axis.unit == "1" else axis.unit,
         "log": axis.scale == "log",
-        "continuous": axis.continuous,
+        "switch": bool(axis.mechanism),
         "values": [_short(v) for v in (axis.values if list(data[name].dims) == [name] else values)],
     }
 
 
-def _field(data: xr.Dataset, names: list[str], shown: list[str]) -> dict:
-    """The estimated margin and its uncertainty, thinned along the axes that are walked by sliders."""
-    pick = {
-        name: np.unique(np.rint(np.linspace(0, data.sizes[name] - 1, _LEVELS)).astype(int))
-        for name in names
-        if name not in shown[:2] and data.sizes[name] > _LEVELS
-    }
-    if len(names) > 2:
-        for name in shown[:2]:
-            if name and data.sizes[name] > 2 * _LEVELS:
-                pick[name] = np.arange(0, data.sizes[name], 2)
-    part = data[["margin", "margin_sd"]].isel(pick).transpose(*names)
-    return {
-        "values": [[_short(v) for v in part[name].values] for name in names],
-        "margin": np.round(part["margin"].values, 3).ravel().tolist(),
-        "sd": np.round(part["margin_sd"].values, 3).ravel().tolist(),
-    }
+def plain(symbol: str) -> str:
+    """A symbol as pictures set it, without its markup: ``$\\delta_\\mathrm{c}$`` is δ_c."""
+    text = re.sub(r"\\mathrm\{(\w+)\}", r"\1", symbol.replace("$", "").replace("\\,", " "))
+    return re.sub(r"\\(\w+?)(?=_|\W|$)", lambda m: _GREEK.get(m[1], m[1]), text)
 
 
-def curve_of(result: Result) -> dict:
-    """Travel and force, thinned, and the force by mechanism at the same points until the blade first rests.
-
-    A mechanism's share is the mean over half a blade's thickness of travel, as in ``curve.png``; what such
-    means and the energy balance leave of the force is ``REST``, so that at each point all of it is the force.
-    """
-    d, force = result.displacement_mm, result.force_N
-    keep = thinned(d, force, _POINTS)
-    down = forward(d)
-    at, travel = d[keep[keep < down]], d[:down]
-    window = result.case.values.get("thickness", 0.7) / 2
-    shares = {}
-    for name in result.ledger:
-        steps = result.curve.get(f"force_{name}_N")
-        if steps is not None and at.size > 1 and np.any(steps[:down]):
-            # A mechanism's force is the mean over a step: the work is its sum over steps.
-            work = np.concatenate([[0.0], np.cumsum(np.diff(travel) * steps[1:down])])
-            shares[name] = smooth_force(travel, work, window, at)
-    if shares:
-        shares[REST] = force[keep[keep < down]] - sum(shares.values())
-    return {
-        "d": [_short(v) for v in d[keep]],
-        "force": [_short(v) for v in force[keep]],
-        "split": {name: [_short(v) for v in share] for name, share in shares.items()},
-    }
-
-
-def thinned(x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
-    """Indices of at most ``count`` points of a polygon that stay closest to it (Douglas & Peucker 1973)."""
-    if x.size <= count:
-        return np.arange(x.size)
-    scale = max(float(np.ptp(y)), 1e-300)
-    kept = [0, x.size - 1]
-    spans = [_farthest(x, y / scale, 0, x.size - 1)]
-    while len(kept) < count and spans:
-        best = max(range(len(spans)), key=lambda k: spans[k][0])
-        error, first, middle, last = spans.pop(best)
-        if error <= 0:
-            break
-        kept.append(middle)
-        spans += [_farthest(x, y / scale, *ends) for ends in ((first, middle), (middle, last))]
-    return np.array(sorted(kept))
+def _quantities(
+    data: xr.Dataset, runs: list[_Run], results: list[Result | None]
+) -> tuple[list[dict], list[list[tuple[float | None, float | None]]]]:
+    """The groups of the runs' laws and the parameter that each of them sets; and by run, group and parameter
+    of those that are not the same everywhere. Nothing where places stand for no physics."""
+    try:
+        by_place = physics_on(data)
+    except BadInput:
+        return [], [[] for _ in runs]
+    physics: list[Physics | Case | None] = []
+    for run, result in zip(runs, results, strict=True):
+        try:
+            physics.append(result.case if result else by_place(run.at) if not run.mark else None)
+        except BadInput:
+            physics.append(None)
+    models = {p.model for p in physics if p is not None}
+    found, columns = [], []
+    for name, group in {n: g for model in models for n, g in model.settable_groups().items()}.items():
+        pairs = [_pair(p, name) for p in physics]
+        alike = len(set(pairs)) == 1
+        parameter = next(m.parameters()[group.parameter] for m in models if group.parameter in m.parameters())
+        found.append(
+            {
+                "name": name,
+                "symbol": plain(group.symbol),
+                "unit": "" if group.unit == "1" else group.unit,
+                "sets": plain(parameter.symbol),
+                "text": parameter.doc,
+                "in": "" if parameter.unit == "1" else parameter.unit,
+                "fixed": pairs[0] if alike else None,
+            }
+        )
+        if not alike:
+            columns.append(pairs)
+    return found, [list(row) for row in zip(*columns, strict=True)] or [[] for _ in runs]
 
 
-def _farthest(x: np.ndarray, y: np.ndarray, first: int, last: int) -> tuple[float, int, int, int]:
-    if last - first < 2:
-        return 0.0, first, first, last
-    inner = slice(first + 1, last)
-    run = x[last] - x[first]
-    part = (x[inner] - x[first]) / run if run > 0 else np.zeros(last - first - 1)
-    away = np.abs(y[inner] - (y[first] + part * (y[last] - y[first])))
-    k = int(np.argmax(away))
-    return float(away[k]), first, first + 1 + k, last
+def _pair(physics: Physics | Case | None, name: str) -> tuple[float | None, float | None]:
+    if physics is None or name not in (known := physics.model.settable_groups()):
+        return None, None
+    group = known[name]
+    factor = physics.model.parameters()[group.parameter].factor
+    return _short(group.value(physics.p)), _short(physics.values[group.parameter] / factor)
+
+
+def plain_group(text: str) -> str:
+    """``eta_reg v/delta_c`` as η_reg v/δ_c."""
+    return re.sub(r"(?<![A-Za-z_])[A-Za-z]+", lambda m: _GREEK.get(m[0], m[0]), text)
+
+
+def _closure(result: Result | None) -> float | None:
+    return None if result is None else _short(result.measures.get("closure", math.nan))
 
 
 def _short(value: float) -> float | None:

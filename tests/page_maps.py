@@ -1,0 +1,43 @@
+"""Maps of stand-in runs for tests of the page: a grid in three axes, and a boundary that is sought."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from unittest import mock
+
+import analytic_runs
+import numpy as np
+
+import cutbench.maps.sweep as sweep
+from cutbench.maps.study import load_study
+
+TITLE = "Cohesion </script> & viscosity"
+GRID = f"""title = "{TITLE}"
+base = "gelatin"
+{analytic_runs.AXES}[plot]
+mark = ["gelatin", "elastomer"]
+"""
+SOUGHT = GRID.replace("points = 4\n", "").replace("base", 'mode = "boundary"\nbase').replace(
+    "values = [0.01, 0.2, 5.0]", "from = 0.01\nto = 5.0"
+) + '[boundary]\nruns = 40\n'  # fmt: skip
+
+
+def split_run(case):
+    """The stand-in, with a ledger whose parts make up the force; one of them gives back at the end."""
+    result = analytic_runs.computed(case)
+    force = result.curve["force_N"]
+    steps = (force + np.roll(force, 1)) / 2  # the mean over the step that ends there
+    steps[0] = 0
+    given = 0.75 * steps
+    given[-1] *= -1
+    result.curve |= {"force_neo_hookean_N": given, "force_adhesion_N": steps - given}
+    result.measures |= {"closure": 1e-3}
+    return result
+
+
+def swept(folder: Path, text: str) -> Path:
+    """``folder`` with the map and the page of a study of stand-in runs, and no pictures."""
+    (folder / "study.toml").write_text(text, encoding="utf-8")
+    with mock.patch.multiple(sweep, save_phase=lambda *_: [], save_estimates=lambda *_: ([], "")):
+        sweep.run_study(load_study(folder / "study.toml"), folder, workers=0, run=split_run)
+    return folder
