@@ -67,7 +67,9 @@ def test_the_map_holds_what_the_curves_say(study, log, tmp_path):
     assert sweep.complete and not sweep.interrupted
     assert computed(log) == Counter(case.id for case in study.cases())
     pictures = {f"{name}.{kind}" for name in ("estimates", "phase") for kind in ("png", "svg")}
-    assert {p.name for p in sweep.out.iterdir()} == {*pictures, "map.csv", "map.html", "map.nc", "runs"}
+    assert {p.name for p in sweep.out.iterdir()} == {
+        *pictures, "map.csv", "map.html", "map.nc", "runs", "summary.txt"
+    }  # fmt: skip
     data = load_map(sweep.out / "map.nc")
     assert data["label"].dims == ("cohesion", "viscosity", "adhesion")
     for index, case in study.points():

@@ -23,6 +23,7 @@ from cutbench.base.progress import OnProgress, silent
 from cutbench.case.case import Case
 from cutbench.maps.dataset import MapRow, build_map, path_from, row_of, save_map
 from cutbench.maps.estimates import save_estimates
+from cutbench.maps.findings import Findings, findings, said_of_boundary, save_findings
 from cutbench.maps.page import save_page
 from cutbench.maps.phase import save_phase
 from cutbench.maps.plan import plan_of
@@ -65,8 +66,14 @@ class Sweep:
         """Whether every point has ended, well or not."""
         return not self.interrupted and self.status.finished == self.status.total
 
+    @property
+    def findings(self) -> Findings:
+        """Regimes and what fell short, counted."""
+        return findings(self.map)
+
     def words(self) -> list[str]:
-        """What there is to say of the map: the boundary that was sought, and the classical estimates."""
+        """What there is to say of the map: its findings, the boundary that was sought, the classical
+        estimates."""
         found = []
         here = self.status.finished - self.status.reused
         if here and self.busy:
@@ -74,16 +81,9 @@ class Sweep:
                 f"{60 * here / self.seconds:.3g} runs a minute; {100 * self.busy:.0f} % of {self.workers}"
                 " workers' time was spent in them"
             )
-        if "margin" in self.map and not self.interrupted:
-            unsure = float(self.map["unsure"].mean())
-            sides = (self.map["margin"] >= 0).values
-            if sides.all() or not sides.any():
-                found.append("no boundary: one regime on the whole map")
-            elif unsure:
-                part = f"{100 * unsure:.2g} %"
-                found.append(f"boundary: not known to the tolerance (95 %) on {part} of the map")
-            else:
-                found.append("boundary: known to the tolerance everywhere (95 %)")
+        found += self.findings.lines()
+        if not self.interrupted:
+            found += said_of_boundary(self.map)
         return [*found, self.verdict] if self.verdict else found
 
 
@@ -102,9 +102,9 @@ def run_study(
 ) -> Sweep:
     """Run what is missing of ``study`` on ``workers`` processes (default: one a core; 0: in this one).
 
-    Writes ``map.nc``, ``map.csv``, ``phase.png`` and ``phase.svg`` into ``out`` (and ``boundary.csv``
-    where one is sought), first after ``first_picture_s``, then every ``picture_every_s`` and at the
-    end, then also ``map.html`` and ``estimates.png``; runs go into ``store`` (default ``out/runs``).
+    Writes ``map.nc``, ``map.csv``, ``summary.txt``, ``phase.png`` and ``phase.svg`` into ``out``, first
+    after ``first_picture_s``, then every ``picture_every_s`` and at the end, then also ``map.html`` and
+    ``estimates.png``; runs go into ``store`` (default ``out/runs``).
     ``scheduler`` is the address of a Dask scheduler whose workers compute, or ``"local"``.
     ``on_progress`` counts the runs asked for so far. Runs that fell short are not repeated unless
     ``retry_failed``. Ctrl-C ends the sweep with what is done: the returned ``Sweep``
@@ -251,6 +251,7 @@ class _Sweep:
             if last:
                 self.verdict = save_estimates(data, self.out)[1]
                 save_page(data, self.store, self.out)
+            save_findings(data, self.out, [self.verdict] if self.verdict else [])
         except OSError as error:
             # Someone may have the picture open, or taken the folder away: the runs are what counts.
             warnings.warn(f"the map could not be written: {error}", stacklevel=2)

@@ -19,6 +19,7 @@ from cutbench.case.values import CLAMP
 MEASURES: dict[str, tuple[str, str]] = {
     "drop_rel": ("1", "relative fall of the mean force within a blade thickness of travel at the transition"),
     "surge": ("1", "largest advance of the cut over one blade thickness of travel, per travel"),
+    "front_speed": ("1", "largest speed of the front at the transition, over that of the blade"),
     "onset_mm": ("mm", "blade travel at which the cut has begun"),
     "peak_mm": ("mm", "blade travel at the first prominent force maximum"),
     "peak_N": ("N", "first prominent force maximum"),
@@ -35,6 +36,7 @@ NOTED: dict[str, tuple[str, str]] = {
     "drag_steps": ("1", "points of the curve reached against raised damping, a force of the method's own"),
     "drag_boost": ("1", "largest damping at such a point, in units of its value; 0 where there is none"),
     "snap_rel": ("1", "work of the damping in jumps, relative to that of the blade"),
+    "freed_rel": ("1", "energy viscosity takes per area cut where the front is fastest, over the toughness"),
 }
 
 #: A transition is abrupt where the force falls by this part of it.
@@ -55,6 +57,9 @@ ONSET_MM = 0.1
 #: A drop is that of the force's mean over this part of a window: shorter ups and downs, the serrations of
 #: heterogeneous material or of coarse elements among them, are no transition.
 BLUR = 0.5
+#: The front's speed is taken over this part of a window, short against the transition and long against steps:
+#: 0.05 mm of travel with the paper's blade.
+FRONT = 1 / 14
 #: Forces below this part of the largest one are no base for a relative drop, nor a peak.
 _FLOOR = 0.05
 #: Fall of the force after a peak, relative; and the last part of the travel, which counts as steady.
@@ -75,8 +80,8 @@ def measures(
     the cut has begun when it is longer by ``onset_length_mm`` than at the start; a peak counts when
     the force falls by ``PROMINENCE`` of it before it rises above it; ``TAIL`` is the last part of
     the travel that counts as steady, which ends ``CLAMP`` windows above the base of a specimen
-    ``height_mm`` high. What a curve does not have (a peak, an onset) is nan; without
-    an onset there is no transition, so ``drop_rel`` is nan too. One that is not ``whole`` ends with its
+    ``height_mm`` high. What a curve does not have (a peak, an onset) is nan; without an onset there is no
+    transition, so ``drop_rel`` and ``front_speed`` are nan too. One that is not ``whole`` ends with its
     transition: nothing of it is steady, and ``max_N``, ``surge`` and ``energy_mJ`` are those up to there.
 
     Raises ValueError for arrays of unequal length, values that are not finite, a blade that runs
@@ -97,7 +102,8 @@ def measures(
     steady, slope = _steady(d, F, end - TAIL * (end - d[0]), end) if whole else (math.nan, math.nan)
     return {
         "drop_rel": _drop(d, F, window_mm, onset, least) if math.isfinite(onset) else math.nan,
-        "surge": _surge(d, c, window_mm),
+        "surge": fastest(d, c, window_mm)[1],
+        "front_speed": at_the_front(d, c, window_mm, onset)[1],
         "onset_mm": onset,
         "peak_mm": peak_mm,
         "peak_N": peak_N,
@@ -211,12 +217,23 @@ def _drop(d: np.ndarray, F: np.ndarray, window: float, onset: float, least: floa
     return float(((mean - low)[counts] / mean[counts]).max(initial=0.0))
 
 
-def _surge(d: np.ndarray, c: np.ndarray, window: float) -> float:
-    """max over x of (c(x + window) − c(x)) / window, over windows that lie within the travel."""
+def at_the_front(d: np.ndarray, c: np.ndarray, window: float, onset: float) -> tuple[float, float]:
+    """Where the front is fastest at the transition, over ``FRONT`` of the ``window``, and its speed there in
+    that of the blade; nan without an onset."""
+    if math.isnan(onset):
+        return math.nan, math.nan
+    end = min(d[-1], onset + (TRANSITION + FRONT) * window)
+    there = d <= end
+    return fastest(np.append(d[there], end), np.append(c[there], np.interp(end, d, c)), FRONT * window)
+
+
+def fastest(d: np.ndarray, c: np.ndarray, window: float) -> tuple[float, float]:
+    """max over x of (c(x + window) − c(x)) / window, windows within the travel: that x, and the maximum."""
     window = min(window, d[-1] - d[0])
-    x = np.concatenate([d, d - window])
-    x = x[(x >= d[0]) & (x <= d[-1] - window)]
-    ahead = np.interp(x + window, d, c) - np.interp(x, d, c)
-    # Around a jump np.interp sees one side only: compare the points themselves as well.
-    i = np.searchsorted(d, d + window, side="right") - 1
-    return float(max(ahead.max(initial=0.0), (c[i] - c).max()) / window)
+    # Windows that begin or end at a point. At a jump that point's own value is one side of it.
+    begin, end = d <= d[-1] - window, d >= d[0] + window
+    x = np.concatenate([d[begin], d[end] - window])
+    after = np.concatenate([np.interp(d[begin] + window, d, c), c[end]])
+    before = np.concatenate([c[begin], np.interp(d[end] - window, d, c)])
+    best = int(np.argmax(after - before))
+    return float(x[best]), float(max(after[best] - before[best], 0.0) / window)

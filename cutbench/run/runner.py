@@ -16,6 +16,7 @@ from cutbench.run.checkpoint import Checkpoint
 from cutbench.run.crossing import Crossing
 from cutbench.run.ending import Ending
 from cutbench.run.fields import add_slopes, snapshot
+from cutbench.run.freed import freed_rel
 from cutbench.run.front import Front
 from cutbench.run.ledger import Ledger
 from cutbench.run.measures import forward, measures
@@ -161,6 +162,7 @@ def run_case(
             whole=not ending.known(),
         )  # fmt: skip
         found |= ledger.noted()
+        found["freed_rel"] = freed_rel(case, way_down, found["onset_mm"])
         found["closure"] = float(curve["closure"][-1])
         found["reaction_error"] = float(
             abs(curve["reaction_N"][-1] - curve["force_N"][-1]) / max(abs(curve["force_N"][-1]), 1e-12)

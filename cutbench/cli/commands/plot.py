@@ -33,6 +33,7 @@ def plot(
         from cutbench.maps.cases import remarks
         from cutbench.maps.dataset import load_map, store_of
         from cutbench.maps.estimates import save_estimates
+        from cutbench.maps.findings import findings, said_of_boundary, save_findings
         from cutbench.maps.page import save_page
         from cutbench.maps.phase import save_phase
         from cutbench.run.store.runs import Store
@@ -42,7 +43,8 @@ def plot(
         pictures, words = save_estimates(data, grid.parent)
         page = save_page(data, Store(runs) if runs.is_dir() else None, grid.parent)
         paths = [*save_phase(data, grid.parent), *pictures, page]
-        for note in (words, *remarks(data)):
+        paths.append(save_findings(data, grid.parent, [words]))
+        for note in (*findings(data).lines(), *said_of_boundary(data), words, *remarks(data)):
             typer.echo(note)
         if against is not None:
             from cutbench.maps.agreement import agreement

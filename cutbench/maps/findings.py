@@ -1,0 +1,177 @@
+"""What a sweep found, counted: regimes, what the blade did not reach, and what fell short, with reasons."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from cutbench.base.errors import BadInput
+from cutbench.base.files import replacing
+from cutbench.case.physics import Physics
+from cutbench.case.values import CLAMP
+from cutbench.maps.dataset import LABELS, NOT_COMPUTED, OUTCOME_FLAGS, axes_of, axis_of, places_of
+from cutbench.run.measures import ABRUPT, KNOWN, UNCUT
+
+FILE = "summary.txt"
+#: Reasons that are told of each kind of end.
+_REASONS = 3
+#: An onset that is foreseen from others' may be so much later.
+_LATE = 1.15
+
+
+@dataclass(frozen=True)
+class Findings:
+    """Counts of a map's runs. ``labels`` are those that occur, in their order; ``missing`` runs have not
+    ended; ``short`` are those that ended otherwise than they should, by outcome and reason.
+
+    ``open_ended`` runs have an onset and no drop, but end before a drop would be known. ``deepen_mm`` is the
+    depth at which they and the uncut are expected to be known, nan where nothing says it, ``deepest_mm`` the
+    greatest of the specimen. ``crossed`` runs have a surface that passes through itself. ``marks`` are the
+    marked materials' own runs: name, label, drop.
+    """
+
+    runs: int
+    labels: Mapping[str, int]
+    missing: int
+    short: Mapping[str, Mapping[str, int]]
+    open_ended: int
+    deepen_mm: float
+    deepest_mm: float
+    crossed: int
+    marks: tuple[tuple[str, str, float], ...]
+
+    def lines(self) -> list[str]:
+        """A table in plain words, one line a finding."""
+        rows = [(name, count, "") for name, count in self.labels.items()]
+        rows = [(name, n, f"({self._deepen()})" if name == UNCUT else note) for name, n, note in rows]
+        if self.open_ended:
+            rows.append(("open", self.open_ended, f"of them end before a drop is known ({self._deepen()})"))
+        if self.crossed:
+            rows.append(("crossed", self.crossed, "of them pass through themselves"))
+        for kind, reasons in self.short.items():
+            told = [f"{n} × {reason}" for reason, n in list(reasons.items())[:_REASONS]]
+            more = [f"and {len(reasons) - _REASONS} other reasons"] if len(reasons) > _REASONS else []
+            rows.append((kind, sum(reasons.values()), f"({'; '.join([*told, *more])})"))
+        if self.missing:
+            rows.append(("to come", self.missing, ""))
+        wide = max((len(name) for name, *_ in rows), default=0)
+        found = [f"  {name:<{wide}} {count:>5}  {note}".rstrip() for name, count, note in rows]
+        if self.marks:
+            own = [f"{name} {label}" + (f" ({drop:.2g})" if math.isfinite(drop) else "")
+                   for name, label, drop in self.marks]  # fmt: skip
+            found.append(f"  own runs, with their drop: {', '.join(own)}")
+        return found
+
+    def _deepen(self) -> str:
+        if math.isnan(self.deepen_mm):
+            return "a greater depth would tell more"
+        if self.deepen_mm > self.deepest_mm:
+            return f"by the others' trend {self.deepen_mm:.3g} mm would do: more than the specimen has"
+        return f'by the others\' trend depth = "{self.deepen_mm:.3g} mm" would do'
+
+
+def findings(data: xr.Dataset) -> Findings:
+    """Count a map, complete or not; a run that is at two of its points is one."""
+    ids = data["run_id"].values.ravel()
+    _, first = np.unique(ids, return_index=True)
+    first = np.array([i for i in sorted(first) if ids[i]], dtype=int)
+
+    def values(name: str) -> np.ndarray:
+        return data[name].values.ravel()[first]
+
+    label = np.array([LABELS[k] for k in values("label")], dtype=object)
+    outcome = np.array([OUTCOME_FLAGS[k] for k in values("outcome")], dtype=object)
+    counted = Counter(label)
+    short: dict[str, Counter[str]] = {}
+    for kind, message in zip(outcome, values("message"), strict=True):
+        if kind not in ("done", "missing"):
+            # Numbers tell runs apart, not reasons.
+            reason = re.sub(r"\d[\d.]*(e[-+]?\d+)?", "…", str(message)) or "no reason given"
+            short.setdefault(kind, Counter())[reason] += 1
+    physics = _physics(data)
+    thickness = _thickness(data, physics)[first]
+    known = values("onset_mm") + KNOWN * thickness
+    reached = values("reached_mm")
+    told = ~np.isin(label, [ABRUPT, NOT_COMPUTED])
+    early = told & (reached < known * (1 - 1e-6))
+    uncut = label == UNCUT
+    deepen = [*known[early], *(_foreseen(data, first, uncut) + KNOWN * thickness[uncut])]
+    crossed = values("crossed_mm") if "crossed_mm" in data else np.full(first.size, np.nan)
+    high = vars(physics.p).get("height", math.nan) if physics else math.nan
+    marks = (
+        (str(name), LABELS[int(k)], float(drop))
+        for name, k, drop in zip(
+            data["mark"].values, data["mark_label"].values, data["mark_drop_rel"].values, strict=True
+        )
+    ) if "mark" in data.coords else ()  # fmt: skip
+    return Findings(
+        first.size,
+        {name: counted[name] for name in LABELS if name != NOT_COMPUTED and counted[name]},
+        int((outcome == "missing").sum()),
+        {kind: dict(short[kind].most_common()) for kind in OUTCOME_FLAGS if kind in short},
+        int(early.sum()),
+        float(np.ceil(10 * np.nanmax(deepen)) / 10) if np.isfinite(deepen).any() else math.nan,
+        high - CLAMP * float(np.nanmax(thickness, initial=0.0)),
+        int(np.isfinite(crossed).sum()),
+        tuple(marks),
+    )
+
+
+def said_of_boundary(data: xr.Dataset) -> list[str]:
+    """How well a boundary is known that was sought, in a sentence; nothing of other maps."""
+    if "margin" not in data:
+        return []
+    unsure, sides = float(data["unsure"].mean()), (data["margin"] >= 0).values
+    if sides.all() or not sides.any():
+        return ["no boundary: one regime on the whole map"]
+    if unsure:
+        return [f"boundary: not known to the tolerance (95 %) on {100 * unsure:.2g} % of the map"]
+    return ["boundary: known to the tolerance everywhere (95 %)"]
+
+
+def save_findings(data: xr.Dataset, folder: Path, more: Sequence[str] = ()) -> Path:
+    """Write ``summary.txt`` into ``folder``: the title, the findings, and ``more`` lines."""
+    found = findings(data)
+    with replacing(folder / FILE) as draft:
+        lines = [data.attrs["title"], f"{found.runs} runs", *found.lines(), *said_of_boundary(data), *more]
+        draft.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return folder / FILE
+
+
+def _physics(data: xr.Dataset) -> Physics | None:
+    try:
+        return Physics.from_dict(json.loads(data.attrs["base_case"]))
+    except BadInput:
+        return None  # of laws that this cutbench does not have
+
+
+def _thickness(data: xr.Dataset, physics: Physics | None) -> np.ndarray:
+    """The blade's, mm, at each point of a map (n,); nan without one."""
+    if "thickness" in axes_of(data):
+        return places_of(data)["thickness"].ravel()
+    blade = vars(physics.p).get("thickness", math.nan) if physics else math.nan
+    return np.full(data["label"].size, blade)
+
+
+def _foreseen(data: xr.Dataset, points: np.ndarray, where: np.ndarray) -> np.ndarray:
+    """Onsets, mm, of the ``points`` (flat) at ``where``: the others' logarithm is linear over the axes in
+    their own scales; nan where too few have one."""
+    axes = [axis_of(data, name) for name in axes_of(data)]
+    at = places_of(data)
+    columns = [np.array([axis.place(v) if axis.values[-1] > axis.values[0] else 0.0
+                         for v in at[axis.name].ravel()[points]]) for axis in axes]  # fmt: skip
+    x = np.stack([np.ones(points.size), *columns], axis=1)
+    onset = data["onset_mm"].values.ravel()[points]
+    has = np.isfinite(onset)
+    if has.sum() < x.shape[1] + 1:
+        return np.full(int(where.sum()), np.nan)
+    slope = np.linalg.lstsq(x[has], np.log(onset[has]), rcond=None)[0]
+    return _LATE * np.maximum(np.exp(x[where] @ slope), data["reached_mm"].values.ravel()[points][where])
