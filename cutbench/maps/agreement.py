@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ import xarray as xr
 from scipy.interpolate import RegularGridInterpolator
 
 from cutbench.base.errors import BadInput
+from cutbench.maps.axes import Axis
 from cutbench.maps.boundary import distances
 from cutbench.maps.dataset import LABELS, axes_of, axis_of, places_of
 from cutbench.run.measures import ABRUPT, SMOOTH
@@ -18,27 +20,30 @@ from cutbench.run.measures import ABRUPT, SMOOTH
 
 @dataclass(frozen=True)
 class Agreement:
-    """Counts of grid points: all with a regime, those farther than the tolerance from the boundary of the
-    search or of the grid, and those of either that are on the other side. ``runs`` is what each took."""
+    """Counts of grid points: all with a regime, those farther than the tolerance from the boundary that was
+    sought, and those of either that are on the other side. ``runs`` is what each took, ``whole`` what a grid
+    as fine as this one takes over all of the search's box."""
 
     points: int
     far: int
     wrong: int
     wrong_far: int
     runs: tuple[int, int]
+    whole: int
 
     def text(self) -> str:
         """In one sentence."""
-        part = self.runs[0] / max(self.runs[1], 1)
+        part = self.runs[0] / max(self.whole, 1)
+        there = "" if self.runs[1] == self.whole else f", of which {self.runs[1]} are there"
         return (
-            f"{self.runs[0]} runs of the search against {self.runs[1]} of the grid ({part:.3g}): the"
+            f"{self.runs[0]} runs of the search against {self.whole} of the grid{there} ({part:.3g}): the"
             f" regimes differ at {self.wrong} of {self.points} grid points, and at {self.wrong_far} of the"
             f" {self.far} farther from the boundary than the tolerance"
         )
 
 
 def agreement(sought: xr.Dataset, grid: xr.Dataset) -> Agreement:
-    """Compare at every point of ``grid``.
+    """Compare at every point of ``grid``, which may cover a part of the box only.
 
     The distance is that from the boundary which the search found, in tolerances (Euclidean, each axis
     in units of its own). Raises BadInput unless ``sought`` was a search and both have the same axes.
@@ -76,7 +81,16 @@ def agreement(sought: xr.Dataset, grid: xr.Dataset) -> Agreement:
         wrong += int(off.sum())
         wrong_far += int((off & beyond).sum())
     ran, gridded = (int((data["run_id"].values != "").sum()) for data in (sought, grid))
-    return Agreement(points, far, wrong, wrong_far, (ran, gridded))
+    whole = math.prod(_points(axes[n], grid[n].values) if n in free else len(axes[n].values) for n in names)
+    return Agreement(points, far, wrong, wrong_far, (ran, gridded), whole)
+
+
+def _points(axis: Axis, values: np.ndarray) -> int:
+    """Points over all of an axis that are as close as a grid's ``values``, which cover a part of it."""
+    if values.size < 2:
+        return 1
+    step = (axis.place(values.max()) - axis.place(values.min())) / (np.unique(values).size - 1)
+    return round(1 / step) + 1
 
 
 def _levels(data: xr.Dataset, names: list[str]) -> list[dict[str, float]]:
