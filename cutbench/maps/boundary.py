@@ -82,6 +82,11 @@ class Seeker:
         """All points asked for so far, in their order."""
         return [tuple(map(int, self._index[i])) for i in self._asked]
 
+    @property
+    def most(self) -> int:
+        """Points that are asked for at the most."""
+        return self._runs
+
     def ask(self, known: Mapping[Index, float]) -> list[Index]:
         """The next runs; none when the boundary is known or the runs are spent."""
         if not self._asked:

@@ -30,6 +30,11 @@ class SamplingPlan:
         self.ids: dict[Index, str] = {}
         self.impossible: dict[str, MapRow] = {}
 
+    @property
+    def most(self) -> int:
+        """Runs that are asked for at the most."""
+        return len({case.id for case in self.with_marks(self.study.cases())})
+
     def ask(self, rows: Mapping[str, MapRow]) -> list[Case]:
         """The next cases, in order; none when the study is done. ``rows`` are all that have ended."""
         if self.ids:
@@ -72,6 +77,10 @@ class BoundaryPlan(SamplingPlan):
             )
             for chosen in itertools.product(*(range(study.shape[k]) for k in levels))
         ]
+
+    @property
+    def most(self) -> int:
+        return sum(level.seeker.most for level in self._levels) + len(self.study.marks())
 
     def ask(self, rows: Mapping[str, MapRow]) -> list[Case]:
         first = not self.ids

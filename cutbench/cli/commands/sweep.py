@@ -26,6 +26,9 @@ def sweep(
     store: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Where runs are kept and looked up; default: OUT/runs.")
     ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Only say how many runs are to be computed, and about how long.")
+    ] = False,
     retry_failed: Annotated[bool, typer.Option(help="Compute again what fell short before.")] = False,
 ) -> None:
     """Compute a map; what is finished is never computed twice, so start it again to go on."""
@@ -35,6 +38,11 @@ def sweep(
     from cutbench.maps.sweep import run_study
 
     plan, processes = load_study(study), whole("--workers", workers)
+    if dry_run:
+        from cutbench.maps.forecast import forecast
+
+        typer.echo(forecast(plan, store or out / "runs", processes).text())
+        return
     check_writable(out)
     doubted(plan.base, *plan.cases())
     with bar(plan.title, "runs") as on_progress:

@@ -1,0 +1,76 @@
+"""How many runs a sweep has before it, and about how long they take: nothing is run, nothing written."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from cutbench.case.motion import TRANSITION
+from cutbench.maps.dataset import MapRow, row_of
+from cutbench.maps.plan import plan_of
+from cutbench.maps.study import Study
+from cutbench.run.pool.pool import cores
+from cutbench.run.store.runs import Store
+
+#: Where no such run is in the store: CPU seconds per mm of travel at the default numerics, and the travel
+#: of a run until its transition (``benchmarks/transition.py``).
+S_PER_MM, TRANSITION_MM = 1.3, 6.0
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """``reused`` runs are in the store; ``first`` are to be computed for certain, ``most`` if a search takes
+    all that it may. A run takes ``seconds``, the mean of ``timed`` in the store (0: a stated rate)."""
+
+    reused: int
+    first: int
+    most: int
+    seconds: float
+    timed: int
+    workers: int
+
+    @property
+    def total_s(self) -> float:
+        """Wall time of ``most`` runs on the workers."""
+        return self.most * self.seconds / max(self.workers, 1)
+
+    def text(self) -> str:
+        """In one sentence."""
+        runs = f"{self.first}" if self.first == self.most else f"{self.first} to {self.most}"
+        source = f"the mean of {self.timed} in the store" if self.timed else "a rate of the default numerics"
+        hands = f"{self.workers} workers" if self.workers > 1 else "one process"
+        most = "" if self.first == self.most else "at most "
+        time = f"{self.total_s / 60:.2g} minutes" if self.total_s >= 60 else f"{self.total_s:.2g} s"
+        return (
+            f"{runs} runs to compute, {self.reused} in the store: {most}about {time} on {hands}"
+            f" ({self.seconds:.2g} s a run, {source})"
+        )
+
+
+def forecast(study: Study, store: str | os.PathLike[str], workers: int | None = None) -> Forecast:
+    """What ``run_study`` would compute with the runs that are in the folder ``store``, there or not."""
+    plan, runs = plan_of(study), Store(store) if Path(store).is_dir() else None
+    rows: dict[str, MapRow] = {}
+    missing: set[str] = set()
+    times: list[float] = []
+    while not missing and (asked := [case for case in plan.ask(rows) if case.id not in rows]):
+        for case in asked:
+            result = runs.get(case.id) if runs else None
+            if result is None:
+                missing.add(case.id)
+            else:
+                rows[case.id] = row_of(result, study.regime)
+                times.append(result.timings.get("total", 0.0))
+    if not times and runs is not None:
+        alike = study.base.to_dict()["numerics"]
+        times = [head["seconds"] for head in runs.heads().values()
+                 if head["seconds"] and head["numerics"] == alike
+                 and head["computation"] == study.base.computation]  # fmt: skip
+    travel = study.base.p.depth
+    if study.base.until == TRANSITION:
+        travel = min(travel, TRANSITION_MM)
+    most = plan.most - len(rows) if study.search and missing else len(missing)
+    seconds = sum(times) / len(times) if times else S_PER_MM * travel
+    hands = cores() if workers is None else workers
+    return Forecast(len(rows), len(missing), most, seconds, len(times), max(hands, 1))
