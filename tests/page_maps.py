@@ -21,6 +21,19 @@ SOUGHT = GRID.replace("points = 4\n", "").replace("base", 'mode = "boundary"\nba
     "values = [0.01, 0.2, 5.0]", "from = 0.01\nto = 5.0"
 ) + '[boundary]\nruns = 40\n'  # fmt: skip
 
+SAMPLED = GRID.replace("values = [0.01, 0.2, 5.0]", "from = 0.01\nto = 5.0").replace(
+    "points = 4\n", "").replace("base", 'mode = "lhs"\nbase') + "[sample]\npoints = 9\n"  # fmt: skip
+ONE_AXIS = """title = "One axis"
+base = "gelatin"
+[[axis]]
+name = "viscosity"
+values = [0.01, 0.2, 5.0]
+scale = "log"
+[plot]
+mark = ["gelatin"]
+"""
+SWITCH = ONE_AXIS.replace("[plot]", '[[axis]]\nmechanism = "adhesion"\n[plot]')
+
 
 def split_run(case):
     """The stand-in, with a ledger whose parts make up the force; one of them gives back at the end."""

@@ -70,7 +70,9 @@ def test_drop_chance_and_boundary_are_there_for_grids_and_for_boundaries(folders
         data_of((folders[kind] / "map.html").read_text(encoding="utf-8")),
         load_map(folders[kind] / "map.nc"),
     )
-    for layer, keys in (("drop", ["z"]), ("chance", ["margin", "sd"]), ("line", ["z"])):
+    wanted = {"drop": ["z"], "chance": ["margin", "sd"]} | ({"line": ["z"]} if kind == "grid" else {})
+    assert set(found["layers"]) == set(wanted)
+    for layer, keys in wanted.items():
         shape = [len(values) for values in found["layers"][layer]["values"]]
         assert all(len(found["layers"][layer][key]) == np.prod(shape) for key in keys)
     chance = found["layers"]["chance"]
@@ -121,9 +123,7 @@ def test_marks_of_a_map_without_their_runs_are_places(folders):
 
 
 def test_runs_that_lie_on_no_grid_have_no_layers(tmp_path):
-    text = page_maps.GRID.replace("values = [0.01, 0.2, 5.0]", "from = 0.01\nto = 5.0")
-    text = text.replace("points = 4\n", "").replace("base", 'mode = "lhs"\nbase', 1)
-    folder = page_maps.swept(tmp_path, text + "[sample]\npoints = 9\n")
+    folder = page_maps.swept(tmp_path, page_maps.SAMPLED)
     found = data_of((folder / "map.html").read_text(encoding="utf-8"))
     assert found["layers"] == {} and not found["gridded"] and len(found["points"]) == 11
 

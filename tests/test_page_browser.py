@@ -127,6 +127,24 @@ def test_it_draws_points_boundary_and_layers_without_a_word_or_a_request(opened)
     assert {button.text for button in all_of(browser, "#marks button")} == {"gelatin", "elastomer"}
 
 
+@pytest.mark.parametrize("text", [page_maps.SAMPLED, page_maps.ONE_AXIS, page_maps.SWITCH])
+def test_runs_on_no_grid_on_one_axis_and_over_a_switch_are_drawn(browser, tmp_path, text):
+    look(browser)
+    browser.get((page_maps.swept(tmp_path, text) / "map.html").as_uri())
+    assert browser.get_log("browser") == []
+    runs = load_map(tmp_path / "map.nc")["run_id"].size
+    marked = 1 if "elastomer" not in text else 2
+    assert len(all_of(browser, "#points .point")) == runs + marked
+    assert all_of(browser, "#force")
+    labels = {node.text for node in all_of(browser, "#map text")}
+    assert ("without" in labels) == (text == page_maps.SWITCH)
+    assert (
+        ("relative force drop" in labels)
+        == bool(all_of(browser, "#threshold"))
+        == (text == page_maps.ONE_AXIS)
+    )
+
+
 def test_a_tab_walks_the_third_axis(opened, folders):
     kind, browser = opened
     data = load_map(folders[kind] / "map.nc")

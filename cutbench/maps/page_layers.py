@@ -29,18 +29,16 @@ def layers_of(data: xr.Dataset) -> dict[str, dict]:
     nothing is known. Of runs that lie on no grid there are none.
 
     ``drop``: the relative force drop, of a sought boundary's map between its runs. ``chance``: ``margin`` and
-    its standard deviation ``sd`` by the Gaussian process through all runs. ``line``: 0 on the boundary as the
-    picture has it.
+    its standard deviation ``sd`` by the Gaussian process through all runs. ``line``, of a grid: 0 on the
+    boundary between the runs; where it was sought, that is where the margin is 0.
     """
     if list(data["label"].dims) != axes_of(data):
         return {}
     if "margin" in data:
         part = _thinned(data)
-        drop, line = between(data, "drop_rel").isel(_pick(data)), part["margin"]
         return {
-            "drop": _layer(part, z=drop),
+            "drop": _layer(part, z=between(data, "drop_rel").isel(_pick(data))),
             "chance": _layer(part, margin=part["margin"], sd=part["margin_sd"]),
-            "line": _layer(part, z=line),
         }
     found = {"drop": _layer(data, z=data["drop_rel"]), "line": _layer(data, z=_line(data))}
     if (chance := _chance(data)) is not None:

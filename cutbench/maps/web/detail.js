@@ -49,7 +49,7 @@ function curves(svg, point) {
   spot(svg, sx, sy, measure(point, "peak_mm"), C, F, "peak");
   frame(svg, sx, sy, b, parts ? null : "blade travel [mm]", "force [N]");
   svg.setAttribute("aria-label", `Force over blade travel, up to ${show(Math.max(...F), "N")}` + (parts ? "; below, the mean force by mechanism" : ""));
-  let note = `Thinned: the lines stay within ${percent(C.error)} of the largest force or share.`;
+  let note = C.error ? `Thinned: the lines stay within ${percent(C.error)} of the largest force or share.` : "";
   if (parts) {
     const bands = stacked(C.split), all = bands.flatMap(band => band.to).map(N);
     const sp = scale(1.05 * Math.min(0, ...all), 1.05 * Math.max(...all, ...C.mean.map(N), 1e-12), false, low.top + low.height, low.top);
@@ -108,7 +108,7 @@ function numbers(point) {
   part("Where it is");
   const onAxes = D.axes.map((axis, k) => {
     const q = found.find(q => q.name === axis.name);
-    row(words(axis.name), axis.switch ? "" : axis.symbol, [axisValue(k, point.at[k]), ...(q && q.pair[1] !== null ? [tell(q)] : [])], axis.text);
+    row(axis.label, axis.switch ? "" : axis.symbol, [axisValue(k, point.at[k]), ...(q && q.pair[1] !== null ? [tell(q)] : [])], axis.text);
     return q ? q.sets : axis.symbol;
   });
   for (const q of found)

@@ -41,7 +41,7 @@ function labelOf(point) { return !point.outcome ? "no run of its own" : point.ou
 
 function draw() {
   const svg = by("map"), width = Math.max(300, by("left").clientWidth), narrow = width < 480;
-  const b = { left: narrow ? 50 : 62, top: 10, width: 0, height: 0 };
+  const b = { left: (narrow ? 52 : 66) + (state.y >= 0 && D.axes[state.y].switch ? 16 : 0), top: 10, width: 0, height: 0 };
   b.width = width - b.left - 14; b.height = Math.round(Math.min(0.86 * b.width, 460));
   const height = b.top + b.height + 46;
   const focused = document.activeElement && document.activeElement.dataset ? document.activeElement.dataset.id : null;
@@ -50,13 +50,15 @@ function draw() {
   const sx = scale(...ends(state.x), D.axes[state.x].log, b.left, b.left + b.width), flat = state.y < 0;
   const sy = flat ? scale(-0.04, top(), false, b.top + b.height, b.top) : scale(...ends(state.y), D.axes[state.y].log, b.top + b.height, b.top);
   const yOf = flat ? p => sy.place(drop(p) === null ? (p.mark ? D.threshold : 0) : drop(p)) : p => sy.place(p.at[state.y]);
+  const told = [state.x, state.y].map(k => k >= 0 && D.axes[k].switch ? v => axisValue(k, v) : v => show(v));
+  for (const [s, k] of [[sx, state.x], [sy, state.y]]) if (k >= 0 && D.axes[k].switch) s.ticks = D.axes[k].values;
   view = { b, sx, sy, yOf };
   const hole = add(add(svg, "defs", {}), "clipPath", { id: "inside" });
   add(hole, "rect", { x: b.left, y: b.top, width: b.width, height: b.height });
   if (!flat && D.gridded) add(svg, "rect", { x: b.left, y: b.top, width: b.width, height: b.height, fill: "var(--none)" });
   if (flat) add(svg, "path", { d: `M${b.left},${sy.place(D.threshold)}h${b.width}`, class: "gone", id: "threshold" });
   else layers(add(svg, "g", { "clip-path": "url(#inside)" }), sx, sy, b);
-  frame(svg, sx, sy, b, axisText(state.x), flat ? "relative force drop" : axisText(state.y));
+  frame(svg, sx, sy, b, axisText(state.x), flat ? "relative force drop" : axisText(state.y), told);
   const shown = D.points.filter(p => !p.mark && visible(p)), home = add(svg, "g", { id: "points", role: "group", "aria-label": "runs" });
   if (flat) add(home, "polyline", { points: shown.slice().sort((p, q) => p.at[state.x] - q.at[state.x]).filter(p => drop(p) !== null).map(p => sx.place(p.at[state.x]) + "," + yOf(p)).join(" "), class: "gone" });
   const size = Math.max(2.2, Math.min(5.2, 0.33 * Math.sqrt(b.width * b.height / Math.max(shown.length, 1))));
@@ -86,12 +88,12 @@ function layers(svg, sx, sy, b) {
     const fill = pattern(svg, "doubt", "", 1, "#000");
     add(svg, "path", { d: region(...wide(doubt, ...on(L.chance))), fill, class: "doubt" });
   }
-  if (!L.line) return;
   if (!D.sought && state.shade === "chance") {
     const half = contour(...wide(plane(L.chance, "margin"), ...on(L.chance)));
     add(svg, "path", { d: half, class: "boundary-halo" }); add(svg, "path", { d: half, class: "boundary even" });
   }
-  const line = contour(...wide(plane(L.line, "z"), ...on(L.line)));
+  if (!L.line && !L.chance) return;
+  const line = L.line ? contour(...wide(plane(L.line, "z"), ...on(L.line))) : contour(...wide(plane(L.chance, "margin"), ...on(L.chance)));
   add(svg, "path", { d: line, class: "boundary-halo" });
   add(svg, "path", { d: line, class: "boundary", id: "boundary" });
 }
@@ -120,7 +122,7 @@ function diamond(parent, x, y, fill) {
   add(parent, "path", { d, fill, stroke: "#d55e00", "stroke-width": 2.2 });
 }
 function spoken(point) {
-  const at = D.axes.map((axis, k) => `${words(axis.name)} ${axisValue(k, point.at[k])}`).join(", ");
+  const at = D.axes.map((axis, k) => `${axis.label} ${axisValue(k, point.at[k])}`).join(", ");
   return `${point.mark ? point.mark + ", " : ""}${at}: ${labelOf(point)}${drop(point) === null ? "" : ", drop " + percent(drop(point))}`;
 }
 // Materials: a diamond each, in the colour of its own run's drop, with its name where there is room.

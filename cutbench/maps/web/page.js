@@ -7,7 +7,7 @@ function controls() {
     for (const [value, name] of entries) make(select, "option", { value, ...(value === String(chosen) ? { selected: "" } : {}) }, name);
     select.addEventListener("change", () => take(select.value));
   };
-  const axes = D.axes.map((axis, k) => [String(k), words(axis.name)]);
+  const axes = D.axes.map((axis, k) => [String(k), axis.label]);
   const swap = (which, k) => {
     const other = which === "x" ? "y" : "x";
     if (state[other] === k) state[other] = state[which];
@@ -20,7 +20,7 @@ function controls() {
     pick("shade", "shading", shades, state.shade, v => { state.shade = v; draw(); });
   }
   for (const k of others()) {
-    const axis = D.axes[k], values = levels(k), name = words(axis.name);
+    const axis = D.axes[k], values = levels(k), name = axis.label;
     if (state.level[k] === undefined || state.level[k] >= values.length) state.level[k] = Math.floor(values.length / 2);
     const go = n => { state.level[k] = n; draw(); };
     if (values.length === 1) make(make(home, "span", {}, name + " "), "output", { id: "level-" + axis.name }, axisValue(k, values[0]));
@@ -73,7 +73,7 @@ function place(x, y) {
   if (state.y < 0 || !D.gridded || x < b.left || x > b.left + b.width || y < b.top || y > b.top + b.height) { by("place").textContent = "\u00a0"; return; }
   const here = { [state.x]: sx.value(x), [state.y]: sy.value(y) };
   const pick = (layer, key) => plane(layer, key)[nearest(layer.values[state.y], here[state.y])][nearest(layer.values[state.x], here[state.x])];
-  let text = [state.x, state.y].map(k => `${words(D.axes[k].name)} ${show(here[k], D.axes[k].unit)}`).join(", ");
+  let text = [state.x, state.y].map(k => `${D.axes[k].label} ${show(here[k], D.axes[k].unit)}`).join(", ");
   const d = D.layers.drop ? pick(D.layers.drop, "z") : null;
   if (d !== null) text += `: drop about ${percent(d)}`;
   if (D.layers.chance && pick(D.layers.chance, "margin") !== null) text += `, abrupt with a chance of ${percent(chance(pick(D.layers.chance, "margin"), pick(D.layers.chance, "sd")))}`;
@@ -110,7 +110,7 @@ function pointer() {
 function table() {
   const home = by("table"), marked = D.points.some(p => p.mark);
   if (home.rows.length) return;
-  const head = make(make(home, "thead"), "tr"), names = D.axes.map(a => words(a.name) + (a.unit ? ` [${a.unit}]` : ""));
+  const head = make(make(home, "thead"), "tr"), names = D.axes.map(a => a.label + (a.unit ? ` [${a.unit}]` : ""));
   const numbers = D.numbers.map(m => m.title + (m.unit === "1" ? "" : ` [${m.unit}]`));
   for (const name of [...(marked ? ["material"] : []), ...names, "regime", ...numbers, "reached [mm]", "end", "run"]) make(head, "th", { scope: "col" }, name);
   const body = make(home, "tbody");
@@ -123,7 +123,7 @@ function materials() {
   const list = by("marks").querySelector("ul"), marked = D.points.filter(p => p.mark);
   for (const point of marked) {
     const line = make(list, "li"), button = make(line, "button", { type: "button" }, point.mark);
-    const told = [D.axes.map((axis, k) => `${words(axis.name)} ${axisValue(k, point.at[k])}`).join(", "), labelOf(point) + (drop(point) === null ? "" : `, drop ${percent(drop(point))}`)];
+    const told = [D.axes.map((axis, k) => `${axis.label} ${axisValue(k, point.at[k])}`).join(", "), labelOf(point) + (drop(point) === null ? "" : `, drop ${percent(drop(point))}`)];
     symbol(make(line, "span"), ` ${told.join("; ")}${point.differs ? "; not as on the map: " + point.differs : ""}`);
     button.addEventListener("click", () => {
       for (const k of others()) state.level[k] = nearest(levels(k), point.at[k]);

@@ -35,6 +35,7 @@ function show(value, unit) {
 }
 function percent(part) { return Number((100 * part).toPrecision(2)) + "\u00a0%"; }
 function words(name) { return name.replace(/_/g, " "); }
+for (const axis of D.axes) axis.label = axis.switch ? axis.symbol : words(axis.name);
 function axisValue(k, value) {
   const axis = D.axes[k];
   return axis.switch ? (value ? "with" : "without") : show(value, axis.unit);
@@ -59,15 +60,15 @@ function scale(low, high, log, from, to) {
   }
   return { place, value, ticks };
 }
-function frame(svg, sx, sy, b, xText, yText) {
+function frame(svg, sx, sy, b, xText, yText, tell = [show, show]) {
   add(svg, "rect", { x: b.left, y: b.top, width: b.width, height: b.height, class: "rule" });
   for (const t of xText === null ? [] : sx.ticks) {
     add(svg, "path", { d: `M${sx.place(t)},${b.top + b.height}v5`, class: "rule" });
-    add(svg, "text", { x: sx.place(t), y: b.top + b.height + 18, "text-anchor": "middle" }, show(t));
+    add(svg, "text", { x: sx.place(t), y: b.top + b.height + 18, "text-anchor": "middle" }, tell[0](t));
   }
   for (const t of sy.ticks) {
     add(svg, "path", { d: `M${b.left},${sy.place(t)}h-5`, class: "rule" });
-    add(svg, "text", { x: b.left - 8, y: sy.place(t) + 4, "text-anchor": "end" }, show(t));
+    add(svg, "text", { x: b.left - 8, y: sy.place(t) + 4, "text-anchor": "end" }, tell[1](t));
   }
   if (xText !== null) symbol(add(svg, "text", { x: b.left + b.width / 2, y: b.top + b.height + 38, "text-anchor": "middle" }), xText);
   const middle = b.top + b.height / 2;
