@@ -125,6 +125,47 @@ def test_a_local_cluster_gives_the_same_map_and_computes_each_run_once(study, sl
     assert done.map.equals(here.map)
 
 
+def worker_processes() -> list[int]:
+    """What this process has started to compute (not its resource tracker), from /proc."""
+    found = []
+    for entry in Path("/proc").glob("[0-9]*"):
+        try:
+            parent = int((entry / "stat").read_text().rpartition(")")[2].split()[1])
+            words = (entry / "cmdline").read_bytes()
+        except (OSError, ValueError, IndexError):
+            continue
+        if parent == os.getpid() and b"spawn_main" in words:
+            found.append(int(entry.name))
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="finds the workers in /proc")
+def test_one_of_two_local_dask_workers_is_killed_and_nothing_is_lost(study, slow_log, tmp_path):
+    pytest.importorskip("distributed")
+    killed, kept = [], set()
+
+    def on_progress(finished, total, text):
+        if finished >= 5 and not killed:
+            workers = worker_processes()
+            assert len(workers) == 2
+            kept.update(result.case.id for result in Store(tmp_path / "out" / "runs"))
+            killed.append((workers[0], slow_log.read_text().split()))
+            os.kill(workers[0], signal.SIGKILL)
+
+    done = run_study(
+        study, tmp_path / "out", workers=2, scheduler="local", run=analytic_runs.fake_run,
+        on_progress=on_progress,
+    )  # fmt: skip
+    assert len(killed) == 1 and done.complete and done.status.failed == 0
+    begun, ids = killed[0][1], slow_log.read_text().split()
+    assert set(ids) == {case.id for case in study.cases()}
+    assert not set(ids[len(begun) :]) & kept, "a finished run was begun again"
+    assert len(ids) - len(set(ids)) <= 1, "only the run that was lost may be computed again"
+    here = run_study(study, tmp_path / "here", workers=0, run=analytic_runs.computed)
+    assert done.map.equals(here.map)
+
+
 @pytest.mark.slow
 def test_workers_come_and_go_and_lost_runs_are_done_again(study, slow_log, tmp_path, cluster):
     cluster("scheduler")
