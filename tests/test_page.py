@@ -71,7 +71,7 @@ def test_drop_chance_and_boundary_are_there_for_grids_and_for_boundaries(folders
         load_map(folders[kind] / "map.nc"),
     )
     wanted = {"drop": ["z"], "chance": ["margin", "sd"]} | ({"line": ["z"]} if kind == "grid" else {})
-    assert set(found["layers"]) == set(wanted)
+    assert set(found["layers"]) == set(wanted) | {"classical"}
     for layer, keys in wanted.items():
         shape = [len(values) for values in found["layers"][layer]["values"]]
         assert all(len(found["layers"][layer][key]) == np.prod(shape) for key in keys)

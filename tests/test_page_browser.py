@@ -190,6 +190,11 @@ def test_arrow_keys_walk_from_run_to_run(grid, folders):
         assert focused(grid) == expected and expected in text_of(grid, "numbers")
     ring = f"""return getComputedStyle(document.querySelector("[data-id='{at[0, 0]}'] .ring")).stroke"""
     assert grid.execute_script(ring) != "none"
+    press(grid, Keys.PAGE_DOWN)
+    other = load_map(folders["grid"] / "map.nc")["run_id"].isel(adhesion=0).values
+    assert focused(grid) == other[0, 0], "the same place on the level below"
+    press(grid, Keys.PAGE_UP)
+    assert focused(grid) == at[0, 0]
     press(grid, Keys.ENTER)
     assert grid.switch_to.active_element.get_attribute("aria-pressed") == "true"
     press(grid, Keys.ESCAPE)

@@ -13,11 +13,14 @@ from cutbench.base.errors import BadInput
 from cutbench.maps.axes import Axis
 from cutbench.maps.coordinates import LEAST, between
 from cutbench.maps.dataset import LABELS, axes_of, axis_of
+from cutbench.maps.estimates import estimated_margin
 from cutbench.maps.guidance import Reader
 from cutbench.run.measures import UNCUT
 
 #: Levels of an estimate along an axis that is walked by a slider; points along those that are shown.
 LEVELS, FINE = 17, 41
+#: Points of the classical estimates along an axis that is shown.
+_TRIED = 13
 #: Points of an estimate at the most: the page grows by each of them.
 _MOST = 60_000
 #: Numbers of a layer are thousandths.
@@ -30,7 +33,8 @@ def layers_of(data: xr.Dataset) -> dict[str, dict]:
 
     ``drop``: the relative force drop, of a sought boundary's map between its runs. ``chance``: ``margin`` and
     its standard deviation ``sd`` by the Gaussian process through all runs. ``line``, of a grid: 0 on the
-    boundary between the runs; where it was sought, that is where the margin is 0.
+    boundary between the runs; where it was sought, that is where the margin is 0. ``classical``: 0 on the
+    boundary of the classical estimates, where these have one.
     """
     if list(data["label"].dims) != axes_of(data):
         return {}
@@ -39,11 +43,11 @@ def layers_of(data: xr.Dataset) -> dict[str, dict]:
         return {
             "drop": _layer(part, z=between(data, "drop_rel").isel(_pick(data))),
             "chance": _layer(part, margin=part["margin"], sd=part["margin_sd"]),
-        }
+        } | _classical(data)
     found = {"drop": _layer(data, z=data["drop_rel"]), "line": _layer(data, z=_line(data))}
     if (chance := _chance(data)) is not None:
         found["chance"] = chance
-    return found
+    return found | _classical(data)
 
 
 def _line(data: xr.Dataset) -> xr.DataArray:
@@ -116,6 +120,24 @@ def _chance(data: xr.Dataset) -> dict | None:
         return None
     short = [[float(f"{v:.5g}") for v in some] for some in values]
     return {"values": short, "margin": _whole(margin), "sd": _whole(sd)}
+
+
+def _classical(data: xr.Dataset) -> dict[str, dict]:
+    shown, values = (data.attrs["plot_x"], data.attrs["plot_y"]), []
+    for name in axes_of(data):
+        v, axis = data[name].values, axis_of(data, name)
+        if name in shown and v.size > 1 and not axis.mechanism:
+            v = (np.geomspace if axis.scale == "log" else np.linspace)(v[0], v[-1], _TRIED)
+        elif v.size > LEVELS:
+            v = v[np.rint(np.linspace(0, v.size - 1, LEVELS)).astype(int)]
+        values.append([float(f"{u:.5g}") for u in v])
+    margin = estimated_margin(data)
+    if math.prod(map(len, values)) > _MOST:
+        return {}
+    z = np.array([margin(dict(zip(axes_of(data), at, strict=True))) for at in itertools.product(*values)])
+    known = z[np.isfinite(z)]
+    there = known.size and known.min() < 0 <= known.max()
+    return {"classical": {"values": values, "z": _whole(z)}} if there else {}
 
 
 def refined(axis: Axis, count: int) -> list[float]:

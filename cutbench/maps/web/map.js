@@ -92,6 +92,10 @@ function layers(svg, sx, sy, b) {
     const half = contour(...wide(plane(L.chance, "margin"), ...on(L.chance)));
     add(svg, "path", { d: half, class: "boundary-halo" }); add(svg, "path", { d: half, class: "boundary even" });
   }
+  if (L.classical) {
+    const path = contour(...wide(plane(L.classical, "z"), ...on(L.classical)));
+    add(svg, "path", { d: path, class: "boundary-halo thin" }); add(svg, "path", { d: path, class: "boundary classical" });
+  }
   if (!L.line && !L.chance) return;
   const line = L.line ? contour(...wide(plane(L.line, "z"), ...on(L.line))) : contour(...wide(plane(L.chance, "margin"), ...on(L.chance)));
   add(svg, "path", { d: line, class: "boundary-halo" });

@@ -50,7 +50,10 @@ function legend(shown) {
     if (n) key(svg => sign(svg, name, 11, 8, 5.2), `${name} (${n})`);
   }
   if (by("boundary") && by("boundary").getAttribute("d")) key(svg => { add(svg, "path", { d: "M0,8h22", class: "boundary-halo" }); add(svg, "path", { d: "M0,8h22", class: "boundary" }); }, `boundary: drop of ${percent(D.threshold)}${D.surge === null ? "" : ", surge of " + show(D.surge)}`);
-  if (document.querySelector("#map .even")) key(svg => { add(svg, "path", { d: "M0,8h22", class: "boundary-halo" }); add(svg, "path", { d: "M0,8h22", class: "boundary even" }); }, "even chance");
+  for (const [name, text] of [["even", "even chance"], ["classical", "classical estimate"]]) {
+    const line = document.querySelector("#map ." + name);
+    if (line && line.getAttribute("d")) key(svg => { add(svg, "path", { d: "M0,8h22", class: "boundary-halo" }); add(svg, "path", { d: "M0,8h22", class: "boundary " + name }); }, text);
+  }
   if (by("threshold")) key(svg => add(svg, "path", { d: "M0,8h22", class: "gone" }), `drop of ${percent(D.threshold)}`);
   const doubt = document.querySelector("#map .doubt");
   if (doubt && doubt.getAttribute("d")) key(svg => add(svg, "rect", { width: 22, height: 16, fill: pattern(svg, "key-doubt", "#ddd", 1, "#000") }), "regime not known with 95 %, from the runs alone");
@@ -100,12 +103,22 @@ function pointer() {
     const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
     const own = event.target.closest(".point"), here = own && D.points.find(p => p.id === own.dataset.id);
     if (!here) return;
-    if (way) { const there = next(here, ...way); if (there) { choose(there); focusOn(there); } }
+    if (event.key === "PageUp" || event.key === "PageDown") turn(here, event.key === "PageUp" ? 1 : -1);
+    else if (way) { const there = next(here, ...way); if (there) { choose(there); focusOn(there); } }
     else if (event.key === "Enter" || event.key === " ") hold(here);
     else return;
     event.preventDefault();
   });
   document.addEventListener("keydown", event => { if (event.key === "Escape") { state.held = false; choose(state.chosen); } });
+}
+// The level above or below along the first axis that is not drawn, and there the run nearest to this one.
+function turn(point, by) {
+  const k = others()[0], n = state.level[k] + by, [x, y] = at(point);
+  if (k === undefined || n < 0 || n >= levels(k).length) return;
+  state.level[k] = n;
+  controls(); draw();
+  const there = nearby(x, y, Infinity);
+  if (there) { choose(there); focusOn(there); }
 }
 function table() {
   const home = by("table"), marked = D.points.some(p => p.mark);
@@ -124,6 +137,7 @@ function materials() {
   for (const point of marked) {
     const line = make(list, "li"), button = make(line, "button", { type: "button" }, point.mark);
     const told = [D.axes.map((axis, k) => `${axis.label} ${axisValue(k, point.at[k])}`).join(", "), labelOf(point) + (drop(point) === null ? "" : `, drop ${percent(drop(point))}`)];
+    if (point.at.some((v, k) => v < Math.min(...D.axes[k].values) * (1 - 1e-3) || v > Math.max(...D.axes[k].values) * (1 + 1e-3))) told.unshift("outside the map");
     symbol(make(line, "span"), ` ${told.join("; ")}${point.differs ? "; not as on the map: " + point.differs : ""}`);
     button.addEventListener("click", () => {
       for (const k of others()) state.level[k] = nearest(levels(k), point.at[k]);
