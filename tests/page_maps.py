@@ -48,9 +48,9 @@ def split_run(case):
     return result
 
 
-def swept(folder: Path, text: str) -> Path:
+def swept(folder: Path, text: str, run=split_run) -> Path:
     """``folder`` with the map and the page of a study of stand-in runs, and no pictures."""
     (folder / "study.toml").write_text(text, encoding="utf-8")
     with mock.patch.multiple(sweep, save_phase=lambda *_: [], save_estimates=lambda *_: ([], "")):
-        sweep.run_study(load_study(folder / "study.toml"), folder, workers=0, run=split_run)
+        sweep.run_study(load_study(folder / "study.toml"), folder, workers=0, run=run)
     return folder

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 
+import analytic_runs
 import numpy as np
 import page_maps
 import pytest
@@ -120,6 +121,17 @@ def test_marks_of_a_map_without_their_runs_are_places(folders):
     marks = [point for point in contents(data, None)["points"] if point["mark"]]
     assert marks[0]["at"] == pytest.approx([10.1, 0.714, 0.01057], rel=1e-3)
     assert not any(mark["outcome"] for mark in marks) and "__" not in page(data, None).split("<body>")[0]
+
+
+def test_runs_that_fell_short_say_so_and_leave_gaps(tmp_path):
+    folder = page_maps.swept(tmp_path, page_maps.GRID, analytic_runs.unlucky_run)
+    found = data_of((folder / "map.html").read_text(encoding="utf-8"))
+    failed = [run for run in found["points"] if run["outcome"] == "failed"]
+    assert failed and all("singular" in run["message"] and run["label"] == "not_computed" for run in failed)
+    gaps = sum(not run["mark"] for run in failed)
+    assert sum(z is None for z in found["layers"]["drop"]["z"]) == gaps
+    assert sum(z is None for z in found["layers"]["line"]["z"]) == gaps
+    assert None not in found["layers"]["chance"]["margin"], "estimated from the others"
 
 
 def test_runs_that_lie_on_no_grid_have_no_layers(tmp_path):
