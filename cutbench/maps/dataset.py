@@ -20,6 +20,7 @@ from cutbench.base.files import replacing
 from cutbench.base.versions import versions
 from cutbench.case.values import parameter_of
 from cutbench.maps.axes import Axis
+from cutbench.maps.regimes import AT_REST, KIND, KINDS, rest_variables
 from cutbench.maps.sections import Regime
 from cutbench.run.measures import ABRUPT, MEASURES, NOTED, SMOOTH, UNCUT
 from cutbench.run.result import OUTCOMES, Result
@@ -69,12 +70,13 @@ def build_map(
     rows: Mapping[str, MapRow],
     ids: Mapping[tuple[int, ...], str] | None = None,
     estimates: Mapping[tuple[int, ...], BoundaryEstimate] | None = None,
+    rest: Mapping[str, str] | None = None,
 ) -> xr.Dataset:
     """The map; ``rows`` by run id, as far as there are any.
 
     Dimensions are the study's axes, or ``point`` where the runs do not lie on a grid. ``ids`` are the
     run ids by index (default: those of the study's grid), ``estimates`` what a search for the boundary
-    has found, by the indices of the levels.
+    has found, by the indices of the levels, ``rest`` the run at rest of each run, by id.
     """
     dims = [axis.name for axis in study.axes] if study.on_grid else ["point"]
     table_ids = np.full(study.shape, "", dtype=object)
@@ -96,10 +98,11 @@ def build_map(
         )
         for k, axis in enumerate(study.axes)
     }
+    data |= _regimes(table_ids, dims, rows, rest)
     if estimates:
         data |= _estimated(study, estimates)
     if marks := study.marks():
-        data |= _own_runs(marks, rows)
+        data |= _own_runs(marks, rows, rest)
         coords["mark"] = "mark", [mark.name for mark in marks], {"long_name": "marked material"}
     about = {
         "title": study.title,
@@ -147,12 +150,25 @@ def _columns(table: np.ndarray, dims: list[str]) -> dict[str, tuple]:
     return data
 
 
-def _own_runs(marks: Sequence[Mark], rows: Mapping[str, MapRow]) -> dict[str, tuple]:
+def _regimes(
+    ids: np.ndarray, dims: list[str], rows: Mapping[str, MapRow], rest: Mapping[str, str] | None
+) -> dict[str, tuple]:
+    """What the runs at rest add, where there are any."""
+    measured = {id: row.measures for id, row in rows.items()}
+    found = rest_variables(ids, rest, measured) if rest else {}
+    return {name: (dims, *column) for name, column in found.items()}
+
+
+def _own_runs(
+    marks: Sequence[Mark], rows: Mapping[str, MapRow], rest: Mapping[str, str] | None
+) -> dict[str, tuple]:
     """The marked materials' own runs: the variables of runs as ``mark_...`` along ``mark``."""
     table = np.empty(len(marks), dtype=object)
     table[:] = [rows.get(mark.case.id, MapRow()) for mark in marks]
-    data = {f"mark_{name}": column for name, column in _columns(table, ["mark"]).items()}
-    data["mark_run_id"] = ["mark"], [mark.case.id for mark in marks], {"long_name": _RUN_ID}
+    ids = np.array([mark.case.id for mark in marks], dtype=object)
+    columns = _columns(table, ["mark"]) | _regimes(ids, ["mark"], rows, rest)
+    data: dict[str, tuple] = {f"mark_{name}": column for name, column in columns.items()}
+    data["mark_run_id"] = ["mark"], ids.astype(str), {"long_name": _RUN_ID}
     text = "in what a material's own run differs from the map's at its place"
     data["mark_differs"] = ["mark"], [mark.differs for mark in marks], {"long_name": text}
     return data
@@ -261,7 +277,7 @@ def to_csv(data: xr.Dataset) -> str:
     dims = axes_of(data)
     units = {name: data[name].attrs["units"] for name in dims}
     heads = [name if unit == "1" else f"{name} [{unit}]" for name, unit in units.items()]
-    numbers = [name for name in NUMBERS if name in data]  # older maps have fewer
+    numbers = [name for name in (*NUMBERS, KIND, *AT_REST) if name in data]  # older maps have fewer
     columns = ["label", *numbers, "outcome", "reached_mm", "run_id", "message"]
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
@@ -284,7 +300,7 @@ def to_csv(data: xr.Dataset) -> str:
 
 
 def _cell(name: str, value) -> str:
-    if name in (words := {"label": LABELS, "outcome": OUTCOME_FLAGS}):
+    if name in (words := {"label": LABELS, "outcome": OUTCOME_FLAGS, KIND: KINDS}):
         return words[name][int(value)]
     if name in ("run_id", "message"):
         return str(value)

@@ -18,6 +18,7 @@ from cutbench.base.files import replacing
 from cutbench.case.physics import Physics
 from cutbench.case.values import CLAMP
 from cutbench.maps.dataset import LABELS, NOT_COMPUTED, OUTCOME_FLAGS, axes_of, axis_of, places_of
+from cutbench.maps.regimes import said_of_kinds
 from cutbench.run.measures import ABRUPT, KNOWN, UNCUT
 
 FILE = "summary.txt"
@@ -47,6 +48,7 @@ class Findings:
     deepest_mm: float
     crossed: int
     marks: tuple[tuple[str, str, float], ...]
+    kinds: tuple[str, ...] = ()  # what runs at rest say, in words
 
     def lines(self) -> list[str]:
         """A table in plain words, one line a finding."""
@@ -64,6 +66,7 @@ class Findings:
             rows.append(("to come", self.missing, ""))
         wide = max((len(name) for name, *_ in rows), default=0)
         found = [f"  {name:<{wide}} {count:>5}  {note}".rstrip() for name, count, note in rows]
+        found += [f"  {text}" for text in self.kinds]
         if self.marks:
             own = [f"{name} {label}" + (f" ({drop:.2g})" if math.isfinite(drop) else "")
                    for name, label, drop in self.marks]  # fmt: skip
@@ -122,6 +125,7 @@ def findings(data: xr.Dataset) -> Findings:
         high - CLAMP * float(np.nanmax(thickness, initial=0.0)),
         int(np.isfinite(crossed).sum()),
         tuple(marks),
+        tuple(said_of_kinds(data)),
     )
 
 

@@ -14,6 +14,7 @@ from cutbench.case.case import Case
 from cutbench.maps.axes import BOUNDARY
 from cutbench.maps.boundary import BoundaryEstimate, Index, Seeker, margin
 from cutbench.maps.dataset import MapRow
+from cutbench.maps.regimes import at_rest
 from cutbench.maps.study import Study
 from cutbench.run.measures import UNCUT
 
@@ -29,6 +30,8 @@ class SamplingPlan:
         #: Run id by index in the map, as far as asked for.
         self.ids: dict[Index, str] = {}
         self.impossible: dict[str, MapRow] = {}
+        #: Of each run, where the study wants it, the one at rest.
+        self.rest: dict[str, str] = {}
 
     @property
     def most(self) -> int:
@@ -40,11 +43,19 @@ class SamplingPlan:
         if self.ids:
             return []
         self.ids = {index: case.id for index, case in self.study.points()}
-        return self.with_marks(self.study.cases())
+        return self.with_rest(self.with_marks(self.study.cases()))
 
     def with_marks(self, cases: list[Case]) -> list[Case]:
         """The first runs and those of the marked materials, which follow a look at the whole map."""
         return [*cases[:_LOOK], *(mark.case for mark in self.study.marks()), *cases[_LOOK:]]
+
+    def with_rest(self, cases: list[Case]) -> list[Case]:
+        """And the runs at rest of all these, where the study wants them."""
+        if not self.study.regime.rest:
+            return cases
+        still = [at_rest(case) for case in cases]
+        self.rest |= {case.id: other.id for case, other in zip(cases, still, strict=True)}
+        return [*cases, *still]
 
     def estimates(self, rows: Mapping[str, MapRow]) -> dict[Index, BoundaryEstimate]:
         """What is known of a boundary that is sought, by the indices of the levels."""
@@ -96,7 +107,7 @@ class BoundaryPlan(SamplingPlan):
                 for case in self._case(level, inner)
             ]
             if cases or not turns:
-                return self.with_marks(cases) if first else cases
+                return self.with_rest(self.with_marks(cases) if first else cases)
 
     def _case(self, level: _Level, inner: Index) -> list[Case]:
         index = level.places[inner] = self._whole(level, inner)

@@ -34,6 +34,8 @@ class Regime:
     drop: float
     surge_min: float | None
     onset_length_mm: float
+    #: Whether each place has a run at rest, too, for ``cutbench.maps.regimes``.
+    rest: bool = False
 
     def of(self, result: Result) -> tuple[str, dict[str, float]]:
         """The regime of a run and its measures, from its curve."""
@@ -85,13 +87,16 @@ def _whole(part: dict, key: str, default: int, low: int, high: int) -> int:
 
 
 def read_regime(part: dict) -> Regime:
-    refuse_unknown(part, ("drop", "surge", "onset_length"))
+    refuse_unknown(part, ("drop", "surge", "onset_length", "rest"))
     drop = _between(part, "drop", 0.1, 0, 1)
     surge = _between(part, "surge", None, 0, math.inf) if "surge" in part else None
     length = parse_quantity(part.get("onset_length", "0.1 mm"), "mm", key="onset_length")
     if not 0 < length < math.inf:
         raise BadInput("onset_length", part["onset_length"], "a length above 0, such as '0.1 mm'")
-    return Regime(drop, surge, length)
+    rest = part.get("rest", False)
+    if not isinstance(rest, bool):
+        raise BadInput("rest", rest, "true or false: whether each place has a run at rest, too")
+    return Regime(drop, surge, length, rest)
 
 
 def _between(part: dict, key: str, default: float | None, low: float, high: float) -> float:

@@ -243,7 +243,7 @@ class _Sweep:
             self._report()
 
     def _write_map(self, *, last: bool = False) -> xr.Dataset:
-        data = build_map(self.study, self.rows, self.plan.ids, self.plan.estimates(self.rows))
+        data = build_map(self.study, self.rows, self.plan.ids, self.plan.estimates(self.rows), self.plan.rest)
         data.attrs["store"] = path_from(self.store.root, self.out)
         try:
             save_map(data, self.out)
