@@ -120,10 +120,11 @@ def test_each_place_of_the_other_axes_has_one_run_at_rest(tmp_path, log):
     assert kinds_of(sweep.map) == [[STABLE] * 3, [SNAP, SNAP, HELD]]
 
 
-def test_marked_materials_have_theirs_too(tmp_path, log):
+def test_marked_materials_have_none(tmp_path, log):
     sweep = swept(tmp_path, STUDY + '[plot]\nmark = ["gelatin"]\n')
-    assert KINDS[int(sweep.map["mark_kind"].values[0])] == SNAP
-    assert len(log.read_text().split()) == 6 + 2
+    assert len(log.read_text().split()) == 6 + 1
+    *_, own = csv.DictReader(io.StringIO((sweep.out / "map.csv").read_text()))
+    assert own["mark"] == "gelatin" and own["kind"] == own["rest_front_speed"] == ""
 
 
 def test_where_the_run_at_rest_fails_only_a_snap_is_known(tmp_path):

@@ -102,7 +102,7 @@ def build_map(
     if estimates:
         data |= _estimated(study, estimates)
     if marks := study.marks():
-        data |= _own_runs(marks, rows, rest)
+        data |= _own_runs(marks, rows)
         coords["mark"] = "mark", [mark.name for mark in marks], {"long_name": "marked material"}
     about = {
         "title": study.title,
@@ -159,16 +159,12 @@ def _regimes(
     return {name: (dims, *column) for name, column in found.items()}
 
 
-def _own_runs(
-    marks: Sequence[Mark], rows: Mapping[str, MapRow], rest: Mapping[str, str] | None
-) -> dict[str, tuple]:
+def _own_runs(marks: Sequence[Mark], rows: Mapping[str, MapRow]) -> dict[str, tuple]:
     """The marked materials' own runs: the variables of runs as ``mark_...`` along ``mark``."""
     table = np.empty(len(marks), dtype=object)
     table[:] = [rows.get(mark.case.id, MapRow()) for mark in marks]
-    ids = np.array([mark.case.id for mark in marks], dtype=object)
-    columns = _columns(table, ["mark"]) | _regimes(ids, ["mark"], rows, rest)
-    data: dict[str, tuple] = {f"mark_{name}": column for name, column in columns.items()}
-    data["mark_run_id"] = ["mark"], ids.astype(str), {"long_name": _RUN_ID}
+    data = {f"mark_{name}": column for name, column in _columns(table, ["mark"]).items()}
+    data["mark_run_id"] = ["mark"], [mark.case.id for mark in marks], {"long_name": _RUN_ID}
     text = "in what a material's own run differs from the map's at its place"
     data["mark_differs"] = ["mark"], [mark.differs for mark in marks], {"long_name": text}
     return data
@@ -294,7 +290,7 @@ def to_csv(data: xr.Dataset) -> str:
         writer.writerow([*line, *cells, *([""] if marks else [])])
     for k, (name, mark) in enumerate(marks.items()):
         line = [f"{mark[dim]:.10g}" for dim in dims]
-        cells = [_cell(column, data[f"mark_{column}"].values[k]) for column in columns]
+        cells = [_cell(c, data[f"mark_{c}"].values[k]) if f"mark_{c}" in data else "" for c in columns]
         writer.writerow([*line, *cells, name])
     return out.getvalue()
 

@@ -43,7 +43,7 @@ class SamplingPlan:
         if self.ids:
             return []
         self.ids = {index: case.id for index, case in self.study.points()}
-        return self.with_rest(self.with_marks(self.study.cases()))
+        return self.with_marks(self.with_rest(self.study.cases()))
 
     def with_marks(self, cases: list[Case]) -> list[Case]:
         """The first runs and those of the marked materials, which follow a look at the whole map."""
@@ -107,7 +107,8 @@ class BoundaryPlan(SamplingPlan):
                 for case in self._case(level, inner)
             ]
             if cases or not turns:
-                return self.with_rest(self.with_marks(cases) if first else cases)
+                cases = self.with_rest(cases)
+                return self.with_marks(cases) if first else cases
 
     def _case(self, level: _Level, inner: Index) -> list[Case]:
         index = level.places[inner] = self._whole(level, inner)

@@ -27,7 +27,7 @@ from cutbench.case.model import groups
 #: The group that viscosity enters by, and its value at which a run counts as one at rest.
 VISCOSITY, REST = "viscosity", 0.01
 #: A front that is so many times as fast as the blade snaps.
-SNAP_SPEED = 4.0
+SNAP_SPEED = 2.0
 
 UNKNOWN, STABLE, HELD, SNAP = "unknown", "stable", "held_back", "snap"
 #: Values of the variable ``kind``: position in this tuple.
