@@ -63,7 +63,13 @@ def test_a_panel_a_level_with_boundary_and_each_material_on_its_own(study):
     assert [texts(ax) for ax in axes] == [["meat"], ["gelatin"], ["elastomer"]]
     assert ["0.187" in ax.get_title() for ax in axes] == [False, False, True]
     assert all(len(contours(ax)) == 1 for ax in axes)
-    said = ["abrupt", "smooth", "boundary: drop of 10 %", "classical estimate", "material, own run"]
+    said = [
+        "abrupt",
+        "smooth",
+        "boundary: drop of 10 % within a blade thickness",
+        "classical estimate",
+        "material, own run",
+    ]
     assert legend(figure) == [*said, "elastomer (μ = 0.35)"]
     assert figure.get_figwidth() * 25.4 == pytest.approx(180)
     assert "viscosity" in axes[0].get_ylabel() and "cohesion" in axes[2].get_xlabel()

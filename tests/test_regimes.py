@@ -12,6 +12,7 @@ import pytest
 
 from cutbench import load_case
 from cutbench.base.errors import BadInput
+from cutbench.maps.collapse import collapse_of, save_collapse
 from cutbench.maps.dataset import load_map
 from cutbench.maps.regimes import HELD, KINDS, REST, SNAP, SNAP_SPEED, STABLE, UNKNOWN, at_rest, kind
 from cutbench.maps.study import load_study
@@ -154,3 +155,74 @@ def test_what_is_no_yes_or_no_is_refused(tmp_path):
     with pytest.raises(BadInput) as caught:
         load_study(path)
     assert caught.value.key == "rest" and caught.value.line and "true or false" in str(caught.value)
+
+
+def panels(V, factor=0.4, power=1.5):
+    """A map of two panels whose front follows S = 1 + V*/V, V* a power of what is freed."""
+    freed = np.array([[2.0, 3.0], [4.0, 6.0]])
+    S = 1 + factor * freed[..., None] ** power / V
+    rest = np.broadcast_to(freed[..., None], S.shape)
+    return S, rest
+
+
+def drawn(sweep, S, rest):
+    data = sweep.map.assign(
+        front_speed=(sweep.map["front_speed"].dims, S), rest_freed_rel=(sweep.map["kind"].dims, rest)
+    )
+    data.attrs = sweep.map.attrs
+    return data
+
+
+GRID = f"""base = "gelatin"
+[[axis]]
+name = "adhesion"
+values = [0.0, 0.1]
+[[axis]]
+name = "cohesion"
+values = [2.0, 8.0]
+[[axis]]
+name = "viscosity"
+values = [{REST}, 0.3, 1.0, 3.0]
+scale = "log"
+[regime]
+rest = true
+[plot]
+x = "cohesion"
+y = "viscosity"
+panel = "adhesion"
+"""
+
+
+def test_one_line_is_found_where_there_is_one(tmp_path):
+    sweep = swept(tmp_path, GRID)
+    V = sweep.map["viscosity"].values
+    S, rest = panels(V)
+    found = collapse_of(drawn(sweep, S, rest))
+    assert found.fitted == ((S > 1.15) & (S < 10)).sum() >= 6
+    assert (found.factor, found.power, found.scatter) == pytest.approx((0.4, 1.5, 1))
+    assert np.allclose(found.front_speed, 1 + found.line(found.freed) / found.viscosity)
+    # One panel that is three times as fast is no longer on the line of the other.
+    S[1] = 1 + 3 * (S[1] - 1)
+    assert collapse_of(drawn(sweep, S, rest)).scatter > 1.2
+
+
+def test_the_line_is_drawn_and_said(tmp_path):
+    sweep = swept(tmp_path, GRID)
+    paths, text = save_collapse(drawn(sweep, *panels(sweep.map["viscosity"].values)), tmp_path)
+    assert {path.suffix for path in paths} == {".png", ".svg"} and all(p.stat().st_size for p in paths)
+    assert "0.4 (freed/G_c)^1.5" in text
+
+
+def test_no_line_of_fronts_that_keep_pace_or_of_too_few(tmp_path):
+    sweep = swept(tmp_path, GRID)
+    S, rest = panels(sweep.map["viscosity"].values)
+    paths, text = save_collapse(drawn(sweep, np.ones_like(S), rest), tmp_path)
+    assert len(paths) == 2 and not text
+    assert save_collapse(drawn(sweep, S, np.full_like(rest, np.nan)), tmp_path) == ([], "")
+
+
+def test_a_map_without_runs_at_rest_has_none(tmp_path):
+    sweep = swept(tmp_path, STUDY.replace("rest = true", ""))
+    assert save_collapse(sweep.map, tmp_path) == ([], "")
+    with pytest.raises(BadInput, match="rest = true"):
+        collapse_of(sweep.map)

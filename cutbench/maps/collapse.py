@@ -32,6 +32,7 @@ READ = (1.15, 10.0)
 #: So many such runs make a line.
 FEWEST = 6
 _SHAPES = "os^Dv<>p"
+_LINE: Look = {"color": "black", "lw": 1.2, "ls": "-"}
 _PALETTE = ("blue", "vermilion", "green", "orange")
 
 
@@ -75,17 +76,16 @@ def collapse_of(data: xr.Dataset) -> Collapse:
     panel = data.attrs["plot_panel"]
     group = groups()[VISCOSITY]
     rows = []
-    done = np.isfinite(data["front_speed"].values) & np.isfinite(data["rest_freed_rel"].values)
+    done = np.isfinite(data["front_speed"].values) & (data["rest_freed_rel"].values > 0)
     for index in np.argwhere(done):
         here = tuple(index)
         values = {name: float(along[here]) for name, along in places.items()}
         case = physics(values)
-        if VISCOSITY in case.model.settable_groups():
+        if VISCOSITY in case.model.settable_groups() and (viscosity := group.value(case.p)) > 0:
             found = (data[name].values[here] for name in ("front_speed", "rest_freed_rel", KIND))
-            rows.append((group.value(case.p), *found, values.get(panel, 0.0)))
-    table = np.array(rows, dtype=float).reshape(-1, 5)
-    V, S, freed, kind, level = table.T
-    ok = (READ[0] < S) & (READ[1] > S) & (freed > 0)
+            rows.append((viscosity, *found, values.get(panel, 0.0)))
+    V, S, freed, kind, level = np.array(rows, dtype=float).reshape(-1, 5).T
+    ok = (READ[0] < S) & (READ[1] > S)
     factor = power = scatter = math.nan
     fitted = int(ok.sum())
     if fitted >= FEWEST and np.ptp(freed[ok]) > 0:
@@ -103,7 +103,7 @@ def draw_collapse(data: xr.Dataset, found: Collapse) -> Figure:
     panel = data.attrs["plot_panel"]
     levels = np.unique(found.level)
     with style():
-        figure = new_figure(DOUBLE_MM, 84)
+        figure = new_figure(DOUBLE_MM, 88)
         left, right = figure.subplots(1, 2)
         ratio = found.viscosity / found.line(found.freed)
         ends = np.array([found.freed.min() / 1.3, found.freed.max() * 1.3])
@@ -115,10 +115,10 @@ def draw_collapse(data: xr.Dataset, found: Collapse) -> Figure:
                 right.plot(ratio[at], found.front_speed[at], **look)
         if found.fitted:
             line, band = found.line(ends), {"color": "0.88", "zorder": 0}
-            left.plot(ends, line, color="black", lw=1.2)
+            left.plot(ends, line, **_LINE)
             left.fill_between(ends, line / found.scatter, line * found.scatter, **band)
             x = np.geomspace(ratio.min() / 1.3, ratio.max() * 1.3, 100)
-            right.plot(x, 1 + 1 / x, color="black", lw=1.2)
+            right.plot(x, 1 + 1 / x, **_LINE)
             right.fill_between(x, 1 + 1 / x / found.scatter, 1 + found.scatter / x, **band)
             plain_log(right, "x", x[0], x[-1])
         right.axhline(SNAP_SPEED, color="0.4", lw=0.8, ls=":")
@@ -128,8 +128,8 @@ def draw_collapse(data: xr.Dataset, found: Collapse) -> Figure:
         left.set_xlabel("energy that the limit point at rest frees / $G_c$")
         left.set_ylabel(r"$V = \eta v/\delta_c$")
         right.set_xlabel("$V/V^*$")
-        right.set_ylabel("speed of the front / speed of the blade  $S$")
-        figure.legend(handles=_handles(data, panel, levels, found), loc="outside upper center", ncols=4)
+        right.set_ylabel("front speed / blade speed  $S$")
+        figure.legend(handles=_handles(data, panel, levels, found), loc="outside upper center", ncols=3)
     return figure
 
 
@@ -153,7 +153,7 @@ def _handles(data: xr.Dataset, panel: str, levels: np.ndarray, found: Collapse) 
         text = (
             f"$V^* = {found.factor:.2g}\\,x^{{{found.power:.2g}}}$ to a factor of {found.scatter:.3g} (rms)"
         )
-        handles.append(Line2D([], [], color="black", lw=1.2, label=text))
+        handles.append(Line2D([], [], label=text, **_LINE))
     return handles
 
 

@@ -312,7 +312,7 @@ def _legend(
     extra: Sequence[Line2D] = (),
 ) -> None:
     handles: list[Artist] = [Line2D([], [], ls="", **look) for name, look in _MARKERS.items() if name in seen]
-    text = f"boundary: drop of {100 * data.attrs['drop_threshold']:g} %"
+    text = f"boundary: drop of {100 * data.attrs['drop_threshold']:g} % within a blade thickness"
     if math.isfinite(data.attrs["surge_threshold"]):
         text += f", surge of {data.attrs['surge_threshold']:g}"
     handles.append(Line2D([], [], color="black", lw=1.5, ls="-" if plane else "--", label=text))

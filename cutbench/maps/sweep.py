@@ -21,6 +21,7 @@ import xarray as xr
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.progress import OnProgress, silent
 from cutbench.case.case import Case
+from cutbench.maps.collapse import save_collapse
 from cutbench.maps.dataset import MapRow, build_map, path_from, row_of, save_map
 from cutbench.maps.estimates import save_estimates
 from cutbench.maps.findings import Findings, findings, said_of_boundary, save_findings
@@ -249,7 +250,8 @@ class _Sweep:
             save_map(data, self.out)
             save_phase(data, self.out)
             if last:
-                self.verdict = save_estimates(data, self.out)[1]
+                words = save_estimates(data, self.out)[1], save_collapse(data, self.out)[1]
+                self.verdict = " ".join(filter(None, words))
                 save_page(data, self.store, self.out)
             save_findings(data, self.out, [self.verdict] if self.verdict else [])
         except OSError as error:

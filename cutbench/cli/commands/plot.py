@@ -31,6 +31,7 @@ def plot(
         paths = save(plot_curve(read_run(source)), source / "curve.png")
     elif grid.is_file():
         from cutbench.maps.cases import remarks
+        from cutbench.maps.collapse import save_collapse
         from cutbench.maps.dataset import load_map, store_of
         from cutbench.maps.estimates import save_estimates
         from cutbench.maps.findings import findings, said_of_boundary, save_findings
@@ -41,10 +42,12 @@ def plot(
         data = load_map(grid)
         runs = store_of(data, grid.parent)
         pictures, words = save_estimates(data, grid.parent)
+        more, line = save_collapse(data, grid.parent)
+        said = [words, line] if line else [words]
         page = save_page(data, Store(runs) if runs.is_dir() else None, grid.parent)
-        paths = [*save_phase(data, grid.parent), *pictures, page]
-        paths.append(save_findings(data, grid.parent, [words]))
-        for note in (*findings(data).lines(), *said_of_boundary(data), words, *remarks(data)):
+        paths = [*save_phase(data, grid.parent), *pictures, *more, page]
+        paths.append(save_findings(data, grid.parent, said))
+        for note in (*findings(data).lines(), *said_of_boundary(data), *said, *remarks(data)):
             typer.echo(note)
         if against is not None:
             from cutbench.maps.agreement import agreement
