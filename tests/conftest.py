@@ -7,10 +7,21 @@ import os
 
 import pytest
 
+from cutbench.base.fused import fused
 from cutbench.base.threads import ONE_THREAD
 
 for name, count in ONE_THREAD.items():
     os.environ.setdefault(name, count)
+
+
+@pytest.fixture
+def laws_in_numpy(monkeypatch):
+    """For modules that ask many different laws a few times each: compiling takes far longer than it saves."""
+    monkeypatch.setattr("cutbench.base.fused.COMPILED", False)
+    monkeypatch.setattr("cutbench.forms.bulk.COMPILED", False)
+    fused.cache_clear()
+    yield
+    fused.cache_clear()
 
 
 # Coarse runs that several files read; computed once a process, and only where they are asked for.

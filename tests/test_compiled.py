@@ -5,11 +5,15 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from form_checks import FRICTIONLESS, P, blade, blade_case, space_of, spaces
 
 from cutbench.base.compiled import COMPILED, announced
+from cutbench.case.model import DEFAULT
+from cutbench.forms.blade import ContactNumerics
 
 needs_numba = pytest.mark.skipif(not COMPILED, reason="numba is not there, or switched off")
 LOOP = """
@@ -75,3 +79,28 @@ def test_who_waits_for_a_compiler_is_told(tmp_path):
 
     assert summed() == ["wait"]
     assert summed() == []  # its code is kept
+
+
+@spaces
+@pytest.mark.parametrize("normal", ["tool", "material"])
+@pytest.mark.parametrize("names", [FRICTIONLESS, DEFAULT, (*DEFAULT, "adhesion_speed")])
+def test_compiled_loops_and_numpy_answer_the_same(dim, order, normal, names):
+    """Numbers that may be complex go through NumPy, real ones through compiled loops where there are any."""
+    p = SimpleNamespace(**vars(P) | {"tau_v": 0.002, "adhesion_reference": 0.01, "tilt": 0.2, "length": 1.0})
+    p.overhang = -0.2
+    space = space_of(dim, order)
+    form = blade(space, normal=normal, names=names).with_numerics(
+        ContactNumerics(5 * P.G, 25 * P.G, normal=normal, release=0.01)
+    )
+    for seed in range(3):
+        u, state, step = blade_case(space, form, p)
+        u = u + 0.02 * np.random.default_rng(seed).standard_normal(u.size)
+        state["touched"] = np.random.default_rng(seed).integers(0, 2, state["touched"].shape).astype(float)
+        real, other = (form.evaluate(v, p, state, step, tangent=False) for v in (u, u + 0j))
+        assert other.vector.dtype == complex and real.vector.any()
+        answers = {"vector": (real.vector, other.vector)} | {
+            k: (v, other.state[k]) for k, v in real.state.items()
+        }
+        for name, (mine, its) in answers.items():
+            size = np.abs(its).max(initial=1e-9)
+            np.testing.assert_allclose(mine, its.real, rtol=0, atol=1e-12 * size, err_msg=name)

@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from coarse_runs import QUICK
+from coarse_runs import QUICK, SOFT
 from typer.testing import CliRunner
 
 from cutbench.base.errors import BadInput
@@ -161,7 +161,7 @@ def test_what_cannot_be_is_refused_by_its_line(part, said, tmp_path):
 
 def test_the_command_line_has_it_and_says_it_at_last(tmp_path):
     values = {**{k: SHORT.shown()[k] for k in ("G_c", "tip", "mu")}, "element": "P1", "step": "0.2 mm"}
-    sets = [f"--set={key}={value}" for key, value in values.items()]
+    sets = [f"--set={key}={value}" for key, value in (values | SOFT).items()]
     sets += ["--set=corner=0.0625", "--set=shallow=1"]
     done = CliRunner().invoke(
         app, ["run2d", "gelatin", *sets, "--h=0.6", "--until=transition", f"--out={tmp_path}"]

@@ -32,6 +32,8 @@ from cutbench.forms.cut import CutForm
 from cutbench.forms.damping import DampingForm
 from cutbench.forms.space import Space
 
+pytestmark = pytest.mark.usefixtures("laws_in_numpy")
+
 
 # -- bulk ----------------------------------------------------------------------------------------
 @spaces

@@ -26,8 +26,9 @@ from form_checks import (
 
 from cutbench.case.model import DEFAULT, Model
 from cutbench.forms.base import Step, blend, gather
-from cutbench.forms.blade import ContactNumerics
 from cutbench.forms.cut import CutForm
+
+pytestmark = pytest.mark.usefixtures("laws_in_numpy")
 
 
 @spaces
@@ -233,28 +234,3 @@ def test_what_slides_round_the_tip_takes_nothing(dim):
     sunk[1] = 0.01
     assert form.work(sunk.T.ravel(), p, old, new, step)["contact"] > 1e-3
     assert form.work(u.T.ravel(), p, old, new, step)["contact"] == pytest.approx(0, abs=1e-12)
-
-
-@spaces
-@pytest.mark.parametrize("normal", ["tool", "material"])
-@pytest.mark.parametrize("names", [FRICTIONLESS, DEFAULT, (*DEFAULT, "adhesion_speed")])
-def test_compiled_loops_and_numpy_answer_the_same(dim, order, normal, names):
-    """Numbers that may be complex go through NumPy, real ones through compiled loops where there are any."""
-    p = SimpleNamespace(**vars(P) | {"tau_v": 0.002, "adhesion_reference": 0.01, "tilt": 0.2, "length": 1.0})
-    p.overhang = -0.2
-    space = space_of(dim, order)
-    form = blade(space, normal=normal, names=names).with_numerics(
-        ContactNumerics(5 * P.G, 25 * P.G, normal=normal, release=0.01)
-    )
-    for seed in range(3):
-        u, state, step = blade_case(space, form, p)
-        u = u + 0.02 * np.random.default_rng(seed).standard_normal(u.size)
-        state["touched"] = np.random.default_rng(seed).integers(0, 2, state["touched"].shape).astype(float)
-        real, other = (form.evaluate(v, p, state, step, tangent=False) for v in (u, u + 0j))
-        assert other.vector.dtype == complex and real.vector.any()
-        answers = {"vector": (real.vector, other.vector)} | {
-            k: (v, other.state[k]) for k, v in real.state.items()
-        }
-        for name, (mine, its) in answers.items():
-            size = np.abs(its).max(initial=1e-9)
-            np.testing.assert_allclose(mine, its.real, rtol=0, atol=1e-12 * size, err_msg=name)

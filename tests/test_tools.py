@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from coarse_runs import BRIEF
+from coarse_runs import QUICK
 from form_checks import DEFAULT, P, blade, blade_case, check_tangent, space_of
 
 from cutbench.base.errors import BadInput
@@ -106,20 +106,20 @@ def test_blade_tangent(name, dim):
 CASES = {
     "wedge": {"with_": "wedge", "angle": "40 deg", "edge_radius": "0.05 mm"},
     "bevel": {"with_": "bevel", "bevel_angle": "30 deg", "edge_radius": "0.05 mm"},
-    "wire": {"with_": "wire", "thickness": "0.3 mm", "cohesion": 0.5},
+    "wire": {"with_": "wire", "thickness": "0.3 mm", "cohesion": 0.25},
 }
 
 
 def made(name: str, **changes) -> Case:
-    return BRIEF.set(**CASES[name]).set(**{"depth": "0.6 mm", **changes})
+    return QUICK.set(**CASES[name]).set(**{"depth": "0.6 mm", **changes})
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_a_blade_of_each_profile_cuts(name):
-    result = run_case(made(name, depth="1.5 mm"))
+    result = run_case(made(name, depth="1.4 mm"))
     assert result.outcome.done, str(result.outcome)
     assert result.force_N[-1] > 0 and np.isfinite(result.force_N).all()
-    assert result.measures["onset_mm"] < 1.5
+    assert result.measures["onset_mm"] < 1.4
     assert abs(result.measures["closure"]) < 0.05
 
 
@@ -213,7 +213,7 @@ def test_an_outline_is_part_of_the_case(tmp_path):
 
 
 # -- pre-cut ---------------------------------------------------------------------------------------
-PRECUT = BRIEF.set(precut="2 mm", depth="1.1 mm")
+PRECUT = QUICK.set(precut="2 mm", depth="1.1 mm")
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -237,14 +237,14 @@ def at_rest(built):
 
 
 def test_a_run_begins_with_its_pre_cut():
-    whole, cut = run_case(BRIEF), run_case(PRECUT)
+    whole, cut = run_case(QUICK), run_case(PRECUT)
     assert cut.outcome.done
     lengths = cut.curve["cut_length_mm"]
     assert lengths[0] == pytest.approx(2, abs=0.1) and whole.curve["cut_length_mm"][0] == 0
     assert np.diff(lengths).min() >= 0
     assert whole.measures["onset_mm"] < 1.1 and np.isnan(cut.measures["onset_mm"]), "nothing was cut further"
     assert cut.force_N.max() < whole.force_N.max()
-    (cohesive,) = (law.name for law in BRIEF.model.laws("cut") if law.role == "cohesive")
+    (cohesive,) = (law.name for law in QUICK.model.laws("cut") if law.role == "cohesive")
     spent = [run.curve[f"work_{cohesive}_mJ"][-1] for run in (cut, whole)]
     assert spent[0] < 0.2 * spent[1]
 

@@ -78,6 +78,7 @@ def test_every_law_of_the_default_and_the_paper_is_covered():
     assert all(concerned(law) for law in FLUX)
 
 
+@pytest.mark.usefixtures("laws_in_numpy")
 @pytest.mark.parametrize("name", FLUX)
 def test_one_percent_more_flux_is_noticed(name, monkeypatch):
     law = registry()[name]
