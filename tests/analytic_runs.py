@@ -80,10 +80,11 @@ def unlucky_run(case) -> Result:
 
 
 def deadly_run(case) -> Result:
-    """Takes its process down, as the out-of-memory killer does: two runs do always, two others once."""
+    """Takes its process down, as the out-of-memory killer does: one run does always, another once."""
     sigma = case.p.G_c / case.p.delta_c / case.p.G
     viscosity = case.p.eta_reg * case.p.speed / case.p.delta_c
-    always, once = sigma > 25 and viscosity < 0.1, sigma < 1.5 and viscosity > 1
+    smooth = not case.values.get("tau_W")
+    always, once = (smooth and sigma > 25 and viscosity < 0.1), (smooth and sigma < 1.5 and viscosity > 1)
     mark = f"{os.environ['FAKE_RUN_LOG']}.{case.id}"
     if always or (once and not os.path.exists(mark)):
         note(case)

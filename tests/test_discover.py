@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ STUDIES = Path(__file__).parents[1] / "studies"
 SEED = 11
 
 
+@cache
 def found(effect: str, family: str, many: bool = True, number: int = 3) -> tuple[Hidden, Discovery]:
     hidden = make(number, effect, family, many, SEED)
     return hidden, discover(hidden.campaign, workers=0)
@@ -84,7 +86,7 @@ def test_the_order_of_experiments_does_not_matter():
 
 def test_nor_does_the_seed_of_the_noise():
     verdicts = set()
-    for seed in (1, 2, 3):
+    for seed in (1, 2):
         hidden = make(3, "compact_cohesion", "cut law", False, SEED)
         rng = np.random.default_rng(seed)
         tests = [Test("slow", "separation", 0.005, 0.5)]
