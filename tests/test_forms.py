@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from types import SimpleNamespace
 
@@ -141,6 +142,7 @@ def test_cut_tangent(dim, order, names):
     assert grew.any() and not grew.all()
     assert (form.jump(u)[0] < 0).any(), "some points close"
     check_tangent(space, form, u, state, step)
+    check_tangent(space, form, u, state, replace(step, ratio=0.8))
 
 
 def test_a_rate_s_traction_is_of_second_order():
@@ -161,6 +163,29 @@ def test_a_rate_s_traction_is_of_second_order():
         expected = P.G_c / P.delta_c**2 * P.eta_reg * rate
         np.testing.assert_allclose(state["tractions"][0, 0], expected, rtol=1e-12)
         last = last if rests else dt
+
+
+def test_a_rate_term_that_fades_is_of_second_order():
+    """Faces that open evenly faster, to δ_c and beyond: half the step, a quarter of the error."""
+    space = space_of(2, 2)
+    form = CutForm(Model(DEFAULT).laws("cut"), space.faces("cut", 4), HEIGHT)
+    viscous = [law.role for law in form.laws].index("viscous")
+    opening = np.zeros_like(space.X)
+    opening[0], none = 1.0, np.zeros(3)
+    width = lambda t: P.delta_c * (t + t**2)  # noqa: E731
+    u = lambda t: width(t) / 2 * opening.T.ravel()  # noqa: E731
+    errors = []
+    for count in (20, 40):
+        dt, state, worst = 1.0 / count, form.start(P), 0.0
+        for i in range(count):
+            step = Step(dt, u(i * dt), none, none, ratio=1.0 if i else 0.0)
+            state = form.evaluate(u((i + 1) * dt), P, state, step, tangent=False).state
+            t = (i + 1) * dt
+            exact = P.G_c / P.delta_c * P.eta_reg * np.exp(-width(t) / P.delta_c) * (1 + 2 * t)
+            found = state["tractions"][viscous, 0]
+            worst = max(worst, np.abs(found / exact - 1).max() if i > 1 else 0.0)
+        errors.append(worst)
+    assert errors[1] < errors[0] / 3.5 < 0.01
 
 
 def two_sided(dim: int, order: int):

@@ -199,18 +199,18 @@ class Cut(Mechanism):
     over_step: ClassVar[bool] = False
 
     def traction(self, jump: np.ndarray, p: Params, state: State, at: Points) -> tuple[np.ndarray, State]:
-        """T (3, N) in MPa — normal, two tangential components — and the new state.
+        """T (3, N) in MPa — normal, two tangential components — and the new state, with all of ``start``.
 
-        ``jump`` (3, N) in mm in the same components; ``at.jump_old`` at the start of the step. The new state
-        has the names of ``start``, all of them.
-        """
+        ``jump`` (3, N) in mm in the same components; ``at.jump_old`` at the start of the step."""
         raise NotImplementedError(self.name)
+
+    def ending(self, rate: np.ndarray, p: Params, before: Mapping[str | None, Answer]) -> np.ndarray | None:
+        """T (3, N) at a step's end, where the jump changes at ``rate`` (3, N), mm/s, after what laws of lower
+        rank answered ``before``. For what is ``over_step``; ``None`` (the default): its means tell all."""
 
     def work(self, jump: np.ndarray, p: Params, state: State, at: Points) -> np.ndarray | None:
         """Work taken up so far per reference area (N,), where it is a function of jump and state.
-
-        ``None`` (the default): the ledger integrates T·d[[u]] over the steps instead.
-        """
+        ``None`` (the default): the ledger integrates T·d[[u]] over the steps instead."""
         return None
 
 

@@ -42,9 +42,9 @@ class Viscous(Cut):
     def estimate(self, p, rate, width):
         return Estimate(work=p.G_c / p.delta_c**2 * p.eta_reg * rate * width)
 
-    def viscosity(self, p, at):
-        """MPa s/mm, a number or (N,)."""
+    def viscosity(self, p):
+        """MPa s/mm."""
         return p.G_c / p.delta_c**2 * p.eta_reg
 
     def traction(self, jump, p, state, at):
-        return self.viscosity(p, at) * (jump - at.jump_old) / at.dt, {}
+        return self.viscosity(p) * (jump - at.jump_old) / at.dt, {}
