@@ -24,7 +24,7 @@ from cutbench.maps.cases import case_on
 from cutbench.maps.confirmed_points import RECORD
 from cutbench.maps.guidance import margins_of
 from cutbench.run.files import read_run
-from cutbench.run.measures import ABRUPT, SMOOTH
+from cutbench.run.measures import ABRUPT, SMOOTH, UNDECIDED
 from cutbench.run.result import Result
 
 #: What is compared, besides the label.
@@ -70,7 +70,7 @@ class Confirmed:
 def least_certain(data: xr.Dataset, count: int) -> list[MapPoint]:
     """The ``count`` runs of a map that lie nearest to the boundary by their own measures, nearest first."""
     labels = data["label"].values
-    known = np.isin(labels, [maps.LABELS.index(SMOOTH), maps.LABELS.index(ABRUPT)])
+    known = np.isin(labels, [maps.LABELS.index(name) for name in (SMOOTH, ABRUPT, UNDECIDED)])
     near = margins_of(data)
     places = maps.places_of(data)
     distance = np.where(known & np.isfinite(near), np.abs(near), np.inf).ravel()

@@ -20,9 +20,11 @@ from cutbench.base.files import replacing
 from cutbench.base.versions import versions
 from cutbench.case.values import parameter_of
 from cutbench.maps.axes import Axis
+from cutbench.maps.boundary import margin
 from cutbench.maps.regimes import AT_REST, KIND, KINDS, rest_variables
 from cutbench.maps.sections import Regime
-from cutbench.run.measures import ABRUPT, MEASURES, NOTED, SMOOTH, UNCUT
+from cutbench.maps.uncertainty import CAUSES, RATIOS, Checks, ratio, reach, strips_of, undecided, variables
+from cutbench.run.measures import ABRUPT, MEASURES, NOTED, SMOOTH, UNCUT, UNDECIDED
 from cutbench.run.result import OUTCOMES, Result
 
 if TYPE_CHECKING:
@@ -32,7 +34,8 @@ if TYPE_CHECKING:
 
 NOT_COMPUTED = "not_computed"
 #: Values of the variable ``label``: position in this tuple.
-LABELS = (NOT_COMPUTED, SMOOTH, ABRUPT, UNCUT)
+LABELS = (NOT_COMPUTED, SMOOTH, ABRUPT, UNCUT, UNDECIDED)
+_DECIDED = (LABELS.index(SMOOTH), LABELS.index(ABRUPT))
 #: Values of the variable ``outcome``; 0 where no run has ended yet.
 OUTCOME_FLAGS = ("missing", *OUTCOMES)
 #: Variables that are numbers of runs, with unit and meaning.
@@ -71,12 +74,14 @@ def build_map(
     ids: Mapping[tuple[int, ...], str] | None = None,
     estimates: Mapping[tuple[int, ...], BoundaryEstimate] | None = None,
     rest: Mapping[str, str] | None = None,
+    checks: Checks | None = None,
 ) -> xr.Dataset:
     """The map; ``rows`` by run id, as far as there are any.
 
     Dimensions are the study's axes, or ``point`` where the runs do not lie on a grid. ``ids`` are the
     run ids by index (default: those of the study's grid), ``estimates`` what a search for the boundary
-    has found, by the indices of the levels, ``rest`` the run at rest of each run, by id.
+    has found, by the indices of the levels, ``rest`` the run at rest of each run, by id, ``checks`` what was
+    repeated to see how far the line may be off: within that labels are undecided.
     """
     dims = [axis.name for axis in study.axes] if study.on_grid else ["point"]
     table_ids = np.full(study.shape, "", dtype=object)
@@ -125,7 +130,30 @@ def build_map(
         "plot_panel": study.plot.panel,
         "marks": json.dumps([{"name": m.name} | dict(m.at) for m in study.marks()]),
     }
-    return xr.Dataset(data, coords, about)
+    found = xr.Dataset(data, coords, about)
+    return with_strips(found, checks, rows) if checks and (checks.refined or checks.others) else found
+
+
+def _margin(row: MapRow, drop: float, surge: float) -> float:
+    of = row.measures
+    told = np.array([of["drop_rel"], of["surge"], row.label == UNCUT], dtype=float)
+    return float(margin(told[0], told[1], told[2] > 0, drop=drop, surge_min=surge))
+
+
+def with_strips(data: xr.Dataset, checks: Checks, rows: Mapping[str, MapRow]) -> xr.Dataset:
+    """A map with what was repeated of it, and labels undecided where that leaves either."""
+    drop, surge = data.attrs["drop_threshold"], data.attrs["surge_threshold"]
+    r = {id: ratio(_margin(row, drop, surge)) for id, row in rows.items() if row.outcome == "done"}
+    ids = data["run_id"].values
+    new = variables(checks, r, ids, [str(dim) for dim in data["run_id"].dims])
+    data = data.assign(new).assign_coords(cause=list(CAUSES), end=["low", "high"])
+    low, high = reach(strips_of(data).values())
+    for name, runs in (("label", "run_id"), ("mark_label", "mark_run_id")):
+        if name in data:
+            known = np.array([r.get(str(id), math.nan) for id in data[runs].values.ravel()])
+            open_ = undecided(known, low, high).reshape(data[runs].shape) & np.isin(data[name], _DECIDED)
+            data[name].values[open_] = LABELS.index(UNDECIDED)
+    return data
 
 
 def _columns(table: np.ndarray, dims: list[str]) -> dict[str, tuple]:
@@ -274,6 +302,7 @@ def to_csv(data: xr.Dataset) -> str:
     units = {name: data[name].attrs["units"] for name in dims}
     heads = [name if unit == "1" else f"{name} [{unit}]" for name, unit in units.items()]
     numbers = [name for name in (*NUMBERS, KIND, *AT_REST) if name in data]  # older maps have fewer
+    numbers += [name for name in RATIOS if name in data]
     columns = ["label", *numbers, "outcome", "reached_mm", "run_id", "message"]
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")

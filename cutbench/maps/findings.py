@@ -19,6 +19,7 @@ from cutbench.case.physics import Physics
 from cutbench.case.values import CLAMP
 from cutbench.maps.dataset import LABELS, NOT_COMPUTED, OUTCOME_FLAGS, axes_of, axis_of, places_of
 from cutbench.maps.regimes import said_of_kinds
+from cutbench.maps.uncertainty import said_of_strips
 from cutbench.run.measures import ABRUPT, KNOWN, UNCUT
 
 FILE = "summary.txt"
@@ -145,7 +146,8 @@ def save_findings(data: xr.Dataset, folder: Path, more: Sequence[str] = ()) -> P
     """Write ``summary.txt`` into ``folder``: the title, the findings, and ``more`` lines."""
     found = findings(data)
     with replacing(folder / FILE) as draft:
-        lines = [data.attrs["title"], f"{found.runs} runs", *found.lines(), *said_of_boundary(data), *more]
+        told = [*found.lines(), *said_of_boundary(data), *said_of_strips(data), *more]
+        lines = [data.attrs["title"], f"{found.runs} runs", *told]
         draft.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return folder / FILE
 

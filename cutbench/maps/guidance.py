@@ -23,7 +23,8 @@ from cutbench.maps.boundary import SURE, margin, softened
 from cutbench.maps.cases import case_on, physics_on
 from cutbench.maps.dataset import LABELS, MapRow, axes_of, axis_of, places_of, regime_of, row_of
 from cutbench.maps.emulator import Emulator
-from cutbench.run.measures import ABRUPT, SMOOTH, UNCUT
+from cutbench.maps.uncertainty import MODEL, NUMERICS, ratio, reach, strips_of, undecided
+from cutbench.run.measures import ABRUPT, SMOOTH, UNCUT, UNDECIDED
 from cutbench.run.result import Result
 from cutbench.run.store.runs import Store
 
@@ -82,6 +83,8 @@ class Guide:
     changes: tuple[LeverChange, ...]
     still: dict[str, str]
     differs: dict[str, tuple[float, float]]
+    #: Why the regime is undecided, in words; empty if it is not.
+    doubt: str = ""
 
     def text(self) -> str:
         """All of it in plain words."""
@@ -92,7 +95,9 @@ class Guide:
             f"There cutting is {self.regime} ({sure}; margin {self.margin:.2f} +- {self.margin_sd:.2f}"
             " on a scale from -1, smooth, to 1, abrupt).",
         ]
-        other = SMOOTH if self.regime == ABRUPT else ABRUPT
+        if self.doubt:
+            lines.append(f"It is undecided: {self.doubt}.")
+        other = SMOOTH if self.margin >= 0 else ABRUPT
         if self.changes:
             lines.append(f"What makes it {other}, soonest first:")
             lines += [f"  {n}. {change.text()}" for n, change in enumerate(self.changes, start=1)]
@@ -177,10 +182,27 @@ def guide(data: xr.Dataset, material: str) -> Guide:
         if not moved:
             still[lever] = str(max(found, key=lambda reason: len(str(reason))))
     changes.sort(key=lambda change: (change.effort, change.to))
+    side, doubt = ABRUPT if mean >= 0 else SMOOTH, _doubt(data, float(mean))
     return Guide(
-        case.name, at, ABRUPT if mean >= 0 else SMOOTH, bool(abs(mean) > SURE * spread), float(mean),
-        float(spread), tuple(changes), still, _differences(data, case, at),
+        case.name, at, UNDECIDED if doubt else side, bool(abs(mean) > SURE * spread), float(mean),
+        float(spread), tuple(changes), still, _differences(data, case, at), doubt,
     )  # fmt: skip
+
+
+def _doubt(data: xr.Dataset, margin: float) -> str:
+    """Which of a map's strips a margin lies in, and what that means; empty if in none."""
+    strips, r = strips_of(data), ratio(margin)
+    low, high = reach(strips.values())
+    if not undecided(r, low, high):
+        return ""
+    words = {NUMERICS: "the numerics", MODEL: "what the model leaves open"}
+    alone = [words[cause] for cause, strip in strips.items() if undecided(r, strip.low, strip.high)]
+    threshold = data.attrs["drop_threshold"]
+    drops = [100 * threshold * math.exp(r + change) for change in (low, 0.0, high)]
+    return (
+        f"{' or '.join(alone) or ' and '.join(words.values())} may turn it (a drop of {drops[1]:.2g} %,"
+        f" {drops[0]:.2g} to {drops[2]:.2g} % with all that; abrupt begins at {100 * threshold:g} %)"
+    )
 
 
 def _follow(
@@ -239,6 +261,8 @@ class Checked:
 
     before: MapRow
     after: MapRow
+    #: Where, and what is changed from what to what.
+    tried: str = ""
 
     @property
     def crosses(self) -> bool:
@@ -249,7 +273,9 @@ class Checked:
         """In words, with the two drops."""
         drops = [f"{row.label} (drop {row.measures['drop_rel']:.3g})" for row in (self.before, self.after)]
         verdict = "it crosses" if self.crosses else "it does NOT cross"
-        return f"checked by two runs of the map's own case: {drops[0]} before, {drops[1]} after: {verdict}"
+        tried = f" {self.tried}" if self.tried else ""
+        runs = f"checked by two runs of the map's own case{tried}"
+        return f"{runs}: {drops[0]} before, {drops[1]} after: {verdict}"
 
 
 def check(
@@ -271,7 +297,12 @@ def check(
             result = computed(run, case)
             store.put(result)
         rows.append(row_of(result, regime_of(data)))
-    return Checked(*rows)
+    places = [", ".join(f"{n} {v:.4g}" for n, v in at.items()) for at in (found.at, found.changes[0].at)]
+    a, b = (case.values for case in cases)
+    known = cases[0].model.parameters()
+    moved = [f"{n} {known[n].show(a[n])} and {known[n].show(b[n])}" for n in a if n in known and a[n] != b[n]]
+    before, after = rows
+    return Checked(before, after, f"at {places[0]} and at {places[1]} ({', '.join(moved)})")
 
 
 def _coordinate(axis: Axis) -> Callable[[np.ndarray], np.ndarray]:

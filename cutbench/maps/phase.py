@@ -3,8 +3,8 @@
 One panel a level of the third axis; the cells show the relative force drop, the line where it
 passes the study's threshold, the markers what was computed, a thin line what the classical estimates
 say. Where the boundary was sought, cells and line are estimated from the runs, and what is not known
-with 95 % is hatched. It reads in grey: the colours run monotonically from light to dark, and the
-regimes differ by filled and open markers.
+with 95 % is hatched. Strips about the line say how far it may be off. It reads in grey: the colours run
+monotonically from light to dark, and the regimes differ by filled and open markers.
 """
 
 from __future__ import annotations
@@ -15,14 +15,11 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from matplotlib import patheffects
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from scipy.interpolate import griddata
-from scipy.spatial import QhullError
 
 from cutbench.base.figure_style import DOUBLE_MM, Look, new_figure, save, style
 from cutbench.maps.axes import BOUNDARY, ONE
@@ -42,13 +39,15 @@ from cutbench.maps.coordinates import (
 )
 from cutbench.maps.dataset import LABELS, NOT_COMPUTED, OUTCOME_FLAGS, axes_of
 from cutbench.maps.estimates import estimated_margin
+from cutbench.maps.line import draw_line, draw_strips, strip_handles
 from cutbench.maps.marked_points import draw_materials, marks_of
 from cutbench.maps.marked_points import handles_of as handles_of_marks
-from cutbench.run.measures import ABRUPT, SMOOTH, UNCUT
+from cutbench.run.measures import ABRUPT, SMOOTH, UNCUT, UNDECIDED
 
 _MARKERS: dict[str, Look] = {
     ABRUPT: {"marker": "o", "mfc": "black", "mec": "white", "ms": 4.2, "mew": 0.6, "label": "abrupt"},
     SMOOTH: {"marker": "o", "mfc": "white", "mec": "black", "ms": 3.8, "mew": 0.7, "label": "smooth"},
+    UNDECIDED: {"marker": "o", "mfc": "0.6", "mec": "black", "ms": 4.0, "mew": 0.7, "label": "undecided"},
     UNCUT: {"marker": "_", "mfc": "black", "mec": "black", "ms": 5, "mew": 1.0, "label": "no cut"},
     NOT_COMPUTED: {"marker": "x", "mec": "0.35", "ms": 4, "mew": 0.9, "label": "not computed"},
 }
@@ -87,7 +86,8 @@ def draw_phase(data: xr.Dataset, confirmed: Sequence[Mapping] = ()) -> Figure:
             part = data.isel({panel: k}) if panel else data
             if y:
                 image = _cells(ax, part, x, y, top)
-                bridged |= _boundary(ax, part, x, y)
+                bridged |= draw_line(ax, part, x, y)
+                draw_strips(ax, part, x, y)
                 _band(ax, part, x, y)
                 classical |= _classical(ax, part, x, y)
             else:
@@ -159,36 +159,6 @@ def _cells(ax: Axes, part: xr.Dataset, x: str, y: str, top: float):
     return image
 
 
-def _boundary(ax: Axes, part: xr.Dataset, x: str, y: str) -> bool:
-    """The line on which the measures pass the threshold; dashed, and True, where it bridges gaps."""
-    margin = part["drop_rel"] / part.attrs["drop_threshold"]
-    if math.isfinite(part.attrs["surge_threshold"]):
-        margin = np.minimum(margin, part["surge"] / part.attrs["surge_threshold"])
-    z = margin.transpose(y, x).values
-    finite = z[np.isfinite(z)]
-    if min(z.shape) < 2 or finite.size == 0 or not finite.min() < 1 <= finite.max():
-        return False
-    # A logarithm keeps a steep drop from pushing the line towards the smooth side.
-    z = np.log(np.maximum(z, 1e-3))
-    whole = np.isfinite(z).all()
-    if not whole:
-        z = _fill(z)
-    # The outer cells reach beyond their points: hold the value there, so that the line meets the frame.
-    z = np.pad(z, 1, mode="edge")
-    grids, logs = [], [is_log(part[n]) for n in (x, y)]
-    for name, log in zip((x, y), logs, strict=True):
-        e = edges(part[name].values, log)
-        grids.append(np.concatenate([e[:1], part[name].values, e[-1:]]))
-    *grids, z = finer(grids, logs, z)
-    lines = ax.contour(
-        *grids, np.ma.masked_invalid(z), levels=[0.0], colors="black",
-        linewidths=1.5 if whole else 1.2, linestyles="solid" if whole else "dashed", zorder=3,
-    )  # fmt: skip
-    if whole:
-        lines.set_path_effects([patheffects.withStroke(linewidth=3.0, foreground="white")])
-    return not whole
-
-
 def _band(ax: Axes, part: xr.Dataset, x: str, y: str) -> None:
     """Hatch where the regime is not known with 95 %."""
     if "margin" not in part:
@@ -218,16 +188,6 @@ def _classical(ax: Axes, part: xr.Dataset, x: str, y: str) -> bool:
         linestyles=[_DASHES], zorder=2.8,
     )  # fmt: skip
     return True
-
-
-def _fill(z: np.ndarray) -> np.ndarray:
-    """``z`` with its gaps interpolated along the grid; those outside the known points stay nan."""
-    known = np.isfinite(z)
-    try:
-        filled = griddata(np.argwhere(known), z[known], tuple(np.indices(z.shape)), method="linear")
-    except QhullError:  # too few points, or all on a line
-        return z
-    return np.where(known, z, filled)
 
 
 def _profile(ax: Axes, part: xr.Dataset, x: str) -> None:
@@ -321,6 +281,7 @@ def _legend(
     if data.attrs.get("mode") == BOUNDARY and "margin" in data:
         look: Look = {"facecolor": "none", "edgecolor": "0.2", "hatch": "//////", "lw": 0.4}
         handles.append(Patch(label="unsure (95 %)", **look))
+    handles += strip_handles(data)
     if classical:
         handles.append(Line2D([], [], color="0.25", lw=0.9, ls=_DASHES, label="classical estimate"))
     handles += extra

@@ -16,6 +16,7 @@ from cutbench.maps.boundary import BoundaryEstimate, Index, Seeker, margin
 from cutbench.maps.dataset import MapRow
 from cutbench.maps.regimes import at_rest
 from cutbench.maps.study import Study
+from cutbench.maps.uncertainty import Checks, nearest, ratio
 from cutbench.run.measures import UNCUT
 
 #: So many runs come before those of the marked materials.
@@ -32,11 +33,29 @@ class SamplingPlan:
         self.impossible: dict[str, MapRow] = {}
         #: Of each run, where the study wants it, the one at rest.
         self.rest: dict[str, str] = {}
+        #: What is repeated of them, once all others have ended.
+        self.checks = Checks()
 
     @property
     def most(self) -> int:
-        """Runs that are asked for at the most."""
+        """Runs that are asked for at the most, without those that are repeated."""
         return len({case.id for case in self.with_marks(self.study.cases())})
+
+    def repeats(self, rows: Mapping[str, MapRow]) -> list[Case]:
+        """The runs that say how far the line may be off, when ``ask`` has none left; asked for once."""
+        wanted = self.study.doubtful
+        if self.checks.refined or self.checks.others or not (wanted.runs or wanted.bands):
+            return []
+        r = {index: ratio(margin_of(rows[id], self.study)) for index, id in self.ids.items() if id in rows}
+        names = [axis.name for axis in self.study.axes]
+        panel = names.index(self.study.plot.panel) if self.study.plot.panel in names else None
+        near = nearest({index: each for index, each in r.items() if not math.isnan(each)}, panel)
+        most = max(wanted.runs, wanted.bands)
+        at = {self.ids[index]: [axis.values[i] for axis, i in zip(self.study.axes, index, strict=True)]
+              for index in near}  # fmt: skip
+        chosen = list(at)[:most]  # two places may be one run
+        cases = {id: self.study.case_at(at[id]) for id in chosen}
+        return self.checks.ask(cases, chosen, wanted.runs, wanted.bands)
 
     def ask(self, rows: Mapping[str, MapRow]) -> list[Case]:
         """The next cases, in order; none when the study is done. ``rows`` are all that have ended."""

@@ -1,4 +1,4 @@
-"""The smaller sections of a study: [regime], [plot], [boundary], [sample]; read strictly."""
+"""The smaller sections of a study: [regime], [plot], [boundary], [sample], [uncertainty]; read strictly."""
 
 from __future__ import annotations
 
@@ -70,6 +70,20 @@ def read_search(part: dict, axes: tuple[Axis, ...]) -> Search:
     least = start ** len(sought)
     eighth = math.prod(math.ceil(1 / axis.tolerance - 1e-9) for axis in sought) // 8
     return Search(start, batch, _whole(part, "runs", max(eighth, least + 4 * batch), least, 100_000))
+
+
+@dataclass(frozen=True)
+class Doubtful:
+    """How the uncertainty of a map is found: so many runs beside the line are repeated with refined numerics,
+    and so many over what the model leaves open."""
+
+    runs: int = 0
+    bands: int = 0
+
+
+def read_uncertainty(part: dict) -> Doubtful:
+    refuse_unknown(part, ("runs", "bands"))
+    return Doubtful(_whole(part, "runs", 10, 0, 1000), _whole(part, "bands", 3, 0, 1000))
 
 
 def read_sample(part: dict) -> tuple[int, int]:

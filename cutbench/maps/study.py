@@ -40,6 +40,7 @@ from cutbench.maps.axes import (
 from cutbench.maps.marks import Mark, read_mark
 from cutbench.maps.sampling import coarse_to_fine, latin_hypercube, one_at_a_time
 from cutbench.maps.sections import (
+    Doubtful,
     Plot,
     Regime,
     Search,
@@ -48,11 +49,13 @@ from cutbench.maps.sections import (
     read_sample,
     read_search,
     read_section,
+    read_uncertainty,
 )
 from cutbench.run.measures import ONSET_MM
 
 _SECTIONS = ("parameters", "specimen", "blade", "protocol", "numerics")
-_TOP = ("title", "mode", "base", "mechanisms", *_SECTIONS, "axis", "sample", "boundary", "regime", "plot")
+_OWN = ("axis", "sample", "boundary", "regime", "uncertainty", "plot")
+_TOP = ("title", "mode", "base", "mechanisms", *_SECTIONS, *_OWN)
 
 
 Startable = TypeVar("Startable", Case, Physics)
@@ -76,6 +79,7 @@ class Study:
     search: Search | None = None
     start: Case | None = None
     changes: Mapping[str, object] = field(default_factory=dict)
+    doubtful: Doubtful = field(default_factory=Doubtful)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -183,6 +187,13 @@ def load_study(path: str | Path) -> Study:
                 f"at most {ONSET_MM:g} mm: a run until its transition ends behind the onset by that length"
             )
             raise BadInput("onset_length", f"{regime.onset_length_mm:g} mm", expected)
+    doubtful = Doubtful()
+    if "uncertainty" in table:
+        with located(path, text, "uncertainty"):
+            if mode not in (GRID, BOUNDARY):
+                wanted = f"it only where mode = '{GRID}' or '{BOUNDARY}'"
+                raise BadInput("uncertainty", "[uncertainty]", wanted)
+            doubtful = read_uncertainty(read_section(table, "uncertainty"))
     with located(path, text, "plot"):
         plot = read_plot(read_section(table, "plot"), axes)
     search: Search | None = None
@@ -212,7 +223,7 @@ def load_study(path: str | Path) -> Study:
             check_driven(model)
     study = Study(
         path, title, text, base, axes, () if mode == BOUNDARY else cases, regime, plot, mode, samples,
-        search, start, changes,
+        search, start, changes, doubtful,
     )  # fmt: skip
     study.marks()  # what is wrong with one is said before anything is run
     return study

@@ -29,6 +29,7 @@ from cutbench.maps.page import save_page
 from cutbench.maps.phase import save_phase
 from cutbench.maps.plan import plan_of
 from cutbench.maps.study import Study, load_study
+from cutbench.maps.uncertainty import said_of_strips
 from cutbench.run.pool.job import Done, Job
 from cutbench.run.pool.pool import TaskPool
 from cutbench.run.pool.worker import PoolLost, Run, WorkerLost, failure, work
@@ -84,7 +85,7 @@ class Sweep:
             )
         found += self.findings.lines()
         if not self.interrupted:
-            found += said_of_boundary(self.map)
+            found += [*said_of_boundary(self.map), *said_of_strips(self.map)]
         return [*found, self.verdict] if self.verdict else found
 
 
@@ -209,7 +210,8 @@ class _Sweep:
     def more(self) -> bool:
         """Ask the plan for runs until there are some to compute; False when it has none left."""
         while not self.todo:
-            asked = {case.id: case for case in self.plan.ask(self.rows)}
+            wanted = self.plan.ask(self.rows) or self.plan.repeats(self.rows)
+            asked = {case.id: case for case in wanted}
             if not asked:
                 return False
             new = {id: case for id, case in asked.items() if id not in self.cases}
@@ -244,7 +246,10 @@ class _Sweep:
             self._report()
 
     def _write_map(self, *, last: bool = False) -> xr.Dataset:
-        data = build_map(self.study, self.rows, self.plan.ids, self.plan.estimates(self.rows), self.plan.rest)
+        plan = self.plan
+        data = build_map(
+            self.study, self.rows, plan.ids, plan.estimates(self.rows), plan.rest, plan.checks
+        )  # fmt: skip
         data.attrs["store"] = path_from(self.store.root, self.out)
         try:
             save_map(data, self.out)

@@ -1,0 +1,175 @@
+"""How far a map's line may be off: runs beside it repeated with refined numerics, and over what the model
+leaves open.
+
+What a run says is the logarithm of its measure over the threshold, r (0 on the line; ``margin`` is tanh r).
+Repeated with elements and steps half as large a run has another r: the changes of all that were repeated,
+mean ± 1.96 standard deviations, are the numerics' strip. What ``cutbench.run.band`` would repeat of a run
+gives a lowest and a highest r: their means over the runs that have it are the model's strip. Each strip holds
+0, no change. A regime is undecided where r with the changes of both would have either sign.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import xarray as xr
+
+from cutbench.case.case import Case
+from cutbench.case.mesh_sizes import chosen, near_blade
+from cutbench.case.unmeasured import others
+from cutbench.maps.boundary import SURE, Index
+
+#: Of logarithms: a margin says no more, and not cut at all counts as this far on the smooth side.
+MOST = 2.0
+NUMERICS, MODEL = "numerics", "model"
+CAUSES = (NUMERICS, MODEL)
+#: Variables of a map: what repeated runs say at their place.
+RATIOS = ("refined_ratio", "band_low_ratio", "band_high_ratio")
+
+
+def refined(case: Case) -> Case:
+    """``case`` with elements on the cut plane and steps half as large; those under the tip stay."""
+    n, tool = case.numerics, case.model.tool
+    finer = replace(
+        n, h_mm=n.h_mm / 2, step_mm=n.step_mm / 2, damage_step=n.damage_step / 2,
+        energy_step=n.energy_step / 2,
+    )  # fmt: skip
+    if tool is not None:
+        thickness, h = case.p.thickness, n.h_mm
+        corner = near_blade(n, thickness, tool.edge_radius(case.p))["corner"]
+        shallow = chosen(n.shallow, h, thickness, n.tuning.mesh.shallow)
+        finer = replace(finer, corner=min(2 * corner / h, 1.0), shallow=shallow)
+    return replace(case, numerics=finer)
+
+
+def ratio(margin: float) -> float:
+    """r of a margin, between −``MOST`` and ``MOST``; nan of nan."""
+    return float(np.clip(np.arctanh(np.clip(margin, -0.9999, 0.9999)), -MOST, MOST))
+
+
+@dataclass(frozen=True)
+class Strip:
+    """By how much r may change, ``low`` ≤ 0 ≤ ``high``, and how many runs say it; none: not known, 0."""
+
+    low: float = 0.0
+    high: float = 0.0
+    runs: int = 0
+
+
+@dataclass
+class Checks:
+    """What is repeated of a map: the refined run of a run, and its runs with one thing changed; all ids."""
+
+    refined: dict[str, str] = field(default_factory=dict)
+    others: dict[str, dict[str, str]] = field(default_factory=dict)
+
+    def ask(self, cases: Mapping[str, Case], near: Sequence[str], runs: int, bands: int) -> list[Case]:
+        """The cases to run for the ``runs`` first of ``near`` (ids), and of these the ``bands`` first."""
+        asked = []
+        for id in near[:runs]:
+            asked.append(fine := refined(cases[id]))
+            self.refined[id] = fine.id
+        for id in near[:bands]:
+            found = others(cases[id])[0]
+            self.others[id] = {name: other.id for name, other in found.items()}
+            asked += found.values()
+        return asked
+
+    def numerics(self, r: Mapping[str, float]) -> Strip:
+        """From r by id, of all runs that have ended."""
+        shifts = [r.get(fine, math.nan) - r.get(id, math.nan) for id, fine in self.refined.items()]
+        known = np.array([s for s in shifts if math.isfinite(s)])
+        if not known.size:
+            return Strip()
+        wide = SURE * float(known.std(ddof=1)) if known.size > 1 else 0.0
+        mean = float(known.mean())
+        return Strip(min(0.0, mean - wide), max(0.0, mean + wide), known.size)
+
+    def model(self, r: Mapping[str, float]) -> Strip:
+        """Likewise, of what the model leaves open."""
+        ends = []
+        for id, changed in self.others.items():
+            shifts = [r.get(other, math.nan) - r.get(id, math.nan) for other in changed.values()]
+            if known := [s for s in shifts if math.isfinite(s)]:
+                ends.append((min(0.0, *known), max(0.0, *known)))
+        if not ends:
+            return Strip()
+        low, high = map(float, np.mean(ends, axis=0))
+        return Strip(low, high, len(ends))
+
+
+def nearest(r: Mapping[Index, float], panel: int | None) -> list[Index]:
+    """Places by |r|, those of all levels of the axis ``panel`` in turn; none that says only its side."""
+    known = sorted((i for i in r if abs(r[i]) < MOST), key=lambda i: (abs(r[i]), i))
+    if panel is None:
+        return known
+    levels = [[i for i in known if i[panel] == level] for level in sorted({i[panel] for i in known})]
+    return [i for turn in itertools.zip_longest(*levels) for i in turn if i is not None]
+
+
+def strips_of(data: xr.Dataset) -> dict[str, Strip]:
+    """A map's strips by cause; nothing of maps without."""
+    if "strip" not in data:
+        return {}
+    found = (Strip(float(part.values[0]), float(part.values[1]), int(n)) for part, n in zip(
+        data["strip"], data["strip_runs"].values, strict=True))  # fmt: skip
+    return {cause: strip for cause, strip in zip(data["cause"].values, found, strict=True) if strip.runs}
+
+
+def reach(strips: Iterable[Strip]) -> tuple[float, float]:
+    """By how much r may change in all."""
+    strips = list(strips)
+    return sum(s.low for s in strips), sum(s.high for s in strips)
+
+
+def undecided(r: np.ndarray | float, low: float, high: float) -> np.ndarray:
+    """Where r, changed by something between ``low`` and ``high``, would have either sign."""
+    return (np.asarray(r) + low < 0) & (np.asarray(r) + high >= 0)
+
+
+def variables(
+    checks: Checks, r: Mapping[str, float], ids: np.ndarray, dims: Sequence[str]
+) -> dict[str, tuple]:
+    """What the repeated runs add to a map of the runs ``ids``: strips by cause, and what they say."""
+    strips = {NUMERICS: checks.numerics(r), MODEL: checks.model(r)}
+
+    def by_place(values: Mapping[str, float], text: str) -> tuple:
+        array = np.array([values.get(str(id), math.nan) for id in ids.ravel()]).reshape(ids.shape)
+        return dims, array, {"units": "1", "long_name": f"logarithm of measure over threshold, {text}"}
+
+    known = {
+        id: [s for other in changed.values() if math.isfinite(s := r.get(other, math.nan))]
+        for id, changed in checks.others.items()
+    }
+    bands = {id: values for id, values in known.items() if values}
+    fine = {id: r.get(other, math.nan) for id, other in checks.refined.items()}
+    names = np.array([checks.refined.get(str(id), "") for id in ids.ravel()]).reshape(ids.shape)
+    ends = np.array([[s.low, s.high] for s in strips.values()])
+    text = "by how much the logarithm of measure over threshold may change: lowest, highest"
+    runs = np.array([s.runs for s in strips.values()])
+    halved, low, high = RATIOS
+    return {
+        "strip": (["cause", "end"], ends, {"units": "1", "long_name": text}),
+        "strip_runs": (["cause"], runs, {"units": "1", "long_name": "places at which runs were repeated"}),
+        halved: by_place(fine, "elements and steps half as large"),
+        low: by_place({id: min(v) for id, v in bands.items()}, "least over what the model leaves open"),
+        high: by_place({id: max(v) for id, v in bands.items()}, "largest over what the model leaves open"),
+        "refined_run_id": (dims, names, {"long_name": "the refined run; its folder in the store"}),
+    }
+
+
+def said_of_strips(data: xr.Dataset) -> list[str]:
+    """By which factor the measure at the line may be off, a sentence a cause."""
+    words = {
+        NUMERICS: "elements and steps half as large change the drop",
+        MODEL: "what the model leaves open changes the drop",
+    }
+    return [
+        f"at the line {words[cause]} to {math.exp(s.low):.2f} to {math.exp(s.high):.2f} times"
+        f" ({s.runs} places)"
+        for cause, s in strips_of(data).items()
+    ]
