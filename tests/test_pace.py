@@ -44,7 +44,7 @@ def test_before_the_cut_has_begun_damage_grows_by_less_in_a_step():
 
 def test_what_grows_exponentially_is_followed():
     """A step is a part of the way over which damage grows e times faster, however little it grows."""
-    rules = StepRules(largest=1.0, damage=0.5)
+    rules = StepRules(largest=1.0, damage=1.0)
     control, length, way = StepControl(rules, False), 0.01, 0.03
     now = StepState(length, easy=3, rate=0.0)
     for times in (1.0, np.exp(length / way)):

@@ -53,7 +53,7 @@ class StepTuning:
     """Where the ledger has left more than this part of the whole work open, steps that add to it may leave
     twice this part of their own work open: errors of one sign must not add up. With 0.005 gelatin takes 221
     steps to 7 mm, with this 195."""
-    nascent: float = 0.12
+    nascent: float = 0.06
     """Until the cut has begun damage may grow by this part of ``damage_step`` in a step: where it starts to
     run away a step that is long against that finds it open before its time. Without this and ``resolved``
     the elastomer's onset is 4.4 % early, with both 1.5 %; gelatin's 2.0 and 0.9 %."""
