@@ -82,11 +82,10 @@ def box(study: Study) -> list[Side]:
 def points(study: Study, count: int, *, seed: int = 1, **changes: object) -> list[Case]:
     """``count`` cases of a Latin hypercube over the study's box; ``changes`` as ``Case.set`` takes them.
 
-    The blade goes down to the bottom, whatever the study's depth, unless ``changes`` say otherwise.
+    The blade goes down to the bottom, wherever the study's runs end, unless ``changes`` say otherwise.
     """
-    return drawn(
-        study.base.set(**{"depth": f"{study.base.p.height!r} mm", **changes}), box(study), count, seed
-    )
+    down = {"depth": f"{study.base.p.height!r} mm", "until": "depth"}
+    return drawn(study.base.set(**{**down, **changes}), box(study), count, seed)
 
 
 def drawn(base: Case, sides: Sequence[Side], count: int, seed: int) -> list[Case]:

@@ -19,6 +19,7 @@ OF_CERTAIN_LAWS = ("mechanisms", "verification")
 OTHERWISE = {
     "base/figure_style.py": {"beta", "mu", "nu"},
     "maps/__init__.py": {"phase"},
+    "maps/page.py": {"beta", "mu", "nu"},
     "solver/step_control.py": {"drift"},
 }
 

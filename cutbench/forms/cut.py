@@ -129,7 +129,8 @@ class CutForm(Form):
         T, new, D, _ = self._answers(components, jump, p, state, at, step)
         w, (nd, nf) = self._weights(p, at), self.dofs.shape
         given = T.sum(axis=0), D, self._N, self._frame, w
-        room = np.zeros((nd, nf), np.result_type(T, w)), np.zeros((nd, nd, nf if tangent else 0), D.dtype)
+        size = (nd, nd, nf if tangent else 0)
+        room = np.zeros((nd, nf), np.result_type(T, w)), np.zeros(size, np.result_type(D, w))
         vector, matrix = _projected(*given, *room)
         return Local(vector, matrix if tangent else None, {**new, "tractions": T})
 

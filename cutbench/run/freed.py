@@ -22,9 +22,10 @@ def freed_rel(case: Case, curve: Mapping[str, np.ndarray], onset_mm: float) -> f
     """What viscosity and damping take per area cut where the front is fastest, in units of the toughness.
 
     ``curve`` is that of a blade which only moves forward, with its ledger. nan where nothing is cut, or
-    toughness is no parameter of the model.
+    cutting takes no work.
     """
-    window, toughness = case.values.get("thickness", math.nan), case.values.get("G_c", 0.0)
+    window = case.values.get("thickness", math.nan)
+    toughness = sum(law.estimate(case.p, 0.0, 0.0).work for law in case.model.laws("cut"))
     d, c = curve["displacement_mm"], curve["cut_length_mm"]
     start, speed = at_the_front(d, c, window, onset_mm)
     area = speed * FRONT * window * case.values["length"]
