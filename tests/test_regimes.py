@@ -14,6 +14,7 @@ from cutbench import load_case
 from cutbench.base.errors import BadInput
 from cutbench.maps.collapse import collapse_of, save_collapse
 from cutbench.maps.dataset import load_map
+from cutbench.maps.plan import plan_of
 from cutbench.maps.regimes import HELD, KINDS, REST, SNAP, SNAP_SPEED, STABLE, UNKNOWN, at_rest, kind
 from cutbench.maps.study import load_study
 from cutbench.maps.sweep import run_study
@@ -116,6 +117,7 @@ def test_a_grid_that_has_rest_on_an_axis_needs_no_further_runs(tmp_path, log):
 
 def test_each_place_of_the_other_axes_has_one_run_at_rest(tmp_path, log):
     sweep = swept(tmp_path, STUDY.replace(f"[{REST}, ", "[0.1, "))
+    assert plan_of(load_study(tmp_path / "study.toml")).most == 8
     assert len(log.read_text().split()) == len(set(log.read_text().split())) == 6 + 2
     assert sweep.complete and sweep.status.total == 8
     assert kinds_of(sweep.map) == [[STABLE] * 3, [SNAP, SNAP, HELD]]

@@ -39,7 +39,7 @@ class SamplingPlan:
     @property
     def most(self) -> int:
         """Runs that are asked for at the most, without those that are repeated."""
-        return len({case.id for case in self.with_marks(self.study.cases())})
+        return len({case.id for case in self.with_marks(self.with_rest(self.study.cases()))})
 
     def repeats(self, rows: Mapping[str, MapRow]) -> list[Case]:
         """The runs that say how far the line may be off, when ``ask`` has none left; asked for once."""
@@ -110,7 +110,8 @@ class BoundaryPlan(SamplingPlan):
 
     @property
     def most(self) -> int:
-        return sum(level.seeker.most for level in self._levels) + len(self.study.marks())
+        runs = sum(level.seeker.most for level in self._levels)
+        return runs * (1 + self.study.regime.rest) + len(self.study.marks())
 
     def ask(self, rows: Mapping[str, MapRow]) -> list[Case]:
         first = not self.ids
