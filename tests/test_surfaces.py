@@ -220,13 +220,10 @@ def test_a_film_has_a_thickness_and_a_layer_is_said_otherwise(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_film_keeps_the_elastomer_from_being_cut_in_a_fold_and_its_onset_has_a_limit():
+def test_the_onset_of_an_elastomer_with_a_film_has_a_limit():
     case = load_case("elastomer").set(
-        depth="2.72 mm", h="0.125 mm", corner=0.125, shallow=1.0, step="0.1 mm", energy_step=0.1
-    )
-    film = case.set(with_="film", film_thickness="0.07 mm")
-    bare, stiff, coarser = (
-        run_case(each).measures["onset_mm"] for each in (case, film, film.set(corner=0.25))
-    )
-    assert bare < 0.8 * stiff
-    assert coarser == pytest.approx(stiff, rel=0.02)
+        depth="3.6 mm", h="0.125 mm", corner=0.125, shallow=1.0, step="0.1 mm", energy_step=0.1,
+        with_="film", film_thickness="0.07 mm",
+    )  # fmt: skip
+    fine, coarser = (run_case(each).measures["onset_mm"] for each in (case, case.set(corner=0.25)))
+    assert coarser == pytest.approx(fine, rel=0.02)
