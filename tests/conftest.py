@@ -4,6 +4,7 @@ Runs that several files read.
 """
 
 import os
+from contextlib import contextmanager
 
 import pytest
 
@@ -14,14 +15,27 @@ for name, count in ONE_THREAD.items():
     os.environ.setdefault(name, count)
 
 
+@contextmanager
+def _in_numpy():
+    """Where many different laws are asked a few times each, compiling takes far longer than it saves."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("cutbench.base.fused.COMPILED", False)
+        patch.setattr("cutbench.forms.bulk.COMPILED", False)
+        fused.cache_clear()
+        yield
+    fused.cache_clear()
+
+
 @pytest.fixture
-def laws_in_numpy(monkeypatch):
-    """For modules that ask many different laws a few times each: compiling takes far longer than it saves."""
-    monkeypatch.setattr("cutbench.base.fused.COMPILED", False)
-    monkeypatch.setattr("cutbench.forms.bulk.COMPILED", False)
-    fused.cache_clear()
-    yield
-    fused.cache_clear()
+def laws_in_numpy():
+    with _in_numpy():
+        yield
+
+
+@pytest.fixture(scope="module")
+def module_in_numpy():
+    with _in_numpy():
+        yield
 
 
 # Coarse runs that several files read; computed once a process, and only where they are asked for.
