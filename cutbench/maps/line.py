@@ -64,25 +64,36 @@ def draw_line(ax: Axes, part: xr.Dataset, x: str, y: str) -> bool:
 
 def draw_strips(ax: Axes, part: xr.Dataset, x: str, y: str) -> None:
     """Where the line may lie by numerics, and by numerics and what the model leaves open together."""
-    strips, found = strips_of(part), _field(part, x, y)
-    if not strips or found is None:
+    found = _field(part, x, y)
+    if found is None:
         return
     grids, z, _ = found
-    for cause, (alpha, _) in _STRIPS.items():
-        low, high = reach(strip for name, strip in strips.items() if cause in (name, MODEL))
-        if cause in strips and low < high and np.nanmin(z) < -low and np.nanmax(z) >= -high:
-            look: Look = {"levels": [-high, -low], "colors": ["white"], "alpha": alpha, "zorder": 2.4}
+    for strip in shown_strips(part):
+        low, high = -strip["high"], -strip["low"]
+        if low < high and np.nanmin(z) < high and np.nanmax(z) >= low:
+            alpha, _ = _STRIPS[strip["cause"]]
+            look: Look = {"levels": [low, high], "colors": ["white"], "alpha": alpha, "zorder": 2.4}
             ax.contourf(*grids, np.ma.masked_invalid(z), **look)
+
+
+def shown_strips(data: xr.Dataset) -> list[dict]:
+    """What pictures show, the widest first: ``cause``, ``text``, and ``low`` and ``high``: what the
+    logarithm of measure over threshold may change by, of the model together with the numerics."""
+    strips = strips_of(data)
+    found = []
+    for cause, (_, text) in _STRIPS.items():
+        if cause in strips:
+            low, high = reach(strip for name, strip in strips.items() if cause in (name, MODEL))
+            found.append({"cause": cause, "text": text, "low": low, "high": high})
+    return found
 
 
 def strip_handles(data: xr.Dataset) -> list[Patch]:
     """What the legend says of the strips that there are."""
-    found = strips_of(data)
     look: Look = {"edgecolor": "0.4", "lw": 0.5}
+    shades = {cause: str(0.55 + 0.45 * alpha) for cause, (alpha, _) in _STRIPS.items()}
     return [
-        Patch(facecolor=str(0.55 + 0.45 * alpha), label=text, **look)
-        for cause, (alpha, text) in _STRIPS.items()
-        if cause in found
+        Patch(facecolor=shades[strip["cause"]], label=strip["text"], **look) for strip in shown_strips(data)
     ]
 
 

@@ -23,6 +23,7 @@ from cutbench.case.physics import Physics
 from cutbench.maps.cases import physics_on, remarks
 from cutbench.maps.coordinates import DROPS
 from cutbench.maps.dataset import LABELS, NUMBERS, OUTCOME_FLAGS, axes_of, axis_of, places_of
+from cutbench.maps.line import shown_strips
 from cutbench.maps.page_curves import POINTS, curve_of, titles_of
 from cutbench.maps.page_layers import layers_of
 from cutbench.run.measures import NOTED
@@ -103,6 +104,7 @@ def contents(data: xr.Dataset, store: Store | None) -> dict:
         ],
         "quantities": quantities,
         "layers": layers_of(data),
+        "strips": shown_strips(data),
         "entries": [{"name": name, "title": title} for name, title in titles_of(entries).items()],
         "colours": [colour for name, colour in COLOURS.items() if name != "black"],
         "drops": [to_hex(DROPS(k / 16)) for k in range(17)],

@@ -88,6 +88,11 @@ function layers(svg, sx, sy, b) {
     const fill = pattern(svg, "doubt", "", 1, "#000");
     add(svg, "path", { d: region(...wide(doubt, ...on(L.chance))), fill, class: "doubt" });
   }
+  const over = L.line ? plane(L.line, "z") : L.chance ? plane(L.chance, "margin").map(row => row.map(m => m === null ? null : Math.atanh(Math.max(-0.995, Math.min(0.995, m))))) : null;
+  if (over) for (const s of D.strips) {
+    const d = region(...wide(over, ...on(L.line || L.chance)), -s.high, -s.low);
+    add(svg, "path", { d, class: "strip " + s.cause });
+  }
   if (!D.sought && state.shade === "chance") {
     const half = contour(...wide(plane(L.chance, "margin"), ...on(L.chance)));
     add(svg, "path", { d: half, class: "boundary-halo" }); add(svg, "path", { d: half, class: "boundary even" });

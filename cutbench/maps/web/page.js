@@ -57,6 +57,10 @@ function legend(shown) {
   if (by("threshold")) key(svg => add(svg, "path", { d: "M0,8h22", class: "gone" }), `drop of ${percent(D.threshold)}`);
   const doubt = document.querySelector("#map .doubt");
   if (doubt && doubt.getAttribute("d")) key(svg => add(svg, "rect", { width: 22, height: 16, fill: pattern(svg, "key-doubt", "#ddd", 1, "#000") }), "regime not known with 95 %, from the runs alone");
+  for (const s of D.strips) {
+    const strip = document.querySelector("#map .strip." + s.cause);
+    if (strip && strip.getAttribute("d")) key(svg => { add(svg, "rect", { width: 22, height: 16, fill: "#888" }); add(svg, "rect", { width: 22, height: 16, class: "strip " + s.cause }); }, s.text);
+  }
   const named = D.points.filter(p => p.mark && visible(p) && inside(p));
   if (named.length) key(svg => diamond(svg, 11, 8, "#fff"), (named.some(p => p.outcome) ? "material, in the colour of its own run" : "material") + (named.some(p => p.differs) ? " (*: not as on the map)" : ""));
   const bar = by("scale");

@@ -96,16 +96,18 @@ function contour(z, xs, ys) {
   return path.join("");
 }
 // The area in which z is above 0, cell by cell.
-function region(z, xs, ys) {
+function region(z, xs, ys, low = 0, high = Infinity) {
   const path = [];
+  // What of a polygon of [value, x, y] lies above a value, or (way -1) below it.
+  const cut = (ring, value, way) => ring.flatMap((p, n) => {
+    const q = ring[(n + 1) % ring.length], f = way * (p[0] - value), g = way * (q[0] - value), kept = f > 0 ? [p] : [];
+    if ((f > 0) !== (g > 0)) kept.push(p.map((v, k) => v + f / (f - g) * (q[k] - v)));
+    return kept;
+  });
   cells(z, (i, j, a, b, c, d) => {
-    const ring = [[a, xs[i], ys[j]], [b, xs[i + 1], ys[j]], [c, xs[i + 1], ys[j + 1]], [d, xs[i], ys[j + 1]]], kept = [];
-    ring.forEach((p, n) => {
-      const q = ring[(n + 1) % 4], part = p[0] / (p[0] - q[0]);
-      if (p[0] > 0) kept.push(p.slice(1));
-      if ((p[0] > 0) !== (q[0] > 0)) kept.push([p[1] + part * (q[1] - p[1]), p[2] + part * (q[2] - p[2])]);
-    });
-    if (kept.length > 2) path.push("M" + kept.map(p => p.map(v => v.toFixed(1)).join(",")).join("L") + "Z");
+    let ring = cut([[a, xs[i], ys[j]], [b, xs[i + 1], ys[j]], [c, xs[i + 1], ys[j + 1]], [d, xs[i], ys[j + 1]]], low, 1);
+    if (high < Infinity) ring = cut(ring, high, -1);
+    if (ring.length > 2) path.push("M" + ring.map(p => p.slice(1).map(v => v.toFixed(1)).join(",")).join("L") + "Z");
   });
   return path.join("");
 }
