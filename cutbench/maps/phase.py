@@ -285,6 +285,10 @@ def _legend(
     if classical:
         handles.append(Line2D([], [], color="0.25", lw=0.9, ls=_DASHES, label="classical estimate"))
     handles += extra
-    columns = len(handles) if len(handles) < 6 else math.ceil(len(handles) / 2)
-    look = {"ncols": columns, "columnspacing": 1.6, "handletextpad": 0.5}
-    figure.legend(handles=handles, loc="outside upper center", **look)
+    # In as few rows as the figure is wide enough for.
+    for columns in range(len(handles), 0, -1):
+        look = {"ncols": columns, "columnspacing": 1.4, "handletextpad": 0.5}
+        legend = figure.legend(handles=handles, loc="outside upper center", **look)
+        if columns == 1 or legend.get_window_extent().width < figure.bbox.width:
+            return
+        legend.remove()
