@@ -11,6 +11,7 @@ import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.case.case import Case
+from cutbench.case.unmeasured import others
 from cutbench.maps.axes import BOUNDARY
 from cutbench.maps.boundary import BoundaryEstimate, Index, Seeker, margin
 from cutbench.maps.dataset import MapRow
@@ -38,8 +39,14 @@ class SamplingPlan:
 
     @property
     def most(self) -> int:
-        """Runs that are asked for at the most, without those that are repeated."""
-        return len({case.id for case in self.with_marks(self.with_rest(self.study.cases()))})
+        """Runs that are asked for at the most."""
+        return len({case.id for case in self.with_marks(self.with_rest(self.study.cases()))}) + self.repeated
+
+    @property
+    def repeated(self) -> int:
+        """Runs that ``repeats`` asks for at the most."""
+        wanted = self.study.doubtful
+        return wanted.runs + (wanted.bands * len(others(self.study.base)[0]) if wanted.bands else 0)
 
     def repeats(self, rows: Mapping[str, MapRow]) -> list[Case]:
         """The runs that say how far the line may be off, when ``ask`` has none left; asked for once."""
@@ -88,10 +95,11 @@ class _Level:
     fixed: dict[int, int]
     seeker: Seeker
     places: dict[Index, Index] = field(default_factory=dict)  # in the box -> in the map
+    done: bool = False
 
 
 class BoundaryPlan(SamplingPlan):
-    """The rounds of a search, one search for each combination of levels, side by side."""
+    """The rounds of a search, one for each combination of levels, side by side: none waits for another."""
 
     def __init__(self, study: Study):
         super().__init__(study)
@@ -111,12 +119,12 @@ class BoundaryPlan(SamplingPlan):
     @property
     def most(self) -> int:
         runs = sum(level.seeker.most for level in self._levels)
-        return runs * (1 + self.study.regime.rest) + len(self.study.marks())
+        return runs * (1 + self.study.regime.rest) + len(self.study.marks()) + self.repeated
 
     def ask(self, rows: Mapping[str, MapRow]) -> list[Case]:
         first = not self.ids
         while True:
-            asked = [level.seeker.ask(self._known(level, rows)) for level in self._levels]
+            asked = [self._next(level, rows) for level in self._levels]
             # One of each level in turn: any beginning says something of all.
             turns = list(itertools.zip_longest(*asked))
             cases = [
@@ -129,6 +137,15 @@ class BoundaryPlan(SamplingPlan):
             if cases or not turns:
                 cases = self.with_rest(cases)
                 return self.with_marks(cases) if first else cases
+
+    def _next(self, level: _Level, rows: Mapping[str, MapRow]) -> list[Index]:
+        """The next round of one search; none while runs of the last are under way, and when it is done."""
+        known = self._known(level, rows)
+        if level.done or len(known) < len(level.places):
+            return []
+        asked = level.seeker.ask(known)
+        level.done = not asked
+        return asked
 
     def _case(self, level: _Level, inner: Index) -> list[Case]:
         index = level.places[inner] = self._whole(level, inner)

@@ -185,13 +185,13 @@ class _Sweep:
     def _jobs(self) -> Iterator[Job | None]:
         """What is to be run now; None where the plan waits for what is under way."""
         root, mark = self.store.root.resolve(), self.store.mark()
-        while self.more():
+        while self.more() or self.open:
+            if not self.todo:
+                yield None
             while self.todo:
                 id = self.todo.popleft()
                 self.open += 1
                 yield Job(id, work, (self.run, self.cases[id], root, mark, self.replace))
-            while self.open:
-                yield None
 
     def take(self, done: Done) -> None:
         """Take in what a worker is done with. Raises KeyboardInterrupt for a run that was stopped here."""
@@ -208,9 +208,11 @@ class _Sweep:
         self.ended(id)
 
     def more(self) -> bool:
-        """Ask the plan for runs until there are some to compute; False when it has none left."""
+        """Ask the plan for runs until there are some to compute; False when it has none, or none yet."""
         while not self.todo:
-            wanted = self.plan.ask(self.rows) or self.plan.repeats(self.rows)
+            wanted = self.plan.ask(self.rows)
+            if not wanted and not self.open:
+                wanted = self.plan.repeats(self.rows)
             asked = {case.id: case for case in wanted}
             if not asked:
                 return False
