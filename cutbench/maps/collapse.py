@@ -124,7 +124,7 @@ def draw_collapse(data: xr.Dataset, found: Collapse) -> Figure:
         right.axhline(SNAP_SPEED, color="0.4", lw=0.8, ls=":")
         plain_log(left, "x", *ends)
         plain_log(left, "y", found.viscosity.min() / 1.4, found.viscosity.max() * 1.4)
-        plain_log(right, "y", 0.9, found.front_speed.max() * 1.3)
+        plain_log(right, "y", found.front_speed.min() / 1.2, found.front_speed.max() * 1.3)
         left.set_xlabel("energy that the limit point at rest frees / $G_c$")
         left.set_ylabel(r"$V = \eta v/\delta_c$")
         right.set_xlabel("$V/V^*$")
