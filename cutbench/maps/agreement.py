@@ -61,7 +61,7 @@ def agreement(sought: xr.Dataset, grid: xr.Dataset) -> Agreement:
     decided = np.isin(labels, [LABELS.index(ABRUPT), LABELS.index(SMOOTH)])
     far = wrong = wrong_far = points = 0
     for level in _levels(sought, [n for n in names if n not in free]):
-        part = sought.sel(level).transpose(*free) if level else sought.transpose(*free)
+        part = sought[["margin"]].sel(level).transpose(*free)
         here = decided.copy()
         for name, value in level.items():
             here &= np.isclose(at[name], value)

@@ -136,22 +136,24 @@ def build_map(
 
 def _margin(row: MapRow, drop: float, surge: float) -> float:
     of = row.measures
-    told = np.array([of["drop_rel"], of["surge"], row.label == UNCUT], dtype=float)
-    return float(margin(told[0], told[1], told[2] > 0, drop=drop, surge_min=surge))
+    told = np.array([of["drop_rel"], of["surge"]])
+    return float(margin(told[0], told[1], np.array(False), drop=drop, surge_min=surge))
 
 
 def with_strips(data: xr.Dataset, checks: Checks, rows: Mapping[str, MapRow]) -> xr.Dataset:
     """A map with what was repeated of it, and labels undecided where that leaves either."""
     drop, surge = data.attrs["drop_threshold"], data.attrs["surge_threshold"]
-    r = {id: ratio(_margin(row, drop, surge)) for id, row in rows.items() if row.outcome == "done"}
+    # A run that is not cut at its depth has no measure yet.
+    known = {id: row for id, row in rows.items() if row.outcome == "done" and row.label != UNCUT}
+    r = {id: ratio(_margin(row, drop, surge)) for id, row in known.items()}
     ids = data["run_id"].values
     new = variables(checks, r, ids, [str(dim) for dim in data["run_id"].dims])
     data = data.assign(new).assign_coords(cause=list(CAUSES), end=["low", "high"])
     low, high = reach(strips_of(data).values())
     for name, runs in (("label", "run_id"), ("mark_label", "mark_run_id")):
         if name in data:
-            known = np.array([r.get(str(id), math.nan) for id in data[runs].values.ravel()])
-            open_ = undecided(known, low, high).reshape(data[runs].shape) & np.isin(data[name], _DECIDED)
+            here = np.array([r.get(str(id), math.nan) for id in data[runs].values.ravel()])
+            open_ = undecided(here, low, high).reshape(data[runs].shape) & np.isin(data[name], _DECIDED)
             data[name].values[open_] = LABELS.index(UNDECIDED)
     return data
 

@@ -90,11 +90,11 @@ def shown_strips(data: xr.Dataset) -> list[dict]:
 
 def strip_handles(data: xr.Dataset) -> list[Patch]:
     """What the legend says of the strips that there are."""
-    look: Look = {"edgecolor": "0.4", "lw": 0.5}
-    shades = {cause: str(0.55 + 0.45 * alpha) for cause, (alpha, _) in _STRIPS.items()}
-    return [
-        Patch(facecolor=shades[strip["cause"]], label=strip["text"], **look) for strip in shown_strips(data)
-    ]
+    found, grey = [], 0.45
+    for strip in shown_strips(data):  # each lies on the one before
+        grey += (1 - grey) * _STRIPS[strip["cause"]][0]
+        found.append(Patch(facecolor=str(round(grey, 3)), edgecolor="0.4", lw=0.5, label=strip["text"]))
+    return found
 
 
 def _fill(z: np.ndarray) -> np.ndarray:

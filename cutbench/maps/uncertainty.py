@@ -23,7 +23,7 @@ from cutbench.case.mesh_sizes import chosen, near_blade
 from cutbench.case.unmeasured import others
 from cutbench.maps.boundary import SURE, Index
 
-#: Of logarithms: a margin says no more, and not cut at all counts as this far on the smooth side.
+#: Of logarithms: a margin says no more.
 MOST = 2.0
 NUMERICS, MODEL = "numerics", "model"
 CAUSES = (NUMERICS, MODEL)

@@ -59,7 +59,7 @@ function legend(shown) {
   if (doubt && doubt.getAttribute("d")) key(svg => add(svg, "rect", { width: 22, height: 16, fill: pattern(svg, "key-doubt", "#ddd", 1, "#000") }), "regime not known with 95 %, from the runs alone");
   for (const s of D.strips) {
     const strip = document.querySelector("#map .strip." + s.cause);
-    if (strip && strip.getAttribute("d")) key(svg => { add(svg, "rect", { width: 22, height: 16, fill: "#888" }); add(svg, "rect", { width: 22, height: 16, class: "strip " + s.cause }); }, s.text);
+    if (strip && strip.getAttribute("d")) key(svg => { add(svg, "rect", { width: 22, height: 16, fill: "#777" }); for (const t of D.strips.slice(0, D.strips.indexOf(s) + 1)) add(svg, "rect", { width: 22, height: 16, class: "strip " + t.cause }); }, s.text);
   }
   const named = D.points.filter(p => p.mark && visible(p) && inside(p));
   if (named.length) key(svg => diamond(svg, 11, 8, "#fff"), (named.some(p => p.outcome) ? "material, in the colour of its own run" : "material") + (named.some(p => p.differs) ? " (*: not as on the map)" : ""));
