@@ -305,8 +305,8 @@ def failing(case):
 
 @pytest.mark.parametrize(
     ("name", "points", "part", "axes"),
-    [("boundary", 33**2, 1 / 32, ("cohesion", "viscosity")),
-     ("boundary3", 16**3, 1 / 16, ("cohesion", "viscosity", "adhesion"))],
+    [("boundary", 17 * 33, 1 / 32, ("cohesion", "viscosity")),
+     ("boundary3", 17 * 17 * 9, 1 / 16, ("cohesion", "viscosity", "adhesion"))],
 )  # fmt: skip
 def test_the_kept_boundary_agrees_with_the_kept_grid(name, points, part, axes):
     """studies/results: finite-element runs, by ``cutbench sweep`` from the studies of these names."""
@@ -314,6 +314,6 @@ def test_the_kept_boundary_agrees_with_the_kept_grid(name, points, part, axes):
     sought, grid = (load_map(results / kind / "map.nc") for kind in (name, f"{name}-grid"))
     found = agreement(sought, grid)
     assert found.runs[0] <= found.whole / 8 and found.whole >= points
-    assert found.wrong_far == 0 and found.points > 100 and found.far > found.points / 3
+    assert found.wrong_far == 0 and found.points > 50 and found.far > found.points / 3
     assert json.loads(sought.attrs["tolerance"]) == dict.fromkeys(axes, part)
     assert not sought["unsure"].values.any()

@@ -71,7 +71,8 @@ def test_a_map_guides_the_materials_that_lie_on_it_and_says_what_computed_it(cop
         assert (done.exit_code == 0 and "There cutting is" in text) or "within the map" in text, text
         if done.exit_code == 0:
             told[material] = text
-    assert told and data.attrs["cutbench"] and data.attrs["computation"]
+    assert told or copied.parent.name.endswith("-grid")  # a part of a box may hold no material
+    assert data.attrs["cutbench"] and data.attrs["computation"]
     assert all(other_writer(data) in text for text in told.values())
 
 
