@@ -40,7 +40,7 @@ def left_over(point: Point, clean: Mapping[str, tuple]) -> float:
     """What the free parameters of the baseline cannot take up of the clean train curves, in standard
     deviations of all readings together: by their derivatives at ``point``, where it was fitted."""
     train = {e.id: _truth(point, e, clean) - point.y[e.id] for e in point.campaign.train}
-    r, J = point.w.white(train), point.w.white(point.J)
+    r, J = point.w.noise.white(train), point.w.noise.white(point.J)
     size = np.linalg.norm(J, axis=0)
     J = J / np.where(size > 0, size, 1)
     return float(np.linalg.norm(r - J @ np.linalg.lstsq(J, r, rcond=1e-9)[0]))

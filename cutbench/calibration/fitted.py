@@ -22,6 +22,10 @@ from cutbench.run.measures import TRANSITION
 REGIMES = ("indentation", "onset", "transition", "steady")
 
 
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
 @dataclass(frozen=True)
 class Estimate:
     """One parameter after the fit, internal units. ``low``/``high``: 95 % interval; ``sd`` of the value."""
@@ -43,7 +47,8 @@ class Estimate:
 @dataclass(frozen=True)
 class ComparedCurve:
     """One experiment beside the fit, on its grid: ``fitted`` (m,) is the computed curve, corrected for its
-    mesh; ``sd`` (m,) the measurement's and the computation's together."""
+    mesh; ``sd`` (m,) the measurement's and the computation's together. ``discrepancy`` (m,), measured less
+    computed: what the model cannot describe of a fitted test, as far as readings tell it from noise."""
 
     experiment: Experiment
     x: np.ndarray
@@ -52,6 +57,12 @@ class ComparedCurve:
     fitted: np.ndarray
     onset_mm: float
     thickness_mm: float
+    discrepancy: np.ndarray | None = None
+
+    @property
+    def missed(self) -> float:
+        """Root mean square of the discrepancy, as a part of the largest value."""
+        return 0.0 if self.discrepancy is None else _rms(self.discrepancy) / float(np.abs(self.mean).max())
 
     @property
     def residual(self) -> np.ndarray:
@@ -60,7 +71,7 @@ class ComparedCurve:
 
     @property
     def rmse(self) -> float:
-        return float(np.sqrt(np.mean(self.residual**2)))
+        return _rms(self.residual)
 
     def regimes(self) -> dict[str, np.ndarray]:
         """Which grid values (m,) lie in which regime of a cut, by the onset that was computed.

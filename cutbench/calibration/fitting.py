@@ -1,10 +1,11 @@
 """Calibration: the parameters of one model from all experiments of a campaign at once.
 
 Gauss–Newton steps with Marquardt's damping on exact sensitivities; residuals whitened by the measured
-covariance of the mean curves and by the computation's own error, which is measured on a finer mesh on the
-way. Intervals come from (JᵀC⁻¹J)⁻¹ with Student's t: what stems from the scatter between R specimens is
-known with R − 1 degrees of freedom, and the parts are combined after Welch (1947,
-10.1093/biomet/34.1-2.28) and Satterthwaite (1946, 10.2307/3002019).
+covariance of the mean curves, by the computation's own error, which is measured on a finer mesh on the way,
+and by what the model cannot describe, which is estimated by turns with the parameters. Intervals come from
+(JᵀC⁻¹J)⁻¹ with Student's t: what stems from the scatter between R specimens is known with R − 1 degrees of
+freedom, and the parts are combined after Welch (1947, 10.1093/biomet/34.1-2.28) and Satterthwaite (1946,
+10.2307/3002019).
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 
 import numpy as np
 from scipy import stats
@@ -28,6 +30,7 @@ from cutbench.calibration.prediction import Prediction, Predictor, predictor
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
 from cutbench.data.covariance import Block, Covariance
+from cutbench.data.discrepancy import allowing, independent, likelihood, misfit, missed
 from cutbench.data.experiment import Experiment
 from cutbench.data.repetition import Averaged, unrepeated
 from cutbench.run.pool.pool import cores
@@ -43,8 +46,13 @@ FINAL = lm.Settings()
 SMOOTH = lm.Settings(promise=1e-8, jags=1.0, evaluations=100, failures=10)
 #: All but one parameter again, for each point of a profile.
 PROFILE = lm.Settings(promise=0.1, evaluations=6)
-#: Weights are made again if a parameter has moved this far since, so often at the most.
+#: Weights are made again if a parameter has moved this far since, so often at the most; of tests without a
+#: mesh until nothing moves.
 AGAIN, ROUNDS = 0.25, 3
+STILL, ROUNDS_SMOOTH = 1e-3, 12
+#: A model that misses a curve by more than this part of its maximum is fitted from other starts, too (tests
+#: without a mesh), so many and so far away in q, and the report says so.
+FAR, STARTS, AWAY = 0.05, 3, 1.5
 
 
 def fit(
@@ -79,7 +87,7 @@ def fit(
     own = predictor(min(cores() if workers is None else workers, runs)) if run is None else nullcontext(run)
     with own as run:
         inverse = Inverse(campaign, looked_for, run, grid, start=start, grids=grids)
-        return _Fitting(campaign, inverse, on_progress, refine).go(profile, began, chosen)
+        return _Fitting(campaign, inverse, on_progress, refine).go(profile, began, chosen, start is None)
 
 
 class _Fitting:
@@ -90,9 +98,10 @@ class _Fitting:
         self.history: list[float] = []
         self.covariance: Covariance
 
-    def go(self, profile: Sequence[str], began: float, choose: bool) -> Fit:
+    def go(self, profile: Sequence[str], began: float, choose: bool, anywhere: bool) -> Fit:
         inverse = self.inverse
         q = np.zeros(len(inverse.unknowns))
+        self.smooth = not any(e.kind == "cut" for e in self.campaign.train)
         self.covariance = inverse.guessed(q)
         J = self._whitened(q)[1]
         before = identifiability(J, inverse.unknowns)
@@ -101,9 +110,9 @@ class _Fitting:
             kept, fixed = _worth_it(J, inverse.unknowns, self.campaign.plan.own)
             inverse = self.inverse = inverse.only(kept)
             q = np.zeros(len(kept))
-        best = self._minimise("rough", q, ROUGH)
-        if best.message != INTERRUPTED:
-            best = self._with_measured_error(best)
+        best = self._from(q)
+        if anywhere and self.smooth and best.message != INTERRUPTED and self._farthest(best)[0] > FAR:
+            best = self._elsewhere(best)
         profiles = []
         for label in profile:
             if label in fixed:
@@ -114,6 +123,9 @@ class _Fitting:
                 except KeyboardInterrupt:
                     best.message = INTERRUPTED
         status = INTERRUPTED if best.message == INTERRUPTED else "converged" if best.converged else "stopped"
+        part, id = self._farthest(best)
+        if part > FAR:
+            best.message += f", at a misfit of {100 * part:.0f} % of the maximum in '{id}'"
         self.notes += [unrepeated(id) for id, grid in inverse.grids.items() if grid.estimated]
         covariance, estimates = self._estimates(best)
         return Fit(
@@ -139,23 +151,57 @@ class _Fitting:
         self.history += best.history
         return best
 
+    def _from(self, q: np.ndarray) -> lm.Minimum:
+        """The minimum that is reached from ``q``: roughly, then with measured weights."""
+        self._weigh(self.inverse.guessed(q), q)
+        best = self._minimise("rough", q, ROUGH)
+        return best if best.message == INTERRUPTED else self._with_measured_error(best)
+
+    def _weigh(self, noise: Covariance, q: np.ndarray) -> None:
+        """Take ``noise`` and what the model misses at ``q`` for the covariance."""
+        self.covariance = allowing(noise, *self.inverse.residuals(q, noise))
+
     def _with_measured_error(self, best: lm.Minimum) -> lm.Minimum:
         """The final stage: weights are made where the rough one ended, and again if it moved far."""
-        inverse = self.inverse
+        inverse, noise = self.inverse, self.covariance
         notes: list[str] = []
-        settings = FINAL if any(e.kind == "cut" for e in self.campaign.train) else SMOOTH
-        for _ in range(ROUNDS):
+        settings, still, rounds = (SMOOTH, STILL, ROUNDS_SMOOTH) if self.smooth else (FINAL, AGAIN, ROUNDS)
+        for _ in range(rounds):
             at = best.q
             try:
-                self.covariance, notes = inverse.measured(at) if self.refine else (inverse.guessed(at), [])
+                noise, notes = inverse.measured(at) if self.refine else (inverse.guessed(at), [])
             except KeyboardInterrupt:
                 best.message = INTERRUPTED
                 break
+            self._weigh(noise, at)
             best = self._minimise("final", at, settings)
-            if best.message == INTERRUPTED or np.abs(best.q - at).max(initial=0.0) < AGAIN:
+            if best.message == INTERRUPTED or np.abs(best.q - at).max(initial=0.0) < still:
                 break
-        self.notes += notes
+        self.notes += [note for note in notes if note not in self.notes]
         return best
+
+    def _elsewhere(self, best: lm.Minimum) -> lm.Minimum:
+        """The likeliest of several minima: ``best`` and what is reached from other starts."""
+        (low, high), likeliest, weights = self.inverse.bounds, self._likelihood(best), self.covariance
+        for part in stats.qmc.Halton(best.q.size, seed=0).random(STARTS):
+            try:
+                other = self._from(np.clip(best.q + AWAY * (2 * part - 1), low, high))
+            except ComputationFailed:
+                continue
+            if other.message == INTERRUPTED:
+                break
+            if self._likelihood(other) > likeliest + 1e-3:
+                best, likeliest, weights = other, self._likelihood(other), self.covariance
+        self.covariance = weights
+        return best
+
+    def _likelihood(self, best: lm.Minimum) -> float:
+        return likelihood(self.covariance, self.inverse.residuals(best.q, self.covariance)[0])
+
+    def _farthest(self, best: lm.Minimum) -> tuple[float, str]:
+        """Largest part of a curve's maximum that the model misses (root mean square), and of which test."""
+        residual = self.inverse.residuals(best.q, self.covariance)[0]
+        return max((misfit(self.covariance, id, residual[id]), id) for id in self.covariance.tests)
 
     # -- intervals -------------------------------------------------------------------------------
     def _estimates(self, best: lm.Minimum) -> tuple[np.ndarray, tuple[Estimate, ...]]:
@@ -181,12 +227,15 @@ class _Fitting:
         gain = covariance @ best.J.T
         rest, factors = np.diag(covariance).copy(), self.covariance.factors
         by_factor = {kind: np.zeros(rest.size) for kind in factors}
-        parts, first = [], 0
+        parts: list[tuple[np.ndarray, float]] = []
+        first = 0
         for e in self.campaign.train:
             block = self.covariance.tests[e.id]
             mine = gain[:, first : (first := first + len(block.total))]
             by_factor[e.kind] += _share(mine, block, block.by_factor)
             parts.append((_share(mine, block, block.other), block.dof))
+            if np.any(block.discrepancy):
+                parts.append((_share(mine, block, block.discrepancy), independent(block)))
         parts += [(by_factor[kind], pooled.dof) for kind, pooled in factors.items()]
         uncertain = np.zeros(rest.size)
         for part, dof in parts:
@@ -203,6 +252,8 @@ class _Fitting:
         for e in self.campaign.train:
             block, p = self.covariance.tests[e.id], found[e.id]
             sides[e.id] = self._beside(e, p, p.y + block.shift, block.deviation, q)
+            gap = missed(block, sides[e.id].fitted - sides[e.id].mean)
+            sides[e.id] = replace(sides[e.id], discrepancy=gap)
             self.notes += [field_note(e, p, "fit")] if e.fields else []
         for e in () if status == INTERRUPTED else self.campaign.test:
             try:

@@ -258,14 +258,23 @@ class Inverse:
         y = {e.id: found[e.id].y + shift.get(e.id, 0.0) for e in train}
         return Covariance.of(self.grids, {e.id: e.kind for e in train}, y, error, shift, fields)
 
+    def residuals(
+        self, q: np.ndarray, covariance: Covariance
+    ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+        """Computed less measured (m,) and its derivatives (m, k), by id."""
+        found, r, J = self.predictions(q), {}, {}
+        for e in self.campaign.train:
+            p = found[e.id]
+            r[e.id] = p.y + covariance.tests[e.id].shift - self.grids[e.id].mean
+            J[e.id] = self.slopes(e, p, q)
+        return r, J
+
     def whitened(self, q: np.ndarray, covariance: Covariance) -> tuple[np.ndarray, np.ndarray]:
         """Residuals (M,), computed less measured, and their derivatives (M, k)."""
-        rows, slopes = [], []
-        found = self.predictions(q)
-        for e in self.campaign.train:
-            p, block = found[e.id], covariance.tests[e.id]
-            rows.append(block.white(p.y + block.shift - self.grids[e.id].mean))
-            slopes.append(block.white(self.slopes(e, p, q)))
+        found, (residual, J) = self.predictions(q), self.residuals(q, covariance)
+        rows, slopes = (
+            [block.white(by[id]) for id, block in covariance.tests.items()] for by in (residual, J)
+        )
         # Fields last: what counts degrees of freedom by curves looks at the first rows.
         for e in (e for e in self.campaign.train if e.id in covariance.fields):
             block, p = covariance.fields[e.id], found[e.id]

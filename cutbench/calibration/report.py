@@ -14,6 +14,8 @@ from cutbench.calibration.fitted import ComparedCurve, Estimate, Fit
 
 #: Layout of fit.json.
 SCHEMA = 1
+#: A discrepancy above this part of a curve's maximum is said to be one.
+AMISS = 0.01
 #: Correlations below this are not worth a line.
 SHOWN = 0.3
 
@@ -38,9 +40,11 @@ def summary(fit: Fit) -> str:
         f"  {fit.readings} values, {k} parameter{'s' if k != 1 else ''}, chi2 = {fit.chi2:.4g},"
         f" reduced {fit.reduced_chi2:.3g}, {fit.evaluations} evaluations, {fit.seconds:.0f} s",
     ]
-    if fit.reduced_chi2 > 2:
+    worst = max((c.missed for c in fit.compared), default=0.0)
+    if fit.reduced_chi2 > 2 or worst > AMISS:
         lines.append(
-            "  The model does not describe the data to within their noise; intervals are widened to match."
+            "  The model does not describe the data to within their noise: it misses up to"
+            f" {100 * worst:.1f} % of a curve's maximum (root mean square); intervals allow for that."
         )
     lines += ["", "parameters (95 % intervals)"]
     lines += [_parameter(e) for e in fit.estimates]
@@ -52,9 +56,10 @@ def summary(fit: Fit) -> str:
     for c in fit.compared:
         unit = c.experiment.y_unit
         part, role = c.rmse / np.abs(c.mean).max(), "fitted" if c.experiment.role == "train" else "predicted"
+        beyond = f", {100 * c.missed:.1f} % that the model cannot describe" if c.missed else ""
         lines.append(
             f"  {c.experiment.id} ({c.experiment.kind}, {role}): root mean square residual"
-            f" {c.rmse:.3g} {unit}, {100 * part:.1f} % of the maximum"
+            f" {c.rmse:.3g} {unit}, {100 * part:.1f} % of the maximum{beyond}"
         )
         lines += [
             f"    {name:<12} {v['from_mm']:.2f} to {v['to_mm']:.2f} mm: {v['rms_N']:.3g} N,"
@@ -149,6 +154,7 @@ def _experiment(c: ComparedCurve) -> dict:
         "y_unit": e.y_unit,
         "rmse": c.rmse,
         "rmse_of_maximum": c.rmse / float(np.abs(c.mean).max()),
+        "discrepancy_of_maximum": c.missed if c.discrepancy is not None else None,
         "onset_mm": c.onset_mm,
         "regimes": by_regime(c),
         **{name: values.tolist() for name, values in curves.items()},

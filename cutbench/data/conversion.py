@@ -8,17 +8,9 @@ import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.units import parse_quantity
-from cutbench.data.experiment import HOMOGENEOUS
+from cutbench.data.experiment import HOMOGENEOUS, area_of
 from cutbench.data.repetition import Repetition, first_return
 from cutbench.data.table import Table
-
-
-def area_of(kind: str, specimen: Mapping[str, float]) -> float | None:
-    """Area over which the force acts, mm²; where it is not written, the product of two sides."""
-    sides = ("width", "thickness") if kind in HOMOGENEOUS else ("width", "length")
-    if "area" in specimen:
-        return specimen["area"]
-    return specimen[sides[0]] * specimen[sides[1]] if all(s in specimen for s in sides) else None
 
 
 def repetitions_of(

@@ -17,10 +17,9 @@ what else differs between them, smooth along the curve; e_r is the noise of sing
   S = eᵀe/(R − 1) less the noise; with few repetitions S is singular, so it is drawn towards T = D M D, where
   D² is the diagonal of S smoothed along the curve and M a Matérn-3/2 correlation whose length is that of the
   residuals: (w T + (R − 1) S)/(w + R − 1), w = 4. Where one specimen was measured, the usual is taken: a
-  smooth deviation by some per cent. Alone that would hand a fit to the slope of the misfit and leave its size
-  alone, so that a model that misses the shape ends far from all readings: where the computed curve misses by
-  more than can be scatter, the misfit counts as noise of single readings too, up to as much as leaves the
-  curve a few independent values.
+  smooth deviation by some per cent.
+
+What a model cannot describe comes on top of that, see ``cutbench.data.discrepancy``.
 """
 
 from __future__ import annotations
@@ -42,9 +41,8 @@ _MAD = 1.4826
 #: Factor between specimens: what is taken for it before any is measured, and how many specimens that is
 #: worth.
 USUAL_FACTOR, WORTH = 0.02, 2
-#: Smooth difference of one specimen's curve from another's where only one was measured, relative; a curve has
-#: so many independent values of it; by so many of its standard deviations a right model may miss it.
-USUAL_SHAPE, INDEPENDENT, BEYOND = 0.03, 3, 2.0
+#: Smooth difference of one specimen's curve from another's where only one was measured, relative.
+USUAL_SHAPE = 0.03
 #: What is left to the laws' time steps; a fit does not count it.
 LEAST_SHAPE = 0.002
 
@@ -174,6 +172,7 @@ class Block:
     ``by_factor`` comes from the factors of specimens, ``other`` from their other differences, known with
     ``dof`` degrees of freedom; ``scatter`` is that of a single specimen as it is, smooth. ``computed`` is the
     error of the computed curve, and ``shift`` (m,) what is known of that and added to the curve.
+    ``discrepancy`` is what the model cannot describe.
     ``deviation`` (m,): of each reading. ``known`` (m,): values that count; None: all.
     """
 
@@ -186,6 +185,16 @@ class Block:
     computed: np.ndarray = field(default_factory=_nothing)
     shift: np.ndarray = field(default_factory=_nothing)
     known: np.ndarray | None = None
+    discrepancy: np.ndarray = field(default_factory=_nothing)
+
+    @property
+    def noise(self) -> np.ndarray:
+        """(m, m), of the mean reading less what a right model computes."""
+        return self.total - self.discrepancy if np.any(self.discrepancy) else self.total
+
+    def allowing(self, discrepancy: np.ndarray) -> Block:
+        """The same with ``discrepancy`` (m, m), in place of what it has."""
+        return replace(self, total=self.noise + discrepancy, discrepancy=discrepancy)
 
     @classmethod
     def of(
@@ -207,9 +216,7 @@ class Block:
             other = scatter / count
         else:
             scatter = deviating(along, y, USUAL_SHAPE)
-            usual = np.trace(scatter) / y.size
-            missed = max(((grid.mean - y) ** 2).mean() - BEYOND**2 * usual, 0.0)
-            other = (scatter + np.eye(y.size) * min(missed, usual * y.size / INDEPENDENT)) / count
+            other = scatter / count
         by_factor = pooled.variance / count * np.outer(y, y)
         rest = np.diag(grid.reading**2) / count + computed
         least = deviating(along, y, LEAST_SHAPE)
@@ -258,6 +265,12 @@ class Covariance:
             for id, kind in kinds.items()
         }
         return cls({id: grids[id] for id in kinds}, kinds, y, pooled, tests, fields or {})
+
+    @property
+    def noise(self) -> Covariance:
+        """Without discrepancies."""
+        alone = {id: replace(b, total=b.noise, discrepancy=_nothing()) for id, b in self.tests.items()}
+        return replace(self, tests=alone)
 
     def white(self, by: Mapping[str, np.ndarray]) -> np.ndarray:
         """Whitened values of all tests stacked, (M,) or (M, k)."""

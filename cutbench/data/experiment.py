@@ -38,12 +38,20 @@ ROLES = ("train", "test")
 #: Slots of mechanisms that a kind of test sees.
 SLOTS = {
     "cut": ("bulk", "cut", "blade", "skin", "support", "rig"),
-    **dict.fromkeys(HOMOGENEOUS, ("bulk",)),
+    **dict.fromkeys(HOMOGENEOUS, ("bulk", "rig")),
     "sliding": ("blade",),
-    "separation": ("cut",),
+    "separation": ("cut", "rig"),
 }
 #: Fewest readings of a repetition.
 FEWEST = 5
+
+
+def area_of(kind: str, specimen: Mapping[str, float]) -> float | None:
+    """Area over which the force acts, mm²; where it is not written, the product of two sides."""
+    sides = ("width", "thickness") if kind in HOMOGENEOUS else ("width", "length")
+    if "area" in specimen:
+        return specimen["area"]
+    return specimen[sides[0]] * specimen[sides[1]] if all(s in specimen for s in sides) else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +131,18 @@ class Experiment:
     def rest(self) -> float:
         """The abscissa of the undeformed specimen: stretch 1, or 0 mm."""
         return 1.0 if self.kind in HOMOGENEOUS else 0.0
+
+    @property
+    def area_mm2(self) -> float | None:
+        """Over which the force acts; None where it is not known."""
+        return area_of(self.kind, self.specimen)
+
+    @property
+    def mounted(self) -> bool:
+        """Whether it is known what the testing machine moved and felt, in mm and N."""
+        if self.kind in HOMOGENEOUS and "length" not in self.specimen:
+            return False
+        return self.kind == "cut" or self.area_mm2 is not None
 
     @property
     def timed(self) -> bool:

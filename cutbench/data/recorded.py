@@ -13,8 +13,8 @@ import numpy as np
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import among, located, one_of, written
 from cutbench.base.units import parse_quantity
-from cutbench.data.conversion import area_of, repetitions_of
-from cutbench.data.experiment import HOMOGENEOUS, KINDS, ROLES, Experiment
+from cutbench.data.conversion import repetitions_of
+from cutbench.data.experiment import HOMOGENEOUS, KINDS, ROLES, Experiment, area_of
 from cutbench.data.fields import read_fields_of
 from cutbench.data.plausible import travel_fits
 from cutbench.data.table import LABEL, read_table

@@ -95,6 +95,13 @@ class Averaged:
         return self.curves @ self.mean / (self.mean @ self.mean)
 
     @property
+    def course(self) -> np.ndarray:
+        """How far the test has come (n,), from 0 to 1: half by the way, half by ``along``."""
+        way = np.append(0.0, np.cumsum(np.abs(np.diff(self.x))))
+        along = self.along - self.along[0]
+        return (way / way[-1] + along / along[-1]) / 2
+
+    @property
     def along(self) -> np.ndarray:
         """The coordinate (n,) along which the curve is smooth: x if it only grows, else the time, else the
         path."""

@@ -1,8 +1,9 @@
-"""Candidates: mechanisms that the model lacks, each at the value that switches it off.
+"""Candidates: mechanisms that the model lacks, each where it is switched off, and what was held fixed.
 
 What a mechanism file declares is all there is to know: parameters with an off value are strengths, whose
 derivative at "off" says what the mechanism would change first; parameters without one (a relaxation time,
-a depth, a wavelength) are shapes, which have no effect at "off" and are tried on a grid.
+a depth, a wavelength) are shapes, which have no effect at "off" and are tried on a grid. A parameter of the
+model that the fit holds is a strength whose "off" is the value that it is held at.
 """
 
 from __future__ import annotations
@@ -10,20 +11,25 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.units import Parameter, ureg
+from cutbench.calibration.inverse import Inverse, visible
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
 from cutbench.data.experiment import SLOTS, Experiment
 from cutbench.mechanisms import registry
-from cutbench.run.sensitivity import extended
+from cutbench.run.sensitivity import differentiable, extended
 
 #: Values tried of one shape parameter, and of each of two together.
 ALONE, TOGETHER = 5, 4
+#: What is asked first, in the order in which an experimenter would.
+ORDER = ("reading", "rig", "parameter", "mechanism")
+#: Slot of a candidate that is a parameter.
+FIXED = "parameter"
 #: Around the typical value, where no scale of the tests is known.
 AROUND = (1.0, 0.2, 5.0, 0.04, 25.0)
 
@@ -31,6 +37,7 @@ AROUND = (1.0, 0.2, 5.0, 0.04, 25.0)
 @dataclass(frozen=True)
 class Candidate:
     """One mechanism beside (or in place of one of) those of ``case``; ``strengths`` are at their off values.
+    Or a parameter of the model, in the slot ``parameter``; ``cause`` is one of ``ORDER``.
 
     ``grid``: values of the shapes that are tried, internal units; one empty mapping without shapes.
     """
@@ -41,24 +48,40 @@ class Candidate:
     strengths: tuple[Parameter, ...]
     shapes: tuple[Parameter, ...]
     grid: tuple[Mapping[str, float], ...]
+    cause: str = "mechanism"
+    kinds: tuple[str, ...] = ()
+
+    @property
+    def added(self) -> tuple[str, ...]:
+        """The mechanism that a model takes up for it, if any."""
+        return () if self.slot == FIXED else (self.name,)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         return (*self.strengths, *self.shapes)
 
     def seen_by(self, experiment: Experiment) -> bool:
-        return self.slot in SLOTS[experiment.kind]
+        if self.slot == FIXED:
+            return experiment.kind in self.kinds
+        if self.slot == "rig" and not experiment.mounted:
+            return False
+        return self.slot in SLOTS[experiment.kind] and (not self.kinds or experiment.kind in self.kinds)
 
 
-def candidates(campaign: Campaign, base: Case) -> tuple[list[Candidate], dict[str, str]]:
-    """The campaign's candidates that ``base`` can take up, and why the others cannot."""
-    found, left_out = [], {}
+def candidates(inverse: Inverse, base: Case) -> tuple[list[Candidate], dict[str, str]]:
+    """The campaign's candidates that ``base`` can take up beside what ``inverse`` looks for, and why the
+    others cannot; parameters are asked of tests without a mesh."""
+    campaign, left_out = inverse.campaign, {}
+    found = _held(inverse, base)
     for name in campaign.candidates:
         m = registry()[name]
         if name in base.mechanisms:
             continue
-        if not any(m.slot in SLOTS[e.kind] for e in campaign.train):
-            left_out[name] = "no fitted test shows it"
+        kinds = getattr(m, "kinds", ())
+        asked = Candidate(name, m.title, m.slot, (), (), ({},), cause_of(name), kinds)
+        if not any(asked.seen_by(e) for e in campaign.train):
+            mute = m.slot == "rig" and any(e.kind in kinds or not kinds for e in campaign.train)
+            left_out[name] = "no fitted test " + ("gives its length and area" if mute else "shows it")
             continue
         try:
             _model, new = base.model.extended(name)
@@ -72,8 +95,31 @@ def candidates(campaign: Campaign, base: Case) -> tuple[list[Candidate], dict[st
             left_out[name] = "its parameters are fixed by the campaign"
             continue
         shapes = tuple(q for q in own if q.off is None and q.name not in campaign.plan.fixed)
-        found.append(Candidate(name, m.title, m.slot, strengths, shapes, _grid(shapes, campaign, base)))
+        grid = _grid(shapes, campaign, base)
+        found.append(replace(asked, strengths=strengths, shapes=shapes, grid=grid))
     return found, left_out
+
+
+def cause_of(name: str) -> str:
+    """``reading``, ``rig`` or ``mechanism``, as its file says; ``parameter`` of what is none."""
+    law = registry().get(name)
+    return "parameter" if law is None else getattr(law, "cause", "rig" if law.slot == "rig" else "mechanism")
+
+
+def _held(inverse: Inverse, base: Case) -> list[Candidate]:
+    """Parameters that tests without a mesh feel and no fit looks for; none where nothing is a candidate."""
+    if not inverse.campaign.candidates:
+        return []
+    train = [e for e in inverse.campaign.train if e.kind != "cut"]
+    sought = {u.name for u in inverse.unknowns}
+    found = []
+    for name, q in ((n, base.model.parameters()[n]) for n in differentiable(base.model)):
+        kinds = tuple(dict.fromkeys(e.kind for e in train if name in visible(e, base)))
+        if name in sought or not kinds or len(train) < len(inverse.campaign.train):
+            continue
+        held = replace(q, off=base.values[name] / q.factor)
+        found.append(Candidate(name, q.doc, FIXED, (held,), (), ({},), "parameter", kinds))
+    return found
 
 
 def _grid(shapes: Sequence[Parameter], campaign: Campaign, base: Case) -> tuple[dict[str, float], ...]:

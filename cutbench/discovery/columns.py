@@ -57,7 +57,7 @@ def sense(inverse: Inverse, q: np.ndarray, chosen: Sequence[Candidate], run: Pre
         (p,) = run([Task(e, case, grid, names)])
         y[e.id], J[e.id] = p.y, inverse.slopes(e, p, q)
         for c in (c for c in chosen if c.seen_by(e)):
-            more, strengths = extended(case, [c.name]), [s.name for s in c.strengths]
+            more, strengths = extended(case, c.added), [s.name for s in c.strengths]
             by = scan(e, more.model, more.p, strengths, c.grid, grid)
             parts.update({(c.name, k, e.id): by[k] for k in range(len(c.grid))})
     plan = _runs(inverse, cuts[0], q, chosen) if cuts else []
@@ -113,13 +113,13 @@ def _runs(
         for group in runs:
             with suppress(BadInput):
                 if order:
-                    extended(case, [*(o.name for o, _ in group), c.name])
+                    extended(case, [*(name for o, _ in group for name in o.added), *c.added])
                     group.append((c, order.pop(0)))
     return [runs[0], *(g for g in runs[1:] if g)]
 
 
 def _task(inverse: Inverse, e: Experiment, q: np.ndarray, group: Sequence[tuple[Candidate, int]]) -> Task:
     values = {name: v for c, k in group for name, v in c.grid[k].items()}
-    case = extended(inverse.case(e, q), [c.name for c, _ in group], values)
+    case = extended(inverse.case(e, q), [name for c, _ in group for name in c.added], values)
     names = (*inverse.names(e), *(s.name for c, _ in group for s in c.strengths))
     return Task(e, case, inverse.grids[e.id], names)

@@ -2,13 +2,14 @@
 
 What is held out: experiments of role test, where there are any and they can tell; else one train experiment
 after the other where three or more remain that still determine everything, else one repetition of each
-experiment after the other, and of a test with a single repetition one fifth of its readings after the other.
-Fits without the held-out part are one Gauss–Newton step away from the fit to all.
+experiment after the other, and of a test with a single repetition one fifth of its readings after the
+other. Fits without the held-out part are one Gauss–Newton step away from the fit to all.
 
-Two losses. The likelihood's, |r|² in standard deviations, decides: its difference between two models is
-linear in the readings, so that its standard error is known, 2 |d| with d the whitened difference of their
-predictions. The plain root mean square error is what a person asks for, and is reported as the gain; it must
-not contradict, as it is or with each test's own factor between specimens taken out.
+Two losses. The likelihood's, |r|² in standard deviations of noise and of what the better model misses,
+decides: its difference between two models is linear in the readings, so that its standard error is known, 2
+|d| with d the whitened difference of their predictions. The plain root mean square error is what a person
+asks for, and is reported as the gain; it must not contradict, as it is or with each test's own factor
+between specimens taken out.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from cutbench.data.covariance import Block, Factors
+from cutbench.data.discrepancy import SIZES, Discrepancies
 from cutbench.data.experiment import Experiment
 from cutbench.data.repetition import Averaged
 from cutbench.discovery.point import Point
@@ -142,8 +144,19 @@ def expected(point: Point, e: Experiment) -> Block:
 
 def _tests(before: Point, after: Point):
     both = [e for e in before.campaign.test if e.id in before.tests and e.id in after.tests]
-    parts = [_part(e, before.inverse.grids[e.id].mean, expected(before, e)) for e in both]
-    return parts, [before.tests[e.id] for e in both], [after.tests[e.id] for e in both], TESTS
+    one, other = ([point.tests[e.id] for e in both] for point in (before, after))
+    parts = []
+    for e, *predicted in zip(both, one, other, strict=True):
+        grid = before.inverse.grids[e.id]
+        parts.append(_part(e, grid.mean, _missing(expected(before, e), grid, predicted)))
+    return parts, one, other, TESTS
+
+
+def _missing(noise: Block, grid: Averaged, predicted: Sequence[np.ndarray]) -> Block:
+    """``noise`` with what the better of two models misses: what both miss tells neither from the other."""
+    tried = Discrepancies(noise, grid)
+    gains = tried.gains(np.stack([y - grid.mean for y in predicted], axis=1))
+    return noise.allowing(tried.covariance(float(SIZES[gains.argmax(axis=0)].min())))
 
 
 def _part(e: Experiment, mean: np.ndarray, C: Block) -> HeldOutPart:
@@ -170,6 +183,7 @@ def _folds(before: Point, after: Point):
             gaps = np.array_split(every, FIFTHS)
             folds = [(mean, gap, np.setdiff1d(every, gap), mean) for gap in gaps]
         C, size = Block.of(grid, pooled[e.kind], mean, count=count), float(np.abs(mean).max())
+        C = _missing(C, grid, [point.y[e.id] for point in (before, after)])
         for curve, out, kept, rest in folds:
             parts.append(HeldOutPart(e, curve[out], C.total[np.ix_(out, out)], C.deviation[out], size))
             for point, into in ((before, one), (after, other)):
@@ -219,6 +233,8 @@ def _without(point: Point, id: str, kept: np.ndarray, rest: np.ndarray) -> np.nd
 
 
 def better_than(one: Point, other: Point) -> Sequence[float]:
-    """Fall of χ² of the train data from ``one`` to ``other``, and its standard error 2 |d|."""
-    d = one.w.white({id: other.y[id] - one.y[id] for id in one.w.tests})
-    return float(one.chi2 - other.chi2), float(2 * np.linalg.norm(d))
+    """Fall of χ² of the train data from ``one`` to ``other``, with what ``other`` misses in their covariance,
+    and its standard error 2 |d|."""
+    w = other.reweighed
+    a, b = (w.white(point.residual) for point in (one, other))
+    return float(a @ a - b @ b), float(2 * np.linalg.norm(a - b))

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from cutbench.calibration.prediction import Predictor
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
 from cutbench.data.covariance import Covariance
+from cutbench.data.discrepancy import allowing, likeliest, misfit
 from cutbench.discovery.candidates import Candidate
 from cutbench.discovery.score import Score
 
@@ -71,6 +73,22 @@ class Point:
     @property
     def chi2(self) -> float:
         return float(self.r @ self.r)
+
+    @cached_property
+    def likelihood(self) -> float:
+        """Twice the log likelihood of the train data, what the model misses at its likeliest."""
+        return likeliest(self.w.noise, self.residual)
+
+    @cached_property
+    def reweighed(self) -> Covariance:
+        """``w`` with what this model misses in place of what its baseline did."""
+        return allowing(self.w.noise, self.residual, self.J)
+
+    @cached_property
+    def misfit(self) -> dict[str, float]:
+        """What the model misses of each curve, as a part of its largest value (root mean square), by id."""
+        left, w = self.residual, self.reweighed
+        return {id: misfit(w, id, left[id]) for id in w.tests}
 
     @property
     def values(self) -> dict[str, float]:
@@ -124,7 +142,8 @@ def _unknowns(point: Point, score: Score, shapes: bool) -> list[Unknown]:
     for q, start in zip(c.parameters, starts, strict=False):
         low, high = point.campaign.plan.bounds.get(q.name, q.bounds)
         kind = _Shape if q in c.shapes and low > 0 else Unknown
-        new.append(kind(q, float(np.clip(start, low, high)), low, high))
+        u = kind(q, float(np.clip(start, low, high)), low, high)
+        new.append(replace(u, start=u.value(0.0)))  # off a bound that is open
     return new
 
 
@@ -136,7 +155,7 @@ def extend(point: Point, score: Score, *, shapes: bool = True) -> Point:
     """
     c = score.column.candidate
     known, new = point.inverse.at(point.q), _unknowns(point, score, shapes)
-    model, off = point.case.model.extended(c.name)
+    model, off = point.case.model.extended(*c.added)
     values = {**point.case.values, **off, **score.column.shapes, **{u.name: u.start for u in new}}
     case = replace(point.case, mechanisms=model.mechanisms, values=values)
     inverse = point.inverse.other([*known, *new], case)
@@ -163,7 +182,19 @@ def extend(point: Point, score: Score, *, shapes: bool = True) -> Point:
     found = lm.minimise(lambda q: inverse.whitened(q, point.w), q, low, high, settings, first=(r, J))
     if found.message == "interrupted":
         raise KeyboardInterrupt
-    return _gathered(inverse, found.q, point.w, point.test_shift)
+    made = _gathered(inverse, found.q, point.w, point.test_shift)
+    return made if point.meshed else _again(made)
+
+
+def _again(point: Point) -> Point:
+    """Fitted in the covariance that its own misfit leaves: what explains more can be told more exactly."""
+    w, inverse = point.reweighed, point.inverse
+    low, high = inverse.bounds
+    found = lm.minimise(lambda q: inverse.whitened(q, w), point.q, low, high, SMOOTH)
+    if found.message == "interrupted":
+        raise KeyboardInterrupt
+    made = _gathered(inverse, found.q, w, point.test_shift)
+    return made if made.likelihood > point.likelihood else point
 
 
 def settled(point: Point, run: Predictor, refine: bool, on_progress: OnProgress) -> Point:

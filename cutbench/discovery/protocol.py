@@ -123,7 +123,7 @@ def cut_proposals(point: Point, one: Score, other: Score, run: Predictor) -> lis
             tasks = []  # with a candidate at off, differentiated by the free parameters and its strengths
             for s in (one, other):
                 names = (*free, *(q.name for q in s.column.candidate.strengths))
-                tasks.append(Task(e, extended(there, [s.name], s.column.shapes), grid, names))
+                tasks.append(Task(e, extended(there, s.column.candidate.added, s.column.shapes), grid, names))
             answers = run(tasks)
         except (BadInput, ComputationFailed):
             continue

@@ -8,6 +8,7 @@ import numpy as np
 
 from cutbench.base.units import Parameter
 from cutbench.base.versions import versions
+from cutbench.discovery.candidates import cause_of
 from cutbench.discovery.heldout import compare
 from cutbench.discovery.outcome import CHANCE, Discovery, Round, Tried
 from cutbench.discovery.point import Point
@@ -23,7 +24,9 @@ GAIN = ("baseline_rmse", "extended_rmse", "noise_floor", "unit", "gain", "gain_s
 
 
 def called(name: str) -> str:
-    """Title and name of a mechanism: ``strain stiffening (gent)``."""
+    """Title and name of a cause: ``strain stiffening (gent)``, ``the fixed value of nu``."""
+    if name not in registry():
+        return f"the fixed value of {name}"
     title = registry()[name].title
     return title if title.lower() == name.lower() else f"{title} ({name})"
 
@@ -59,7 +62,8 @@ def verdict_sentence(d: Discovery) -> str:
             f" in '{left.experiment.id}', {_place(left)}) is unexplained by any candidate."
         )
     others = [n for n in d.telling.group if n != d.telling.accepted]
-    text = f"What the baseline lacks is {names}"
+    physics = any(cause_of(n) == "mechanism" for n in d.found)
+    text = f"What the baseline {'lacks' if physics else 'gets wrong'} is {names}"
     if others:
         text += f"; these data cannot tell it from {' or '.join(called(n) for n in others)}"
     return text + ". " + " ".join(meaning(n) for n in d.found)
@@ -67,6 +71,8 @@ def verdict_sentence(d: Discovery) -> str:
 
 def meaning(name: str) -> str:
     """What a mechanism does: the first line that its file says of it."""
+    if name not in registry():
+        return f"Measure {name}, or leave it to the fit."
     return (type(registry()[name]).__doc__ or "").strip().splitlines()[0]
 
 
@@ -149,6 +155,7 @@ def to_dict(d: Discovery) -> dict:
         "status": "interrupted" if d.interrupted else "complete",
         "verdict": d.verdict,
         "found": list(d.found),
+        "kinds": {name: cause_of(name) for name in d.found},
         "sentence": verdict_sentence(d),
         "gain_sentence": gain_sentence(d),
         "ranking": [_ranked(s, t, d.telling) for s, t in _ranking(d.telling)],
@@ -185,7 +192,13 @@ def _ranking(r: Round) -> list[tuple[Score, Tried | None]]:
 
 
 def _ranked(s: Score, t: Tried | None, r: Round) -> dict:
-    entry = {"mechanism": s.name, "title": registry()[s.name].title, "score_z": s.z, "fitted": t is not None}
+    entry = {
+        "mechanism": s.name,
+        "title": s.column.candidate.title,
+        "kind": s.column.candidate.cause,
+        "score_z": s.z,
+        "fitted": t is not None,
+    }
     if t is None:
         c = s.column.candidate
         values = dict(zip([q.name for q in c.strengths], s.strengths, strict=True))

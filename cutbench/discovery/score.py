@@ -1,10 +1,12 @@
 """The score test: how much of the residual each candidate would take away if it were let in a little.
 
-Residuals and derivatives are whitened and freed of what the free parameters can take up (projection off the
-span of their derivatives); what a candidate gains in χ² is then the squared length of the residual's part
-along its columns, with strengths kept within their bounds (most of them cannot be negative). Rao (1948),
-10.1017/S0305004100023987. How large a gain chance alone makes, with the best value of a shape picked
-afterwards, is seen in draws of data without any effect, see ``Covariance.draw``.
+Residuals and derivatives are whitened, with what the baseline misses as a part of their covariance, and freed
+of what the free parameters can take up (projection off the span of their derivatives); a candidate's step is
+the one along its columns that leaves least, with strengths kept within their bounds (most of them cannot be
+negative). Rao (1948), 10.1017/S0305004100023987. What it gains is twice the logarithm by which what it leaves
+is likelier than what was there, each with its likeliest discrepancy: the fall of χ² where noise explains
+the residual. How large a gain chance alone makes, with the best value of a shape picked afterwards, is
+seen in draws of data without any effect, see ``Covariance.draw``.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ import numpy as np
 from scipy import linalg, optimize, stats
 
 from cutbench.data.covariance import Covariance
+from cutbench.data.discrepancy import Discrepancies, allowing
 from cutbench.discovery.columns import Column, Sensed
 
 #: Draws without effect.
@@ -50,8 +53,8 @@ class Score:
 
 @dataclass(frozen=True)
 class Scores:
-    """``chi2`` of the residual freed of the free parameters, with ``dof``; ``p_residual`` of so much by
-    chance.
+    """``chi2`` of the residual freed of the free parameters in the noise alone, with ``dof``; ``p_residual``
+    of so much by chance.
 
     ``others``: by candidate, its scores with other values of its shapes, the largest gain first.
     ``expected``: the mean χ² of data that the model describes. ``scale``: the gain that each candidate makes
@@ -85,8 +88,8 @@ def deviations(p: float) -> float:
 def score(
     sensed: Sensed, w: Covariance, residual: Mapping[str, np.ndarray], draws: int = DRAWS, seed: int = 0
 ) -> Scores:
-    """``residual`` (m,) by id, computed less measured. The answer does not depend on the experiments'
-    order."""
+    """``residual`` (m,) by id, computed less measured; ``w``: the noise alone. The order of tests does not
+    matter."""
     stacked = _Stack(sensed)
     chi2, found = stacked.scored(w, residual)
     mine: dict[str, list[int]] = {}
@@ -136,24 +139,48 @@ class _Stack:
 
     def scored(self, w: Covariance, residual: Mapping[str, np.ndarray]) -> tuple[float, list[Score]]:
         """χ² of the residual freed of the free parameters, and each column's score."""
-        white = w.white({id: np.column_stack([self.all[id], residual[id]]) for id in w.tests})
-        J, C, r = white[:, : self.k], white[:, self.k : -1], white[:, -1]
+        J_by, k = {id: all_[:, : self.k] for id, all_ in self.all.items()}, self.k
+        beside = {id: np.column_stack([self.all[id], residual[id]]) for id in w.tests}
+        plain = w.white({id: beside[id][:, [*range(k), -1]] for id in w.tests})
+        rest = _Freed(plain[:, :k]).of(plain[:, k])
+        white = allowing(w, residual, J_by).white(beside)
+        C, r, freed = white[:, k:-1], white[:, -1], _Freed(white[:, :k])
+        left, cols = freed.of(r), freed.of(C)
+        # A column that the free parameters can make is no column.
+        cols[:, np.linalg.norm(cols, axis=0) <= 1e-6 * np.linalg.norm(C, axis=0)] = 0
+        strengths, directions, first = np.zeros((C.shape[1], len(self.columns))), [], 0
+        for i, column in enumerate(self.columns):
+            own = slice(first, first := first + len(column.candidate.strengths))
+            strengths[own, i] = _bounded(cols[:, own], left, _signs(column))
+            directions.append(cols[:, own] @ strengths[own, i])
+        # The last is that of the free parameters alone.
+        strengths = np.column_stack([strengths, np.zeros(C.shape[1])])
+        free = -freed.back @ (r[:, None] + C @ strengths)
+        steps, likely = np.vstack([free, strengths]), np.zeros(strengths.shape[1])
+        for id, block in w.tests.items():
+            likely += Discrepancies(block, w.grids[id]).likelihood(
+                residual[id][:, None] + self.all[id] @ steps
+            )
+        gains = np.maximum(likely[:-1] - likely[-1], 0.0)
+        scores, first = [], 0
+        for i, column in enumerate(self.columns):
+            own = slice(first, first := first + len(column.candidate.strengths))
+            scores.append(Score(column, float(gains[i]), strengths[own, i], free[:, i], directions[i]))
+        return float(rest @ rest), scores
+
+
+class _Freed:
+    """What is left of whitened values when the span of ``J`` (M, k) is taken out; ``back``: its inverse."""
+
+    def __init__(self, J: np.ndarray):
         size = np.linalg.norm(J, axis=0)
         size = np.where(size > 0, size, 1)
         Q, R, _ = linalg.qr(J / size, mode="economic", pivoting=True)
-        Q = Q[:, np.abs(np.diag(R)) > 1e-9 * max(np.abs(np.diag(R)).max(initial=0.0), 1e-300)]
-        rest, cols = r - Q @ (Q.T @ r), C - Q @ (Q.T @ C)
-        # A column that the free parameters can make is no column.
-        cols[:, np.linalg.norm(cols, axis=0) <= 1e-6 * np.linalg.norm(C, axis=0)] = 0
-        back = np.linalg.pinv(J / size, rcond=1e-9) / size[:, None]
-        scores, first = [], 0
-        for column in self.columns:
-            own = slice(first, first := first + len(column.candidate.strengths))
-            b = _bounded(cols[:, own], rest, _signs(column))
-            direction = cols[:, own] @ b
-            gain = float(rest @ rest - (rest + direction) @ (rest + direction))
-            scores.append(Score(column, max(gain, 0.0), b, -back @ (r + C[:, own] @ b), direction))
-        return float(rest @ rest), scores
+        self.Q = Q[:, np.abs(np.diag(R)) > 1e-9 * max(np.abs(np.diag(R)).max(initial=0.0), 1e-300)]
+        self.back = np.linalg.pinv(J / size, rcond=1e-9) / size[:, None]
+
+    def of(self, values: np.ndarray) -> np.ndarray:
+        return values - self.Q @ (self.Q.T @ values)
 
 
 def _signs(column: Column) -> list[int]:

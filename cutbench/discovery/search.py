@@ -14,7 +14,7 @@ from cutbench.calibration.fitting import fit
 from cutbench.calibration.inverse import GRID
 from cutbench.calibration.prediction import Predictor, predictor
 from cutbench.data.campaign import Campaign
-from cutbench.discovery.candidates import candidates
+from cutbench.discovery.candidates import ORDER, candidates
 from cutbench.discovery.columns import sense
 from cutbench.discovery.heldout import TESTS, Heldout, better_than, compare, decide
 from cutbench.discovery.numerical import numerical_columns
@@ -23,6 +23,7 @@ from cutbench.discovery.point import Point, extend, point_of, settled, undetermi
 from cutbench.discovery.protocol import Proposal, cut_proposals, proposals, sentence
 from cutbench.discovery.score import Score, Scores, deviations, score
 from cutbench.discovery.where import sections
+from cutbench.discovery.yardstick import Yardstick
 from cutbench.run.pool.pool import cores
 
 #: A candidate on its own is worth a fit if it gains more than chance does this often.
@@ -32,8 +33,8 @@ TOLD = 1e-4
 #: So many are fitted in a round, without a mesh and with one.
 FITS, FITS_MESHED = 6, 3
 #: What may stay significant beside what was found, as a part of what was wrong; more is unexplained. Where
-#: the scatter between specimens was not measured, more of it may be scatter.
-REST, REST_ALONE = 0.1, 0.5
+#: the scatter between specimens was not measured, more of it may be scatter. What a later mechanism must add.
+REST, REST_ALONE, NAMED = 0.25, 0.5, 0.1
 #: What one more parameter must gain in χ² to be preferred.
 PRICE = 4.0
 #: Fits are told apart by so many standard errors of their difference; more where some are known to first
@@ -116,8 +117,9 @@ def _numerics(this: Round, run: Predictor, seed: int, on_progress: OnProgress) -
         return NumericalCauses(missing=missing)
     on_progress(math.nan, math.nan, "numerical causes: " + ", ".join(c.candidate.name for c in columns))
     sensed = replace(this.sensed, columns=columns)
-    scores = score(sensed, this.point.w, this.point.residual, seed=seed)
-    shares = {s.name: s.gain / scores.excess if scores.excess > 0 else 0.0 for s in scores.scores}
+    scores = score(sensed, this.point.w.noise, this.point.residual, seed=seed)
+    wrong = Yardstick(this.point, scores.expected)
+    shares = {s.name: max(1 - wrong.after(sensed, s), 0.0) for s in scores.scores}
     best = scores.scores[0]
     rival = max((t.gain for t in this.tried), default=0.0)
     explains = best.name if best.p < CHANCE and shares[best.name] >= SHARE and best.gain >= rival else None
@@ -165,15 +167,18 @@ def _plain(campaign: Campaign) -> Campaign:
 
 
 def _round(point: Point, run: Predictor, seed: int, on_progress: OnProgress) -> Round:
-    chosen, left_out = candidates(point.campaign, point.case)
+    chosen, left_out = candidates(point.inverse, point.case)
     on_progress(math.nan, math.nan, f"{len(chosen)} candidates beside {', '.join(point.case.mechanisms)}")
     sensed = sense(point.inverse, point.q, chosen, run)
-    scores = score(sensed, point.w, point.residual, seed=seed)
+    scores = score(sensed, point.w.noise, point.residual, seed=seed)
+    wrong = Yardstick(point, scores.expected)
     scored = {s.name for s in scores.scores}
     failed = {c.name: "no run could take it up beside the others" for c in chosen if c.name not in scored}
     worth = [s for s in scores.scores if s.p < PROMISING and s.gain > 1]
     tried = []
-    for s in _simplest(worth)[:FITS_MESHED] if point.meshed else worth[:FITS]:
+    # What is asked before physics costs little without a mesh.
+    first = [s for s in worth[FITS:] if s.column.candidate.cause != "mechanism"]
+    for s in _simplest(worth)[:FITS_MESHED] if point.meshed else [*worth[:FITS], *first]:
         on_progress(math.nan, math.nan, f"fitting {s.name}: score {s.z:.1f}")
         try:
             after = extend(point, s)
@@ -181,9 +186,9 @@ def _round(point: Point, run: Predictor, seed: int, on_progress: OnProgress) -> 
             failed[s.name] = str(error)
             continue
         after, held, kept = _shaped(point, s, after, scores)
-        gain = max(scores.chi2 - after.chi2, 0.0)
+        gain = max(after.likelihood - point.likelihood, 0.0)
         # Where chance made the residual as small as noise, what gains anything gains all of it.
-        share = min(gain / scores.excess, 1.0) if scores.excess > 0 else 1.0
+        share = max(1 - wrong.left(after), 0.0)
         tried.append(Tried(s, after, held, gain, scores.p_any(s.name, gain), share, shapes_open=kept))
     tried, group = _ordered(tried, scores, point.meshed)
     # A residual that is not significant as a whole needs a candidate that explains most of it.
@@ -192,20 +197,17 @@ def _round(point: Point, run: Predictor, seed: int, on_progress: OnProgress) -> 
     if able and all(t.heldout.how == TESTS for t in able):
         # What the fitted tests cannot tell apart, those that were not fitted may.
         able.sort(key=lambda t: -t.heldout.gain)
+    # A machine or a value that explains as much as a mechanism is asked first.
+    able.sort(key=lambda t: ORDER.index(t.score.column.candidate.cause))
     accepted = able[0].name if able else None
     return Round(point, sensed, scores, tuple(tried), tuple(group), accepted, left_out, failed)
-
-
-def _wrong(point: Point, first: Round) -> float:
-    """χ² of ``point`` beyond what noise explains, as the baseline's covariance has it."""
-    r = first.point.w.white(point.residual)
-    return max(float(r @ r) - first.scores.expected, 0.0)
 
 
 def _worth_a_name(this: Round, first: Round) -> bool:
     """Whether what a later round would add is more than what a verdict leaves unmentioned."""
     after = next((t.point for t in this.tried if t.name == this.accepted), this.point)
-    return _wrong(this.point, first) - _wrong(after, first) > REST * first.scores.excess
+    wrong = Yardstick(first.point, first.scores.expected)
+    return wrong.left(this.point) - wrong.left(after) > NAMED
 
 
 def _simplest(scores: list[Score]) -> list[Score]:
@@ -231,13 +233,13 @@ def _shaped(point: Point, s: Score, after: Point, scores: Scores) -> tuple[Point
     kept = undetermined(after, s.column.candidate)
     if point.meshed or not kept:
         return after, held, kept
-    least, near = after.chi2, scores.others[s.name][:SHAPES]
+    most, near = after.likelihood, scores.others[s.name][:SHAPES]
     for other in [s, *(o for o in near if o.gain > s.gain - OPEN * PRICE)]:
         try:
             one = extend(point, other, shapes=False)
         except (ComputationFailed, BadInput):
             continue
-        if one.chi2 <= least + PRICE and (mine := decide(point, one)).better > held.better:
+        if one.likelihood >= most - PRICE and (mine := decide(point, one)).better > held.better:
             after, held = one, mine
     return after, held, True
 
@@ -249,7 +251,7 @@ def _ordered(tried: list[Tried], scores: Scores, meshed: bool) -> tuple[list[Tri
 
     def cost(t: Tried) -> float:
         predicted = t.heldout.better if t.heldout.how == TESTS else 0.0
-        return t.point.chi2 + PRICE * len(t.score.column.candidate.parameters) - predicted
+        return PRICE * len(t.score.column.candidate.parameters) - t.point.likelihood - predicted
 
     tried = sorted(tried, key=lambda t: (cost(t), t.name))
     best, placed = tried[0], []
@@ -272,8 +274,9 @@ def _verdict(rounds: list[Round]) -> str:
     found = any(r.accepted for r in rounds)
     alone = all(len(e.repetitions) == 1 for e in first.point.campaign.train)
     left = last.scores.p_residual < CHANCE
-    most = (REST_ALONE if alone else REST) * first.scores.excess
-    if not left or (found and _wrong(last.point, first) <= most):
+    most = REST_ALONE if alone else REST
+    rest = Yardstick(first.point, first.scores.expected).left(last.point)
+    if not left or (found and rest <= most):
         return "mechanism" if found else "none"
     # Nothing is unexplained before it was tried.
     tried = any(r.scores.scores for r in rounds)

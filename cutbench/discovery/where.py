@@ -61,7 +61,7 @@ def sections(point: Point) -> list[Section]:
             i = np.flatnonzero(mask)
             mean = np.zeros(r.size)
             mean[i] = 1 / i.size
-            sd = float(np.sqrt(mean @ w.total @ mean))
+            sd = float(np.sqrt(mean @ w.noise @ mean))
             bias = float(mean @ r)
             found.append(
                 Section(e, name.split("#")[0], float(grid.x[i[0]]), float(grid.x[i[-1]]), bias, bias / sd,

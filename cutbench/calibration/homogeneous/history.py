@@ -19,7 +19,8 @@ class LoadingHistory:
     """Abscissa ``x`` (n,) and duration ``dt`` (n,) in s of the way to each from the one before.
 
     The first way starts at ``rest``; between two readings the abscissa moves at a constant rate.
-    ``pressure_MPa`` (n,) of a sliding test.
+    ``pressure_MPa`` (n,) of a sliding test. Of stretches and openings ``x`` may be (n, m) and complex, for m
+    answers at once.
     """
 
     x: np.ndarray
@@ -70,7 +71,7 @@ class LoadingHistory:
         """
         before = self.rest
         for x, dt in zip(self.x, self.dt, strict=True):
-            way = abs(np.log(x / before)) if log else abs(x - before)
+            way = np.abs(np.log(np.real(x / before)) if log else np.real(x - before)).max()
             count = max(fewest, int(np.ceil(way / largest)))
             for i in range(1, count + 1):
                 yield before + (x - before) * i / count, dt / count, i == count

@@ -11,6 +11,7 @@ from cutbench.base.errors import BadInput
 from cutbench.base.toml import one_of
 from cutbench.calibration.homogeneous import separation, sliding
 from cutbench.calibration.homogeneous.history import LoadingHistory
+from cutbench.calibration.homogeneous.rig import Machine
 from cutbench.calibration.homogeneous.stretching import nominal_stress
 from cutbench.case.model import Model
 from cutbench.data.experiment import HOMOGENEOUS, Experiment
@@ -27,10 +28,7 @@ def predict(
     BadInput for a ``cut``, which a run computes (``run_case(campaign.case(experiment))``), and
     ComputationFailed where the model has no answer.
     """
-    at = at or experiment.on_grid()
-    return respond(
-        experiment.kind, LoadingHistory.of(experiment, at), model, p, direction=experiment.direction
-    )
+    return _read(experiment, model, p, at or experiment.on_grid(), 1)[:, 0]
 
 
 def respond(
@@ -39,7 +37,7 @@ def respond(
     """Stress or traction (n,) in MPa along ``history``.
 
     Complex if ``p`` has complex values: with p.G = G + 1e-30j the imaginary part over 1e-30 is the
-    exact derivative by G.
+    exact derivative by G. What the testing machine does is no part of it.
     """
     return _respond(kind, history, model, p, direction, 1)[:, 0]
 
@@ -90,7 +88,6 @@ def _stepped(
     at: Averaged,
 ) -> np.ndarray:
     """Readings (n, len(pairs)) with the values of each pair in ``p`` and a complex step in what it names."""
-    history = LoadingHistory.of(experiment, at)
     batch = SimpleNamespace(**vars(p))
     if experiment.kind == "sliding" or (experiment.kind in HOMOGENEOUS and not _remembers(model, p)):
         # Without memory all readings are solved at once, so the parameters come one by one.
@@ -98,12 +95,22 @@ def _stepped(
         for values, name in pairs:
             one = SimpleNamespace(**{**vars(p), **values})
             setattr(one, name, getattr(one, name) + 1j * STEP)
-            parts.append(_respond(experiment.kind, history, model, one, experiment.direction, 1)[:, 0])
+            parts.append(_read(experiment, model, one, at, 1)[:, 0])
         return np.stack(parts, axis=1)
     for key in dict.fromkeys(key for values, name in pairs for key in (*values, name)):
         own = np.array([values.get(key, getattr(p, key)) for values, _ in pairs], dtype=complex)
         setattr(batch, key, own + 1j * STEP * np.array([name == key for _, name in pairs]))
-    return _respond(experiment.kind, history, model, batch, experiment.direction, len(pairs))
+    return _read(experiment, model, batch, at, len(pairs))
+
+
+def _read(experiment: Experiment, model: Model, p: SimpleNamespace, at: Averaged, count: int) -> np.ndarray:
+    """(n, count), with what the testing machine does."""
+    history = LoadingHistory.of(experiment, at)
+    if not model.laws("rig"):
+        return _respond(experiment.kind, history, model, p, experiment.direction, count)
+    machine = Machine(experiment, model, p, at)
+    own = machine.specimen(history)
+    return machine.reading(_respond(experiment.kind, own, model, p, experiment.direction, count))
 
 
 def _remembers(model: Model, p: SimpleNamespace) -> bool:

@@ -27,7 +27,7 @@ def traction(
         state |= law.start(count, p)
     old, out = np.zeros((3, count)), []
     for x, dt, reached in history.steps(np.inf, STEPS):
-        jump = np.zeros((3, count))
+        jump = np.zeros((3, count), dtype=np.result_type(x, float))
         jump[axis] = x
         # The middle of a specimen: no skin.
         at = Points(X=np.zeros((3, count)), depth=np.full(count, 1e6), dt=dt, jump_old=old)

@@ -24,6 +24,8 @@ from cutbench.mechanisms.base import STEP, Points
 
 #: Largest step of ln λ of laws with state, and fewest steps to a reading: their errors are of first order.
 LARGEST, FEWEST = 0.02, 4
+#: A change of ln of the free stretch below this leaves less than its square.
+CLOSE = 1e-7
 #: Depth in mm at which the skin of a specimen is not felt.
 DEEP = 1e6
 
@@ -45,11 +47,12 @@ def nominal_stress(
     body = _Body(model, p, MODES[kind])
     if not body.start(1) and count == 1:
         # Without memory the order does not matter.
-        return body.advance(history.x, np.log(history.x) * body.mode.lateral, {}, 1.0)[0][:, None]
+        x = history.x.ravel()
+        return body.advance(x, np.log(x.real) * body.mode.lateral, {}, 1.0)[0][:, None]
     state, free, before, out = body.start(count), np.zeros(count), 1.0, []
     for stretch, dt, reached in history.steps(largest, fewest, log=True):
-        guess = free + body.mode.lateral * np.log(stretch / before)
-        stress, free, state = body.advance(np.full(count, stretch), guess, state, dt)
+        guess = free + body.mode.lateral * np.log(np.real(stretch / before))
+        stress, free, state = body.advance(np.broadcast_to(stretch, (count,)), guess, state, dt)
         before = stretch
         if reached:
             out.append(stress)
@@ -90,8 +93,9 @@ class _Body:
             b = self.mode.lateral * np.log(stretch)
             P, free, new = self._stress(stretch, b, self.p, state, dt)
             return P - free * np.exp(b) / stretch, b, new
-        b, slope = self._balanced(stretch, guess, {k: np.real(v) for k, v in state.items()}, dt)
-        if self.complex:
+        real = {k: np.real(v) for k, v in state.items()}
+        b, slope = self._balanced(np.real(stretch), guess, real, dt)
+        if self.complex or np.iscomplexobj(stretch):
             # Imaginary parts are infinitesimal, so one step of Newton's method settles them.
             rest = self._stress(stretch, b, self.p, state, dt)[1]
             moved = b - 1j * np.imag(rest) / slope
@@ -110,7 +114,7 @@ class _Body:
             b = b + np.clip(change, -0.2, 0.2)
             if not np.all(np.isfinite(b)):
                 break
-            if np.all(np.abs(change) < 1e-12):
+            if np.all(np.abs(change) < CLOSE):
                 return b, slope
         raise ComputationFailed(
             f"no lateral stretch balances a stretch of {np.max(stretch):.3g} with these parameters"

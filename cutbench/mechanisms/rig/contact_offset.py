@@ -12,6 +12,7 @@ class ContactOffset(Rig):
 
     name = "contact_offset"
     title = "contact-point offset"
+    cause = "reading"
     rank = 1
     parameters = (
         Parameter.effect(

@@ -9,6 +9,7 @@ class ForceDrift(Rig):
 
     name = "force_drift"
     title = "load-cell drift"
+    cause = "reading"
     rank = 2  # the machine gives under the true force
     parameters = (
         Parameter.effect("drift", "N/s", "D", "rate of the force's zero", low=-1e3, high=1e3, typical=5e-4),

@@ -10,7 +10,7 @@ class MachineCompliance(Rig):
     name = "machine_compliance"
     title = "machine compliance"
     parameters = (
-        Parameter.effect("compliance", "mm/N", "C_m", "machine's compliance", high=10.0, typical=0.05),
+        Parameter.effect("compliance", "mm/N", "C_m", "machine's compliance", high=1e3, typical=0.05),
     )
     reads = ("G", "length")
 

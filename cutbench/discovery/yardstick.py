@@ -1,0 +1,72 @@
+"""How wrong models of one campaign are, beside one another.
+
+Where the first of them misses the curves by more than their noise, in squares of what is missed beyond noise,
+as parts of each curve's largest value: what a person sees. Elsewhere in squares of standard deviations, which
+also count what is known more exactly than a curve as a whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from cutbench.data.covariance import Covariance
+from cutbench.data.discrepancy import allowing, misfit, taken_up
+from cutbench.discovery.columns import Sensed
+from cutbench.discovery.point import Point
+from cutbench.discovery.score import Score
+
+
+@dataclass(frozen=True)
+class Yardstick:
+    """``first``: the model that others are held against; ``expected``: χ² of data that a model describes."""
+
+    first: Point
+    expected: float
+
+    @cached_property
+    def noise(self) -> Covariance:
+        return self.first.w.noise
+
+    @cached_property
+    def by_noise(self) -> float:
+        """Squares that noise makes, as parts of each curve's largest value."""
+        return sum(float(np.trace(b.noise)) / self._size(id) ** 2 for id, b in self.noise.tests.items())
+
+    @cached_property
+    def plain(self) -> bool:
+        return self._squares(self.first.residual) > 2 * self.by_noise
+
+    def of(self, residual: Mapping[str, np.ndarray], J: Mapping[str, np.ndarray]) -> float:
+        """Of ``residual`` (m,) by id, what is beyond noise and what parameters with derivatives ``J`` (m, k)
+        take up."""
+        if self.plain:
+            w = allowing(self.noise, residual, J)
+            return sum(misfit(w, id, residual[id]) ** 2 for id in w.tests)
+        white = self.noise.white(taken_up(self.noise, residual, J))
+        return max(float(white @ white) - self.expected, 0.0)
+
+    def left(self, point: Point) -> float:
+        """The part of what the first model gets wrong that ``point`` does; none where nothing is wrong."""
+        return self._part(self.of(point.residual, point.J))
+
+    def _part(self, wrong: float) -> float:
+        whole = self.of(self.first.residual, self.first.J)
+        return wrong / whole if whole > 0 else 0.0
+
+    def after(self, sensed: Sensed, score: Score) -> float:
+        """The part that is left after a score's step."""
+        stepped = {
+            id: r + sensed.J[id] @ score.free + score.column.by[id] @ score.strengths
+            for id, r in self.first.residual.items()
+        }
+        return self._part(self.of(stepped, sensed.J))
+
+    def _size(self, id: str) -> float:
+        return float(np.abs(self.first.inverse.grids[id].mean).max())
+
+    def _squares(self, residual: Mapping[str, np.ndarray]) -> float:
+        return sum(float(r @ r) / self._size(id) ** 2 for id, r in residual.items())
