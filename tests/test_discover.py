@@ -155,7 +155,7 @@ def test_rubber_stiffens_and_the_other_tests_gain():
 def test_a_silicone_too():
     d = discover(load_campaign(STUDIES / "silicone" / "meunier.toml"), workers=0)
     assert d.verdict == "mechanism" and d.found[0] in ("gent", "yeoh")
-    assert d.gain.gain > 2 * d.gain.gain_se > 0
+    assert d.gain.gain > 0.5 and d.gain.better > 4 * d.gain.better_se > 0
 
 
 def test_discovery_json_has_its_keys(gent, tmp_path):

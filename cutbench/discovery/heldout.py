@@ -36,12 +36,13 @@ TELLING = 2.0
 
 @dataclass(frozen=True)
 class HeldOutPart:
-    """Readings (m,) held out, their covariance (m, m), the deviation (m,) that scatter and noise make, and
-    the value that errors are taken relative to."""
+    """Readings (m,) held out, their covariance (m, m) with what both models miss and that of their ``noise``
+    alone, the deviation (m,) that this makes, and the value that errors are taken relative to."""
 
     experiment: Experiment
     measured: np.ndarray
     covariance: np.ndarray
+    noise: np.ndarray
     deviation: np.ndarray
     size: float
 
@@ -110,7 +111,7 @@ def compare(before: Point, after: Point, *, tests: bool = True) -> Heldout:
         d, scale = y1 - y0, p.size if relative else 1.0
         plain += np.array([
             ((y0 - p.measured) ** 2).sum(), ((y1 - p.measured) ** 2).sum(),
-            4 * d @ p.covariance @ d / scale**2, (p.deviation**2).sum(),
+            4 * d @ p.noise @ d / scale**2, (p.deviation**2).sum(),
         ]) / scale**2  # fmt: skip
         shape += np.array([_beyond_factor(y, p.measured) for y in (y0, y1)]) / scale**2
         count += p.measured.size
@@ -160,7 +161,7 @@ def _missing(noise: Block, grid: Averaged, predicted: Sequence[np.ndarray]) -> B
 
 
 def _part(e: Experiment, mean: np.ndarray, C: Block) -> HeldOutPart:
-    return HeldOutPart(e, mean, C.total, C.deviation, float(np.abs(mean).max()))
+    return HeldOutPart(e, mean, C.total, C.noise, C.deviation, float(np.abs(mean).max()))
 
 
 def _folds(before: Point, after: Point):
@@ -185,7 +186,8 @@ def _folds(before: Point, after: Point):
         C, size = Block.of(grid, pooled[e.kind], mean, count=count), float(np.abs(mean).max())
         C = _missing(C, grid, [point.y[e.id] for point in (before, after)])
         for curve, out, kept, rest in folds:
-            parts.append(HeldOutPart(e, curve[out], C.total[np.ix_(out, out)], C.deviation[out], size))
+            total, noise = (part[np.ix_(out, out)] for part in (C.total, C.noise))
+            parts.append(HeldOutPart(e, curve[out], total, noise, C.deviation[out], size))
             for point, into in ((before, one), (after, other)):
                 into.append(_without(point, e.id, kept, rest)[out])
         ways.append(f"{way} after the other")

@@ -1,6 +1,6 @@
 """How wrong models of one campaign are, beside one another.
 
-Where the first of them misses the curves by more than their noise, in squares of what is missed beyond noise,
+Where most of what the first of them leaves is no noise, in squares of what is missed beyond noise,
 as parts of each curve's largest value: what a person sees. Elsewhere in squares of standard deviations, which
 also count what is known more exactly than a curve as a whole.
 """
@@ -32,13 +32,9 @@ class Yardstick:
         return self.first.w.noise
 
     @cached_property
-    def by_noise(self) -> float:
-        """Squares that noise makes, as parts of each curve's largest value."""
-        return sum(float(np.trace(b.noise)) / self._size(id) ** 2 for id, b in self.noise.tests.items())
-
-    @cached_property
     def plain(self) -> bool:
-        return self._squares(self.first.residual) > 2 * self.by_noise
+        missed = sum(self.first.misfit[id] ** 2 * r.size for id, r in self.first.residual.items())
+        return missed > self._squares(self.first.residual) / 2
 
     def of(self, residual: Mapping[str, np.ndarray], J: Mapping[str, np.ndarray]) -> float:
         """Of ``residual`` (m,) by id, what is beyond noise and what parameters with derivatives ``J`` (m, k)
