@@ -232,6 +232,35 @@ def test_an_emulator_goes_through_its_values_and_is_unsure_between_them():
         Emulator(np.zeros((0, 2)), np.zeros(0))
 
 
+@pytest.mark.parametrize("adhesion", [0.0, 0.0106, 0.187])
+def test_the_search_of_the_default_study_has_the_line_within_its_tolerance(adhesion):
+    """On a formula like its drop: a power of viscosity on the line, level where viscosity is small."""
+    study = load_study(Path(__file__).resolve().parents[1] / "studies" / "transition.toml")
+    (low, high), (thin, thick) = ((a.values[0], a.values[-1]) for a in study.axes[:2])
+
+    def line(cohesion):  # viscosity
+        return 3.4 * math.exp(-3.4 * adhesion) * (cohesion / 2.58) ** -(0.9 + 7 * adhesion)
+
+    def field(p):
+        viscosity = thin * (thick / thin) ** p[1]
+        over = 2.2 * math.log(line(low * (high / low) ** p[0]) / viscosity)
+        return math.tanh(min(over, 2.0 - 4 * adhesion))
+
+    shape, search = study.shape[:2], study.search
+    seeker, known = Seeker(shape, start=search.start, batch=search.batch, runs=search.runs), {}
+    while asked := seeker.ask(known):
+        known |= {i: field(np.array(i) / (np.array(shape) - 1)) for i in asked}
+    mean, compared = seeker.estimate(known).mean, 0
+    for i, column in enumerate(mean):
+        true = study.axes[1].place(line(study.axes[0].values[i]))
+        if 0.02 < true < 0.98:
+            (j,) = np.flatnonzero(np.diff(column >= 0))
+            found = (j + column[j] / (column[j] - column[j + 1])) / (shape[1] - 1)
+            assert abs(found - true) < study.axes[1].tolerance, (study.axes[0].values[i], found, true)
+            compared += 1
+    assert compared > 30
+
+
 STUDY = """mode = "boundary"
 base = "gelatin"
 [[axis]]
