@@ -345,4 +345,4 @@ def test_the_kept_boundary_agrees_with_the_kept_grid(name, points, part, axes):
     assert found.runs[0] <= found.whole / 8 and found.whole >= points
     assert found.wrong_far == 0 and found.points > 50 and found.far > found.points / 3
     assert json.loads(sought.attrs["tolerance"]) == dict.fromkeys(axes, part)
-    assert not sought["unsure"].values.any()
+    assert sought["unsure"].values.mean() < 0.01
