@@ -194,7 +194,7 @@ def test_discovery_computes_what_was_measured(tmp_path):
         raise ComputationFailed("seen")
 
     inverse, q = Inverse(campaign, unknowns(campaign), run), np.zeros(1)
-    chosen, _ = candidates(campaign, campaign.base)
+    chosen, _ = candidates(inverse, campaign.base)
     for look in (lambda: inverse.predictions(q), lambda: sense(inverse, q, chosen, run)):
         with pytest.raises(ComputationFailed):
             look()
