@@ -132,6 +132,8 @@ def test_a_sweep_says_once_what_its_runs_are_to_be_doubted_for(corner, tmp_path,
         '[[axis]]\nname = "cohesion"\nvalues = [5.0, 9.0]\n',
         encoding="utf-8",
     )
-    said = invoke("sweep", study, "--out", tmp_path / "maps")
+    monkeypatch.chdir(tmp_path)
+    said = invoke("sweep", study)
     assert said.exit_code == 130, said.output
+    assert (tmp_path / "maps" / "coarse").is_dir()
     assert said.output.count("larger than it is round") == (corner == 0.5)

@@ -15,7 +15,10 @@ from cutbench.cli.progress import bar
 @exits
 def sweep(
     study: Annotated[Path, typer.Argument(metavar="STUDY.toml", help="The axes and the base of the map.")],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Where the map and its runs are written.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Where the map and its runs are written; default: maps/STUDY."),
+    ] = None,
     workers: Annotated[
         str | None, typer.Option(metavar="N", help="Processes; default: one a core.", show_default=False)
     ] = None,
@@ -37,6 +40,7 @@ def sweep(
     from cutbench.maps.study import load_study
     from cutbench.maps.sweep import run_study
 
+    out = out or Path("maps") / study.stem
     plan, processes = load_study(study), whole("--workers", workers)
     if dry_run:
         from cutbench.maps.forecast import forecast
