@@ -3,7 +3,8 @@
     python -m benchmarks.robustness --points 200 --workers 2 --json FILE
 
 A Latin hypercube over the axes of a study, each widened by half (a quarter of its length, in logarithms
-where the axis is logarithmic, beyond either end), and over the length of the blade's tip, 0.5 to 4 mm.
+where the axis is logarithmic, beyond either end), and over the length of the blade's tip, 0.5 to 4 mm;
+with ``--wide`` over the length of the surfaces, friction and a cut made beforehand, too.
 Runs are kept in a store: started again with the same points and seed, it computes what is missing.
 Exit status 1 if fewer than 99 % reach their depth, 2 for bad input.
 """
@@ -37,6 +38,12 @@ STUDY = ROOT / "studies" / "transition.toml"
 WIDEN = 0.5
 #: Length of the blade's tip, mm: from blunt to slender.
 TIP_MM = (0.5, 4.0)
+#: What ``--wide`` adds: a quarter to twice the default's length, no friction to a dry blade's, up to 3 mm.
+WIDE = (
+    ("surface_length", "mm", 0.0175, 0.14, True),
+    ("mu", "1", 0.0, 0.5, False),
+    ("precut", "mm", 0.0, 3.0, False),
+)
 #: Part of the points that has to reach its depth.
 WANTED = 0.99
 
@@ -71,21 +78,20 @@ def side_of(axis: Axis, widen: float = WIDEN) -> Side:
     return Side(axis.name, axis.unit, max(low - more, 0.0) if low >= 0 else low - more, high + more, False)
 
 
-def box(study: Study) -> list[Side]:
-    """The study's axes and, unless one of them sets it, the length of the tip."""
-    sides = [side_of(axis) for axis in study.axes]
-    if all(axis.sets != "tip" for axis in study.axes):
-        sides.append(Side("tip", "mm", *TIP_MM, True))
-    return sides
+def box(study: Study, wide: bool = False) -> list[Side]:
+    """The study's axes and, unless one of them sets it, the length of the tip; with ``wide`` more."""
+    more = [Side("tip", "mm", *TIP_MM, True), *(Side(*side) for side in WIDE if wide)]
+    taken = {axis.sets for axis in study.axes}
+    return [*map(side_of, study.axes), *(side for side in more if side.name not in taken)]
 
 
-def points(study: Study, count: int, *, seed: int = 1, **changes: object) -> list[Case]:
+def points(study: Study, count: int, *, seed: int = 1, wide: bool = False, **changes: object) -> list[Case]:
     """``count`` cases of a Latin hypercube over the study's box; ``changes`` as ``Case.set`` takes them.
 
     The blade goes down to the bottom, wherever the study's runs end, unless ``changes`` say otherwise.
     """
     down = {"depth": f"{study.base.p.height!r} mm", "until": "depth"}
-    return drawn(study.base.set(**{**down, **changes}), box(study), count, seed)
+    return drawn(study.base.set(**{**down, **changes}), box(study, wide), count, seed)
 
 
 def drawn(base: Case, sides: Sequence[Side], count: int, seed: int) -> list[Case]:
@@ -176,6 +182,10 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--study", type=Path, default=STUDY, help="default studies/transition.toml")
     parser.add_argument("--depth", help="blade travel with its unit (default: the specimen's height)")
+    parser.add_argument(
+        "--until", choices=("depth", "transition"), help="where runs end (default: at the depth)"
+    )
+    parser.add_argument("--wide", action="store_true", help="other surfaces, friction and pre-cuts, too")
     parser.add_argument("--h", help="element size at the cut plane with its unit")
     parser.add_argument("--store", type=Path, default=ROOT / "runs" / "robustness", metavar="DIR")
     parser.add_argument("--json", type=Path, metavar="FILE")
@@ -191,8 +201,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     asked = arguments(argv)
     try:
         study, store = load_study(asked.study), Store(asked.store)
-        changes = {key: getattr(asked, key) for key in ("depth", "h") if getattr(asked, key) is not None}
-        cases = points(study, asked.points, seed=asked.seed, **changes)
+        changes = {
+            key: getattr(asked, key) for key in ("depth", "h", "until") if getattr(asked, key) is not None
+        }
+        cases = points(study, asked.points, seed=asked.seed, wide=asked.wide, **changes)
         records: list[dict] = []
         stopped = None
         began = time.monotonic()
