@@ -3,7 +3,7 @@
 ``python docs/claims.py DIR PAGE`` writes it.
 
 Between the page's two marks stand the tables of DIR's claims.json, without links to runs that a reader has
-not; claims.json and the pictures are copied into the folder ``figures`` beside the page.
+not; claims.json and the pictures are copied into docs/figures.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def put(found: str | Path, page: str | Path) -> None:
     _, end, tail = rest.partition(END)
     if not (begin and end):
         raise BadInput(file=str(page), key="marks", value="(missing)", expected=f"{BEGIN} and {END} in it")
-    figures = page.parent / "figures"
+    figures = Path(__file__).with_name("figures")
     figures.mkdir(exist_ok=True)
     with replacing(figures / "claims.json") as draft:
         draft.write_text(

@@ -123,7 +123,7 @@ def renewed(text: str) -> str:
 
 def main(argv: Sequence[str] | None = None) -> int:
     check, stale = "--check" in (sys.argv[1:] if argv is None else argv), []
-    for page in sorted(HERE.glob("*.md")):
+    for page in sorted(HERE.rglob("*.md")):
         text = page.read_text(encoding="utf-8")
         if (new := renewed(text)) != text:
             stale.append(page.name)

@@ -24,10 +24,14 @@ from cutbench.case.materials import names as material_names
 from cutbench.cli.main import app
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 TEXTS = [ROOT / "CONTRIBUTING.md", *PAGES]
 SET_UP = re.compile(r"<!-- set-up: (\w+) -->\s*$")
 KINDS = {"python", "console", "toml"}
+
+
+def named(page: Path) -> str:
+    return page.relative_to(ROOT).as_posix()
 
 
 class Block(NamedTuple):
@@ -94,11 +98,11 @@ def written_in(page: Path, line: int):
         yield folder, [name for row in rows for name in re.findall(r"`([^`]+)`", row.split("|")[1])]
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=named)
 def test_blocks_run(page, tmp_path):
     script = []
     for block in blocks(page):
-        where = f"{page.name}, line {block.line}"
+        where = f"{named(page)}, line {block.line}"
         assert block.kind in KINDS, f"{where}: a block of kind '{block.kind}' is not run by any test"
         if block.set_up:
             continue
@@ -168,7 +172,7 @@ def test_tables_are_as_the_code_has_them():
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("page", TEXTS, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", TEXTS, ids=named)
 def test_paths_are_there(page):
     """Files and folders of the repository that a page names, and modules that are run with python -m."""
     text = page.read_text(encoding="utf-8")

@@ -94,9 +94,9 @@ class Numerics:
     symmetry: str = _one_of("auto", "quarter", "half", "full")
     """Part of the block that is meshed; auto: the smallest that will do."""
     solver: str = _one_of("auto", "superlu", "pardiso", "kept", "multigrid")
-    """Linear solver; auto: PARDISO where installed, else SuperLU; for blocks see [solid.md](solid.md)."""
+    """Linear solver; auto: PARDISO where installed, else SuperLU; of blocks: [solid](../how-to/solid.md)."""
     mesh: str | None = None
-    """A mesh file; see [solid.md](solid.md)."""
+    """A mesh file; see [solid](../how-to/solid.md)."""
     tuning: Tuning = field(default_factory=Tuning)
     """The numbers that nobody sets."""
 
@@ -180,11 +180,11 @@ def preset(name: object, dim: int, modulus: float, thickness: float) -> Numerics
     """The numerics called ``name``, for a shear ``modulus`` and a blade. BadInput for an unknown name.
 
     ``converged``: the defaults. ``fast``: elements twice as tall and steps twice as long, for first looks;
-    what that costs stands in docs/numerics.md. A block has its defaults. ``paper``: linear elements of the
-    paper's size, the material's normal, its dimensionless gap 1 − (x−c)ᵀA(x−c) with ε_N/h, h the element's
-    diameter, and multipliers that are updated until they stand still, sticking with ε_T/h, a cut plane that
-    resists closing as it resists opening, damage staggered, its steps. Strengths of friction and adhesion
-    follow the last step's pressure all the same, not this one's.
+    docs/explanation/numerics.md says what that costs. A block has its defaults. ``paper``: linear elements of
+    the paper's size, the material's normal, its dimensionless gap 1 − (x−c)ᵀA(x−c) with ε_N/h, h the
+    element's diameter, and multipliers that are updated until they stand still, sticking with ε_T/h, a cut
+    plane that resists closing as it resists opening, damage staggered, its steps. Strengths of friction and
+    adhesion follow the last step's pressure all the same, not this one's.
     """
     among("numerics", name, PRESETS)
     start = defaults(dim)
