@@ -55,7 +55,7 @@ def test_what_the_documentation_opens_is_in_the_wheel():
 
 @pytest.mark.parametrize("section", ["blade", "specimen", "protocol"])
 def test_the_keys_of_each_section_are_documented(section):
-    page = (ROOT / "docs" / "how-to" / "data.md").read_text("utf-8")
+    page = (ROOT / "docs" / "reference" / "files.md").read_text("utf-8")
     parameters = [q for law in registry().values() for q in law.parameters] + [*SPECIMEN, *PROTOCOL]
     row = re.search(rf"^\| `\[{section}\]` \|.*$", page, re.M)[0]
     for name in {q.name for q in parameters if section_of(q.name) == section}:

@@ -21,7 +21,7 @@ def page_law(name: str, page: str) -> str:
     return text
 
 
-FINITE = page_law("finite", "docs/reference/mechanisms.md")
+FINITE = page_law("finite", "docs/how-to/extend.md")
 DEMIRAY = page_law("demiray", "README.md")
 HOOKE = '''"""Ψ = G/2 |F − 1|²: small strain, taken at its word at any rotation."""
 

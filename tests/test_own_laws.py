@@ -21,7 +21,7 @@ from cutbench.mechanisms import Points, registry, use_mechanisms
 from cutbench.mechanisms.registered import laws_of, load_file
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = (ROOT / "docs" / "reference" / "mechanisms.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "how-to" / "extend.md").read_text(encoding="utf-8")
 
 
 def python(code: str, folder: Path) -> str:

@@ -180,8 +180,8 @@ def preset(name: object, dim: int, modulus: float, thickness: float) -> Numerics
     """The numerics called ``name``, for a shear ``modulus`` and a blade. BadInput for an unknown name.
 
     ``converged``: the defaults. ``fast``: elements twice as tall and steps twice as long, for first looks;
-    docs/explanation/numerics.md says what that costs. A block has its defaults. ``paper``: linear elements of
-    the paper's size, the material's normal, its dimensionless gap 1 − (x−c)ᵀA(x−c) with ε_N/h, h the
+    docs/validation/convergence.md says what that costs. A block has its defaults. ``paper``: linear elements
+    of the paper's size, the material's normal, its dimensionless gap 1 − (x−c)ᵀA(x−c) with ε_N/h, h the
     element's diameter, and multipliers that are updated until they stand still, sticking with ε_T/h, a cut
     plane that resists closing as it resists opening, damage staggered, its steps. Strengths of friction and
     adhesion follow the last step's pressure all the same, not this one's.

@@ -42,6 +42,6 @@ CLAIM = Claim(
     " top edge), 0.94 MPa (meat, at the front), almost none behind.",
     {name: Ask(name) for name in ("gelatin", "elastomer", "meat")},
     read,
-    beyond="the pattern over the blade's length: with the paper's numerics in docs/how-to/solid.md; with the"
-    " defaults a block takes hours to 13 mm",
+    beyond="the pattern over the blade's length: with the paper's numerics in docs/validation/published3d.md;"
+    " with the defaults a block takes hours to 13 mm",
 )
