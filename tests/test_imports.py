@@ -27,6 +27,7 @@ ROOMS = (
     "calibration",
     "discovery",
     "verification",
+    "app",
     "cli",
 )
 LEVEL = {room: level for level, room in enumerate(ROOMS)}

@@ -2,30 +2,17 @@
 
 from __future__ import annotations
 
-import shutil
-
 import numpy as np
 import page_maps
 import pytest
+from chromium import NEEDED, a_browser, look  # noqa: F401 (a fixture)
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+from selenium.webdriver.support.ui import WebDriverWait
 
 from cutbench.maps.dataset import load_map
 
-webdriver = pytest.importorskip("selenium.webdriver", reason="no selenium here")
-from selenium.common.exceptions import WebDriverException  # noqa: E402
-from selenium.webdriver.chrome.service import Service  # noqa: E402
-from selenium.webdriver.common.by import By  # noqa: E402
-from selenium.webdriver.common.keys import Keys  # noqa: E402
-from selenium.webdriver.support.ui import WebDriverWait  # noqa: E402
-
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-DRIVER = shutil.which("chromedriver")
-pytestmark = pytest.mark.skipif(not (BROWSER and DRIVER), reason="no Chromium with its chromedriver here")
-
-FLAGS = (
-    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
-    "--disable-background-networking", "--disable-component-update", "--disable-sync",
-    "--host-resolver-rules=MAP * ~NOTFOUND",
-)  # fmt: skip
+pytestmark = NEEDED
 
 
 @pytest.fixture(scope="module")
@@ -34,31 +21,6 @@ def folders(tmp_path_factory):
         kind: page_maps.swept(tmp_path_factory.mktemp(kind), text)
         for kind, text in (("grid", page_maps.GRID), ("sought", page_maps.SOUGHT))
     }
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    options = webdriver.ChromeOptions()
-    options.binary_location = BROWSER
-    for flag in (*FLAGS, f"--user-data-dir={tmp_path_factory.mktemp('profile')}"):
-        options.add_argument(flag)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    try:
-        found = webdriver.Chrome(options=options, service=Service(DRIVER))
-    except WebDriverException as error:
-        pytest.skip(f"Chromium does not start here: {str(error).splitlines()[0]}")
-    found.set_page_load_timeout(60)
-    yield found
-    found.quit()
-
-
-def look(browser, width=1200, dark=False, touch=False, paper=False):
-    screen = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": touch}
-    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
-    browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": touch})
-    scheme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
-    media = {"media": "print" if paper else "screen", "features": scheme}
-    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", media)
 
 
 @pytest.fixture(params=["grid", "sought"])

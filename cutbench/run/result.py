@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
 
@@ -79,6 +79,16 @@ class Snapshot:
     def current(self) -> np.ndarray:
         """Deformed positions (n, 3) in mm."""
         return self.points + self.point_data["displacement"]
+
+
+class OnStep(Protocol):
+    """Called after each step with its row of the curve and, where fields are kept, the snapshot."""
+
+    def __call__(self, row: Mapping[str, float], snapshot: Snapshot | None) -> None: ...
+
+
+def unwatched(row: Mapping[str, float], snapshot: Snapshot | None) -> None:
+    """Nobody looks."""
 
 
 @dataclass

@@ -21,7 +21,7 @@ from cutbench.run.front import Front
 from cutbench.run.ledger import Ledger
 from cutbench.run.measures import forward, measures
 from cutbench.run.remeshing import Place, RemeshedMarch, Transfer
-from cutbench.run.result import Outcome, Result, Snapshot
+from cutbench.run.result import OnStep, Outcome, Result, Snapshot, unwatched
 from cutbench.run.sensitivity import checked, directions, start_sensitivities
 from cutbench.solver.march import Accepted, Progress, Stalled
 
@@ -46,6 +46,7 @@ def run_case(
     case: Case,
     *,
     on_progress: OnProgress = silent,
+    on_step: OnStep = unwatched,
     snapshots_mm: Sequence[float] = (),
     sensitivities: Sequence[str] = (),
     checkpoint: Checkpoint | None = None,
@@ -54,11 +55,11 @@ def run_case(
 
     ``on_progress`` has the blade's time × speed in mm, its end as far as that is known, and the force; fields
     are kept at the first step at or past each of ``snapshots_mm``, and where it ended before the last of
-    them. ``sensitivities`` names parameters: ``result.sensitivities`` then has dF/dθ along the curve, and
-    each snapshot du/dθ. ``checkpoint`` keeps the state of the run, which begins from what it holds;
-    derivatives are not part of it, so a run with both begins anew. A KeyboardInterrupt ends the run with
-    what it has. Raises BadInput if no law lets the blade meet the specimen, the case's mesh cannot be used,
-    or it cannot be differentiated by one of the names.
+    them. ``on_step`` has the curve's rows, and those fields, as they come. ``sensitivities`` names parameters:
+    ``result.sensitivities`` then has dF/dθ along the curve, and each snapshot du/dθ. ``checkpoint`` keeps the
+    state of the run, which begins from what it holds; derivatives are not part of it, so a run with both
+    begins anew. A KeyboardInterrupt ends the run with what it has. Raises BadInput if no law lets the blade
+    meet the specimen, the case's mesh cannot be used, or it cannot be differentiated by one of the names.
     """
     began = time.perf_counter()
     check_driven(case.model)
@@ -79,7 +80,7 @@ def run_case(
     crossing, ending = Crossing(), Ending(case, built.march.motion, ledger)
     wanted = sorted(snapshots_mm)
     pictures: list[Snapshot] = []
-    interrupted, stalled = False, ""
+    interrupted, stalled, seen = False, "", 0
     last: tuple[Built, Accepted] | None = None
     keeper = _Keeper(meshes, ledger, front, crossing, pictures, began)
 
@@ -122,6 +123,8 @@ def run_case(
                         add_slopes(pictures[-1], built, names, follower.displacements())
                     wanted = [d for d in wanted if d > step.travel + 1e-9]
                 report()
+                on_step(ledger.last, pictures[-1] if len(pictures) > seen else None)
+                seen = len(pictures)
             if checkpoint is not None and not names:
                 checkpoint.offer(keeper.state(step.progress))
             if ending.known():

@@ -91,20 +91,25 @@ class _Half:
 
     @property
     def top_kPa(self) -> float:
-        """By area, not by nodes: most of them are at the tip."""
-        a, b, c = (self.x[self.triangles[:, k]] for k in range(3))
-        (ux, uy), (vx, vy) = (b - a).T, (c - a).T
-        shares = np.repeat(np.abs(ux * vy - uy * vx)[:, None] / 3, 3, axis=1)
-        area = np.bincount(self.triangles.ravel(), shares.ravel(), minlength=self.stress_kPa.size)
-        order = np.argsort(self.stress_kPa)
-        below = np.cumsum(area[order])
-        found = np.searchsorted(below, TOP_PERCENTILE / 100 * below[-1])
-        return float(self.stress_kPa[order[min(found, order.size - 1)]])
+        return scale_end(self.x, self.triangles, self.stress_kPa)
 
     @property
     def sides(self) -> tuple[float, ...]:
         """Factors on x: the half block and its mirror image, or the full block as it is."""
         return (1.0,) if self.full else (1.0, -1.0)
+
+
+def scale_end(x: np.ndarray, triangles: np.ndarray, values: np.ndarray) -> float:
+    """Where the colours of ``values`` (n,) at the nodes ``x`` (n, 2) end: by area, not by nodes, of which
+    most are at the tip."""
+    a, b, c = (x[triangles[:, k]] for k in range(3))
+    (ux, uy), (vx, vy) = (b - a).T, (c - a).T
+    shares = np.repeat(np.abs(ux * vy - uy * vx)[:, None] / 3, 3, axis=1)
+    area = np.bincount(triangles.ravel(), shares.ravel(), minlength=values.size)
+    order = np.argsort(values)
+    below = np.cumsum(area[order])
+    found = np.searchsorted(below, TOP_PERCENTILE / 100 * below[-1])
+    return float(values[order[min(found, order.size - 1)]])
 
 
 def split(cells: np.ndarray) -> np.ndarray:

@@ -1,0 +1,83 @@
+"""From a dropped file and a few fields to a campaign that ``cutbench fit`` and ``discover`` take, too."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+from cutbench.base.errors import BadInput
+from cutbench.base.files import write_text
+from cutbench.case.case import known_materials
+from cutbench.data.campaign import load_campaign
+
+#: A file of readings is no larger, bytes.
+LARGEST = 20_000_000
+_NAME = re.compile(r"[\w][\w .+-]{0,80}\.(csv|txt|tsv|dat)", re.IGNORECASE)
+#: What a request may hold: the fields of an experiment, each a text or an object of texts.
+_FIELDS = ("kind", "columns", "units", "specimen", "blade", "speed", "time")
+
+
+def keep_file(folder: Path, name: str, content: bytes) -> dict:
+    """Write an uploaded file into ``folder``; its first lines. Raises BadInput for a name or a content that
+    is none of a table's."""
+    if not _NAME.fullmatch(name):
+        raise BadInput(
+            "file", name, "a name such as curve.csv: letters, digits, blanks; .csv, .txt, .tsv or .dat"
+        )
+    if not content or len(content) > LARGEST:
+        raise BadInput(name, f"{len(content)} bytes", f"1 to {LARGEST} bytes")
+    if b"\0" in content and content[:2] not in (b"\xff\xfe", b"\xfe\xff"):
+        raise BadInput(name, "binary", "a table as text")
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / name).write_bytes(content)
+    text = content.decode(
+        "utf-16" if content[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8", errors="replace"
+    )
+    return {"name": name, "head": [line[:200] for line in text.splitlines()[:12]]}
+
+
+def write_campaign(folder: Path, request: Mapping[str, object]) -> Path:
+    """The campaign file of ``request``, beside its data, read and found good. Raises BadInput."""
+    names = request.get("files") or []
+    if not isinstance(names, list) or not names:
+        raise BadInput("files", names, "one file at least")
+    material = request.get("material", "gelatin")
+    if material not in known_materials():
+        raise BadInput("material", material, f"one of {', '.join(known_materials())}")
+    lines = [
+        f"title = {_text('Readings from ' + ', '.join(map(str, names)))}",
+        f"material = {_text(material)}",
+    ]
+    if free := request.get("free"):
+        lines += ["", "[fit]", f"free = {json.dumps(free)}"]
+    for place, name in enumerate(names):
+        if not _NAME.fullmatch(str(name)) or not (folder / str(name)).is_file():
+            raise BadInput("files", name, "a file that was uploaded")
+        lines += [
+            "",
+            "[[experiment]]",
+            f"id = {_text(f'{place + 1} {Path(str(name)).stem}')}",
+            f"data = {_text(name)}",
+        ]
+        for key in _FIELDS:
+            if value := request.get(key):
+                lines.append(f"{key} = {_value(value)}")
+    target = write_text("\n".join(lines), folder / "campaign.toml")
+    load_campaign(target)
+    return target
+
+
+def _text(value: object) -> str:
+    """A TOML text: JSON's, of which TOML takes all escapes that ``json`` writes but that of DEL."""
+    return json.dumps(str(value)).replace("\x7f", "")
+
+
+def _value(value: object) -> str:
+    if isinstance(value, Mapping):
+        inner = ", ".join(
+            f"{json.dumps(str(k))} = {_value(v)}" for k, v in value.items() if v not in ("", None)
+        )
+        return "{ " + inner + " }"
+    return str(value) if isinstance(value, int) else _text(value)
