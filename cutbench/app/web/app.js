@@ -91,6 +91,7 @@ async function start(event) {
   const curve = curves.at(-1), name = $("material").value;
   $("start").disabled = true; $("stop").disabled = false; $("part").hidden = false; $("part").removeAttribute("value");
   $("said").textContent = `${name}: running`; $("measures").replaceChildren(); $("files").replaceChildren();
+  if (innerWidth <= 820) $("said").scrollIntoView();
   let frame = 0;
   listen(job.id, told => {
     if (told.part !== undefined) { $("part").value = told.part; $("said").textContent = `${name}: ${told.text}`; }
