@@ -207,6 +207,47 @@ BAD = {
         "line 32: factors.force",
         "other than 0",
     ),
+    "no approach to find": ([toml('speed = "0.02 mm/s"', 'zero = "auto"')], "line 23: zero = 'auto'", "'A'"),
+    "contact beyond the readings": (
+        [toml('speed = "0.02 mm/s"', 'zero = "9 mm"')],
+        "line 23: zero = '9 mm'",
+        "to 6 mm",
+    ),
+    "a zero without a displacement": (
+        [
+            toml('displacement = "way"', 'stretch = "way"'),
+            toml('displacement = "mm", ', ""),
+            toml('role = "test"', 'zero = "1 mm"'),
+        ],
+        "line 32: zero = '1 mm'",
+        "a column of displacement",
+    ),
+    "no force before contact": (
+        [toml('speed = "0.02 mm/s"', 'zero = "0.1 mm"\nforce_zero = "auto"')],
+        "line 24: force_zero",
+        "0.01 N",
+    ),
+    "force zero without unit": (
+        [toml('speed = "0.02 mm/s"', "force_zero = 3")],
+        "line 23: force_zero = 3",
+        "a unit beside the number",
+    ),
+    "nothing left": (
+        [toml('speed = "0.02 mm/s"', 'from = "7 mm"')],
+        "line 23: from = '7 mm'",
+        "they go to 6 mm",
+    ),
+    "too little left": ([toml('speed = "0.02 mm/s"', 'from = "5 mm"')], "slow.csv, line 11: readings", "5"),
+    "lists of other lengths": (
+        [toml('"u [mm]", force = "F [N]", time = "t [s]", repetition = "rep"', "[1, 2], force = [3]")],
+        "line 19: columns.force",
+        "2 in every list",
+    ),
+    "a column twice in a list": (
+        [toml('displacement = "way", force = "load"', "displacement = 1, force = [2, 2]")],
+        "columns.force = '2'",
+        "a column of its own",
+    ),
     # the data files
     "missing column": ([toml('"F [N]"', '"Force"')], "slow.csv, line 1: columns.force = 'Force'", "F [N]"),
     "nearest column": ([toml('"load"', '"lod"')], "pull.csv, line 1: columns.force", "did you mean 'load'"),

@@ -52,6 +52,16 @@ CLOTHES = {
     "in": (table(head=("u in mm", "F in N")).encode(), None),
     "underscores": (table(head=("u_mm", "F_N")).encode(), None),
     "units below": (table(";", head=("u", "F")).replace("u;F\n", "u;F\n(mm);(N)\n").encode(), None),
+    "an instrument's header": (
+        table(head=("u", "F"), above="Project,X\nDate,1/2/2026\n")
+        .replace("u,F\n", "u,F\n(mm),(N)\n")
+        .encode(),
+        None,
+    ),
+    "unnamed columns beside": (
+        ("u [mm];F [N]\n" + "".join(f"{u:g};{f:g};7;x\n" for u, f in zip(U, F, strict=True))).encode(),
+        None,
+    ),
     "units given": (table(head=("u", "F")).encode(), {"displacement": "mm", "force": "N"}),
     "other case": (table(head=("U [mm]", "f [N]")).encode(), None),
     "more columns": (table(head=("u [mm]", "F [N]", "note")).replace("\n1", ",x\n1").encode(), None),
@@ -71,7 +81,57 @@ def test_clothes(name, tmp_path):
     assert path.read_bytes() == raw
 
 
+#: Two specimens side by side, the second one shorter: what the file holds, and how its columns are asked for.
+BESIDE = {
+    "under the same names": ("F,u,F,u\n(N),(mm),(N),(mm)", COLUMNS, ("1", "2")),
+    "with names above": (
+        "Tester 5;;;\nsoft;;hard;\nF [N];u [mm];F [N];u [mm]", COLUMNS, ("soft", "hard")
+    ),
+    "in other units": ("F [N],u [mm],F [mN],u [mm]", COLUMNS, ("1", "2")),
+    "by name": (
+        "F1 [N],u1 [mm],F2 [N],u2 [mm]", {"force": ["F1", "F2"], "displacement": ["u1", "u2"]}, ("F1", "F2")
+    ),
+    "by number, without titles": ("(N),(mm),(N),(mm)", {"force": [1, 3], "displacement": [2, 4]}, ("1", "2")),
+    "by number, with titles and units": (
+        "F,u,,\nN,mm,N,mm", {"force": [1, 3], "displacement": [2, 4]}, ("1", "2")
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BESIDE)
+def test_specimens_side_by_side(name, tmp_path):
+    head, columns, labels = BESIDE[name]
+    separator, scale = (";" if ";" in head else ","), (1000 if "[mN]" in head else 1)
+    rows = [f"{f:g},{u:g},{2 * scale * f:g},{u + 1:g}" for f, u in zip(F, U, strict=True)]
+    rows[-1] = f"{F[-1]:g},{U[-1]:g},,"
+    path = tmp_path / "data.csv"
+    path.write_text(f"{head}\n" + "\n".join(rows).replace(",", separator) + "\n", encoding="utf-8")
+    found = read_table(path, columns, wide=True)
+    assert found.specimens == labels
+    assert found.labels == (labels[0],) * 4 + (labels[1],) * 3
+    np.testing.assert_allclose(found.columns["force"], [*F, *(2 * f for f in F[:3])], rtol=1e-12)
+    np.testing.assert_allclose(found.columns["displacement"], [*U, *(u + 1 for u in U[:3])], rtol=1e-12)
+
+
+def test_a_shared_column_beside_several(tmp_path):
+    path = tmp_path / "data.csv"
+    path.write_text("u [mm];A [N];B [N]\n1;2;3\n4;5;6\n", encoding="utf-8")
+    found = read_table(path, {"displacement": "u", "force": ["A", "B"]}, wide=True)
+    assert found.labels == ("A", "A", "B", "B")
+    np.testing.assert_array_equal(found.columns["displacement"], [1, 4, 1, 4])
+    np.testing.assert_array_equal(found.columns["force"], [2, 5, 3, 6])
+
+
+def test_a_gap_within_a_specimen_is_no_end_of_it(tmp_path):
+    path = tmp_path / "data.csv"
+    path.write_text("F [N],u [mm],F [N],u [mm]\n1,1,2,2\n1,2,,\n1,3,3,3\n", encoding="utf-8")
+    with pytest.raises(BadInput, match=r"line 3: .* the cell is empty"):
+        read_table(path, COLUMNS, wide=True)
+
+
 UNITS = {
+    ("u [mm]", "F [g]"): (1.0, 9.80665e-3),
+    ("u (MM)", "Load (Kg)"): (1.0, 9.80665),
     ("u [m]", "F [mN]"): (1e3, 1e-3),
     ("u (µm)", "F (kN)"): (1e-3, 1e3),
     ("u / cm", "F / gf"): (10.0, 9.80665e-3),
@@ -83,7 +143,7 @@ UNITS = {
 def test_units_in_names(head, tmp_path):
     path = tmp_path / "data.csv"
     path.write_text(table(";", head), encoding="utf-8")
-    found = read_table(path, COLUMNS)
+    found = read_table(path, COLUMNS | {"force": head[1]})
     for role, values, factor in zip(COLUMNS, (U, F), UNITS[head], strict=True):
         np.testing.assert_allclose(found.columns[role], factor * np.array(values), rtol=1e-12)
 
@@ -91,9 +151,11 @@ def test_units_in_names(head, tmp_path):
 def test_a_name_that_ends_like_a_unit_is_a_name():
     assert parted("F_m", "N") == ("F_m", None)
     assert parted("F_N", "N") == ("F", "N")
+    assert parted("F_g", "N") == ("F_g", None)
+    assert parted("Time (Sec)", "s") == ("Time", "Sec")
     assert parted("Force (avg)") == ("Force (avg)", None)
     assert parted("way [mm/s]") == ("way", "mm/s")
-    assert size_of("mm/s", "mm") is None
+    assert size_of("mm/s", "mm") is None and size_of("g", "mm") is None
 
 
 def test_columns_by_number_need_no_header(tmp_path):

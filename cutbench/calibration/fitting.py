@@ -93,7 +93,7 @@ def fit(
 class _Fitting:
     def __init__(self, campaign: Campaign, inverse: Inverse, on_progress: OnProgress, refine: bool):
         self.campaign, self.inverse, self.refine, self._on_progress = campaign, inverse, refine, on_progress
-        self.notes = list(campaign.notes)
+        self.notes = campaign.all_notes()
         self.evaluations = 0
         self.history: list[float] = []
         self.covariance: Covariance

@@ -1,16 +1,24 @@
-"""From the columns of a file to repetitions in internal units: stretch, nominal stress, traction, time."""
+"""From the columns of a file to repetitions in internal units: stretch, nominal stress, traction, time.
+
+Of what a machine recorded counts what is asked for: from contact on, without the force before it, from one
+place to another.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.units import parse_quantity
+from cutbench.data.contact import BEFORE, Contact, contact_at, find_contact
 from cutbench.data.experiment import HOMOGENEOUS, area_of
 from cutbench.data.repetition import Repetition, first_return
 from cutbench.data.table import Table
+
+AUTO, RETURN = "auto", "return"
 
 
 def repetitions_of(
@@ -18,27 +26,28 @@ def repetitions_of(
     speed: float | None, factors: Mapping[str, float],
 ) -> list[Repetition]:  # fmt: skip
     """The repetitions in one file, in internal units."""
-    columns = {role: factors.get(role, 1.0) * values for role, values in table.columns.items()}
     names = np.array(table.labels if table.labels is not None else ["1"] * table.lines.size)
     found = []
     for name in dict.fromkeys(names):
-        here = {role: values[names == name] for role, values in columns.items()}
         title = str(name) if label is None else label if table.labels is None else f"{label}/{name}"
         file, lines = str(table.path), table.lines[names == name]
+        here, contact = _begun(
+            {role: values[names == name] for role, values in table.columns.items()}, written, factors, title
+        )
         x, y = _abscissa(here, kind, specimen, speed), _ordinate(here, kind, specimen)
         if kind in HOMOGENEOUS and written.get("stress", "nominal") == "cauchy":
             y = y / np.where(x > 0, x, np.nan)
         pressure = here.get("pressure")
         if "normal_force" in here:
             pressure = here["normal_force"] / area_of(kind, specimen)
-        time = here.get("time")
-        keep = _until(written, kind, x)
+        keep = _kept(written, kind, x)
+        x, y, lines = x[keep], y[keep], lines[keep]
+        time, pressure = (None if a is None else a[keep] for a in (here.get("time"), pressure))
         if time is None and speed is not None and not (kind == "cut" and first_return(x) is not None):
             way = np.cumsum(np.append(abs(x[0] - (kind in HOMOGENEOUS)), np.abs(np.diff(x))))
             # Equal abscissas, as coarse sensors give them, need times that differ.
             time = (way + 1e-9 * way[-1] * np.arange(x.size)) / speed
-        time, pressure = (None if a is None else a[keep] for a in (time, pressure))
-        found.append(Repetition(x[keep], y[keep], time, title, pressure, file, lines[keep]))
+        found.append(Repetition(x, y, time, title, pressure, file, lines, contact))
     return found
 
 
@@ -62,10 +71,95 @@ def _ordinate(here: Mapping, kind: str, specimen: Mapping[str, float]) -> np.nda
     return here["force"] if kind == "cut" else here["force"] / area_of(kind, specimen)
 
 
-def _until(written: Mapping, kind: str, x: np.ndarray) -> slice:
-    """Readings up to the first beyond ``until``."""
-    if "until" not in written:
-        return slice(None)
-    limit = parse_quantity(written["until"], "1" if kind in HOMOGENEOUS else "mm", key="until")
-    beyond = np.flatnonzero(x > limit)
-    return slice(int(beyond[0]) if beyond.size else None)
+# -- contact ----------------------------------------------------------------------------------------
+def _begun(
+    read: Mapping[str, np.ndarray], written: Mapping, factors: Mapping[str, float], title: str
+) -> tuple[dict[str, np.ndarray], Contact | None]:
+    """The columns times their factors, displacement from contact and force from its zero, if that is asked
+    for; and the contact, in recorded values."""
+    zeros, contact = dict.fromkeys(read, 0.0), None
+    load = "force" if "force" in read else "stress"
+    if "zero" in written or written.get("force_zero") == AUTO:
+        if "displacement" not in read:
+            key = "zero" if "zero" in written else "force_zero"
+            raise BadInput(key=key, value=str(written[key])[:60], expected="a column of displacement")
+        contact = _contact(read, written, factors, load, title)
+        zeros["displacement"] = contact.at if "zero" in written else 0.0
+    if "force_zero" in written:
+        zeros[load] = _force_zero(written["force_zero"], load, contact)
+    return {role: factors.get(role, 1.0) * (values - zeros[role]) for role, values in read.items()}, contact
+
+
+def _contact(
+    read: Mapping[str, np.ndarray], written: Mapping, factors: Mapping[str, float], load: str, title: str
+) -> Contact:
+    u, y = (np.sign(factors.get(role, 1.0)) * read[role] for role in ("displacement", load))
+    way = np.sign(u[np.argmax(np.abs(u - u[0]))] - u[0])
+    zero = written.get("zero", AUTO)
+    sense, pull = (way * np.sign(factors.get(role, 1.0)) for role in ("displacement", load))
+    if zero != AUTO:
+        at = parse_quantity(zero, "mm", key="zero")
+        if not (way * u[0] - np.ptp(u) <= sense * at < (way * u).max()):
+            ends = sorted((float(read["displacement"][0]), float(sense * (way * u).max())))
+            expected = f"a displacement that was recorded, from {ends[0]:g} to {ends[1]:g} mm"
+            raise BadInput(key="zero", value=str(zero), expected=expected)
+        found: Contact | str = contact_at(way * u, way * y, sense * at)
+    else:
+        found = find_contact(way * u, way * y)
+    if isinstance(found, str):
+        key = "zero" if "zero" in written else "force_zero"
+        expected = (
+            f"{BEFORE} readings or more before contact, and a clear rise after it, in repetition '{title}';"
+            f" {found}. Write where it is, such as {key} = '{'2.1 mm' if key == 'zero' else '0.01 N'}', or"
+            " leave it out where the machine counts from contact"
+        )
+        raise BadInput(key=key, value=AUTO, expected=expected)
+    unit = "N" if load == "force" else "MPa"
+    return replace(found, at=sense * found.at, force=pull * found.force, unit=unit)
+
+
+def _force_zero(raw: object, load: str, contact: Contact | None) -> float:
+    if raw == AUTO and contact is not None:
+        if np.isnan(contact.force):
+            expected = "two readings or more before contact, or the force there, such as '0.01 N'"
+            raise BadInput(key="force_zero", value=AUTO, expected=expected)
+        return contact.force
+    if load == "stress":
+        return parse_quantity(raw, "MPa", key="force_zero")
+    try:
+        return parse_quantity(raw, "N", key="force_zero")
+    except BadInput:
+        try:
+            return 9.80665 * parse_quantity(raw, "kg", key="force_zero")  # the weight of a mass
+        except BadInput:
+            pass
+        raise
+
+
+# -- from here to there -----------------------------------------------------------------------------
+def _kept(written: Mapping, kind: str, x: np.ndarray) -> np.ndarray:
+    """The readings (k,) that count: from contact on where that is known, from ``from`` up to the first beyond
+    ``until``, which is ``return`` for the farthest. Raises BadInput if none are left."""
+    rest = 1.0 if kind in HOMOGENEOUS else 0.0
+    way = 1.0 if np.abs(x - rest).size == 0 else np.sign((x - rest)[np.argmax(np.abs(x - rest))]) or 1.0
+    out, unit = way * (x - rest), "1" if kind in HOMOGENEOUS else "mm"
+    keep = np.arange(x.size)
+    if "until" in written:
+        last = int(np.argmax(out)) + 1
+        if written["until"] != RETURN:
+            beyond = out > way * (parse_quantity(written["until"], unit, key="until") - rest)
+            last = int(np.argmax(beyond)) if beyond.any() else x.size
+        keep = keep[:last]
+    if "from" in written:
+        reached = out[keep] >= way * (parse_quantity(written["from"], unit, key="from") - rest)
+        keep = keep[int(np.argmax(reached)) :] if reached.any() else keep[:0]
+    if "zero" in written:
+        keep = keep[out[keep] >= 0]
+    for key in ("from", "until", "zero"):
+        if key in written and keep.size == 0:
+            far = f"{x[np.argmax(out)]:.4g}{'' if unit == '1' else ' mm'}"
+            expected = f"a place that leaves readings; they go to {far}" + (
+                " from contact" if "zero" in written else ""
+            )
+            raise BadInput(key=key, value=str(written[key]), expected=expected)
+    return keep

@@ -13,11 +13,13 @@ import numpy as np
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import among, located, one_of, written
 from cutbench.base.units import parse_quantity
+from cutbench.data.contact import contact_notes
 from cutbench.data.conversion import repetitions_of
 from cutbench.data.experiment import HOMOGENEOUS, KINDS, ROLES, Experiment, area_of
 from cutbench.data.fields import read_fields_of
+from cutbench.data.layout import LABEL
 from cutbench.data.plausible import travel_fits
-from cutbench.data.table import LABEL, read_table
+from cutbench.data.table import read_table
 from cutbench.data.titles import UNITS
 
 #: Other names under which a column may be given.
@@ -34,12 +36,15 @@ _SPECIMEN = {
     "sliding": ("area", "length", "width"),
     "separation": ("area", "length", "width"),
 }
-_EVERY = ("id", "kind", "data", "columns", "units", "factors", "specimen", "speed", "role", "until", "source")
+_EVERY = (
+    "id", "kind", "data", "columns", "units", "factors", "specimen", "speed", "role", "from", "until",
+    "source",
+)  # fmt: skip
 _EXTRA = {
-    "cut": ("blade", "fields"),
-    **dict.fromkeys(HOMOGENEOUS, ("stress",)),
+    "cut": ("blade", "fields", "zero", "force_zero"),
+    **dict.fromkeys(HOMOGENEOUS, ("stress", "zero", "force_zero")),
     "sliding": ("pressure", "normal_force"),
-    "separation": ("direction",),
+    "separation": ("direction", "zero", "force_zero"),
 }
 
 
@@ -97,12 +102,11 @@ def read_experiment(table: Mapping[str, object], folder: Path) -> Experiment:
     speed = _speed(table, kind, specimen)
     units, factors = _units(table, columns), _factors(table, columns)
     pressure = _pressure(table, columns, specimen) if kind == "sliding" else 0.0
+    tables = [(read_table(path, columns, units, wide=True), label) for path, label in _files(table, folder)]
     repetitions = [
         r
-        for path, label in _files(table, folder)
-        for r in repetitions_of(
-            read_table(path, columns, units), kind, label, table, specimen, speed, factors
-        )
+        for read, label in tables
+        for r in repetitions_of(read, kind, label, table, specimen, speed, factors)
     ]
     for label, count in Counter(r.name for r in repetitions).items():
         if count > 1:
@@ -113,6 +117,10 @@ def read_experiment(table: Mapping[str, object], folder: Path) -> Experiment:
     notes: tuple[str, ...] = (f"source: {source}",) if source else ()
     if table.get("stress") == "cauchy":
         notes += ("Cauchy stress turned into nominal stress at constant volume, P = σ/λ",)
+    for read, _ in tables:
+        if len(read.specimens) > 1:
+            notes += (f"{read.path.name} holds specimens side by side: {', '.join(read.specimens)}",)
+    notes += contact_notes(repetitions, "zero" in table, "force_zero" in table)
     if kind == "sliding" and not pressure and not {"pressure", "normal_force"} & columns.keys():
         notes += ("no pressure given: 0, so that only adhesion resists",)
     fields, noise_mm = read_fields_of(table["fields"], folder) if "fields" in table else ((), 0.0)
@@ -157,21 +165,26 @@ def _lengths(table: Mapping, key: str, known: tuple[str, ...]) -> dict[str, floa
     return found
 
 
-def _columns(table: Mapping, kind: str) -> dict[str, str | int]:
-    """Column by role; without ``columns`` they are looked for under the names of the roles."""
+def _columns(table: Mapping, kind: str) -> dict[str, str | int | list[str | int]]:
+    """Column by role, or one for each specimen; without ``columns`` they are looked for by their roles."""
     optional = ("time", LABEL) + (("pressure", "normal_force") if kind == "sliding" else ())
     known = (*_ABSCISSA[kind], *_ORDINATE[kind], *optional)
     given = _section(table, "columns")
-    found: dict[str, str | int] = {}
+    found: dict[str, str | int | list[str | int]] = {}
     for key, name in given.items():
         role = _ALIASES.get(key, key) if kind not in ("cut", *HOMOGENEOUS) else key
         if role not in known:
             raise BadInput(key=f"columns.{key}", value=str(name)[:60], expected=one_of(key, known))
-        good = bool(name.strip()) if isinstance(name, str) else type(name) is int and name >= 1
-        if not good:
+        listed = name if isinstance(name, list) and role != LABEL else [name]
+        if not listed or not all(_is_column(one) for one in listed):
             expected = "the column's name in the header, or its number from 1"
             raise BadInput(key=f"columns.{key}", value=str(name)[:60], expected=expected)
         found[role] = name
+    counts = {key: len(name) for key, name in given.items() if isinstance(name, list)}
+    for key, count in counts.items():
+        if LABEL in found or count != max(counts.values()):
+            expected = f"a column for each specimen, {max(counts.values())} in every list, and no repetition"
+            raise BadInput(key=f"columns.{key}", value=str(given[key])[:60], expected=expected)
     if not given:
         found = {_ABSCISSA[kind][0]: _ABSCISSA[kind][0], _ORDINATE[kind][0]: _ORDINATE[kind][0]}
     for what, choices in (("x", _ABSCISSA[kind]), ("y", _ORDINATE[kind])):
@@ -183,6 +196,10 @@ def _columns(table: Mapping, kind: str) -> dict[str, str | int]:
             expected = f"a column of {' or '.join(choices)}"
             raise BadInput(key=f"columns.{choices[0]}", value="(missing)", expected=expected)
     return found
+
+
+def _is_column(name: object) -> bool:
+    return bool(name.strip()) if isinstance(name, str) else type(name) is int and name >= 1
 
 
 def _need_specimen(kind: str, specimen: Mapping[str, float], columns: Mapping) -> None:

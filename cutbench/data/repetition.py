@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.case.motion import corners
+
+if TYPE_CHECKING:
+    from cutbench.data.contact import Contact
 
 #: A step back of more than this part of the range is no jitter but a return.
 JITTER = 0.005
@@ -19,7 +23,8 @@ class Repetition:
     """The readings of one specimen: ``x``, ``y`` (n,) as the module says, ``time_s`` (n,) or None.
 
     ``pressure_MPa`` (n,): contact pressure of a sliding test where it was measured. ``lines`` (n,)
-    and ``file`` say where each reading stands; they are for messages alone.
+    and ``file`` say where each reading stands; they are for messages alone. ``contact``: where the machine
+    met the specimen, in recorded values, where that was asked for.
     """
 
     x: np.ndarray
@@ -29,6 +34,7 @@ class Repetition:
     pressure_MPa: np.ndarray | None = None
     file: str | None = None
     lines: np.ndarray | None = None
+    contact: Contact | None = None
 
     def __post_init__(self) -> None:
         for key in ("x", "y", "time_s", "pressure_MPa", "lines"):

@@ -1,8 +1,12 @@
-"""Name and unit in the title of a column: "F [N]", "Force (mN)", "F / N", "F in N", "force_N"."""
+"""Name and unit in the title of a column: "F [N]", "Force (mN)", "F / N", "F in N", "force_N".
+
+Where a force is due, a unit of mass is that of its weight: g is gram-force, kg/cm^2 a pressure.
+"""
 
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 
 from cutbench.base.errors import BadInput
 from cutbench.base.units import parse_quantity, ureg
@@ -41,7 +45,8 @@ def parted(title: str, target: str | None = None) -> tuple[str, str | None]:
     for pattern in _BARE:
         match = pattern.fullmatch(title)
         targets = set(UNITS.values()) if target is None else {target}
-        if match and any(size_of(match[2], kind) is not None for kind in targets):
+        sized = size_of if pattern is not _BARE[-1] else _exactly  # F_g, F_S may be names
+        if match and any(sized(match[2], kind) is not None for kind in targets):
             return match[1], match[2]
     return title, None
 
@@ -52,16 +57,29 @@ def is_unit(text: str) -> bool:
         return True
     if not text.strip() or text.strip()[0].isdigit():
         return False
-    try:
-        ureg.parse_units(text)
-    except Exception:  # pint raises many kinds for malformed text
-        return False
-    return True
+    for spelt in (text, _lower(text)):
+        with suppress(Exception):  # pint raises many kinds for malformed text
+            ureg.parse_units(spelt)
+            return True
+    return False
 
 
 def size_of(unit: str, target: str) -> float | None:
-    """What one ``unit`` is in ``target``; None if it is none of that kind."""
-    unit = unit.strip()
+    """What one ``unit`` is in ``target``; None if it is none of that kind.
+
+    Weights count as forces, and a unit may be written large, as in Sec or Kg, where it is none otherwise.
+    """
+    spelt = dict.fromkeys((unit.strip(), _lower(unit)))
+    sizes = (_exactly(text + weight, target) for text in spelt for weight in ("", "*standard_gravity"))
+    return next((size for size in sizes if size is not None), None)
+
+
+def _lower(unit: str) -> str:
+    return unit.strip().rstrip(".").lower()
+
+
+def _exactly(unit: str, target: str) -> float | None:
+    """What one ``unit`` is in ``target`` to the letter."""
     if unit in ("1", "-", "mm/mm"):
         return 1.0 if target == "1" else None
     if not unit or unit[0].isdigit():

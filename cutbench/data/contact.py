@@ -1,0 +1,158 @@
+"""Where a test begins: the contact after an approach, found as the change point of the force.
+
+Before contact the force is a constant F₀; after it, it rises as c₁ hᵐ + c₂ hᵐ⁺¹ with h = u − u₀ and m = 1 (a
+strip, a flat punch), 3/2 (a ball) or 2 (a cone, a tip that sinks in). For each u₀ and m the others follow by
+least squares, with c₁ ≥ 0 and a force that still rises at the end; of the sum S of squares of the n
+readings S^(−(n − 4)/2) is the likelihood of u₀, whose mean and standard deviation follow over all m. The
+readings that count go from the first to where the force has risen by a fifth of its largest rise, or by a
+tenth or a twentieth where the rise up to there is not described to within the noise. What the next part would
+change of u₀, and a twelfth of the squared spacing of readings, are added to its variance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cutbench.data.covariance import roughness
+
+if TYPE_CHECKING:
+    from cutbench.data.repetition import Repetition
+
+#: Parts of the largest rise of the force up to which readings count, the widest first.
+PARTS = (0.2, 0.1, 0.05)
+#: Fewest readings before contact, and of the rise.
+BEFORE, AFTER = 5, 4
+#: Residual in units of the noise up to which the rise counts as described.
+WITHIN = 1.3
+#: A rise below so many times the noise is none.
+CLEAR = 10.0
+#: Places that are tried, in intervals that narrow around the likeliest by turns.
+PLACES, TURNS = 40, 3
+#: More readings than that are averaged in groups first.
+MOST = 1000
+#: A force before contact is spoken of above this part of the largest.
+AMISS = 2e-3
+#: With which the force begins to rise.
+POWERS = (1.0, 1.5, 2.0)
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Contact at ``at`` mm of the recorded displacement, known to ``sd``, after so many ``readings``; before
+    it the force is ``force``, known to ``force_sd``, later ``largest`` at the most, in ``unit``."""
+
+    at: float
+    sd: float
+    force: float
+    force_sd: float
+    readings: int
+    largest: float
+    unit: str = "N"
+
+
+def contact_at(u: np.ndarray, y: np.ndarray, at: float, sd: float = 0.0) -> Contact:
+    """The contact at a known place; the force before it is nan where fewer than two readings lie there."""
+    ahead = int(np.argmax(u >= at)) if u.max() >= at else 0
+    surely = int(np.argmax(u >= at - 2 * sd))
+    air = y[: max(surely, min(ahead, BEFORE))]
+    if air.size < 2:
+        return Contact(at, sd, np.nan, np.nan, ahead, float(y.max()))
+    error = float(air.std(ddof=1) / np.sqrt(air.size))
+    return Contact(at, sd, float(air.mean()), error, ahead, float(y.max()))
+
+
+def find_contact(u: np.ndarray, y: np.ndarray) -> Contact | str:
+    """The contact of a test on its way out, ``u`` and ``y`` (n,) oriented so that both grow; else why there
+    is none."""
+    far = int(np.argmax(u)) + 1
+    all_u, all_y = u[:far], y[:far]
+    u, y = (_thinned(values, -(-far // MOST)) for values in (all_u, all_y))
+    far = u.size
+    if far < BEFORE + AFTER:
+        return f"{far} readings on the way out, fewer than {BEFORE + AFTER}"
+    base = float(np.median(y[:BEFORE]))
+    noise, top = float(np.median(roughness(np.arange(far), y))), float(y.max()) - base
+    if top < CLEAR * noise:
+        return f"the force rises by no more than {CLEAR:g} times its noise"
+    found = [_change_point(u[:end], y[:end]) for end in _ends(y - base, top, noise)]
+    best = next((i for i, (_, _, rms) in enumerate(found) if rms < WITHIN * noise), len(found) - 1)
+    other = found[best + 1 if best + 1 < len(found) else max(best - 1, 0)][0]
+    at, sd, _ = found[best]
+    spacing = float(np.median(np.abs(np.diff(u))))
+    known = contact_at(all_u, all_y, at, float(np.sqrt(sd**2 + (at - other) ** 2 + spacing**2 / 12)))
+    if known.readings < BEFORE:
+        return f"the force rises from reading {known.readings + 1} on"
+    return known
+
+
+def _thinned(values: np.ndarray, by: int) -> np.ndarray:
+    """Means of so many values each; what is left over at the end is left out."""
+    return values[: values.size // by * by].reshape(-1, by).mean(axis=1)
+
+
+def _ends(rise: np.ndarray, top: float, noise: float) -> Iterator[int]:
+    """How many readings count, for each part of the curve that has enough of them above the noise."""
+    last = 0
+    for part in PARTS:
+        above = rise > part * top
+        lasting = above & np.append(above[1:], True)
+        end = int(np.argmax(lasting)) + 1
+        rising = int((rise[:end] > 3 * noise).sum())
+        if last == 0 or (rising >= AFTER and part * top > CLEAR * noise and end < last):
+            end = min(max(end, end + AFTER - rising), rise.size)
+            last = end
+            yield end
+
+
+def _change_point(u: np.ndarray, y: np.ndarray) -> tuple[float, float, float]:
+    """Mean and standard deviation of the change point, and the least residual's root mean square."""
+    low, high = u[0], u[-1]
+    for _ in range(TURNS):
+        places = np.linspace(low, high, PLACES + 2)[1:-1]
+        squares = np.array([[_misfit(u, y, at, m) for m in POWERS] for at in places])
+        chance = (squares / squares.min()) ** (-(u.size - 4) / 2)
+        weight = chance.sum(axis=1) / chance.sum()
+        at = float(weight @ places)
+        sd = float(np.sqrt(weight @ (places - at) ** 2))
+        reach = max(5 * sd, 2 * (places[1] - places[0]))
+        low, high = max(u[0], at - reach), min(u[-1], at + reach)
+    return at, sd, float(np.sqrt(squares.min() / max(u.size - 4, 1)))
+
+
+def _misfit(u: np.ndarray, y: np.ndarray, at: float, m: float) -> float:
+    """The least sum of squares about F₀ + c₁ hᵐ + c₂ hᵐ⁺¹."""
+    h = np.maximum(u - at, 0.0)
+    for powers in ((m, m + 1), (m,)):
+        A = np.stack([np.ones_like(u), *(h**k for k in powers)], axis=1)
+        c, *_ = np.linalg.lstsq(A, y, rcond=None)
+        if c[1] >= 0 and sum(k * a * h[-1] ** (k - m) for k, a in zip(powers, c[1:], strict=True)) >= 0:
+            break
+    return float(((y - A @ c) ** 2).sum())
+
+
+def contact_notes(repetitions: Sequence[Repetition], moved: bool, tared: bool) -> tuple[str, ...]:
+    """What to know of the contacts of a test: where each lies, what the force is before it, and whether these
+    were taken off."""
+    known = [(r, r.contact) for r in repetitions if r.contact is not None]
+    found = [(r, c) for r, c in known if c.sd > 0]
+    notes = []
+    if found:
+        places = _listed([(r.name, f"{c.at:.3f} ± {c.sd:.2g} mm") for r, c in found])
+        used = "" if moved else ", which is not taken off: zero = 'auto' does"
+        notes.append(f"contact found at a recorded displacement of {places}{used}")
+    airs = [(r, c) for r, c in known if np.isfinite(c.force)]
+    if tared or any(abs(c.force) > max(3 * c.force_sd, AMISS * c.largest) for _, c in airs):
+        forces = _listed([(r.name, f"{c.force:.3g} ± {c.force_sd:.2g} {c.unit}") for r, c in airs])
+        used = "taken off" if tared else "which is not taken off: force_zero = 'auto' does"
+        notes.append(f"the force before contact is {forces}, {used}")
+    return tuple(notes)
+
+
+def _listed(values: Sequence[tuple[str, str]]) -> str:
+    if len(values) == 1:
+        return values[0][1]
+    return ", ".join(f"{text} ({name})" for name, text in values)
