@@ -25,6 +25,8 @@ from cutbench.cli.main import app
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+#: What computes for more than some seconds says so in a comment.
+SLOW = "<!-- slow -->"
 TEXTS = [ROOT / "CONTRIBUTING.md", *PAGES]
 SET_UP = re.compile(r"<!-- set-up: (\w+) -->\s*$")
 KINDS = {"python", "console", "toml"}
@@ -98,7 +100,14 @@ def written_in(page: Path, line: int):
         yield folder, [name for row in rows for name in re.findall(r"`([^`]+)`", row.split("|")[1])]
 
 
-@pytest.mark.parametrize("page", PAGES, ids=named)
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(page, id=named(page), marks=pytest.mark.slow if SLOW in page.read_text("utf-8") else ())
+        for page in PAGES
+        if "\n```" in page.read_text("utf-8")
+    ],
+)
 def test_blocks_run(page, tmp_path):
     script = []
     for block in blocks(page):
@@ -126,8 +135,9 @@ def test_blocks_run(page, tmp_path):
             assert comment in done.stdout
 
 
-def test_the_law_of_the_readme_is_neo_hooke_where_it_does_not_stiffen(tmp_path):
-    (law,) = [b.text for b in blocks(ROOT / "README.md") if b.text.startswith("# file: my_laws/demiray.py")]
+def test_the_law_of_the_tutorial_is_neo_hooke_where_it_does_not_stiffen(tmp_path):
+    page = ROOT / "docs" / "tutorials" / "own-law.md"
+    (law,) = [b.text for b in blocks(page) if b.text.startswith("# file: my_laws/demiray.py")]
     (tmp_path / "my_laws").mkdir()
     (tmp_path / "my_laws" / "demiray.py").write_text(law, encoding="utf-8")
     (tmp_path / "compare.py").write_text(
@@ -159,8 +169,8 @@ def test_the_main_command_names_a_study_that_is_there():
 
 
 @pytest.mark.parametrize("name", material_names())
-def test_materials_are_as_the_readme_says(name):
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
+def test_materials_are_as_the_page_says(name):
+    text = (ROOT / "docs" / "reference" / "materials.md").read_text(encoding="utf-8")
     rows = re.findall(rf"^\| *{name} *\|(.*)\|$", text, re.M)
     cells = {cell.strip().replace("²", "^2") for row in rows for cell in row.split("|")}
     shown = load_case(name).shown()

@@ -60,3 +60,30 @@ def test_the_keys_of_each_section_are_documented(section):
     row = re.search(rf"^\| `\[{section}\]` \|.*$", page, re.M)[0]
     for name in {q.name for q in parameters if section_of(q.name) == section}:
         assert f"`{name}`" in row
+
+
+AXIS = "\n[[axis]]\nname = 'G'\nfrom = '1 kPa'\nto = '9 kPa'\n"
+TEST = "\n[[experiment]]\nid = 'a'\ndata = 'a.csv'\nunknown = 1\nkind = "
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "unknown = 1" + AXIS, AXIS + "unknown = 1",
+        *(f"{AXIS}points = 3\n[{name}]\nunknown = 1" for name in ("regime", "plot", "uncertainty")),
+        f"mode = 'boundary'{AXIS}[boundary]\nunknown = 1", f"mode = 'lhs'{AXIS}[sample]\nunknown = 1",
+        "unknown = 1" + TEST + "'cut'",
+        *(f"{TEST}'{kind}'" for kind in ("cut", "uniaxial", "sliding", "separation")),
+    ],
+)  # fmt: skip
+def test_every_key_that_a_file_may_have_is_documented(text, tmp_path):
+    """What is expected in place of an unknown key is the list of them all."""
+    file = tmp_path / "file.toml"
+    file.write_text(("" if TEST in text else "base = 'gelatin'\n") + text, "utf-8")
+    with pytest.raises(cutbench.BadInput) as refused:
+        (load_campaign if TEST in text else load_study)(file)
+    assert refused.value.key.endswith("unknown"), refused.value
+    page = (ROOT / "docs" / "reference" / "files.md").read_text("utf-8")
+    names = refused.value.expected.removeprefix("one of ").partition(";")[0].split(", ")
+    missing = [name for name in names if f"`{name}`" not in page and f"[{name}]" not in page]
+    assert len(names) > 1 and not missing

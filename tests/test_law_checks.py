@@ -22,7 +22,7 @@ def page_law(name: str, page: str) -> str:
 
 
 FINITE = page_law("finite", "docs/how-to/extend.md")
-DEMIRAY = page_law("demiray", "README.md")
+DEMIRAY = page_law("demiray", "docs/tutorials/own-law.md")
 HOOKE = '''"""Ψ = G/2 |F − 1|²: small strain, taken at its word at any rotation."""
 
 import numpy as np

@@ -16,6 +16,8 @@ from cutbench.mechanisms.base import (
     Support,
     Tool,
 )
+from cutbench.mechanisms.blade._profile import Profiled, flank
+from cutbench.mechanisms.blade.contact import Contact
 from cutbench.mechanisms.bulk._isotropic import Isochoric, Isotropic, Volumetric
 from cutbench.mechanisms.bulk.neo_hookean import NeoHookean
 from cutbench.mechanisms.cut.smith_ferrante import SmithFerrante
@@ -26,6 +28,7 @@ __all__ = [
     "Answer",
     "Blade",
     "Bulk",
+    "Contact",
     "Cut",
     "Estimate",
     "Group",
@@ -35,6 +38,7 @@ __all__ = [
     "NeoHookean",
     "Parameter",
     "Points",
+    "Profiled",
     "Rig",
     "Skin",
     "SmithFerrante",
@@ -42,6 +46,7 @@ __all__ = [
     "Tool",
     "Volumetric",
     "file_of",
+    "flank",
     "iterated",
     "known_mechanisms",
     "registry",

@@ -1,0 +1,157 @@
+"""What pages of the site say by the code alone: ``<!-- made: NAME -->`` in a page asks for it."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import sys
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import typer
+from tables import digits, table
+
+import cutbench
+from cutbench.base.units import Parameter
+from cutbench.case.model import DEFAULT, PROTOCOL, SPECIMEN, groups, section_of
+from cutbench.cli.main import app
+from cutbench.mechanisms import registry
+
+#: Rooms as an API page has them, in the order of a user's way.
+ROOMS = {
+    "run": "Runs",
+    "case": "Cases",
+    "maps": "Maps",
+    "data": "Measured data",
+    "calibration": "Calibration",
+    "discovery": "Discovery",
+    "mechanisms": "Mechanisms",
+    "verification": "Verification",
+    "base": "Errors",
+}
+
+
+def plain(text: str) -> str:
+    """A cell of a table: one line, nothing that Markdown or HTML would read as markup."""
+    return " ".join(text.split()).replace("|", "\\|").replace("<", "&lt;").replace("*", "\\*")
+
+
+def command_line() -> str:
+    """Each command with its arguments and options."""
+    known = getattr(typer.main.get_command(app), "commands")  # noqa: B009  (typer's own type, not click's)
+    return "\n\n".join(_command(name, command) for name, command in known.items())
+
+
+def _command(name: str, command: Any) -> str:
+    arguments = [q for q in command.params if q.param_type_name == "argument"]
+    options = [q for q in command.params if q.param_type_name == "option" and not q.hidden]
+    usage = " ".join(["cutbench", name, *(q.metavar or q.name.upper() for q in arguments), "[OPTIONS]"])
+    parts = [f"## {name}", plain((command.help or "").partition("\n\n")[0]), f"    {usage}"]
+    parts += [f"`{q.metavar or q.name.upper()}`: {plain(q.help or '')}" for q in arguments]
+    rows = [
+        [", ".join(f"`{o}`" for o in (*q.opts, *q.secondary_opts)), _takes(q), plain(q.help or "")]
+        for q in options
+        if q.name != "help"
+    ]
+    return "\n\n".join([*parts, table(("option", "takes", "what it does"), rows)] if rows else parts)
+
+
+def _takes(q: Any) -> str:
+    flag = q.is_flag or getattr(getattr(q, "type_descriptor", None), "annotation", None) is bool
+    return "" if flag else f"`{q.metavar or q.name.upper()}`"
+
+
+def public_names() -> dict[str, list[str]]:
+    """The names that ``import cutbench`` offers, by the room that they come from."""
+    found: dict[str, list[str]] = {}
+    for name in sorted(cutbench.__all__, key=str.lower):
+        where = getattr(getattr(cutbench, name), "__module__", None) or _room_of_data(name)
+        found.setdefault(where.split(".")[1], []).append(name)
+    return found
+
+
+def _room_of_data(name: str) -> str:
+    """Data have no module of their own: the room whose module holds the same object."""
+    value = getattr(cutbench, name)
+    for room in ROOMS:
+        for module in ("", f".{name.lower()}", ".model", ".numerics"):
+            try:
+                if getattr(importlib.import_module(f"cutbench.{room}{module}"), name, None) is value:
+                    return f"cutbench.{room}"
+            except ImportError:
+                continue
+    return "cutbench.base"
+
+
+def api() -> str:
+    """Autodoc of every public name, a heading a room."""
+    rooms = public_names()
+    parts = []
+    for room in [*ROOMS, *sorted(set(rooms) - set(ROOMS))]:
+        if room in rooms:
+            lines = [line for name in rooms[room] for line in _directive(name)]
+            parts.append(f"## {ROOMS.get(room, room)}\n\n```{{eval-rst}}\n" + "\n".join(lines) + "```")
+    return "\n\n".join(parts)
+
+
+def _directive(name: str) -> Iterator[str]:
+    value = getattr(cutbench, name)
+    kind = "class" if isinstance(value, type) else "function" if callable(value) else "data"
+    if kind == "class" and issubclass(value, BaseException):
+        kind = "exception"
+    yield f".. auto{kind}:: cutbench.{name}"
+    if kind == "class":
+        yield "   :members:"
+    yield ""
+
+
+def _quantity(q: Parameter) -> list[str]:
+    unit = "" if q.unit == "1" else q.unit
+    start = "" if q.default is None else f"`{digits(q.default)}{' ' + unit if unit else ''}`"
+    return [f"`{q.name}`", plain(q.doc), unit, plain(q.range_text()), start]
+
+
+def _section(section: str) -> str:
+    laws = [(q, law.name) for law in registry().values() for q in law.parameters]
+    known = {q.name: (q, "") for q in (*SPECIMEN, *PROTOCOL)}
+    for q, law in laws:
+        known.setdefault(q.name, (q, "" if law in DEFAULT else law))
+    rows = [
+        [*_quantity(q), f"`{law}`" if law else ""]
+        for q, law in known.values()
+        if section_of(q.name) == section
+    ]
+    return table(("key", "what it is", "unit", "allowed", "default", "with"), rows)
+
+
+def groups_table() -> str:
+    """The groups that may be set in place of parameters."""
+    rows = [
+        [f"`{g.name}`", plain(g.text), g.unit if g.unit != "1" else "", f"`{g.parameter}`", plain(g.title)]
+        for g in groups().values()
+    ]
+    return table(("key", "formula", "unit", "sets", ""), rows)
+
+
+def tools() -> str:
+    """The profiles of a blade with their parameters."""
+    rows = []
+    for law in registry().values():
+        if law.role == "contact":
+            about = (sys.modules[type(law).__module__].__doc__ or "").partition("\n\n")[0]
+            rows.append([f"`{law.name}`", plain(about), ", ".join(f"`{q.name}`" for q in law.parameters)])
+    return table(("mechanism", "what it is", "parameters"), rows)
+
+
+MADE: dict[str, Callable[[], str]] = {
+    "command line": command_line,
+    "api": api,
+    "groups": groups_table,
+    "tools": tools,
+    **{f"[{s}]": (lambda s=s: _section(s)) for s in ("parameters", "specimen", "blade", "protocol")},
+}
+
+
+def filled(text: str) -> str:
+    """A page with what it asks for."""
+    return re.sub(r"<!-- made: (.+?) -->", lambda found: MADE[found[1]](), text)

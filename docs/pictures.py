@@ -1,0 +1,74 @@
+"""``python docs/pictures.py [NAME …]``: the pictures of the tutorials, from the commands that stand there.
+
+A page of HTML is photographed by Chromium, where there is one.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from PIL import Image
+
+HERE = Path(__file__).resolve().parent
+FIGURES = HERE / "figures"
+#: Pixels across: what a page of the site shows.
+WIDTH = 1400
+
+#: Of each picture: a tutorial whose files it needs, a command, what that leaves, and the part that is shown.
+PICTURES = {
+    "first-cut-curve": ("first-cut", "run2d gelatin --until transition --out gelatin", "gelatin/curve.png"),
+    "first-cut-section": (
+        "first-cut",
+        "run2d gelatin --until transition --out gelatin",
+        "gelatin/section.png",
+    ),
+    "first-map": ("first-map", "sweep knife.toml --out knife", "knife/phase.png"),
+    "discovery-page": (
+        "my-curves",
+        "discover examples/rubber/treloar.toml --out rubber",
+        "rubber/discovery.html",
+    ),
+}
+
+
+def draw(name: str, folder: Path) -> None:
+    """Put one picture into docs/figures; ``folder`` keeps what commands leave."""
+    tutorial, command, left = PICTURES[name]
+    text = (HERE / "tutorials" / f"{tutorial}.md").read_text(encoding="utf-8")
+    for path, content in re.findall(r"^```toml\n# file: (\S+)\n(.*?)^```$", text, re.M | re.S):
+        (folder / path).write_text(content, encoding="utf-8")
+    program = [sys.executable, "-m", "cutbench"]
+    if "examples/" in command and not (folder / "examples").exists():
+        subprocess.run([*program, "examples", "--out", "examples"], cwd=folder, check=True)
+    if not (folder / left).exists():
+        subprocess.run([*program, *command.split()], cwd=folder, check=True)
+    source = folder / left
+    if source.suffix == ".html":
+        browser = (
+            shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+        )
+        if browser is None:
+            print(f"{name}: no Chromium to photograph {left} with")
+            return
+        source = folder / f"{name}.png"
+        flags = ["--headless", "--no-sandbox", "--hide-scrollbars", "--window-size=1100,1500"]
+        subprocess.run(
+            [browser, *flags, f"--screenshot={source}", (folder / left).as_uri()],
+            check=True,
+            capture_output=True,
+        )
+    with Image.open(source) as picture:
+        small = picture.convert("RGB")
+        small.thumbnail((WIDTH, 4 * WIDTH))
+        small.quantize(128).save(FIGURES / f"{name}.png", optimize=True)
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as folder:
+        for name in sys.argv[1:] or PICTURES:
+            draw(name, Path(folder))
