@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -37,6 +40,38 @@ def test_the_command_says_what_it_copied(tmp_path):
     assert done.exit_code == 0 and "treloar.toml" in done.output
     again = CliRunner().invoke(app, ["examples", "--out", str(tmp_path / "new")])
     assert again.exit_code == 2 and "not there yet" in again.output
+
+
+def test_every_study_and_campaign_is_in_the_wheel():
+    shipped = {Path(source).as_posix() for source in IN_WHEEL}
+    files = [path for path in (ROOT / "studies").iterdir() if path.name != "results"]
+    assert {path.relative_to(ROOT).as_posix() for path in files} == shipped
+
+
+@pytest.mark.slow
+def test_a_wheel_runs_its_examples_where_there_is_no_source(tmp_path):
+    pytest.importorskip("hatchling", reason="pip install hatchling")
+    pip = [sys.executable, "-m", "pip", "-q"]
+    built = [*pip, "wheel", "--no-deps", "--no-build-isolation", "-w", str(tmp_path), str(ROOT)]
+    subprocess.run(built, check=True, cwd=tmp_path)
+    (wheel,) = tmp_path.glob("*.whl")
+    subprocess.run([*pip, "install", "--no-deps", "--target", str(tmp_path / "site"), str(wheel)], check=True)
+    env = {**os.environ, "PYTHONPATH": str(tmp_path / "site")}
+
+    def said(*words: str) -> str:
+        done = subprocess.run(
+            [sys.executable, "-m", "cutbench", *words],
+            cwd=tmp_path, env=env, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    assert "transition.toml" in said("examples", "--out", "examples")
+    for study in (tmp_path / "examples").glob("[bt]*.toml"):
+        assert "runs to compute" in said("sweep", str(study), "--out", "map", "--dry-run")
+    for campaign in ("rubber/treloar", "silicone/meunier"):
+        said("fit", f"examples/{campaign}.toml", "--out", "fit")
+    assert "reached 0.2 mm" in said("run2d", "gelatin", "--depth", "0.2", "--h", "1.4", "--out", "run")
 
 
 def test_what_the_documentation_opens_is_in_the_wheel():
