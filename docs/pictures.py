@@ -11,8 +11,12 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from types import SimpleNamespace
 
+import matplotlib.pyplot as plt
 from PIL import Image
+
+from cutbench.mechanisms import registry
 
 HERE = Path(__file__).resolve().parent
 FIGURES = HERE / "figures"
@@ -68,7 +72,27 @@ def draw(name: str, folder: Path) -> None:
         small.quantize(128).save(FIGURES / f"{name}.png", optimize=True)
 
 
+def profiles() -> None:
+    """The blades of the package side by side, each with its own sizes."""
+    laws = [law for law in registry().values() if law.role == "contact" and not law.measured]
+    figure, places = plt.subplots(1, len(laws), figsize=(10, 3.2), sharey=True, layout="constrained")
+    for place, law in zip(places, laws, strict=True):
+        p = SimpleNamespace(**{q.name: q.default * q.factor for q in law.parameters})
+        if law.name == "blunt_tip":
+            p.blunting = 1.0
+        x, y = law.outline(p).T
+        top = 2.2 if law.band else max(y)
+        x, y = ([x[0], *x, x[-1]], [top, *y, top]) if law.band else (x, y)
+        place.fill(x, y, color="0.85", ec="black", lw=1.2)
+        place.set(xlim=(-0.45, 0.75), ylim=(-0.1, 2.2), aspect="equal", title=law.name, xlabel="mm")
+    places[0].set_ylabel("mm")
+    figure.savefig(FIGURES / "tools.png", dpi=140)
+
+
 if __name__ == "__main__":
+    asked = sys.argv[1:] or [*PICTURES, "tools"]
+    if "tools" in asked:
+        profiles()
     with tempfile.TemporaryDirectory() as folder:
-        for name in sys.argv[1:] or PICTURES:
+        for name in [name for name in asked if name != "tools"]:
             draw(name, Path(folder))
