@@ -189,18 +189,18 @@ def test_a_slider_and_its_number_are_one_and_groups_follow(page):
 
 @NEEDED
 def test_a_run_grows_in_the_page_and_is_kept(page, server):
-    fill(page, "#value-depth", "0.5")
+    fill(page, "#value-depth", "0.25")
     Select(page.find_element(By.ID, "until")).select_by_value("depth")
     within(10, page, lambda b: b.find_element(By.ID, "start").is_enabled())
     page.find_element(By.ID, "start").click()
     within(90, page, lambda b: b.find_elements(By.CSS_SELECTOR, "#files a"))
-    assert "not cut to 0.5 mm" in text_of(page, "#said")
+    assert "not cut to 0.25 mm" in text_of(page, "#said")
     (kept,) = server.folder.glob("run-*/run.json")
     assert json.loads(kept.read_text())["outcome"]["kind"] == "done"
     curve = page.execute_script("return curves.at(-1)")
-    assert len(curve["mm"]) > 4 and np.all(np.diff(curve["N"]) > 0)
+    assert len(curve["mm"]) > 3 and np.all(np.diff(curve["N"]) > 0)
     section = page.execute_script("return section")
-    assert np.isclose(section["mm"], 0.5) and len(section["x"]) == len(section["kPa"])
+    assert np.isclose(section["mm"], 0.25) and len(section["x"]) == len(section["kPa"])
     assert max(page.execute_script("return cells")) < len(section["x"])
     look(page, width=390, touch=True)
     assert page.execute_script("return document.documentElement.scrollWidth <= innerWidth")

@@ -224,7 +224,6 @@ def test_unwritable_folder_is_refused_before_the_run(tmp_path, monkeypatch):
         (["mechanisms", "coulom"], ["mechanism = 'coulom'", "did you mean 'coulomb'"]),
         (["plot", "nowhere"], ["nowhere", "run.json", "map.nc"]),
         (["sweep", "nowhere.toml", "--out", "maps"], ["nowhere.toml"]),
-        (["sweep", "nowhere.toml"], ["--out"]),
         (["sweep", STUDY, "--out", "maps", "--workers", "many"], ["--workers = 'many'", "whole number"]),
         (["sweep", STUDY, "--out", "maps", "--workers", "-2"], ["--workers = '-2'", "whole number"]),
         (["run2d"], ["MATERIAL"]),

@@ -76,6 +76,7 @@ def test_what_no_candidate_has_stays_unexplained(effect, family):
     assert any(s.wrong for s in d.left)
 
 
+@pytest.mark.slow  # tests/test_suspects.py asks the same of tests without a mesh
 def test_the_order_of_experiments_does_not_matter():
     hidden, d = found("adhesion_wear", "blade law")
     turned = replace(hidden.campaign, experiments=hidden.campaign.experiments[::-1])

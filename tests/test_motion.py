@@ -202,6 +202,7 @@ def test_discovery_computes_what_was_measured(tmp_path):
 
 
 # -- the fit ------------------------------------------------------------------------------------------
+@pytest.mark.slow
 def test_a_fit_follows_the_hold_and_finds_the_relaxation(tmp_path, held):
     rng = np.random.default_rng(4)
     t = np.linspace(1.0, 140.0, 120)

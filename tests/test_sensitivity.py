@@ -65,10 +65,11 @@ def test_derivatives_are_those_of_central_differences():
     ("changes", "names", "steps"),
     [
         # With the tool's normal the mixed element's neighbours take other steps.
-        (
+        pytest.param(
             {"element": "P2P1", "augmentations": 1, "normal": "material", "h": "0.7 mm", "depth": "0.35 mm"},
             ("nu", "tip", "tau_W"),
             7 * [LENGTH],
+            marks=pytest.mark.slow,
         ),
         (  # The cut opens in the last tenth.
             {"normal": "tool", "gap": "ellipse", "depth": "1.1 mm"},

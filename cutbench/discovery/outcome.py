@@ -7,12 +7,14 @@ from dataclasses import dataclass, field
 
 from cutbench.calibration.fitted import Fit
 from cutbench.data.campaign import Campaign
+from cutbench.discovery.causes import Cause
 from cutbench.discovery.columns import Sensed
 from cutbench.discovery.heldout import Heldout
 from cutbench.discovery.point import Point
 from cutbench.discovery.protocol import Proposal
 from cutbench.discovery.score import Score, Scores
 from cutbench.discovery.where import Section
+from cutbench.discovery.yardstick import Yardstick
 
 #: Chance of naming something where there is nothing, of all candidates together.
 CHANCE = 0.005
@@ -81,7 +83,8 @@ class NumericalCauses:
 
 @dataclass(frozen=True)
 class Discovery:
-    """All that was found out. ``final``: the extended model; the last of ``rounds`` has its residual.
+    """All that was found out. ``causes``: what the baseline lacks or gets wrong. ``final``: the extended
+    model; the last of ``rounds`` has its residual.
 
     ``wrong``: sections of the baseline's curves; ``left``: of the final model's, the most significant first.
     """
@@ -89,7 +92,7 @@ class Discovery:
     campaign: Campaign
     fit: Fit
     verdict: str
-    found: tuple[str, ...]
+    causes: tuple[Cause, ...]
     rounds: tuple[Round, ...]
     final: Point
     gain: Heldout | None
@@ -101,6 +104,16 @@ class Discovery:
     seconds: float
     notes: tuple[str, ...]
     interrupted: bool = False
+
+    @property
+    def found(self) -> tuple[str, ...]:
+        """Names of the causes, in the order in which they were found."""
+        return tuple(c.name for c in self.causes)
+
+    @property
+    def rest(self) -> float:
+        """The part of what the baseline gets wrong that the final model does."""
+        return Yardstick(self.first, self.rounds[0].scores.expected).left(self.final)
 
     @property
     def first(self) -> Point:

@@ -4,14 +4,14 @@ by."""
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from cutbench.base.errors import BadInput, ComputationFailed
-from cutbench.base.progress import OnProgress
+from cutbench.base.progress import OnProgress, silent
 from cutbench.calibration import lm
 from cutbench.calibration.fitted import Fit
 from cutbench.calibration.fitting import fit
@@ -204,15 +204,33 @@ def settled(point: Point, run: Predictor, refine: bool, on_progress: OnProgress)
     Raises KeyboardInterrupt.
     """
     on_progress(math.nan, math.nan, "fitting the extended model")
+
+    def told(done: float, total: float, text: str) -> None:
+        on_progress(done, total, f"extended model, {text}")
+
     try:
-        fitted = fit(
-            point.campaign, refine=refine, run=run, looked_for=point.inverse.at(point.q), start=point.case,
-            grids=point.inverse.grids,
-            on_progress=lambda done, total, text: on_progress(done, total, f"extended model, {text}"),
-        )  # fmt: skip
+        return refitted(point, point.inverse.at(point.q), point.case, run, refine, told)
     except (ComputationFailed, BadInput) as error:
         on_progress(math.nan, math.nan, f"not fitted further: {error}")
         return point
+
+
+def refitted(
+    point: Point,
+    looked_for: Sequence[Unknown],
+    case: Case,
+    run: Predictor,
+    refine: bool = False,
+    on_progress: OnProgress = silent,
+) -> Point:
+    """Another model, ``case`` with the unknowns ``looked_for``, fitted to the data of ``point``.
+
+    Raises ComputationFailed, BadInput, KeyboardInterrupt.
+    """
+    fitted = fit(
+        point.campaign, refine=refine, run=run, looked_for=looked_for, start=case, grids=point.inverse.grids,
+        on_progress=on_progress,
+    )  # fmt: skip
     if fitted.status == "interrupted":
         raise KeyboardInterrupt
     return point_of(fitted, run)

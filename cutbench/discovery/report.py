@@ -9,6 +9,7 @@ import numpy as np
 from cutbench.base.units import Parameter
 from cutbench.base.versions import versions
 from cutbench.discovery.candidates import cause_of
+from cutbench.discovery.causes import Cause
 from cutbench.discovery.heldout import compare
 from cutbench.discovery.outcome import CHANCE, Discovery, Round, Tried
 from cutbench.discovery.point import Point
@@ -66,7 +67,21 @@ def verdict_sentence(d: Discovery) -> str:
     text = f"What the baseline {'lacks' if physics else 'gets wrong'} is {names}"
     if others:
         text += f"; these data cannot tell it from {' or '.join(called(n) for n in others)}"
-    return text + ". " + " ".join(meaning(n) for n in d.found)
+    return " ".join([text + ".", *(meaning(n) for n in d.found), *_shares(d)])
+
+
+def _shares(d: Discovery) -> list[str]:
+    """Of several causes what each gains; what is left of what was wrong, where that is more than scatter."""
+    words = []
+    if len(d.causes) > 1:
+        each = [f"{c.name} {c.alone.percent}" for c in d.causes if c.alone is not None]
+        words.append(f"Beside the others each gains on held-out data: {', '.join(each)}.")
+    if d.rounds[-1].scores.p_residual < CHANCE:
+        id, part = max(d.final.misfit.items(), key=lambda item: item[1])
+        words.append(
+            f"{100 * d.rest:.0f} % of what was wrong remains, in '{id}' {100 * part:.2g} % of its maximum."
+        )
+    return words
 
 
 def meaning(name: str) -> str:
@@ -155,6 +170,9 @@ def to_dict(d: Discovery) -> dict:
         "status": "interrupted" if d.interrupted else "complete",
         "verdict": d.verdict,
         "found": list(d.found),
+        "causes": [_cause(c) for c in d.causes],
+        "remains_of_what_was_wrong": d.rest,
+        "misfit": {"baseline": dict(d.first.misfit), "extended": dict(d.final.misfit)},
         "kinds": {name: cause_of(name) for name in d.found},
         "sentence": verdict_sentence(d),
         "gain_sentence": gain_sentence(d),
@@ -184,6 +202,12 @@ def to_dict(d: Discovery) -> dict:
         "case": d.final.case.to_dict(),
         "versions": versions(),
     }
+
+
+def _cause(c: Cause) -> dict:
+    """Name, kind, and what the model gains by it beside the others."""
+    alone = {} if c.alone is None else _fields(c.alone, *GAIN)
+    return {"name": c.name, "title": c.candidate.title, "kind": c.candidate.cause, "beside_the_others": alone}
 
 
 def _ranking(r: Round) -> list[tuple[Score, Tried | None]]:

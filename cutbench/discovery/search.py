@@ -14,7 +14,8 @@ from cutbench.calibration.fitting import fit
 from cutbench.calibration.inverse import GRID
 from cutbench.calibration.prediction import Predictor, predictor
 from cutbench.data.campaign import Campaign
-from cutbench.discovery.candidates import ORDER, candidates
+from cutbench.discovery.candidates import ORDER, Candidate, candidates
+from cutbench.discovery.causes import PRICE, Cause, pruned
 from cutbench.discovery.columns import sense
 from cutbench.discovery.heldout import TESTS, Heldout, better_than, compare, decide
 from cutbench.discovery.numerical import numerical_columns
@@ -33,17 +34,18 @@ TOLD = 1e-4
 #: So many are fitted in a round, without a mesh and with one.
 FITS, FITS_MESHED = 6, 3
 #: What may stay significant beside what was found, as a part of what was wrong; more is unexplained. Where
-#: the scatter between specimens was not measured, more of it may be scatter. What a later mechanism must add.
-REST, REST_ALONE, NAMED = 0.25, 0.5, 0.1
-#: What one more parameter must gain in χ² to be preferred.
-PRICE = 4.0
+#: the scatter between specimens was not measured, more of it may be scatter.
+REST, REST_ALONE = 0.25, 0.5
+#: What a later cause must take away of what the baseline gets wrong, in the root mean square. No specimen
+#: follows a formula, and what the first cause's leaves is no cause of its own.
+NAMED = 0.06
 #: Fits are told apart by so many standard errors of their difference; more where some are known to first
 #: order only.
 APART, APART_MESHED = 2.0, 3.0
 #: Values of shapes tried where the data leave them open, and how far their scores may lie behind, in prices.
 SHAPES, OPEN = 3, 5
-#: Mechanisms found, at the most.
-MOST = 4
+#: Causes found, at the most; firsts of a pair that are tried.
+MOST, FIRSTS = 4, 3
 
 
 def discover(
@@ -74,34 +76,50 @@ def discover(
     with predictor(min(count, runs)) as run:
         point = point_of(fitted, run)
         rounds: list[Round] = []
-        found: list[str] = []
+        found: list[Candidate] = []
         numerics = NumericalCauses()
         interrupted = False
         try:
             while True:
-                this = _round(point, run, seed, on_progress)
+                this, then = _round(point, run, seed, on_progress), None
                 if not rounds:
                     numerics = _numerics(this, run, seed, on_progress)
-                if numerics.explains or (rounds and not _worth_a_name(this, rounds[0])):
+                if numerics.explains:
                     this = replace(this, accepted=None)
-                rounds.append(this)
-                if this.accepted is None or len(found) == MOST:
+                elif this.accepted is None and this.scores.p_residual < CHANCE:
+                    this, then = _pair(this, run, seed, on_progress)
+                more = [this] if then is None else [this, then]
+                if rounds and not _worth_a_name(more[-1], rounds[0]):
+                    more = [this := replace(this, accepted=None)]
+                rounds += more
+                if this.accepted is None or len(found) >= MOST:
                     break
-                found.append(this.accepted)
-                point = next(t.point for t in this.tried if t.name == this.accepted)
+                for each in more:
+                    taken = next(t for t in each.tried if t.name == each.accepted)
+                    found.append(taken.score.column.candidate)
+                    point = taken.point
                 point = settled(point, run, refine, on_progress)
         except KeyboardInterrupt:
             if not rounds:
                 raise
             interrupted = True
-        gain = compare(rounds[0].point, point) if found else None
+        causes: list[Cause] = []
+        if found and not interrupted:
+            last = point
+            point, causes = pruned(rounds[0].point, point, found, run, on_progress)
+            if point is not last and rounds[-1].accepted is None:
+                # What is left is that of the model that stays.
+                rounds[-1] = replace(_round(point, run, seed, on_progress), accepted=None)
+        elif found:
+            causes = [Cause(c, None) for c in found]
+        gain = compare(rounds[0].point, point) if causes else None
         verdict = "mechanism" if interrupted else _verdict(rounds)
         asked = ([], "Not asked: interrupted.") if interrupted else _next(rounds, verdict, run, on_progress)
         proposed, text = asked
     stopped = "Interrupted: what was found stands, what else there may be was not asked."
     notes = (*([stopped] if interrupted else []), *fitted.notes, *rounds[0].point.trouble)
     return Discovery(
-        campaign, fitted, verdict, tuple(found), tuple(rounds), point, gain,
+        campaign, fitted, verdict, tuple(causes), tuple(rounds), point, gain,
         tuple(sections(rounds[0].point)), tuple(sections(point)), numerics, tuple(proposed), text,
         time.perf_counter() - began, tuple(dict.fromkeys(notes)), interrupted,
     )  # fmt: skip
@@ -203,11 +221,33 @@ def _round(point: Point, run: Predictor, seed: int, on_progress: OnProgress) -> 
     return Round(point, sensed, scores, tuple(tried), tuple(group), accepted, left_out, failed)
 
 
+def _pair(this: Round, run: Predictor, seed: int, on_progress: OnProgress) -> tuple[Round, Round | None]:
+    """Where none convinces alone: the two, one after the other, that do together; else ``this`` as it is.
+
+    A cause can hide behind another: what is left of it, taken alone, the other's shape contradicts.
+    """
+    wrong = Yardstick(this.point, this.scores.expected)
+    best: tuple[float, Tried, Round] | None = None
+    able = sorted((t for t in this.tried if t.p_any < CHANCE), key=lambda t: -t.gain)
+    for t in able[: 1 if this.point.meshed else FIRSTS]:
+        on_progress(math.nan, math.nan, f"what convinces beside {t.name}")
+        then = _round(t.point, run, seed, on_progress)
+        second = next((x for x in then.tried if x.name == then.accepted), None)
+        if second is None or 1 - wrong.left(second.point) < SHARE:
+            continue
+        if decide(this.point, second.point).accepted and (best is None or second.point.likelihood > best[0]):
+            best = second.point.likelihood, t, then
+    if best is None:
+        return this, None
+    _, first, then = best
+    return replace(this, accepted=first.name), then
+
+
 def _worth_a_name(this: Round, first: Round) -> bool:
-    """Whether what a later round would add is more than what a verdict leaves unmentioned."""
+    """Whether what a later round would add is more than the error of a formula."""
     after = next((t.point for t in this.tried if t.name == this.accepted), this.point)
     wrong = Yardstick(first.point, first.scores.expected)
-    return wrong.left(this.point) - wrong.left(after) > NAMED
+    return math.sqrt(wrong.left(this.point)) - math.sqrt(wrong.left(after)) > NAMED
 
 
 def _simplest(scores: list[Score]) -> list[Score]:
