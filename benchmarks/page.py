@@ -1,7 +1,7 @@
 """``python -m benchmarks.page [--check]``: the documentation's table of what runs cost, from its JSON.
 
 ``measured.json`` is what ``python -m benchmarks --all --write`` found; the table stands in
-docs/explanation/numerics.md between two marks. With ``--check`` nothing is written, and the exit status is 1
+docs/explanation/speed.md between two marks. With ``--check`` nothing is written, and the exit status is 1
 if the two do not agree.
 """
 
@@ -17,7 +17,7 @@ from benchmarks import transition
 from benchmarks.tools import ROOT
 from cutbench.base.files import markdown_table, write_json, write_text
 
-DATA, PAGE = ROOT / "benchmarks" / "measured.json", ROOT / "docs" / "explanation" / "numerics.md"
+DATA, PAGE = ROOT / "benchmarks" / "measured.json", ROOT / "docs" / "explanation" / "speed.md"
 BEGIN, END = "<!-- benchmarks: made by python -m benchmarks --all --write -->\n", "<!-- end of benchmarks -->"
 
 
