@@ -10,6 +10,7 @@ import numpy as np
 
 from cutbench.base.files import write_json
 from cutbench.base.versions import versions
+from cutbench.calibration.case_file import write_case
 from cutbench.calibration.fitted import ComparedCurve, Estimate, Fit
 
 #: Layout of fit.json.
@@ -169,10 +170,24 @@ def _profile(fit: Fit, p) -> dict:
 
 
 def write_fit(fit: Fit, folder: Path) -> list[Path]:
-    """``fit.json`` and ``fit.png`` in ``folder``, each whole or not at all."""
+    """``fit.json``, ``fit.png`` and the case file ``fitted.toml`` in ``folder``, each whole or not at all."""
     from cutbench.base.figure_style import save
     from cutbench.calibration.figure import plot_fit
 
     paths = save(plot_fit(fit), folder / "fit.png")
     write_json(to_dict(fit), folder / "fit.json")
-    return [*paths, folder / "fit.json"]
+    note = f"Fitted by cutbench to {fit.campaign.path or 'a campaign'}: {fit.status}"
+    case = write_case(fit.campaign, fit.case, note, remarks(fit), folder / "fitted.toml")
+    return [*paths, folder / "fit.json", case]
+
+
+def remarks(fit: Fit) -> dict[str, str]:
+    """What is known of each fitted value, by name."""
+    found: dict[str, str] = {}
+    for e in fit.estimates:
+        if e.unknown.experiment is not None:
+            found[e.unknown.name] = "mean of one value for each experiment"
+        else:
+            q = e.unknown.quantity
+            found[e.unknown.name] = f"fitted, 95 %: {q.show(e.low)} to {q.show(e.high)}"
+    return found

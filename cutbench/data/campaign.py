@@ -58,7 +58,8 @@ class FitPlan:
 
 @dataclass(frozen=True, eq=False)
 class Campaign:
-    """A validated campaign. ``base`` holds the baseline's mechanisms and the start values.
+    """A validated campaign. ``base`` holds the baseline's mechanisms and the start values, of which
+    ``material``, a known name or a file, may know more than its tests see.
 
     Raises BadInput if two experiments share an id, none is to be fitted, or readings cannot be of the
     material (see ``cutbench.data.plausible``).
@@ -71,6 +72,7 @@ class Campaign:
     plan: FitPlan = field(default_factory=FitPlan)
     path: Path | None = None
     notes: tuple[str, ...] = ()
+    material: str | Path | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "experiments", tuple(self.experiments))
@@ -237,7 +239,7 @@ def load_campaign(path: str | Path) -> Campaign:
             experiments.append(made)
     kinds = list(dict.fromkeys(e.kind for e in experiments))
     sizes = next((_sizes(e) for e in experiments if e.kind == "cut"), {})
-    base, notes = _start(table, path, text, kinds, sizes)
+    base, notes, material = _start(table, path, text, kinds, sizes)
     with located(path, text):
         candidates = _candidates(table, base.model, kinds)
     with located(path, text, "fit"):
@@ -248,7 +250,7 @@ def load_campaign(path: str | Path) -> Campaign:
     cuts = (cut_case(e, base) for e in experiments if e.kind == "cut")
     notes += tuple(dict.fromkeys(sentence for cut in cuts for sentence in cut.doubts))
     with located(path, text):
-        return Campaign(title, base, tuple(experiments), candidates, plan, path, notes)
+        return Campaign(title, base, tuple(experiments), candidates, plan, path, notes, material)
 
 
 def _check(experiment: Experiment, base: Case) -> None:
@@ -265,8 +267,9 @@ def _listed(key: str, raw: object) -> tuple[str, ...]:
 
 def _start(
     table: Mapping, path: Path, text: str, kinds: list[str], sizes: Mapping[str, str]
-) -> tuple[Case, tuple[str, ...]]:
-    """The start case, each of whose faults is found where it is written; ``sizes`` are those of a cut."""
+) -> tuple[Case, tuple[str, ...], str | Path | None]:
+    """The start case, each of whose faults is found where it is written, notes, and the material's name or
+    file; ``sizes`` are those of a cut."""
     parameters, numerics = table.get("parameters", {}), table.get("numerics", {})
     with located(path, text):
         baseline = names("baseline", table.get("baseline", "default"))
@@ -290,7 +293,7 @@ def _start(
         )
     with located(path, text, "numerics"):
         known = case.model.parameters()
-        return case.set(**{k: v for k, v in sizes.items() if k in known}, **numerics), notes
+        return case.set(**{k: v for k, v in sizes.items() if k in known}, **numerics), notes, source
 
 
 def _candidates(table: Mapping, baseline: Model, kinds: list[str]) -> tuple[str, ...]:

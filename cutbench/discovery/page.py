@@ -8,6 +8,7 @@ from importlib import resources
 from pathlib import Path
 
 from cutbench.base.files import replacing, write_json
+from cutbench.calibration.case_file import write_case
 from cutbench.discovery.figures import curves, ranking, svg
 from cutbench.discovery.outcome import Discovery
 from cutbench.discovery.report import GAIN, called, estimates, gain_sentence, to_dict, verdict_sentence
@@ -22,11 +23,15 @@ _SAID = {
 
 
 def write_discovery(d: Discovery, folder: Path) -> list[Path]:
-    """``discovery.json`` and ``discovery.html`` in ``folder``, each whole or not at all."""
-    paths = [folder / "discovery.json", folder / "discovery.html"]
+    """``discovery.json``, ``discovery.html`` and the case file ``case.toml`` in ``folder``, each whole or not
+    at all."""
+    paths = [folder / "discovery.json", folder / "discovery.html", folder / "case.toml"]
     write_json(to_dict(d), paths[0])
     with replacing(paths[1]) as draft:
         draft.write_text(page(d), encoding="utf-8")
+    note = f"Model at the end of cutbench discover {d.campaign.path or ''}: {verdict_sentence(d)}"
+    remarks = {u.name: "fitted" for u in d.final.inverse.unknowns}
+    write_case(d.campaign, d.final.case, note, remarks, paths[2])
     return paths
 
 
