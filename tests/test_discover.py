@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 from benchmarks import discovery as blind
 from benchmarks.hidden import SCATTER, Hidden, Test, make, readings
 from cutbench.base.files import write_json
+from cutbench.case.case import load_case
 from cutbench.data.campaign import load_campaign
 from cutbench.discovery import discover
 from cutbench.discovery.outcome import Discovery
@@ -162,6 +163,9 @@ def test_a_silicone_too():
 def test_discovery_json_has_its_keys(gent, tmp_path):
     _, d = gent
     write_discovery(d, tmp_path)
+    case = load_case(tmp_path / "case.toml")  # without a blade, for no material is known
+    assert case.mechanisms == d.final.case.mechanisms
+    assert case.values["inv_J_m"] == pytest.approx(d.final.case.values["inv_J_m"], rel=1e-8)
     data = json.loads((tmp_path / "discovery.json").read_text(encoding="utf-8"))
     for key in ("verdict", "found", "ranking", "confounded", "where_wrong", "gain", "next_experiment"):
         assert key in data
@@ -199,7 +203,10 @@ def test_the_command_writes_both_and_refuses_nonsense(tmp_path):
     )
     assert done.exit_code == 0, done.output
     assert "verdict: mechanism" in done.output
-    assert {p.name for p in (tmp_path / "d").iterdir()} == {"discovery.json", "discovery.html"}
+    assert {p.name for p in (tmp_path / "d").iterdir()} == {"discovery.json", "discovery.html", "case.toml"}
+    extended = load_case(tmp_path / "d" / "case.toml")
+    found = json.loads((tmp_path / "d" / "discovery.json").read_text(encoding="utf-8"))["found"]
+    assert found and set(found) < set(extended.mechanisms)
     done = runner.invoke(app, ["discover", str(tmp_path / "none.toml")])
     assert done.exit_code == 2
 

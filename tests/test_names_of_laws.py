@@ -15,9 +15,13 @@ from cutbench.mechanisms.given import PROTOCOL, SPECIMEN
 ROOT = Path(cutbench.__file__).parent
 #: Reference problems and published claims are of certain laws.
 OF_CERTAIN_LAWS = ("mechanisms", "verification")
-#: Words that happen to be the names of parameters: Greek letters, a picture of phases, energy that drifts.
+#: Words that happen to be names: Greek letters, a picture of phases, energy that drifts, what is taken off
+#: readings.
 OTHERWISE = {
     "base/figure_style.py": {"beta", "mu", "nu"},
+    "data/contact.py": {"contact"},
+    "data/conversion.py": {"zero", "force_zero"},
+    "data/recorded.py": {"zero", "force_zero"},
     "maps/__init__.py": {"phase"},
     "maps/page.py": {"beta", "mu", "nu"},
     "solver/step_control.py": {"drift"},

@@ -22,6 +22,7 @@ from cutbench.case.motion import Polyline, simplified
 from cutbench.case.numerics import KEYS
 from cutbench.case.values import names, resolve
 from cutbench.data import plausible
+from cutbench.data.contact import bounds_by
 from cutbench.data.experiment import SLOTS, Experiment
 from cutbench.data.recorded import placed, read_experiment
 from cutbench.data.repetition import unrepeated
@@ -243,7 +244,7 @@ def load_campaign(path: str | Path) -> Campaign:
     with located(path, text):
         candidates = _candidates(table, base.model, kinds)
     with located(path, text, "fit"):
-        plan = _plan(table.get("fit", {}), base.model, candidates)
+        plan = _plan(table.get("fit", {}), base.model, candidates, _known(experiments))
     for number, made in enumerate(experiments):
         with placed(path, text, number):
             _check(made, base)
@@ -310,8 +311,15 @@ def _candidates(table: Mapping, baseline: Model, kinds: list[str]) -> tuple[str,
     return listed
 
 
-def _plan(part: Mapping, baseline: Model, candidates: tuple[str, ...]) -> FitPlan:
-    """The section [fit]: free, fixed, own (lists of parameters), bounds (low, high with units)."""
+def _known(experiments: Iterable[Experiment]) -> dict[str, tuple[float, float]]:
+    """Bounds that the approaches of the tests in which the machine is felt give."""
+    felt = (e for e in experiments if "rig" in SLOTS[e.kind] and e.mounted)
+    return bounds_by([r for e in felt for r in e.repetitions])
+
+
+def _plan(part: Mapping, baseline: Model, candidates: tuple[str, ...], found: Mapping) -> FitPlan:
+    """The section [fit]: free, fixed, own (lists of parameters), bounds (low, high with units); ``found``
+    are bounds that hold where none are written."""
     offered = {q.name: q for name in reversed(candidates) for q in registry()[name].parameters}
     known = offered | baseline.parameters()
     lists: dict[str, tuple[str, ...]] = {}
@@ -324,7 +332,7 @@ def _plan(part: Mapping, baseline: Model, candidates: tuple[str, ...]) -> FitPla
             among(key, name, known)
         if key != "bounds":
             lists[key] = listed
-    bounds = {}
+    bounds = {name: pair for name, pair in found.items() if name in known}
     for name, pair in part.get("bounds", {}).items():
         if not isinstance(pair, list) or len(pair) != 2:
             raise BadInput(key=name, value=str(pair)[:60], expected="two values, the lowest and the highest")

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cutbench.data.covariance import roughness
+from cutbench.mechanisms import registry
 
 if TYPE_CHECKING:
     from cutbench.data.repetition import Repetition
@@ -34,6 +35,8 @@ CLEAR = 10.0
 PLACES, TURNS = 40, 3
 #: More readings than that are averaged in groups first.
 MOST = 1000
+#: Standard deviations within which a contact that was found is believed.
+ROOM = 4.0
 #: A force before contact is spoken of above this part of the largest.
 AMISS = 2e-3
 #: With which the force begins to rise.
@@ -43,7 +46,9 @@ POWERS = (1.0, 1.5, 2.0)
 @dataclass(frozen=True)
 class Contact:
     """Contact at ``at`` mm of the recorded displacement, known to ``sd``, after so many ``readings``; before
-    it the force is ``force``, known to ``force_sd``, later ``largest`` at the most, in ``unit``."""
+    it the force is ``force``, known to ``force_sd``, later ``largest`` at the most, in ``unit``.
+    ``taken_off``: which of ``displacement`` and ``force`` was found and taken off; a force that was given is
+    taken off ``force``, too."""
 
     at: float
     sd: float
@@ -52,6 +57,13 @@ class Contact:
     readings: int
     largest: float
     unit: str = "N"
+    taken_off: tuple[str, ...] = ()
+
+    def leaves(self, what: str) -> float:
+        """How far the ``displacement`` (mm) or ``force`` (N) that was found here and taken off may be wrong,
+        with room for what the rule itself may be off; infinite where it was not."""
+        sd = self.sd if what == "displacement" else self.force_sd if self.unit == "N" else np.inf
+        return ROOM * sd if what in self.taken_off and sd > 0 else np.inf
 
 
 def contact_at(u: np.ndarray, y: np.ndarray, at: float, sd: float = 0.0) -> Contact:
@@ -134,10 +146,11 @@ def _misfit(u: np.ndarray, y: np.ndarray, at: float, m: float) -> float:
     return float(((y - A @ c) ** 2).sum())
 
 
-def contact_notes(repetitions: Sequence[Repetition], moved: bool, tared: bool) -> tuple[str, ...]:
+def contact_notes(repetitions: Sequence[Repetition]) -> tuple[str, ...]:
     """What to know of the contacts of a test: where each lies, what the force is before it, and whether these
     were taken off."""
     known = [(r, r.contact) for r in repetitions if r.contact is not None]
+    moved, tared = (any(what in c.taken_off for _, c in known) for what in ("displacement", "force"))
     found = [(r, c) for r, c in known if c.sd > 0]
     notes = []
     if found:
@@ -156,3 +169,16 @@ def _listed(values: Sequence[tuple[str, str]]) -> str:
     if len(values) == 1:
         return values[0][1]
     return ", ".join(f"{text} ({name})" for name, text in values)
+
+
+def bounds_by(repetitions: Sequence[Repetition]) -> dict[str, tuple[float, float]]:
+    """Bounds of the parameters by which laws of the testing machine say what the approach has told, where it
+    was found and taken off in all ``repetitions``."""
+    found: dict[str, tuple[float, float]] = {}
+    for law in registry().values():
+        if what := getattr(law, "approach", ""):
+            rooms = [np.inf if r.contact is None else r.contact.leaves(what) for r in repetitions]
+            room = max(rooms, default=np.inf)
+            if np.isfinite(room):
+                found |= {q.name: (-room, room) for q in law.parameters}
+    return found

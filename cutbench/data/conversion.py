@@ -19,6 +19,8 @@ from cutbench.data.repetition import Repetition, first_return
 from cutbench.data.table import Table
 
 AUTO, RETURN = "auto", "return"
+#: What is found and taken off, by key.
+TAKEN_OFF = {"zero": "displacement", "force_zero": "force"}
 
 
 def repetitions_of(
@@ -87,6 +89,10 @@ def _begun(
         zeros["displacement"] = contact.at if "zero" in written else 0.0
     if "force_zero" in written:
         zeros[load] = _force_zero(written["force_zero"], load, contact)
+    if contact is not None:
+        off = tuple(what for key, what in TAKEN_OFF.items() if written.get(key) == AUTO)
+        given = 0.0 if "force" in off else zeros[load]
+        contact = replace(contact, taken_off=off, force=contact.force - given)
     return {role: factors.get(role, 1.0) * (values - zeros[role]) for role, values in read.items()}, contact
 
 

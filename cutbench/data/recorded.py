@@ -120,7 +120,7 @@ def read_experiment(table: Mapping[str, object], folder: Path) -> Experiment:
     for read, _ in tables:
         if len(read.specimens) > 1:
             notes += (f"{read.path.name} holds specimens side by side: {', '.join(read.specimens)}",)
-    notes += contact_notes(repetitions, "zero" in table, "force_zero" in table)
+    notes += contact_notes(repetitions)
     if kind == "sliding" and not pressure and not {"pressure", "normal_force"} & columns.keys():
         notes += ("no pressure given: 0, so that only adhesion resists",)
     fields, noise_mm = read_fields_of(table["fields"], folder) if "fields" in table else ((), 0.0)

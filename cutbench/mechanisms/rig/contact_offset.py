@@ -13,6 +13,7 @@ class ContactOffset(Rig):
     name = "contact_offset"
     title = "contact-point offset"
     cause = "reading"
+    approach = "displacement"
     rank = 1
     parameters = (
         Parameter.effect(

@@ -10,6 +10,7 @@ class ForceZero(Rig):
     name = "force_zero"
     title = "load-cell zero"
     cause = "reading"
+    approach = "force"
     rank = 3  # the machine gives under the true force
     parameters = (
         Parameter.effect(
