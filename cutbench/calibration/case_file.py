@@ -46,5 +46,5 @@ def write_case(campaign: Campaign, case: Case, note: str, remarks: Mapping[str, 
     known of values, by name."""
     made = runnable(campaign, case)
     if made.model.tool is None:
-        note = note.rstrip(".") + ". No blade is known: a run needs contact or another profile among the mechanisms, and a cut"
+        note = f"{note.rstrip('.')}. No blade and no cut are known: a run needs laws for both"
     return write_text(case_text(made, {"name": campaign.title, "note": note}, remarks), path)

@@ -176,7 +176,8 @@ def write_fit(fit: Fit, folder: Path) -> list[Path]:
 
     paths = save(plot_fit(fit), folder / "fit.png")
     write_json(to_dict(fit), folder / "fit.json")
-    note = f"Fitted by cutbench to {fit.campaign.path.name if fit.campaign.path else 'a campaign'}: {fit.status}"
+    path = fit.campaign.path
+    note = f"Fitted to {path.name if path else 'a campaign'}: {fit.status}"
     case = write_case(fit.campaign, fit.case, note, remarks(fit), folder / "fitted.toml")
     return [*paths, folder / "fit.json", case]
 
