@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import instrument
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -137,3 +138,44 @@ def test_from_an_exported_file_to_what_its_model_lacks(tmp_path, monkeypatch):
     for value in offset["parameters"].values():
         assert abs(value["value"]) < 0.1  # no more than the contact that was found leaves open
     entered("run2d", "found/case.toml", "--set", "h=1 mm", "--set", "depth=0.2 mm", "--out", "run")
+
+
+@pytest.mark.slow
+def test_a_cut_that_begins_in_air_gives_its_stiffness_back(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    entered("run2d", "gelatin", "--set", "h=0.7 mm", "--set", "depth=2 mm", "--out", "run")
+    curve = np.genfromtxt("run/curve.csv", delimiter=",", names=True)
+    rng, air_mm, speed = np.random.default_rng(2), 2.0, 0.021
+    u = np.arange(0, air_mm + 2, 0.02)
+    force = np.interp(u - air_mm, np.append(0, curve["displacement_mm"]), np.append(0, curve["force_N"]))
+    rows = ["Force,Distance,Time,Force,Distance,Time", "(g),(mm),(sec),(g),(mm),(sec)"]
+    for at, F in zip(u, force / instrument.GRAM_N, strict=True):
+        one, two = (scale * F + 1.5 + 0.1 * rng.standard_normal() for scale in (0.98, 1.02))
+        rows.append(",".join(f"{grams:.2f},{at:.2f},{at / speed:.3f}" for grams in (one, two)))
+    Path("cut.csv").write_text("\n".join(rows), encoding="utf-8")
+    Path("cut.toml").write_text(
+        """material = "gelatin"
+[parameters]
+G = "11 kPa"
+[numerics]
+h = "0.7 mm"
+[fit]
+free = ["G"]
+[[experiment]]
+id = "cut"
+kind = "cut"
+data = "cut.csv"
+columns = { displacement = "Distance", force = "Force", time = "Time" }
+specimen = { width = "30 mm", length = "30 mm", height = "21 mm" }
+blade = { thickness = "0.7 mm", tip = "1.05 mm" }
+zero = "auto"
+force_zero = "auto"
+""",
+        encoding="utf-8",
+    )
+    for r in load_campaign("cut.toml").experiment("cut").repetitions:
+        assert abs(r.contact.at - air_mm) < max(3 * r.contact.sd, 0.02)
+    entered("fit", "cut.toml", "--out", "fit", "--no-refine", "--workers", 0)
+    found = json.loads(Path("fit/fit.json").read_text(encoding="utf-8"))["parameters"]["G"]
+    assert found["low"] < 7.5 < found["high"] and abs(found["value"] / 7.5 - 1) < 0.05
+    entered("run2d", "fit/fitted.toml", "--set", "depth=0.3 mm", "--out", "again")

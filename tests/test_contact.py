@@ -72,6 +72,16 @@ def test_a_contact_that_is_given_is_taken_and_the_rest_is_said(tmp_path):
     np.testing.assert_allclose(r.x, u, atol=1e-9)
 
 
+def test_an_approach_may_be_longer_than_the_rest(tmp_path):
+    u = np.linspace(0, 4, 201)
+    F = 0.01 + 2 * np.maximum(u - 2.5, 0)
+    (r,) = (
+        load_campaign(cut(tmp_path, u, F, 'zero = "auto"\nforce_zero = "auto"')).experiment("cut").repetitions
+    )
+    assert r.contact.at == pytest.approx(2.5, abs=0.02)
+    assert 0 <= r.x[0] < 0.03 and r.x[-1] == pytest.approx(1.5, abs=0.02)
+
+
 def test_from_and_until_count_from_contact(tmp_path):
     u = np.append(np.linspace(0, 10, 101), np.linspace(9.9, 0, 100))
     F = 2 * np.maximum(u - 2, 0) * np.append(np.ones(101), np.full(100, 0.4))

@@ -100,7 +100,7 @@ def _contact(
     read: Mapping[str, np.ndarray], written: Mapping, factors: Mapping[str, float], load: str, title: str
 ) -> Contact:
     u, y = (np.sign(factors.get(role, 1.0)) * read[role] for role in ("displacement", load))
-    way = np.sign(u[np.argmax(np.abs(u - u[0]))] - u[0])
+    way = _way(u)
     zero = written.get("zero", AUTO)
     sense, pull = (way * np.sign(factors.get(role, 1.0)) for role in ("displacement", load))
     if zero != AUTO:
@@ -122,6 +122,11 @@ def _contact(
         raise BadInput(key=key, value=AUTO, expected=expected)
     unit = "N" if load == "force" else "MPa"
     return replace(found, at=sense * found.at, force=pull * found.force, unit=unit)
+
+
+def _way(x: np.ndarray) -> float:
+    """1 or -1: towards which end the test goes."""
+    return -1.0 if x[np.argmax(np.abs(x - x[0]))] < x[0] else 1.0
 
 
 def _force_zero(raw: object, load: str, contact: Contact | None) -> float:
@@ -147,7 +152,7 @@ def _kept(written: Mapping, kind: str, x: np.ndarray) -> np.ndarray:
     """The readings (k,) that count: from contact on where that is known, from ``from`` up to the first beyond
     ``until``, which is ``return`` for the farthest. Raises BadInput if none are left."""
     rest = 1.0 if kind in HOMOGENEOUS else 0.0
-    way = 1.0 if np.abs(x - rest).size == 0 else np.sign((x - rest)[np.argmax(np.abs(x - rest))]) or 1.0
+    way = _way(x)
     out, unit = way * (x - rest), "1" if kind in HOMOGENEOUS else "mm"
     keep = np.arange(x.size)
     if "until" in written:
