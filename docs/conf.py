@@ -22,6 +22,7 @@ exclude_patterns = ["**/README.md"]
 source_suffix = {".md": "markdown"}
 root_doc = "index"
 highlight_language = "none"
+smartquotes = False
 myst_enable_extensions = ["colon_fence"]
 myst_heading_anchors = 4
 myst_links_external_new_tab = False

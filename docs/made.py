@@ -58,7 +58,7 @@ def _command(name: str, command: Any) -> str:
 
 def _takes(q: Any) -> str:
     flag = q.is_flag or getattr(getattr(q, "type_descriptor", None), "annotation", None) is bool
-    return "" if flag else f"`{q.metavar or q.name.upper()}`"
+    return "" if flag else f"`{q.metavar or q.name.upper()}`".replace("|", "\\|")
 
 
 def public_names() -> dict[str, list[str]]:
@@ -139,6 +139,7 @@ def tools() -> str:
     for law in registry().values():
         if law.role == "contact":
             about = (sys.modules[type(law).__module__].__doc__ or "").partition("\n\n")[0]
+            about = re.sub(r" \(paper[^)]*\)", "", about)
             rows.append([f"`{law.name}`", plain(about), ", ".join(f"`{q.name}`" for q in law.parameters)])
     return table(("mechanism", "what it is", "parameters"), rows)
 
