@@ -37,6 +37,7 @@ def test_a_page_is_read_in_a_few_minutes(page):
     assert len(text.split()) <= WORDS, f"{named(page)}: part it, or let a program write its tables"
 
 
+@pytest.mark.slow
 def test_the_site_is_built_without_a_warning(tmp_path):
     for needed in ("sphinx", "myst_parser", "pydata_sphinx_theme"):
         pytest.importorskip(needed, reason="pip install 'cutbench[docs]'")
