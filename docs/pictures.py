@@ -37,6 +37,7 @@ PICTURES = {
         "discover examples/rubber/treloar.toml --out rubber",
         "rubber/discovery.html",
     ),
+    "fit": ("my-curves", "fit examples/silicone/meunier.toml --out silicone", "silicone/fit.png"),
 }
 
 
