@@ -40,13 +40,13 @@ def margin(
     """−1 (smooth) to 1 (abrupt), 0 on the thresholds; nan where nothing was measured.
 
     tanh of the logarithm of measure over threshold: smooth through the boundary, level far from it.
-    Where the material was not cut, −1.
+    A material that was not cut at its depth may be cut either way below: nan, too.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.log(np.asarray(drop_rel, dtype=float) / drop)
         if math.isfinite(surge_min):
             ratio = np.minimum(ratio, np.log(np.asarray(surge, dtype=float) / surge_min))
-    return np.where(uncut, -1.0, np.tanh(ratio))
+    return np.where(uncut, np.nan, np.tanh(ratio))
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class BoundaryEstimate:
 
 class Seeker:
     """The search over one box. ``shape`` are the points of its lattice, ``known`` margins by index
-    (nan: a run that failed)."""
+    (nan: a run that failed, or was not cut)."""
 
     def __init__(self, shape: tuple[int, ...], *, start: int, batch: int, runs: int):
         self.shape, self._start, self._batch, self._runs = shape, start, batch, runs
@@ -146,7 +146,7 @@ class Seeker:
         return BoundaryEstimate(*(part.reshape(self.shape) for part in (mean, spread, unsure)))
 
     def _emulator(self, known: Mapping[Index, float], *, stand_ins: bool) -> Emulator | None:
-        """Through the margins; ``stand_ins``: and at runs that failed through what is expected there, so
+        """Through the margins; ``stand_ins``: and at runs that failed or were not cut through what is expected there, so
         that the search does not ask for their neighbours again and again."""
         good = [(i, m) for i, m in known.items() if not math.isnan(m)]
         if not good:

@@ -56,7 +56,7 @@ def _line(data: xr.Dataset) -> xr.DataArray:
         over = data["drop_rel"] / data.attrs["drop_threshold"]
         if math.isfinite(data.attrs["surge_threshold"]):
             over = np.minimum(over, data["surge"] / data.attrs["surge_threshold"])
-        over = xr.where(data["label"] == LABELS.index(UNCUT), LEAST, over)
+        over = xr.where(data["label"] == LABELS.index(UNCUT), np.nan, over)
         return np.log(np.maximum(over, LEAST))
 
 
