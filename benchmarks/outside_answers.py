@@ -15,30 +15,24 @@ from cutbench.base.errors import CutbenchError
 from cutbench.base.files import write_json
 from cutbench.data.campaign import load_campaign
 from cutbench.discovery import Discovery, discover
+from cutbench.discovery.candidates import family_of
 from cutbench.discovery.point import Point
-from cutbench.mechanisms import registry
 
-#: Classes of causes that are no mechanism of a class of its own.
-_KINDS = {"nu": "volume", "compressible": "volume", "volumetric": "volume"}
-_SLOTS = {"machine_compliance": "rig", "gauge_length": "rig"}
-_LAWS = {
-    "stiffening": ("gent", "yeoh", "ogden", "fung", "demiray"),
-    "viscoelasticity": ("maxwell", "maxwell2", "maxwell3", "power_law", "fractional"),
-    "softening": ("mullins", "ogden_roxburgh"),
-    "reading": ("force_zero", "force_drift", "contact_offset"),
+#: The benchmark's classes by the package's.
+_CLASSES = {
+    "strain stiffening": "stiffening",
+    "viscoelasticity": "viscoelasticity",
+    "softening on unloading": "softening",
+    "machine": "rig",
+    "reading": "reading",
+    "volume change": "volume",
+    "nu": "volume",
 }
 
 
 def class_of(name: str) -> str:
-    """The class of a cause that discovery names; its own name where it is of none of the benchmark's."""
-    for known in (_KINDS, _SLOTS):
-        if name in known:
-            return known[name]
-    for family, laws in _LAWS.items():
-        if name in laws:
-            return family
-    family = getattr(registry().get(name), "family", "")
-    return next((known for known in _LAWS if family.startswith(known)), family or name)
+    """The class of a cause that discovery names; the package's where it is none of the benchmark's."""
+    return _CLASSES.get(family_of(name), family_of(name))
 
 
 def judge(truth: Truth, d: Discovery) -> dict:

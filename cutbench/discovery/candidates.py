@@ -106,6 +106,12 @@ def cause_of(name: str) -> str:
     return "parameter" if law is None else getattr(law, "cause", "rig" if law.slot == "rig" else "mechanism")
 
 
+def family_of(name: str) -> str:
+    """The class of effects that a law is one formula of; of a parameter its own name."""
+    law = registry().get(name)
+    return name if law is None else law.family or law.title
+
+
 def _held(inverse: Inverse, base: Case) -> list[Candidate]:
     """Parameters that tests without a mesh feel and no fit looks for; none where nothing is a candidate."""
     if not inverse.campaign.candidates:

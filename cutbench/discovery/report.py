@@ -8,7 +8,7 @@ import numpy as np
 
 from cutbench.base.units import Parameter
 from cutbench.base.versions import versions
-from cutbench.discovery.candidates import cause_of
+from cutbench.discovery.candidates import cause_of, family_of
 from cutbench.discovery.causes import Cause
 from cutbench.discovery.heldout import compare
 from cutbench.discovery.outcome import CHANCE, Discovery, Round, Tried
@@ -25,11 +25,12 @@ GAIN = ("baseline_rmse", "extended_rmse", "noise_floor", "unit", "gain", "gain_s
 
 
 def called(name: str) -> str:
-    """Title and name of a cause: ``strain stiffening (gent)``, ``the fixed value of nu``."""
+    """Class and formula of a cause: ``strain stiffening (gent)``, ``the fixed value of nu``; of a rig or a
+    reading its title."""
     if name not in registry():
         return f"the fixed value of {name}"
-    title = registry()[name].title
-    return title if title.lower() == name.lower() else f"{title} ({name})"
+    words = family_of(name) if cause_of(name) == "mechanism" else registry()[name].title
+    return words if words.lower() == name.lower() else f"{words} ({name})"
 
 
 def verdict_sentence(d: Discovery) -> str:
@@ -62,7 +63,7 @@ def verdict_sentence(d: Discovery) -> str:
             f"{names[0].upper()}{names[1:]} explains a part of what the baseline gets wrong; the rest (most"
             f" in '{left.experiment.id}', {_place(left)}) is unexplained by any candidate."
         )
-    others = [n for n in d.telling.group if n != d.telling.accepted]
+    others = [n for n in d.telling.group if family_of(n) != family_of(d.telling.accepted or "")]
     physics = any(cause_of(n) == "mechanism" for n in d.found)
     text = f"What the baseline {'lacks' if physics else 'gets wrong'} is {names}"
     if others:
@@ -207,7 +208,10 @@ def to_dict(d: Discovery) -> dict:
 def _cause(c: Cause) -> dict:
     """Name, kind, and what the model gains by it beside the others."""
     alone = {} if c.alone is None else _fields(c.alone, *GAIN)
-    return {"name": c.name, "title": c.candidate.title, "kind": c.candidate.cause, "beside_the_others": alone}
+    return {
+        "name": c.name, "title": c.candidate.title, "kind": c.candidate.cause, "class": family_of(c.name),
+        "beside_the_others": alone,
+    }  # fmt: skip
 
 
 def _ranking(r: Round) -> list[tuple[Score, Tried | None]]:

@@ -14,7 +14,7 @@ from cutbench.calibration.fitting import fit
 from cutbench.calibration.inverse import GRID
 from cutbench.calibration.prediction import Predictor, predictor
 from cutbench.data.campaign import Campaign
-from cutbench.discovery.candidates import ORDER, Candidate, candidates
+from cutbench.discovery.candidates import ORDER, Candidate, candidates, family_of
 from cutbench.discovery.causes import PRICE, Cause, pruned
 from cutbench.discovery.columns import sense
 from cutbench.discovery.heldout import TESTS, Heldout, better_than, compare, decide
@@ -162,7 +162,8 @@ def _next(
             " along the displacement, on place if it does not."
         )
     first = r.accepted if r.accepted in r.group else r.group[0]
-    second = next(name for name in r.group if name != first)
+    # Another class first: formulas of one class are not what a test is made for.
+    second = min((n for n in r.group if n != first), key=lambda n: family_of(n) == family_of(first))
     on_progress(math.nan, math.nan, f"looking for a test that tells {first} from {second}")
     points = {t.name: t.point for t in r.tried}
     scored = {s.name: s for s in r.scores.scores}

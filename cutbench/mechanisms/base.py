@@ -83,6 +83,9 @@ class Mechanism:
     name: ClassVar[str]
     slot: ClassVar[str]
     title: ClassVar[str]
+    #: The class of effects that the law is one formula of, as the field calls it: "strain stiffening";
+    #: its title if there is none.
+    family: ClassVar[str] = ""
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     #: Names of parameters of other mechanisms that the law reads (G_c, for a term scaled by it).
     reads: ClassVar[tuple[str, ...]] = ()

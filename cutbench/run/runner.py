@@ -55,7 +55,7 @@ def run_case(
 
     ``on_progress`` has the blade's time × speed in mm, its end as far as that is known, and the force; fields
     are kept at the first step at or past each of ``snapshots_mm``, and where it ended before the last of
-    them. ``on_step`` has the curve's rows, and those fields, as they come. ``sensitivities`` names parameters:
+    them. ``on_step`` has the curve's rows, and those fields, as they come. ``sensitivities`` are names:
     ``result.sensitivities`` then has dF/dθ along the curve, and each snapshot du/dθ. ``checkpoint`` keeps the
     state of the run, which begins from what it holds; derivatives are not part of it, so a run with both
     begins anew. A KeyboardInterrupt ends the run with what it has. Raises BadInput if no law lets the blade

@@ -12,6 +12,7 @@ class Adhesion(Blade):
 
     name = "adhesion"
     title = "adhesion"
+    family = "adhesion"
     role = "adhesion"
     parameters = (
         Parameter.effect(

@@ -15,6 +15,7 @@ class AdhesionSpeed(Blade):
 
     name = "adhesion_speed"
     title = "adhesion by speed"
+    family = "adhesion by speed"
     role = "adhesion_speed"
     parameters = (
         Parameter.effect(

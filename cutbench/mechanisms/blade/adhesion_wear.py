@@ -12,6 +12,7 @@ class AdhesionWear(Blade):
 
     name = "adhesion_wear"
     title = "adhesion by sliding"
+    family = "adhesion by sliding"
     role = "adhesion_wear"
     parameters = (
         Parameter.effect(

@@ -19,6 +19,7 @@ class Bevel(Profiled):
 
     name = "bevel"
     title = "contact (bevel)"
+    family = "tool"
     edge = ("edge_radius", "its radius")
     settable = (ROUNDNESS,)
     parameters: ClassVar[tuple[Parameter, ...]] = (

@@ -12,6 +12,7 @@ class BluntTip(Contact):
 
     name = "blunt_tip"
     title = "contact (blunt tip)"
+    family = "tool"
     parameters = (
         *Contact.parameters,
         Parameter.effect(

@@ -19,6 +19,7 @@ class Contact(Rigid):
 
     name = "contact"
     title = "contact"
+    family = "tool"
     standard = published = True
     edge = ("tip", "its radius a^2/b")
     settable = (

@@ -11,6 +11,7 @@ class Coulomb(Blade):
 
     name = "coulomb"
     title = "Coulomb friction"
+    family = "friction"
     role = "friction"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter.effect(

@@ -13,6 +13,7 @@ class CoulombSaturating(Coulomb):
 
     name = "coulomb_saturating"
     title = "saturating friction"
+    family = "friction"
     parameters = (
         *Coulomb.parameters,
         Parameter.effect(

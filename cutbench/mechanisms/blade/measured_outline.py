@@ -23,6 +23,7 @@ class MeasuredOutline(Profiled):
 
     name = "measured_outline"
     title = "contact (outline)"
+    family = "tool"
     measured = True
     edge = ("thickness", "the radius of its lowest point")
     parameters: ClassVar[tuple[Parameter, ...]] = (

@@ -52,6 +52,7 @@ class Wedge(Profiled):
 
     name = "wedge"
     title = "contact (wedge)"
+    family = "tool"
     edge = ("edge_radius", "its radius")
     settable = (ROUNDNESS,)
     parameters: ClassVar[tuple[Parameter, ...]] = (

@@ -18,6 +18,7 @@ class Wire(Profiled):
 
     name = "wire"
     title = "contact (wire)"
+    family = "tool"
     band = False
     edge = ("thickness", "its radius d/2")
     parameters: ClassVar[tuple[Parameter, ...]] = (

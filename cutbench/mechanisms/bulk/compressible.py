@@ -13,6 +13,7 @@ class Compressible(QuadraticVolumetric):
 
     name = "compressible"
     title = "compressibility"
+    family = "volume change"
     parameters = (
         *QuadraticVolumetric.parameters,
         Parameter.effect(

@@ -19,6 +19,7 @@ class Gent(Isochoric):
 
     name = "gent"
     title = "Gent"
+    family = "strain stiffening"
     role = "isochoric"
     parameters = (
         *NeoHookean.parameters,

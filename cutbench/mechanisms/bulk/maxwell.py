@@ -27,6 +27,7 @@ class Maxwell(Bulk):
 
     name = "maxwell"
     title = "viscoelasticity"
+    family = "viscoelasticity"
     role = "viscoelastic"
     conservative = False
     reads = ("G", "speed", "thickness")

@@ -11,4 +11,5 @@ class Maxwell2(Maxwell):
 
     name = "maxwell2"
     title = "viscoelasticity (two)"
+    family = "viscoelasticity"
     parameters = (*Maxwell.parameters, *branch_parameters("2", 500.0, 0.3))

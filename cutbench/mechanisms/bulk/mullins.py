@@ -24,6 +24,7 @@ class Mullins(Bulk):
 
     name = "mullins"
     title = "Mullins softening"
+    family = "softening on unloading"
     role = "softening"
     rank = 10
     conservative = False

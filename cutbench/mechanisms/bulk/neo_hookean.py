@@ -9,6 +9,7 @@ class NeoHookean(Isochoric):
 
     name = "neo_hookean"
     title = "neo-Hooke"
+    family = "elasticity"
     role = "isochoric"
     standard = published = True
     parameters = (Parameter.positive("G", "kPa", "G", "shear modulus", typical=25.0, lever="stiffness"),)

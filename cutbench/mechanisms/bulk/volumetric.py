@@ -11,6 +11,7 @@ class QuadraticVolumetric(Volumetric):
 
     name = "volumetric"
     title = "volume change"
+    family = "volume change"
     role = "volumetric"
     standard = published = True
     reads = ("G",)

@@ -13,6 +13,7 @@ class Yeoh(Isochoric):
 
     name = "yeoh"
     title = "Yeoh"
+    family = "strain stiffening"
     role = "isochoric"
     parameters = (
         *NeoHookean.parameters,

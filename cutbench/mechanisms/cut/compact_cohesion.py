@@ -30,6 +30,7 @@ class CompactCohesion(StiffCohesion):
 
     name = "compact_cohesion"
     title = "cohesive (shape)"
+    family = "traction–separation"
     parameters = (
         *StiffCohesion.parameters,
         Parameter.effect(

@@ -17,6 +17,7 @@ class RateToughness(Cut):
 
     name = "rate_toughness"
     title = "rate toughness"
+    family = "rate of cutting"
     role = "rate"
     follows = ("cohesive",)
     parameters = (

@@ -30,6 +30,7 @@ class SmithFerrante(Cut):
 
     name = "smith_ferrante"
     title = "cohesive"
+    family = "traction–separation"
     role = "cohesive"
     alternatives = ("stiff_cohesion",)
     rank = -10  # before the laws that scale its traction, or fade with its damage

@@ -24,6 +24,7 @@ class StiffCohesion(SmithFerrante):
 
     name = "stiff_cohesion"
     title = "cohesive (stiff)"
+    family = "traction–separation"
     standard = True
     alternatives = ("smith_ferrante",)
     parameters = (

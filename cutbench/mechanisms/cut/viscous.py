@@ -19,6 +19,7 @@ class Viscous(Cut):
 
     name = "viscous"
     title = "viscous"
+    family = "rate of cutting"
     role = "viscous"
     parameters = (ETA,)
     reads = ("G_c", "delta_c", "speed")

@@ -17,6 +17,7 @@ class ViscousDegraded(Viscous):
 
     name = "viscous_degraded"
     title = "viscous (degraded)"
+    family = "rate of cutting"
     standard = True
 
     def estimate(self, p, rate, width):

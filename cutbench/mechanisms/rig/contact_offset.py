@@ -12,6 +12,7 @@ class ContactOffset(Rig):
 
     name = "contact_offset"
     title = "contact-point offset"
+    family = "reading"
     cause = "reading"
     approach = "displacement"
     rank = 1

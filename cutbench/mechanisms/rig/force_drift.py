@@ -9,6 +9,7 @@ class ForceDrift(Rig):
 
     name = "force_drift"
     title = "load-cell drift"
+    family = "reading"
     cause = "reading"
     rank = 2  # the machine gives under the true force
     parameters = (

@@ -9,6 +9,7 @@ class ForceZero(Rig):
 
     name = "force_zero"
     title = "load-cell zero"
+    family = "reading"
     cause = "reading"
     approach = "force"
     rank = 3  # the machine gives under the true force

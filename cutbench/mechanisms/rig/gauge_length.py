@@ -9,6 +9,7 @@ class GaugeLength(Rig):
 
     name = "gauge_length"
     title = "length between grips"
+    family = "machine"
     rank = -1  # what the machine gives is no part of the specimen
     kinds = ("uniaxial", "equibiaxial", "pure_shear")
     parameters = (

@@ -16,6 +16,7 @@ class BendingSkin(Skin):
 
     name = "bending_skin"
     title = "film on the top"
+    family = "surface"
     surfaces = ("top",)
     parameters = (stiffness("skin_bending", "B_s", "a film on the top"),)
     reads = ("G", "thickness")

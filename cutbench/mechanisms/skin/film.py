@@ -16,6 +16,7 @@ class Film(Skin):
 
     name = "film"
     title = "film on all faces"
+    family = "surface"
     surfaces = ("top", "cut")
     parameters = (stiffness("film_bending", "B_f", "a film on all faces"),)
     reads = ("G", "thickness")

@@ -14,6 +14,7 @@ class StiffSkin(Skin):
 
     name = "stiff_skin"
     title = "stiff surface layer"
+    family = "layered specimen"
     parameters = (
         Parameter.effect(
             "skin_stiffness", "1", "s", "surface modulus over the block's, less 1", high=100.0, typical=2.0

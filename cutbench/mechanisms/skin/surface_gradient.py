@@ -20,6 +20,7 @@ class SurfaceGradient(Skin):
 
     name = "surface_gradient"
     title = "surface gradient"
+    family = "surface"
     role = "gradient"
     standard = True
     surfaces = ("top", "cut")

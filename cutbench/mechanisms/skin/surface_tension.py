@@ -14,6 +14,7 @@ class SurfaceTension(Skin):
 
     name = "surface_tension"
     title = "surface tension"
+    family = "surface"
     surfaces = ("top", "cut")
     parameters = (Parameter.effect("gamma_s", "mN/m", "γ", "surface tension", high=1000.0, typical=50.0),)
     reads = ("G", "thickness")

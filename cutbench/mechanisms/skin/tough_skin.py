@@ -10,6 +10,7 @@ class ToughSkin(Skin):
 
     name = "tough_skin"
     title = "tough surface layer"
+    family = "layered specimen"
     parameters = (
         Parameter.effect(
             "skin_toughness", "1", "s_c", "surface G_c over the block's, less 1", high=100.0, typical=1.0

@@ -14,6 +14,7 @@ class UnevenToughness(Skin):
 
     name = "uneven_toughness"
     title = "uneven toughness"
+    family = "uneven specimen"
     parameters = (
         Parameter.effect(
             "unevenness", "1", "A", "amplitude of the toughness over its mean", high=0.95, typical=0.4

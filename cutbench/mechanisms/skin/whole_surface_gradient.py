@@ -12,5 +12,6 @@ class WholeSurfaceGradient(SurfaceGradient):
 
     name = "whole_surface_gradient"
     title = "surface gradient (whole)"
+    family = "surface"
     continuous = True
     alternatives = ("surface_gradient",)

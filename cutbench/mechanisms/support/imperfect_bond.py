@@ -12,6 +12,7 @@ class ImperfectBond(Support):
 
     name = "imperfect_bond"
     title = "imperfect bonding"
+    family = "support"
     role = "bond"
     parameters = (
         Parameter.effect(
