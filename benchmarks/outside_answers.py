@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
@@ -10,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.outside import Truth, make, plan
+from benchmarks.outside import SHOWN, Truth, make, plan
 from cutbench.base.errors import CutbenchError
 from cutbench.base.files import write_json
 from cutbench.data.campaign import load_campaign
@@ -41,7 +42,8 @@ def judge(truth: Truth, d: Discovery) -> dict:
     groups = [{class_of(n) for n in r.group} | {class_of(r.accepted)} for r in d.rounds if r.accepted]
     named = set().union(*groups) if groups else set()
     wanted = truth.classes
-    stated = d.gain.gain if d.gain else None
+    stated = d.gain.beyond_scatter if d.gain else None
+    stated = None if stated is None or math.isnan(stated) else stated
     return {
         "case": truth.number, "effects": list(truth.effects), "classes": list(wanted),
         "repetitions": truth.repetitions, "scatter": truth.scatter, "noise": truth.noise,
@@ -50,7 +52,8 @@ def judge(truth: Truth, d: Discovery) -> dict:
         "right": bool(wanted) and bool(groups) and bool(groups[0] & set(wanted)),
         "both": bool(wanted) and set(wanted) <= named,
         "wrong": [n for n, group in zip(said, groups, strict=False) if not group & set(wanted)],
-        "stated_gain": stated, "measured_gain": _gain(truth, d) if d.gain else None, "seconds": d.seconds,
+        "stated_gain": stated, "plain_gain": d.gain.gain if d.gain else None,
+        "measured_gain": _gain(truth, d) if d.gain else None, "seconds": d.seconds,
     }  # fmt: skip
 
 
@@ -72,11 +75,12 @@ def _error(truth: Truth, point: Point) -> float:
 
 
 def summary(rows: Sequence[Mapping]) -> dict[str, str]:
-    """The figures that the benchmark is for."""
+    """The figures that the benchmark is for, of effects that show."""
 
     def part(some: list, test) -> str:
         return f"{sum(map(bool, map(test, some)))} of {len(some)}"
 
+    rows = [r for r in rows if not r["effects"] or r["misfit"] >= SHOWN[0]]
     one = [r for r in rows if len(r["effects"]) == 1]
     physics = [r for r in one if r["classes"][0] not in ("rig", "reading", "volume")]
     asked = [r for r in one if r not in physics]

@@ -14,6 +14,7 @@ between specimens taken out.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -65,6 +66,12 @@ class Heldout:
     noise_floor: float
     unit: str
     gain_of_shape: float = 0.0
+
+    @property
+    def beyond_scatter(self) -> float:
+        """The gain on what scatter and noise do not explain; nan where they explain the baseline's error."""
+        wrong, left = (e**2 - self.noise_floor**2 for e in (self.baseline_rmse, self.extended_rmse))
+        return 1 - math.sqrt(max(left, 0.0) / wrong) if wrong > 0 else math.nan
 
     @property
     def percent(self) -> str:

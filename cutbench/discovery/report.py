@@ -102,6 +102,8 @@ def gain_sentence(d: Discovery) -> str:
     return (
         f"On {where} the error falls from {g.baseline_rmse:.3g} to {g.extended_rmse:.3g} {unit}, by"
         f" {100 * g.gain:.0f} ± {100 * g.gain_se:.0f} %; the scatter alone makes {g.noise_floor:.2g}."
+    ) + (
+        "" if math.isnan(g.beyond_scatter) else f" Of what is beyond it, {100 * g.beyond_scatter:.0f} % goes."
     )
 
 

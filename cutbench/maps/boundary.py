@@ -146,8 +146,8 @@ class Seeker:
         return BoundaryEstimate(*(part.reshape(self.shape) for part in (mean, spread, unsure)))
 
     def _emulator(self, known: Mapping[Index, float], *, stand_ins: bool) -> Emulator | None:
-        """Through the margins; ``stand_ins``: and at runs that failed or were not cut through what is expected
-        there, so that the search does not ask for their neighbours again and again."""
+        """Through the margins; ``stand_ins``: and at runs that failed, or were not cut, through what is
+        expected there, so that the search does not ask for their neighbours again and again."""
         good = [(i, m) for i, m in known.items() if not math.isnan(m)]
         if not good:
             return None
