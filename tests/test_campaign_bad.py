@@ -314,7 +314,7 @@ BAD = {
     ),
     "force of the wrong sign": ([scaled(-1)], "slow.csv", "factors = { force = -1 }"),
     "force all zero": ([scaled(0)], "slow.csv: force", "something was measured"),
-    "displacement of the wrong sign": ([scaled(-1, 2)], "slow.csv", "takes work on the way out"),
+    "displacement of the wrong sign": ([scaled(-1, 2)], "slow.csv", "factors = { displacement = -1 }"),
     "force in mN": ([scaled(1e3)], "slow.csv", "wrong unit"),
     "force in kN": ([scaled(1e-3)], "slow.csv", "wrong unit"),
     "travel in micrometres": ([scaled(1e3, 2)], "slow.csv", "is it in another unit"),

@@ -160,11 +160,13 @@ def test_a_name_that_ends_like_a_unit_is_a_name():
 
 def test_columns_by_number_need_no_header(tmp_path):
     path = tmp_path / "data.txt"
-    path.write_text("a test of 1944\n    0.0255    1.0200\n    0.1344    1.1250\n", encoding="utf-8")
+    path.write_text(
+        "a test of 1944\n7 8\na note\n    0.0255    1.0200\n    0.1344    1.1250\n", encoding="utf-8"
+    )
     found = read_table(path, {"stress": 1, "stretch": 2}, {"stress": "MPa"})
     np.testing.assert_array_equal(found.columns["stretch"], [1.02, 1.125])
     np.testing.assert_array_equal(found.columns["stress"], [0.0255, 0.1344])
-    assert list(found.lines) == [2, 3]
+    assert list(found.lines) == [4, 5]
 
 
 def test_lines_and_labels(tmp_path):

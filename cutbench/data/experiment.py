@@ -204,7 +204,7 @@ class Experiment:
             yield "stretch", f"{r.x[i]:g}", "stretches above 0 (1 is undeformed)", i
         if self.kind == "cut" and r.time_s is None and (k := first_return(r.x)) is not None:
             reached = f"at least {r.x[:k].max():g} mm, where the blade had been: a test with holds or returns"
-            yield "displacement", f"{r.x[k]:g} mm", f"{reached} needs a time column", k
+            yield "displacement", f"{r.x[k]:g} mm", f"{reached} needs a time column, or until = 'return'", k
         if r.pressure_MPa is not None and r.pressure_MPa.min() < 0:
             i = int(r.pressure_MPa.argmin())
             yield "pressure", f"{r.pressure_MPa[i]:g} MPa", "a pressure of 0 or more", i
@@ -216,9 +216,10 @@ class Experiment:
         if work < 0:
             i = int(np.argmin(r.y * np.sign(r.x - self.rest)))
             what = "the force on the blade" if self.kind == "cut" else f"a {self.y_name}"
+            sensor = "displacement" if self.kind == "cut" and r.x[far] < 0 else "force"
             out = (
                 f"{what} that takes work on the way out, here it gives {-work:.3g}; if the sensor counts the"
-                " other way write factors = { force = -1 }"
+                f" other way write factors = {{ {sensor} = -1 }}"
             )
             yield self.y_name, f"{r.y[i]:.6g} {self.y_unit}", out, i
 

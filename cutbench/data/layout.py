@@ -128,12 +128,18 @@ def _listed(asked: Column | list[Column]) -> list[Column]:
 def _first_row(path: Path, lines: list[str], asked: Mapping, widest: int) -> tuple[str | None, int]:
     """Separator and line of the first row with numbers in the numbered columns."""
     where = [int(c) - 1 for role, given in asked.items() if role != LABEL for c in _listed(given)]
-    for i, line in enumerate(lines[:_HEAD]):
-        if is_empty(line):
-            continue
+    full = [i for i, line in enumerate(lines) if not is_empty(line)]
+
+    def is_row(i: int, separator: str | None) -> bool:
+        cells = split(lines[i], separator)
+        return len(cells) >= widest and all(is_number(cells[at]) for at in where)
+
+    # A single row of numbers among lines above the table is none of its rows.
+    for i, after in zip(full, [*full[1:], *full[-1:]], strict=True):
+        if i > _HEAD:
+            break
         for separator in _SEPARATORS:
-            cells = split(line, separator)
-            if len(cells) >= widest and all(is_number(cells[at]) for at in where):
+            if is_row(i, separator) and is_row(after, separator):
                 return separator, i
     wanted = f"a file with {widest} columns, numbers in those that are read"
     raise wrong(path, None, "columns", f"column {widest}", wanted)
