@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import instrument
@@ -9,7 +10,10 @@ import numpy as np
 import pytest
 
 from cutbench.calibration.fitting import fit
-from cutbench.data.campaign import load_campaign
+from cutbench.calibration.homogeneous import predict
+from cutbench.data.campaign import load_campaign, start_case
+from cutbench.data.experiment import Experiment
+from cutbench.data.repetition import Repetition
 
 RISES = {
     "straight": lambda h: h,
@@ -70,6 +74,33 @@ def test_a_contact_that_is_given_is_taken_and_the_rest_is_said(tmp_path):
     (r,) = load_campaign(cut(tmp_path, u, F, 'force_zero = "30.59 g"')).experiment("cut").repetitions
     np.testing.assert_allclose(r.y, F - 0.3, atol=1e-4)
     np.testing.assert_allclose(r.x, u, atol=1e-9)
+
+
+def test_travel_before_contact_is_noticed(tmp_path):
+    u = np.linspace(0, 10, 201)
+    F = 2 * np.maximum(u - 2, 0) + 0.01 * np.random.default_rng(0).standard_normal(u.size)
+    notes = load_campaign(cut(tmp_path, u, F, "")).all_notes()
+    assert any("rises only from" in note and "zero = 'auto'" in note for note in notes)
+    for more, at in (('zero = "auto"', 2), ('zero = "0 mm"', 2), ("", 0)):
+        F = 2 * np.maximum(u - at, 0) ** 1.5
+        notes = load_campaign(cut(tmp_path, u, F, more)).all_notes()
+        assert not any("rises only from" in note for note in notes)
+
+
+def test_before_contact_a_model_feels_nothing():
+    x, t = np.linspace(1.0, 1.5, 51), np.linspace(0, 50, 51)
+    strip = Experiment(
+        "pull", "uniaxial", (Repetition(x, x - 1 + 1e-3, t),), specimen={"length": 10, "area": 5}
+    )
+    laws = ["neo_hookean", "volumetric", "maxwell", "contact_offset"]
+    values = {"G": "30 kPa", "nu": 0.499, "g_1": 0.5, "tau_1": "5 s", "offset": "1 mm"}
+    case, _ = start_case(None, baseline=laws, kinds=("uniaxial",), parameters=values)
+    late = predict(strip, case.model, case.p, strip.on_grid())
+    np.testing.assert_allclose(late[:11], 0, atol=1e-9)
+    met = replace(case, values={**case.values, "offset": 0.0})
+    np.testing.assert_allclose(
+        late[10:], predict(strip, met.model, met.p, strip.on_grid())[:-10], rtol=1e-6, atol=1e-9
+    )
 
 
 def test_an_approach_may_be_longer_than_the_rest(tmp_path):

@@ -35,6 +35,8 @@ CLEAR = 10.0
 PLACES, TURNS = 40, 3
 #: More readings than that are averaged in groups first.
 MOST = 1000
+#: Travel without force above this part of the whole is spoken of.
+EARLY = 0.03
 #: Standard deviations within which a contact that was found is believed.
 ROOM = 4.0
 #: A force before contact is spoken of above this part of the largest.
@@ -101,6 +103,19 @@ def find_contact(u: np.ndarray, y: np.ndarray) -> Contact | str:
     return known
 
 
+def late_contact(u: np.ndarray, y: np.ndarray) -> Contact | None:
+    """The contact of a test that begins with travel in which its force does not rise, ``u`` and ``y`` as
+    above; None for others. Most are told at a glance."""
+    way = float(np.ptp(u))
+    still = int(np.argmax(u - u[0] > EARLY * way))
+    rise = y - np.median(y[:BEFORE])
+    if still < BEFORE or np.abs(rise[:still]).max() > EARLY * rise.max():
+        return None
+    found = find_contact(u, y)
+    late = isinstance(found, Contact) and found.at - ROOM * found.sd > u[0] + EARLY * way
+    return found if late and isinstance(found, Contact) else None
+
+
 def _thinned(values: np.ndarray, by: int) -> np.ndarray:
     """Means of so many values each; what is left over at the end is left out."""
     return values[: values.size // by * by].reshape(-1, by).mean(axis=1)
@@ -155,8 +170,9 @@ def contact_notes(repetitions: Sequence[Repetition]) -> tuple[str, ...]:
     notes = []
     if found:
         places = _listed([(r.name, f"{c.at:.3f} ± {c.sd:.2g} mm") for r, c in found])
-        used = "" if moved else ", which is not taken off: zero = 'auto' does"
-        notes.append(f"contact found at a recorded displacement of {places}{used}")
+        used = "" if moved else ". If that is contact, zero = 'auto' begins there; zero = '0 mm' if it is not"
+        said = "contact found at" if moved else "the force rises only from"
+        notes.append(f"{said} a recorded displacement of {places}{used}")
     airs = [(r, c) for r, c in known if np.isfinite(c.force)]
     if tared or any(abs(c.force) > max(3 * c.force_sd, AMISS * c.largest) for _, c in airs):
         forces = _listed([(r.name, f"{c.force:.3g} ± {c.force_sd:.2g} {c.unit}") for r, c in airs])

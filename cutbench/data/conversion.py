@@ -13,7 +13,7 @@ import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.units import parse_quantity
-from cutbench.data.contact import BEFORE, Contact, contact_at, find_contact
+from cutbench.data.contact import BEFORE, Contact, contact_at, find_contact, late_contact
 from cutbench.data.experiment import HOMOGENEOUS, area_of
 from cutbench.data.repetition import Repetition, first_return
 from cutbench.data.table import Table
@@ -87,6 +87,8 @@ def _begun(
             raise BadInput(key=key, value=str(written[key])[:60], expected="a column of displacement")
         contact = _contact(read, written, factors, load, title)
         zeros["displacement"] = contact.at if "zero" in written else 0.0
+    elif "displacement" in read and load in read and not {"from", "force_zero"} & written.keys():
+        contact = _noticed(read, factors, load)
     if "force_zero" in written:
         zeros[load] = _force_zero(written["force_zero"], load, contact)
     if contact is not None:
@@ -96,22 +98,30 @@ def _begun(
     return {role: factors.get(role, 1.0) * (values - zeros[role]) for role, values in read.items()}, contact
 
 
+def _outward(
+    read: Mapping[str, np.ndarray], factors: Mapping[str, float], load: str
+) -> tuple[np.ndarray, np.ndarray, float, float]:
+    """Displacement and force, both growing on the way out, and what turns each into recorded ones."""
+    signs = [float(np.sign(factors.get(role, 1.0))) for role in ("displacement", load)]
+    way = _way(signs[0] * read["displacement"])
+    sense, pull = (way * sign for sign in signs)
+    return sense * read["displacement"], pull * read[load], sense, pull
+
+
 def _contact(
     read: Mapping[str, np.ndarray], written: Mapping, factors: Mapping[str, float], load: str, title: str
 ) -> Contact:
-    u, y = (np.sign(factors.get(role, 1.0)) * read[role] for role in ("displacement", load))
-    way = _way(u)
+    u, y, sense, pull = _outward(read, factors, load)
     zero = written.get("zero", AUTO)
-    sense, pull = (way * np.sign(factors.get(role, 1.0)) for role in ("displacement", load))
     if zero != AUTO:
         at = parse_quantity(zero, "mm", key="zero")
-        if not (way * u[0] - np.ptp(u) <= sense * at < (way * u).max()):
-            ends = sorted((float(read["displacement"][0]), float(sense * (way * u).max())))
+        if not (u[0] - np.ptp(u) <= sense * at < u.max()):
+            ends = sorted((float(read["displacement"][0]), float(sense * u.max())))
             expected = f"a displacement that was recorded, from {ends[0]:g} to {ends[1]:g} mm"
             raise BadInput(key="zero", value=str(zero), expected=expected)
-        found: Contact | str = contact_at(way * u, way * y, sense * at)
+        found: Contact | str = contact_at(u, y, sense * at)
     else:
-        found = find_contact(way * u, way * y)
+        found = find_contact(u, y)
     if isinstance(found, str):
         key = "zero" if "zero" in written else "force_zero"
         expected = (
@@ -120,8 +130,19 @@ def _contact(
             " leave it out where the machine counts from contact"
         )
         raise BadInput(key=key, value=AUTO, expected=expected)
+    return _recorded(found, sense, pull, load)
+
+
+def _recorded(found: Contact, sense: float, pull: float, load: str) -> Contact:
     unit = "N" if load == "force" else "MPa"
     return replace(found, at=sense * found.at, force=pull * found.force, unit=unit)
+
+
+def _noticed(read: Mapping[str, np.ndarray], factors: Mapping[str, float], load: str) -> Contact | None:
+    """Travel before contact that nobody spoke of."""
+    u, y, sense, pull = _outward(read, factors, load)
+    found = late_contact(u, y) if np.isfinite(u).all() and np.isfinite(y).all() else None
+    return None if found is None else _recorded(found, sense, pull, load)
 
 
 def _way(x: np.ndarray) -> float:
