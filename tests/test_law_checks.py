@@ -88,7 +88,7 @@ def test_the_laws_of_the_pages_pass(text, tmp_path):
         (DEMIRAY, "return p.G / 2 * np.exp", "return p.G * np.exp", "stress_is_the_energys_derivative"),
         (DEMIRAY, "np.exp(p.k * (I1 - 3))", "np.abs(p.k * (I1 - 3)) + 1", "tangent_is_the_stress_derivative"),
         (DEMIRAY, "    def W(", UNIT + "    def W(", "groups_have_no_unit"),
-        (DEMIRAY, "open_low=True, default=0.1", "off=0.0, default=0.0", "off_is_absent"),
+        (DEMIRAY, "np.exp(p.k * (I1", "np.exp((p.k + 0.1) * (I1", "off_is_absent"),
         (DEMIRAY, "    def W(", KEPT + "    def W(", "stores_nothing"),
         (DEMIRAY, "strain stiffening", " ", "declares_its_parameters"),
         (HOOKE, "", "", "is_frame_indifferent"),
