@@ -34,7 +34,7 @@ class Machine:
         """The history of the specimen itself, (n, m) if ``p`` has arrays."""
         shown, _ = self.model.record(self.displacement, self.force, self.time, self.p)
         own = history.rest + (2 * self.displacement - shown) / self.length
-        # Travel that was shown before the specimen is met does nothing to it: a strip is slack, a plate in air.
+        # Travel shown before the specimen is met does nothing to it: a strip is slack, a plate in air.
         way = np.sign(self.displacement[np.argmax(np.abs(self.displacement))])
         before = (way * np.real(own - history.rest) < 0) & (way * self.displacement >= 0)
         own = np.where(np.logical_and.accumulate(before, axis=0), history.rest, own)
