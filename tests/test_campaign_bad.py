@@ -276,6 +276,14 @@ BAD = {
     ),
     "infinite": ([csv("B;100.0;2.00;4.830", "B;100.0;2.00;1e999")], "slow.csv, line 17: force", "a number"),
     "short row": ([csv("B;100.0;2.00;4.830", "B;100.0;2.00")], "slow.csv, line 17: row", "4 cells"),
+    "a unit of nothing in a row of units": (
+        [
+            toml(', force = "N" }\nspecimen = { length', " }\nspecimen = { length"),
+            strip("way,load\n", "way,load\n(mm),(V)\n"),
+        ],
+        "pull.csv, line 1: load = 'V'",
+        "a unit such as 'N'",
+    ),
     "long row": (
         [strip("20.000,", "20,000,")],
         "pull.csv, line 6: row",

@@ -76,6 +76,20 @@ def test_a_contact_that_is_given_is_taken_and_the_rest_is_said(tmp_path):
     np.testing.assert_allclose(r.x, u, atol=1e-9)
 
 
+@pytest.mark.parametrize("rise", ["straight", "a ball"])
+def test_a_machine_that_began_at_a_trigger_force(rise, tmp_path):
+    rng, h = np.random.default_rng(4), np.linspace(0, 8, 8001)
+    y = RISES[rise](h) / RISES[rise](h).max()
+    missed = h[np.argmax(y > 0.02)]
+    u = np.linspace(0, 8 - missed, 400)
+    F = 5 * np.interp(u + missed, h, y) + 0.01 * rng.standard_normal(u.size)
+    (r,) = (
+        load_campaign(cut(tmp_path, u, F, 'zero = "auto"\nforce_zero = "0 g"')).experiment("cut").repetitions
+    )
+    assert abs(r.contact.at + missed) < 2 * r.contact.sd < missed
+    assert r.x[0] == pytest.approx(-r.contact.at) and r.x.size == u.size
+
+
 def test_travel_before_contact_is_noticed(tmp_path):
     u = np.linspace(0, 10, 201)
     F = 2 * np.maximum(u - 2, 0) + 0.01 * np.random.default_rng(0).standard_normal(u.size)

@@ -6,7 +6,8 @@ least squares, with c₁ ≥ 0 and a force that still rises at the end; of the s
 readings S^(−(n − 4)/2) is the likelihood of u₀, whose mean and standard deviation follow over all m. The
 readings that count go from the first to where the force has risen by a fifth of its largest rise, or by a
 tenth or a twentieth where the rise up to there is not described to within the noise. What the next part would
-change of u₀, and a twelfth of the squared spacing of readings, are added to its variance.
+change of u₀, and a twelfth of the squared spacing of readings, are added to its variance. Where F₀ is known,
+u₀ may lie before the first reading, as in a test that was recorded from a trigger force on.
 """
 
 from __future__ import annotations
@@ -79,26 +80,26 @@ def contact_at(u: np.ndarray, y: np.ndarray, at: float, sd: float = 0.0) -> Cont
     return Contact(at, sd, float(air.mean()), error, ahead, float(y.max()))
 
 
-def find_contact(u: np.ndarray, y: np.ndarray) -> Contact | str:
+def find_contact(u: np.ndarray, y: np.ndarray, air: float | None = None) -> Contact | str:
     """The contact of a test on its way out, ``u`` and ``y`` (n,) oriented so that both grow; else why there
-    is none."""
+    is none. Where the force before contact is known, ``air``, contact may lie before the first reading."""
     far = int(np.argmax(u)) + 1
     all_u, all_y = u[:far], y[:far]
     u, y = (_thinned(values, -(-far // MOST)) for values in (all_u, all_y))
     far = u.size
     if far < BEFORE + AFTER:
         return f"{far} readings on the way out, fewer than {BEFORE + AFTER}"
-    base = float(np.median(y[:BEFORE]))
+    base = float(np.median(y[:BEFORE])) if air is None else air
     noise, top = float(np.median(roughness(np.arange(far), y))), float(y.max()) - base
     if top < CLEAR * noise:
         return f"the force rises by no more than {CLEAR:g} times its noise"
-    found = [_change_point(u[:end], y[:end]) for end in _ends(y - base, top, noise)]
+    found = [_change_point(u[:end], y[:end], air) for end in _ends(y - base, top, noise)]
     best = next((i for i, (_, _, rms) in enumerate(found) if rms < WITHIN * noise), len(found) - 1)
     other = found[best + 1 if best + 1 < len(found) else max(best - 1, 0)][0]
     at, sd, _ = found[best]
     spacing = float(np.median(np.abs(np.diff(u))))
     known = contact_at(all_u, all_y, at, float(np.sqrt(sd**2 + (at - other) ** 2 + spacing**2 / 12)))
-    if known.readings < BEFORE:
+    if known.readings < BEFORE and air is None:
         return f"the force rises from reading {known.readings + 1} on"
     return known
 
@@ -135,30 +136,33 @@ def _ends(rise: np.ndarray, top: float, noise: float) -> Iterator[int]:
             yield end
 
 
-def _change_point(u: np.ndarray, y: np.ndarray) -> tuple[float, float, float]:
+def _change_point(u: np.ndarray, y: np.ndarray, air: float | None) -> tuple[float, float, float]:
     """Mean and standard deviation of the change point, and the least residual's root mean square."""
-    low, high = u[0], u[-1]
+    first, last = u[0] if air is None else 2 * u[0] - u[-1], u[-1]
+    low, high = first, last
     for _ in range(TURNS):
         places = np.linspace(low, high, PLACES + 2)[1:-1]
-        squares = np.array([[_misfit(u, y, at, m) for m in POWERS] for at in places])
+        squares = np.array([[_misfit(u, y, air, at, m) for m in POWERS] for at in places])
         chance = (squares / squares.min()) ** (-(u.size - 4) / 2)
         weight = chance.sum(axis=1) / chance.sum()
         at = float(weight @ places)
         sd = float(np.sqrt(weight @ (places - at) ** 2))
         reach = max(5 * sd, 2 * (places[1] - places[0]))
-        low, high = max(u[0], at - reach), min(u[-1], at + reach)
+        low, high = max(first, at - reach), min(last, at + reach)
     return at, sd, float(np.sqrt(squares.min() / max(u.size - 4, 1)))
 
 
-def _misfit(u: np.ndarray, y: np.ndarray, at: float, m: float) -> float:
-    """The least sum of squares about F₀ + c₁ hᵐ + c₂ hᵐ⁺¹."""
+def _misfit(u: np.ndarray, y: np.ndarray, air: float | None, at: float, m: float) -> float:
+    """The least sum of squares about F₀ + c₁ hᵐ + c₂ hᵐ⁺¹, of a known F₀ or the best."""
     h = np.maximum(u - at, 0.0)
+    constant = [np.ones_like(u)] if air is None else []
+    rise = y if air is None else y - air
     for powers in ((m, m + 1), (m,)):
-        A = np.stack([np.ones_like(u), *(h**k for k in powers)], axis=1)
-        c, *_ = np.linalg.lstsq(A, y, rcond=None)
-        if c[1] >= 0 and sum(k * a * h[-1] ** (k - m) for k, a in zip(powers, c[1:], strict=True)) >= 0:
+        A = np.stack([*(h**k for k in powers), *constant], axis=1)
+        c, *_ = np.linalg.lstsq(A, rise, rcond=None)
+        if c[0] >= 0 and sum(k * a * h[-1] ** (k - m) for k, a in zip(powers, c, strict=False)) >= 0:
             break
-    return float(((y - A @ c) ** 2).sum())
+    return float(((rise - A @ c) ** 2).sum())
 
 
 def contact_notes(repetitions: Sequence[Repetition]) -> tuple[str, ...]:

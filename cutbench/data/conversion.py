@@ -121,13 +121,14 @@ def _contact(
             raise BadInput(key="zero", value=str(zero), expected=expected)
         found: Contact | str = contact_at(u, y, sense * at)
     else:
-        found = find_contact(u, y)
+        tare = written.get("force_zero", AUTO)
+        found = find_contact(u, y, None if tare == AUTO else pull * _force_zero(tare, load, None))
     if isinstance(found, str):
-        key = "zero" if "zero" in written else "force_zero"
+        key, such = ("zero", "2.1 mm") if "zero" in written else ("force_zero", "0.01 N")
         expected = (
             f"{BEFORE} readings or more before contact, and a clear rise after it, in repetition '{title}';"
-            f" {found}. Write where it is, such as {key} = '{'2.1 mm' if key == 'zero' else '0.01 N'}', or"
-            " leave it out where the machine counts from contact"
+            f" {found}. Write where it is, such as {key} = '{such}', leave it out where the machine counts"
+            " from contact, or give force_zero where it began at a trigger force"
         )
         raise BadInput(key=key, value=AUTO, expected=expected)
     return _recorded(found, sense, pull, load)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import nearest
-from cutbench.data.titles import UNITS, parted, size_of
+from cutbench.data.titles import UNITS, is_unit, parted, size_of
 
 LABEL = "repetition"
 #: One column: its name in the header, or its number from 1.
@@ -278,8 +278,7 @@ def _units_row(
     line = next((i for i in range(body, min(body + 3, len(lines))) if lines[i].strip()), None)
     if header < 0 or line is None:
         return body, {}
-    cells = split(lines[line], separator)
-    found = {}
+    cells, found, fits = split(lines[line], separator), {}, False
     for role, columns in where.items():
         for at in columns:
             if at >= len(cells) or is_number(cells[at]):
@@ -287,7 +286,8 @@ def _units_row(
             cell = cells[at].strip("[](){}<> ")
             if role == LABEL or not cell:
                 continue
-            if size_of(cell, UNITS.get(role, "1")) is None:
+            if not is_unit(cell):
                 return body, {}
             found[at] = cell
-    return (line + 1, found) if found else (body, {})
+            fits |= size_of(cell, UNITS.get(role, "1")) is not None
+    return (line + 1, found) if fits else (body, {})
