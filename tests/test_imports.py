@@ -27,6 +27,7 @@ ROOMS = (
     "calibration",
     "discovery",
     "verification",
+    "loading",
     "app",
     "cli",
 )

@@ -5,8 +5,9 @@ Meaning never hangs on colour alone: series differ by line style too, areas by h
 
 from __future__ import annotations
 
+import io
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -111,6 +112,24 @@ def new_figure(width_mm: float = SINGLE_MM, height_mm: float = 60.0) -> Figure:
     figure = Figure(figsize=(width_mm / 25.4, height_mm / 25.4), layout=layout)
     FigureCanvasAgg(figure)
     return figure
+
+
+def own_axes() -> Axes:
+    """Axes of a new figure of pyplot's, which a notebook shows by itself."""
+    from matplotlib import pyplot
+
+    return pyplot.subplots(layout="constrained")[1]
+
+
+def svg_of(draw: Callable[[Axes], object]) -> str:
+    """What ``draw`` puts into axes as SVG, to stand in a page."""
+    out = io.StringIO()
+    with style():
+        figure = new_figure(120, 72)
+        draw(figure.subplots())
+        figure.savefig(out, format="svg", metadata={"Date": None})
+    text = out.getvalue()
+    return text[text.index("<svg") :]
 
 
 def force_from_zero(axes: Axes, along: str) -> None:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
 from cutbench.base.errors import BadInput
+from cutbench.base.handled import Handled
 from cutbench.base.toml import one_of
 from cutbench.calibration.identifiability import Identifiability, Unknown, correlations
 from cutbench.calibration.inverse import Inverse
@@ -103,14 +105,16 @@ class Profile:
     high: float
 
 
-@dataclass(frozen=True)
-class Fit:
+@dataclass(frozen=True, repr=False)
+class Fit(Handled):
     """What a fit leaves. ``covariance`` (k, k) of the scaled parameters, widened by the reduced χ² where that
     is above 1; ``case``: the model with the values found; ``before``/``after``: what the data can tell at
     the start and at the end; ``fixed``: what the fit left at its start, with the reason. ``status``:
     ``converged``, ``stopped`` or ``interrupted``. ``inverse`` is the problem that was solved, ``q`` (k,) its
     answer, ``data_covariance`` that of the readings less the computed curves.
     """
+
+    handled_in: ClassVar[str] = "cutbench.calibration.handled"
 
     campaign: Campaign
     case: Case

@@ -46,7 +46,7 @@ from cutbench.mechanisms.registered import folders_of, take_up
 _TOP = ("material", "base", "mechanisms", *SECTIONS, "numerics")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Case:
     """A complete, checked description of one run; ``values`` are in internal units. Raises BadInput if one is
     missing, out of its bounds, or does not fit another."""
@@ -83,6 +83,10 @@ class Case:
 
     def __hash__(self) -> int:
         return hash(self.id)
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{name} {text}" for name, text in self.shown().items())
+        return f"Case: {self.name}, {self.dim}D\n  model   {self.model.described}\n  values  {values}"
 
     @cached_property
     def model(self) -> Model:

@@ -11,10 +11,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
+from typing import ClassVar
 
 import numpy as np
 
 from cutbench.base.errors import BadInput
+from cutbench.base.handled import Handled
 from cutbench.base.toml import among, located, one_of, read_toml, written
 from cutbench.case.case import Case, load_case
 from cutbench.case.model import SETS, Model, mechanism
@@ -57,14 +59,16 @@ class FitPlan:
         return FitPlan, (self.free, self.fixed, self.own, dict(self.bounds))
 
 
-@dataclass(frozen=True, eq=False)
-class Campaign:
+@dataclass(frozen=True, eq=False, repr=False)
+class Campaign(Handled):
     """A validated campaign. ``base`` holds the baseline's mechanisms and the start values, of which
     ``material``, a known name or a file, may know more than its tests see.
 
     Raises BadInput if two experiments share an id, none is to be fitted, or readings cannot be of the
     material (see ``cutbench.data.plausible``).
     """
+
+    handled_in: ClassVar[str] = "cutbench.data.handled"
 
     title: str
     base: Case

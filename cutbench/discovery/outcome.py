@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import ClassVar
 
+from cutbench.base.handled import Handled
 from cutbench.calibration.fitted import Fit
 from cutbench.data.campaign import Campaign
 from cutbench.discovery.causes import Cause
@@ -81,13 +83,15 @@ class NumericalCauses:
     missing: Mapping[str, str] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class Discovery:
+@dataclass(frozen=True, repr=False)
+class Discovery(Handled):
     """All that was found out. ``causes``: what the baseline lacks or gets wrong. ``final``: the extended
     model; the last of ``rounds`` has its residual.
 
     ``wrong``: sections of the baseline's curves; ``left``: of the final model's, the most significant first.
     """
+
+    handled_in: ClassVar[str] = "cutbench.discovery.handled"
 
     campaign: Campaign
     fit: Fit

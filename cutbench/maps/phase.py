@@ -37,7 +37,7 @@ from cutbench.maps.coordinates import (
     symbol,
     unit_of,
 )
-from cutbench.maps.dataset import LABELS, NOT_COMPUTED, OUTCOME_FLAGS, axes_of
+from cutbench.maps.dataset import LABELS, NOT_COMPUTED, OUTCOME_FLAGS, axes_of, places_of
 from cutbench.maps.estimates import estimated_margin
 from cutbench.maps.line import draw_line, draw_strips, strip_handles
 from cutbench.maps.marked_points import draw_materials, marks_of
@@ -112,6 +112,32 @@ def draw_phase(data: xr.Dataset, confirmed: Sequence[Mapping] = ()) -> Figure:
         if note:
             figure.supxlabel(note, fontsize=7.5, color="0.3")
     return figure
+
+
+def draw_plane(ax: Axes, data: xr.Dataset) -> None:
+    """One plane of a map into ``ax``: drops, boundary, strips, runs; of further axes the first level."""
+    if list(data["label"].dims) != axes_of(data):
+        x, y = (data.attrs[f"plot_{name}"] for name in ("x", "y"))
+        places, drop = places_of(data), data["drop_rel"].values
+        ax.scatter(places[x], places[y] if y else drop, c=drop, cmap=DROPS)
+        ax.set(xlabel=axis_text(data[x]), ylabel=axis_text(data[y]) if y else "relative force drop")
+        return
+    whole, fixed = _reduce(data)
+    x, y, panel = (whole.attrs[f"plot_{name}"] for name in ("x", "y", "panel"))
+    one, whole = panels_of(whole, panel)
+    part = one.isel({panel: 0}) if panel else one
+    if panel:
+        fixed.append(f"at {symbol(one[panel])} = {float(one[panel].values[0]):.3g}{unit_of(one[panel])}")
+    if y:
+        _cells(ax, part, x, y, _top(whole))
+        draw_line(ax, part, x, y)
+        draw_strips(ax, part, x, y)
+        _band(ax, part, x, y)
+    else:
+        _profile(ax, part, x)
+    _points(ax, slab(whole, one, panel, 0) if panel else part, x, y)
+    ax.set(xlabel=axis_text(data[x]), ylabel=axis_text(data[y]) if y else "relative force drop")
+    ax.set_title("; ".join(fixed), loc="left")
 
 
 def save_phase(data: xr.Dataset, folder: str | Path, record: Path | None = None) -> list[Path]:

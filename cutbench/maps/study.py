@@ -61,7 +61,7 @@ _TOP = ("title", "mode", "base", "mechanisms", *_SECTIONS, *_OWN)
 Startable = TypeVar("Startable", Case, Physics)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Study:
     """A validated study. ``grid`` are its cases (of a boundary's search none: they are asked for on the way);
     ``samples`` their values by axis, where they do not lie on a grid."""
@@ -80,6 +80,10 @@ class Study:
     start: Case | None = None
     changes: Mapping[str, object] = field(default_factory=dict)
     doubtful: Doubtful = field(default_factory=Doubtful)
+
+    def __repr__(self) -> str:
+        axes = [f"  {a.name}  {a.values[0]:g} to {a.values[-1]:g}" for a in self.axes]
+        return "\n".join([f"Study: {self.title}", f"  base  {self.base.name}, {self.mode}", *axes])
 
     @property
     def shape(self) -> tuple[int, ...]:

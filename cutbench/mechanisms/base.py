@@ -45,8 +45,7 @@ class Group:
     """A number that a person may set in place of a parameter: a dimensionless group, or one with a ``unit``.
 
     ``text`` is its formula as in ``Mechanism.groups``, ``symbol`` as pictures write it, ``title`` in words.
-    ``value(p)`` is the number, ``solve(p, x)`` the ``parameter`` that gives it, from what it ``needs``.
-    """
+    ``value(p)`` is the number, ``solve(p, x)`` the ``parameter`` that gives it, from what it ``needs``."""
 
     name: str
     text: str
@@ -68,8 +67,7 @@ class Estimate(NamedTuple):
     """What a law adds to estimates with pencil and paper; those of a model's laws add up.
 
     ``strength`` MPa and ``opening`` mm at the peak of the cohesion, ``work`` mJ/mm² of cutting at a steady
-    rate, ``drag`` MPa on the blade's flanks at no pressure.
-    """
+    rate, ``drag`` MPa on the blade's flanks at no pressure."""
 
     strength: float = 0.0
     opening: float = 0.0
@@ -83,8 +81,7 @@ class Mechanism:
     name: ClassVar[str]
     slot: ClassVar[str]
     title: ClassVar[str]
-    #: The class of effects that the law is one formula of, as the field calls it: "strain stiffening";
-    #: its title if there is none.
+    #: Of which class of effects it is one formula, in the field's words; if none, its title.
     family: ClassVar[str] = ""
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     #: Names of parameters of other mechanisms that the law reads (G_c, for a term scaled by it).

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, ClassVar, Final, Protocol
 
 import numpy as np
 
+from cutbench.base.handled import Handled
 from cutbench.base.versions import versions
 from cutbench.case.motion import TRANSITION
 from cutbench.run.said import said
@@ -91,8 +92,8 @@ def unwatched(row: Mapping[str, float], snapshot: Snapshot | None) -> None:
     """Nobody looks."""
 
 
-@dataclass
-class Result:
+@dataclass(repr=False)
+class Result(Handled):
     """One run: what was asked (``case``), what came out, and what it cost.
 
     ``curve`` maps column names (units in the name) to arrays of one length, a value a step;
@@ -100,6 +101,8 @@ class Result:
     unit is in their name. ``id``, ``computation`` and ``versions`` say which run it is and what computed
     it: this process, unless they are read from a file.
     """
+
+    handled_in: ClassVar[str] = "cutbench.run.handled"
 
     case: Case
     curve: dict[str, np.ndarray]

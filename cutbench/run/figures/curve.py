@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.integrate import cumulative_trapezoid
 
@@ -33,7 +34,7 @@ def plot_curve(result: Result) -> Figure:
     with style():
         figure = new_figure(SINGLE_MM, 120)
         top, low = figure.subplots(2, 1, sharex=True)
-        _force(top, result)
+        draw_force(top, result)
         _split(low, result, window_mm)
         low.set_xlabel("blade travel (mm)")
         reached = float(np.max(result.displacement_mm, initial=0.0)) or 1.0
@@ -62,7 +63,8 @@ def smooth_force(
     return gain / np.maximum(right - left, np.finfo(float).tiny)
 
 
-def _force(axes, result: Result) -> None:
+def draw_force(axes: Axes, result: Result) -> None:
+    """Force (N) over travel (mm) into ``axes``, with onset, peak and how it ended."""
     travel, force = result.displacement_mm, result.force_N
     axes.plot(travel, force, color=COLOURS["black"], ls="-")
     axes.set_ylabel("force (N)")

@@ -1,0 +1,76 @@
+"""Whatever cutbench has written, by its path."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cutbench.base.errors import BadInput
+from cutbench.base.toml import read_toml
+from cutbench.case.case import Case, known_materials, load_case
+from cutbench.data.campaign import Campaign, load_campaign
+from cutbench.maps.map import Map
+from cutbench.maps.study import Study, load_study
+from cutbench.run.files import read_run
+from cutbench.run.result import Result
+
+_RECORDS = ("fit.json", "discovery.json", "band.json")
+
+
+@dataclass(frozen=True, repr=False)
+class Record(Mapping[str, Any]):
+    """A fit, a discovery or a band as it was written: the content of its JSON file."""
+
+    path: Path
+    content: Mapping[str, Any]
+
+    def __getitem__(self, key: str) -> Any:
+        return self.content[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.content)
+
+    def __len__(self) -> int:
+        return len(self.content)
+
+    def __repr__(self) -> str:
+        said = self.content.get("sentence") or self.content.get("status") or ""
+        return f"Record: {self.path}\n  {said}\n  keys: {', '.join(self.content)}"
+
+
+def load(path: str | os.PathLike[str]) -> Result | Map | Record | Case | Study | Campaign:
+    """What ``path`` holds: the folder of a run, a map, a fit or a discovery, one of their files, or a case, a
+    study or a campaign as TOML; a known material by its name. Raises BadInput for anything else."""
+    given = Path(path)
+    if given.is_dir():
+        for name in ("run.json", "map.nc", *_RECORDS):
+            if (given / name).is_file():
+                return load(given / name)
+    elif given.suffix == ".nc":
+        return Map.of(given)
+    elif given.name == "run.json":
+        return read_run(given.parent)
+    elif given.name in _RECORDS and given.is_file():
+        return _record(given)
+    elif given.suffix == ".toml":
+        table, _ = read_toml(given)
+        readers: dict[str, Any] = {"experiment": load_campaign, "axis": load_study}
+        return next((read for key, read in readers.items() if key in table), load_case)(given)
+    elif str(path) in known_materials():
+        return load_case(str(path))
+    expected = f"the folder of a run or a map, one of run.json, map.nc, {', '.join(_RECORDS)}, or a TOML file"
+    raise BadInput("path", str(path), expected)
+
+
+def _record(path: Path) -> Record:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise BadInput("path", str(path), f"a JSON file that cutbench wrote ({error})") from error
+    if not isinstance(content, dict):
+        raise BadInput("path", str(path), "a JSON file that cutbench wrote")
+    return Record(path, content)
