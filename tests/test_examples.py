@@ -48,6 +48,11 @@ def test_every_study_and_campaign_is_in_the_wheel():
     assert {path.relative_to(ROOT).as_posix() for path in files} == shipped
 
 
+def test_what_is_cited_is_this_version():
+    text = (ROOT / "CITATION.cff").read_text("utf-8")
+    assert re.search(rf"^version: {re.escape(cutbench.__version__)}$", text, re.M)
+
+
 @pytest.mark.slow
 def test_a_wheel_runs_its_examples_where_there_is_no_source(tmp_path):
     pytest.importorskip("hatchling", reason="pip install hatchling")
