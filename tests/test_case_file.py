@@ -102,6 +102,8 @@ def test_from_an_exported_file_to_a_run_and_a_place_on_a_map(tmp_path, monkeypat
     assert fitted["status"] == "converged"
     assert 7.5 < fitted["parameters"]["G"]["value"] < 11  # kPa; the curve is steeper than neo-Hooke's
     assert any("contact found" in note for note in fitted["notes"])
+    contact = fitted["experiments"]["press"]["contact"]["gelatin 2"]
+    assert abs(contact["at"] - instrument.AIR_MM) < 3 * contact["sd"] < 0.1
     case, gelatin = load_case("fit/fitted.toml"), load_case("gelatin")
     same_but(case, gelatin, "G")
     assert case.values["G"] == pytest.approx(1e-3 * fitted["parameters"]["G"]["value"], rel=1e-8)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cutbench.base.files import write_json
+from cutbench.base.files import picked, write_json
 from cutbench.base.versions import versions
 from cutbench.calibration.case_file import write_case
 from cutbench.calibration.fitted import ComparedCurve, Estimate, Fit
@@ -156,6 +156,11 @@ def _experiment(c: ComparedCurve) -> dict:
         "rmse": c.rmse,
         "rmse_of_maximum": c.rmse / float(np.abs(c.mean).max()),
         "discrepancy_of_maximum": c.missed if c.discrepancy is not None else None,
+        "contact": {
+            r.name: picked(r.contact, "at", "sd", "force", "force_sd", "unit", "taken_off")
+            for r in e.repetitions
+            if r.contact is not None
+        },
         "onset_mm": c.onset_mm,
         "regimes": by_regime(c),
         **{name: values.tolist() for name, values in curves.items()},

@@ -196,6 +196,8 @@ class Experiment:
         if r.time_s is not None:
             for i in np.flatnonzero(np.diff(r.time_s) <= 0)[:1] + 1:
                 before = f"a time after that of the reading before, {r.time_s[i - 1]:.10g} s"
+                if r.time_s[i] == r.time_s[i - 1]:
+                    before += "; where the clock is too coarse, a speed in place of the time"
                 yield "time", f"{r.time_s[i]:.10g} s", before, i
         if np.ptp(r.x) <= 0:
             yield self.x_name, f"{r.x[0]:g} in all readings", "a test in which it changes", None
