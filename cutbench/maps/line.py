@@ -63,11 +63,18 @@ def draw_line(ax: Axes, part: xr.Dataset, x: str, y: str) -> bool:
 
 
 def draw_strips(ax: Axes, part: xr.Dataset, x: str, y: str) -> None:
-    """Where the line may lie by numerics, and by numerics and what the model leaves open together."""
+    """Where the line may lie by numerics, and by numerics and what the model leaves open together.
+
+    Between runs far from the line its estimate falls back to what it expects of any point: there the drop
+    that lies between the runs says how far it is, where both are on one side.
+    """
     found = _field(part, x, y)
     if found is None:
         return
     grids, z, _ = found
+    if "drop_between" in part and (runs := _field(part.assign(drop_rel=part["drop_between"]), x, y)):
+        farther = (np.sign(runs[1]) == np.sign(z)) & (np.abs(runs[1]) > np.abs(z))
+        z = np.where(farther, runs[1], z)
     for strip in shown_strips(part):
         low, high = -strip["high"], -strip["low"]
         if low < high and np.nanmin(z) < high and np.nanmax(z) >= low:
