@@ -27,6 +27,7 @@ ROOMS = {
     "discovery": "Discovery",
     "mechanisms": "Mechanisms",
     "verification": "Verification",
+    "loading": "Reading back",
     "base": "Errors",
 }
 
