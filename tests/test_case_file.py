@@ -91,7 +91,7 @@ speed = "0.5 mm/s"
     assert (shown["speed"], shown["depth"], case.numerics.h_mm) == ("0.5 mm/s", "6 mm", 0.5)
 
 
-def test_from_an_exported_file_to_a_run_and_a_place_on_a_map(tmp_path, monkeypatch):
+def test_from_an_exported_file_to_what_a_map_begins_from(tmp_path, monkeypatch):
     """All that a user does and sees, from a texture analyser's file on."""
     monkeypatch.chdir(tmp_path)
     instrument.write_campaign(tmp_path, returned=True, stiffening=1.0, more=AS_EXPORTED)
@@ -108,18 +108,18 @@ def test_from_an_exported_file_to_a_run_and_a_place_on_a_map(tmp_path, monkeypat
     same_but(case, gelatin, "G")
     assert case.values["G"] == pytest.approx(1e-3 * fitted["parameters"]["G"]["value"], rel=1e-8)
 
-    entered("run2d", "fit/fitted.toml", "--set", "h=1 mm", "--set", "depth=0.2 mm", "--out", "run")
-    assert Path("run/curve.csv").is_file()
     Path("study.toml").write_text(STUDY, encoding="utf-8")
     assert "2 runs" in entered("sweep", "study.toml", "--out", "map", "--dry-run")
 
 
 @pytest.mark.slow
-def test_a_map_and_its_guide_begin_from_what_was_fitted(tmp_path, monkeypatch):
+def test_a_run_a_map_and_its_guide_begin_from_what_was_fitted(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     instrument.write_campaign(tmp_path, returned=True, more=AS_EXPORTED)
     entered("fit", "campaign.toml", "--out", "fit")
     Path("study.toml").write_text(STUDY, encoding="utf-8")
+    entered("run2d", "fit/fitted.toml", "--set", "h=1 mm", "--set", "depth=0.2 mm", "--out", "run")
+    assert Path("run/curve.csv").is_file()
     assert "2 of 2 runs" in entered("sweep", "study.toml", "--out", "map", "--workers", 1)
     shipped = Path(__file__).parents[1] / "studies" / "results" / "boundary"
     said = entered("guide", shipped, "--material", "fit/fitted.toml")

@@ -9,6 +9,7 @@ import instrument
 import numpy as np
 import pytest
 
+from cutbench.base.errors import BadInput
 from cutbench.calibration.fitting import fit
 from cutbench.calibration.homogeneous import predict
 from cutbench.data.campaign import load_campaign, start_case
@@ -49,7 +50,7 @@ speed = "0.1 mm/s"
 def test_the_contact_is_found_to_its_standard_deviation(rise, tmp_path):
     rng = np.random.default_rng(5)
     far = []
-    for noise in (0.003, 0.003, 0.02):
+    for noise in (0.003, 0.02):
         at, u = rng.uniform(1.5, 2.5), np.linspace(0, 10, 400)
         y = RISES[rise](np.maximum(u - at, 0))
         F = 0.07 + 5 * (y / y.max() + noise * rng.standard_normal(u.size))
@@ -125,6 +126,23 @@ def test_an_approach_may_be_longer_than_the_rest(tmp_path):
     )
     assert r.contact.at == pytest.approx(2.5, abs=0.02)
     assert 0 <= r.x[0] < 0.03 and r.x[-1] == pytest.approx(1.5, abs=0.02)
+
+
+def test_a_contact_for_each_specimen(tmp_path):
+    zeros = '{ "gelatin 1" = "1.9 mm", "gelatin 2" = "auto", "gelatin 3" = "2.2 mm" }'
+    more = f'force_zero = "auto"\nzero = {zeros}\n'
+    path = instrument.write_campaign(tmp_path, more=more)
+    one, two, three = (r.contact for r in load_campaign(path).experiment("press").repetitions)
+    assert (one.at, three.at) == pytest.approx((1.9, 2.2)) and one.sd == three.sd == 0
+    assert two.at == pytest.approx(2, abs=0.1) and two.sd > 0
+    text = path.read_text(encoding="utf-8")
+    for old, new, key in (
+        ('"gelatin 3"', '"gelatin 4"', "zero = "),
+        (" }\n", ', "x" = "1 mm" }\n', "zero.x = '1 mm'"),
+    ):
+        path.write_text(new.join(text.rsplit(old, 1)), encoding="utf-8")
+        with pytest.raises(BadInput, match=key):
+            load_campaign(path)
 
 
 def test_from_and_until_count_from_contact(tmp_path):

@@ -33,9 +33,8 @@ def repetitions_of(
     for name in dict.fromkeys(names):
         title = str(name) if label is None else label if table.labels is None else f"{label}/{name}"
         file, lines = str(table.path), table.lines[names == name]
-        here, contact = _begun(
-            {role: values[names == name] for role, values in table.columns.items()}, written, factors, title
-        )
+        mine = {role: values[names == name] for role, values in table.columns.items()}
+        here, contact = _begun(mine, _own(written, title), factors, title)
         x, y = _abscissa(here, kind, specimen, speed), _ordinate(here, kind, specimen)
         if kind in HOMOGENEOUS and written.get("stress", "nominal") == "cauchy":
             y = y / np.where(x > 0, x, np.nan)
@@ -71,6 +70,18 @@ def _ordinate(here: Mapping, kind: str, specimen: Mapping[str, float]) -> np.nda
     if "stress" in here:
         return here["stress"]
     return here["force"] if kind == "cut" else here["force"] / area_of(kind, specimen)
+
+
+def _own(written: Mapping, title: str) -> dict:
+    """What is written of one repetition: of zeros by name its own."""
+    found = dict(written)
+    for key in TAKEN_OFF:
+        if isinstance(raw := written.get(key), Mapping):
+            if title not in raw:
+                expected = f"a value for each repetition; none is given for '{title}'"
+                raise BadInput(key=key, value=", ".join(raw), expected=expected)
+            found[key] = raw[title]
+    return found
 
 
 # -- contact ----------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from cutbench.base.errors import BadInput
 from cutbench.base.toml import among, located, one_of, written
 from cutbench.base.units import parse_quantity
 from cutbench.data.contact import contact_notes
-from cutbench.data.conversion import repetitions_of
+from cutbench.data.conversion import TAKEN_OFF, repetitions_of
 from cutbench.data.experiment import HOMOGENEOUS, KINDS, ROLES, Experiment, area_of
 from cutbench.data.fields import read_fields_of
 from cutbench.data.layout import LABEL
@@ -111,6 +111,10 @@ def read_experiment(table: Mapping[str, object], folder: Path) -> Experiment:
     for label, count in Counter(r.name for r in repetitions).items():
         if count > 1:
             raise BadInput(key=LABEL, value=label, expected="each repetition in one file only")
+    for key in TAKEN_OFF:
+        if isinstance(given := table.get(key), dict):
+            for label, raw in given.items():
+                among(f"{key}.{label}", label, [r.name for r in repetitions], value=str(raw)[:60])
     source = table.get("source", "")
     if not isinstance(source, str):
         raise BadInput(key="source", value=str(source)[:60], expected="a text in quotes")
