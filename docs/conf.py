@@ -17,7 +17,7 @@ author = "cutbench developers"
 copyright = author
 version = release = __version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax"]
+extensions = ["myst_parser", "sphinx.ext.autodoc"]
 exclude_patterns = ["**/README.md"]
 source_suffix = {".md": "markdown"}
 root_doc = "index"

@@ -6,12 +6,14 @@ import importlib
 import re
 import sys
 from collections.abc import Callable, Iterator
+from types import ModuleType
 from typing import Any
 
 import typer
 from tables import digits, table
 
 import cutbench
+import cutbench.mechanisms
 from cutbench.base.units import Parameter
 from cutbench.case.model import DEFAULT, PROTOCOL, SPECIMEN, groups, section_of
 from cutbench.cli.main import app
@@ -90,20 +92,27 @@ def api() -> str:
     parts = []
     for room in [*ROOMS, *sorted(set(rooms) - set(ROOMS))]:
         if room in rooms:
-            lines = [line for name in rooms[room] for line in _directive(name)]
+            lines = [line for name in rooms[room] for line in _directive(cutbench, name)]
             parts.append(f"## {ROOMS.get(room, room)}\n\n```{{eval-rst}}\n" + "\n".join(lines) + "```")
     return "\n\n".join(parts)
 
 
-def _directive(name: str) -> Iterator[str]:
-    value = getattr(cutbench, name)
+def _directive(module: ModuleType, name: str) -> Iterator[str]:
+    value = getattr(module, name)
     kind = "class" if isinstance(value, type) else "function" if callable(value) else "data"
     if kind == "class" and issubclass(value, BaseException):
         kind = "exception"
-    yield f".. auto{kind}:: cutbench.{name}"
+    yield f".. auto{kind}:: {module.__name__}.{name}"
     if kind == "class":
         yield "   :members:"
     yield ""
+
+
+def laws() -> str:
+    """Autodoc of what a law derives from, answers with and declares."""
+    names = [name for name in cutbench.mechanisms.__all__ if callable(getattr(cutbench.mechanisms, name))]
+    lines = [line for name in names for line in _directive(cutbench.mechanisms, name)]
+    return "```{eval-rst}\n" + "\n".join(lines) + "```"
 
 
 def _quantity(q: Parameter) -> list[str]:
@@ -148,6 +157,7 @@ def tools() -> str:
 MADE: dict[str, Callable[[], str]] = {
     "command line": command_line,
     "api": api,
+    "laws": laws,
     "groups": groups_table,
     "tools": tools,
     **{f"[{s}]": (lambda s=s: _section(s)) for s in ("parameters", "specimen", "blade", "protocol")},
