@@ -32,6 +32,7 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 maximum_signature_line_length = 88
 autodoc_preserve_defaults = True
+autodoc_default_options = {"no-value": True}
 python_use_unqualified_type_names = True
 
 html_theme = "pydata_sphinx_theme"
@@ -58,4 +59,8 @@ def setup(app) -> None:
     def read(app, page: str, source: list[str]) -> None:
         source[0] = filled(source[0])
 
+    def skip(app, what, name, member, skip, options) -> bool | None:
+        return True if (getattr(member, "__doc__", "") or "").startswith("Alias for field") else None
+
     app.connect("source-read", read)
+    app.connect("autodoc-skip-member", skip)
