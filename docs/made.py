@@ -118,17 +118,18 @@ def laws() -> str:
 def _quantity(q: Parameter) -> list[str]:
     unit = "" if q.unit == "1" else q.unit
     start = "" if q.default is None else f"`{digits(q.default)}{' ' + unit if unit else ''}`"
-    return [f"`{q.name}`", plain(q.doc), unit, plain(q.range_text()), start]
+    return [f"`{q.name}`", plain(q.doc), unit, plain(q.range_text().replace("<=", "≤")), start]
 
 
 def _section(section: str) -> str:
-    laws = [(q, law.name) for law in registry().values() for q in law.parameters]
-    known = {q.name: (q, "") for q in (*SPECIMEN, *PROTOCOL)}
-    for q, law in laws:
-        known.setdefault(q.name, (q, "" if law in DEFAULT else law))
+    """The keys of a section; the laws that bring one where the default model does not."""
+    known = {q.name: (q, [""]) for q in (*SPECIMEN, *PROTOCOL)}
+    for law in registry().values():
+        for q in law.parameters:
+            known.setdefault(q.name, (q, []))[1].append("" if law.name in DEFAULT else f"`{law.name}`")
     rows = [
-        [*_quantity(q), f"`{law}`" if law else ""]
-        for q, law in known.values()
+        [*_quantity(q), "" if "" in names else ", ".join(names)]
+        for q, names in known.values()
         if section_of(q.name) == section
     ]
     return table(("key", "what it is", "unit", "allowed", "default", "with"), rows)
