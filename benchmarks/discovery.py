@@ -5,8 +5,8 @@ answer is then held against what was hidden. Of N cases about a sixth hide nothi
 no candidate has (a force that swings, a jump half way, a slow softening). An effect that the baseline's free
 parameters take up, or the scatter between specimens hides, cannot be seen in the fitted tests: such cases are
 counted beside the others too. Prints a confusion matrix; ``--json FILE`` keeps everything, and goes on from
-there when called again. ``--outside``: causes by formulas that the package
-has not (``benchmarks.outside``).
+there when called again. ``--outside``: causes by formulas that the package has not (``benchmarks.outside``),
+in tension; ``--wider`` with it: in compression and shear, too, with more that can be wrong beside it.
 """
 
 from __future__ import annotations
@@ -196,6 +196,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--kinds", default="homogeneous")
     parser.add_argument("--outside", action="store_true", help="causes by formulas that the package has not")
+    parser.add_argument("--wider", action="store_true", help="with --outside: also compressed and sheared")
     parser.add_argument("--only", help="one effect")
     parser.add_argument("--case", type=int, help="the case of this number alone")
     parser.add_argument("--workers", type=int, default=0, help="processes of a search; default: this one")
@@ -204,7 +205,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--told", action="store_true", help="show what the search does")
     args = parser.parse_args(arguments)
     if args.outside:
-        return outside_answers.run(args.cases, args.seed, args.json, args.case, args.limit)
+        return outside_answers.run(args.cases, args.seed, args.json, args.case, args.limit, args.wider)
     rows, began = _known(args), time.perf_counter()
     for number, (effect, family, many) in enumerate(plan(args.cases, args.seed, args.kinds.split(","))):
         asked = args.only in (None, effect) and args.case in (None, number)

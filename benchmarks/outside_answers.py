@@ -46,8 +46,8 @@ def judge(truth: Truth, d: Discovery) -> dict:
     stated = None if stated is None or math.isnan(stated) else stated
     return {
         "case": truth.number, "effects": list(truth.effects), "classes": list(wanted),
+        "modes": list(truth.modes), "misfit": truth.misfit,
         "repetitions": truth.repetitions, "scatter": truth.scatter, "noise": truth.noise,
-        "misfit": truth.misfit,
         "verdict": d.verdict, "found": list(d.found), "said": said,
         "right": bool(wanted) and bool(groups) and bool(groups[0] & set(wanted)),
         "both": bool(wanted) and set(wanted) <= named,
@@ -102,20 +102,22 @@ def summary(rows: Sequence[Mapping]) -> dict[str, str]:
     }  # fmt: skip
 
 
-def run(cases: int, seed: int, kept: Path | None, only: int | None = None, limit: float = np.inf) -> int:
+def run(
+    cases: int, seed: int, kept: Path | None, only: int | None = None, limit: float = np.inf, wider=False
+) -> int:
     """All campaigns, one after the other; ``kept`` goes on from where it was stopped."""
-    asked = {"outside": True, "cases": cases, "seed": seed}
+    asked = {"outside": True, "wider": wider, "cases": cases, "seed": seed}
     rows: list[dict] = []
     if kept is not None and kept.exists() and asked.items() <= (data := json.loads(kept.read_text())).items():
         rows = data["rows"]
     began = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
-        for number, effects in enumerate(plan(cases, seed)):
+        for number, effects in enumerate(plan(cases, seed, wider)):
             if only not in (None, number) or number in [r["case"] for r in rows]:
                 continue
             if time.perf_counter() - began > limit:
                 break
-            truth = make(number, effects, seed, Path(folder) / str(number))
+            truth = make(number, effects, seed, Path(folder) / str(number), wider)
             try:
                 rows.append(judge(truth, discover(load_campaign(truth.file), workers=0)))
             except CutbenchError as error:

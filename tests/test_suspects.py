@@ -123,6 +123,12 @@ def test_the_order_of_experiments_does_not(softer):
     same(d, discover(of(tests[::-1]), workers=0))
 
 
+def test_a_test_that_was_done_twice_does_not(softer):
+    tests, d = softer
+    again = replace(pulled("far", 2.6, gives=9.0, seed=9), id="again")
+    same(d, discover(of([*tests, again]), workers=0))
+
+
 def test_finer_readings_do_not(softer):
     _, d = softer
     same(d, discover(of(strips(gives=9.0, seed=3, count=300)), workers=0))
