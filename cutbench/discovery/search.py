@@ -44,6 +44,8 @@ NAMED = 0.06
 APART, APART_MESHED = 2.0, 3.0
 #: Values of shapes tried where the data leave them open, and how far their scores may lie behind, in prices.
 SHAPES, OPEN = 3, 5
+#: By so much the gain on held-out data may fall when the extended model is fitted to the end.
+WORSE = 0.1
 #: Causes found, at the most; firsts of a pair that are tried.
 MOST, FIRSTS = 4, 3
 
@@ -98,7 +100,7 @@ def discover(
                     taken = next(t for t in each.tried if t.name == each.accepted)
                     found.append(taken.score.column.candidate)
                     point = taken.point
-                point = settled(point, run, refine, on_progress)
+                point = _surer(rounds[0].point, point, settled(point, run, refine, on_progress))
         except KeyboardInterrupt:
             if not rounds:
                 raise
@@ -242,6 +244,13 @@ def _pair(this: Round, run: Predictor, seed: int, on_progress: OnProgress) -> tu
         return this, None
     _, first, then = best
     return replace(this, accepted=first.name), then
+
+
+def _surer(first: Point, point: Point, after: Point) -> Point:
+    """``after``, or ``point`` where a fit to the end predicts what is held out worse than a few steps did:
+    where data leave a value open, it runs away with it."""
+    gains = [compare(first, each).gain for each in (point, after)]
+    return after if gains[1] > gains[0] - WORSE else point
 
 
 def _worth_a_name(this: Round, first: Round) -> bool:
