@@ -14,7 +14,6 @@ app = typer.Typer(
     name="cutbench",
     help="A workbench for cutting soft solids with a blade.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )

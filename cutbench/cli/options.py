@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cutbench.cli.progress import bar
-from cutbench.cli.show import show
+from cutbench.cli.show import loudness, show
 
 if TYPE_CHECKING:
     from cutbench.case.calibrated import Far
@@ -50,12 +50,24 @@ Laws = Annotated[
 ]
 
 
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Say only what was found, and what is wrong.")]
+Loud = Annotated[bool, typer.Option("--verbose", "-v", help="Show counters and the log, too.")]
+
+
 def with_laws(command: Callable) -> Callable:
-    """Give ``--mechanisms DIR`` to a command: the laws of the folder are known in all that it does."""
+    """Give a command ``--mechanisms DIR``, the laws of the folder are known in all that it does; and ``-q``
+    and ``-v``."""
 
     @functools.wraps(command)
     @exits
-    def wrapped(*args: object, laws: list[Path] | None = None, **kwargs: object) -> object:
+    def wrapped(
+        *args: object,
+        laws: list[Path] | None = None,
+        quiet: bool = False,
+        loud: bool = False,
+        **kwargs: object,
+    ) -> object:
+        loudness(quiet, loud)
         if laws:
             from cutbench.mechanisms import use_mechanisms
 
@@ -63,8 +75,15 @@ def with_laws(command: Callable) -> Callable:
         return command(*args, **kwargs)
 
     own = inspect.signature(command, eval_str=True).parameters.values()
-    folders = inspect.Parameter("laws", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Laws)
-    return _taking(wrapped, [*own, folders])
+    more = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+        for name, default, annotation in (
+            ("laws", None, Laws),
+            ("quiet", False, Quiet),
+            ("loud", False, Loud),
+        )
+    ]
+    return _taking(wrapped, [*own, *more])
 
 
 def _taking(command: Callable, options: list[inspect.Parameter]) -> Callable:

@@ -11,7 +11,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from cutbench.base.progress import OnProgress
+from cutbench.base.progress import OnProgress, silent
+from cutbench.cli.show import silenced
 
 #: Seconds between two lines where there is no terminal.
 EVERY_S = 10.0
@@ -20,6 +21,9 @@ EVERY_S = 10.0
 @contextmanager
 def bar(title: str, unit: str = "", *, console: Console | None = None) -> Iterator[OnProgress]:
     """Show ``title`` on standard error by default; yields what a computation calls."""
+    if silenced():
+        yield silent
+        return
     console = console or Console(stderr=True)
     clock = _Clock()
     if not console.is_terminal:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Container, Iterable, Sequence
 from typing import Any
 
@@ -14,7 +15,29 @@ from rich.text import Text
 PLAIN: dict[str, Any] = {"box": box.SIMPLE_HEAD, "pad_edge": False}
 
 
+#: How much is printed: 0 what was found, 1 tables and progress, 2 counters and the log, too.
+_LOUD = {"level": 1}
+
+
+def loudness(quiet: bool, loud: bool) -> None:
+    """What ``-q`` and ``-v`` ask for, until it is said anew."""
+    _LOUD["level"] = 0 if quiet else 2 if loud else 1
+    logging.getLogger("cutbench").setLevel(logging.INFO if loud else logging.WARNING)
+    if loud:
+        logging.basicConfig(format="%(name)s: %(message)s")
+
+
+def verbose() -> bool:
+    return _LOUD["level"] > 1
+
+
+def silenced() -> bool:
+    return _LOUD["level"] < 1
+
+
 def show(*parts: object) -> None:
+    if silenced():
+        return
     # Away from a terminal nobody can widen the window: do not cut numbers short.
     console = Console(width=None if Console().is_terminal else 160)
     for part in parts:

@@ -9,7 +9,6 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from types import SimpleNamespace
 
-import numpy as np
 from rich.console import Group as Stack
 from rich.console import RenderableType
 from rich.table import Table
@@ -21,10 +20,11 @@ from cutbench.case.case import Case, load_case
 from cutbench.case.model import Model
 from cutbench.case.model import groups as settable_groups
 from cutbench.case.model import mechanism as find_mechanism
-from cutbench.cli.show import PLAIN, table
+from cutbench.cli.show import PLAIN, table, verbose
 from cutbench.mechanisms import registry
 from cutbench.mechanisms.checks import Finding
 from cutbench.run.result import Result
+from cutbench.run.told import told
 
 
 def _table(*heads: str, rows: Iterable[Sequence[str]] = (), title: str | None = None) -> Table:
@@ -130,14 +130,16 @@ def _number(value: float | None) -> str:
 
 
 def result_table(result: Result) -> RenderableType:
-    """What a run found, in one screen."""
-    rows = [(text, _group(result.case, text)) for text in result.case.groups()]
-    made = _table("", "value", rows=rows, title=f"{result.case.name} ({result.id})")
+    """What a run found, in the order in which a person asks; ``-v``: all measures and counters, too."""
+    head, *lines = told(result)
+    made = _table("", "value", rows=[(name, text) for name, text in lines[1:]], title=head)
     made.add_section()
-    for name, value in result.measures.items():
-        _row(made, name, "-" if math.isnan(value) else f"{value:.4g}")
-    for name, count in result.counts.items():
-        _row(made, name, str(count))
-    if result.curve.get("closure", np.zeros(0)).size:
-        _row(made, "closure of the energy ledger", f"{result.curve['closure'][-1]:.2e}")
+    for text in result.case.groups():
+        _row(made, text, _group(result.case, text))
+    if verbose():
+        made.add_section()
+        for name, value in result.measures.items():
+            _row(made, name, "-" if math.isnan(value) else f"{value:.4g}")
+        for name, count in result.counts.items():
+            _row(made, name, str(count))
     return made

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Sequence
 
@@ -24,6 +25,8 @@ from cutbench.run.remeshing import Place, RemeshedMarch, Transfer
 from cutbench.run.result import OnStep, Outcome, Result, Snapshot, unwatched
 from cutbench.run.sensitivity import checked, directions, start_sensitivities
 from cutbench.solver.march import Accepted, Progress, Stalled
+
+_log = logging.getLogger(__name__)
 
 #: What to try when a run stalls, by a word of the reason.
 _ADVICE = {
@@ -67,6 +70,7 @@ def run_case(
     kept = checkpoint.load() if checkpoint is not None and not names else None
     meshes = RemeshedMarch(case, Place(**kept["mesh"]) if kept else None)
     built = meshes.built
+    _log.info("%s, run %s: %d unknowns to %g mm", case.name, case.id, built.problem.free.size, case.p.depth)
     slopes = [np.zeros(len(names))]
     follower = start_sensitivities(built, names) if names else None
 
@@ -174,6 +178,7 @@ def run_case(
         found |= front.measures()
     else:
         found |= crossing.measures()
+    _log.info("%s: %s, %s", case.name, outcome, counts)
     by_name = {}
     if follower is not None:
         # An interruption can come between a step's derivatives and its row.

@@ -12,6 +12,7 @@ class Coulomb(Blade):
     name = "coulomb"
     title = "Coulomb friction"
     family = "friction"
+    meant = {"friction_coefficient": "mu, the friction coefficient"}  # noqa: RUF012
     role = "friction"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter.effect(

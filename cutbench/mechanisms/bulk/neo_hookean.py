@@ -10,6 +10,12 @@ class NeoHookean(Isochoric):
     name = "neo_hookean"
     title = "neo-Hooke"
     family = "elasticity"
+    meant = {  # noqa: RUF012
+        "E": "G, the shear modulus: G = E/(2 (1 + nu)), a third of Young's modulus E of a gel",
+        "youngs_modulus": "G, the shear modulus: G = E/(2 (1 + nu)), a third of Young's modulus E of a gel",
+        "shear_modulus": "G, the shear modulus",
+        "modulus": "G, the shear modulus; of Young's modulus E of a gel a third",
+    }
     role = "isochoric"
     standard = published = True
     parameters = (Parameter.positive("G", "kPa", "G", "shear modulus", typical=25.0, lever="stiffness"),)

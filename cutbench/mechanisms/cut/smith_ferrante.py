@@ -31,6 +31,11 @@ class SmithFerrante(Cut):
     name = "smith_ferrante"
     title = "cohesive"
     family = "traction–separation"
+    meant = {  # noqa: RUF012
+        "toughness": "G_c, the work of separation, such as G_c = '5 J/m^2'",
+        "fracture_energy": "G_c, the work of separation, such as G_c = '5 J/m^2'",
+        "Gamma": "G_c, the work of separation, such as G_c = '5 J/m^2'",
+    }
     role = "cohesive"
     alternatives = ("stiff_cohesion",)
     rank = -10  # before the laws that scale its traction, or fade with its damage

@@ -1,0 +1,75 @@
+"""Files to start from run as they stand; how much a command says; what a person of the field may write."""
+
+from __future__ import annotations
+
+import pytest
+from typer.testing import CliRunner
+
+import cutbench
+from cutbench.cli.main import app
+from cutbench.cli.show import loudness
+
+KINDS = ("run", "study", "campaign")
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    yield
+    loudness(False, False)
+
+
+def call(*words: str):
+    return CliRunner().invoke(app, words, catch_exceptions=False)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_was_written_is_never_written_over(kind, tmp_path):
+    assert call("new", kind, "mine.toml").exit_code == 0
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    again = call("new", kind, "mine.toml")
+    assert again.exit_code == 2 and "mine.toml" in again.output
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+@pytest.mark.parametrize("name", ["mine.txt", "nowhere/mine.toml"])
+def test_a_file_that_cannot_be_is_refused(name):
+    assert call("new", "run", name).exit_code == 2
+
+
+def test_a_run_to_start_from_runs():
+    assert call("new", "run").exit_code == 0
+    case = cutbench.load("run.toml")
+    assert case.name == "my gel" and not case.doubts
+    done = call("run2d", "run.toml", "--depth", "0.3", "--h", "0.7", "--out", "out")
+    assert done.exit_code == 0 and "not cut to 0.3 mm" in done.output
+
+
+def test_a_study_to_start_from_is_one():
+    assert call("new", "study", "mine.toml").exit_code == 0
+    study = cutbench.load("mine.toml")
+    assert [a.name for a in study.axes] == ["speed", "G"] and study.plot.mark == ("gelatin",)
+    assert "runs to compute" in call("sweep", "mine.toml", "--dry-run").output
+
+
+def test_a_campaign_to_start_from_is_fitted():
+    assert call("new", "campaign", "mine.toml").exit_code == 0
+    done = call("fit", "mine.toml", "--out", "fit", "--workers", "0")
+    assert done.exit_code == 0 and "converged" in done.output
+
+
+def test_quiet_says_what_was_found_and_loud_the_counters():
+    words = ("run2d", "gelatin", "--depth", "0.2", "--h", "0.7", "--out", "out")
+    plain, quiet, loud = call(*words), call(*words, "-q"), call(*words, "-v")
+    assert all("not cut to 0.2 mm" in said.output for said in (plain, quiet, loud))
+    assert len(quiet.output.splitlines()) < 5 < len(plain.output.splitlines()) < len(loud.output.splitlines())
+    assert "iterations" in loud.output and "iterations" not in plain.output
+
+
+@pytest.mark.parametrize(
+    ("said", "meant"),
+    [("E=20 kPa", "G = E/(2 (1 + nu))"), ("toughness=5", "G_c"), ("friction_coefficient=0.1", "mu")],
+)
+def test_the_fields_own_words_are_led_to_the_names(said, meant):
+    done = call("run2d", "gelatin", "--set", said)
+    assert done.exit_code == 2 and meant in done.output
