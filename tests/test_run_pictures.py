@@ -116,7 +116,7 @@ def test_pictures_are_300_dpi_and_come_in_other_formats(tmp_path, result):
     written = save(plot_curve(result), tmp_path / "curve.png", also=("svg", "pdf"))
     assert [p.suffix for p in written] == [".png", ".svg", ".pdf"]
     width = matplotlib.image.imread(written[0]).shape[1]
-    assert width == pytest.approx(85 / 25.4 * 300, abs=2)
+    assert width == pytest.approx(140 / 25.4 * 300, abs=2)
     assert written[2].read_bytes()[:5] == b"%PDF-"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["curve.pdf", "curve.png", "curve.svg"]
 

@@ -12,17 +12,25 @@ from cutbench.cli.options import exits
 
 @exits
 def plot(
-    source: Annotated[
-        Path, typer.Argument(metavar="DIR|MAP.nc", help="Folder of a run or a sweep, or a map.")
+    sources: Annotated[
+        list[Path],
+        typer.Argument(metavar="DIR|MAP.nc", help="Folder of a run or a sweep, or a map; of several runs."),
     ],
     against: Annotated[
         Path | None,
         typer.Option(metavar="MAP.nc", help="A grid's map: count where the boundary that was sought agrees."),
     ] = None,
+    out: Annotated[
+        Path, typer.Option(metavar="FILE", help="Picture of several runs: .png, .svg or .pdf.")
+    ] = Path("curves.png"),
 ) -> None:
-    """Draw the pictures of a run or a map again; a map also as one interactive page, map.html."""
+    """Draw the pictures of a run or a map again, a map also as a page; or several runs in one picture."""
     from cutbench.base.errors import BadInput
 
+    if len(sources) > 1:
+        typer.echo(_together(sources, out))
+        return
+    (source,) = sources
     grid = source / "map.nc" if source.is_dir() else source
     if source.is_dir() and (source / "run.json").is_file():
         from cutbench.run.figures import plot_curve, save
@@ -58,3 +66,20 @@ def plot(
         raise BadInput("DIR|MAP.nc", str(source), "a folder with run.json or map.nc in it, or a map.nc")
     for path in paths:
         typer.echo(path)
+
+
+def _together(sources: list[Path], out: Path) -> Path:
+    """The forces of several runs in one picture."""
+    from cutbench.base.errors import BadInput
+    from cutbench.run.figures import plot_curves, save
+    from cutbench.run.files import read_run
+
+    if out.suffix not in (".png", ".svg", ".pdf") or not out.parent.is_dir():
+        raise BadInput("--out", str(out), "a file ending in .png, .svg or .pdf, in a folder that is there")
+    runs = {source: read_run(source) for source in sources}
+    names = [run.case.name for run in runs.values()]
+    alike = len(set(names)) < len(names)
+    shown = {
+        f"{run.case.name} ({source.name})" if alike else run.case.name: run for source, run in runs.items()
+    }
+    return save(plot_curves(shown), out)[0]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.integrate import cumulative_trapezoid
 
-from cutbench.base.figure_style import COLOURS, GREY, HATCHES, SINGLE_MM, Look, math_text, new_figure, style
+from cutbench.base.figure_style import COLOURS, GREY, HATCHES, Look, force_from_zero, new_figure, style
 from cutbench.mechanisms import registry
 from cutbench.run.measures import forward
 from cutbench.run.result import SNAP, TRANSFER
@@ -17,6 +19,8 @@ from cutbench.run.result import SNAP, TRANSFER
 if TYPE_CHECKING:
     from cutbench.run.result import Result
 
+#: Of both panels with the legend beside them: a column and a half.
+WIDTH_MM = 140.0
 #: Entries that never reach this share of the largest force are drawn together.
 NEGLIGIBLE = 0.005
 #: Labels of entries that are not in the registry.
@@ -32,21 +36,31 @@ def plot_curve(result: Result) -> Figure:
     """
     window_mm = getattr(result.case.p, "thickness", 0.7) / 2
     with style():
-        figure = new_figure(SINGLE_MM, 120)
+        figure = new_figure(WIDTH_MM, 100)
         top, low = figure.subplots(2, 1, sharex=True)
         draw_force(top, result)
         _split(low, result, window_mm)
         low.set_xlabel("blade travel (mm)")
-        reached = float(np.max(result.displacement_mm, initial=0.0)) or 1.0
-        end = 1.02 * reached if result.case.motion else getattr(result.case.p, "depth", reached)
-        low.set_xlim(0, max(end, reached))
+        low.set_xlim(0, 1.02 * (float(np.max(result.displacement_mm, initial=0.0)) or 1.0))
         figure.align_ylabels([top, low])
         figure.suptitle(result.case.name, x=0.02, ha="left")
-        top.set_title(_groups(result), loc="left", fontsize=7.5)
-        names = low.get_legend_handles_labels()
-        if names[0]:
-            # Outside the axes: inside, the legend would hide areas.
-            figure.legend(*names, loc="outside lower center", ncols=2, columnspacing=1.2)
+        top.set_title("\n".join(wrap(result.sentence(), 72)), loc="left", fontsize=7.5)
+        handles, names = low.get_legend_handles_labels()
+        if handles:
+            # Outside the axes, where it hides no areas; the last in the list is the first from below.
+            figure.legend(handles[::-1], names[::-1], loc="outside right center")
+    return figure
+
+
+def plot_curves(results: Mapping[str, Result]) -> Figure:
+    """Forces (N) over travel (mm) of several runs in one picture, each under the name that it is given."""
+    with style():
+        figure = new_figure(WIDTH_MM, 80)
+        axes = figure.subplots()
+        for name, result in results.items():
+            axes.plot(result.displacement_mm, result.force_N, label="\n".join(wrap(name, 24)))
+        force_from_zero(axes, "blade travel (mm)")
+        figure.legend(loc="outside right center")
     return figure
 
 
@@ -152,9 +166,3 @@ def _label(name: str) -> str:
         return NO_MECHANISM[name]
     mechanism = registry().get(name)
     return mechanism.title if mechanism else name.replace("_", " ")
-
-
-def _groups(result: Result) -> str:
-    """The dimensionless groups, three a line."""
-    groups = [f"{math_text(key)} = {value:.3g}" for key, value in result.case.groups().items()]
-    return "\n".join(",  ".join(groups[i : i + 3]) for i in range(0, len(groups), 3))
