@@ -78,6 +78,18 @@ def test_a_run_is_written_and_can_be_drawn_again(solver, tmp_path):
     assert (out / "curve.png").is_file()
 
 
+def test_several_runs_are_drawn_into_one_picture(solver, tmp_path):
+    for name in ("meat", "gelatin"):
+        assert invoke("run2d", name, "--out", tmp_path / name).exit_code == 0
+    both = [tmp_path / name for name in ("meat", "gelatin")]
+    done = invoke("plot", *both, "--out", tmp_path / "both.svg")
+    assert done.exit_code == 0, done.output
+    text = (tmp_path / "both.svg").read_text(encoding="utf-8")
+    assert ">meat<" in text and ">gelatin<" in text
+    assert invoke("plot", *both, "--out", tmp_path / "both.gif").exit_code == 2
+    assert invoke("plot", both[0], tmp_path / "nowhere", "--out", tmp_path / "b.png").exit_code == 2
+
+
 def test_default_folder_names_the_case(solver, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert invoke("run2d", "gelatin").exit_code == 0
