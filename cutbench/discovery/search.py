@@ -36,9 +36,10 @@ FITS, FITS_MESHED = 6, 3
 #: What may stay significant beside what was found, as a part of what was wrong; more is unexplained. Where
 #: the scatter between specimens was not measured, more of it may be scatter.
 REST, REST_ALONE = 0.25, 0.5
-#: What a later cause must take away of what the baseline gets wrong, in the root mean square. No specimen
-#: follows a formula, and what the first cause's leaves is no cause of its own.
-NAMED = 0.06
+#: What a later cause must take away of what the baseline gets wrong, in the root mean square; its part of what
+#: is left; and by how many standard errors it must predict better. No specimen follows a formula: what that of
+#: the first cause leaves is no cause of its own, and any other takes some of it up.
+NAMED, MAIN, SURELY = 0.06, 0.5, 4.0
 #: Fits are told apart by so many standard errors of their difference; more where some are known to first
 #: order only.
 APART, APART_MESHED = 2.0, 3.0
@@ -255,9 +256,11 @@ def _surer(first: Point, point: Point, after: Point) -> Point:
 
 def _worth_a_name(this: Round, first: Round) -> bool:
     """Whether what a later round would add is more than the error of a formula."""
-    after = next((t.point for t in this.tried if t.name == this.accepted), this.point)
+    added = next((t for t in this.tried if t.name == this.accepted), None)
+    if added is None or added.share < MAIN or added.heldout.better <= SURELY * added.heldout.better_se:
+        return False
     wrong = Yardstick(first.point, first.scores.expected)
-    return math.sqrt(wrong.left(this.point)) - math.sqrt(wrong.left(after)) > NAMED
+    return math.sqrt(wrong.left(this.point)) - math.sqrt(wrong.left(added.point)) > NAMED
 
 
 def _simplest(scores: list[Score]) -> list[Score]:
