@@ -36,9 +36,9 @@ FITS, FITS_MESHED = 6, 3
 #: What may stay significant beside what was found, as a part of what was wrong; more is unexplained. Where
 #: the scatter between specimens was not measured, more of it may be scatter.
 REST, REST_ALONE = 0.25, 0.5
-#: What a later cause must take away of what the baseline gets wrong, in the root mean square; its part of what
-#: is left; and by how many standard errors it must predict better. No specimen follows a formula: what that of
-#: the first cause leaves is no cause of its own, and any other takes some of it up.
+#: What a later cause must take away of what the baseline gets wrong, in the root mean square; its part of
+#: what is left; by how many standard errors it must predict better. No specimen follows a formula: what that
+#: of the first cause leaves is no cause of its own, and any other takes some of it up.
 NAMED, MAIN, SURELY = 0.06, 0.5, 4.0
 #: Fits are told apart by so many standard errors of their difference; more where some are known to first
 #: order only.
