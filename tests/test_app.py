@@ -227,8 +227,11 @@ def test_readings_become_a_fit(page, server, tmp_path):
     within(10, page, lambda b: "pull.csv" in text_of(b, "#kept"))
     Select(page.find_element(By.ID, "kind")).select_by_value("uniaxial")
     assert page.find_element(By.ID, "column-force").get_property("value") == "F [N]"
+    Select(page.find_element(By.ID, "zero")).select_by_value("auto")
     page.find_element(By.CSS_SELECTOR, "[value=fit]").click()
     within(10, page, lambda b: text_of(b, "#data-fault"))  # a length is missing, as on the command line
+    assert 'zero = "auto"' in (server.folder / "readings" / "campaign.toml").read_text(encoding="utf-8")
+    Select(page.find_element(By.ID, "zero")).select_by_value("")
     fill(page, "#specimen-length", "40 mm")
     fill(page, "#specimen-area", "20 mm^2")
     page.find_element(By.CSS_SELECTOR, "[value=fit]").click()

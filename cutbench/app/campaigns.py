@@ -16,7 +16,7 @@ from cutbench.data.campaign import load_campaign
 LARGEST = 20_000_000
 _NAME = re.compile(r"[\w][\w .+-]{0,80}\.(csv|txt|tsv|dat)", re.IGNORECASE)
 #: What a request may hold: the fields of an experiment, each a text or an object of texts.
-_FIELDS = ("kind", "columns", "units", "specimen", "blade", "speed", "time")
+_FIELDS = ("kind", "columns", "units", "specimen", "blade", "speed", "zero", "force_zero")
 
 
 def keep_file(folder: Path, name: str, content: bytes) -> dict:

@@ -162,9 +162,9 @@ const filled = (prefix, names) => Object.fromEntries(names.map(n => [n, $(`${pre
 async function analyse(event) {
   event.preventDefault();
   const kind = $("kind").value, task = event.submitter.value, sizes = SIZES[kind];
-  const body = { task, files: held.map(h => h.name), kind, material: $("like").value, columns: filled("column", ROLES[kind]), units: filled("unit", ROLES[kind]), speed: $("speed").value.trim() };
+  const body = { task, files: held.map(h => h.name), kind, material: $("like").value, columns: filled("column", ROLES[kind]), units: filled("unit", ROLES[kind]), speed: $("speed").value.trim(), zero: $("zero").value, force_zero: $("force_zero").value };
   for (const part of Object.keys(sizes)) body[part] = filled(part, Object.keys(sizes[part]));
-  for (const key of ["units", "speed", "specimen", "blade"]) if (!body[key] || !Object.keys(body[key]).length) delete body[key];
+  for (const key of ["units", "speed", "specimen", "blade", "zero", "force_zero"]) if (!body[key] || !Object.keys(body[key]).length) delete body[key];
   $("data-fault").textContent = ""; $("found").hidden = $("data-page").hidden = true; $("data-files").replaceChildren();
   let mine;
   try { mine = await ask("api/campaigns", body); } catch (error) { $("data-fault").textContent = error.message; return; }
