@@ -11,6 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 import cutbench.calibration.fitting as fitting
+import cutbench.calibration.prediction as prediction
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.calibration.fitting import fit
 from cutbench.calibration.report import summary, to_dict, write_fit
@@ -238,9 +239,8 @@ SOLID = load_case("gelatin").set(
 def cutting(**options):
     tests = (Test("slow", reach=1.0, readings=60), Test("fast", speed=0.1, reach=1.0, readings=60))
     start = moved(SOLID, G=1.3, G_c=0.8)
-    return campaign(
-        SOLID, tests[: options.pop("count", 2)], start, plan=FitPlan(free=("G", "G_c")), **options
-    )
+    plan = options.pop("plan", FitPlan(free=("G", "G_c")))
+    return campaign(SOLID, tests[: options.pop("count", 2)], start, plan=plan, **options)
 
 
 def test_a_cutting_campaign_gives_its_truth_back():
@@ -257,6 +257,27 @@ def test_a_cutting_campaign_gives_its_truth_back():
     data = to_dict(found)
     assert data["experiments"]["slow"]["regimes"]["onset"]["to_mm"] <= 1.0
     assert set(data["parameters"]) == {"G", "G_c"}
+
+
+def test_derivatives_that_end_on_the_way_end_no_fit(monkeypatch):
+    whole = prediction.run_case
+
+    def singular(case, **options):
+        made = whole(case, **options)
+        lost = made.curve["displacement_mm"] > 0.6
+        return replace(
+            made, sensitivities={n: np.where(lost, np.nan, s) for n, s in made.sensitivities.items()}
+        )
+
+    monkeypatch.setattr(prediction, "run_case", singular)
+    made = cutting(count=1, plan=FitPlan(free=("G",)))
+    found = fit(made, workers=0, refine=False)
+    x, known = (
+        found.compared[0].x,
+        np.abs(found.inverse.slopes(made.train[0], found.inverse.predictions(found.q)["slow"], found.q)) > 0,
+    )
+    assert known[x < 0.5].all() and not known[x > 0.7].any()
+    assert found.estimate("G").value == pytest.approx(SOLID.values["G"], rel=0.1)
 
 
 @pytest.mark.slow

@@ -70,6 +70,14 @@ def test_a_step_that_cannot_be_computed_is_shortened():
     assert found.evaluations == 1 + lm.Settings().failures
 
 
+def test_what_fails_over_a_long_way_is_no_jag():
+    def wall(q):  # a short way before the minimum, at 0, the misfit is far larger
+        return (q if q[0] > 0.3 else 3 - q), np.ones((1, 1))
+
+    found = lm.minimise(wall, np.array([0.9]), np.array([-9.0]), np.array([9.0]))
+    assert 0.3 < found.q[0] < 0.6
+
+
 def test_a_start_that_cannot_be_computed_is_raised_and_an_interruption_is_not():
     def broken(q):
         raise ComputationFailed("no start")

@@ -22,6 +22,8 @@ from cutbench.run.measures import TRANSITION
 
 #: Parts of a cut, in the order in which they come.
 REGIMES = ("indentation", "onset", "transition", "steady")
+#: A model that misses more than this part of a curve's maximum is far from the data.
+FAR = 0.05
 
 
 def _rms(values: np.ndarray) -> float:
@@ -149,6 +151,17 @@ class Fit(Handled):
     @property
     def reduced_chi2(self) -> float:
         return self.chi2 / max(self.readings - len(self.estimates), 1)
+
+    @property
+    def far(self) -> str:
+        """That no parameters bring the model near the data, and how near; empty where some do."""
+        missed, id = max(((c.missed, c.experiment.id) for c in self.compared), default=(0.0, ""))
+        if missed <= FAR:
+            return ""
+        return (
+            f"No parameters that were tried bring this model near the data: it misses {100 * missed:.0f} % of"
+            f" the maximum of '{id}' (root mean square). Estimates are those of a wrong model."
+        )
 
     def estimate(self, label: str) -> Estimate:
         """Raises BadInput for a label that was not fitted."""

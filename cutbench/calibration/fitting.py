@@ -23,20 +23,18 @@ from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.progress import OnProgress, silent
 from cutbench.base.toml import one_of
 from cutbench.calibration import lm
-from cutbench.calibration.fitted import ComparedCurve, Estimate, Fit, Profile
-from cutbench.calibration.identifiability import Unknown, identifiability, information_inverse
+from cutbench.calibration.fitted import FAR, ComparedCurve, Estimate, Fit, Profile
+from cutbench.calibration.identifiability import Unknown, identifiability, information_inverse, worth_it
 from cutbench.calibration.inverse import GRID, Inverse, field_note, unknowns
 from cutbench.calibration.prediction import Prediction, Predictor, predictor
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
 from cutbench.data.covariance import Block, Covariance
-from cutbench.data.discrepancy import allowing, independent, likelihood, misfit, missed
+from cutbench.data.discrepancy import allowing, independent, likeliest, likelihood, misfit, missed
 from cutbench.data.experiment import Experiment
 from cutbench.data.repetition import Averaged, unrepeated
 from cutbench.run.pool.pool import cores
 
-#: A parameter that the fit may choose is left at its start where the data know it worse than this.
-HOPELESS = 3.0
 LEVEL = 0.95
 INTERRUPTED = "interrupted"
 #: First with guessed weights, only as far as it pays; then with measured ones.
@@ -50,9 +48,9 @@ PROFILE = lm.Settings(promise=0.1, evaluations=6)
 #: mesh until nothing moves.
 AGAIN, ROUNDS = 0.25, 3
 STILL, ROUNDS_SMOOTH = 1e-3, 12
-#: A model that misses a curve by more than this part of its maximum is fitted from other starts, too (tests
-#: without a mesh), so many and so far away in q, and the report says so.
-FAR, STARTS, AWAY = 0.05, 3, 1.5
+#: A model that misses a curve by more than this part of its maximum is fitted from other starts, too, so many
+#: and so far away in q, and the report says so. With a mesh, only the likeliest of them is gone on from.
+STARTS, AWAY, AWAY_MESHED = 3, 1.5, 0.7
 
 
 def fit(
@@ -107,11 +105,11 @@ class _Fitting:
         before = identifiability(J, inverse.unknowns)
         fixed: dict[str, str] = {}
         if choose:
-            kept, fixed = _worth_it(J, inverse.unknowns, self.campaign.plan.own)
+            kept, fixed = worth_it(J, inverse.unknowns, self.campaign.plan.own)
             inverse = self.inverse = inverse.only(kept)
             q = np.zeros(len(kept))
         best = self._from(q)
-        if anywhere and self.smooth and best.message != INTERRUPTED and self._farthest(best)[0] > FAR:
+        if anywhere and best.message != INTERRUPTED and self._farthest(best)[0] > FAR:
             best = self._elsewhere(best)
         profiles = []
         for label in profile:
@@ -152,10 +150,17 @@ class _Fitting:
         return best
 
     def _from(self, q: np.ndarray) -> lm.Minimum:
-        """The minimum that is reached from ``q``: roughly, then with measured weights."""
-        self._weigh(self.inverse.guessed(q), q)
-        best = self._minimise("rough", q, ROUGH)
-        return best if best.message == INTERRUPTED else self._with_measured_error(best)
+        """The minimum that is reached from ``q``: roughly, until weights stand still, then with measured
+        ones."""
+        for _ in range(1 if self.smooth else ROUNDS):
+            self._weigh(self.inverse.guessed(q), q)
+            best = self._minimise("rough", q, ROUGH)
+            if best.message == INTERRUPTED:
+                return best
+            if np.abs(best.q - q).max(initial=0.0) < AGAIN:
+                break
+            q = best.q
+        return self._with_measured_error(best)
 
     def _weigh(self, noise: Covariance, q: np.ndarray) -> None:
         """Take ``noise`` and what the model misses at ``q`` for the covariance."""
@@ -182,18 +187,35 @@ class _Fitting:
 
     def _elsewhere(self, best: lm.Minimum) -> lm.Minimum:
         """The likeliest of several minima: ``best`` and what is reached from other starts."""
-        (low, high), likeliest, weights = self.inverse.bounds, self._likelihood(best), self.covariance
-        for part in stats.qmc.Halton(best.q.size, seed=0).random(STARTS):
+        (low, high), most, weights = self.inverse.bounds, self._likelihood(best), self.covariance
+        away = AWAY if self.smooth else AWAY_MESHED
+        parts = 2 * stats.qmc.Halton(best.q.size, seed=0).random(STARTS) - 1
+        starts = [np.clip(best.q + away * part, low, high) for part in parts]
+        for start in starts if self.smooth else self._promising(starts, best.q):
             try:
-                other = self._from(np.clip(best.q + AWAY * (2 * part - 1), low, high))
+                other = self._from(start)
             except ComputationFailed:
                 continue
             if other.message == INTERRUPTED:
                 break
-            if self._likelihood(other) > likeliest + 1e-3:
-                best, likeliest, weights = other, self._likelihood(other), self.covariance
+            if self._likelihood(other) > most + 1e-3:
+                best, most, weights = other, self._likelihood(other), self.covariance
         self.covariance = weights
         return best
+
+    def _promising(self, starts: Sequence[np.ndarray], q: np.ndarray) -> list[np.ndarray]:
+        """The likeliest of ``starts``, if it is likelier than ``q``: each costs one evaluation."""
+        noise, ranked = self.covariance.noise, []
+        for start in (q, *starts):
+            try:
+                ranked.append((likeliest(noise, self.inverse.residuals(start, noise)[0]), start))
+            except ComputationFailed:
+                continue
+            except KeyboardInterrupt:
+                return []
+        self.evaluations += len(starts)
+        _, start = max(ranked, key=lambda each: each[0])
+        return [] if start is q else [start]
 
     def _likelihood(self, best: lm.Minimum) -> float:
         return likelihood(self.covariance, self.inverse.residuals(best.q, self.covariance)[0])
@@ -319,29 +341,6 @@ class _Fitting:
 def _excess(best: lm.Minimum) -> float:
     """χ² per degree of freedom where it is above 1: the model's error, counted as noise."""
     return max(best.chi2 / max(best.r.size - best.q.size, 1), 1.0)
-
-
-def _worth_it(
-    J: np.ndarray, looked_for: Sequence[Unknown], asked: Sequence[str]
-) -> tuple[list[int], dict[str, str]]:
-    """Numbers of the unknowns that the data can tell, and why the others stay where they are.
-
-    The worst leaves first: what it was confounded with may then be known well. ``asked`` names stay.
-    """
-    kept, fixed = list(range(len(looked_for))), {}
-    while len(kept) > 1:
-        said = identifiability(J[:, kept], [looked_for[i] for i in kept])
-        may_go = [i for i in range(len(kept)) if looked_for[kept[i]].name not in asked]
-        worst = max(may_go, key=lambda i: said.joint[i], default=None)
-        if worst is None or said.joint[worst] <= HOPELESS:
-            break
-        u, alone = looked_for[kept.pop(worst)], said.alone[worst]
-        fixed[u.label] = (
-            "no reading depends on it" if not np.isfinite(alone)
-            else "the data do not determine it" if alone > HOPELESS
-            else "the data do not tell it from other parameters"
-        )  # fmt: skip
-    return kept, fixed
 
 
 def _share(gain: np.ndarray, w: Block, part: np.ndarray) -> np.ndarray:

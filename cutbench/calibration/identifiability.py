@@ -24,6 +24,8 @@ PART = 0.25
 INSIDE = 1e-6
 #: A column this much smaller than the largest is no sensitivity at all.
 NOTHING = 1e-9
+#: A parameter that a fit may choose is left at its start where the data know it worse than this.
+HOPELESS = 3.0
 
 
 @dataclass(frozen=True)
@@ -161,3 +163,26 @@ def _sentence(v: np.ndarray, sd: float, unknowns: Sequence[Unknown]) -> str:
 
 def _amount(u: Unknown, dq: float) -> str:
     return f"{100 * dq:.0f} %" if u.logarithmic else u.quantity.show(dq * u.scale)
+
+
+def worth_it(
+    J: np.ndarray, looked_for: Sequence[Unknown], asked: Sequence[str]
+) -> tuple[list[int], dict[str, str]]:
+    """Numbers of the unknowns that the data can tell, and why the others stay where they are.
+
+    The worst leaves first: what it was confounded with may then be known well. ``asked`` names stay.
+    """
+    kept, fixed = list(range(len(looked_for))), {}
+    while len(kept) > 1:
+        said = identifiability(J[:, kept], [looked_for[i] for i in kept])
+        may_go = [i for i in range(len(kept)) if looked_for[kept[i]].name not in asked]
+        worst = max(may_go, key=lambda i: said.joint[i], default=None)
+        if worst is None or said.joint[worst] <= HOPELESS:
+            break
+        u, alone = looked_for[kept.pop(worst)], said.alone[worst]
+        fixed[u.label] = (
+            "no reading depends on it" if not np.isfinite(alone)
+            else "the data do not determine it" if alone > HOPELESS
+            else "the data do not tell it from other parameters"
+        )  # fmt: skip
+    return kept, fixed

@@ -180,7 +180,7 @@ class Inverse:
     def slopes(self, e: Experiment, prediction: Prediction, q: np.ndarray) -> np.ndarray:
         """dy/dq (m, k); of a cut no steeper than ``STEEP``."""
         J = self._derivatives(e, prediction, q)
-        return J * self._gentle(e, J, prediction.y)[:, None]
+        return np.nan_to_num(J) * self._gentle(e, J, prediction.y)[:, None]
 
     def _scaled(self, e: Experiment, prediction: Prediction, slopes: np.ndarray, q: np.ndarray) -> np.ndarray:
         """By the scaled unknowns (m, k) what is given by the prediction's names."""
@@ -194,16 +194,20 @@ class Inverse:
         J = self._scaled(e, prediction, prediction.slopes, q)
         if e.kind == "cut" and J.shape[1]:
             # Jags of the curve wander with the parameters: their derivatives are large and hold for no step.
-            J = np.stack([mesh_error.smooth(self.grids[e.id].along, column) for column in J.T], axis=1)
+            known = np.isfinite(J).all(axis=1)
+            along = self.grids[e.id].along[known]
+            if along.size > 2:
+                J[known] = np.stack([mesh_error.smooth(along, column) for column in J[known].T], axis=1)
         return J
 
     @staticmethod
     def _gentle(e: Experiment, J: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Part (m,) of each reading's derivatives J (m, k) that counts."""
+        """Part (m,) of each reading's derivatives J (m, k) that counts; none where they are not known."""
         if e.kind != "cut":
             return np.ones(y.size)
         limit = STEEP * np.abs(y).max()
-        return np.minimum(1.0, limit / np.maximum(np.linalg.norm(J, axis=1), 1e-300))
+        size = np.linalg.norm(J, axis=1)
+        return np.where(np.isfinite(size), np.minimum(1.0, limit / np.maximum(size, 1e-300)), 0.0)
 
     def _jumps(self, e: Experiment, prediction: Prediction, q: np.ndarray) -> np.ndarray:
         """Covariance (m, m) of a computed curve where it is too steep in the parameters to be trusted."""

@@ -27,10 +27,12 @@ Residual = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 @dataclass(frozen=True)
 class Settings:
     """``reach``: largest change of one q in one step. ``damping``: at the start, relative. ``jags``: after a
-    step in vain, not after one that could not be computed, a promise this many times larger is enough."""
+    step in vain no longer than ``short`` a promise this many times larger is enough; what fails over a longer
+    way, or cannot be computed, are no jags."""
 
     promise: float = 0.05
     jags: float = 20.0
+    short: float = 0.15
     evaluations: int = 30
     failures: int = 3
     reach: float = 0.7
@@ -118,7 +120,7 @@ def minimise(
                 reach = min(LONGER * reach, settings.reach)
                 on_progress(best.evaluations, settings.evaluations, f"χ² {best.chi2:.5g}")
                 continue
-            failed, jagged = failed + 1, J_mean is not None
+            failed, jagged = failed + 1, J_mean is not None and bool(np.abs(step).max() <= settings.short)
             if J_mean is not None:
                 best.J = J_mean
             damping, growth = damping * growth, growth * 2

@@ -58,7 +58,8 @@ class Task:
 
 @dataclass(frozen=True)
 class Prediction:
-    """``y`` (m,) on the task's grid, ``slopes`` (m, k) by ``names`` in internal units.
+    """``y`` (m,) on the task's grid, ``slopes`` (m, k) by ``names`` in internal units; nan beyond the place
+    where a run's equations were singular.
 
     ``onset_mm``: where the cut of a run begins (nan without one).
     ``fields`` (f,), ``field_slopes`` (f, k): displacements in mm at all places of the experiment's fields, as
@@ -73,6 +74,10 @@ class Prediction:
     fields: np.ndarray = field(default_factory=lambda: np.zeros(0))
     field_slopes: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     course: np.ndarray = field(default_factory=lambda: np.zeros((3, 0)))
+
+    def by(self, names: Sequence[str]) -> np.ndarray:
+        """Derivatives (m, p) by ``names``, 0 where they are not known."""
+        return np.nan_to_num(self.slopes[:, [self.names.index(name) for name in names]], posinf=0, neginf=0)
 
 
 def predict(task: Task) -> Prediction:
@@ -98,19 +103,25 @@ def _cut(task: Task) -> Prediction:
         raise ComputationFailed(f"'{task.experiment.id}': {result.outcome}")
     course = np.stack([result.curve[name] for name in ("displacement_mm", "force_N", "time_s")])
     reading = task.reading
-    columns = []
+    columns, lost = [], np.zeros(task.grid.x.size, dtype=bool)
     for name in (None, *names):
         p, moved = case.p, course.astype(complex)
         if name in result.sensitivities:
-            moved[1] += 1j * STEP * result.sensitivities[name]
+            slope = result.sensitivities[name]
+            if not (known := np.isfinite(slope)).all():
+                first = int(known.argmin())
+                beyond = reading[0] > course[2 if task.of_time else 0][max(first - 1, 0)]
+                lost |= np.abs(reading[1]) @ beyond > 0
+            moved[1] += 1j * STEP * np.where(known, slope, 0.0)
         if name is not None:
             setattr(p, name, getattr(p, name) + 1j * STEP)
         columns.append(_shown(task, reading, moved, p))
     by_name = np.stack(columns, axis=1)[:, 1:].imag / STEP
-    if not np.isfinite(by_name).all():
+    if lost.all():
         raise ComputationFailed(
-            f"'{task.experiment.id}': the equations are singular on the way: no derivatives beyond"
+            f"'{task.experiment.id}': the equations are singular before the first reading"
         )
+    by_name[lost] = np.nan
     onset = result.measures.get("onset_mm", float("nan"))
     u, u_by_name = _fields(task, result, rig)
     return Prediction(columns[0].real, by_name, names, onset, u, u_by_name, course)

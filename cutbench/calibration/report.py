@@ -36,13 +36,14 @@ def summary(fit: Fit) -> str:
     k = len(fit.estimates)
     lines = [
         fit.campaign.title,
+        *([f"  {fit.far}"] if fit.far else []),
         f"  model: {fit.case.model.described}",
         f"  {fit.status}: {fit.message}" if fit.message != fit.status else f"  {fit.status}",
         f"  {fit.readings} values, {k} parameter{'s' if k != 1 else ''}, chi2 = {fit.chi2:.4g},"
         f" reduced {fit.reduced_chi2:.3g}, {fit.evaluations} evaluations, {fit.seconds:.0f} s",
     ]
     worst = max((c.missed for c in fit.compared), default=0.0)
-    if fit.reduced_chi2 > 2 or worst > AMISS:
+    if not fit.far and (fit.reduced_chi2 > 2 or worst > AMISS):
         lines.append(
             "  The model does not describe the data to within their noise: it misses up to"
             f" {100 * worst:.1f} % of a curve's maximum (root mean square); intervals allow for that."

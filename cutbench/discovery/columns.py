@@ -68,9 +68,8 @@ def sense(inverse: Inverse, q: np.ndarray, chosen: Sequence[Candidate], run: Pre
         if group is plan[0]:
             y[e.id], J[e.id] = p.y, inverse.slopes(e, p, q)
         for c, k in group:
-            numbers = [p.names.index(s.name) for s in c.strengths]
-            parts[c.name, k, e.id] = p.slopes[:, numbers]
-            if c.slot == "rig" and len(numbers) == 1:
+            parts[c.name, k, e.id] = p.by([s.name for s in c.strengths])
+            if c.slot == "rig" and len(c.strengths) == 1:
                 rigs.setdefault(c.name, (c, []))[1].append((task, p))
     columns = []
     for c in chosen:
@@ -86,7 +85,7 @@ def sense(inverse: Inverse, q: np.ndarray, chosen: Sequence[Candidate], run: Pre
 def _secants(c: Candidate, seen: Sequence[tuple[Task, Prediction]]) -> list[dict[str, np.ndarray]]:
     """Changes (m, 1) of the readings of cuts per strength of a rig, by id, for finite strengths."""
     (q,) = c.strengths
-    by_slope = [(p.y, p.slopes[:, p.names.index(q.name)]) for _, p in seen]
+    by_slope = [(p.y, p.by([q.name])) for _, p in seen]
     level = np.sqrt(np.mean([np.mean(y**2) for y, _ in by_slope]))
     steep = np.sqrt(np.mean([np.mean(slope**2) for _, slope in by_slope]))
     low, high = q.bounds

@@ -25,9 +25,9 @@ from cutbench.data.discrepancy import allowing, likeliest, misfit
 from cutbench.discovery.candidates import Candidate
 from cutbench.discovery.score import Score
 
-#: Fits without a mesh go to the bottom; with one, as far as it pays.
+#: Fits without a mesh go to the bottom; with one, far enough to choose: what is accepted is fitted further.
 SMOOTH = lm.Settings(promise=0.05, evaluations=15, failures=5)
-MESHED = lm.Settings(promise=0.3, evaluations=6, failures=2)
+MESHED = lm.Settings(promise=0.3, evaluations=2, failures=1)
 #: Parts of the score's step that a fit may start from.
 PARTS = (1.0, 0.5, 0.2, 0.05)
 

@@ -135,9 +135,7 @@ def cut_proposals(point: Point, one: Score, other: Score, run: Predictor) -> lis
 def _step(point: Point, s: Score, p, e: Experiment) -> np.ndarray:
     """Prediction (m,) after the score's step."""
     y = p.y + point.inverse.slopes(e, p, point.q) @ s.free
-    for q, value in zip(s.column.candidate.strengths, s.strengths, strict=True):
-        y = y + p.slopes[:, p.names.index(q.name)] * value
-    return y
+    return y + p.by([q.name for q in s.column.candidate.strengths]) @ s.strengths
 
 
 def sentence(names: Sequence[str], found: Sequence[Proposal]) -> str:

@@ -116,6 +116,7 @@ def summary(d: Discovery) -> str:
     """For the terminal."""
     lines = [
         d.campaign.title,
+        *([d.fit.far] if d.fit.far else []),
         f"baseline: {d.first.case.model.described}",
         f"verdict: {d.verdict}",
         verdict_sentence(d),
