@@ -117,11 +117,12 @@ def _held(inverse: Inverse, base: Case) -> list[Candidate]:
     if not inverse.campaign.candidates:
         return []
     train = [e for e in inverse.campaign.train if e.kind != "cut"]
-    sought = {u.name for u in inverse.unknowns}
-    found = []
+    # What a cause that was found brings along has been fitted, or left where the data do not determine it.
+    own = inverse.campaign.base.model.parameters()
+    sought, found = {u.name for u in inverse.unknowns}, []
     for name, q in ((n, base.model.parameters()[n]) for n in differentiable(base.model)):
         kinds = tuple(dict.fromkeys(e.kind for e in train if name in visible(e, base)))
-        if name in sought or not kinds or len(train) < len(inverse.campaign.train):
+        if name in sought or name not in own or not kinds or len(train) < len(inverse.campaign.train):
             continue
         held = replace(q, off=base.values[name] / q.factor)
         found.append(Candidate(name, q.doc, FIXED, (held,), (), ({},), "parameter", kinds))
