@@ -11,12 +11,13 @@ from cutbench.base.errors import BadInput
 from cutbench.base.files import write_text
 from cutbench.case.case import known_materials
 from cutbench.data.campaign import load_campaign
+from cutbench.data.conversion import TAKEN_OFF
 
 #: A file of readings is no larger, bytes.
 LARGEST = 20_000_000
 _NAME = re.compile(r"[\w][\w .+-]{0,80}\.(csv|txt|tsv|dat)", re.IGNORECASE)
 #: What a request may hold: the fields of an experiment, each a text or an object of texts.
-_FIELDS = ("kind", "columns", "units", "specimen", "blade", "speed", "zero", "force_zero")
+_FIELDS = ("kind", "columns", "units", "specimen", "blade", "speed", *TAKEN_OFF)
 
 
 def keep_file(folder: Path, name: str, content: bytes) -> dict:
