@@ -9,7 +9,7 @@ import cutbench
 from cutbench.cli.main import app
 from cutbench.cli.show import loudness
 
-KINDS = ("run", "study", "campaign")
+KINDS = ("run", "material", "study", "campaign")
 
 
 @pytest.fixture(autouse=True)
@@ -43,6 +43,30 @@ def test_a_run_to_start_from_runs():
     assert case.name == "my gel" and not case.doubts
     done = call("run2d", "run.toml", "--depth", "0.3", "--h", "0.7", "--out", "out")
     assert done.exit_code == 0 and "not cut to 0.3 mm" in done.output
+
+
+def test_a_material_to_start_from_is_gelatin_under_its_own_name():
+    assert call("materials", "--new", 'Agar "2 %"', "agar.toml").exit_code == 0
+    case = cutbench.load("agar.toml")
+    assert case.name == 'Agar "2 %"' and case.id == cutbench.load_case("gelatin").id
+    for words in (
+        ("materials", "--new", "gelatin"),
+        ("materials", "--new", " "),
+        ("materials", "--new", "a\nb"),
+    ):
+        assert call(*words).exit_code == 2
+
+
+def test_a_material_of_ones_own_is_taken_where_a_name_is(tmp_path):
+    from page_maps import ONE_AXIS, swept
+
+    assert call("materials", "--new", "my gel", "gel.toml").exit_code == 0
+    assert "my gel" in call("materials", "gel.toml").output
+    folder = swept(tmp_path, ONE_AXIS.replace("0.2,", "0.1, 0.5, 1.0,").replace('"gelatin"]', '"gel.toml"]'))
+    assert "my gel lies at" in call("guide", str(folder), "--material", "gel.toml").output
+    assert '"my gel"' in (folder / "map.html").read_text("utf-8")
+    (tmp_path / "mine.toml").write_text('base = "gel.toml"\n[parameters]\nG = "9 kPa"\n', "utf-8")
+    assert cutbench.load("mine.toml").shown()["G_c"] == "5.3 J/m^2"
 
 
 def test_a_study_to_start_from_is_one():

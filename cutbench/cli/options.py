@@ -178,7 +178,7 @@ def asked(
     case = load_case(material, changes, dim=dim)
     check_driven(case.model)
     doubted(case)
-    return case, check_writable(out if out is not None else Path(under) / f"{_slug(case.name)}-{case.id}")
+    return case, check_writable(out if out is not None else Path(under) / f"{slug(case.name)}-{case.id}")
 
 
 @dataclass(frozen=True)
@@ -295,7 +295,8 @@ def _with_unit(text: str, unit: str) -> str:
     return text
 
 
-def _slug(name: str) -> str:
+def slug(name: str) -> str:
+    """A name as folders and files may have it."""
     return "".join(c if c.isalnum() or c in "-_." else "-" for c in name).strip("-.") or "case"
 
 

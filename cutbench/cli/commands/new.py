@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from importlib import resources
 from pathlib import Path
 from typing import Annotated
 
@@ -11,47 +10,32 @@ import typer
 
 from cutbench.cli.options import exits
 
+_KINDS = "run: one cut; material: one of your own; study: a map; campaign: measured curves."
+
 
 class Kind(StrEnum):
     """What can be begun."""
 
     RUN = "run"
+    MATERIAL = "material"
     STUDY = "study"
     CAMPAIGN = "campaign"
 
 
 @exits
 def new(
-    kind: Annotated[Kind, typer.Argument(help="run: one cut; study: a map; campaign: measured curves.")],
+    kind: Annotated[Kind, typer.Argument(help=_KINDS)],
     file: Annotated[
         Path | None, typer.Argument(metavar="[FILE.toml]", help="Where to write; default: KIND.toml.")
     ] = None,
 ) -> None:
     """Write a commented file that runs as it stands, to be changed."""
-    from cutbench.base.errors import BadInput
-    from cutbench.base.files import write_text
+    from cutbench.cli.begun import begin
 
     target = file or Path(f"{kind.value}.toml")
-    readings = target.with_name(f"{target.stem}-readings.csv")
-    wanted = [target] + [readings] * (kind is Kind.CAMPAIGN)
-    for path in wanted:
-        if path.exists():
-            raise BadInput("FILE.toml", str(path), "a file that is not there yet: nothing is written over")
-    if target.suffix != ".toml" or not target.parent.is_dir():
-        raise BadInput("FILE.toml", str(target), "a file ending in .toml, in a folder that is there")
-    folder = resources.files("cutbench.cli").joinpath("templates")
-    text = folder.joinpath(f"{kind.value}.toml").read_text(encoding="utf-8")
-    write_text(text.replace("__FILE__", str(target)).replace("__STEM__", target.stem), target)
-    if kind is Kind.CAMPAIGN:
-        write_text(_readings(), readings)
-    for path in wanted:
-        typer.echo(path)
-    typer.echo(
-        text.splitlines()[0]
-        .removeprefix("# ")
-        .replace("__FILE__", str(target))
-        .replace("__STEM__", target.stem)
-    )
+    readings = {target.with_name(f"{target.stem}-readings.csv"): _readings} if kind is Kind.CAMPAIGN else {}
+    for line in begin(kind.value, target, name=target.stem, beside=readings):
+        typer.echo(line)
 
 
 def _readings() -> str:
