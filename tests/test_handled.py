@@ -79,6 +79,18 @@ def test_a_run_that_is_not_cut_says_no_force_of_cutting():
     assert "not cut" in text and "steady" not in text and "onset" not in text
 
 
+def test_two_runs_in_one_figure_are_told_apart_and_whole(result):
+    from dataclasses import replace
+
+    high = replace(pressed_run(), case=replace(pressed_run().case, name="pressed"))
+    axes = result.plot(high.plot(Figure().subplots()))
+    one, two = (line for line in axes.lines if len(line.get_xdata()) > 2)
+    assert one.get_color() != two.get_color() and one.get_linestyle() != two.get_linestyle()
+    assert axes.get_ylim()[1] > high.force_N.max() > result.force_N.max()
+    shown = {text.get_text() for text in axes.get_legend().get_texts()}
+    assert {result.case.name, "pressed"} <= shown
+
+
 def test_a_run_as_a_dataset_has_units(result):
     data = result.to_xarray()
     np.testing.assert_array_equal(data["force"], result.force_N)

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import math
+import time
 from typing import Protocol
+
+#: Said while a run waits for machine code that this machine does not have yet.
+COMPILING = "compiling, once on this machine"
 
 
 class OnProgress(Protocol):
@@ -18,3 +23,46 @@ class OnProgress(Protocol):
 
 def silent(done: float, total: float, text: str) -> None:
     """Says nothing."""
+
+
+class Clock:
+    """The time left, by what was done since the first call: what was there before took no time, and what was
+    compiled meanwhile is not compiled again."""
+
+    def __init__(self) -> None:
+        self._first: tuple[float, float] | None = None
+
+    def left(self, done: float, total: float, text: str = "") -> str:
+        """As a person says it; empty where it is not known."""
+        now = time.monotonic()
+        if text == COMPILING:
+            self._first = None
+            return ""
+        since, before = self._first = self._first or (now, done)
+        if not math.isfinite(total) or done <= before:
+            return ""
+        return duration((now - since) / (done - before) * max(total - done, 0.0))
+
+
+def count(done: float, total: float, unit: str) -> str:
+    """``0.42 of 18.2 mm``; empty where the total is not known."""
+    if not math.isfinite(total):
+        return ""
+    number = f"{done:g}" if done == int(done) else f"{done:.2f}"
+    return f"{number} of {round(total, 2):g} {unit}".rstrip()
+
+
+def line(title: str, done: float, total: float, unit: str, text: str, left: str) -> str:
+    """``gelatin: 0.42 of 18.2 mm, 0.11 N, 12 s left``."""
+    parts = [count(done, total, unit), text, left and f"{left} left"]
+    return f"{title}: {', '.join(filter(None, parts))}"
+
+
+def duration(seconds: float) -> str:
+    """As a person says it."""
+    seconds = round(seconds)
+    if seconds < 60:
+        return f"{seconds} s"
+    if seconds < 3600:
+        return f"{seconds // 60} min {seconds % 60:02d} s"
+    return f"{seconds // 3600} h {seconds % 3600 // 60:02d} min"

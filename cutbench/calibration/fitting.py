@@ -20,6 +20,7 @@ import numpy as np
 from scipy import stats
 
 from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.base.notebook import watched
 from cutbench.base.progress import OnProgress, silent
 from cutbench.base.toml import one_of
 from cutbench.calibration import lm
@@ -53,6 +54,7 @@ STILL, ROUNDS_SMOOTH = 1e-3, 12
 STARTS, AWAY, AWAY_MESHED = 3, 1.5, 0.7
 
 
+@watched("")
 def fit(
     campaign: Campaign,
     *,

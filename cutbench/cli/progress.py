@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from cutbench.base.progress import OnProgress, silent
+from cutbench.base.progress import COMPILING, Clock, OnProgress, count, line, silent
 from cutbench.cli.show import silenced
 
 #: Seconds between two lines where there is no terminal.
@@ -25,7 +25,7 @@ def bar(title: str, unit: str = "", *, console: Console | None = None) -> Iterat
         yield silent
         return
     console = console or Console(stderr=True)
-    clock = _Clock()
+    clock = Clock()
     if not console.is_terminal:
         yield _lines(title, unit, console, clock)
         return
@@ -40,55 +40,24 @@ def bar(title: str, unit: str = "", *, console: Console | None = None) -> Iterat
         task = shown.add_task(escape(title), total=None, count="", note="", left="")
 
         def on_progress(done: float, total: float, text: str) -> None:
-            left = clock.left(done, total)
+            left = clock.left(done, total, text)
             shown.update(
                 task, completed=done, total=total if math.isfinite(total) else None,
-                count=_count(done, total, unit), note=escape(text), left=left and f"{left} left",
+                count=count(done, total, unit), note=escape(text), left=left and f"{left} left",
             )  # fmt: skip
 
         yield on_progress
 
 
-class _Clock:
-    """The time left, by what was done since the first call: what was there before took no time."""
-
-    def __init__(self) -> None:
-        self._first: tuple[float, float] | None = None
-
-    def left(self, done: float, total: float) -> str:
-        now = time.monotonic()
-        since, before = self._first = self._first or (now, done)
-        if not math.isfinite(total) or done <= before:
-            return ""
-        return duration((now - since) / (done - before) * max(total - done, 0.0))
-
-
-def _lines(title: str, unit: str, console: Console, clock: _Clock) -> OnProgress:
+def _lines(title: str, unit: str, console: Console, clock: Clock) -> OnProgress:
     due = time.monotonic() + EVERY_S
 
     def on_progress(done: float, total: float, text: str) -> None:
         nonlocal due
-        left = clock.left(done, total)
-        if time.monotonic() >= due or done >= total:
+        left = clock.left(done, total, text)
+        if time.monotonic() >= due or done >= total or text == COMPILING:
             due = time.monotonic() + EVERY_S
-            parts = [_count(done, total, unit), text, left and f"{left} left"]
-            console.print(f"{title}: {', '.join(filter(None, parts))}", markup=False, highlight=False)
+            said = line(title, done, total, unit, text, left)
+            console.print(said, markup=False, highlight=False)
 
     return on_progress
-
-
-def _count(done: float, total: float, unit: str) -> str:
-    if not math.isfinite(total):
-        return ""
-    number = f"{done:g}" if done == int(done) else f"{done:.2f}"
-    return f"{number} of {round(total, 2):g} {unit}".rstrip()
-
-
-def duration(seconds: float) -> str:
-    """As a person says it."""
-    seconds = round(seconds)
-    if seconds < 60:
-        return f"{seconds} s"
-    if seconds < 3600:
-        return f"{seconds // 60} min {seconds % 60:02d} s"
-    return f"{seconds // 3600} h {seconds % 3600 // 60:02d} min"

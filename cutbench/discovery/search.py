@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.base.notebook import watched
 from cutbench.base.progress import OnProgress, silent
 from cutbench.calibration.fitting import fit
 from cutbench.calibration.inverse import GRID
@@ -51,6 +52,7 @@ WORSE = 0.1
 MOST, FIRSTS = 4, 3
 
 
+@watched("")
 def discover(
     campaign: Campaign,
     *,

@@ -28,7 +28,7 @@ def told(map: Map) -> list:
     runs = data["run_id"].values != ""
     for k, label in enumerate(LABELS):
         if count := int(((data["label"].values == k) & runs).sum()):
-            lines.append((label, f"{count} runs"))
+            lines.append((label, f"{count} run" + "s" * (count != 1)))
     return [str(data.attrs["title"]), *lines]
 
 

@@ -19,6 +19,7 @@ from pathlib import Path
 import xarray as xr
 
 from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.base.notebook import watched
 from cutbench.base.progress import OnProgress, silent
 from cutbench.case.case import Case
 from cutbench.maps.collapse import save_collapse
@@ -79,9 +80,10 @@ class Sweep:
         found = []
         here = self.status.finished - self.status.reused
         if here and self.busy:
+            processes = "a worker" if self.workers == 1 else f"{self.workers} workers"
             found.append(
-                f"{60 * here / self.seconds:.3g} runs a minute; {100 * self.busy:.0f} % of {self.workers}"
-                " workers' time was spent in them"
+                f"{60 * here / self.seconds:.3g} runs a minute; {100 * self.busy:.0f} % of the time of"
+                f" {processes} was spent in them"
             )
         found += self.findings.lines()
         if not self.interrupted:
@@ -89,6 +91,7 @@ class Sweep:
         return [*found, self.verdict] if self.verdict else found
 
 
+@watched("runs")
 def run_study(
     study: Study | str | os.PathLike[str],
     out: str | os.PathLike[str],

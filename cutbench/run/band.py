@@ -17,6 +17,7 @@ from pathlib import Path
 
 from cutbench.base.figure_style import save
 from cutbench.base.files import check_writable, plain, replacing, write_json
+from cutbench.base.notebook import watched
 from cutbench.base.progress import OnProgress, silent
 from cutbench.base.versions import versions
 from cutbench.case.case import Case, load_case
@@ -123,6 +124,7 @@ def banded(case: Case) -> Case:
     return case if case.motion else replace(case, until=TRANSITION)
 
 
+@watched("runs")
 def band(
     source: str | Path | Case,
     *,

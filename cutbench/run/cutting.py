@@ -6,12 +6,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from cutbench.base.notebook import watched
 from cutbench.base.progress import OnProgress, silent
 from cutbench.case.case import Case, load_case
 from cutbench.run.result import Result
 from cutbench.run.runner import run_case
 
 
+@watched("mm")
 def run2d(
     source: str | Path | Case,
     *,
@@ -28,6 +30,7 @@ def run2d(
     return _cut(source, 2, snapshots_mm, on_progress, changes)
 
 
+@watched("mm")
 def run3d(
     source: str | Path | Case,
     *,

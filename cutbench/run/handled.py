@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 
 from cutbench.base.figure_style import save
 from cutbench.base.files import check_writable
-from cutbench.run.figures.curve import draw_force, plot_curve
+from cutbench.run.figures.curve import FORCE, draw_force, plot_curve
 from cutbench.run.figures.section import plot_section
 from cutbench.run.files import write_run
 from cutbench.run.told import told
@@ -23,10 +23,15 @@ __all__ = ["dataset", "plot", "table", "told", "write"]
 
 
 def plot(result: Result, ax: Axes) -> None:
-    """Force over travel, with onset and peak."""
+    """Force over travel, with onset and peak; of several runs, the name of each is in the legend."""
+    if others := [line for line in ax.lines if line.get_gid() == FORCE]:
+        if name := ax.get_title(loc="left"):
+            others[0].set_label(name)
+        ax.set_title("", loc="left")
+    else:
+        ax.set_title(result.case.name, loc="left")
     draw_force(ax, result)
     ax.set_xlabel("blade travel (mm)")
-    ax.set_title(result.case.name, loc="left")
 
 
 def table(result: Result) -> dict[str, np.ndarray]:

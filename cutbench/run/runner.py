@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from cutbench.base.compiled import announced
-from cutbench.base.progress import OnProgress, silent
+from cutbench.base.progress import COMPILING, OnProgress, silent
 from cutbench.case.case import Case
 from cutbench.case.values import check_driven
 from cutbench.run.build import Built
@@ -40,9 +40,6 @@ _ADVICE = {
 
 #: Said of a run whose surface passes through itself.
 CROSSED = "(Beside the blade the surface passes through itself: nothing keeps one part of it off another.)"
-
-#: Said while a run waits for machine code that this machine does not have yet.
-COMPILING = "compiling, once on this machine"
 
 
 def run_case(

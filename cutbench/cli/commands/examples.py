@@ -1,4 +1,4 @@
-"""``cutbench examples``: studies and measured campaigns to start from."""
+"""``cutbench examples``: studies, measured campaigns and notebooks to start from."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ def examples(
         "examples"
     ),
 ) -> None:
-    """Copy the example studies and campaigns, readings and all, into a folder."""
+    """Copy the example studies, campaigns, readings and all, and notebooks into a folder."""
     from cutbench.data.examples import copy_examples
 
     folder = copy_examples(out)
-    for path in sorted(folder.rglob("*.toml")):
+    for path in sorted([*folder.rglob("*.toml"), *folder.rglob("*.ipynb")]):
         typer.echo(path)

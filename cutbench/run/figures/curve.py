@@ -11,7 +11,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.integrate import cumulative_trapezoid
 
-from cutbench.base.figure_style import COLOURS, GREY, HATCHES, Look, force_from_zero, new_figure, style
+from cutbench.base.figure_style import (
+    COLOURS,
+    GREY,
+    HATCHES,
+    LINE_COLOURS,
+    LINES,
+    Look,
+    force_from_zero,
+    new_figure,
+    style,
+)
 from cutbench.mechanisms import registry
 from cutbench.run.measures import forward
 from cutbench.run.result import SNAP, TRANSFER
@@ -52,6 +62,10 @@ def plot_curve(result: Result) -> Figure:
     return figure
 
 
+#: What marks the line of a run's force in axes.
+FORCE = "force"
+
+
 def plot_curves(results: Mapping[str, Result]) -> Figure:
     """Forces (N) over travel (mm) of several runs in one picture, each under the name that it is given."""
     with style():
@@ -78,12 +92,16 @@ def smooth_force(
 
 
 def draw_force(axes: Axes, result: Result) -> None:
-    """Force (N) over travel (mm) into ``axes``, with onset, peak and how it ended."""
+    """Force (N) over travel (mm) into ``axes``, with onset, peak and how it ended. In axes that have runs
+    already it gets a look of its own, and legend and limits hold for all of them."""
     travel, force = result.displacement_mm, result.force_N
-    axes.plot(travel, force, color=COLOURS["black"], ls="-")
+    drawn = [line for line in axes.lines if line.get_gid() == FORCE]
+    own: Look = {"color": LINE_COLOURS[len(drawn) % len(LINE_COLOURS)], "ls": LINES[len(drawn) % len(LINES)]}
+    axes.plot(travel, force, gid=FORCE, label=result.case.name if drawn else None, **own)
     axes.set_ylabel("force (N)")
     low, high = float(np.min(force, initial=0.0)), float(np.max(force, initial=1e-9))
-    axes.set_ylim(1.12 * low, 1.12 * high)
+    before = axes.get_ylim() if drawn else (0.0, 0.0)
+    axes.set_ylim(min(1.12 * low, before[0]), max(1.12 * high, before[1]))
     onset, peak = (result.measures.get(key, np.nan) for key in ("onset_mm", "peak_mm"))
     if np.isfinite(onset):
         down = forward(travel)
