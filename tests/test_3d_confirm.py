@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,11 +14,12 @@ from cutbench.base.errors import BadInput
 from cutbench.cli.main import app
 from cutbench.maps import dataset as maps
 from cutbench.maps.boundary import margin
-from cutbench.maps.confirmation import confirm, least_certain, marked, solid
+from cutbench.maps.confirmation import alike, confirm, least_certain, marked, solid
 from cutbench.maps.confirmed_points import FOLDER, RECORD, read_confirmed
 from cutbench.maps.dataset import MapRow, build_map, save_map
 from cutbench.maps.phase import draw_phase, save_phase
 from cutbench.maps.study import load_study
+from cutbench.run.files import write_run
 from cutbench.run.result import Outcome, Result
 
 STUDY = """
@@ -47,6 +49,8 @@ drop = 0.1
 x = "cohesion"
 mark = ["gelatin"]
 """
+
+COARSE = {"h": "3 mm", "corner": 1.0}
 
 
 @pytest.fixture
@@ -102,49 +106,78 @@ def curve(drop):
     }
 
 
-def test_agreement_is_by_label_and_what_is_there_is_not_computed_again(data, tmp_path):
-    drops = {2: 0.5, 3: 0.3}
-    calls = []
+def test_a_section_with_the_blocks_numerics_stands_between(data):
+    flat = least_certain(data, 1)[0].case
+    block = solid(flat, {"h": "2 mm", "depth": "0.8 mm", "tilt": "1 deg"})
+    like = alike(flat, block)
+    assert like.dim == 2 and like.p.depth == 0.8 and like.p.tilt == 0.0
+    assert like.numerics == replace(block.numerics, symmetry="auto")
+    assert like.mechanisms == flat.mechanisms
+
+
+def runner(drops, calls, outcomes=None):
+    """Leaves curves that fall by ``drops``, by "2D", "like" and "3D", and says in ``calls`` which."""
 
     def run(case, folder):
-        from cutbench.run.files import write_run
-
-        calls.append(case.dim)
-        result = Result(case, curve(drops[case.dim]), Outcome("done", "", "", 1.0), {"total": 2.0})
+        kind = "3D" if case.dim == 3 else "like" if case.name.endswith("(as the block)") else "2D"
+        calls.append(kind)
+        outcome = Outcome((outcomes or {}).get(kind, "done"), "", "", 1.0)
+        result = Result(case, curve(drops[kind]), outcome, {"total": 2.0}, {"iterations": 3})
         write_run(result, folder, command="test")
         return result
 
-    points = least_certain(data, 2)
-    done = confirm(data, points, tmp_path, run, source="map.nc")
-    assert calls == [2, 3, 2, 3] and [point.agrees for point in done] == [True, True]
-    assert done[0].ratio["steady_N"] == pytest.approx(0.7 / 0.5)
-    assert done[0].ratio["peak_N"] == pytest.approx(1.0)
+    return run
+
+
+@pytest.mark.parametrize(
+    ("drops", "verdict"),
+    [
+        ({"2D": 0.5, "like": 0.4, "3D": 0.3}, "confirmed"),
+        ({"2D": 0.0, "like": 0.0, "3D": 0.0}, "confirmed"),
+        ({"2D": 0.5, "like": 0.4, "3D": 0.0}, "another"),
+        # The block agrees with the map, but so it would with any tooth of its own mesh.
+        ({"2D": 0.0, "like": 0.4, "3D": 0.0}, "numerics"),
+        ({"2D": 0.0, "like": 0.4, "3D": 0.4}, "numerics"),
+    ],
+)
+def test_a_block_confirms_only_where_the_sections_agree(data, tmp_path, drops, verdict):
+    (point,) = confirm(data, least_certain(data, 1), tmp_path, runner(drops, []), source="map.nc")
+    assert point.verdict == verdict
     record = json.loads((tmp_path / RECORD).read_text(encoding="utf-8"))
-    assert (record["agree"], record["judged"], record["compared"]) == (2, 2, 2)
-    assert record["points"][0]["at"] == {"cohesion": 8.0}
-    assert record["axes"] == {"cohesion": "1"}
-    confirm(data, points, tmp_path, run, source="map.nc")
-    assert len(calls) == 4
-    drops[3] = 0.0
-    other = confirm(data, points[:1], tmp_path / "other", run, source="map.nc")
-    assert other[0].agrees is False and other[0].label_3d == "smooth"
+    assert record[verdict] == record["compared"] == 1 and record["points"][0]["verdict"] == verdict
+
+
+def test_what_is_there_is_not_computed_again_and_ratios_are_at_equal_numerics(data, tmp_path):
+    calls, said = [], []
+    points = least_certain(data, 2)
+    run = runner({"2D": 0.5, "like": 0.4, "3D": 0.3}, calls)
+    done = confirm(data, points, tmp_path, run, source="map.nc", changes=COARSE, announce=said.append)
+    assert calls == ["2D", "like", "3D"] * 2
+    assert done[0].ratio["steady_N"] == pytest.approx(0.7 / 0.6)
+    assert done[0].ratio["peak_N"] == pytest.approx(1.0)
+    # Before each block, and with a number.
+    assert len(said) == 2 and all("minutes" in text for text in said)
+    record = json.loads((tmp_path / RECORD).read_text(encoding="utf-8"))
+    assert record["points"][0]["at"] == {"cohesion": 8.0} and record["axes"] == {"cohesion": "1"}
+    confirm(data, points, tmp_path, run, source="map.nc", changes=COARSE, announce=said.append)
+    assert len(calls) == 6 and len(said) == 2
 
 
 def test_an_interruption_keeps_what_was_compared_and_a_stall_is_not_judged(data, tmp_path):
-    kinds = iter(["done", "stalled", "done", "interrupted"])
+    kinds = iter(["done", "done", "stalled", "done", "done", "interrupted"])
 
     def run(case, folder):
-        return Result(case, curve(0.5), Outcome(next(kinds), "", "", 1.0), {"total": 1.0})
+        return Result(case, curve(0.5), Outcome(next(kinds), "", "", 1.0), {"total": 1.0}, {"iterations": 1})
 
     done = confirm(data, least_certain(data, 3), tmp_path, run, source="map.nc")
-    assert len(done) == 1 and done[0].agrees is None and done[0].label_3d is None
+    assert len(done) == 1 and done[0].verdict == "unfinished" and done[0].label_3d is None
     record = json.loads((tmp_path / RECORD).read_text(encoding="utf-8"))
-    assert (record["asked"], record["compared"], record["judged"]) == (3, 1, 0)
+    assert (record["asked"], record["compared"], record["unfinished"]) == (3, 1, 1)
 
 
 def test_the_command_runs_a_point(data, tmp_path):
     save_map(data, tmp_path)
-    options = ["--points=1", "--no-materials", f"--out={tmp_path / 'c'}"]
+    options = ["--points=1", "--no-materials", "--h=3", "--set=corner=1", f"--out={tmp_path / 'c'}"]
     done = CliRunner().invoke(app, ["confirm", str(tmp_path / "map.nc"), *options])
     assert done.exit_code == 0, done.output
     record = json.loads((tmp_path / "c" / RECORD).read_text(encoding="utf-8"))
@@ -179,9 +212,9 @@ def test_a_file_that_is_no_map_is_refused(tmp_path):
 
 
 def recorded(path, *points):
-    """A record of (at, agrees) as ``confirm`` leaves it."""
-    found = [{"at": at, "agrees": agrees, "two": {"drop_rel": 0.2}} for at, agrees in points]
-    path.write_text(json.dumps({"schema": 1, "points": found}), encoding="utf-8")
+    """A record of (at, verdict) as ``confirm`` leaves it."""
+    found = [{"at": at, "verdict": verdict, "two": {"drop_rel": 0.2}} for at, verdict in points]
+    path.write_text(json.dumps({"schema": 2, "points": found}), encoding="utf-8")
     return path
 
 
@@ -199,41 +232,47 @@ def plane(tmp_path):
 
 
 def marks_on(axes):
-    """(place, agrees) of what is marked."""
-    squares = [line for line in axes.lines if line.get_markersize() == 9.0]
-    return [(float(m.get_xdata()[0]), float(m.get_ydata()[0]), m.get_marker() == "s") for m in squares]
+    """(place, marker) of what is marked."""
+    marks = [line for line in axes.lines if line.get_markersize() == 9.0]
+    return [(float(m.get_xdata()[0]), float(m.get_ydata()[0]), m.get_marker()) for m in marks]
 
 
-def test_confirmed_points_are_marked_on_their_panel_and_by_whether_they_agree(tmp_path):
+def test_confirmed_points_are_marked_on_their_panel_and_by_verdict(tmp_path):
     data = plane(tmp_path)
     one = {"cohesion": 8.0, "viscosity": 0.1, "adhesion": 0.0}
     two = {"cohesion": 10.0, "viscosity": 1.0, "adhesion": 0.1}
+    three = two | {"viscosity": 0.1}
     far = {"cohesion": 900.0, "viscosity": 1.0, "adhesion": 0.1}
-    path = recorded(tmp_path / RECORD, (one, True), (two, False), (far, True))
+    path = recorded(
+        tmp_path / RECORD, (one, "confirmed"), (two, "another"), (three, "numerics"), (far, "confirmed")
+    )
     figure = draw_phase(data, read_confirmed(path, data))
     first, second = (ax for ax in figure.axes if ax.get_label() != "<colorbar>")
-    assert marks_on(first) == [(8.0, 0.1, True)]
-    assert marks_on(second) == [(10.0, 1.0, False)]
+    assert marks_on(first) == [(8.0, 0.1, "s")]
+    assert marks_on(second) == [(10.0, 1.0, "X"), (10.0, 0.1, "D")]
     words = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert {"3D: the same", "3D: another"} <= set(words) and "3D: not to its end" not in words
+    assert {"3D: confirmed", "3D: another", "3D: its numerics cannot tell"} <= set(
+        words
+    ) and "3D: not to its end" not in words
 
 
 def test_on_a_map_of_one_axis_they_stand_at_their_drop(data, tmp_path):
-    path = recorded(tmp_path / RECORD, ({"cohesion": 8.0}, None))
+    path = recorded(tmp_path / RECORD, ({"cohesion": 8.0}, "unfinished"))
     figure = draw_phase(data, read_confirmed(path, data))
-    assert marks_on(figure.axes[0]) == [(8.0, 0.2, True)]
+    assert marks_on(figure.axes[0]) == [(8.0, 0.2, "s")]
     assert not marks_on(draw_phase(data).axes[0])
 
 
 def test_the_diagram_takes_the_record_beside_the_map(data, tmp_path):
     (tmp_path / FOLDER).mkdir()
-    recorded(tmp_path / FOLDER / RECORD, ({"cohesion": 8.0}, True))
-    assert "3D: the same" in save_phase(data, tmp_path)[1].read_text(encoding="utf-8")
+    recorded(tmp_path / FOLDER / RECORD, ({"cohesion": 8.0}, "confirmed"))
+    assert "3D: confirmed" in save_phase(data, tmp_path)[1].read_text(encoding="utf-8")
 
 
 def test_a_record_of_another_map_has_no_marks_and_a_broken_one_is_refused(data, tmp_path):
-    path = recorded(tmp_path / RECORD, ({"viscosity": 8.0}, True))
+    path = recorded(tmp_path / RECORD, ({"viscosity": 8.0}, "confirmed"))
     assert read_confirmed(path, data) == [] == read_confirmed(tmp_path / "none" / RECORD, data)
-    path.write_text("{}", encoding="utf-8")
-    with pytest.raises(BadInput, match="cutbench confirm"):
-        read_confirmed(path, data)
+    for broken in ("{}", json.dumps({"points": [{"at": {}, "verdict": "fine", "two": {"drop_rel": 1}}]})):
+        path.write_text(broken, encoding="utf-8")
+        with pytest.raises(BadInput, match="cutbench confirm"):
+            read_confirmed(path, data)

@@ -1,13 +1,17 @@
 """Points of a plane-strain map run again in three dimensions: does the regime hold, and the numbers?
 
 Taken are the runs whose label is least certain, those nearest to the boundary by the measure that decides it,
-and the materials that the map marks.
+and the materials that the map marks. A block's elements are larger than a section's, so beside it stands the
+section with the block's numerics: what the two sections differ by is the numerics', what block and section
+differ by then is the third dimension's. A block confirms nothing where the two sections have other labels.
 """
 
 from __future__ import annotations
 
 import json
 import math
+import time
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -23,9 +27,11 @@ from cutbench.maps import dataset as maps
 from cutbench.maps.cases import case_on
 from cutbench.maps.confirmed_points import RECORD
 from cutbench.maps.guidance import margins_of
+from cutbench.run.build import build
 from cutbench.run.files import read_run
 from cutbench.run.measures import ABRUPT, SMOOTH, UNDECIDED
 from cutbench.run.result import Result
+from cutbench.solver.march import Stalled
 
 #: What is compared, besides the label.
 COMPARED = ("onset_mm", "peak_N", "steady_N", "drop_rel")
@@ -43,28 +49,45 @@ class MapPoint:
     margin: float = math.nan
 
 
+#: What a point in three dimensions says of its label.
+CONFIRMED, ANOTHER, NUMERICS, UNFINISHED = "confirmed", "another", "numerics", "unfinished"
+
+
 @dataclass
 class Confirmed:
-    """One point in two and three dimensions; ``ratio`` is 3D over 2D."""
+    """One point as a section, as a section with the block's numerics (``like``), and as a block.
+
+    ``ratio``: the block over the section of equal numerics, the effect of the ends.
+    """
 
     name: str
     at: dict[str, float]
     margin: float
     id_2d: str
+    id_like: str
     id_3d: str
     outcome_2d: str
+    outcome_like: str
     outcome_3d: str
     label_2d: str | None
+    label_like: str | None
     label_3d: str | None
     two: dict[str, float] = field(default_factory=dict)
+    like: dict[str, float] = field(default_factory=dict)
     three: dict[str, float] = field(default_factory=dict)
     ratio: dict[str, float] = field(default_factory=dict)
     wall_s: float = math.nan
 
     @property
-    def agrees(self) -> bool | None:
-        """Whether the labels are the same; None where a run did not reach its depth."""
-        return None if None in (self.label_2d, self.label_3d) else self.label_2d == self.label_3d
+    def verdict(self) -> str:
+        """``unfinished`` where a run did not reach its end; ``numerics`` where the two sections have other
+        labels, so that the block's cannot tell; else ``confirmed``, or ``another`` where the block's differs.
+        """
+        if None in (self.label_2d, self.label_like, self.label_3d):
+            return UNFINISHED
+        if self.label_like != self.label_2d:
+            return NUMERICS
+        return CONFIRMED if self.label_3d == self.label_2d else ANOTHER
 
 
 def least_certain(data: xr.Dataset, count: int) -> list[MapPoint]:
@@ -103,6 +126,28 @@ def solid(case: Case, changes: Mapping[str, object] | None = None) -> Case:
     return block.set(**dict(changes)) if changes else block
 
 
+def alike(flat: Case, block: Case) -> Case:
+    """The section ``flat`` with the numerics, the depth and the end of its ``block``."""
+    values = {**flat.values, "depth": block.values["depth"]}
+    numerics = replace(block.numerics, mesh=None, symmetry="auto")
+    return replace(
+        flat, name=f"{flat.name} (as the block)", values=values, numerics=numerics, until=block.until
+    )
+
+
+def expected_s(block: Case, like: Result) -> float:
+    """About how long ``block`` takes: the time of an iteration, measured in its first step, as often as the
+    section of equal numerics iterated."""
+    built = build(block)
+    since = time.perf_counter()
+    try:
+        first = next(iter(built.march))
+    except Stalled:
+        return math.nan
+    each = (time.perf_counter() - since) / max(first.iterations, 1)
+    return each * like.counts.get("iterations", 0)
+
+
 def confirm(
     data: xr.Dataset,
     points: Sequence[MapPoint],
@@ -111,64 +156,84 @@ def confirm(
     *,
     source: str,
     changes: Mapping[str, object] | None = None,
+    announce: Callable[[str], None] | None = None,
 ) -> list[Confirmed]:
-    """Run ``points`` in both dimensions and write ``confirm.json`` after each; returns what was compared.
+    """Run ``points`` as sections, as sections with their block's numerics and as blocks, and write
+    ``confirm.json`` after each; returns what was compared.
 
     ``run(case, folder)`` computes a case and leaves it there; what a folder already holds is not computed
-    again. Ends early, with what it has, after a run that was interrupted.
+    again. ``announce`` has a sentence about each block's cost before it begins. Ends early, with what it has,
+    after a run that was interrupted.
     """
     done: list[Confirmed] = []
     # All cases first: what does not fit is refused before hours of computing.
-    pairs = [(point, point.case, solid(point.case, changes)) for point in points]
-    for point, flat, block in pairs:
-        results = []
-        for case in (flat, block):
-            results.append(_found(case, folder / "runs" / case.id, run))
+    blocks = [solid(point.case, changes) for point in points]
+    for number, (point, block) in enumerate(zip(points, blocks, strict=True), start=1):
+        results: list[Result] = []
+        for case in (point.case, alike(point.case, block), block):
+            place = folder / "runs" / case.id
+            if announce and case is block and _kept(block, place) is None:
+                announce(_announced(block, results[-1], number, len(points)))
+            results.append(_found(case, place, run))
             if results[-1].outcome.kind == "interrupted":
                 break
-        if len(results) == 2 and results[1].outcome.kind != "interrupted":
+        ended = results[-1].outcome.kind != "interrupted"
+        if ended:
             done.append(_compared(data, point, *results))
         write_json(record(data, done, source, len(points)), folder / RECORD)
-        if results[-1].outcome.kind == "interrupted":
+        if not ended:
             break
     return done
 
 
+def _announced(block: Case, like: Result, number: int, of: int) -> str:
+    seconds = expected_s(block, like)
+    about = f"about {seconds / 60:.2g} minutes" if math.isfinite(seconds) else "its cost is not known"
+    return f"block {number} of {of}, {block.name}: {about}"
+
+
 def record(data: xr.Dataset, done: Sequence[Confirmed], source: str, asked: int) -> dict:
     """The content of confirm.json."""
-    judged = [point.agrees for point in done if point.agrees is not None]
+    counts = Counter(point.verdict for point in done)
     return {
-        "schema": 1,
+        "schema": 2,
         "map": source,
         "title": data.attrs.get("title", ""),
         "axes": {name: str(data[name].attrs["units"]) for name in maps.axes_of(data)},
         "drop_threshold": float(data.attrs["drop_threshold"]),
         "asked": asked,
         "compared": len(done),
-        "judged": len(judged),
-        "agree": sum(judged),
-        "points": [{**asdict(point), "agrees": point.agrees} for point in done],
+        **{name: counts[name] for name in (CONFIRMED, ANOTHER, NUMERICS, UNFINISHED)},
+        "points": [{**asdict(point), "verdict": point.verdict} for point in done],
     }
+
+
+def _kept(case: Case, folder: Path) -> Result | None:
+    """The run of ``case`` that ended in ``folder`` before."""
+    try:
+        old = read_run(folder)
+    except BadInput:
+        return None
+    return old if old.id == case.id and old.outcome.kind in ("done", "stalled") else None
 
 
 def _found(case: Case, folder: Path, run: Runner) -> Result:
     """The run of ``case`` in ``folder``, computed unless it ended there before."""
-    try:
-        old = read_run(folder)
-        if old.id == case.id and old.outcome.kind in ("done", "stalled"):
-            return old
-    except BadInput:
-        pass
+    if (old := _kept(case, folder)) is not None:
+        return old
     folder.mkdir(parents=True, exist_ok=True)
     return run(case, folder)
 
 
-def _compared(data: xr.Dataset, point: MapPoint, flat: Result, block: Result) -> Confirmed:
-    labels, numbers = zip(*map(maps.regime_of(data).of, (flat, block)), strict=True)
-    two, three = ({name: found[name] for name in COMPARED} for found in numbers)
-    ratio = {name: three[name] / two[name] if two[name] else math.nan for name in COMPARED}
+def _compared(data: xr.Dataset, point: MapPoint, flat: Result, like: Result, block: Result) -> Confirmed:
+    results = (flat, like, block)
+    labels, numbers = zip(*map(maps.regime_of(data).of, results), strict=True)
+    two, same, three = ({name: found[name] for name in COMPARED} for found in numbers)
+    ratio = {name: three[name] / same[name] if same[name] else math.nan for name in COMPARED}
+    known = [label if r.outcome.done else None for label, r in zip(labels, results, strict=True)]
     return Confirmed(
-        point.name, dict(point.at), point.margin, flat.id, block.id, flat.outcome.kind, block.outcome.kind,
-        labels[0] if flat.outcome.done else None, labels[1] if block.outcome.done else None,
-        two, three, ratio, block.timings.get("total", math.nan),
+        point.name, dict(point.at), point.margin, flat.id, like.id, block.id,
+        flat.outcome.kind, like.outcome.kind, block.outcome.kind,
+        known[0], known[1], known[2], two, same, three, ratio,
+        block.timings.get("total", math.nan),
     )  # fmt: skip

@@ -21,11 +21,12 @@ RECORD, FOLDER = "confirm.json", "confirm"
 
 _HALO = [patheffects.withStroke(linewidth=2.6, foreground="white")]
 _LOOK: Look = {"ls": "", "ms": 9.0, "mew": 1.3, "mfc": "none", "zorder": 5, "clip_on": False}
-#: By whether the label in three dimensions is the same; None: the block did not reach its depth.
-_KINDS: dict[bool | None, Look] = {
-    True: {"marker": "s", "mec": "black", "label": "3D: the same"},
-    False: {"marker": "X", "mec": "#D55E00", "label": "3D: another"},
-    None: {"marker": "s", "mec": "0.55", "label": "3D: not to its end"},
+#: By the verdict.
+_KINDS: dict[str, Look] = {
+    "confirmed": {"marker": "s", "mec": "black", "label": "3D: confirmed"},
+    "another": {"marker": "X", "mec": "#D55E00", "label": "3D: another"},
+    "numerics": {"marker": "D", "mec": "0.35", "label": "3D: its numerics cannot tell"},
+    "unfinished": {"marker": "s", "mec": "0.55", "label": "3D: not to its end"},
 }
 
 
@@ -34,12 +35,13 @@ def read_confirmed(path: Path, data: xr.Dataset) -> list[dict]:
 
     Raises BadInput for a file that is no such record.
     """
+    known = {kind: kind for kind in _KINDS}
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
         points: list[dict] = [
             {
                 "at": {str(name): float(value) for name, value in point["at"].items()},
-                "agrees": None if point["agrees"] is None else bool(point["agrees"]),
+                "verdict": known[point["verdict"]],
                 "drop_rel": float(point["two"]["drop_rel"] or 0.0),
             }
             for point in record["points"]
@@ -59,12 +61,12 @@ def draw_confirmed(
     x: str,
     y: str,
     panel: tuple[str, int, xr.DataArray],
-) -> set[bool | None]:
+) -> set[str]:
     """Mark the ``points`` that lie on this panel: its axis ("" if none), level, and the levels of all.
 
     Returns the kinds that occur. On a map of one axis, points stand at their force drop in plane strain.
     """
-    seen: set[bool | None] = set()
+    seen: set[str] = set()
     name, level, levels = panel
     for point in points:
         at = point["at"]
@@ -72,14 +74,14 @@ def draw_confirmed(
         inside = all(e[0] <= at[n] <= e[-1] for n, e in ranges.items())
         if not inside or (name and nearest_level(at[name], levels.values) != level):
             continue
-        look = {key: value for key, value in _KINDS[point["agrees"]].items() if key != "label"}
+        look = {key: value for key, value in _KINDS[point["verdict"]].items() if key != "label"}
         place = at[y] if y else point["drop_rel"]
         ax.plot([at[x]], [place], **_LOOK, **look, path_effects=_HALO)
-        seen.add(point["agrees"])
+        seen.add(point["verdict"])
     return seen
 
 
-def handles_of(seen: set[bool | None]) -> list[Line2D]:
+def handles_of(seen: set[str]) -> list[Line2D]:
     """For the legend."""
     look = {key: value for key, value in _LOOK.items() if key not in ("zorder", "clip_on", "ms")}
     return [Line2D([], [], ms=7.5, **look, **_KINDS[kind]) for kind in _KINDS if kind in seen]

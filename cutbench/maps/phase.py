@@ -77,7 +77,7 @@ def draw_phase(data: xr.Dataset, confirmed: Sequence[Mapping] = ()) -> Figure:
         top = _top(whole)
         marks, outside = marks_of(data, x, y, panel)
         seen: set[str] = set()
-        solid: set[bool | None] = set()
+        solid: set[str] = set()
         image, bridged, classical = None, False, False
         for k, ax in enumerate(axes.flat):
             if k >= panels:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -47,15 +48,16 @@ def confirm(
     """Run the least certain points of a map and its materials in three dimensions, compare, and mark them
     in the phase diagram.
 
-    Options change the blocks, not the plane-strain runs they are compared with. Start the same command
-    again to go on where it stopped.
+    Each point is run as the map has it, as a section with the block's numerics, and as a block: only where
+    the two sections agree can the block confirm. Options change blocks and the sections with their numerics.
+    What a block costs is said before it begins. Start the same command again to go on where it stopped.
     """
     from cutbench.base.errors import BadInput
     from cutbench.base.files import check_writable
     from cutbench.maps import dataset as maps
     from cutbench.maps.cases import remarks
+    from cutbench.maps.confirmation import NUMERICS, UNFINISHED, least_certain, marked
     from cutbench.maps.confirmation import confirm as compare
-    from cutbench.maps.confirmation import least_certain, marked
     from cutbench.maps.confirmed_points import FOLDER, RECORD
     from cutbench.maps.phase import save_phase
 
@@ -69,24 +71,36 @@ def confirm(
         expected = "points to compare: the map has none that were computed"
         raise BadInput("--points", str(count), expected)
     folder = check_writable(out if out is not None else map_.parent / FOLDER)
-    done = compare(data, chosen, folder, _runner(every_s), source=str(map_), changes=asked)
-    pairs = {"onset_mm": "onset (mm)", "peak_N": "peak (N)", "steady_N": "steady (N)"}
-    words = {True: "yes", False: "no", None: "not to the end"}
+    done = compare(
+        data, chosen, folder, _runner(every_s), source=str(map_), changes=asked, announce=typer.echo
+    )
+    pairs = {"onset_mm": "onset (mm)", "peak_N": "peak (N)", "drop_rel": "drop"}
     rows = [
-        (point.name, f"{point.label_2d} / {point.label_3d}",
-         *(f"{point.two[k]:.3g} / {point.three[k]:.3g}" for k in pairs), words[point.agrees])
+        (point.name, " / ".join(str(one) for one in (point.label_2d, point.label_like, point.label_3d)),
+         *(" / ".join(f"{one[k]:.3g}" for one in (point.two, point.like, point.three)) for k in pairs),
+         point.verdict)
         for point in done
     ]  # fmt: skip
-    show(table(("point", "label", *pairs.values(), "agrees"), rows, title="plane strain / three dimensions"))
-    judged = [point.agrees for point in done if point.agrees is not None]
-    typer.echo(f"{sum(judged)} of {len(judged)} labels agree; {len(done)} of {len(chosen)} points compared")
+    title = "section / section with the block's numerics / block"
+    show(table(("point", "label", *pairs.values(), "verdict"), rows, title=title))
+    for point in done:
+        ends = f"onset {point.ratio['onset_mm']:.3g}, peak {point.ratio['peak_N']:.3g}"
+        typer.echo(f"{point.name}: what the ends do, block over section of equal numerics: {ends}")
+    counts = Counter(point.verdict for point in done)
+    said = ", ".join(f"{n} {name}" for name, n in counts.items()) or "none"
+    typer.echo(f"{said}; {len(done)} of {len(chosen)} points compared")
+    if counts[NUMERICS]:
+        typer.echo(
+            "Where the two sections have other labels, a block of these elements can confirm nothing:"
+            " smaller ones (--h, --set corner=...) may."
+        )
     # The map's own diagram shows what stands beside it.
     for picture in save_phase(data, map_.parent if out is None else folder, folder / RECORD):
         typer.echo(picture)
     typer.echo(f"written to {folder}")
     if len(done) < len(chosen):
         raise typer.Exit(130)
-    if len(judged) < len(done):
+    if counts[UNFINISHED]:
         raise typer.Exit(1)
 
 
