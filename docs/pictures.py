@@ -31,6 +31,11 @@ PICTURES = {
         "run2d gelatin --until transition --out gelatin",
         "gelatin/section.png",
     ),
+    "cut-in-motion": (
+        "first-cut",
+        "run2d gelatin --until transition --frames 24 --out motion",
+        "motion/frames/frame-014.png",
+    ),
     "first-map": ("first-map", "sweep knife.toml --out knife", "knife/phase.png"),
     "discovery-page": (
         "my-curves",
@@ -70,7 +75,8 @@ def draw(name: str, folder: Path) -> None:
     with Image.open(source) as picture:
         small = picture.convert("RGB")
         small.thumbnail((WIDTH, 4 * WIDTH))
-        small.quantize(128).save(FIGURES / f"{name}.png", optimize=True)
+        # Colours that few points have, such as those of the largest stress, stay.
+        small.quantize(256, method=Image.Quantize.MAXCOVERAGE).save(FIGURES / f"{name}.png", optimize=True)
 
 
 def profiles() -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import skfem
 from coarse_runs import SOFT
+from PIL import Image
 from typer.testing import CliRunner
 
 import cutbench.run.build
@@ -156,11 +157,13 @@ def test_pictures_need_snapshots_of_a_solid():
 
 def test_run3d_writes_what_run2d_writes_and_the_front(tmp_path):
     sets = [f"--set={key}={value}" for key, value in SMALL.items()]
-    options = ["--h", "0.7", "--depth", "0.4", "--out", str(tmp_path)]
+    options = ["--h", "0.7", "--depth", "0.4", "--frames", "3", "--out", str(tmp_path)]
     done = CliRunner().invoke(app, ["run3d", "gelatin", *sets, *options])
     assert done.exit_code == 0, done.output
     for name in ("curve.csv", "curve.png", "cut_plane.png", "front.png", "block.png", "plane_strain.png"):
         assert (tmp_path / name).stat().st_size > 100, name
+    with Image.open(tmp_path / "cut_plane.gif") as film:
+        assert film.n_frames == len(list((tmp_path / "frames").iterdir())) == 3
     record = json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))
     assert record["case"]["dim"] == 3
     assert 0.3 < record["measures"]["end_effect_max"] < 1.2

@@ -56,7 +56,7 @@ def test_a_state_is_written_no_more_often_than_asked(tmp_path):
 def test_an_interrupted_run_goes_on_and_ends_on_the_same_curve(tmp_path, dim, h, depth):
     case = load_case("gelatin", {**SMALL, "h": h, "corner": 0.25, "element": "P1", "depth": depth}, dim=dim)
     marks = [0.3 * case.p.depth, 0.6 * case.p.depth, case.p.depth]
-    whole = run_case(case, snapshots_mm=marks)
+    whole = run_case(case, snapshots_mm=marks, frames=4)
     seen = []
 
     def stop(travel, total, text):
@@ -65,14 +65,17 @@ def test_an_interrupted_run_goes_on_and_ends_on_the_same_curve(tmp_path, dim, h,
             raise KeyboardInterrupt
 
     first = run_case(
-        case, on_progress=stop, snapshots_mm=marks, checkpoint=Checkpoint(tmp_path / NAME, case.id)
-    )
+        case, on_progress=stop, snapshots_mm=marks, frames=4,
+        checkpoint=Checkpoint(tmp_path / NAME, case.id),
+    )  # fmt: skip
     assert first.outcome.kind == "interrupted"
+    assert first.frames[-1].displacement_mm == first.outcome.reached_mm
     seen.clear()
     again = run_case(
         case,
         on_progress=lambda travel, *_: seen.append(travel),
         snapshots_mm=marks,
+        frames=4,
         checkpoint=Checkpoint(tmp_path / NAME, case.id),
     )
     assert seen[0] >= 0.4 * case.p.depth  # it did not begin anew
@@ -83,6 +86,9 @@ def test_an_interrupted_run_goes_on_and_ends_on_the_same_curve(tmp_path, dim, h,
         assert np.abs(again.curve[name] - column).max() < 1e-5 * scale, name
     assert [s.displacement_mm for s in again.snapshots] == pytest.approx(
         [s.displacement_mm for s in whole.snapshots]
+    )
+    assert [s.displacement_mm for s in again.frames] == pytest.approx(
+        [s.displacement_mm for s in whole.frames], abs=0.05 * case.p.depth
     )
     assert again.counts["iterations"] == pytest.approx(whole.counts["iterations"], abs=3)
     for name, value in whole.measures.items():

@@ -24,7 +24,7 @@ def solver(monkeypatch):
     """A stand-in for the solver that notes what it was asked and ends as it is told."""
     asked = SimpleNamespace(case=None, snapshots=None, kind="done", raises=None)
 
-    def run_case(case, *, on_progress=None, snapshots_mm=(), checkpoint=None):
+    def run_case(case, *, on_progress=None, snapshots_mm=(), frames=None, checkpoint=None):
         asked.case, asked.snapshots = case, list(snapshots_mm)
         if asked.raises is not None:
             raise asked.raises

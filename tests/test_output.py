@@ -15,7 +15,8 @@ from made_up_runs import made_up_curve, made_up_result, made_up_snapshot
 from cutbench.base.errors import BadInput
 from cutbench.base.files import check_writable, replacing
 from cutbench.case.case import load_case
-from cutbench.run.files import describe, read_curve, read_run, write_curve, write_fields, write_run
+from cutbench.run.files import describe, read_curve, read_run, write_curve, write_run
+from cutbench.run.paraview import write_fields
 from cutbench.run.result import Outcome, ledger_entries, ordered_columns
 
 
@@ -81,7 +82,7 @@ def test_a_run_leaves_all_its_files_and_nothing_else(tmp_path, result):
     paths = write_run(result, tmp_path / "new" / "run", command="cutbench run2d gelatin")
     out = tmp_path / "new" / "run"
     assert {p.name for p in out.iterdir()} == {
-        "run.json", "curve.csv", "fields", "fields.pvd", "faces.pvd", "curve.png", "section.png",
+        "run.json", "curve.csv", "fields", "fields.pvd", "faces.pvd", "blade.pvd", "curve.png", "section.png",
     }  # fmt: skip
     record = json.loads((out / "run.json").read_text())
     assert set(record["files"]) | {"fields"} == {p.name for p in out.iterdir()}
@@ -125,7 +126,9 @@ def test_a_broken_run_json_is_bad_input(tmp_path, text):
 def test_a_second_run_in_the_folder_leaves_no_fields_of_the_first(tmp_path, result):
     write_run(result, tmp_path)
     write_run(replace_snapshots(result, result.snapshots[:1]), tmp_path)
-    assert sorted(p.name for p in (tmp_path / "fields").iterdir()) == ["faces_0000.vtu", "fields_0000.vtu"]
+    assert {p.name for p in (tmp_path / "fields").iterdir()} == {
+        "blade_0000.vtu", "faces_0000.vtu", "fields_0000.vtu",
+    }  # fmt: skip
     write_run(replace_snapshots(result, []), tmp_path)
     assert {p.name for p in tmp_path.iterdir()} == {"run.json", "curve.csv", "curve.png"}
 
@@ -170,6 +173,13 @@ def test_series_holds_travel_as_time_and_files_that_exist(tmp_path, result):
         sets = ET.parse(tmp_path / f"{kind}.pvd").getroot().findall("Collection/DataSet")
         assert [float(s.get("timestep")) for s in sets] == [3.0, 6.0, 12.0]
         assert all((tmp_path / s.get("file")).is_file() for s in sets)
+
+
+def test_a_series_that_goes_back_and_forth_is_over_the_time(tmp_path):
+    back = [replace(made_up_snapshot(mm), time_s=s) for mm, s in ((3.0, 10.0), (6.0, 20.0), (6.0, 35.0))]
+    write_fields(back, tmp_path)
+    sets = ET.parse(tmp_path / "fields.pvd").getroot().findall("Collection/DataSet")
+    assert [float(s.get("timestep")) for s in sets] == [10.0, 20.0, 35.0]
 
 
 def test_a_writer_that_fails_leaves_the_old_file_and_no_litter(tmp_path):

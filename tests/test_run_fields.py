@@ -13,7 +13,7 @@ from coarse_runs import (
 
 from cutbench.mechanisms.bulk._isotropic import det
 from cutbench.run.build import build
-from cutbench.run.figures.section import _Half
+from cutbench.run.figures.section import Half
 from cutbench.run.runner import run_case
 
 
@@ -105,7 +105,7 @@ def test_tractions_on_the_faces_add_up_to_the_force(case):
 
 def test_colours_end_by_area_not_by_nodes(cutting):
     """Stress at the many nodes of the tip stands for little of the section."""
-    half = _Half(cutting.snapshots[-1])
+    half = Half(cutting.snapshots[-1])
     a, b, c = (half.x[half.triangles[:, k]] for k in range(3))
     area = np.abs(np.linalg.det(np.stack([b - a, c - a], axis=2))) / 2
     above = half.stress_kPa[half.triangles].mean(axis=1) > half.top_kPa

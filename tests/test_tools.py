@@ -14,8 +14,8 @@ from cutbench.case.case import Case, load_case
 from cutbench.case.model import Model
 from cutbench.forms.base import Step
 from cutbench.mechanisms import registry
+from cutbench.run.blade_shape import blade_outline
 from cutbench.run.build import build, geometry_of
-from cutbench.run.figures.section import blade_outline
 from cutbench.run.runner import run_case
 
 SHAPES = ("wedge", "bevel", "wire", "measured_outline")

@@ -17,8 +17,9 @@ from cutbench.data.campaign import load_campaign
 from cutbench.discovery.page import write_discovery
 from cutbench.discovery.report import summary as discovery_summary
 from cutbench.discovery.search import discover
+from cutbench.run.blade_shape import blade_outline
 from cutbench.run.figures.curve import plot_curve
-from cutbench.run.figures.section import blade_outline, scale_end, split
+from cutbench.run.figures.section import scale_end, split
 from cutbench.run.files import write_run
 from cutbench.run.result import Snapshot
 from cutbench.run.runner import run_case

@@ -130,6 +130,14 @@ Keep = Annotated[
 ]
 Out = Annotated[Path | None, typer.Option(metavar="DIR", help="Where to write; default: runs/NAME-ID.")]
 CampaignFile = Annotated[Path, typer.Argument(metavar="CAMPAIGN.toml", help="Tests and their readings.")]
+FrameCount = Annotated[
+    str | None,
+    typer.Option(
+        "--frames",
+        metavar="N",
+        help="The cut in motion: N pictures, an animation, ParaView's series.",
+    ),
+]
 Workers = Annotated[
     str | None, typer.Option(metavar="N", help="Processes; default: one a core; 0: this one.")
 ]
@@ -183,11 +191,13 @@ def asked(
 
 @dataclass(frozen=True)
 class Wanted:
-    """What the options of a run ask for: a case, a folder to write to, seconds between checkpoints."""
+    """What the options of a run ask for: a case, a folder to write to, seconds between checkpoints, how many
+    frames."""
 
     case: Case
     folder: Path
     every_s: float
+    frames: int
 
 
 def run_options(*, dim: int) -> Callable[[Callable], Callable]:
@@ -207,13 +217,17 @@ def run_options(*, dim: int) -> Callable[[Callable], Callable]:
             with_: With = None,
             out: Out = None,
             checkpoint: Keep = None,
+            frames: FrameCount = None,
             **own: object,
         ) -> None:
+            from cutbench.run.frames import checked_frames
+
             every_s = seconds("--checkpoint", checkpoint, 60.0)
+            count = checked_frames(frames)
             options = {"h": in_mm(h), "depth": in_mm(depth), "element": element, "normal": normal}
             options |= {"numerics": numerics, "until": until}
             case, folder = asked(material, changes(sets, options, with_, without), out, dim=dim)
-            command(Wanted(case, folder, every_s), **own)
+            command(Wanted(case, folder, every_s, count), **own)
 
         shared = [*inspect.signature(wrapped, eval_str=True).parameters.values()][:-1]
         own = [*inspect.signature(command, eval_str=True).parameters.values()][1:]
@@ -224,9 +238,13 @@ def run_options(*, dim: int) -> Callable[[Callable], Callable]:
 
 
 def computed(
-    case: Case, snapshots: Sequence[float] = (), folder: Path | None = None, every_s: float = 60.0
+    case: Case,
+    snapshots: Sequence[float] = (),
+    folder: Path | None = None,
+    every_s: float = 60.0,
+    frames: int = 0,
 ) -> Result:
-    """Run ``case`` under a bar; fields are kept at these parts of the travel.
+    """Run ``case`` under a bar; fields are kept at these parts of the travel, and so many frames.
 
     With a ``folder`` the state is kept there every so many seconds, and a run that was killed goes on.
     """
@@ -236,7 +254,9 @@ def computed(
     keep = None if folder is None else Checkpoint(folder / NAME, case.id, every_s)
     with bar(case.name, "mm") as on_progress:
         at = [part * case.p.depth for part in snapshots]
-        return run_case(case, on_progress=on_progress, snapshots_mm=at, checkpoint=keep)
+        return run_case(
+            case, on_progress=on_progress, snapshots_mm=at, frames=frames or None, checkpoint=keep
+        )
 
 
 def finish(result: Result, folder: Path, plane: Result | None = None) -> None:

@@ -18,16 +18,18 @@ def run2d(
     source: str | Path | Case,
     *,
     snapshots_mm: Sequence[float] = (),
+    frames: int | None = None,
     on_progress: OnProgress = silent,
     **changes: object,
 ) -> Result:
     """Cut a material (a name or a TOML file) in plane strain.
 
     ``changes`` are what ``Case.set`` takes: ``eta_reg="0.5 s"``, ``cohesion=9.0``, ``h="0.2 mm"``,
-    ``without="adhesion"``. ``snapshots_mm`` are blade travels at which fields are kept. Raises
-    BadInput; how the run ended is in the result's ``outcome``.
+    ``without="adhesion"``. ``snapshots_mm`` are blade travels at which fields are kept, ``frames``
+    how many are, spread evenly over the run, for an animation. Raises BadInput; how the run ended is in
+    the result's ``outcome``.
     """
-    return _cut(source, 2, snapshots_mm, on_progress, changes)
+    return _cut(source, 2, snapshots_mm, frames, on_progress, changes)
 
 
 @watched("mm")
@@ -35,6 +37,7 @@ def run3d(
     source: str | Path | Case,
     *,
     snapshots_mm: Sequence[float] = (),
+    frames: int | None = None,
     on_progress: OnProgress = silent,
     **changes: object,
 ) -> Result:
@@ -42,13 +45,14 @@ def run3d(
 
     By default a quarter of the block stands for it all (``symmetry="half"`` or ``"full"`` mesh more).
     """
-    return _cut(source, 3, snapshots_mm, on_progress, changes)
+    return _cut(source, 3, snapshots_mm, frames, on_progress, changes)
 
 
 def _cut(
     source: str | Path | Case,
     dim: int,
     snapshots_mm: Sequence[float],
+    frames: int | None,
     on_progress: OnProgress,
     changes: dict[str, object],
 ) -> Result:
@@ -56,4 +60,4 @@ def _cut(
         case = replace(source.set(**changes), dim=dim)
     else:
         case = load_case(source, changes, dim=dim)
-    return run_case(case, on_progress=on_progress, snapshots_mm=snapshots_mm)
+    return run_case(case, on_progress=on_progress, snapshots_mm=snapshots_mm, frames=frames)

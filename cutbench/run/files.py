@@ -13,16 +13,16 @@ import platform
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
-import meshio
 import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.figure_style import save
 from cutbench.base.files import check_writable, plain, replacing, write_json
-from cutbench.run.result import Result, Snapshot, ordered_columns
+from cutbench.run.paraview import write_fields
+from cutbench.run.result import Result, ordered_columns
 from cutbench.run.store.runs import result_of
 
 #: Layout of run.json; raised when a reader of the old one would misread the new one.
@@ -43,6 +43,7 @@ def write_run(
     written to.
     """
     from cutbench.run.figures import plot_curve, plot_section
+    from cutbench.run.figures.motion import save_frames
     from cutbench.run.figures.section import spread
 
     out = check_writable(out_dir)
@@ -54,20 +55,21 @@ def write_run(
         write_curve(slopes, paths["sensitivities"], list(slopes))
     else:
         (out / "sensitivities.csv").unlink(missing_ok=True)
-    paths |= write_fields(result.snapshots, out)
+    paths |= write_fields(result.frames or result.snapshots, out, result.case)
     paths["curve_png"] = save(plot_curve(result), out / "curve.png")[0]
-    flat = [s for s in result.snapshots if s.cell_type.startswith("triangle")]
+    pictured = result.snapshots or result.frames
+    flat = [s for s in pictured if s.cell_type.startswith("triangle")]
     pictures = {}
     if flat:
         pictures["section_png"] = save(plot_section(result, spread(flat)), out / "section.png")[0]
     elif result.case.dim == 3:
         from cutbench.run.figures.solid import save_solid
 
-        pictures = save_solid(result, out, plane)
+        pictures = save_solid(replace(result, snapshots=pictured), out, plane)
     for name in PICTURES:
         if out / name not in pictures.values():
             (out / name).unlink(missing_ok=True)
-    paths |= pictures
+    paths |= pictures | save_frames(result, out)
     # Last, since it vouches for the rest.
     paths["run"] = out / "run.json"
     record = describe(result, command=command)
@@ -171,78 +173,3 @@ def read_run(out_dir: str | Path) -> Result:
         return result_of(record, path, record["timings_s"], read_curve(out_dir))
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise BadInput(key="run", value=str(path), expected="the run.json that a run wrote") from error
-
-
-#: Unit of each nodal field, appended to its name in the files.
-_UNITS = {"displacement": "mm", "piola": "MPa", "cauchy": "MPa", "von_mises": "MPa"}
-
-
-def write_fields(snapshots: Sequence[Snapshot], out_dir: str | Path) -> dict[str, Path]:
-    """Fields for ParaView: ``fields.pvd`` (the body) and ``faces.pvd`` (quadrature points of its faces).
-
-    Each is a series over blade travel (mm, ParaView's "time") of VTU files in ``fields/``. Points lie
-    where they were before loading; warping by ``displacement_mm`` moves both series alike. The
-    faces' points carry opening, damage, contact pressure, tangential traction and contact state;
-    ``face`` numbers the face they lie on (in the order of ``Snapshot.faces``, from 0).
-    Without snapshots nothing is written. Files of an earlier run are removed.
-    """
-    out = Path(out_dir)
-    folder = out / "fields"
-    series: dict[str, list[tuple[float, str]]] = {"fields": [], "faces": []}
-    for i, snapshot in enumerate(snapshots):
-        folder.mkdir(exist_ok=True)
-        meshes = {"fields": _body(snapshot), "faces": _faces(snapshot)}
-        for kind, mesh in meshes.items():
-            if mesh is not None:
-                name = f"{kind}_{i:04d}.vtu"
-                with replacing(folder / name) as draft:
-                    mesh.write(draft, file_format="vtu")
-                # float(): the repr of numpy's own scalars names their type.
-                series[kind].append((float(snapshot.displacement_mm), name))
-    paths = {}
-    for kind, entries in series.items():
-        target = out / f"{kind}.pvd"
-        if entries:
-            rows = [f'    <DataSet timestep="{t!r}" part="0" file="fields/{name}"/>\n' for t, name in entries]
-            with replacing(target) as draft:
-                draft.write_text(
-                    '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n'
-                    + "".join(rows)
-                    + "  </Collection>\n</VTKFile>\n"
-                )
-            paths[kind] = target
-        else:
-            target.unlink(missing_ok=True)
-        for old in set(folder.glob(f"{kind}_*.vtu")) - {folder / name for _, name in entries}:
-            old.unlink()
-    if folder.is_dir() and not any(folder.iterdir()):
-        folder.rmdir()
-    return paths
-
-
-def _body(snapshot: Snapshot) -> meshio.Mesh:
-    data = {
-        f"{name}_{_UNITS[name]}" if name in _UNITS else name: np.ascontiguousarray(values)
-        for name, values in snapshot.point_data.items()
-    }
-    return meshio.Mesh(snapshot.points, [(snapshot.cell_type, snapshot.cells)], point_data=data)
-
-
-def _faces(snapshot: Snapshot) -> meshio.Mesh | None:
-    """All faces' quadrature points as vertices; what one face lacks is nan there."""
-    faces = [arrays for arrays in snapshot.faces.values() if len(arrays["X"])]
-    if not faces:
-        return None
-    sizes = [len(arrays["X"]) for arrays in faces]
-    points = np.concatenate([arrays["X"] for arrays in faces])
-    moved = np.concatenate([arrays["x"] for arrays in faces])
-    data = {"displacement_mm": moved - points, "face": np.repeat(np.arange(len(faces)), sizes)}
-    for name in dict.fromkeys(name for arrays in faces for name in arrays if name not in ("X", "x")):
-        shape = next(np.shape(arrays[name])[1:] for arrays in faces if name in arrays)
-        parts = [
-            np.asarray(arrays[name], dtype=float) if name in arrays else np.full((size, *shape), np.nan)
-            for arrays, size in zip(faces, sizes, strict=True)
-        ]
-        data[name] = np.concatenate(parts)
-    vertices = np.arange(len(points))[:, None]
-    return meshio.Mesh(points, [("vertex", vertices)], point_data=data)

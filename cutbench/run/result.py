@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Final, Protocol
@@ -66,7 +67,8 @@ class Snapshot:
     (n, 3) mm, ``piola`` and ``cauchy`` (n, 9) MPa row by row, ``von_mises`` (n,) MPa. ``faces``
     maps ``"cut"`` and ``"top"`` to arrays at that face's quadrature points: ``X``, ``x`` (q, 3) mm in the
     reference and the current state, ``opening_mm``, ``damage``, ``contact_pressure_MPa``,
-    ``tangential_traction_MPa``, ``contact_state``, ``touched``, each (q,) or (q, 3).
+    ``tangential_traction_MPa``, ``contact_state``, ``touched``, each (q,) or (q, 3). ``time_s`` is the
+    run's time, nan where it is not known.
     """
 
     displacement_mm: float
@@ -75,6 +77,7 @@ class Snapshot:
     cell_type: str
     point_data: dict[str, np.ndarray] = field(default_factory=dict)
     faces: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
+    time_s: float = math.nan
 
     @property
     def current(self) -> np.ndarray:
@@ -116,6 +119,8 @@ class Result(Handled):
     id: str = ""
     computation: str = ""
     versions: dict[str, str | None] = field(default_factory=dict)
+    #: Snapshots spread evenly over the whole run, where they were asked for.
+    frames: list[Snapshot] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         if not self.id:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from cutbench.run.checkpoint import Checkpoint
 from cutbench.run.crossing import Crossing
 from cutbench.run.ending import Ending
 from cutbench.run.fields import add_slopes, snapshot
+from cutbench.run.frames import Frames, checked_frames
 from cutbench.run.freed import freed_rel
 from cutbench.run.front import Front
 from cutbench.run.ledger import Ledger
@@ -48,6 +50,7 @@ def run_case(
     on_progress: OnProgress = silent,
     on_step: OnStep = unwatched,
     snapshots_mm: Sequence[float] = (),
+    frames: int | None = None,
     sensitivities: Sequence[str] = (),
     checkpoint: Checkpoint | None = None,
 ) -> Result:
@@ -55,14 +58,18 @@ def run_case(
 
     ``on_progress`` has the blade's time × speed in mm, its end as far as that is known, and the force; fields
     are kept at the first step at or past each of ``snapshots_mm``, and where it ended before the last of
-    them. ``on_step`` has the curve's rows, and those fields, as they come. ``sensitivities`` are names:
+    them. ``frames`` are so many besides, spread evenly over the run's time as far as it goes, in
+    ``result.frames``; fewer where it has fewer steps. ``on_step`` has the curve's rows, and the fields at
+    ``snapshots_mm``, as they come. ``sensitivities`` are names:
     ``result.sensitivities`` then has dF/dθ along the curve, and each snapshot du/dθ. ``checkpoint`` keeps the
     state of the run, which begins from what it holds; derivatives are not part of it, so a run with both
     begins anew. A KeyboardInterrupt ends the run with what it has. Raises BadInput if no law lets the blade
-    meet the specimen, the case's mesh cannot be used, or it cannot be differentiated by one of the names.
+    meet the specimen, the case's mesh cannot be used, it cannot be differentiated by one of the names, or
+    ``frames`` is no number of them.
     """
     began = time.perf_counter()
     check_driven(case.model)
+    album = Frames(checked_frames(frames))
     names = checked(case, sensitivities)
     kept = checkpoint.load() if checkpoint is not None and not names else None
     meshes = RemeshedMarch(case, Place(**kept["mesh"]) if kept else None)
@@ -83,7 +90,7 @@ def run_case(
     pictures: list[Snapshot] = []
     interrupted, stalled, seen = False, "", 0
     last: tuple[Built, Accepted] | None = None
-    keeper = _Keeper(meshes, ledger, front, crossing, pictures, began)
+    keeper = _Keeper(meshes, ledger, front, crossing, pictures, album, began)
 
     reported = 0.0, built.march.motion.end
 
@@ -93,6 +100,11 @@ def run_case(
         done = now["time_s"] * case.p.speed
         reported = done, done if ending.known() else ending.mm()
         on_progress(*reported, f"{now['force_N']:.3g} N")
+
+    def picture_of(then: Built, step: Accepted) -> Snapshot:
+        picture = snapshot(then, step)
+        picture.time_s = ledger.last["time_s"]
+        return picture
 
     def waits() -> None:
         on_progress(*reported, COMPILING)
@@ -118,11 +130,17 @@ def run_case(
                     slopes.append(slope)
                 if front is not None:
                     front.add(step)
-                if wanted and step.travel >= wanted[0] - 1e-9:
-                    pictures.append(snapshot(built, step))
+                marked = wanted and step.travel >= wanted[0] - 1e-9
+                framed = album.wants(ledger.last["time_s"])
+                if marked or framed:
+                    picture = picture_of(built, step)
                     if follower is not None:
-                        add_slopes(pictures[-1], built, names, follower.displacements())
-                    wanted = [d for d in wanted if d > step.travel + 1e-9]
+                        add_slopes(picture, built, names, follower.displacements())
+                    if framed:
+                        album.add(picture)
+                    if marked:
+                        pictures.append(picture)
+                        wanted = [d for d in wanted if d > step.travel + 1e-9]
                 report()
                 on_step(ledger.last, pictures[-1] if len(pictures) > seen else None)
                 seen = len(pictures)
@@ -140,13 +158,14 @@ def run_case(
     curve = ledger.columns()
     if case.model.laws("rig"):
         # Beside the true columns, which all measures use.
-        shown = case.model.record(curve["displacement_mm"], curve["force_N"], curve["time_s"], case.p)
-        curve["recorded_displacement_mm"], curve["recorded_force_N"] = shown
+        recorded = case.model.record(curve["displacement_mm"], curve["force_N"], curve["time_s"], case.p)
+        curve["recorded_displacement_mm"], curve["recorded_force_N"] = recorded
     reached = float(curve["displacement_mm"][-1])
     outcome = _outcome(built, reached, interrupted, stalled, crossing.now, ending)
     short = wanted and (ending.known() or not outcome.done)
     if last is not None and short and (not pictures or pictures[-1].displacement_mm < last[1].travel):
-        pictures.append(snapshot(*last))
+        pictures.append(picture_of(*last))
+    shown = album.ended(ledger.last["time_s"], None if last is None else partial(picture_of, *last))
     timer = built.problem.timer
     timings = {**timer.seconds, "total": keeper.seconds()}
     counts = {
@@ -182,7 +201,7 @@ def run_case(
         table = np.array(slopes)[: counts["steps"]] * built.geometry.multiplicity
         by_name = {name: table[:, i].copy() for i, name in enumerate(names)}
         counts["unresolved_sensitivities"] = follower.unresolved
-    return Result(case, curve, outcome, timings, counts, pictures, found, by_name)
+    return Result(case, curve, outcome, timings, counts, pictures, found, by_name, frames=shown)
 
 
 class _Keeper:
@@ -195,10 +214,11 @@ class _Keeper:
         front: Front | None,
         crossing: Crossing,
         pictures: list[Snapshot],
+        album: Frames,
         began: float,
     ):
         self._meshes, self._ledger, self._front, self._pictures = meshes, ledger, front, pictures
-        self._crossing = crossing
+        self._crossing, self._album = crossing, album
         self._began, self._before = began, 0.0
 
     def seconds(self) -> float:
@@ -218,8 +238,8 @@ class _Keeper:
             "counts": {**timer.counts},
             "total": self.seconds(),
         }
-        pictures = list(self._pictures)
-        return lambda: {**parts, "snapshots": [vars(picture) for picture in pictures]}
+        kept = {"snapshots": list(self._pictures), "frames": list(self._album.kept)}
+        return lambda: {**parts, **{name: [vars(each) for each in those] for name, those in kept.items()}}
 
     def restore(self, tree: dict) -> None:
         timer = self._meshes.built.problem.timer
@@ -232,6 +252,7 @@ class _Keeper:
                 mine[name] = mine.get(name, 0) + value
         self._before = tree["total"]
         self._pictures[:] = [Snapshot(**picture) for picture in tree["snapshots"]]
+        self._album.kept[:] = [Snapshot(**picture) for picture in tree["frames"] if self._album.count]
 
 
 def _outcome(

@@ -39,7 +39,7 @@ def run2d(
         from cutbench.run.snap_back import timeless
 
         timeless(case)  # what cannot be followed is refused before anything is computed
-    result = computed(case, _SNAPSHOTS, folder, wanted.every_s)
+    result = computed(case, _SNAPSHOTS, folder, wanted.every_s, wanted.frames)
     try:
         finish(result, folder)
     finally:

@@ -27,7 +27,7 @@ def run3d(
 ) -> None:
     """Cut a block in three dimensions: as run2d, with the front of the cut along the blade."""
     case, folder = wanted.case, wanted.folder
-    result = computed(case, _SNAPSHOTS, folder, wanted.every_s)
+    result = computed(case, _SNAPSHOTS, folder, wanted.every_s, wanted.frames)
     plane = None
     if plane_strain and result.outcome.kind != "interrupted":
         from cutbench.run.front import end_effect

@@ -6,13 +6,15 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.collections import LineCollection
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, TriMesh
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from matplotlib.tri import Triangulation
 
 from cutbench.base.figure_style import DOUBLE_MM, FIELD_MAP, Look, new_figure, style
 from cutbench.case.case import Case
+from cutbench.run.blade_shape import blade_outline
 
 if TYPE_CHECKING:
     from cutbench.run.result import Result, Snapshot
@@ -30,7 +32,8 @@ def plot_section(result: Result, snapshot: Snapshot | Sequence[Snapshot] | None 
     shown = result.snapshots if snapshot is None else snapshot
     shown = list(shown) if isinstance(shown, Sequence) else [shown]
     wanted = "a section is drawn from plane snapshots (triangle, triangle6)"
-    halves = [_Half(s) for s in drawable(shown, "triangle", wanted)]
+    shown = drawable(shown, "triangle", wanted)
+    halves = [Half(s) for s in shown]
     top_kPa = max(h.top_kPa for h in halves) or 1.0
     case, p = result.case, result.case.p
     with style():
@@ -42,9 +45,9 @@ def plot_section(result: Result, snapshot: Snapshot | Sequence[Snapshot] | None 
             grid = figure.subplots(2, n, squeeze=False, height_ratios=(1, 0.85))
         for column, half in enumerate(halves):
             whole, near = grid[0, column], grid[1, column]
-            colours = _draw(whole, half, case, top_kPa, line=0.12)
-            _draw(near, half, case, top_kPa, line=0.2)
-            _frame(whole, halves, p)
+            colours = draw_half(whole, half, case, top_kPa, line=0.12)
+            draw_half(near, half, case, top_kPa, line=0.2)
+            frame(whole, shown, p.height)
             _zoom(whole, near, half, case, lines=n == 1)
             whole.set_title(f"blade travel {half.travel_mm:.2f} mm", loc="left", fontsize=8.5)
             if column == 0:
@@ -66,13 +69,13 @@ def drawable(snapshots: Sequence[Snapshot], cells: str, wanted: str) -> list[Sna
     return list(snapshots)
 
 
-def spread(snapshots: Sequence[Snapshot]) -> list[Snapshot]:
-    """Four of them at the most, spread evenly: more in a row are too small to see anything."""
+def spread(snapshots: Sequence[Snapshot], most: int = 4) -> list[Snapshot]:
+    """So many at the most, spread evenly: more than four in a row are too small to see anything."""
     last = len(snapshots) - 1
-    return [snapshots[i] for i in np.linspace(0, last, min(4, last + 1)).round().astype(int)]
+    return [snapshots[i] for i in np.linspace(0, last, min(most, last + 1)).round().astype(int)]
 
 
-class _Half:
+class Half:
     """A snapshot as drawn: current positions, triangles of three nodes, edges of the elements."""
 
     def __init__(self, snapshot: Snapshot):
@@ -129,19 +132,7 @@ def _edges(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return edges[first], edges[first[count == 1]]
 
 
-def blade_outline(case: Case, travel_mm: float, top_mm: float) -> np.ndarray:
-    """The blade's section (n, 2), mm: its profile, the apex at height − travel, a band up to ``top_mm``."""
-    tool = case.model.tool
-    assert tool is not None, "a section is that of a cut"
-    profile = tool.outline(case.p) + np.array([0.0, case.p.height - travel_mm])
-    if not tool.band:
-        return profile
-    ends = profile[[0, -1]]
-    ends[:, 1] = np.maximum(ends[:, 1], top_mm)
-    return np.vstack([ends[:1], profile, ends[1:]])
-
-
-def _draw(axes, half: _Half, case: Case, top_kPa: float, line: float):
+def draw_half(axes: Axes, half: Half, case: Case, top_kPa: float, line: float) -> TriMesh:
     """Field, mesh, surfaces and blade into ``axes``; returns what the colour bar needs."""
     for side in half.sides:
         mesh = Triangulation(side * half.x[:, 0], half.x[:, 1], half.triangles)
@@ -159,17 +150,18 @@ def _draw(axes, half: _Half, case: Case, top_kPa: float, line: float):
     return colours
 
 
-def _frame(axes, halves: list[_Half], p) -> None:
-    """The same limits for every column, so that blocks compare by eye."""
-    reach = max(float(np.abs(h.x[:, 0]).max()) for h in halves)
-    roof = max(float(h.x[:, 1].max()) for h in halves)
-    floor = min(float(h.x[:, 1].min()) for h in halves)
+def frame(axes, snapshots: Sequence[Snapshot], height_mm: float) -> None:
+    """Limits that hold all ``snapshots``, so that blocks compare by eye."""
+    places = [s.current[:, :2] for s in snapshots]
+    reach = max(float(np.abs(x[:, 0]).max()) for x in places)
+    roof = max(float(x[:, 1].max()) for x in places)
+    floor = min(float(x[:, 1].min()) for x in places)
     axes.set_xlim(-1.04 * reach, 1.04 * reach)
-    axes.set_ylim(floor - 0.03 * p.height, max(roof, p.height) + 0.1 * p.height)
+    axes.set_ylim(floor - 0.03 * height_mm, max(roof, height_mm) + 0.1 * height_mm)
     axes.set_xlabel("width (mm)")
 
 
-def _zoom(whole, near, half: _Half, case: Case, *, lines: bool) -> None:
+def _zoom(whole, near, half: Half, case: Case, *, lines: bool) -> None:
     """Limits of the close look: some tip lengths round the tip; its frame in the whole picture."""
     p, tool = case.p, case.model.tool
     reach = max(4 * p.thickness, 1.6 * tool.height(p) if tool else 0.0)

@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 TOP_PERCENTILE = 99.5
 #: The front is where half of the cohesion is lost.
 FRONT_DAMAGE = 0.5
+#: So many lines at the most are told apart in one picture of the front.
+_FRONTS = 12
 
 
 def save_solid(result: Result, folder: str | Path, plane: Result | None = None) -> dict[str, Path]:
@@ -62,10 +64,10 @@ def plot_cut_plane(result: Result) -> Figure:
     """
     shown = spread(_solid(result))
     stress = [1e3 * s.point_data["von_mises"] for s in shown]
-    planes = [_plane(s) for s in shown]
+    planes = [cut_plane_of(s) for s in shown]
     on_plane = [values[np.unique(triangles)] for values, triangles in zip(stress, planes, strict=True)]
-    stress_look = _field(max(float(np.percentile(values, TOP_PERCENTILE)) for values in on_plane))
-    pressure_look = _field(1e3 * max(s.faces["cut"]["contact_pressure_MPa"].max(initial=0.0) for s in shown))
+    stress_look = look_of(max(float(np.percentile(values, TOP_PERCENTILE)) for values in on_plane))
+    pressure_look = look_of(1e3 * max(s.faces["cut"]["contact_pressure_MPa"].max(initial=0.0) for s in shown))
     with style():
         figure = new_figure(DOUBLE_MM, 135)
         grid = figure.subplots(3, len(shown), squeeze=False, sharex=True, sharey=True)
@@ -81,7 +83,7 @@ def plot_cut_plane(result: Result) -> Figure:
             )
             _state(grid[2, column], z, y, cut)
             for axes in grid[:, column]:
-                _front_line(axes, s, cut["x"], color="white" if axes is grid[0, column] else "black", lw=0.8)
+                front_line(axes, s, cut["x"], color="white" if axes is grid[0, column] else "black", lw=0.8)
                 axes.axhline(result.case.p.height - s.displacement_mm, color=GREY, lw=0.6, ls=":")
                 axes.set_aspect("equal")
             grid[0, column].set_title(f"blade travel {s.displacement_mm:.2f} mm", loc="left", fontsize=8)
@@ -100,8 +102,8 @@ def plot_cut_plane(result: Result) -> Figure:
 
 
 def plot_front(result: Result) -> Figure:
-    """The front (damage one half) on the cut plane at each snapshot's blade travel."""
-    shown = _solid(result)
+    """The front (damage one half) on the cut plane at each snapshot's blade travel, twelve at the most."""
+    shown = spread(_solid(result), _FRONTS)
     with style():
         figure = new_figure(SINGLE_MM, 95)
         axes = figure.subplots()
@@ -109,7 +111,7 @@ def plot_front(result: Result) -> Figure:
         drawn = []
         for i, s in enumerate(shown):
             look: Look = {"color": colours[i % len(colours)], "linestyle": LINES[i % len(LINES)]}
-            if _front_line(axes, s, s.faces["cut"]["X"], lw=1.2, **look):
+            if front_line(axes, s, s.faces["cut"]["X"], lw=1.2, **look):
                 drawn.append((*axes.plot([], [], lw=1.2, **look), f"{s.displacement_mm:.2f} mm"))
         X = shown[-1].points
         axes.set(xlabel="along the blade (mm)", ylabel="height in the uncut block (mm)")
@@ -172,7 +174,7 @@ def _solid(result: Result) -> list[Snapshot]:
     return drawable(result.snapshots, "tetra", "a block is drawn from snapshots of a solid (tetra, tetra10)")
 
 
-def _field(top: float) -> Look:
+def look_of(top: float) -> Look:
     return {"cmap": FIELD_MAP, "norm": Normalize(0, top or 1.0), "rasterized": True}
 
 
@@ -184,7 +186,7 @@ def _state(axes, z: np.ndarray, y: np.ndarray, cut: dict[str, np.ndarray]) -> No
         axes.scatter(z[chosen], y[chosen], s=2, marker="s", lw=0, color=colour, label=name, rasterized=True)
 
 
-def _front_line(axes, s: Snapshot, places: np.ndarray, **look) -> bool:
+def front_line(axes, s: Snapshot, places: np.ndarray, **look) -> bool:
     """Draw where the damage is one half, at ``places`` (q, 3); False if nothing is cut yet, or all is."""
     cut = s.faces["cut"]
     damage = cut["damage"]
@@ -208,7 +210,7 @@ def _skin(cells: np.ndarray) -> np.ndarray:
     return faces[first[count == 1]]
 
 
-def _plane(s: Snapshot) -> np.ndarray:
+def cut_plane_of(s: Snapshot) -> np.ndarray:
     """Triangles (n, 3) of the cut plane; of a split block those of the side x > 0."""
     faces = _skin(s.cells)
     eps = 1e-9 * np.ptp(s.points[:, 0])

@@ -1,0 +1,214 @@
+"""A cut in motion: a picture a frame, and all of them as one animation.
+
+The stress is beside the force, which grows as the blade goes on. Axes and colours are the same in all frames.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize, to_rgb
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import PlaceHolderLayoutEngine
+from matplotlib.tri import Triangulation
+from PIL import Image
+
+from cutbench.base.figure_style import COLOURS, DOUBLE_MM, FIELD_MAP, GREY, new_figure, style
+from cutbench.base.files import replacing
+from cutbench.run.figures.section import Half, draw_half, frame
+from cutbench.run.figures.solid import TOP_PERCENTILE, cut_plane_of, front_line, look_of
+
+if TYPE_CHECKING:
+    from cutbench.run.result import Result, Snapshot
+
+#: Folder of the single pictures.
+FOLDER = "frames"
+#: Pixels of a picture: 180 mm by 80 mm.
+_HEIGHT_MM, _DPI = 80.0, 140
+#: What an animation lasts, the least and the most of a frame, and the last one more, ms.
+_LASTS, _LEAST, _MOST, _RESTS = 6000, 40, 300, 1500
+#: Where on its curve the force is.
+_POINT = COLOURS["vermilion"]
+
+
+class _Scene(Protocol):
+    """How a snapshot is drawn: the name of its animation, the end of its colours in kPa, its axes, itself."""
+
+    stem: str
+    top_kPa: float
+
+    def limits(self, axes: Axes) -> None: ...
+
+    def draw(self, axes: Axes, snapshot: Snapshot) -> None: ...
+
+
+@dataclass
+class _Section:
+    """The deformed section with the blade, both halves."""
+
+    result: Result
+    stem = "section"
+
+    def __post_init__(self) -> None:
+        self.top_kPa = max(Half(s).top_kPa for s in self.result.frames) or 1.0
+
+    def limits(self, axes: Axes) -> None:
+        frame(axes, self.result.frames, self.result.case.p.height)
+
+    def draw(self, axes: Axes, snapshot: Snapshot) -> None:
+        draw_half(axes, Half(snapshot), self.result.case, self.top_kPa, line=0.12)
+
+
+@dataclass
+class _CutPlane:
+    """The cut plane of a block from the side, its front, and the blade's tip."""
+
+    result: Result
+    stem = "cut_plane"
+
+    def __post_init__(self) -> None:
+        on = ((s, np.unique(cut_plane_of(s))) for s in self.result.frames)
+        tops = [np.percentile(1e3 * s.point_data["von_mises"][nodes], TOP_PERCENTILE) for s, nodes in on]
+        self.top_kPa = float(max(tops)) or 1.0
+
+    def limits(self, axes: Axes) -> None:
+        places = np.concatenate([s.current[cut_plane_of(s).ravel(), 1:] for s in self.result.frames])
+        height = self.result.case.p.height
+        axes.set_xlim(places[:, 1].min(), places[:, 1].max())
+        axes.set_ylim(places[:, 0].min() - 0.03 * height, max(places[:, 0].max(), height) + 0.1 * height)
+        axes.set_xlabel("along the blade (mm)")
+
+    def draw(self, axes: Axes, snapshot: Snapshot) -> None:
+        mesh = Triangulation(snapshot.current[:, 2], snapshot.current[:, 1], cut_plane_of(snapshot))
+        stress_kPa = 1e3 * snapshot.point_data["von_mises"]
+        axes.tripcolor(mesh, stress_kPa, shading="gouraud", **look_of(self.top_kPa))
+        front_line(axes, snapshot, snapshot.faces["cut"]["x"], color="white", lw=0.9)
+        tip = self.result.case.p.height - snapshot.displacement_mm
+        axes.plot(axes.get_xlim(), [tip, tip], color=GREY, lw=0.8, ls=":")
+        axes.set_aspect("equal")
+
+
+def save_frames(result: Result, folder: str | Path) -> dict[str, Path]:
+    """Write ``frames/frame-000.png`` and so on, and section.gif, of a block cut_plane.gif, from the frames.
+
+    Returns the animation's path by name. Where there are no frames nothing is written, and earlier pictures
+    are removed.
+    """
+    folder = Path(folder)
+    pictures = folder / FOLDER
+    written: list[Path] = []
+    paths: dict[str, Path] = {}
+    if result.frames:
+        pictures.mkdir(exist_ok=True)
+        plane = result.frames[0].cell_type.startswith("triangle")
+        scene: _Scene = _Section(result) if plane else _CutPlane(result)
+        for i, picture in enumerate(_pictures(result, scene)):
+            written.append(pictures / f"frame-{i:03d}.png")
+            with replacing(written[-1]) as draft:
+                picture.save(draft, format="png")
+        paths[f"{scene.stem}_gif"] = folder / f"{scene.stem}.gif"
+        _animate(written, paths[f"{scene.stem}_gif"])
+    for old in set(pictures.glob("frame-*.png")) - set(written):
+        old.unlink()
+    for stem in (_Section.stem, _CutPlane.stem):
+        if f"{stem}_gif" not in paths:
+            (folder / f"{stem}.gif").unlink(missing_ok=True)
+    if pictures.is_dir() and not any(pictures.iterdir()):
+        pictures.rmdir()
+    return paths
+
+
+def _pictures(result: Result, scene: _Scene) -> Iterator[Image.Image]:
+    """A picture a frame: of one figure, in which all but the axes' own things changes."""
+    with style():
+        figure, body, force = _figure(result, scene)
+        words = _words(result)
+        line = force.plot([], [], color="black", ls="-", lw=1.1)[0]
+        point = force.plot([], [], "o", color=_POINT, mec="white", mew=0.6, ms=6)[0]
+        times, travel, force_N = (result.curve[name] for name in ("time_s", "displacement_mm", "force_N"))
+        for shown in result.frames:
+            scene.draw(body, shown)
+            count = int(np.searchsorted(times, shown.time_s * (1 + 1e-12), side="right"))
+            line.set_data(travel[:count], force_N[:count])
+            point.set_data(travel[count - 1 : count], force_N[count - 1 : count])
+            body.set_title(words(shown), loc="left", fontsize=8.5)
+            canvas = FigureCanvasAgg(figure)
+            canvas.draw()
+            yield Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+            for artist in [*body.collections, *body.patches, *body.lines]:
+                artist.remove()
+
+
+def _figure(result: Result, scene: _Scene) -> tuple[Figure, Axes, Axes]:
+    """The figure, and in it the axes of the body and of the force, placed once and for all."""
+    figure = new_figure(DOUBLE_MM, _HEIGHT_MM)
+    figure.set_dpi(_DPI)
+    body, force = figure.subplots(1, 2, width_ratios=(1.6, 1))
+    bar = figure.colorbar(
+        ScalarMappable(Normalize(0, scene.top_kPa), FIELD_MAP), ax=body, extend="max", pad=0.015, aspect=28,
+        shrink=0.85, label="von Mises stress (kPa)",
+    )  # fmt: skip
+    bar.outline.set_linewidth(0.5)
+    scene.limits(body)
+    body.set(ylabel="height (mm)", aspect="equal")
+    body.set_title(_words(result)(result.frames[-1]), loc="left", fontsize=8.5)
+    travel, force_N = result.displacement_mm, result.force_N
+    force.set_xlim(0, 1.03 * float(travel.max()))
+    force.set_ylim(1.12 * float(force_N.min(initial=0.0)), 1.12 * float(force_N.max(initial=1e-9)))
+    force.set(xlabel="blade travel (mm)", ylabel="force (N)", box_aspect=0.85)
+    figure.suptitle(result.case.name, x=0.02, ha="left")
+    for _ in range(2):  # the axes that are as wide as high move the others once more
+        figure.canvas.draw()
+    figure.set_layout_engine(PlaceHolderLayoutEngine(adjust_compatible=True, colorbar_gridspec=False))
+    return figure, body, force
+
+
+def _words(result: Result):
+    """What a frame is called, with as many digits as tell one from the next."""
+    frames = result.frames
+    moves = bool(result.case.motion)
+    apart = float(np.ptp(result.displacement_mm)) / len(frames)
+    digits = max(2, math.ceil(-math.log10(apart))) if apart > 0 else 2
+
+    def words(shown: Snapshot) -> str:
+        text = f"blade travel {shown.displacement_mm:.{digits}f} mm"
+        return f"{text}, {shown.time_s:.4g} s" if moves else text
+
+    return words
+
+
+def _palette() -> Image.Image:
+    """The colours of all frames, at most 256: those of the stress, greys, and the point on the curve."""
+    stress = colormaps[FIELD_MAP](np.linspace(0, 1, 200))[:, :3]
+    greys = np.repeat(np.linspace(0, 1, 24)[:, None], 3, axis=1)
+    point = np.array(to_rgb(_POINT)) + (1 - np.array(to_rgb(_POINT))) * np.linspace(0, 0.9, 8)[:, None]
+    holder = Image.new("P", (1, 1))
+    holder.putpalette(np.rint(255 * np.concatenate([stress, greys, point])).astype(np.uint8).tobytes())
+    return holder
+
+
+def _animate(pictures: list[Path], path: Path) -> None:
+    """``pictures`` one after the other as a GIF."""
+    palette = _palette()
+
+    def turned() -> Iterator[Image.Image]:
+        for each in pictures:
+            with Image.open(each) as picture:
+                yield picture.quantize(palette=palette, dither=Image.Dither.NONE)
+
+    each_ms = int(np.clip(_LASTS / len(pictures), _LEAST, _MOST))
+    frames = turned()
+    with replacing(path) as draft:
+        next(frames).save(
+            draft, format="gif", save_all=True, append_images=frames, loop=0,
+            duration=[each_ms] * (len(pictures) - 1) + [each_ms + _RESTS], disposal=1,
+        )  # fmt: skip
