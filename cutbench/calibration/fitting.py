@@ -166,7 +166,7 @@ class _Fitting:
 
     def _weigh(self, noise: Covariance, q: np.ndarray) -> None:
         """Take ``noise`` and what the model misses at ``q`` for the covariance."""
-        self.covariance = allowing(noise, *self.inverse.residuals(q, noise))
+        self.covariance = allowing(noise, *self.inverse.residuals_inside(q, noise))
 
     def _with_measured_error(self, best: lm.Minimum) -> lm.Minimum:
         """The final stage: weights are made where the rough one ended, and again if it moved far."""
@@ -231,17 +231,17 @@ class _Fitting:
     def _estimates(self, best: lm.Minimum) -> tuple[np.ndarray, tuple[Estimate, ...]]:
         covariance = information_inverse(best.J)
         dof = self._degrees_of_freedom(best, covariance)
-        low, high = self.inverse.bounds
+        low, _ = self.inverse.bounds
         # Where the model does not describe the data, what is wrong with it counts as noise.
         covariance = covariance * _excess(best)
         # What was left to do: next to nothing, or what the jags of the computed curves hide.
         covariance = covariance + np.outer(best.outstanding, best.outstanding)
-        found = []
+        found, inside = [], self.inverse.inside(best.q)
         for k, u in enumerate(self.inverse.unknowns):
             q, sd = best.q[k], float(np.sqrt(covariance[k, k]))
             reach = stats.t.ppf((1 + LEVEL) / 2, dof[k]) * sd
             down = u.value(q - reach) if u.logarithmic else u.value(max(q - reach, low[k]))
-            at_bound, moved = bool(min(q - low[k], high[k] - q) < 1e-6), bool(abs(q) > 1e-6)
+            at_bound, moved = not bool(inside[k]), bool(abs(q) > 1e-6)
             spread = down, u.value(q + reach), sd * u.slope(q), float(dof[k])
             found.append(Estimate(u, u.value(q), *spread, at_bound, moved))
         return covariance, tuple(found)

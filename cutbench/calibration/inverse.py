@@ -26,6 +26,8 @@ GRID = 40
 #: change over the length of a step: a reading's derivative by q counts up to so many times the curve's
 #: maximum, and one beyond has an error of this part of the maximum.
 STEEP, JUMP = 6.0, 0.2
+#: What is nearer to a bound, in q, is held by it.
+AT_BOUND = 1e-6
 
 
 def visible(experiment: Experiment, case: Case) -> set[str]:
@@ -131,6 +133,11 @@ class Inverse:
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         reach = np.array([u.reach for u in self.unknowns])
         return reach[:, 0], reach[:, 1]
+
+    def inside(self, q: np.ndarray) -> np.ndarray:
+        """Which of ``q`` (k,) no bound holds."""
+        low, high = self.bounds
+        return (q - low > AT_BOUND) & (high - q > AT_BOUND)
 
     def base(self, q: np.ndarray, experiment: Experiment | None = None) -> Case:
         """The start case with the values at ``q``.
@@ -272,6 +279,13 @@ class Inverse:
             r[e.id] = p.y + covariance.tests[e.id].shift - self.grids[e.id].mean
             J[e.id] = self.slopes(e, p, q)
         return r, J
+
+    def residuals_inside(
+        self, q: np.ndarray, covariance: Covariance
+    ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+        """The same without derivatives by what a bound holds: it takes up nothing that is beyond it."""
+        (r, J), inside = self.residuals(q, covariance), self.inside(q)
+        return r, {id: by * inside for id, by in J.items()}
 
     def whitened(self, q: np.ndarray, covariance: Covariance) -> tuple[np.ndarray, np.ndarray]:
         """Residuals (M,), computed less measured, and their derivatives (M, k)."""

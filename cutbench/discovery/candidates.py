@@ -113,7 +113,8 @@ def family_of(name: str) -> str:
 
 
 def _held(inverse: Inverse, base: Case) -> list[Candidate]:
-    """Parameters that tests without a mesh feel and no fit looks for; none where nothing is a candidate."""
+    """Parameters that tests without a mesh feel and no fit looks for, but for those that the campaign names
+    as fixed; none where nothing is a candidate."""
     if not inverse.campaign.candidates:
         return []
     train = [e for e in inverse.campaign.train if e.kind != "cut"]
@@ -122,7 +123,8 @@ def _held(inverse: Inverse, base: Case) -> list[Candidate]:
     sought, found = {u.name for u in inverse.unknowns}, []
     for name, q in ((n, base.model.parameters()[n]) for n in differentiable(base.model)):
         kinds = tuple(dict.fromkeys(e.kind for e in train if name in visible(e, base)))
-        if name in sought or name not in own or not kinds or len(train) < len(inverse.campaign.train):
+        known = name in sought or name in inverse.campaign.plan.fixed
+        if known or name not in own or not kinds or len(train) < len(inverse.campaign.train):
             continue
         held = replace(q, off=base.values[name] / q.factor)
         found.append(Candidate(name, q.doc, FIXED, (held,), (), ({},), "parameter", kinds))

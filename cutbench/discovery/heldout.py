@@ -19,7 +19,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg import cho_solve, cholesky, solve_triangular
+from scipy.optimize import lsq_linear
 
 from cutbench.data.covariance import Block, Factors
 from cutbench.data.discrepancy import SIZES, Discrepancies
@@ -82,6 +83,11 @@ class Heldout:
         return self.better > self.better_se and max(self.gain, self.gain_of_shape) > 0
 
     @property
+    def worse(self) -> bool:
+        """Whether the plain error grows by more than its standard error, with or without the factor."""
+        return max(self.gain, self.gain_of_shape) < -self.gain_se
+
+    @property
     def tells(self) -> bool:
         """Whether the two models' predictions differ at all and by more than the standard error of the
         difference, and the likelihood and the plain error do not contradict one another within theirs."""
@@ -94,7 +100,7 @@ def decide(before: Point, after: Point) -> Heldout:
     """By the test experiments; where there are none, or they cannot tell the two models apart, by what is
     left out of the fitted ones."""
     by_tests = compare(before, after)
-    if by_tests.how != TESTS or by_tests.tells:
+    if by_tests.how != TESTS or by_tests.tells or by_tests.worse:
         return by_tests
     return compare(before, after, tests=False)
 
@@ -235,10 +241,21 @@ def _without(point: Point, id: str, kept: np.ndarray, rest: np.ndarray) -> np.nd
         more = _information(solve_triangular(L, both[kept], lower=True))
         A, g = A + more[0], g + more[1]
     # What the rest does not determine stays about where it is: q is not known to change by more than 1.
-    step = -np.linalg.solve(A + np.eye(g.size), g)
-    low, high = point.inverse.bounds
-    step = np.clip(point.q + step, low, high) - point.q
-    return point.y[id] + J @ step
+    low, high = (bound - point.q for bound in point.inverse.bounds)
+    return point.y[id] + J @ within(A + np.eye(g.size), g, low, high)
+
+
+def within(A: np.ndarray, g: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """The step (k,) between ``low`` and ``high`` that makes ½ sᵀ A s + gᵀ s least, A positive definite.
+
+    One that a bound stops changes where the others go: cutting the free step off at the bounds would leave
+    them where they only belong beside it.
+    """
+    L = cholesky(A, lower=True)
+    free = cho_solve((L, True), -g)
+    if np.all((low <= free) & (free <= high)):
+        return free
+    return lsq_linear(L.T, L.T @ free, (low, high), method="bvls").x
 
 
 def better_than(one: Point, other: Point) -> Sequence[float]:

@@ -22,13 +22,16 @@ from cutbench.discovery.yardstick import Yardstick
 CHANCE = 0.005
 #: A mechanism is named only if it explains this part of what is wrong.
 SHARE, SHARE_WEAK = 0.3, 0.6
+#: An error of the reading makes no more of what was read than the specimen does.
+OWN = 0.5
 
 
 @dataclass(frozen=True)
 class Tried:
     """A candidate fitted for real. ``gain`` in χ²; ``p_any``: so much by chance for any candidate; ``share``
     of what was wrong; ``behind``: χ² (with the price of its parameters) above the best of the round, and the
-    standard error of that. ``shapes_open``: the train data do not determine its shapes."""
+    standard error of that. ``shapes_open``: the train data do not determine its shapes. ``own``: the part of
+    the curves that the specimen makes."""
 
     score: Score
     point: Point
@@ -39,6 +42,7 @@ class Tried:
     behind: float = 0.0
     behind_se: float = 0.0
     shapes_open: bool = False
+    own: float = 1.0
 
     @property
     def name(self) -> str:
@@ -46,7 +50,8 @@ class Tried:
 
     @property
     def convincing(self) -> bool:
-        return self.p_any < CHANCE and self.share >= SHARE and self.heldout.accepted
+        explains = self.p_any < CHANCE and self.share >= SHARE and self.own >= OWN
+        return explains and self.heldout.accepted
 
 
 @dataclass(frozen=True)

@@ -66,6 +66,12 @@ class Point:
         """Computed less measured (m,) by id."""
         return {id: self.y[id] - self.inverse.grids[id].mean for id in self.w.tests}
 
+    @cached_property
+    def J_inside(self) -> dict[str, np.ndarray]:
+        """``J`` without parameters at a bound: they take up nothing of what is beyond it."""
+        inside = self.inverse.inside(self.q)
+        return {id: J * inside for id, J in self.J.items()}
+
     @property
     def r(self) -> np.ndarray:
         return self.w.white(self.residual)
@@ -82,7 +88,7 @@ class Point:
     @cached_property
     def reweighed(self) -> Covariance:
         """``w`` with what this model misses in place of what its baseline did."""
-        return allowing(self.w.noise, self.residual, self.J)
+        return allowing(self.w.noise, self.residual, self.J_inside)
 
     @cached_property
     def misfit(self) -> dict[str, float]:
@@ -245,3 +251,18 @@ def undetermined(point: Point, c: Candidate) -> bool:
         u.name in names and d * (1 if u.logarithmic else u.scale / max(abs(u.start), 1e-300)) > 1
         for u, d in zip(point.inverse.unknowns, deviations, strict=True)
     )
+
+
+def own_part(point: Point, c: Candidate) -> float:
+    """The part of the computed train curves (root mean square) that the specimen makes where the candidate
+    ``point`` was extended by is an error of the reading or a machine: without it, over with it. 1 of any
+    other, and with a mesh."""
+    if point.meshed or c.cause not in ("reading", "rig"):
+        return 1.0
+    off = {q.name: q.off_value for q in c.strengths}
+    q = [
+        u.q(off[u.name]) if u.name in off else x for u, x in zip(point.inverse.unknowns, point.q, strict=True)
+    ]
+    alone = point.inverse.predictions(np.array(q))
+    size = [(np.sum(alone[id].y ** 2), np.sum(y**2)) for id, y in point.y.items()]
+    return math.sqrt(sum(a for a, _ in size) / sum(b for _, b in size))

@@ -20,8 +20,17 @@ from cutbench.discovery.causes import PRICE, Cause, pruned
 from cutbench.discovery.columns import sense
 from cutbench.discovery.heldout import TESTS, Heldout, better_than, compare, decide
 from cutbench.discovery.numerical import numerical_columns
-from cutbench.discovery.outcome import CHANCE, SHARE, SHARE_WEAK, Discovery, NumericalCauses, Round, Tried
-from cutbench.discovery.point import Point, extend, point_of, settled, undetermined
+from cutbench.discovery.outcome import (
+    CHANCE,
+    OWN,
+    SHARE,
+    SHARE_WEAK,
+    Discovery,
+    NumericalCauses,
+    Round,
+    Tried,
+)
+from cutbench.discovery.point import Point, extend, own_part, point_of, settled, undetermined
 from cutbench.discovery.protocol import Proposal, cut_proposals, proposals, sentence
 from cutbench.discovery.score import Score, Scores, deviations, score
 from cutbench.discovery.where import sections
@@ -213,7 +222,8 @@ def _round(point: Point, run: Predictor, seed: int, on_progress: OnProgress) -> 
         gain = max(after.likelihood - point.likelihood, 0.0)
         # Where chance made the residual as small as noise, what gains anything gains all of it.
         share = max(1 - wrong.left(after), 0.0)
-        tried.append(Tried(s, after, held, gain, scores.p_any(s.name, gain), share, shapes_open=kept))
+        tried.append(Tried(s, after, held, gain, scores.p_any(s.name, gain), share, shapes_open=kept,
+                           own=own_part(after, s.column.candidate)))  # fmt: skip
     tried, group = _ordered(tried, scores, point.meshed)
     # A residual that is not significant as a whole needs a candidate that explains most of it.
     needed = SHARE if scores.p_residual < CHANCE else SHARE_WEAK
@@ -308,13 +318,15 @@ def _ordered(tried: list[Tried], scores: Scores, meshed: bool) -> tuple[list[Tri
         predicted = t.heldout.better if t.heldout.how == TESTS else 0.0
         return PRICE * len(t.score.column.candidate.parameters) - t.point.likelihood - predicted
 
-    tried = sorted(tried, key=lambda t: (cost(t), t.name))
+    # What leaves nothing of the specimen explains nothing.
+    tried = sorted(tried, key=lambda t: (t.own < OWN, cost(t), t.name))
     best, placed = tried[0], []
     for t in tried:
         rise, se = better_than(t.point, best.point)
         placed.append(replace(t, behind=rise, behind_se=se))
     apart = APART_MESHED if meshed else APART
-    group = [t.name for t in placed if t is placed[0] or t.behind < apart * t.behind_se]
+    alike = [t for t in placed if t.own >= OWN and t.behind < apart * t.behind_se]
+    group = [t.name for t in placed if t is placed[0] or t in alike]
     fitted = {t.name for t in placed}
     for s in scores.scores:
         # Those that were not fitted count by their first order.

@@ -47,10 +47,10 @@ class Yardstick:
 
     def left(self, point: Point) -> float:
         """The part of what the first model gets wrong that ``point`` does; none where nothing is wrong."""
-        return self._part(self.of(point.residual, point.J))
+        return self._part(self.of(point.residual, point.J_inside))
 
     def _part(self, wrong: float) -> float:
-        whole = self.of(self.first.residual, self.first.J)
+        whole = self.of(self.first.residual, self.first.J_inside)
         return wrong / whole if whole > 0 else 0.0
 
     def after(self, sensed: Sensed, score: Score) -> float:
