@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from benchmarks.real import CAMPAIGNS
 from cutbench.base.errors import BadInput
 from cutbench.case.case import load_case
 from cutbench.case.model import DEFAULT, PAPER
@@ -225,6 +226,12 @@ MEASURED = {
     "rubber/treloar_1944_uniaxial.txt": "db4ed08046a06baa",
     "rubber/treloar_1944_pure_shear.txt": "f250f2bc20d9ca47",
     "rubber/treloar_1944_equibiaxial.txt": "ff959fda9dfecac8",
+    "rubber/kawabata_1981_uniaxial.txt": "c36e9188edbde74a",
+    "rubber/kawabata_1981_pure_shear.txt": "c8b3df70fa4b80e5",
+    "rubber/kawabata_1981_equibiaxial.txt": "374d5a9a37ea54d3",
+    "silicone/ecoflex_00_30.csv": "34c00bcc55c401e2",
+    "silicone/ecoflex_00_50.csv": "6e902c87b804fa69",
+    "silicone/dragon_skin_20.csv": "5921554fe92a14ee",
     "silicone/rtv615.csv": "f6c927618c3c3520",
     "silicone/meunier_2008_uniaxial.txt": "06dc7d0c8901dbee",
     "silicone/meunier_2008_pure_shear.txt": "7e5bddcc61b3ede8",
@@ -238,7 +245,7 @@ def test_measured_files_are_as_published(name):
     assert hashlib.sha256(raw).hexdigest()[:16] == MEASURED[name]
 
 
-@pytest.mark.parametrize("name", ["rubber/treloar", "silicone/rtv615", "silicone/meunier"])
+@pytest.mark.parametrize("name", CAMPAIGNS)
 def test_studies_load_and_are_drawn(name, tmp_path):
     done = CliRunner().invoke(app, ["data", str(STUDIES / f"{name}.toml"), "--out", str(tmp_path)])
     assert done.exit_code == 0, done.output

@@ -13,6 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 import cutbench
+from benchmarks.real import CAMPAIGNS
 from cutbench.case.model import PROTOCOL, SPECIMEN, section_of
 from cutbench.cli.main import app
 from cutbench.data.campaign import load_campaign
@@ -27,7 +28,7 @@ IN_WHEEL = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["
 
 def test_examples_are_copied_and_can_be_read(tmp_path):
     folder = cutbench.copy_examples(tmp_path / "examples")
-    for name in ("rubber/treloar", "silicone/meunier", "silicone/rtv615", "synthetic/cutting"):
+    for name in (*CAMPAIGNS, "synthetic/cutting"):
         assert load_campaign(folder / f"{name}.toml").train
     assert load_study(folder / "transition.toml").axes
     assert not (folder / "results").exists()
