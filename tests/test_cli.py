@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
+from pathlib import Path
+from shutil import copy
 from types import SimpleNamespace
 
 import numpy as np
@@ -88,6 +91,37 @@ def test_several_runs_are_drawn_into_one_picture(solver, tmp_path):
     assert ">meat<" in text and ">gelatin<" in text
     assert invoke("plot", *both, "--out", tmp_path / "both.gif").exit_code == 2
     assert invoke("plot", both[0], tmp_path / "nowhere", "--out", tmp_path / "b.png").exit_code == 2
+
+
+@pytest.mark.parametrize(
+    ("size", "width_mm", "ratio", "type_pt"), [("paper", 85.0, None, 8.0), ("slide", 160.0, 16 / 9, 11.0)]
+)
+def test_a_picture_has_the_size_and_the_type_that_are_asked_for(
+    size, width_mm, ratio, type_pt, solver, tmp_path
+):
+    assert invoke("run2d", "meat", "--out", tmp_path / "run").exit_code == 0
+    (tmp_path / "map").mkdir()
+    copy(Path(__file__).parents[1] / "studies" / "results" / "boundary" / "map.nc", tmp_path / "map")
+    for sources in (["run"], ["run", "run"], ["map"]):
+        out = tmp_path / "out.svg"
+        done = invoke("plot", *(tmp_path / each for each in sources), "--out", out, "--size", size)
+        assert done.exit_code == 0, done.output
+        head = re.search(r'width="([\d.]+)pt" height="([\d.]+)pt"|$', text := out.read_text(encoding="utf-8"))
+        width, height = (float(pt) / 72 * 25.4 for pt in head.groups())
+        assert width == pytest.approx(width_mm, abs=0.1)
+        assert ratio is None or width / height == pytest.approx(ratio, rel=1e-3)
+        # What is smaller is a subscript.
+        types = [float(pt) for pt in re.findall(r"font-size: ([\d.]+)px", text)]
+        assert max(types) == pytest.approx(type_pt) and types.count(max(types)) > 0.6 * len(types)
+
+
+def test_a_size_needs_a_file_and_a_name_that_is_known(solver, tmp_path):
+    assert invoke("run2d", "meat", "--out", tmp_path).exit_code == 0
+    wrong = {"--out": ["--size", "paper"], "poster": ["--size", "poster", "--out", tmp_path / "a.pdf"]}
+    for named, options in wrong.items():
+        done = invoke("plot", tmp_path, *options)
+        assert done.exit_code == 2 and named in done.output
+        assert "Traceback" not in done.output and not (tmp_path / "a.pdf").exists()
 
 
 def test_default_folder_names_the_case(solver, tmp_path, monkeypatch):

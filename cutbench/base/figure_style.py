@@ -9,8 +9,9 @@ import io
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import matplotlib
 from matplotlib.artist import Artist
@@ -19,6 +20,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.rcsetup import cycler
+from matplotlib.text import Text
 
 from cutbench.base.files import replacing
 
@@ -30,6 +32,21 @@ Look = dict[str, Any]
 
 #: Widths of one and two journal columns, mm.
 SINGLE_MM, DOUBLE_MM = 85.0, 180.0
+
+
+@dataclass(frozen=True)
+class Size:
+    """What a picture is made for: its width and, where that is fixed, its height in mm, its type in pt, and
+    what a PNG of it has in dots per inch."""
+
+    width_mm: float
+    text_pt: float
+    height_mm: float | None = None
+    dpi: float = 300.0
+
+
+#: A journal column; a slide of 16:9, which beamer makes 160 mm wide, in 1920 by 1080 pixels.
+SIZES = {"paper": Size(SINGLE_MM, 8.0, dpi=600.0), "slide": Size(160.0, 11.0, 90.0, dpi=304.8)}
 
 #: Okabe & Ito's colours (https://jfly.uni-koeln.de/color/), black first.
 COLOURS = {
@@ -99,11 +116,27 @@ RC: dict[RcKeyType, Any] = {
 }
 
 
+#: What sets type.
+_TYPE: tuple[RcKeyType, ...] = (
+    "font.size", "axes.titlesize", "axes.labelsize", "xtick.labelsize", "ytick.labelsize", "legend.fontsize",
+    "figure.titlesize",
+)  # fmt: skip
+
+
 @contextmanager
-def style() -> Iterator[None]:
-    """Draw inside this: the style holds there and leaves a caller's own settings alone."""
-    with matplotlib.rc_context(RC):
+def style(size: Size | None = None) -> Iterator[None]:
+    """Draw inside this: the style holds there, with the type of ``size``, and leaves a caller's own settings
+    alone."""
+    with matplotlib.rc_context(RC if size is None else RC | dict.fromkeys(_TYPE, size.text_pt)):
         yield
+
+
+def one_type(figure: Figure, size: Size | None) -> None:
+    """All text of ``figure`` in the type of ``size``."""
+    if size is None:
+        return
+    for text in figure.findobj(Text):
+        cast("Text", text).set_fontsize(size.text_pt)
 
 
 def new_figure(width_mm: float = SINGLE_MM, height_mm: float = 60.0) -> Figure:
@@ -112,6 +145,11 @@ def new_figure(width_mm: float = SINGLE_MM, height_mm: float = 60.0) -> Figure:
     figure = Figure(figsize=(width_mm / 25.4, height_mm / 25.4), layout=layout)
     FigureCanvasAgg(figure)
     return figure
+
+
+def sized(size: Size, height_mm: float) -> Figure:
+    """An empty figure of ``size``, so high where that leaves it open."""
+    return new_figure(size.width_mm, size.height_mm or height_mm)
 
 
 def own_axes() -> Axes:
@@ -148,20 +186,34 @@ def legend_below(figure: Figure, axes: Iterable[Axes], columns: int) -> None:
     figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=columns)
 
 
-def save(figure: Figure, path: str | Path, *, also: Sequence[str] = ()) -> list[Path]:
-    """Write ``figure`` to ``path`` (format by its suffix; png at 300 dpi) and beside it as ``also`` says.
+def legend_in_rows(figure: Figure, handles: Sequence[Artist], loc: Any) -> None:
+    """One legend outside the axes, in as few rows as the figure is wide enough for."""
+    for columns in range(len(handles), 0, -1):
+        look: Look = {"ncols": columns, "columnspacing": 1.4, "handletextpad": 0.5}
+        legend = figure.legend(handles=handles, loc=loc, **look)
+        if columns == 1 or legend.get_window_extent().width < figure.bbox.width:
+            return
+        legend.remove()
+
+
+def save(
+    figure: Figure, path: str | Path, *, also: Sequence[str] = (), size: Size | None = None
+) -> list[Path]:
+    """Write ``figure`` to ``path`` (format by its suffix; png at 300 dpi, or that of ``size``) and beside it
+    as ``also`` says.
 
     ``save(fig, "phase.png", also=("svg", "pdf"))``. Each file appears whole or not at all. Returns the paths.
     """
     path = Path(path)
     first = path.suffix.lstrip(".") or "png"
     written = []
+    dpi = RC["savefig.dpi"] if size is None else size.dpi
     for kind in dict.fromkeys((first, *(a.lstrip(".") for a in also))):
         # The date would make two pictures of the same run differ.
         metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
         target = path.with_suffix(f".{kind}")
         with replacing(target) as draft, style():
-            figure.savefig(draft, format=kind, metadata=metadata)
+            figure.savefig(draft, format=kind, metadata=metadata, dpi=dpi)
         written.append(target)
     return written
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from textwrap import fill
 
 import numpy as np
 import xarray as xr
@@ -21,7 +22,17 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from cutbench.base.figure_style import DOUBLE_MM, Look, new_figure, save, style
+from cutbench.base.figure_style import (
+    DOUBLE_MM,
+    Look,
+    Size,
+    legend_in_rows,
+    new_figure,
+    one_type,
+    save,
+    sized,
+    style,
+)
 from cutbench.maps.axes import BOUNDARY, ONE
 from cutbench.maps.boundary import SURE
 from cutbench.maps.confirmed_points import FOLDER, RECORD, draw_confirmed, handles_of, read_confirmed
@@ -42,6 +53,7 @@ from cutbench.maps.estimates import estimated_margin
 from cutbench.maps.line import draw_line, draw_strips, strip_handles
 from cutbench.maps.marked_points import draw_materials, marks_of
 from cutbench.maps.marked_points import handles_of as handles_of_marks
+from cutbench.maps.panels import figure_of, label, panel_key, title
 from cutbench.run.measures import ABRUPT, SMOOTH, UNCUT, UNDECIDED
 
 _MARKERS: dict[str, Look] = {
@@ -51,6 +63,8 @@ _MARKERS: dict[str, Look] = {
     UNCUT: {"marker": "_", "mfc": "black", "mec": "black", "ms": 5, "mew": 1.0, "label": "no cut"},
     NOT_COMPUTED: {"marker": "x", "mec": "0.35", "ms": 4, "mew": 0.9, "label": "not computed"},
 }
+#: Of a line in a legend beside the panels.
+_LETTERS = 26
 #: Points along each axis at which the classical estimates are drawn.
 _TRIED = 13
 _DASHES = (0, (4, 1.5, 1, 1.5))
@@ -58,22 +72,20 @@ MISSING = "to come"
 _MARKERS[MISSING] = {"marker": ".", "mec": "0.55", "mfc": "0.55", "ms": 3.5, "mew": 0.0, "label": MISSING}
 
 
-def draw_phase(data: xr.Dataset, confirmed: Sequence[Mapping] = ()) -> Figure:
+def draw_phase(data: xr.Dataset, confirmed: Sequence[Mapping] = (), size: Size | None = None) -> Figure:
     """The figure of a map as ``cutbench.maps.dataset.build_map`` makes it, complete or not.
 
     ``confirmed``: points run in three dimensions, as ``read_confirmed`` gives them; grids show them.
     """
     if list(data["label"].dims) != axes_of(data):
-        return draw_samples(data)
+        return draw_samples(data, size)
     whole, fixed = _reduce(data)
     x, y, panel = (whole.attrs[f"plot_{name}"] for name in ("x", "y", "panel"))
     data, whole = panels_of(whole, panel)
     panels = data.sizes[panel] if panel else 1
-    columns = 2 if panels == 4 else min(3, panels)
-    rows = math.ceil(panels / columns)
-    with style():
-        figure = new_figure(DOUBLE_MM, (66 if columns > 1 else 84) * rows + 16)
-        axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    short = size is not None and panels > 1
+    with style(size):
+        figure, axes = figure_of(panels, size)
         top = _top(whole)
         marks, outside = marks_of(data, x, y, panel)
         seen: set[str] = set()
@@ -95,22 +107,19 @@ def draw_phase(data: xr.Dataset, confirmed: Sequence[Mapping] = ()) -> Figure:
             seen |= _points(ax, slab(whole, data, panel, k) if panel else part, x, y)
             draw_materials(ax, [m for m in marks if m["panel"] == k], x, y, part, top)
             solid |= draw_confirmed(ax, confirmed, part, x, y, (panel, k, data[panel or x]))
-            _title(ax, data, panel, k, panels > 1)
-            if k // columns == rows - 1 or k + columns >= panels:
-                ax.set_xlabel(axis_text(data[x]))
-                ax.tick_params(labelbottom=True)
-            if k % columns == 0:
-                ax.set_ylabel(axis_text(data[y]) if y else "relative force drop")
+            title(ax, data, panel, k, lettered=panels > 1, short=short)
         if image is not None:
             bar = figure.colorbar(image, ax=list(axes.flat), pad=0.015, aspect=28, shrink=0.96)
             bar.set_label("relative force drop")
             bar.ax.axhline(data.attrs["drop_threshold"], color="black", lw=1.4)
             bar.outline.set_linewidth(0.6)
         extra = [*handles_of_marks(marks, top), *handles_of(solid)]
-        _legend(figure, data, seen, bool(y), bridged, classical, extra)
+        extra += panel_key(data, panel, panels) if short else []
+        _legend(figure, data, seen, bool(y), bridged, classical, extra, size)
         note = "; ".join([*fixed, *([f"outside the map: {', '.join(outside)}"] if outside else [])])
-        if note:
-            figure.supxlabel(note, fontsize=7.5, color="0.3")
+        drawn = axis_text(data[y]) if y else "relative force drop"
+        label(figure, axes, panels, axis_text(data[x]), drawn, note, short=short)
+        one_type(figure, size)
     return figure
 
 
@@ -243,13 +252,13 @@ def _points(ax: Axes, part: xr.Dataset, x: str, y: str) -> set[str]:
     return seen
 
 
-def draw_samples(data: xr.Dataset) -> Figure:
+def draw_samples(data: xr.Dataset, size: Size | None = None) -> Figure:
     """Runs that do not lie on a grid: the drop over each axis, the regimes as markers."""
     names = axes_of(data)
-    columns = min(3, len(names))
+    columns = min(3, len(names)) if size is None or size.height_mm else 1
     rows = math.ceil(len(names) / columns)
-    with style():
-        figure = new_figure(DOUBLE_MM, 58 * rows + 16)
+    with style(size):
+        figure = sized(size, 52 * rows + 24) if size else new_figure(DOUBLE_MM, 58 * rows + 16)
         axes = figure.subplots(rows, columns, sharey=True, squeeze=False)
         seen: set[str] = set()
         for k, ax in enumerate(axes.flat):
@@ -272,20 +281,9 @@ def draw_samples(data: xr.Dataset) -> Figure:
             ax.set_xlabel(axis_text(data[names[k]]))
             if k % columns == 0:
                 ax.set_ylabel("relative force drop")
-        _legend(figure, data, seen, False, False, False)
+        _legend(figure, data, seen, False, False, False, size=size)
+        one_type(figure, size)
     return figure
-
-
-def _title(ax: Axes, data: xr.Dataset, panel: str, level: int, lettered: bool) -> None:
-    if lettered:
-        ax.set_title(chr(ord("a") + level), loc="left", fontweight="bold")
-    if not panel:
-        return
-    value = data[panel].values[level]
-    if mechanism := data[panel].attrs.get("mechanism"):
-        ax.set_title(f"{'with' if value else 'without'} {mechanism}", fontsize=8.5)
-    else:
-        ax.set_title(f"{symbol(data[panel])} = {value:.3g}{unit_of(data[panel])}", fontsize=8.5)
 
 
 def _legend(
@@ -296,6 +294,7 @@ def _legend(
     bridged: bool,
     classical: bool,
     extra: Sequence[Line2D] = (),
+    size: Size | None = None,
 ) -> None:
     handles: list[Artist] = [Line2D([], [], ls="", **look) for name, look in _MARKERS.items() if name in seen]
     text = f"boundary: drop of {100 * data.attrs['drop_threshold']:g} % within a blade thickness"
@@ -311,10 +310,10 @@ def _legend(
     if classical:
         handles.append(Line2D([], [], color="0.25", lw=0.9, ls=_DASHES, label="classical estimate"))
     handles += extra
-    # In as few rows as the figure is wide enough for.
-    for columns in range(len(handles), 0, -1):
-        look = {"ncols": columns, "columnspacing": 1.4, "handletextpad": 0.5}
-        legend = figure.legend(handles=handles, loc="outside upper center", **look)
-        if columns == 1 or legend.get_window_extent().width < figure.bbox.width:
-            return
-        legend.remove()
+    if size is None or size.height_mm is None:
+        legend_in_rows(figure, handles, "outside upper center")
+        return
+    for handle in handles:  # a slide has room at its side
+        text = str(handle.get_label())
+        handle.set_label(text if "$" in text else fill(text, _LETTERS))
+    figure.legend(handles=handles, loc="outside right center")

@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from cutbench.cli.options import exits
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from cutbench.base.figure_style import Size
+
+#: What can be drawn.
+_SOURCE = "a folder with run.json or map.nc in it, or a map.nc"
 
 
 @exits
@@ -21,14 +29,24 @@ def plot(
         typer.Option(metavar="MAP.nc", help="A grid's map: count where the boundary that was sought agrees."),
     ] = None,
     out: Annotated[
-        Path, typer.Option(metavar="FILE", help="Picture of several runs: .png, .svg or .pdf.")
-    ] = Path("curves.png"),
+        Path | None,
+        typer.Option(metavar="FILE", help="One picture, .png, .svg or .pdf; of several runs: curves.png."),
+    ] = None,
+    size: Annotated[
+        str | None,
+        typer.Option(
+            metavar="paper|slide",
+            help="Of that picture: one column of a journal, 85 mm with 8 pt; or 16:9 with large type.",
+        ),
+    ] = None,
 ) -> None:
     """Draw the pictures of a run or a map again, a map also as a page; or several runs in one picture."""
     from cutbench.base.errors import BadInput
 
     if len(sources) > 1:
-        typer.echo(_together(sources, out))
+        out = out or Path("curves.png")
+    if out is not None or size is not None:
+        typer.echo(_picture(sources, out, size))
         return
     (source,) = sources
     grid = source / "map.nc" if source.is_dir() else source
@@ -63,23 +81,53 @@ def plot(
             other = against / "map.nc" if against.is_dir() else against
             typer.echo(agreement(data, load_map(other)).text())
     else:
-        raise BadInput("DIR|MAP.nc", str(source), "a folder with run.json or map.nc in it, or a map.nc")
+        raise BadInput("DIR|MAP.nc", str(source), _SOURCE)
     for path in paths:
         typer.echo(path)
 
 
-def _together(sources: list[Path], out: Path) -> Path:
-    """The forces of several runs in one picture."""
+def _picture(sources: list[Path], out: Path | None, name: str | None) -> Path:
+    """One picture in one file: of a run, a map, or the forces of several runs."""
     from cutbench.base.errors import BadInput
-    from cutbench.run.figures import plot_curves, save
+    from cutbench.base.figure_style import SIZES, save
+    from cutbench.base.toml import among
+
+    if out is None or out.suffix not in (".png", ".svg", ".pdf") or not out.parent.is_dir():
+        expected = "a file ending in .png, .svg or .pdf, in a folder that is there"
+        raise BadInput("--out", "(missing)" if out is None else str(out), expected)
+    if name is not None:
+        among("--size", name, SIZES)
+    size = None if name is None else SIZES[name]
+    source = sources[0]
+    grid = source / "map.nc" if source.is_dir() else source
+    if len(sources) > 1:
+        figure = _together(sources, size)
+    elif (source / "run.json").is_file():
+        from cutbench.run.figures import plot_curve
+        from cutbench.run.files import read_run
+
+        figure = plot_curve(read_run(source), size)
+    elif grid.is_file():
+        from cutbench.maps.confirmed_points import FOLDER, RECORD, read_confirmed
+        from cutbench.maps.dataset import load_map
+        from cutbench.maps.phase import draw_phase
+
+        data = load_map(grid)
+        figure = draw_phase(data, read_confirmed(grid.parent / FOLDER / RECORD, data), size)
+    else:
+        raise BadInput("DIR|MAP.nc", str(source), _SOURCE)
+    return save(figure, out, size=size)[0]
+
+
+def _together(sources: list[Path], size: Size | None) -> Figure:
+    """The forces of several runs in one picture."""
+    from cutbench.run.figures import plot_curves
     from cutbench.run.files import read_run
 
-    if out.suffix not in (".png", ".svg", ".pdf") or not out.parent.is_dir():
-        raise BadInput("--out", str(out), "a file ending in .png, .svg or .pdf, in a folder that is there")
     runs = {source: read_run(source) for source in sources}
     names = [run.case.name for run in runs.values()]
     alike = len(set(names)) < len(names)
     shown = {
         f"{run.case.name} ({source.name})" if alike else run.case.name: run for source, run in runs.items()
     }
-    return save(plot_curves(shown), out)[0]
+    return plot_curves(shown, size)

@@ -18,8 +18,12 @@ from cutbench.base.figure_style import (
     LINE_COLOURS,
     LINES,
     Look,
+    Size,
     force_from_zero,
+    legend_in_rows,
     new_figure,
+    one_type,
+    sized,
     style,
 )
 from cutbench.mechanisms import registry
@@ -31,32 +35,46 @@ if TYPE_CHECKING:
 
 #: Of both panels with the legend beside them: a column and a half.
 WIDTH_MM = 140.0
+#: Width of a letter, mean, in mm for each pt of type.
+_LETTER = 0.18
 #: Entries that never reach this share of the largest force are drawn together.
 NEGLIGIBLE = 0.005
 #: Labels of entries that are not in the registry.
 NO_MECHANISM = {SNAP: "unresolved jumps", TRANSFER: "new meshes"}
 
 
-def plot_curve(result: Result) -> Figure:
+def plot_curve(result: Result, size: Size | None = None) -> Figure:
     """Force on the blade (N) over its travel (mm), above the same force split by mechanism.
 
     The split is the slope of each mechanism's work over half the blade's thickness of travel, because a
     single step's share is noisy. What takes up work is stacked above zero; what gives it back (released
-    elastic energy) is stacked below; both together are the force.
+    elastic energy) is stacked below; both together are the force. Of a ``size`` the legend is below, and
+    where that is as high as a slide the panels stand side by side.
     """
     window_mm = getattr(result.case.p, "thickness", 0.7) / 2
-    with style():
-        figure = new_figure(WIDTH_MM, 100)
-        top, low = figure.subplots(2, 1, sharex=True)
+    beside = size is not None and size.height_mm is not None
+    with style(size):
+        figure = new_figure(WIDTH_MM, 100) if size is None else sized(size, 115)
+        top, low = figure.subplots(1, 2) if beside else figure.subplots(2, 1, sharex=True)
         draw_force(top, result)
         _split(low, result, window_mm)
         low.set_xlabel("blade travel (mm)")
-        low.set_xlim(0, 1.02 * (float(np.max(result.displacement_mm, initial=0.0)) or 1.0))
-        figure.align_ylabels([top, low])
+        for axes in (top, low):
+            axes.set_xlim(0, 1.02 * (float(np.max(result.displacement_mm, initial=0.0)) or 1.0))
+        if beside:
+            top.set_xlabel("blade travel (mm)")
+        else:
+            figure.align_ylabels([top, low])
         figure.suptitle(result.case.name, x=0.02, ha="left")
-        top.set_title("\n".join(wrap(result.sentence(), 72)), loc="left", fontsize=7.5)
+        across = (0.45 if beside else 0.8) * size.width_mm if size is not None else 0.0
+        letters = 72 if size is None else int(across / (_LETTER * size.text_pt))
+        top.set_title("\n".join(wrap(result.sentence(), letters)), loc="left", fontsize=7.5)
+        low.set_title("\n".join(wrap(low.get_title("left"), letters)), loc="left", fontsize=7.5, color=GREY)
+        one_type(figure, size)
         handles, names = low.get_legend_handles_labels()
-        if handles:
+        if size is not None:
+            legend_in_rows(figure, [*handles[::-1]], "outside lower center")
+        elif handles:
             # Outside the axes, where it hides no areas; the last in the list is the first from below.
             figure.legend(handles[::-1], names[::-1], loc="outside right center")
     return figure
@@ -66,15 +84,18 @@ def plot_curve(result: Result) -> Figure:
 FORCE = "force"
 
 
-def plot_curves(results: Mapping[str, Result]) -> Figure:
+def plot_curves(results: Mapping[str, Result], size: Size | None = None) -> Figure:
     """Forces (N) over travel (mm) of several runs in one picture, each under the name that it is given."""
-    with style():
-        figure = new_figure(WIDTH_MM, 80)
+    with style(size):
+        figure = new_figure(WIDTH_MM, 80) if size is None else sized(size, 75)
         axes = figure.subplots()
         for name, result in results.items():
             axes.plot(result.displacement_mm, result.force_N, label="\n".join(wrap(name, 24)))
         force_from_zero(axes, "blade travel (mm)")
-        figure.legend(loc="outside right center")
+        if size is None:
+            figure.legend(loc="outside right center")
+        else:
+            legend_in_rows(figure, axes.get_legend_handles_labels()[0], "outside lower center")
     return figure
 
 
