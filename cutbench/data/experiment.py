@@ -47,10 +47,13 @@ FEWEST = 5
 
 
 def area_of(kind: str, specimen: Mapping[str, float]) -> float | None:
-    """Area over which the force acts, mm²; where it is not written, the product of two sides."""
+    """Area over which the force acts, mm²; where it is not written, that of the ``diameter``, or the product
+    of two sides."""
     sides = ("width", "thickness") if kind in HOMOGENEOUS else ("width", "length")
     if "area" in specimen:
         return specimen["area"]
+    if "diameter" in specimen:
+        return math.pi / 4 * specimen["diameter"] ** 2
     return specimen[sides[0]] * specimen[sides[1]] if all(s in specimen for s in sides) else None
 
 

@@ -32,9 +32,21 @@ _ABSCISSA = {
 _ORDINATE = {"cut": ("force",), **dict.fromkeys((*HOMOGENEOUS, "sliding", "separation"), ("force", "stress"))}
 _SPECIMEN = {
     "cut": ("width", "length", "height", "precut"),
-    **dict.fromkeys(HOMOGENEOUS, ("length", "area", "width", "thickness")),
-    "sliding": ("area", "length", "width"),
-    "separation": ("area", "length", "width"),
+    **dict.fromkeys(HOMOGENEOUS, ("length", "area", "diameter", "width", "thickness")),
+    "sliding": ("area", "diameter", "length", "width"),
+    "separation": ("area", "diameter", "length", "width"),
+}
+#: What tests are called elsewhere, and what they are here.
+_MEANT = {
+    "cutting": "cut",
+    **dict.fromkeys(("tension", "tensile"), "uniaxial"),
+    **dict.fromkeys(
+        ("compression", "compressive"),
+        "uniaxial, with factors = { displacement = -1, force = -1 } if the machine counts down as positive",
+    ),
+    "biaxial": "equibiaxial",
+    "friction": "sliding",
+    "planar": "pure_shear",
 }
 _EVERY = (
     "id", "kind", "data", "columns", "units", "factors", "specimen", "speed", "role", "from", "until",
@@ -82,6 +94,8 @@ def read_experiment(table: Mapping[str, object], folder: Path) -> Experiment:
 
     Raises BadInput; where the fault is in a data file, the error names that file and its line.
     """
+    if (meant := _MEANT.get(str(table.get("kind")).lower())) is not None:
+        raise BadInput(key="kind", value=str(table["kind"]), expected=meant)
     kind = _choice(table, "kind", KINDS)
     for key in table:
         if key not in (*_EVERY, *_EXTRA[kind]):
@@ -94,6 +108,9 @@ def read_experiment(table: Mapping[str, object], folder: Path) -> Experiment:
     name = written("id", name, "a name, such as id = 'slow'", value=_shown(name))
     role = _choice(table, "role", ROLES, "train")
     specimen = _lengths(table, "specimen", _SPECIMEN[kind])
+    if {"area", "diameter"} <= specimen.keys():
+        expected = "the area or the diameter, not both"
+        raise BadInput(key="specimen.diameter", value=f"{specimen['diameter']:g} mm", expected=expected)
     columns = _columns(table, kind)
     _need_specimen(kind, specimen, columns)
     blade = _lengths(table, "blade", ("thickness", "tip", "edge_radius", "shoulder")) if kind == "cut" else {}
@@ -216,7 +233,7 @@ def _need_specimen(kind: str, specimen: Mapping[str, float], columns: Mapping) -
     for name in needed:
         if name not in specimen:
             unit = "mm^2" if name == "area" else "mm"
-            expected = f"specimen = {{ {name} = '… {unit}' }}"
+            expected = f"specimen = {{ {name} = '… {unit}' }}" + ", or its diameter" * (name == "area")
             raise BadInput(key=f"specimen.{name}", value="(missing)", expected=expected)
 
 
