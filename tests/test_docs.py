@@ -206,5 +206,6 @@ def test_links_lead_somewhere():
 
 def anchors(page: Path) -> set[str]:
     """What the headings of a page are called in links."""
-    heads = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.M)
+    text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)
+    heads = re.findall(r"^#+ (.*)$", text, re.M)
     return {re.sub(r"[^\w\- ]", "", head.lower()).replace(" ", "-") for head in heads}

@@ -62,6 +62,8 @@ def test_a_point_has_its_groups_and_what_they_are_in_units(folders):
     case = load_case("gelatin", {"cohesion": 30.0, "viscosity": 0.2, "adhesion": 0.187})
     assert value == pytest.approx(1e3 * case.p.G_c, rel=1e-3)
     assert known["adhesion"][1] == pytest.approx([0.187, 1e3 * case.p.tau_W], rel=1e-3)
+    fixed = {q["name"]: q["fixed"] for q in found["quantities"]}
+    assert fixed["speed"] == [0.021, 0.021] and fixed["thickness"] == [0.7, 0.7], "what groups are made of"
     assert known["viscosity"][1] == pytest.approx([0.2, case.p.eta_reg], rel=1e-3)
 
 

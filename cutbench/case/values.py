@@ -288,12 +288,15 @@ def _misshapen(tool: Tool, p: SimpleNamespace, numerics: Numerics) -> Iterator[t
     if (radius := tool.edge_radius(p)) < least:
         now, fit = getattr(p, key), tool.edge_for(p, least)
         article = "an" if key[0] in "aeiou" else "a"
-        other = f"most {_below(fit):g}" if fit < now else f"least {_below(1.1 * fit):g}"
+        q = {each.name: each for each in tool.parameters}[key]
+        best, unit = fit / q.factor, "" if q.unit == "1" else f" {q.unit}"
+        other = f"most {_below(best):g}" if fit < now else f"least {_below(1.1 * best):g}"
         yield (
             key,
-            f"{now:g} mm",
+            q.show(now),
             f"a tip that the mesh resolves: {formula} is {radius:.3g} mm, less than h/20 = {least:.3g} mm;"
-            f" h = '{_below(radius / TIP_PER_ELEMENT):g} mm' would do, or {article} {key} of at {other} mm",
+            f" h = '{_below(radius / TIP_PER_ELEMENT):g} mm' would do,"
+            f" or {article} {key} of at {other}{unit}",
         )
 
 

@@ -187,8 +187,9 @@ def plain(symbol: str) -> str:
 def _quantities(
     data: xr.Dataset, runs: list[_Run], results: list[Result | None]
 ) -> tuple[list[dict], list[list[tuple[float | None, float | None]]]]:
-    """The groups of the runs' laws and the parameter that each of them sets; and by run, group and parameter
-    of those that are not the same everywhere. Nothing where places stand for no physics."""
+    """The groups of the runs' laws with the parameter that each of them sets, and the other parameters that
+    they are made of; and by run, group and parameter of those that are not the same everywhere. Nothing where
+    places stand for no physics."""
     try:
         by_place = physics_on(data)
     except BadInput:
@@ -200,16 +201,21 @@ def _quantities(
         except BadInput:
             physics.append(None)
     models = {p.model for p in physics if p is not None}
+    known = {n: q for model in models for n, q in model.parameters().items()}
+    made = {n: g for model in models for n, g in model.settable_groups().items()}
+    told = {n: (plain(g.symbol), g.unit, known[g.parameter]) for n, g in made.items()}
+    # What groups are made of and none sets: without it they are no values.
+    scales = {n for g in made.values() for n in g.needs} - {g.parameter for g in made.values()}
+    told |= {n: (plain(q.symbol), q.unit, q) for n, q in known.items() if n in scales}
     found, columns = [], []
-    for name, group in {n: g for model in models for n, g in model.settable_groups().items()}.items():
+    for name, (symbol, unit, parameter) in told.items():
         pairs = [_pair(p, name) for p in physics]
         alike = len(set(pairs)) == 1
-        parameter = next(m.parameters()[group.parameter] for m in models if group.parameter in m.parameters())
         found.append(
             {
                 "name": name,
-                "symbol": plain(group.symbol),
-                "unit": "" if group.unit == "1" else group.unit,
+                "symbol": symbol,
+                "unit": "" if unit == "1" else unit,
                 "sets": plain(parameter.symbol),
                 "text": parameter.doc,
                 "in": "" if parameter.unit == "1" else parameter.unit,
@@ -222,8 +228,13 @@ def _quantities(
 
 
 def _pair(physics: Physics | Case | None, name: str) -> tuple[float | None, float | None]:
-    if physics is None or name not in (known := physics.model.settable_groups()):
+    if physics is None:
         return None, None
+    if name not in (known := physics.model.settable_groups()):
+        if name not in physics.values:
+            return None, None
+        own = _short(physics.values[name] / physics.model.parameters()[name].factor)
+        return own, own
     group = known[name]
     factor = physics.model.parameters()[group.parameter].factor
     return _short(group.value(physics.p)), _short(physics.values[group.parameter] / factor)

@@ -16,7 +16,10 @@ def mechanisms(
     name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="Show all about one.")] = None,
     check: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.py", help="Test the laws in a file as those of the package are tested."),
+        typer.Option(
+            metavar="FILE.py|DIR",
+            help="Test the laws in a file, or in all of a folder, as those of the package are tested.",
+        ),
     ] = None,
 ) -> None:
     """List the known mechanisms with parameters and groups, show one with its source, or check a file."""
@@ -25,9 +28,13 @@ def mechanisms(
     if check is None:
         show(mechanism_table() if name is None else mechanism(name))
         return
+    from cutbench.base.errors import BadInput
     from cutbench.mechanisms.checks import check_file
 
-    found = list(check_file(check))
+    files = sorted(check.glob("[!_]*.py")) if check.is_dir() else [check]
+    if not files:
+        raise BadInput("--check", str(check), "a file of Python with laws, or a folder of such")
+    found = [each for file in files for each in check_file(file)]
     show(findings_table(found))
     wrong = sum(bool(each.wrong) for each in found)
     typer.echo(f"{len(found)} checks, {wrong} failed")

@@ -108,11 +108,11 @@ function numbers(point) {
   part("Where it is");
   const onAxes = D.axes.map((axis, k) => {
     const q = found.find(q => q.name === axis.name);
-    row(axis.label, axis.switch ? "" : axis.symbol, [axisValue(k, point.at[k]), ...(q && q.pair[1] !== null ? [tell(q)] : [])], axis.text);
+    row(axis.label, axis.switch ? "" : axis.symbol, [axisValue(k, point.at[k]), ...(q && q.pair[1] !== null && q.symbol !== q.sets ? [tell(q)] : [])], axis.text);
     return q ? q.sets : axis.symbol;
   });
   for (const q of found)
-    if (q.pair[0] !== null && !onAxes.includes(q.sets)) row(words(q.name), q.symbol, [show(q.pair[0], q.unit), ...(q.symbol === q.sets ? [] : [tell(q)])], q.text);
+    if (q.pair[0] !== null && !onAxes.includes(q.sets)) row(q.name === q.symbol ? q.text : words(q.name), q.symbol, [show(q.pair[0], q.unit), ...(q.symbol === q.sets ? [] : [tell(q)])], q.text);
   if (point.outcome) part("What was found");
   D.numbers.forEach((number, n) => {
     const value = point.measures[n];
