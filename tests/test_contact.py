@@ -178,3 +178,20 @@ def test_contact_found_in_the_readings_and_in_the_fit_are_one(tmp_path):
     wrong = fit(load_campaign(path)).estimate("offset")
     assert wrong.low < -instrument.AIR_MM + 1.7 < wrong.high
     assert wrong.value == pytest.approx(-instrument.AIR_MM + 1.7, abs=0.06)
+
+
+def test_a_pressed_cylinder_is_given_by_its_diameter_and_called_what_it_is_here(tmp_path):
+    path = instrument.write_campaign(tmp_path)
+    by_area = load_campaign(path).experiment("press").repetitions[0]
+    text = path.read_text("utf-8")
+    area = f'area = "{instrument.AREA_MM2:.6g} mm^2"'
+    diameter = f'diameter = "{instrument.DIAMETER_MM:g} mm"'
+    path.write_text(text.replace(area, diameter), encoding="utf-8")
+    np.testing.assert_allclose(load_campaign(path).experiment("press").repetitions[0].y, by_area.y, rtol=1e-5)
+    path.write_text(text.replace(area, f"{area}, {diameter}"), encoding="utf-8")
+    with pytest.raises(BadInput, match=r"specimen\.diameter"):
+        load_campaign(path)
+    path.write_text(text.replace('"uniaxial"', '"compression"'), encoding="utf-8")
+    with pytest.raises(BadInput, match="uniaxial") as refused:
+        load_campaign(path)
+    assert refused.value.key == "kind" and "factors" in refused.value.expected
