@@ -50,7 +50,7 @@ x = "cohesion"
 mark = ["gelatin"]
 """
 
-COARSE = {"h": "3 mm", "corner": 1.0}
+COARSE = {"h": "2 mm", "corner": 1.0}
 
 
 @pytest.fixture
@@ -177,7 +177,7 @@ def test_an_interruption_keeps_what_was_compared_and_a_stall_is_not_judged(data,
 
 def test_the_command_runs_a_point(data, tmp_path):
     save_map(data, tmp_path)
-    options = ["--points=1", "--no-materials", "--h=3", "--set=corner=1", f"--out={tmp_path / 'c'}"]
+    options = ["--points=1", "--no-materials", "--h=2", "--set=corner=1", f"--out={tmp_path / 'c'}"]
     done = CliRunner().invoke(app, ["confirm", str(tmp_path / "map.nc"), *options])
     assert done.exit_code == 0, done.output
     record = json.loads((tmp_path / "c" / RECORD).read_text(encoding="utf-8"))
