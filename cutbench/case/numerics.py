@@ -44,6 +44,9 @@ class Numerics:
     """Elements at the cut plane are so many times taller than wide."""
     along: float = _within(4.0, 1.0, 20.0)
     """Elements are at most so many times longer along the blade than tall, in three dimensions."""
+    layers: int = _within(0, 0, 200)
+    """Layers along half the blade, thinner towards its end, of a block whose elements are those of a section
+    drawn out; 0: elements of its own."""
     element: str = _one_of("P2", "P1", "P2P1")
     """Quadratic or linear displacements, or quadratic ones with a linear pressure. P1 locks near ν = 0.5."""
     normal: str = _one_of("tool", "material")
@@ -152,6 +155,9 @@ _SOLID = Numerics(
     stick=400.0,
     multiplier="none",
 )
+#: Where a block that is a section drawn out differs from the section: elements are those of a first look, for
+#: each of a section's is eighteen of a block's, and its mesh does not follow the front.
+_EXTRUDED: dict[str, Any] = {"layers": 6, "h_mm": 0.125, "corner": 0.25, "around": 0.0}
 #: Where a preset for first looks differs, in sections: larger elements and a contact four times as soft.
 _FAST: dict[str, Any] = {"h_mm": 0.125, "corner": 0.25, "penalty": 16000.0, "stick": 6400.0}
 
@@ -174,22 +180,27 @@ PAPER_UPDATES = 50
 PAPER_SOLID: dict[str, Any] = {"h_mm": 0.85, "along": 1.25}
 #: Sets of choices under one word.
 PRESETS = ("converged", "fast", "paper")
+#: And what only blocks have.
+SOLID_PRESETS = (*PRESETS, "extruded")
 
 
 def preset(name: object, dim: int, modulus: float, thickness: float) -> Numerics:
     """The numerics called ``name``, for a shear ``modulus`` and a blade. BadInput for an unknown name.
 
     ``converged``: the defaults. ``fast``: elements twice as tall and steps twice as long, for first looks;
-    docs/validation/convergence.md says what that costs. A block has its defaults. ``paper``: linear elements
-    of the paper's size, the material's normal, its dimensionless gap 1 − (x−c)ᵀA(x−c) with ε_N/h, h the
-    element's diameter, and multipliers that are updated until they stand still, sticking with ε_T/h, a cut
-    plane that resists closing as it resists opening, damage staggered, its steps. Strengths of friction and
-    adhesion follow the last step's pressure all the same, not this one's.
+    docs/validation/convergence.md says what that costs. A block has its defaults. ``extruded``: a block with
+    the elements and the contact of a section, for confirmations. ``paper``: linear elements of the paper's
+    size, the material's normal, its dimensionless gap 1 − (x−c)ᵀA(x−c) with ε_N/h, h the element's diameter,
+    and multipliers that are updated until they stand still, sticking with ε_T/h, a cut plane that resists
+    closing as it resists opening, damage staggered, its steps. Strengths of friction and adhesion follow the
+    last step's pressure all the same, not this one's.
     """
-    among("numerics", name, PRESETS)
+    among("numerics", name, SOLID_PRESETS if dim == 3 else PRESETS)
     start = defaults(dim)
     if name == "fast":
         return start if dim == 3 else replace(start, **_FAST)
+    if name == "extruded":
+        return replace(Numerics(), **_EXTRUDED)
     if name == "converged":
         return start
     # Our ellipse gap is a/2 times the dimensionless one, and the penalty is in G per mm of it.

@@ -111,7 +111,11 @@ Normal = Annotated[
 ]
 Preset = Annotated[
     str | None,
-    typer.Option("--numerics", metavar="converged|fast|paper", help="All numerical choices under one word."),
+    typer.Option(
+        "--numerics",
+        metavar="converged|fast|paper|extruded",
+        help="All numerical choices under one word; extruded: of blocks.",
+    ),
 ]
 Without = Annotated[
     list[str] | None, typer.Option(metavar="NAME", help="Leave a mechanism out; may be repeated.")

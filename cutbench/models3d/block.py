@@ -8,6 +8,7 @@ import skfem
 from cutbench.base.errors import BadInput
 from cutbench.case.mesh_sizes import near_blade
 from cutbench.forms.geometry import Geometry
+from cutbench.models3d.extruded import extruded, planes
 from cutbench.models3d.mesh import length_along, mirrored, outside, quarter
 from cutbench.models3d.usermesh import read_mesh
 
@@ -15,10 +16,10 @@ from cutbench.models3d.usermesh import read_mesh
 PARTS = {"quarter": 4.0, "half": 2.0, "full": 1.0}
 
 
-def geometry(values, numerics, radius: float = np.inf) -> Geometry:
-    """The block of a case: ``values`` have width, height, length in mm. Raises BadInput for a bad mesh.
+def geometry(values, numerics, radius: float = np.inf, section: skfem.MeshTri | None = None) -> Geometry:
+    """The block of a case: ``values`` have its sizes and the blade's, mm. Raises BadInput for a bad mesh.
 
-    ``radius``: of the blade's edge, mm.
+    ``radius``: of the blade's edge, mm. ``section``: what layers are drawn out of, where there are any.
     """
     tilted = bool(values.get("tilt", 0.0))
     if numerics.mesh is not None:
@@ -32,6 +33,8 @@ def geometry(values, numerics, radius: float = np.inf) -> Geometry:
         return Geometry(mesh, values["height"], PARTS[part], held, split=part == "full")
     smallest = "full" if tilted else "quarter"
     part = smallest if numerics.symmetry == "auto" else numerics.symmetry
+    if section is not None:
+        return block(extruded(section, planes(values["length"] / 2, numerics.layers)), part)
     h, tuning = numerics.h_mm, numerics.tuning.mesh
     h_z = length_along(values["length"], h, numerics.along, tuning.longest)
     sizes = {"slender": numerics.slender, "reach": tuning.reach_mm}

@@ -73,7 +73,12 @@ def geometry_of(case: Case, **where) -> Geometry:
         n = replace(n, symmetry="full")
     if case.dim == 2:
         return section_geometry(case.values, n, radius, **where)
-    return block_geometry(case.values, n, radius)
+    section = None
+    if n.layers and n.mesh is None:
+        # No cut is deeper than the blade.
+        flat, fine = replace(n, symmetry="half"), (0.0, case.p.depth)
+        section = section_geometry(case.values, flat, radius, fine).mesh
+    return block_geometry(case.values, n, radius, section)
 
 
 def contact_numerics(model: Model, p, n: Numerics) -> ContactNumerics:

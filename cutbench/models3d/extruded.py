@@ -1,0 +1,34 @@
+"""A section's mesh drawn out along the blade: prisms, each of three tetrahedra.
+
+What a section resolves a block then resolves as well, and in every layer alike: functions on the section's
+elements that are constant along the blade are among those on the block's.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import skfem
+
+from cutbench.models3d.mesh import tetrahedra
+
+#: A layer is so many times as thick as the one inside of it: the free end is where things change along the
+#: blade.
+THINNER = 0.75
+
+
+def planes(half: float, layers: int, thinner: float = THINNER) -> np.ndarray:
+    """Heights (layers + 1,) from 0 in the middle of the blade to ``half`` of its length."""
+    thick = thinner ** np.arange(layers)
+    return half * np.concatenate([[0.0], np.cumsum(thick) / thick.sum()])
+
+
+def extruded(section: skfem.MeshTri, z: np.ndarray) -> skfem.MeshTet:
+    """``section`` in all ``planes`` z (layers + 1,), without names.
+
+    Tetrahedra conform, because each prism is cut by the numbers of its corners.
+    """
+    n = section.p.shape[1]
+    p = np.vstack([np.tile(section.p, z.size), np.repeat(z, n)])
+    a, b, c = np.sort(section.t, axis=0)
+    prism = np.hstack([(a, b, c, c + n), (a, b, b + n, c + n), (a, a + n, b + n, c + n)])
+    return tetrahedra(p, np.hstack([prism + n * k for k in range(z.size - 1)]))
