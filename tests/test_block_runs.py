@@ -36,7 +36,7 @@ def curve_of(case, geometry=None):
     return np.array(rows) * np.array([1.0, built.geometry.multiplicity, built.geometry.multiplicity])
 
 
-@pytest.mark.parametrize("element", ["P1", "P2"])
+@pytest.mark.parametrize("element", ["P1", pytest.param("P2", marks=pytest.mark.slow)])
 def test_quarter_half_and_full_block_agree_through_the_onset(element):
     # Weak enough for the cut to open abruptly half way.
     values = {**SMALL, **SOFT, "element": element, "G_c": "1.2 J/m^2", "depth": "1.2 mm"}

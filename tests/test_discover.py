@@ -39,8 +39,9 @@ def gent():
 
 @pytest.mark.parametrize(
     ("effect", "family"),
-    [("compact_cohesion", "cut law"), ("rate_toughness", "cut law"), ("adhesion_speed", "blade law"),
-     ("adhesion_wear", "blade law"), ("coulomb_saturating", "blade law")],
+    [pytest.param("compact_cohesion", "cut law", marks=pytest.mark.slow), ("rate_toughness", "cut law"),
+     ("adhesion_speed", "blade law"), pytest.param("adhesion_wear", "blade law", marks=pytest.mark.slow),
+     pytest.param("coulomb_saturating", "blade law", marks=pytest.mark.slow)],
 )  # fmt: skip
 def test_it_names_what_was_hidden(effect, family):
     # The third rate-dependent toughness changes curves by 6 %, and may be taken for scatter.
@@ -86,6 +87,7 @@ def test_the_order_of_experiments_does_not_matter():
     assert other.rounds[0].scores.chi2 == pytest.approx(d.rounds[0].scores.chi2, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_nor_does_the_seed_of_the_noise():
     verdicts = set()
     for seed in (1, 2):

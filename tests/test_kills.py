@@ -46,6 +46,7 @@ def stand_ins(tmp_path, monkeypatch):
     )
 
 
+@pytest.mark.slow
 def test_a_sweep_that_is_killed_ends_with_the_same_map(stand_ins, tmp_path, capsys):
     file = tmp_path / "kills.json"
     assert kills.main(["--kills", "2", "--pause", "1", "--json", str(file)]) == 0

@@ -24,7 +24,7 @@ MATERIALS = sorted((Path(cutbench.__file__).parent).rglob("materials/*.toml"))
 MAPS = [path for path in FILES if path.suffix == ".nc"]
 TOML = [path for path in FILES if path.suffix == ".toml"]
 #: Read by people, or by Python.
-OTHER = [path for path in FILES if path.suffix in (".md", ".py") or path.name.startswith("LICENSE")]
+OTHER = [path for path in FILES if path.suffix in (".md", ".py", ".ipynb") or path.name.startswith("LICENSE")]
 DATA = [path for path in FILES if path not in (*MAPS, *TOML, *OTHER)]
 
 
@@ -43,6 +43,7 @@ def said(*args, code=0) -> str:
 def no_solver(monkeypatch):
     """Runs by formula: what is opened here is not to be computed."""
     monkeypatch.setattr("cutbench.run.runner.run_case", lambda case, **options: computed(case))
+    monkeypatch.setattr("cutbench.maps.confirmation.expected_s", lambda block, like: 60.0)
 
 
 @pytest.fixture
