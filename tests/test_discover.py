@@ -19,7 +19,7 @@ from cutbench.data.campaign import load_campaign
 from cutbench.discovery import discover
 from cutbench.discovery.outcome import Discovery
 from cutbench.discovery.page import page, write_discovery
-from cutbench.discovery.report import summary, to_dict
+from cutbench.discovery.report import summary, to_dict, verdict_sentence
 from cutbench.discovery.score import tail
 
 STUDIES = Path(__file__).parents[1] / "studies"
@@ -98,6 +98,17 @@ def test_nor_does_the_seed_of_the_noise():
         d = discover(replace(hidden.campaign, experiments=made), workers=0, seed=seed)
         verdicts.add((d.verdict, d.found))
     assert verdicts == {("mechanism", ("compact_cohesion",))}
+
+
+def test_a_cause_that_was_found_is_none_that_another_might_be(gent):
+    """Two causes of other classes, each in the other's group: both are there."""
+    _, d = gent
+    first, *more = d.rounds
+    other = replace(d, rounds=(replace(first, group=(first.accepted, "force_drift")), *more))
+    assert "cannot tell it from" in verdict_sentence(other)
+    cause = replace(d.causes[0], candidate=replace(d.causes[0].candidate, name="force_drift"))
+    both = replace(other, causes=(*d.causes, cause))
+    assert "cannot tell" not in verdict_sentence(both)
 
 
 def test_a_new_mechanism_is_a_candidate_without_a_line_changed(tmp_path, monkeypatch):

@@ -63,11 +63,13 @@ def verdict_sentence(d: Discovery) -> str:
             f"{names[0].upper()}{names[1:]} explains a part of what the baseline gets wrong; the rest (most"
             f" in '{left.experiment.id}', {_place(left)}) is unexplained by any candidate."
         )
-    others = [n for n in d.telling.group if family_of(n) != family_of(d.telling.accepted or "")]
+    first = d.telling.accepted or ""
+    others = [n for n in d.telling.group if family_of(n) != family_of(first) and n not in d.found]
     physics = any(cause_of(n) == "mechanism" for n in d.found)
     text = f"What the baseline {'lacks' if physics else 'gets wrong'} is {names}"
     if others:
-        text += f"; these data cannot tell it from {' or '.join(called(n) for n in others)}"
+        it = called(first) if len(d.found) > 1 else "it"
+        text += f"; these data cannot tell {it} from {' or '.join(called(n) for n in others)}"
     return " ".join([text + ".", *(meaning(n) for n in d.found), *_shares(d)])
 
 
