@@ -156,7 +156,7 @@ def test_what_is_there_is_not_computed_again_and_ratios_are_at_equal_numerics(da
     assert done[0].ratio["steady_N"] == pytest.approx(0.7 / 0.6)
     assert done[0].ratio["peak_N"] == pytest.approx(1.0)
     # Before each block, and with a number.
-    assert len(said) == 2 and all("minutes" in text for text in said)
+    assert len(said) == 2 and all("about" in text for text in said)
     record = json.loads((tmp_path / RECORD).read_text(encoding="utf-8"))
     assert record["points"][0]["at"] == {"cohesion": 8.0} and record["axes"] == {"cohesion": "1"}
     confirm(data, points, tmp_path, run, source="map.nc", changes=COARSE, announce=said.append)

@@ -188,7 +188,8 @@ def confirm(
 
 def _announced(block: Case, like: Result, number: int, of: int) -> str:
     seconds = expected_s(block, like)
-    about = f"about {seconds / 60:.2g} minutes" if math.isfinite(seconds) else "its cost is not known"
+    long = f"{seconds / 60:.2g} minutes" if seconds >= 60 else f"{seconds:.2g} s"
+    about = f"about {long}" if math.isfinite(seconds) else "its cost is not known"
     return f"block {number} of {of}, {block.name}: {about}"
 
 
