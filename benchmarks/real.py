@@ -14,11 +14,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 from benchmarks.tools import ROOT, check_json
-from cutbench.base.figure_style import COLOURS, DOUBLE_MM, style
+from cutbench.base.figure_style import COLOURS, DOUBLE_MM, Size, new_figure, save, style
 from cutbench.base.files import write_json
 from cutbench.data.campaign import Campaign, load_campaign
 from cutbench.data.experiment import Experiment
@@ -108,10 +107,8 @@ def picture(found: Mapping[str, Discovery], path: Path) -> None:
     columns = 4
     lines = -(-len(panels) // columns)
     with style():
-        size = DOUBLE_MM / 25.4
-        figure, places = plt.subplots(
-            lines, columns, figsize=(size, 0.27 * size * lines), layout="constrained", squeeze=False
-        )
+        figure = new_figure(DOUBLE_MM, 0.27 * DOUBLE_MM * lines)
+        places = figure.subplots(lines, columns, squeeze=False)
         for place in places.flat[len(panels) :]:
             place.remove()
         for place, (name, d, e) in zip(places.flat, panels, strict=False):
@@ -127,8 +124,7 @@ def picture(found: Mapping[str, Discovery], path: Path) -> None:
         figure.supxlabel("stretch", fontsize=8)
         figure.supylabel("nominal stress (MPa)", fontsize=8)
         figure.legend(*places[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
-        figure.savefig(path, dpi=200)
-        plt.close(figure)
+    save(figure, path, size=Size(DOUBLE_MM, 8.0, dpi=200.0))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -20,7 +20,8 @@ from cutbench.forms import space as spaces
 from cutbench.forms.geometry import Geometry
 from cutbench.models2d import plane_strain
 from cutbench.models3d.block import PARTS, block
-from cutbench.models3d.mesh import quarter, tetrahedra
+from cutbench.models3d.extruded import extruded
+from cutbench.models3d.mesh import quarter
 from cutbench.run.build import build
 from cutbench.run.figures.solid import plot_block, plot_cut_plane, plot_front
 from cutbench.run.runner import run_case
@@ -59,13 +60,9 @@ def test_force_equals_the_reaction_of_the_clamped_bottom():
 # -- one layer is plane strain -------------------------------------------------------------------
 
 
-def extruded(section: skfem.MeshTri, thickness: float) -> skfem.MeshTet:
-    """One layer of prisms, each cut into three tetrahedra; nodes of the back follow those of the front."""
-    n = section.p.shape[1]
-    a, b, c = np.sort(section.t, axis=0)
-    p = np.vstack([np.tile(section.p, 2), np.repeat([0.0, thickness], n)])
-    cells = [(a, b, c, c + n), (a, b, b + n, c + n), (a, a + n, b + n, c + n)]
-    mesh = tetrahedra(p, np.hstack([np.stack(cell) for cell in cells]))
+def one_layer(section: skfem.MeshTri, thickness: float) -> skfem.MeshTet:
+    """One layer of prisms with names; its upright triangles are told apart by where their edge is."""
+    n, mesh = section.p.shape[1], extruded(section, np.array([0.0, thickness]))
     outer = mesh.boundary_facets()
     x, y, z = mesh.p[:, mesh.facets[:, outer]]
     places = {"cut": x, "bottom": y, "top": y - section.p[1].max(), "front": z}
@@ -135,7 +132,7 @@ def test_one_layer_with_plane_strain_constraints_gives_the_plane_strain_curve(no
     section = plane_strain.geometry(flat.values, flat.numerics)
     thickness = 0.5
     layer = Geometry(
-        extruded(section.mesh, thickness), section.height, section.multiplicity / thickness, (("front", 2),)
+        one_layer(section.mesh, thickness), section.height, section.multiplicity / thickness, (("front", 2),)
     )
     plane = curve_of(flat)
     monkeypatch.setattr(cutbench.run.build, "Space", TiedSpace)

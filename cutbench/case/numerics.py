@@ -155,11 +155,13 @@ _SOLID = Numerics(
     stick=400.0,
     multiplier="none",
 )
+#: Elements of a first look.
+_COARSE: dict[str, Any] = {"h_mm": 0.125, "corner": 0.25}
 #: Where a block that is a section drawn out differs from the section: elements are those of a first look, for
 #: each of a section's is eighteen of a block's, and its mesh does not follow the front.
-_EXTRUDED: dict[str, Any] = {"layers": 6, "h_mm": 0.125, "corner": 0.25, "around": 0.0}
+_EXTRUDED: dict[str, Any] = {**_COARSE, "layers": 6, "around": 0.0}
 #: Where a preset for first looks differs, in sections: larger elements and a contact four times as soft.
-_FAST: dict[str, Any] = {"h_mm": 0.125, "corner": 0.25, "penalty": 16000.0, "stick": 6400.0}
+_FAST: dict[str, Any] = {**_COARSE, "penalty": 16000.0, "stick": 6400.0}
 
 
 def defaults(dim: int) -> Numerics:
@@ -187,7 +189,7 @@ SOLID_PRESETS = (*PRESETS, "extruded")
 def preset(name: object, dim: int, modulus: float, thickness: float) -> Numerics:
     """The numerics called ``name``, for a shear ``modulus`` and a blade. BadInput for an unknown name.
 
-    ``converged``: the defaults. ``fast``: elements twice as tall and steps twice as long, for first looks;
+    ``converged``: the defaults. ``fast``: elements twice as tall and a contact four times as soft;
     docs/validation/convergence.md says what that costs. A block has its defaults. ``extruded``: a block with
     the elements and the contact of a section, for confirmations. ``paper``: linear elements of the paper's
     size, the material's normal, its dimensionless gap 1 − (x−c)ᵀA(x−c) with ε_N/h, h the element's diameter,

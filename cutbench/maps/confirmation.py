@@ -21,11 +21,12 @@ import xarray as xr
 
 from cutbench.base.errors import BadInput
 from cutbench.base.files import write_json
+from cutbench.base.progress import duration
 from cutbench.case.case import Case
 from cutbench.case.numerics import Numerics, defaults
 from cutbench.maps import dataset as maps
 from cutbench.maps.cases import case_on
-from cutbench.maps.confirmed_points import RECORD
+from cutbench.maps.confirmed_points import ANOTHER, CONFIRMED, NUMERICS, RECORD, UNFINISHED
 from cutbench.maps.guidance import margins_of
 from cutbench.run.build import build
 from cutbench.run.files import read_run
@@ -47,10 +48,6 @@ class MapPoint:
     at: Mapping[str, float]
     case: Case
     margin: float = math.nan
-
-
-#: What a point in three dimensions says of its label.
-CONFIRMED, ANOTHER, NUMERICS, UNFINISHED = "confirmed", "another", "numerics", "unfinished"
 
 
 @dataclass
@@ -188,8 +185,7 @@ def confirm(
 
 def _announced(block: Case, like: Result, number: int, of: int) -> str:
     seconds = expected_s(block, like)
-    long = f"{seconds / 60:.2g} minutes" if seconds >= 60 else f"{seconds:.2g} s"
-    about = f"about {long}" if math.isfinite(seconds) else "its cost is not known"
+    about = f"about {duration(seconds)}" if math.isfinite(seconds) else "its cost is not known"
     return f"block {number} of {of}, {block.name}: {about}"
 
 

@@ -21,12 +21,13 @@ RECORD, FOLDER = "confirm.json", "confirm"
 
 _HALO = [patheffects.withStroke(linewidth=2.6, foreground="white")]
 _LOOK: Look = {"ls": "", "ms": 9.0, "mew": 1.3, "mfc": "none", "zorder": 5, "clip_on": False}
-#: By the verdict.
+#: What a point in three dimensions says of its label.
+CONFIRMED, ANOTHER, NUMERICS, UNFINISHED = "confirmed", "another", "numerics", "unfinished"
 _KINDS: dict[str, Look] = {
-    "confirmed": {"marker": "s", "mec": "black", "label": "3D: confirmed"},
-    "another": {"marker": "X", "mec": "#D55E00", "label": "3D: another"},
-    "numerics": {"marker": "D", "mec": "0.35", "label": "3D: its numerics cannot tell"},
-    "unfinished": {"marker": "s", "mec": "0.55", "label": "3D: not to its end"},
+    CONFIRMED: {"marker": "s", "mec": "black", "label": "3D: confirmed"},
+    ANOTHER: {"marker": "X", "mec": "#D55E00", "label": "3D: another"},
+    NUMERICS: {"marker": "D", "mec": "0.35", "label": "3D: its numerics cannot tell"},
+    UNFINISHED: {"marker": "s", "mec": "0.55", "label": "3D: not to its end"},
 }
 
 
@@ -35,13 +36,12 @@ def read_confirmed(path: Path, data: xr.Dataset) -> list[dict]:
 
     Raises BadInput for a file that is no such record.
     """
-    known = {kind: kind for kind in _KINDS}
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
         points: list[dict] = [
             {
                 "at": {str(name): float(value) for name, value in point["at"].items()},
-                "verdict": known[point["verdict"]],
+                "verdict": _verdict(point),
                 "drop_rel": float(point["two"]["drop_rel"] or 0.0),
             }
             for point in record["points"]
@@ -52,6 +52,12 @@ def read_confirmed(path: Path, data: xr.Dataset) -> list[dict]:
         wanted = "a record that 'cutbench confirm' has written"
         raise BadInput("points", str(error), wanted, file=str(path)) from error
     return [point for point in points if set(point["at"]) == set(axes_of(data))]
+
+
+def _verdict(point: Mapping) -> str:
+    if (verdict := str(point["verdict"])) not in _KINDS:
+        raise ValueError(f"verdict '{verdict}'")
+    return verdict
 
 
 def draw_confirmed(

@@ -102,7 +102,7 @@ def run_study(
     store: str | os.PathLike[str] | None = None,
     retry_failed: bool = False,
     scheduler: str | None = None,
-    first_picture_s: float = 18.0,
+    first_picture_s: float = 15.0,
     picture_every_s: float = 60.0,
 ) -> Sweep:
     """Run what is missing of ``study`` on ``workers`` processes (default: one a core; 0: in this one).

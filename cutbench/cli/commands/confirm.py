@@ -56,9 +56,9 @@ def confirm(
     from cutbench.base.files import check_writable
     from cutbench.maps import dataset as maps
     from cutbench.maps.cases import remarks
-    from cutbench.maps.confirmation import NUMERICS, UNFINISHED, least_certain, marked
     from cutbench.maps.confirmation import confirm as compare
-    from cutbench.maps.confirmed_points import FOLDER, RECORD
+    from cutbench.maps.confirmation import least_certain, marked
+    from cutbench.maps.confirmed_points import FOLDER, NUMERICS, RECORD, UNFINISHED
     from cutbench.maps.phase import save_phase
 
     count, every_s = whole("--points", points), seconds("--checkpoint", checkpoint, 60.0)

@@ -6,12 +6,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-import skfem
 
 from cutbench.case.case import load_case
 from cutbench.forms.geometry import Geometry
 from cutbench.forms.space import Faces, Space
-from cutbench.models3d.mesh import tetrahedra
+from cutbench.models3d.extruded import extruded
 from cutbench.run.build import Built, build
 from cutbench.solver.march import Accepted, Given
 from cutbench.verification.reference.base import Check, Reference
@@ -76,21 +75,12 @@ class Layer(Space):
 def layer(flat, half: Built) -> Built:
     """The section of ``half`` as a solid, held between two planes."""
     section = half.space
-    mesh = extruded(section.mesh)
+    mesh = extruded(section.mesh, np.array([0.0, THICKNESS]))
     free = Space.build(mesh, 1)
     n = section.X.shape[1]
     solid = Layer(mesh, 1, free.X[:, :n], free.element_nodes % n, free._dofs, section)
     geometry = Geometry(mesh, half.geometry.height, half.geometry.multiplicity / THICKNESS, (("front", 2),))
     return build(replace(flat, dim=3), geometry, solid)
-
-
-def extruded(section: skfem.MeshTri) -> skfem.MeshTet:
-    """One layer of prisms, each cut into three tetrahedra; nodes of the back follow those of the front."""
-    n = section.p.shape[1]
-    a, b, c = np.sort(section.t, axis=0)
-    p = np.vstack([np.tile(section.p, 2), np.repeat([0.0, THICKNESS], n)])
-    cells = [(a, b, c, c + n), (a, b, b + n, c + n), (a, a + n, b + n, c + n)]
-    return tetrahedra(p, np.hstack([np.stack(cell) for cell in cells]))
 
 
 REFERENCE = Reference(
