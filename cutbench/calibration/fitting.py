@@ -28,6 +28,7 @@ from cutbench.calibration.fitted import FAR, ComparedCurve, Estimate, Fit, Profi
 from cutbench.calibration.identifiability import Unknown, identifiability, information_inverse, worth_it
 from cutbench.calibration.inverse import GRID, Inverse, field_note, unknowns
 from cutbench.calibration.prediction import Prediction, Predictor, predictor
+from cutbench.calibration.secant import Sparing
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
 from cutbench.data.covariance import Block, Covariance
@@ -145,11 +146,18 @@ class _Fitting:
         def on_progress(done: float, total: float, text: str) -> None:
             self._on_progress(self.evaluations + done, math.nan, f"{stage}: {text}")
 
-        first = self._whitened(q)
-        best = lm.minimise(self._whitened, q, low, high, settings, on_progress, first=first)
-        self.evaluations += best.evaluations
-        self.history += best.history
-        return best
+        while True:
+            first, problem = self._whitened(q), self.inverse if self.smooth else Sparing(self.inverse)
+            best = lm.minimise(
+                lambda q: problem.whitened(q, self.covariance), q, low, high, settings, on_progress,  # noqa: B023
+                first=first,
+            )  # fmt: skip
+            self.evaluations += best.evaluations
+            self.history += best.history
+            # What ends by derivatives that were only updated goes on from those that are there.
+            if self.smooth or best.message == INTERRUPTED or np.array_equal(best.q, q):
+                return best
+            q = best.q
 
     def _from(self, q: np.ndarray) -> lm.Minimum:
         """The minimum that is reached from ``q``: roughly, until weights stand still, then with measured
@@ -207,10 +215,10 @@ class _Fitting:
 
     def _promising(self, starts: Sequence[np.ndarray], q: np.ndarray) -> list[np.ndarray]:
         """The likeliest of ``starts``, if it is likelier than ``q``: each costs one evaluation."""
-        noise, ranked = self.covariance.noise, []
+        noise, ranked, problem = self.covariance.noise, [], Sparing(self.inverse)
         for start in (q, *starts):
             try:
-                ranked.append((likeliest(noise, self.inverse.residuals(start, noise)[0]), start))
+                ranked.append((likeliest(noise, problem.residuals(start, noise)[0]), start))
             except ComputationFailed:
                 continue
             except KeyboardInterrupt:

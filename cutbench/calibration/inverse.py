@@ -102,14 +102,14 @@ class Inverse:
         start: Case | None = None,
         grids: Mapping[str, Averaged] | None = None,
     ):
-        self.campaign, self.unknowns, self._run = campaign, list(looked_for), run
+        self.campaign, self.unknowns, self.run = campaign, list(looked_for), run
         self.start = start or campaign.base
         self.grids = grids or {e.id: e.on_grid(grid) for e in campaign.experiments}
         self._known: dict[bytes, dict[str, Prediction]] = {}
 
     def other(self, looked_for: Sequence[Unknown], start: Case, run: Predictor | None = None) -> Inverse:
         """The same data with other unknowns, from another case."""
-        return Inverse(self.campaign, looked_for, run or self._run, start=start, grids=self.grids)
+        return Inverse(self.campaign, looked_for, run or self.run, start=start, grids=self.grids)
 
     def only(self, kept: Sequence[int]) -> Inverse:
         """With the unknowns of these numbers alone, at their starts; what was computed there stays."""
@@ -156,17 +156,21 @@ class Inverse:
         base = self.base(q, e)
         return self.campaign.case(e, base) if e.kind == "cut" else base
 
+    def cases(self, q: np.ndarray) -> list[Case]:
+        """Of the train experiments. Raises ComputationFailed for values that do not go together, which a fit
+        has tried."""
+        try:
+            return [self.case(e, q) for e in self.campaign.train]
+        except BadInput as error:
+            raise ComputationFailed(str(error)) from error
+
     def predictions(self, q: np.ndarray) -> dict[str, Prediction]:
         """Of the train experiments, with slopes; computed once for each q. Raises ComputationFailed."""
         key = q.tobytes()
         if key not in self._known:
-            try:
-                cases = [self.case(e, q) for e in self.campaign.train]
-            except BadInput as error:  # values that do not go together, which the fit has tried
-                raise ComputationFailed(str(error)) from error
-            train = self.campaign.train
+            train, cases = self.campaign.train, self.cases(q)
             tasks = [Task(e, c, self.grids[e.id], self.names(e)) for e, c in zip(train, cases, strict=True)]
-            self._known[key] = dict(zip([e.id for e in train], self._run(tasks), strict=True))
+            self._known[key] = dict(zip([e.id for e in train], self.run(tasks), strict=True))
         return self._known[key]
 
     def predicted(self, q: np.ndarray, experiments: Sequence[Experiment], *, fine: bool) -> list[Prediction]:
@@ -176,7 +180,7 @@ class Inverse:
             mesh_error.finer(c) if fine and e.kind == "cut" else c
             for c, e in zip(cases, experiments, strict=True)
         ]
-        return self._run([Task(e, c, self.grids[e.id]) for e, c in zip(experiments, cases, strict=True)])
+        return self.run([Task(e, c, self.grids[e.id]) for e, c in zip(experiments, cases, strict=True)])
 
     def names(self, e: Experiment) -> tuple[str, ...]:
         """Of the unknowns that a test can depend on."""

@@ -17,7 +17,8 @@ from cutbench.calibration.fitted import Fit
 from cutbench.calibration.fitting import fit
 from cutbench.calibration.identifiability import Unknown, information_inverse
 from cutbench.calibration.inverse import Inverse
-from cutbench.calibration.prediction import Predictor
+from cutbench.calibration.prediction import Prediction, Predictor
+from cutbench.calibration.secant import Sparing
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
 from cutbench.data.covariance import Covariance
@@ -27,7 +28,7 @@ from cutbench.discovery.score import Score
 
 #: Fits without a mesh go to the bottom; with one, far enough to choose: what is accepted is fitted further.
 SMOOTH = lm.Settings(promise=0.05, evaluations=15, failures=5)
-MESHED = lm.Settings(promise=0.3, evaluations=2, failures=1)
+MESHED = lm.Settings(promise=0.3, evaluations=5, failures=2)
 #: Parts of the score's step that a fit may start from.
 PARTS = (1.0, 0.5, 0.2, 0.05)
 
@@ -165,6 +166,8 @@ def extend(point: Point, score: Score, *, shapes: bool = True) -> Point:
     values = {**point.case.values, **off, **score.column.shapes, **{u.name: u.start for u in new}}
     case = replace(point.case, mechanisms=model.mechanisms, values=values)
     inverse = point.inverse.other([*known, *new], case)
+    if point.meshed:
+        inverse = Sparing(inverse, *_at_off(point, score, off))
     low, high = inverse.bounds
     best, reason = None, ""
     for part in PARTS[:2] if point.meshed else PARTS:
@@ -190,6 +193,26 @@ def extend(point: Point, score: Score, *, shapes: bool = True) -> Point:
         raise KeyboardInterrupt
     made = _gathered(inverse, found.q, point.w, point.test_shift)
     return made if point.meshed else _again(made)
+
+
+def _at_off(
+    point: Point, score: Score, off: Mapping[str, float]
+) -> tuple[dict[str, float], dict[str, Prediction]]:
+    """Values of all unknowns by label where the candidate does nothing, and the curves by id with the slopes
+    that the score has: none of its shapes."""
+    c = score.column.candidate
+    strengths, shapes = [q.name for q in c.strengths], [q.name for q in c.shapes]
+    values = {**point.values, **{q.name: q.off_value for q in c.strengths}}
+    values |= {name: score.column.shapes.get(name, off.get(name, 0.0)) for name in shapes}
+    found = {}
+    for id, p in point.inverse.predictions(point.q).items():
+        columns, none = score.column.by[id], np.zeros((p.y.size, len(shapes)))
+        fields = np.zeros((p.fields.size, len(strengths) + len(shapes)))
+        found[id] = replace(
+            p, names=(*p.names, *strengths, *shapes), slopes=np.hstack([p.slopes, columns, none]),
+            field_slopes=np.hstack([p.field_slopes, fields]) if p.fields.size else p.field_slopes,
+        )  # fmt: skip
+    return values, found
 
 
 def _again(point: Point) -> Point:

@@ -149,20 +149,22 @@ class Sensitivities:
         fixed = np.stack([trial.at_rest(free) for trial in trials], axis=1)
         du = np.zeros((problem.ndof, len(trials)))
         du[free] = self._solver.solve(-fixed)
-        found = []
-        for i, trial in enumerate(trials):
+        size = np.linalg.norm(fixed, axis=0)
+        states_by: list[dict] = [{} for _ in trials]
+        unsettled = list(range(len(trials)))
+        for _ in range(CORRECTIONS):
             # The stateless forms are linear in du and known by their matrix; the others are evaluated.
-            size = np.linalg.norm(fixed[:, i])
-            for _ in range(CORRECTIONS):
-                moved, new = trial.moved(du[:, i])
-                left = (trial.rest + moved)[free] + volume @ du[free, i]
-                if np.linalg.norm(left) <= OPEN * max(size, np.linalg.norm(moved[free])):
-                    break
-                du[free, i] += self._solver.solve(-left)
-            else:
-                self.unresolved += 1
-            found.append(_Rates(du[:, i], new))
-        return found
+            known, left = volume @ du[free], {}
+            for i in unsettled:
+                moved, states_by[i] = trials[i].moved(du[:, i])
+                rest = (trials[i].rest + moved)[free] + known[:, i]
+                if np.linalg.norm(rest) > OPEN * max(size[i], np.linalg.norm(moved[free])):
+                    left[i] = rest
+            if not (unsettled := list(left)):
+                break
+            du[np.ix_(free, unsettled)] += self._solver.solve(-np.stack(list(left.values()), axis=1))
+        self.unresolved += len(unsettled)
+        return [_Rates(du[:, i], found) for i, found in enumerate(states_by)]
 
     def _factorize(self, u, states, step) -> sp.csr_matrix:
         """Factorize the tangent at the solution; returns the part of the stateless forms and the damping."""
