@@ -1,13 +1,13 @@
 """What discovery makes of cuts by other numerics and formulas: ``python -m benchmarks.outside_cuts``.
 
-Each campaign has cuts at three speeds, and one at a fourth that is only predicted. They are computed with other
-elements, steps, contact or cohesive shape than a fit's defaults, and the effect in them follows a formula that
-no candidate has: powers of the speed, a relaxing modulus, a machine that gives way, a reading that drifts. A
-sixth hide nothing but the other numerics.
+Each campaign has cuts at three speeds, and one at a fourth that is only predicted. They are computed with
+other elements, steps, contact or cohesive shape than a fit's defaults, and the effect in them follows a
+formula that no candidate has: powers of the speed, a relaxing modulus, a machine that gives way, a reading
+that drifts. A sixth hide nothing but the other numerics.
 
-    python -m benchmarks.outside_cuts [--cases 24] [--seed N] [--case K] [--workers 2] [--limit S] [--json FILE]
+    python -m benchmarks.outside_cuts [--cases 24] [--seed N] [--case K] [--limit SECONDS] [--json FILE]
 
-The fit runs at its default numerics. ``--limit``: seconds after which no case begins.
+The fit runs at its default numerics on two processes. ``--limit``: seconds after which no case begins.
 """
 
 from __future__ import annotations
@@ -183,13 +183,17 @@ def _gain(truth: Truth, d: Discovery) -> float | None:
 def summary(rows: Sequence[Mapping]) -> dict[str, str]:
     hidden = [r for r in rows if r["effect"] in CLASSES]
     rest = [r for r in rows if r["effect"] not in CLASSES]
+    seconds = [r["seconds"] for r in rows]
+
+    def part(key: str, some: Sequence[Mapping]) -> str:
+        return f"{sum(bool(r[key]) for r in some)} of {len(some)}"
+
     return {
-        "one effect: the right class first or in its group": f"{sum(r['right'] for r in hidden)} of {len(hidden)}",
-        "no effect, or one that no candidate has: nothing named": f"{sum(r['right'] for r in rest)} of {len(rest)}",
-        "a class named that was not there": f"{sum(bool(r['wrong']) for r in rows)} of {len(rows)}",
-        "seconds a case, median and largest":
-            f"{np.median([r['seconds'] for r in rows]):.0f}, {max(r['seconds'] for r in rows):.0f}" if rows else "-",
-    }  # fmt: skip
+        "one effect: the right class first or in its group": part("right", hidden),
+        "no effect, or one that no candidate has: nothing named": part("right", rest),
+        "a class named that was not there": part("wrong", rows),
+        "seconds a case, median and largest": f"{np.median(seconds):.0f}, {max(seconds, default=0):.0f}",
+    }
 
 
 def _told(done: float, total: float, text: str) -> None:
@@ -235,7 +239,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                 continue
             rows.append(r := judge(truth, d))
             print(
-                f"{number:3d} {effect:20s} {truth.otherwise:20s} {r['verdict']:11s} {','.join(r['found']):24s}"
+                f"{number:3d} {effect:20s} {truth.otherwise:20s} {r['verdict']:11s}"
+                f" {','.join(r['found']):24s}"
                 f" {'right' if r['right'] else ''}{' WRONG' if r['wrong'] else ''}"
                 f" misfit {100 * r['misfit']:.0f} -> {100 * r['left']:.0f} % {r['seconds']:.0f} s",
                 flush=True,
