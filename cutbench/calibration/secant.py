@@ -85,5 +85,7 @@ class Sparing(Inverse):
             missed = after - before - scaled @ step
             return (scaled + np.outer(missed, step) / (step @ step)) / size
 
-        fields = changed(old.field_slopes, old.fields, plain.fields) if plain.fields.size else old.field_slopes
+        fields = (
+            changed(old.field_slopes, old.fields, plain.fields) if plain.fields.size else old.field_slopes
+        )
         return replace(plain, slopes=changed(old.slopes, old.y, plain.y), names=names, field_slopes=fields)

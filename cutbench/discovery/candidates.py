@@ -97,7 +97,19 @@ def candidates(inverse: Inverse, base: Case) -> tuple[list[Candidate], dict[str,
         shapes = tuple(q for q in own if q.off is None and q.name not in campaign.plan.fixed)
         grid = _grid(shapes, campaign, base)
         found.append(replace(asked, strengths=strengths, shapes=shapes, grid=grid))
+    if any(e.kind == "cut" for e in campaign.train):
+        found = _one_a_class(found, left_out)
     return found, left_out
+
+
+def _one_a_class(found: Sequence[Candidate], left_out: dict[str, str]) -> list[Candidate]:
+    """Of the bulk's laws the one with the fewest parameters in each class: a cut with all formulas of a class
+    costs several times as much, and tells none of them from another."""
+    chosen: dict[str, Candidate] = {}
+    for c in sorted(found, key=lambda c: (len(c.parameters), c.name)):
+        if c.slot == "bulk" and (first := chosen.setdefault(family_of(c.name), c)) is not c:
+            left_out[c.name] = f"{first.name} is tried for its class, {family_of(c.name)}"
+    return [c for c in found if c.slot != "bulk" or c in chosen.values()]
 
 
 def cause_of(name: str) -> str:

@@ -1,8 +1,8 @@
 """What each candidate would change first, at the fitted point: the derivatives of all readings at "off".
 
 Homogeneous tests are differentiated at all values of the shapes in one pass. A cut is run with all
-candidates at off at once; a second and third run take further values of the shapes and those candidates that
-exclude one another. What a rig would make of a run is known for any strength without another run: where
+candidates at off at once; a second run takes further values of the shapes and those candidates that exclude
+one another. What a rig would make of a run is known for any strength without another run: where
 a curve drops, the change by a finite strength is no multiple of the derivative, so some are tried as well.
 """
 
@@ -23,7 +23,7 @@ from cutbench.discovery.candidates import Candidate
 from cutbench.run.sensitivity import extended
 
 #: Runs of a cut, at the most, for its candidates.
-RUNS = 3
+RUNS = 2
 #: Finite strengths of a rig: such that its derivative would change the readings by this part (rms).
 PARTS = (0.05, 0.1, 0.2, 0.4)
 
@@ -108,7 +108,7 @@ def _runs(
         # The middle of the grid first, then its ends.
         order = sorted(range(len(c.grid)), key=lambda k: abs(k - (len(c.grid) - 1) / 2))
         if len(order) > RUNS:
-            order = [order[0], order[-1], order[-2]]
+            order = [order[0], *order[:-RUNS:-1]]
         for group in runs:
             with suppress(BadInput):
                 if order:

@@ -1,5 +1,4 @@
-"""Numerical causes beside the physical ones: would another mesh, element or contact normal explain the
-residual?
+"""Numerical causes beside the physical ones: would another mesh or contact normal explain the residual?
 
 The change of a computed curve by a numerical choice is one more column for the score test. The mesh and the
 steps have been halved, roughly, by the fit already, which corrects for what that changes and allows for what
@@ -24,7 +23,6 @@ from cutbench.discovery.point import Point
 #: Name, what it is, and the choices that differ.
 CHOICES = {
     "element size and step": "elements and steps about half as large",
-    "locking": "another finite element for nearly incompressible solids",
     "contact normal": "another direction of the contact pressure",
 }
 
@@ -34,28 +32,24 @@ def numerical_columns(point: Point, run: Predictor) -> tuple[list[Column], dict[
     cuts = [e for e in point.campaign.train if e.kind == "cut"]
     if not cuts:
         return [], {}
-    columns, missing = [], {}
+    columns = []
     by = {e.id: point.w.tests[e.id].shift / ADDED for e in cuts}
     if any(np.any(v) for v in by.values()):
         columns.append(_column("element size and step", by, point))
-    for name in ("locking", "contact normal"):
-        try:
-            cases = [_otherwise(point.inverse.case(e, point.q), name) for e in cuts]
-            answers = run([Task(e, c, point.inverse.grids[e.id]) for e, c in zip(cuts, cases, strict=True)])
-        except (ComputationFailed, BadInput) as error:
-            missing[name] = str(error)
-            continue
-        moved = {e.id: p.y + point.w.tests[e.id].shift for e, p in zip(cuts, answers, strict=True)}
-        columns.append(_column(name, {id: y - point.y[id] for id, y in moved.items()}, point))
-    return columns, missing
+    name = "contact normal"
+    try:
+        cases = [_turned(point.inverse.case(e, point.q)) for e in cuts]
+        answers = run([Task(e, c, point.inverse.grids[e.id]) for e, c in zip(cuts, cases, strict=True)])
+    except (ComputationFailed, BadInput) as error:
+        return columns, {name: str(error)}
+    moved = {e.id: p.y + point.w.tests[e.id].shift for e, p in zip(cuts, answers, strict=True)}
+    columns.append(_column(name, {id: y - point.y[id] for id, y in moved.items()}, point))
+    return columns, {}
 
 
-def _otherwise(case: Case, name: str) -> Case:
-    """The run with another choice."""
-    n = case.numerics
-    if name == "locking":
-        return case.set(element="P2" if n.element == "P2P1" else "P2P1")
-    return case.set(normal="tool" if n.normal == "material" else "material")
+def _turned(case: Case) -> Case:
+    """The run with the contact pressure in its other direction."""
+    return case.set(normal="tool" if case.numerics.normal == "material" else "material")
 
 
 def _column(name: str, by: Mapping[str, np.ndarray], point: Point) -> Column:

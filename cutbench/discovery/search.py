@@ -17,7 +17,7 @@ from cutbench.calibration.prediction import Predictor, predictor
 from cutbench.data.campaign import Campaign
 from cutbench.discovery.candidates import ORDER, Candidate, candidates, family_of
 from cutbench.discovery.causes import PRICE, Cause, pruned
-from cutbench.discovery.columns import sense
+from cutbench.discovery.columns import Sensed, sense
 from cutbench.discovery.heldout import TESTS, Heldout, better_than, compare, decide
 from cutbench.discovery.numerical import numerical_columns
 from cutbench.discovery.outcome import (
@@ -95,7 +95,7 @@ def discover(
         interrupted = False
         try:
             while True:
-                this, then = _round(point, run, seed, on_progress), None
+                this, then = _round(point, run, seed, on_progress, later=bool(rounds)), None
                 if not rounds:
                     numerics = _numerics(this, run, seed, on_progress)
                 if numerics.explains:
@@ -199,11 +199,18 @@ def _plain(campaign: Campaign) -> Campaign:
     return replace(campaign, plan=replace(plan, free=free or None, own=own))
 
 
-def _round(point: Point, run: Predictor, seed: int, on_progress: OnProgress) -> Round:
+def _round(point: Point, run: Predictor, seed: int, on_progress: OnProgress, later: bool = True) -> Round:
+    """``later``: something was found before."""
     chosen, left_out = candidates(point.inverse, point.case)
     on_progress(math.nan, math.nan, f"{len(chosen)} candidates beside {', '.join(point.case.mechanisms)}")
-    sensed = sense(point.inverse, point.q, chosen, run)
+    sensed = Sensed(dict(point.y), dict(point.J), [])
     scores = score(sensed, point.w.noise, point.residual, seed=seed)
+    # Runs that would ask what else is wrong are spared where nothing is.
+    if later and point.meshed and scores.p_residual >= PROMISING:
+        chosen = []
+    else:
+        sensed = sense(point.inverse, point.q, chosen, run)
+        scores = score(sensed, point.w.noise, point.residual, seed=seed)
     wrong = Yardstick(point, scores.expected)
     scored = {s.name for s in scores.scores}
     failed = {c.name: "no run could take it up beside the others" for c in chosen if c.name not in scored}
