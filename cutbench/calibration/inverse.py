@@ -102,14 +102,14 @@ class Inverse:
         start: Case | None = None,
         grids: Mapping[str, Averaged] | None = None,
     ):
-        self.campaign, self.unknowns, self._run = campaign, list(looked_for), run
+        self.campaign, self.unknowns, self.run = campaign, list(looked_for), run
         self.start = start or campaign.base
         self.grids = grids or {e.id: e.on_grid(grid) for e in campaign.experiments}
         self._known: dict[bytes, dict[str, Prediction]] = {}
 
     def other(self, looked_for: Sequence[Unknown], start: Case, run: Predictor | None = None) -> Inverse:
         """The same data with other unknowns, from another case."""
-        return Inverse(self.campaign, looked_for, run or self._run, start=start, grids=self.grids)
+        return Inverse(self.campaign, looked_for, run or self.run, start=start, grids=self.grids)
 
     def only(self, kept: Sequence[int]) -> Inverse:
         """With the unknowns of these numbers alone, at their starts; what was computed there stays."""
@@ -166,7 +166,7 @@ class Inverse:
                 raise ComputationFailed(str(error)) from error
             train = self.campaign.train
             tasks = [Task(e, c, self.grids[e.id], self.names(e)) for e, c in zip(train, cases, strict=True)]
-            self._known[key] = dict(zip([e.id for e in train], self._run(tasks), strict=True))
+            self._known[key] = dict(zip([e.id for e in train], self.run(tasks), strict=True))
         return self._known[key]
 
     def predicted(self, q: np.ndarray, experiments: Sequence[Experiment], *, fine: bool) -> list[Prediction]:
@@ -176,7 +176,7 @@ class Inverse:
             mesh_error.finer(c) if fine and e.kind == "cut" else c
             for c, e in zip(cases, experiments, strict=True)
         ]
-        return self._run([Task(e, c, self.grids[e.id]) for e, c in zip(experiments, cases, strict=True)])
+        return self.run([Task(e, c, self.grids[e.id]) for e, c in zip(experiments, cases, strict=True)])
 
     def names(self, e: Experiment) -> tuple[str, ...]:
         """Of the unknowns that a test can depend on."""

@@ -17,6 +17,7 @@ from cutbench.calibration.prediction import Predictor, predictor
 from cutbench.data.campaign import Campaign
 from cutbench.discovery.candidates import ORDER, Candidate, candidates, family_of
 from cutbench.discovery.causes import PRICE, Cause, pruned
+from cutbench.discovery.clean import clean_gain
 from cutbench.discovery.columns import sense
 from cutbench.discovery.heldout import TESTS, Heldout, better_than, compare, decide
 from cutbench.discovery.numerical import numerical_columns
@@ -127,6 +128,7 @@ def discover(
         elif found:
             causes = [Cause(c, None) for c in found]
         gain = compare(rounds[0].point, point) if causes else None
+        clean = clean_gain(rounds[0].point, point, seed) if causes else None
         verdict = "mechanism" if interrupted else _verdict(rounds)
         asked = ([], "Not asked: interrupted.") if interrupted else _next(rounds, verdict, run, on_progress)
         proposed, text = asked
@@ -135,7 +137,7 @@ def discover(
     return Discovery(
         campaign, fitted, verdict, tuple(causes), tuple(rounds), point, gain,
         tuple(sections(rounds[0].point)), tuple(sections(point)), numerics, tuple(proposed), text,
-        time.perf_counter() - began, tuple(dict.fromkeys(notes)), interrupted,
+        time.perf_counter() - began, tuple(dict.fromkeys(notes)), interrupted, clean,
     )  # fmt: skip
 
 

@@ -39,7 +39,7 @@ def tanh(z):
     return value + 1j * z.imag * (1 - value * value)
 """
 #: ``X`` (R, N): inputs, ``W``: their real parts. Returns the step that failed, -1 for none.
-_MARCH = '''
+_MARCH = """
 def march(X, W, stretch, dt, reached, lateral, resists, states, close, step, P):
     rows, points = X.shape
     q = np.zeros(1, np.complex128)
@@ -94,7 +94,7 @@ def march(X, W, stretch, dt, reached, lateral, resists, states, close, step, P):
                 P[row, n] = O[0, n]
             row += 1
     return -1
-'''
+"""
 
 
 class March:
