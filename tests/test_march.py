@@ -16,7 +16,7 @@ pytestmark = pytest.mark.skipif(not COMPILED, reason="numba is not installed")
 CYCLE = LoadingHistory.along(
     1 + np.append(np.linspace(0.1, 1.2, 8), np.linspace(1.0, 0.3, 8)), np.linspace(1.0, 60.0, 16), 1.0
 )
-STRENGTHS = ("g_1", "g_2", "softening", "c2", "b_fung")
+STRENGTHS = ("g_1", "g_2", "g_p", "softening", "c2", "b_fung")
 
 
 def answers(laws, kind, monkeypatch, compiled: bool, **values):
@@ -44,6 +44,7 @@ def answers(laws, kind, monkeypatch, compiled: bool, **values):
         ("fung", "volumetric", "maxwell2"),
         ("yeoh", "volumetric", "mullins"),
         ("neo_hookean", "volumetric", "maxwell", "mullins"),
+        ("gent", "volumetric", "power_law"),
     ],
 )
 def test_compiled_loops_answer_as_numpy_does(laws, kind, monkeypatch):

@@ -33,6 +33,10 @@ from cutbench.discovery.point import Point
 DRAWS, LEVEL = 2000, 0.9
 #: Sizes of a discrepancy beforehand: none with this probability, else any up to this one.
 NONE, LARGEST = 0.25, 0.3
+POSSIBLE = SIZES[SIZES <= LARGEST]
+BEFOREHAND = np.append(NONE, np.full(POSSIBLE.size - 1, (1 - NONE) / (POSSIBLE.size - 1)))
+#: So many draws, at the least, the weight is shared by.
+FEWEST = 50
 
 
 @dataclass(frozen=True)
@@ -127,13 +131,15 @@ def drawn(evidence: Evidence, rng: np.random.Generator, draws: int = DRAWS) -> C
     off = np.concatenate([t.mean - t.after for t in tests])
     apart = np.concatenate([(t.before - t.after) / t.size for t in tests])
     size = np.concatenate([np.full(t.mean.size, t.size) for t in tests])
-    possible = SIZES[(SIZES > 0) & (SIZES <= LARGEST)]
+    usual = {kind: f.variance for kind, f in evidence.factors.items()}
+    chances = [_chances(t, t.J @ _root_of_fit(evidence.train, usual), usual[t.kind]) for t in tests]
     gains, likely = np.zeros(draws), np.zeros(draws)
     for k in range(draws):
-        variance = {
-            kind: f.dof * f.variance / float(rng.chisquare(f.dof)) for kind, f in evidence.factors.items()
-        }
-        d = [0.0 if rng.random() < NONE else rng.choice(possible) for _ in tests]
+        variance = {kind: _variance(f, rng) for kind, f in evidence.factors.items()}
+        which = [rng.choice(POSSIBLE.size, p=chance) for chance in chances]
+        d = POSSIBLE[which]
+        # What is drawn more often than it was expected beforehand counts by less.
+        likely[k] = sum(np.log(BEFOREHAND[i] / chance[i]) for i, chance in zip(which, chances, strict=True))
         root = _root_of_fit(evidence.train, variance)
         K = J @ root
         K = K @ K.T + block_diag(*((s * t.scale) ** 2 * t.correlation for s, t in zip(d, tests, strict=True)))
@@ -147,14 +153,37 @@ def drawn(evidence: Evidence, rng: np.random.Generator, draws: int = DRAWS) -> C
             for L, t in zip(rest, tests, strict=True)
         ])  # fmt: skip
         f += K @ cho_solve(both, off - f - noise)
-        gains[k] = 1 - np.linalg.norm(f / size) / max(np.linalg.norm(f / size - apart), 1e-300)
-        likely[k] = -off @ cho_solve(both, off) / 2 - np.log(np.diag(both[0])).sum()
-    weight = np.exp(likely - likely.max())
-    weight = weight / float(weight.sum())
+        wrong, left = (float(np.linalg.norm(each)) for each in (f / size - apart, f / size))
+        gains[k] = 1 - left / max(wrong, 1e-300)
+        likely[k] += -off @ cho_solve(both, off) / 2 - np.log(np.diag(both[0])).sum()
+    weight = _weights(likely)
     order = np.argsort(gains)
     share = np.cumsum(weight[order])
     low, value, high = np.interp([(1 - LEVEL) / 2, 0.5, (1 + LEVEL) / 2], share, gains[order])
     return CleanGain(float(value), float(low), float(high))
+
+
+def _chances(t: Known, moved: np.ndarray, variance: float) -> np.ndarray:
+    """Of each possible size of the discrepancy of one test by itself; none is ruled out."""
+    rest, off = t.rest + t.by_factor(variance) + moved @ moved.T, t.mean - t.after
+    likely = np.log(BEFOREHAND)
+    for i, s in enumerate(POSSIBLE):
+        L = cho_factor(sound(rest + (s * t.scale) ** 2 * t.correlation), lower=True)
+        likely[i] += -off @ cho_solve(L, off) / 2 - np.log(np.diag(L[0])).sum()
+    chance = np.exp(likely - likely.max())
+    return 0.9 * chance / chance.sum() + 0.1 * BEFOREHAND
+
+
+def _weights(likely: np.ndarray) -> np.ndarray:
+    """Of draws, 1 in all. Where few of them would have it all they are made more alike, so that what is not
+    known well is not said to be."""
+    power = 1.0
+    while True:
+        weight = np.exp(power * (likely - likely.max()))
+        weight = weight / float(weight.sum())
+        if 1 / float(weight @ weight) >= min(FEWEST, likely.size / 2):
+            return weight
+        power *= 0.8
 
 
 def _root_of_fit(train: Sequence[Known], variance: dict[str, float]) -> np.ndarray:

@@ -117,7 +117,7 @@ class March:
             _asked[key] += 1
             source = _sources.get(key)
             if source is None:
-                source = _sources[key] = _source(stress, laws, mode, p, names, shapes)
+                source = _sources[key] = _source(stress, laws, mode, p, names, state)
             if source and not (_asked[key] > PATIENCE or is_kept(source)):
                 return None
             _known[key] = cls(compiled_functions(source)["march"], names, shapes) if source else None
@@ -170,17 +170,29 @@ def _is_number(value: Any, count: int) -> bool:
     return isinstance(value, (float, complex, np.inexact))
 
 
-def _source(stress, laws, mode, p: SimpleNamespace, names: list[str], shapes: Mapping) -> str:
+def _source(stress, laws, mode, p: SimpleNamespace, names: list[str], start: Mapping) -> str:
     """Of the march; empty where laws cannot be read."""
+    shapes = {name: value.shape[:-1] for name, value in start.items()}
+    # What begins at 0 is taken to stay there; what the formula does not leave there is looked at again.
+    still = {name: np.all(value == 0, axis=-1) for name, value in start.items()}
     try:
-        with symbolic():
-            stretch, b, dt = (leaf(k, (), (2,)) for k in range(_STATE))
-            state = {name: leaf(_STATE + k, shape, (2,)) for k, (name, shape) in enumerate(shapes.items())}
-            first = _STATE + len(shapes)
-            values = {name: leaf(first + k, (), (2,)) for k, name in enumerate(names)}
-            P, free, new = stress(mode, laws, stretch, b, SimpleNamespace(**{**vars(p), **values}), state, dt)
-            formula = Formula((P, free, *(new[name] for name in shapes)), (2,), lambda x: "None")
-        if formula.numbers:
+        while True:
+            with symbolic(finite=True):
+                stretch, b, dt = (leaf(k, (), (2,)) for k in range(_STATE))
+                state = {
+                    name: np.where(still[name][..., None], 0.0, leaf(_STATE + k, shape, (2,)))
+                    for k, (name, shape) in enumerate(shapes.items())
+                }
+                first = _STATE + len(shapes)
+                values = {name: leaf(first + k, (), (2,)) for k, name in enumerate(names)}
+                given = SimpleNamespace(**{**vars(p), **values})
+                P, free, new = stress(mode, laws, stretch, b, given, state, dt)
+                moved = {name: still[name] & ~_zero(new[name]) for name in shapes}
+                if not any(map(np.any, moved.values())):
+                    formula = Formula((P, free, *(new[name] for name in shapes)), (2,), lambda x: "None")
+                    break
+            still = {name: still[name] & ~moved[name] for name in shapes}
+        if formula.numbers or formula.rows != 2 + sum(map(math.prod, shapes.values())):
             return ""
     except Exception:  # whatever a law says to symbols
         return ""
@@ -192,3 +204,10 @@ def _source(stress, laws, mode, p: SimpleNamespace, names: list[str], shapes: Ma
         for of in "XW"
     }
     return _TANH + formula.source.replace("np.tanh(", "tanh(") + _MARCH.format(**calls)
+
+
+def _zero(x: Any) -> np.ndarray:
+    """Which entries (…) of symbols and numbers (…, 2) are 0 for certain."""
+    entries = np.asarray(x).view(np.ndarray)
+    flat = [isinstance(each, (int, float)) and each == 0 for each in entries.ravel()]
+    return np.reshape(flat, entries.shape).all(axis=-1)
