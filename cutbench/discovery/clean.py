@@ -30,7 +30,7 @@ from cutbench.data.repetition import Averaged
 from cutbench.discovery.point import Point
 
 #: Draws; the part of them that an interval holds.
-DRAWS, LEVEL = 2000, 0.9
+DRAWS, LEVEL = 1000, 0.9
 #: Sizes of a discrepancy beforehand: none with this probability, else any up to this one.
 NONE, LARGEST = 0.25, 0.3
 POSSIBLE = SIZES[SIZES <= LARGEST]
