@@ -7,7 +7,9 @@ compiled after they were asked for a few times: one that is asked once is done s
 
 from __future__ import annotations
 
+import hashlib
 import math
+import re
 from collections import Counter
 from collections.abc import Callable, Mapping
 from types import SimpleNamespace
@@ -120,7 +122,7 @@ class March:
                 source = _sources[key] = _source(stress, laws, mode, p, names, state)
             if source and not (_asked[key] > PATIENCE or is_kept(source)):
                 return None
-            _known[key] = cls(compiled_functions(source)["march"], names, shapes) if source else None
+            _known[key] = cls(_compiled(source), names, shapes) if source else None
         return _known[key]
 
     def along(self, steps: Steps, p, state, lateral: float, resists: bool, close: float):
@@ -170,6 +172,11 @@ def _is_number(value: Any, count: int) -> bool:
     return isinstance(value, (float, complex, np.inexact))
 
 
+def _compiled(source: str) -> Callable[..., int]:
+    made = compiled_functions(source)
+    return next(made[name] for name in made if name.startswith("march"))
+
+
 def _source(stress, laws, mode, p: SimpleNamespace, names: list[str], start: Mapping) -> str:
     """Of the march; empty where laws cannot be read."""
     shapes = {name: value.shape[:-1] for name, value in start.items()}
@@ -203,11 +210,14 @@ def _source(stress, laws, mode, p: SimpleNamespace, names: list[str], start: Map
         f"step_{of}": f"loop(q, {''.join(f'{of}[{rows[k][0]}:{rows[k][1]}], ' for k in formula.arrays)}O)"
         for of in "XW"
     }
-    return _TANH + formula.source.replace("np.tanh(", "tanh(") + _MARCH.format(**calls)
+    source = _TANH + formula.source.replace("np.tanh(", "tanh(") + _MARCH.format(**calls)
+    # Machine code from several caches is linked by names: each source has its own.
+    own = hashlib.sha256(source.encode()).hexdigest()[:16]
+    return re.sub(r"(?<![\w.])(tanh|loop|march)\(", rf"\1_{own}(", source)
 
 
 def _zero(x: Any) -> np.ndarray:
     """Which entries (…) of symbols and numbers (…, 2) are 0 for certain."""
     entries = np.asarray(x).view(np.ndarray)
     flat = [isinstance(each, (int, float)) and each == 0 for each in entries.ravel()]
-    return np.reshape(flat, entries.shape).all(axis=-1)
+    return np.all(np.reshape(flat, entries.shape), axis=-1)
