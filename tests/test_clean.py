@@ -11,7 +11,7 @@ CLEAN = S + S**3
 
 
 def evidence(rng, scatter=0.05, repetitions=3, tests=2, noise=0.005, before=1.3, bend=0.02):
-    """Tests whose clean curve is known, a first model with a wrong shape and a second that is nearly right, by
+    """Tests whose clean curve is known, a first model with a wrong shape and a second nearly right, by
     a factor and a wave. What the fit leaves open is a factor. With its true gain."""
     fitted = 1 + scatter / np.sqrt(2 * repetitions) * rng.standard_normal()
     after = fitted * (CLEAN + bend * np.sin(5 * S))
