@@ -15,7 +15,7 @@ import tempfile
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path
-from types import SimpleNamespace
+from types import FunctionType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -210,21 +210,40 @@ def _close(found: Any, plain: Any) -> bool:
     return bool(np.all(near | (np.isnan(plain) & np.isnan(found))))
 
 
-@lru_cache(maxsize=1024)
 def _compiled_source(source: str) -> Callable[..., None]:
     """``loop`` of a source, compiled, and kept for the next process where there is a place for it."""
+    return compiled_functions(source)["loop"]
+
+
+@lru_cache(maxsize=1024)
+def compiled_functions(source: str) -> dict[str, Callable[..., Any]]:
+    """All functions of a source by name, compiled; each may call those before it."""
     code = compile(source, _kept(source), "exec")
     scope: dict[str, Any] = {"np": np, "__name__": __name__}
     exec(code, scope)
-    return compiled()(scope["loop"])
+    names = [name for name, made in scope.items() if isinstance(made, FunctionType)]
+    for name in names:
+        scope[name] = compiled()(scope[name])
+    return {name: scope[name] for name in names}
+
+
+def is_kept(source: str) -> bool:
+    """Whether the user's cache has machine code of a source."""
+    folder, name = _place(source)
+    return any((folder / "__pycache__").glob(f"{Path(name).stem}.*.nbc"))
+
+
+def _place(source: str) -> tuple[Path, str]:
+    """Folder and name of the file of a source in the user's cache."""
+    home = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or Path.home() / ".cache"
+    return Path(home) / "cutbench" / "loops", f"{hashlib.sha256(source.encode()).hexdigest()[:24]}.py"
 
 
 def _kept(source: str) -> str:
     """The file of a source in the user's cache; machine code is kept beside it."""
-    name = f"{hashlib.sha256(source.encode()).hexdigest()[:24]}.py"
-    home = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or Path.home() / ".cache"
-    folder = Path(home) / "cutbench" / "loops"
+    name = "source"
     try:
+        folder, name = _place(source)
         if not (folder / name).exists():
             folder.mkdir(parents=True, exist_ok=True)
             with tempfile.NamedTemporaryFile("w", dir=folder, suffix=".new", delete=False) as file:

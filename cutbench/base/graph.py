@@ -38,9 +38,10 @@ def is_truth(part: Part) -> bool:
 
 
 class Graph:
-    """The nodes of one reading, each once."""
+    """The nodes of one reading, each once. ``finite``: no number of it is infinite or none at all."""
 
-    def __init__(self) -> None:
+    def __init__(self, finite: bool = False) -> None:
+        self.finite = finite
         self._known: dict[tuple, Node] = {}
 
     def node(self, name: str, args: tuple, varies: bool) -> Node:
@@ -57,9 +58,9 @@ _now = _Now()
 
 
 @contextmanager
-def symbolic() -> Iterator[None]:
-    """In which functions may be called with symbols."""
-    _now.graph = Graph()
+def symbolic(*, finite: bool = False) -> Iterator[None]:
+    """In which functions may be called with symbols. ``finite``: nothing is left of a product with 0."""
+    _now.graph = Graph(finite)
     try:
         yield
     finally:
@@ -96,6 +97,14 @@ def make(name: str, *args: Part) -> Part:
         with np.errstate(all="ignore"):
             value: Any = np.where(*args) if name == "where" else getattr(np, name)(*args)
         return bool(value) if name in TRUTHS or value.dtype == bool else float(value)
+    if _now.graph is not None and _now.graph.finite:
+        match name, args:
+            case ("multiply", (0.0, _) | (_, 0.0)) | ("true_divide", (0.0, _)):
+                return 0.0
+            case ("add", (0.0, a) | (a, 0.0)) | ("subtract", (a, 0.0)):
+                return a
+            case ("subtract", (0.0, a)):
+                return make("negative", a)
     match name, args:
         case ("positive", (a,)):
             return a

@@ -26,6 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
@@ -291,13 +292,23 @@ class Covariance:
         )  # fmt: skip
         residual = {}
         for id in sorted(blocks):
-            y = self.y[id]
-            error = _root(deviating(grids[id].along, y, LEAST_SHAPE) + blocks[id].computed)
+            y, (_, error) = self.y[id], self._roots[id]
             residual[id] = y + error @ normal(y.size) - grids[id].mean
         return residual, made
 
+    @cached_property
+    def _roots(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Of a specimen's smooth scatter and of the computed curve's error, for draws, by id."""
+        return {
+            id: (
+                _root(np.asarray(b.scatter)),
+                _root(deviating(self.grids[id].along, self.y[id], LEAST_SHAPE) + b.computed),
+            )
+            for id, b in self.tests.items()
+        }
+
     def _specimen(self, id: str, normal) -> np.ndarray:
-        grid, y, block = self.grids[id], self.y[id], self.tests[id]
+        grid, y = self.grids[id], self.y[id]
         factor = 1 + np.sqrt(self.factors[self.kinds[id]].variance) * normal()
-        smooth = _root(np.asarray(block.scatter)) @ normal(y.size)
+        smooth = self._roots[id][0] @ normal(y.size)
         return y * factor + smooth + grid.reading * normal(y.size)

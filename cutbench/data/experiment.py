@@ -254,8 +254,8 @@ class Experiment:
     def on_grid(self, n: int = 80) -> Averaged:
         """Mean, scatter and reading noise on at most ``n`` values (see ``cutbench.data.covariance``).
 
-        The grid is even along x, or, in a test with holds or returns, along time with the turning
-        points added. One repetition of no more than ``n`` readings stays as it is.
+        The grid is even along x, or, in a test with holds or returns, half by the way and half by time,
+        with the turning points added. One repetition of no more than ``n`` readings stays as it is.
         """
         reps = self.repetitions
         orders = [order(r) if self.monotone else np.arange(r.x.size) for r in reps]
@@ -298,7 +298,9 @@ class Experiment:
         grid = np.linspace(low, high, count)
         first, corners = self.repetitions[0], np.zeros(0)
         if not self.monotone:
-            corners = along[0][turning_points(first.x)]
+            turns = turning_points(first.x)
+            corners = along[0][turns]
+            grid = _spaced(along[0], first.x, turns, grid)
         elif first.time_s is not None:
             corners = along[0][turning_points(first.time_s[order(first)])]
         corners = corners[(corners > low) & (corners < high)]
@@ -310,3 +312,19 @@ class Experiment:
             if 0 < i < count - 1 and not sharp[i]:
                 grid[i], sharp[i] = corner, True
         return grid, sharp
+
+
+def _spaced(along: np.ndarray, x: np.ndarray, turns: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """``grid`` (n,) from first to last value, spaced evenly half by the way and half by ``along``: a ramp
+    before a long hold bends within a small part of its time, and has as many values as the hold."""
+    ends = np.unique(np.concatenate([[0], turns, [x.size - 1]]).astype(int))
+    # From turn to turn, as jitter in a hold is no way.
+    way = np.append(0.0, np.cumsum(np.abs(np.diff(x[ends]))))
+    at = along[ends]
+    if way[-1] <= 0 or np.any(np.diff(at) <= 0):
+        return grid
+    course = way / way[-1] + (at - at[0]) / (at[-1] - at[0])
+    low, high = np.interp(grid[[0, -1]], at, course)
+    return np.append(
+        np.append(grid[0], np.interp(np.linspace(low, high, grid.size), course, at)[1:-1]), grid[-1]
+    )

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutbench.base.errors import BadInput
+from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.calibration.homogeneous import scan
 from cutbench.calibration.inverse import Inverse
 from cutbench.calibration.prediction import Prediction, Predictor, Task, recorded
@@ -58,8 +58,9 @@ def sense(inverse: Inverse, q: np.ndarray, chosen: Sequence[Candidate], run: Pre
         y[e.id], J[e.id] = p.y, inverse.slopes(e, p, q)
         for c in (c for c in chosen if c.seen_by(e)):
             more, strengths = extended(case, c.added), [s.name for s in c.strengths]
-            by = scan(e, more.model, more.p, strengths, c.grid, grid)
-            parts.update({(c.name, k, e.id): by[k] for k in range(len(c.grid))})
+            with suppress(ComputationFailed):  # it is then one that could not be tried
+                by = scan(e, more.model, more.p, strengths, c.grid, grid)
+                parts.update({(c.name, k, e.id): by[k] for k in range(len(c.grid))})
     plan = _runs(inverse, cuts[0], q, chosen) if cuts else []
     asked = [(group, _task(inverse, e, q, group)) for group in plan for e in cuts]
     rigs: dict[str, tuple[Candidate, list[tuple[Task, Prediction]]]] = {}

@@ -10,6 +10,7 @@ from cutbench.base.handled import Handled
 from cutbench.calibration.fitted import Fit
 from cutbench.data.campaign import Campaign
 from cutbench.discovery.causes import Cause
+from cutbench.discovery.clean import CleanGain
 from cutbench.discovery.columns import Sensed
 from cutbench.discovery.heldout import Heldout
 from cutbench.discovery.point import Point
@@ -93,6 +94,7 @@ class Discovery(Handled):
     """All that was found out. ``causes``: what the baseline lacks or gets wrong. ``final``: the extended
     model; the last of ``rounds`` has its residual.
 
+    ``gain``: on held-out readings; ``clean``: on what test experiments would read without noise and scatter.
     ``wrong``: sections of the baseline's curves; ``left``: of the final model's, the most significant first.
     """
 
@@ -113,6 +115,7 @@ class Discovery(Handled):
     seconds: float
     notes: tuple[str, ...]
     interrupted: bool = False
+    clean: CleanGain | None = None
 
     @property
     def found(self) -> tuple[str, ...]:

@@ -104,9 +104,14 @@ def gain_sentence(d: Discovery) -> str:
     return (
         f"On {where} the error falls from {g.baseline_rmse:.3g} to {g.extended_rmse:.3g} {unit}, by"
         f" {100 * g.gain:.0f} ± {100 * g.gain_se:.0f} %; the scatter alone makes {g.noise_floor:.2g}."
-    ) + (
-        "" if math.isnan(g.beyond_scatter) else f" Of what is beyond it, {100 * g.beyond_scatter:.0f} % goes."
-    )
+    ) + _clean(d)
+
+
+def _clean(d: Discovery) -> str:
+    if d.clean is not None:
+        return f" Without noise and scatter of specimens it would fall by {d.clean.text}."
+    beyond = math.nan if d.gain is None else d.gain.beyond_scatter
+    return "" if math.isnan(beyond) else f" Of what is beyond it, {100 * beyond:.0f} % goes."
 
 
 def _place(s: Section) -> str:
@@ -187,7 +192,11 @@ def to_dict(d: Discovery) -> dict:
         "confounded": [list(group) for group in d.groups],
         "where_wrong": [_section(s) for s in d.wrong if s.wrong],
         "remains": [_section(s) for s in d.left if s.wrong],
-        "gain": {"train": _train(d), "heldout": _fields(d.gain or compare(d.first, d.final), *GAIN)},
+        "gain": {
+            "train": _train(d),
+            "heldout": _fields(d.gain or compare(d.first, d.final), *GAIN),
+            "clean": None if d.clean is None else _fields(d.clean, "value", "low", "high"),
+        },
         "next_experiment": d.next_experiment,
         "proposed_experiments": [
             {"experiment": p.text, "standard_errors": p.apart, "difference_of_maximum": p.part}

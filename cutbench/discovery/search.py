@@ -17,6 +17,7 @@ from cutbench.calibration.prediction import Predictor, predictor
 from cutbench.data.campaign import Campaign
 from cutbench.discovery.candidates import ORDER, Candidate, candidates, family_of
 from cutbench.discovery.causes import PRICE, Cause, pruned
+from cutbench.discovery.clean import clean_gain
 from cutbench.discovery.columns import Sensed, sense
 from cutbench.discovery.heldout import TESTS, Heldout, better_than, compare, decide
 from cutbench.discovery.numerical import numerical_columns
@@ -50,6 +51,8 @@ REST, REST_ALONE = 0.25, 0.5
 #: what is left; by how many standard errors it must predict better. No specimen follows a formula: what that
 #: of the first cause leaves is no cause of its own, and any other takes some of it up.
 NAMED, MAIN, SURELY = 0.06, 0.5, 4.0
+#: Or else, in tests that were not fitted: what it must take away of their error, by how many standard errors.
+ELSEWHERE, LIKELY = 0.25, 2.5
 #: Fits are told apart by so many standard errors of their difference; more where some are known to first
 #: order only.
 APART, APART_MESHED = 2.0, 3.0
@@ -127,6 +130,7 @@ def discover(
         elif found:
             causes = [Cause(c, None) for c in found]
         gain = compare(rounds[0].point, point) if causes else None
+        clean = clean_gain(rounds[0].point, point, seed) if causes else None
         verdict = "mechanism" if interrupted else _verdict(rounds)
         asked = ([], "Not asked: interrupted.") if interrupted else _next(rounds, verdict, run, on_progress)
         proposed, text = asked
@@ -135,7 +139,7 @@ def discover(
     return Discovery(
         campaign, fitted, verdict, tuple(causes), tuple(rounds), point, gain,
         tuple(sections(rounds[0].point)), tuple(sections(point)), numerics, tuple(proposed), text,
-        time.perf_counter() - began, tuple(dict.fromkeys(notes)), interrupted,
+        time.perf_counter() - began, tuple(dict.fromkeys(notes)), interrupted, clean,
     )  # fmt: skip
 
 
@@ -276,7 +280,13 @@ def _surer(first: Point, point: Point, after: Point) -> Point:
 def _worth_a_name(this: Round, first: Round) -> bool:
     """Whether what a later round would add is more than the error of a formula."""
     added = next((t for t in this.tried if t.name == this.accepted), None)
-    if added is None or added.share < MAIN or added.heldout.better <= SURELY * added.heldout.better_se:
+    if added is None or added.share < MAIN:
+        return False
+    held = added.heldout
+    shown = held.how == TESTS and held.better > LIKELY * held.better_se
+    if shown and max(held.gain, held.gain_of_shape) > ELSEWHERE:
+        return True
+    if held.better <= SURELY * held.better_se:
         return False
     wrong = Yardstick(first.point, first.scores.expected)
     return math.sqrt(wrong.left(this.point)) - math.sqrt(wrong.left(added.point)) > NAMED

@@ -22,11 +22,11 @@ class Mode:
 
     def deformation(self, stretch: np.ndarray, free: np.ndarray) -> np.ndarray:
         """F (3, 3, N) for λ and the free stretch (N,)."""
-        F = np.zeros((3, 3, free.size), dtype=np.result_type(stretch, free))
-        F[0, 0] = stretch
-        F[1, 1] = free if self.second is None else stretch**self.second
-        F[2, 2] = free
-        return F
+        none = np.zeros(free.size)
+        second = free if self.second is None else stretch**self.second
+        # Stacked, so that symbols may stand for numbers.
+        parts = [stretch, none, none, none, second, none, none, none, free]
+        return np.stack(parts).reshape(3, 3, free.size)
 
 
 MODES = {

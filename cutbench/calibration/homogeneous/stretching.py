@@ -11,16 +11,18 @@ imaginary part is then the exact derivative. They may also be arrays (m,), for m
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import SimpleNamespace
 
 import numpy as np
 
 from cutbench.base.errors import ComputationFailed
 from cutbench.calibration.homogeneous.history import LoadingHistory
+from cutbench.calibration.homogeneous.march import March
 from cutbench.calibration.homogeneous.modes import MODES, Mode
 from cutbench.case.model import Model
 from cutbench.mechanisms import Volumetric
-from cutbench.mechanisms.base import STEP, Points
+from cutbench.mechanisms.base import STEP, Bulk, Points
 
 #: Largest step of ln λ of laws with state, and fewest steps to a reading: their errors are of first order.
 LARGEST, FEWEST = 0.02, 4
@@ -45,18 +47,30 @@ def nominal_stress(
     Raises ComputationFailed where no lateral stretch balances.
     """
     body = _Body(model, p, MODES[kind])
-    if not body.start(1) and count == 1:
+    if not body.start(1):
         # Without memory the order does not matter.
-        x = history.x.ravel()
-        return body.advance(x, np.log(x.real) * body.mode.lateral, {}, 1.0)[0][:, None]
-    state, free, before, out = body.start(count), np.zeros(count), 1.0, []
-    for stretch, dt, reached in history.steps(largest, fewest, log=True):
-        guess = free + body.mode.lateral * np.log(np.real(stretch / before))
-        stress, free, state = body.advance(np.broadcast_to(stretch, (count,)), guess, state, dt)
-        before = stretch
-        if reached:
-            out.append(stress)
-    return np.array(out)
+        x = np.broadcast_to(history.x.reshape(history.x.shape[0], -1), (history.x.shape[0], count))
+        body = _Body(model, _repeated(p, x.shape), body.mode)
+        flat = x.ravel()
+        found = body.advance(flat, np.log(flat.real) * body.mode.lateral, {}, 1.0)[0]
+        return found.reshape(x.shape)
+    steps = list(history.steps(largest, fewest, log=True))
+    state = body.start(count)
+    march = March.of(_answer, tuple(body.laws), body.mode, p, state, count)
+    found = None
+    if march is not None:
+        ways = np.array([np.broadcast_to(x, (count,)) for x, _, _ in steps])
+        gone = ways, np.array([dt for _, dt, _ in steps], float), np.array([last for *_, last in steps])
+        found = march.along(gone, p, state, body.mode.lateral, body.resists_volume, CLOSE)
+    if march is None or found is None:
+        return body.along(steps, state)
+    P, failed = found
+    if failed >= 0:
+        if march.checked:
+            raise _unbalanced(ways[failed])
+        return body.along(steps, state)
+    P = P if body.complex or np.iscomplexobj(ways) else P.real.copy()
+    return P if march.checked else march.holds(P, body.along(steps, state))
 
 
 class _Body:
@@ -74,18 +88,20 @@ class _Body:
             state |= law.start(n, self.p)
         return state
 
+    def along(self, steps, state: dict[str, np.ndarray]) -> np.ndarray:
+        """P₁₁ (n, count), step by step."""
+        count = next(iter(state.values())).shape[-1]
+        free, before, out = np.zeros(count), 1.0, []
+        for stretch, dt, reached in steps:
+            guess = free + self.mode.lateral * np.log(np.real(stretch / before))
+            stress, free, state = self.advance(np.broadcast_to(stretch, (count,)), guess, state, dt)
+            before = stretch
+            if reached:
+                out.append(stress)
+        return np.array(out)
+
     def _stress(self, stretch, b, p, state, dt):
-        """P₁₁ and P₃₃ (N,) at the free stretch exp(b), and the new state."""
-        F = self.mode.deformation(stretch, np.exp(b))
-        n = F.shape[-1]
-        at = Points(X=np.zeros((3, n)), depth=np.full(n, DEEP), dt=dt, laws=self.laws)
-        P = np.zeros((3, 3, n))
-        new: dict[str, np.ndarray] = {}
-        for law in self.laws:
-            part, changed = law.stress(F, p, state, at)
-            P = P + part
-            new |= changed
-        return P[0, 0], P[2, 2], new
+        return _answer(self.mode, self.laws, stretch, b, p, state, dt)
 
     def advance(self, stretch, guess, state, dt):
         """P₁₁ (N,), ln of the free stretch (N,) (real) and the new state after a step of ``dt`` s."""
@@ -116,6 +132,31 @@ class _Body:
                 break
             if np.all(np.abs(change) < CLOSE):
                 return b, slope
-        raise ComputationFailed(
-            f"no lateral stretch balances a stretch of {np.max(stretch):.3g} with these parameters"
-        )
+        raise _unbalanced(stretch)
+
+
+def _answer(mode: Mode, laws: Sequence[Bulk], stretch, b, p, state, dt):
+    """P₁₁ and P₃₃ (N,) at the free stretch exp(b), and the new state; of numbers or symbols."""
+    F = mode.deformation(stretch, np.exp(b))
+    n = F.shape[-1]
+    at = Points(X=np.zeros((3, n)), depth=np.full(n, DEEP), dt=dt, laws=laws)
+    P = np.zeros((3, 3, n))
+    new: dict[str, np.ndarray] = {}
+    for law in laws:
+        part, changed = law.stress(F, p, state, at)
+        P = P + part
+        new |= changed
+    return P[0, 0], P[2, 2], new
+
+
+def _repeated(p: SimpleNamespace, shape: tuple[int, int]) -> SimpleNamespace:
+    """``p`` with its arrays (count,) at every reading (n, count), in a row."""
+    return SimpleNamespace(**{
+        name: np.broadcast_to(value, shape).ravel() if np.shape(value) == shape[1:] else value
+        for name, value in vars(p).items()
+    })  # fmt: skip
+
+
+def _unbalanced(stretch: np.ndarray) -> ComputationFailed:
+    most = np.max(np.real(stretch))
+    return ComputationFailed(f"no lateral stretch balances a stretch of {most:.3g} with these parameters")

@@ -11,7 +11,7 @@ from cutbench.mechanisms.bulk import _branch
 
 def branch_parameters(number: str, time: float, ratio: float) -> tuple[Parameter, ...]:
     """Modulus over G and relaxation time of a branch; it is off where its modulus is 0."""
-    sub = "₀₁₂"[int(number)]
+    sub = "₀₁₂₃"[int(number)]
     return (
         Parameter.effect(
             f"g_{number}", "1", f"g{sub}", "modulus of the Maxwell branch over G", high=50.0, typical=ratio
