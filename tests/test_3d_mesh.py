@@ -15,7 +15,10 @@ from cutbench.models3d.mesh import quarter
 from cutbench.run.build import build
 
 VALUES = {"width": 6.0, "height": 6.0, "length": 8.0, "thickness": 0.7}
-SMALL = {"width": "6 mm", "height": "6 mm", "length": "8 mm", "element": "P1", "depth": "0.5 mm"}
+SMALL = {
+    "numerics": "tetrahedra", "width": "6 mm", "height": "6 mm", "length": "8 mm", "element": "P1",
+    "depth": "0.5 mm",
+}  # fmt: skip
 NAMED = {
     "quarter": ("cut", "top", "bottom", "middle"),
     "half": ("cut", "top", "bottom"),

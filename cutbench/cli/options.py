@@ -113,8 +113,8 @@ Preset = Annotated[
     str | None,
     typer.Option(
         "--numerics",
-        metavar="converged|fast|paper|extruded",
-        help="All numerical choices under one word; extruded: of blocks.",
+        metavar="converged|fast|paper|tetrahedra",
+        help="All numerical choices under one word; tetrahedra: of blocks.",
     ),
 ]
 Without = Annotated[
