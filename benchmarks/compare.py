@@ -119,7 +119,7 @@ JOBS = (
     Job("map", "sweep map.toml --workers 1", ("map.csv",), {"map.toml": MAP}),
     Job("fit", "fit campaign.toml --workers 0", ("fit.json",), campaign()),
     Job("discovery", "discover campaign.toml --workers 0", ("discovery.json",), campaign()),
-    Job("block", f"run3d gelatin --depth 1.3 --h 1 --no-plane-strain {BLOCK}"),
+    Job("block", f"run3d gelatin --numerics tetrahedra --depth 1.3 --h 1 --no-plane-strain {BLOCK}"),
     Job("tension", "tension gelatin --notched --h 1 --elongation 7", ("curve.csv", "tension.json")),
     Job("hold", "run2d hold.toml", files={"hold.toml": HOLD}),
     Job("paper", "run2d gelatin --numerics paper --h 0.7 --depth 4"),

@@ -23,7 +23,7 @@ spaces = pytest.mark.parametrize("dim, order", [(2, 1), (2, 2), (3, 1), (3, 2)])
 P = SimpleNamespace(
     G=0.025, nu=0.49, G_c=0.01, delta_c=0.07, beta=0.8, onset_stiffness=20.0, eta_reg=0.3,
     speed=0.5, thickness=0.7, tip=1.05, surface_length=0.07,
-    mu=0.3, tau_W=0.004, tilt=0.0, overhang=0.0,
+    mu=0.3, tau_W=0.004, tilt=0.0, incline=0.0, overhang=0.0,
 )  # fmt: skip
 
 

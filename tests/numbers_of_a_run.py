@@ -17,9 +17,11 @@ from cutbench.run.runner import run_case
 def evaluations() -> dict[str, np.ndarray]:
     """Of problems at places that mean nothing."""
     found: dict[str, np.ndarray] = {}
-    solid = load_case("gelatin", {"h": "2 mm", "element": "P1"}, dim=3)
+    block = {"h": "2 mm", "element": "P1"}
+    solid = load_case("gelatin", {**block, "numerics": "tetrahedra"}, dim=3)
+    drawn = load_case("gelatin", {**block, "layers": 1}, dim=3)
     cases = {"section": BRIEF, "whole": BRIEF.set(symmetry="full"), "mixed": BRIEF.set(element="P2P1")}
-    for name, case in (cases | {"solid": solid}).items():
+    for name, case in (cases | {"solid": solid, "drawn": drawn}).items():
         built, rng = build(case), np.random.default_rng(4)
         problem, probed = built.problem, built.space.inside[:, :200] * 0.9
         found[f"{name} probes"] = built.space.probes(probed).toarray()

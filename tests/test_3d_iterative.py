@@ -15,7 +15,10 @@ from cutbench.solver.linear import SingularMatrix, make_solver
 
 pyamg = pytest.importorskip("pyamg")
 
-SMALL = {"width": "6 mm", "height": "6 mm", "length": "8 mm", "element": "P1", "h": "1.2 mm"}
+SMALL = {
+    "numerics": "tetrahedra", "width": "6 mm", "height": "6 mm", "length": "8 mm", "element": "P1",
+    "h": "1.2 mm",
+}  # fmt: skip
 
 
 def some(n, seed=0):

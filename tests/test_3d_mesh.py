@@ -15,7 +15,10 @@ from cutbench.models3d.mesh import quarter
 from cutbench.run.build import build
 
 VALUES = {"width": 6.0, "height": 6.0, "length": 8.0, "thickness": 0.7}
-SMALL = {"width": "6 mm", "height": "6 mm", "length": "8 mm", "element": "P1", "depth": "0.5 mm"}
+SMALL = {
+    "numerics": "tetrahedra", "width": "6 mm", "height": "6 mm", "length": "8 mm", "element": "P1",
+    "depth": "0.5 mm",
+}  # fmt: skip
 NAMED = {
     "quarter": ("cut", "top", "bottom", "middle"),
     "half": ("cut", "top", "bottom"),
@@ -176,9 +179,32 @@ def test_a_shorter_blade_meets_less_of_the_block():
         load_case("gelatin", {**SMALL, "overhang": "-4 mm"}, dim=3)
 
 
+def test_an_inclined_blade_needs_both_ends_and_begins_at_the_low_one():
+    straight, none = forces(), forces(incline="0 deg")
+    assert np.array_equal(straight, none)
+    almost = forces(incline="0.001 deg")
+    assert almost[-1] == pytest.approx(straight[-1], rel=1e-3)
+    up, down = forces(incline="1 deg"), forces(incline="-1 deg")
+    assert up[-1] == pytest.approx(down[-1], rel=1e-3)
+    assert 0.2 * straight[-1] < up[-1] < 0.9 * straight[-1]
+    changes = {**SMALL, "h": "2 mm", "depth": "0.1 mm", "incline": "3 deg"}
+    built = build(load_case("gelatin", changes, dim=3))
+    assert built.geometry.multiplicity == 2.0
+    (*_, last) = built.march
+    (form,) = built.blades
+    pressed = form.faces.X[2][last.states[form.name]["pressure"] > 0]
+    # The edge is 0.1 mm deep at the low end, z = -4 mm, and at the top 0.1 mm / tan 3 deg from there.
+    assert pressed.min() >= -4.0 and pressed.max() < -4.0 + 0.1 / np.tan(np.radians(3)) + 0.2
+    with pytest.raises(BadInput, match="symmetry = 'quarter'"):
+        load_case("gelatin", {**changes, "symmetry": "quarter"}, dim=3)
+    with pytest.raises(BadInput, match=r"incline = '3 deg'.*three dimensions"):
+        load_case("gelatin", {"incline": "3 deg"})
+
+
 @pytest.mark.parametrize("normal", ["tool", "material"])
 def test_the_tangent_of_a_tilted_blade_is_the_derivative_of_its_forces(normal):
-    changes = {**SMALL, "h": "2 mm", "tilt": "7 deg", "overhang": "-0.5 mm", "normal": normal, "mu": "0.3"}
+    changes = {**SMALL, "h": "2 mm", "tilt": "7 deg", "incline": "3 deg", "overhang": "-0.5 mm"}
+    changes |= {"normal": normal, "mu": "0.3"}
     case = load_case("gelatin", changes, dim=3)
     built = build(case)
     rng = np.random.default_rng(3)

@@ -272,6 +272,7 @@ def test_three_dimensions():
         "length": "2 mm",
         "width": "6 mm",
         "height": "4 mm",
+        "layers": 1,
     }
     base = load_case("gelatin", small, dim=3)
     names = ("maxwell", "mullins", "gent", "stiff_skin", "rate_toughness", "adhesion_speed", "blunt_tip",

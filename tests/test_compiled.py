@@ -86,7 +86,8 @@ def test_who_waits_for_a_compiler_is_told(tmp_path):
 @pytest.mark.parametrize("names", [FRICTIONLESS, DEFAULT, (*DEFAULT, "adhesion_speed")])
 def test_compiled_loops_and_numpy_answer_the_same(dim, order, normal, names):
     """Numbers that may be complex go through NumPy, real ones through compiled loops where there are any."""
-    p = SimpleNamespace(**vars(P) | {"tau_v": 0.002, "adhesion_reference": 0.01, "tilt": 0.2, "length": 1.0})
+    turned = {"tilt": 0.2, "incline": 0.1, "length": 1.0}
+    p = SimpleNamespace(**vars(P) | turned | {"tau_v": 0.002, "adhesion_reference": 0.01})
     p.overhang = -0.2
     space = space_of(dim, order)
     form = blade(space, normal=normal, names=names).with_numerics(

@@ -90,7 +90,9 @@ def test_whatever_runs_in_a_run_counts(kind):
     if kind == "section":
         used = called_by(lambda: run_case(case, snapshots_mm=[0.1]))
     elif kind == "block":
-        case = load_case("gelatin", {**SMALL, "length": "4 mm", "element": "P1", "h": "1.2 mm"}, dim=3)
+        case = load_case(
+            "gelatin", {**SMALL, "length": "4 mm", "element": "P1", "h": "1.2 mm", "layers": 1}, dim=3
+        )
         used = called_by(lambda: run_case(case))
     else:
         solid = load_case("elastomer", dim=3)

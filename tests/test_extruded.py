@@ -55,31 +55,114 @@ def test_parts_of_a_drawn_out_block_have_their_faces():
     assert faces["full"] == {"cut", "cut_minus", "top", "bottom", "side", "end"}
 
 
-def test_the_word_is_for_blocks_and_takes_the_sections_contact():
-    numerics = load_case("gelatin", {"numerics": "extruded"}, dim=3).numerics
-    own = Numerics()
-    assert numerics.layers > 0 and numerics.element == own.element
-    assert (numerics.penalty, numerics.normal, numerics.multiplier) == (
-        own.penalty,
-        own.normal,
-        own.multiplier,
+def test_a_block_is_a_section_drawn_out_unless_it_is_asked_for_tetrahedra(tmp_path):
+    numerics, own = load_case("gelatin", dim=3).numerics, Numerics()
+    assert numerics.layers > 0
+    for name in (
+        "element",
+        "penalty",
+        "stick",
+        "normal",
+        "multiplier",
+        "facet_degree",
+        "bulk_degree",
+        "energy_step",
+    ):
+        assert getattr(numerics, name) == getattr(own, name), name
+    tetrahedra = load_case("gelatin", {"numerics": "tetrahedra"}, dim=3).numerics
+    assert tetrahedra.layers == 0
+    with pytest.raises(BadInput, match="tetrahedra"):
+        load_case("gelatin", {"numerics": "tetrahedra"})
+    # A mesh file's elements are such.
+    path = tmp_path / "block.msh"
+    path.write_text("what it holds is read later")
+    named = load_case("gelatin", {"mesh": str(path)}, dim=3).numerics
+    assert replace(named, mesh=None) == tetrahedra
+    with pytest.raises(BadInput, match="P2P1"):
+        build(load_case("gelatin", {**SMALL, "element": "P2P1"}, dim=3))
+
+
+# -- against the section -----------------------------------------------------------------------------
+#: A cut that opens on the way, with all that a surface may have.
+OPENS = {
+    **SMALL, "depth": "1.2 mm", "G_c": "0.2 J/m^2", "eta_v": "0.05 mm", "mu": 0.2,
+    "with": ["surface_tension", "film"], "gamma_s": "50 mN/m", "film_thickness": "0.07 mm",
+}  # fmt: skip
+
+
+def section_of(changes, symmetry="half"):
+    """The section that a block is drawn out of, with what a block's numerics differ in."""
+    flat = load_case("gelatin", {"around": 0, "self_contact": "off", "symmetry": symmetry, **changes})
+    return build(flat, geometry_of(flat, fine=(0.0, flat.p.depth)))
+
+
+def solid_of(changes, held):
+    case = load_case("gelatin", changes, dim=3)
+    return build(case, replace(geometry_of(case), held=held))
+
+
+def forces(built, given=None):
+    """Travel (steps,) and force (steps,) of the whole block, and the steps."""
+    steps = list(built.march.steps(given=given))
+    travel, force = np.array([(s.travel, s.force) for s in steps]).T
+    return travel, force * built.geometry.multiplicity, steps
+
+
+@pytest.mark.parametrize("symmetry", ["half", pytest.param("full", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("layers", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_between_two_planes_of_symmetry_it_is_the_section_to_rounding(layers, symmetry):
+    tight = {**OPENS, "tolerance": 1e-11, "symmetry": symmetry}
+    travel, force, steps = forces(section_of(tight, symmetry))
+    # As far as the force has fallen by a tenth.
+    end = 1 + int(np.argmax((force < 0.9 * force.max()) & (travel > travel[force.argmax()])))
+    assert end > 1
+    force, steps = force[:end], steps[:end]
+    built = solid_of({**tight, "layers": layers}, (("middle", 2), ("end", 2)))
+    # Each step begins from the section's solution in every plane, so that both are one branch.
+    planes = built.space.z.size
+
+    def drawn(u):
+        return np.tile(np.pad(u.reshape(-1, 2), ((0, 0), (0, 1))), (planes, 1)).ravel()
+
+    _, found, taken = forces(built, [replace(s.given, u=drawn(s.u)) for s in steps])
+    assert np.abs(found - force).max() < 1e-9 * force.max()
+    off = max(np.abs(t.u - drawn(s.u)).max() for s, t in zip(steps, taken, strict=True))
+    assert off < 1e-8
+
+
+def test_a_free_end_gives_way_a_little():
+    values = {**SMALL, "layers": 1}
+    held = forces(solid_of(values, (("middle", 2), ("end", 2))))[1]
+    free = forces(solid_of(values, (("middle", 2),)))[1]
+    assert 0.8 < free[-1] / held[-1] < 0.95
+
+
+def test_few_layers_do():
+    small = {**SMALL, "depth": "0.3 mm"}
+    few, more = (forces(solid_of({**small, "layers": n}, (("middle", 2),)))[1][-1] for n in (1, 3))
+    assert few == pytest.approx(more, rel=0.015)
+
+
+def test_a_half_is_two_quarters():
+    quarter, half = (
+        forces(build(load_case("gelatin", {**SMALL, "layers": 1, "symmetry": part}, dim=3)))[1]
+        for part in ("quarter", "half")
     )
-    with pytest.raises(BadInput, match="extruded"):
-        load_case("gelatin", {"numerics": "extruded"})
+    assert half[-1] == pytest.approx(quarter[-1], rel=1e-8)
 
 
-def curve(case, held=None):
-    """Travel (steps,) and force (steps,) of the whole block."""
-    geometry = geometry_of(case)
-    built = build(case, replace(geometry, held=held) if held else geometry)
-    rows = np.array([(s.travel, s.force * built.geometry.multiplicity) for s in built.march])
-    return rows.T
+def test_values_at_points_are_those_of_quadratic_functions():
+    built = solid_of({**SMALL, "layers": 2}, (("middle", 2),))
+    space, rng = built.space, np.random.default_rng(2)
 
+    def value(X):
+        return 1 + X[0] * X[2] + X[1] ** 2 - 0.3 * X[2] ** 2
 
-def test_between_two_planes_of_symmetry_it_is_the_section():
-    section = curve(load_case("gelatin", {**SMALL, "around": 0}))
-    solid = load_case("gelatin", {"numerics": "extruded", **SMALL, "layers": 1}, dim=3)
-    travel, force = curve(solid, (("middle", 2), ("end", 2)))
-    assert np.abs(np.interp(travel, *section) - force).max() < 3e-3 * force.max()
-    # With a free end it gives way a little there.
-    assert 0.8 < curve(solid)[1][-1] / force[-1] < 0.995
+    points = rng.uniform(size=(3, 50)) * np.array([[3.0], [6.0], [4.0]])
+    assert space.probes(points) @ value(space.X) == pytest.approx(value(points), abs=1e-9)
+    volume = space.volume(4)
+    assert volume.w.sum() == pytest.approx(3.0 * 6.0 * 4.0)
+    at_points = np.einsum("qa,ae->qe", volume.phi, value(space.X)[volume.nodes])
+    assert at_points == pytest.approx(value(volume.X), abs=1e-9)
+    slope = np.einsum("qma,ae,mje->jqe", volume.dphi, value(space.X)[volume.nodes], volume.jinv)
+    assert slope[2] == pytest.approx(volume.X[0] - 0.6 * volume.X[2], abs=1e-8)

@@ -122,6 +122,10 @@ def test_a_blade_of_a_block_is_turned_and_longer_as_it_is_asked():
     c, s = np.cos(case.p.tilt), np.sin(case.p.tilt)
     assert np.abs(x * c - z * s).max() == pytest.approx(half)
     np.testing.assert_allclose(np.abs(z * c + x * s), end)
+    # Inclined by as much as makes its low end touch the top and its high end 2 mm above.
+    rising = blade_mesh(load_case("gelatin", {"incline": "3.8141 deg"}, dim=3), 0.0, 30.0)
+    low = [rising.points[rising.points[:, 2] * side > 10, 1].min() for side in (-1, 1)]
+    assert low == pytest.approx([case.p.height, case.p.height + 2.0], abs=5e-3)
     # A closed surface: each edge belongs to two of its faces.
     faces = [face for block in mesh.cells for face in block.data]
     edges = [sorted((face[i], face[i - 1])) for face in faces for i in range(len(face))]

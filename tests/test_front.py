@@ -14,7 +14,7 @@ from cutbench.run.build import build
 from cutbench.run.front import FRONT, ONSET_MM, Front, end_effect
 
 #: A block so small that a run of it takes seconds.
-SMALL = {"width": "6 mm", "height": "6 mm", "length": "8 mm", "element": "P1"}
+SMALL = {"width": "6 mm", "height": "6 mm", "length": "8 mm", "element": "P1", "numerics": "tetrahedra"}
 
 
 @pytest.fixture(scope="module")

@@ -236,6 +236,8 @@ class _Draft:
         if word == "paper":
             model = model.as_published()
         values = resolve(self.values, {k: v for k, v in rest.items() if k not in KEYS}, model)
+        if word is None and self.dim == 3 and rest.get("mesh") and self.numerics == defaults(3):
+            word = "tetrahedra"  # a mesh file has such elements, and needs their contact
         start = self.numerics if word is None else self._preset(word, model, values)
         numerics = start.set({k: v for k, v in rest.items() if k in KEYS})
         if numerics.mesh is not None:

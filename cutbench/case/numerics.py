@@ -45,8 +45,8 @@ class Numerics:
     along: float = _within(4.0, 1.0, 20.0)
     """Elements are at most so many times longer along the blade than tall, in three dimensions."""
     layers: int = _within(0, 0, 200)
-    """Layers along half the blade, thinner towards its end, of a block whose elements are those of a section
-    drawn out; 0: elements of its own."""
+    """Layers along half the blade, thinner towards its end, of a block that is a section drawn out; 0:
+    tetrahedra of its own."""
     element: str = _one_of("P2", "P1", "P2P1")
     """Quadratic or linear displacements, or quadratic ones with a linear pressure. P1 locks near ν = 0.5."""
     normal: str = _one_of("tool", "material")
@@ -136,10 +136,18 @@ class Numerics:
         return made
 
 
-#: Where a solid's defaults differ: its elements are as few as a run in minutes allows. Faces larger than the
-#: tip is round meet its apex alone: along the tool's normal they would be pushed down, not apart. Their
-#: contact is the soft one that blocks were measured with.
-_SOLID = Numerics(
+#: Elements of a first look.
+_COARSE: dict[str, Any] = {"h_mm": 0.125, "corner": 0.25}
+#: A block is a section drawn out: where it differs from the section's defaults. Elements are those of a first
+#: look, for each of a section's is one in each layer. Its mesh does not follow the front, and its surface
+#: does not see itself.
+_SOLID = replace(Numerics(), **_COARSE, layers=3, around=0.0, self_contact="off")
+#: And of a quick look at a block: elements twice as tall, in fewer layers.
+_QUICK: dict[str, Any] = {"h_mm": 0.25, "layers": 2}
+#: A block of tetrahedra of its own, as few as a run in minutes allows. Faces larger than the tip is round
+#: meet its apex alone: along the tool's normal they would be pushed down, not apart. Their contact is the
+#: soft one that such blocks were measured with.
+_TETRAHEDRA = Numerics(
     h_mm=1.0,
     corner=0.25,
     shallow=1.0,
@@ -155,11 +163,6 @@ _SOLID = Numerics(
     stick=400.0,
     multiplier="none",
 )
-#: Elements of a first look.
-_COARSE: dict[str, Any] = {"h_mm": 0.125, "corner": 0.25}
-#: Where a block that is a section drawn out differs from the section: elements are those of a first look, for
-#: each of a section's is eighteen of a block's, and its mesh does not follow the front.
-_EXTRUDED: dict[str, Any] = {**_COARSE, "layers": 6, "around": 0.0}
 #: Where a preset for first looks differs, in sections: larger elements and a contact four times as soft.
 _FAST: dict[str, Any] = {**_COARSE, "penalty": 16000.0, "stick": 6400.0}
 
@@ -183,15 +186,16 @@ PAPER_SOLID: dict[str, Any] = {"h_mm": 0.85, "along": 1.25}
 #: Sets of choices under one word.
 PRESETS = ("converged", "fast", "paper")
 #: And what only blocks have.
-SOLID_PRESETS = (*PRESETS, "extruded")
+SOLID_PRESETS = (*PRESETS, "tetrahedra")
 
 
 def preset(name: object, dim: int, modulus: float, thickness: float) -> Numerics:
     """The numerics called ``name``, for a shear ``modulus`` and a blade. BadInput for an unknown name.
 
     ``converged``: the defaults. ``fast``: elements twice as tall and a contact four times as soft;
-    docs/validation/convergence.md says what that costs. A block has its defaults. ``extruded``: a block with
-    the elements and the contact of a section, for confirmations. ``paper``: linear elements of the paper's
+    docs/validation/convergence.md says what that costs; of a block, elements twice as tall in fewer layers.
+    ``tetrahedra``: a block of elements of its own, coarse and graded along the blade, too, as a mesh file's
+    are. ``paper``: linear elements of the paper's
     size, the material's normal, its dimensionless gap 1 − (x−c)ᵀA(x−c) with ε_N/h, h the element's diameter,
     and multipliers that are updated until they stand still, sticking with ε_T/h, a cut plane that resists
     closing as it resists opening, damage staggered, its steps. Strengths of friction and adhesion follow the
@@ -200,16 +204,16 @@ def preset(name: object, dim: int, modulus: float, thickness: float) -> Numerics
     among("numerics", name, SOLID_PRESETS if dim == 3 else PRESETS)
     start = defaults(dim)
     if name == "fast":
-        return start if dim == 3 else replace(start, **_FAST)
-    if name == "extruded":
-        return replace(Numerics(), **_EXTRUDED)
+        return replace(start, **(_QUICK if dim == 3 else _FAST))
+    if name == "tetrahedra":
+        return _TETRAHEDRA
     if name == "converged":
         return start
     # Our ellipse gap is a/2 times the dimensionless one, and the penalty is in G per mm of it.
     penalty = 2 * PAPER_PENALTY / (modulus * thickness / 2)
     size = PAPER_SOLID if dim == 3 else {"h_mm": PAPER_EDGE}
     return replace(
-        start,
+        _TETRAHEDRA if dim == 3 else start,
         **size,
         corner=1.0,
         shallow=1.0,

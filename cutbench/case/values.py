@@ -256,15 +256,24 @@ def _misfits(
     if "thickness" not in v:
         return
     thickness, h, tilt, overhang = v["thickness"], numerics.h_mm, v.get("tilt", 0.0), v.get("overhang", 0.0)
-    if dim == 2 and (tilt or overhang < 0):
-        key, shown = ("tilt", f"{math.degrees(tilt):g} deg") if tilt else ("overhang", f"{overhang:g} mm")
-        yield key, shown, "0 in plane strain: it needs three dimensions"
+    incline = v.get("incline", 0.0)
+    if dim == 2:
+        turned = {"tilt": math.degrees(tilt), "incline": math.degrees(incline)}
+        unit, alone = (
+            dict.fromkeys(turned, "deg") | {"overhang": "mm"},
+            turned | {"overhang": min(overhang, 0.0)},
+        )
+        for key, value in alone.items():
+            if value:
+                yield key, f"{value:g} {unit[key]}", "0 in plane strain: it needs three dimensions"
     if overhang <= -v["length"] / 2:
         least = f"a blade that is not shorter than nothing: more than {-v['length'] / 2:g} mm"
         yield "overhang", f"{overhang:g} mm", least
     if tilt and numerics.symmetry in ("quarter", "half"):
         whole = "'full' or 'auto' with a tilted blade: it has no plane of symmetry"
         yield "symmetry", numerics.symmetry, whole
+    if incline and numerics.symmetry == "quarter":
+        yield "symmetry", "quarter", "'half', 'full' or 'auto' with an inclined blade: its ends are not alike"
     if thickness >= v["width"]:
         thinner = f"a blade thinner than the specimen is wide ({v['width']:g} mm)"
         yield "thickness", f"{thickness:g} mm", thinner

@@ -113,10 +113,11 @@ Preset = Annotated[
     str | None,
     typer.Option(
         "--numerics",
-        metavar="converged|fast|paper|extruded",
-        help="All numerical choices under one word; extruded: of blocks.",
+        metavar="converged|fast|paper|tetrahedra",
+        help="All numerical choices under one word; tetrahedra: of blocks.",
     ),
 ]
+Quick = Annotated[bool, typer.Option("--quick", help="A first look: the same as --numerics fast.")]
 Without = Annotated[
     list[str] | None, typer.Option(metavar="NAME", help="Leave a mechanism out; may be repeated.")
 ]
@@ -217,6 +218,7 @@ def run_options(*, dim: int) -> Callable[[Callable], Callable]:
             element: Element = None,
             normal: Normal = None,
             numerics: Preset = None,
+            quick: Quick = False,
             without: Without = None,
             with_: With = None,
             out: Out = None,
@@ -224,12 +226,15 @@ def run_options(*, dim: int) -> Callable[[Callable], Callable]:
             frames: FrameCount = None,
             **own: object,
         ) -> None:
+            from cutbench.base.errors import BadInput
             from cutbench.run.frames import checked_frames
 
             every_s = seconds("--checkpoint", checkpoint, 60.0)
             count = checked_frames(frames)
             options = {"h": in_mm(h), "depth": in_mm(depth), "element": element, "normal": normal}
-            options |= {"numerics": numerics, "until": until}
+            if quick and numerics not in (None, "fast"):
+                raise BadInput("--quick", numerics, "one of --quick and --numerics, not both")
+            options |= {"numerics": "fast" if quick else numerics, "until": until}
             case, folder = asked(material, changes(sets, options, with_, without), out, dim=dim)
             command(Wanted(case, folder, every_s, count), **own)
 

@@ -18,6 +18,37 @@ FAR = 1e6
 REACH = 0.25
 
 
+class Lie(NamedTuple):
+    """How a blade lies in space, real or complex: cosine and sine of its tilt and its incline, and how much
+    higher its edge is in the middle than where it is lowest, mm."""
+
+    c: complex
+    s: complex
+    ci: complex
+    si: complex
+    lift: complex
+
+    @classmethod
+    def of(cls, p) -> Lie:
+        lift = 0.0
+        if p.incline != 0:
+            lift = np.tan(p.incline) * (p.length / 2 + min(p.overhang, 0.0, key=np.real))
+            lift = lift if np.real(lift) >= 0 else -lift
+        return cls(np.cos(p.tilt), np.sin(p.tilt), np.cos(p.incline), np.sin(p.incline), lift)
+
+    def up(self, x):
+        """Height (…) in the blade's frame, of positions or motions x (3, …), without its lift."""
+        return x[1] * self.ci - (x[0] * self.s + x[2] * self.c) * self.si
+
+    @property
+    def straight(self) -> bool:
+        return self.s == 0 and self.si == 0
+
+
+#: Of a section, and of a blade that lies along z.
+STRAIGHT = Lie(1.0, 0.0, 1.0, 0.0, 0.0)
+
+
 class Met(NamedTuple):
     """Points of the faces ``near`` (count,) in the tool's frame, N = nq·count in all: the ``foot`` across the
     blade, how far a point is ``over`` its mid-plane, its height ``up``, and its ``slip`` (dim, N) past it."""
@@ -29,29 +60,33 @@ class Met(NamedTuple):
     slip: np.ndarray
 
 
-def _met(u, u_old, way, apex, turn, extent, touched, dofs, N, X, flank) -> tuple[np.ndarray, ...]:
+def _met(u, u_old, way, apex, lie, extent, touched, dofs, N, X, flank) -> tuple[np.ndarray, ...]:
     """``Met`` of the faces that, moved by ``u``, can touch the blade or carry shear."""
     dim = len(X)
-    U = gather(u.real, dofs, dim)
-    at, across = _across(X, turn.real), _across(U, turn.real)
+    U, real = gather(u.real, dofs, dim), Lie(*(each.real for each in lie))
+    at, across = _across(X, real), _across(U, real)
     left, right = at.min(axis=0) + across.min(axis=0), at.max(axis=0) + across.max(axis=0)
-    high, low = X[1].max(axis=0) + U[1].max(axis=0), X[1].min(axis=0) + U[1].min(axis=0)
+    height, rise = (X[1], U[1]) if dim == 2 or real.si == 0 else (real.up(X), real.up(U))
+    high, low = height.max(axis=0) + rise.max(axis=0), height.min(axis=0) + rise.min(axis=0)
+    edge = (apex[1].real + real.lift) * real.ci
     least, most, top = extent
-    meets = (left < most + REACH) & (right > least - REACH) & (high > apex[1].real - REACH)
-    meets &= low < apex[1].real + top + REACH
+    meets = (left < most + REACH) & (right > least - REACH) & (high > edge - REACH)
+    meets &= low < edge + top + REACH
     near = np.flatnonzero(meets | (touched.real.max(axis=0) > 0))
     N, dofs = N[:, :, near], dofs[:, near]
     slip = blend(N, gather(u - u_old, dofs, dim)) - way[:, None, None]
     x = X[:, :, near] + blend(N, gather(u, dofs, dim))
-    return near, *_in_frame(x, apex, turn, flank[near]), slip.reshape(dim, -1)
+    return near, *_in_frame(x, apex, lie, flank[near]), slip.reshape(dim, -1)
 
 
 @compiled(_met)
-def met(u, u_old, way, apex, turn, extent, touched, dofs, N, X, flank):
+def met(u, u_old, way, apex, lie, extent, touched, dofs, N, X, flank):
     dim, nq, nf = X.shape
     nn = N.shape[1]
-    c, s = np.cos(turn), np.sin(turn)
+    c, s, ci, si, lift = lie
     least, most, top = extent
+    edge = (apex[1].real + lift.real) * ci.real
+    inclined = dim == 3 and si.real != 0
     near = np.empty(nf, np.int64)
     count = 0
     for f in range(nf):
@@ -62,15 +97,21 @@ def met(u, u_old, way, apex, turn, extent, touched, dofs, N, X, flank):
             meets |= touched[q, f].real > 0
             x = X[0, q, f] if dim == 2 else X[0, q, f] * c.real - X[2, q, f] * s.real
             left, right = min(left, x), max(right, x)
-            low, high = min(low, X[1, q, f]), max(high, X[1, q, f])
+            y = X[1, q, f]
+            if inclined:
+                y = y * ci.real - (X[0, q, f] * s.real + X[2, q, f] * c.real) * si.real
+            low, high = min(low, y), max(high, y)
         for a in range(nn):
             x, y = u[dofs[a, f]].real, u[dofs[nn + a, f]].real
             if dim == 3:
-                x = x * c.real - u[dofs[2 * nn + a, f]].real * s.real
+                z = u[dofs[2 * nn + a, f]].real
+                if inclined:
+                    y = y * ci.real - (x * s.real + z * c.real) * si.real
+                x = x * c.real - z * s.real
             across_least, across_most = min(across_least, x), max(across_most, x)
             up_least, up_most = min(up_least, y), max(up_most, y)
         beside = left + across_least < most + REACH and right + across_most > least - REACH
-        level = high + up_most > apex[1].real - REACH and low + up_least < apex[1].real + top + REACH
+        level = high + up_most > edge - REACH and low + up_least < edge + top + REACH
         if meets or (beside and level):
             near[count] = f
             count += 1
@@ -90,10 +131,12 @@ def met(u, u_old, way, apex, turn, extent, touched, dofs, N, X, flank):
                 slip[i, k] = moved
                 if i == 0:
                     x += at * c if dim == 3 else at
+                    along = at * s
                 elif i == 1:
                     up[k] = at - apex[1]
                 else:
                     x -= at * s
+                    up[k] = (up[k] - lift) * ci - (along + at * c) * si
             x -= apex[0]
             if x.real * flank[f] < 0:  # there the gap goes on linearly
                 over[k], x = x, 0.0
@@ -133,13 +176,15 @@ class ToolGap:
         dim, faces = self._dim, self._faces
         kind = float if real else complex
         moves = u, step.u_old, (step.centre - step.centre_old)[:dim], step.centre
-        given = (*(np.asarray(each, kind) for each in moves), kind(p.tilt if dim == 3 else 0.0))
+        place = Lie.of(p) if dim == 3 else STRAIGHT
+        lie = Lie(*(complex(each) if kind is complex else float(np.real(each)) for each in place))
+        given = (*(np.asarray(each, kind) for each in moves), lie)
         return Met(*met(*given, self.extent(p), touched, dofs, faces.N, faces.X, self._flank))
 
     def at(self, x: np.ndarray, near: np.ndarray, p, centre):
         """As ``of`` where points of the faces ``near`` now are, x (dim, nq, nf)."""
-        turn = p.tilt if self._dim == 3 else 0.0
-        return self.of(near, *_in_frame(x, centre, turn, self._flank[near]), p)
+        lie = Lie.of(p) if self._dim == 3 else STRAIGHT
+        return self.of(near, *_in_frame(x, centre, lie, self._flank[near]), p)
 
     def of(self, near, foot, over, up, p):
         """Gap (N,), gradient (dim, N) and second derivative (dim, dim, N) at points in the tool's frame."""
@@ -155,19 +200,19 @@ class ToolGap:
         return (g, n, H) if dim == 2 else self._in_space(near, g, n, H, p)
 
     def _in_space(self, near, g, n, H, p):
-        """The same for a blade that is turned about the height and may end inside the block."""
-        turn, size = p.tilt, g.size
+        """The same for a blade that is turned about the height, inclined, and may end inside the block."""
+        lie, size = Lie.of(p), g.size
         gradient, second = np.zeros((3, size), dtype=n.dtype), np.zeros((3, 3, size), dtype=n.dtype)
         gradient[:2], second[:2, :2] = n, H
-        if turn != 0:
-            c, s = np.cos(turn), np.sin(turn)
-            back = np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
+        if not lie.straight:
+            c, s, ci, si, _ = lie
+            back = np.array([[c, 0 * s, -s], [-s * si, ci, -c * si], [s * ci, si, c * ci]])
             gradient = np.einsum("ji,jk->ik", back, gradient)
             second = np.einsum("ji,jkn,kl->iln", back, second, back)
         if np.real(p.overhang) < 0:
             # Points beyond its ends, as they lay before loading, stay free.
             X = self._faces.X[:, :, near].reshape(3, -1)
-            along = X[2] * np.cos(np.real(turn)) + X[0] * np.sin(np.real(turn))
+            along = X[2] * np.real(lie.c) + X[0] * np.real(lie.s)
             g = np.where(np.abs(along) > np.real(p.length) / 2 + np.real(p.overhang), g + FAR, g)
         return g, gradient, second
 
@@ -189,15 +234,18 @@ def _bend_by_height(tool, kind: str, x, y, p) -> np.ndarray:
     return np.imag(_law(tool, kind)(x, y + 1j * STEP, p)[2][0, 1]) / STEP
 
 
-def _in_frame(x, apex, turn, flank) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _in_frame(x, apex, lie, flank) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """``foot``, ``over`` and ``up`` of ``Met`` for points x (dim, nq, nf)."""
-    across = _across(x, turn) - apex[0]
+    across = _across(x, lie) - apex[0]
     beyond = across.real * flank < 0  # there the gap goes on linearly
     over, foot = np.where(beyond, across, 0), np.where(beyond, 0, across)
     foot.real = np.copysign(foot.real, flank)  # -0.0 is on the left flank
-    return foot.ravel(), over.ravel(), (x[1] - apex[1]).ravel()
+    up = x[1] - apex[1]
+    if len(x) == 3 and lie.si != 0:
+        up = lie.up((x[0], up - lie.lift, x[2]))
+    return foot.ravel(), over.ravel(), up.ravel()
 
 
-def _across(x: np.ndarray, turn) -> np.ndarray:
+def _across(x: np.ndarray, lie: Lie) -> np.ndarray:
     """Coordinate across a blade that is turned about the height, for positions or motions x (dim, …)."""
-    return x[0] if len(x) == 2 or turn == 0 else x[0] * np.cos(turn) - x[2] * np.sin(turn)
+    return x[0] if len(x) == 2 or lie.s == 0 else x[0] * lie.c - x[2] * lie.s

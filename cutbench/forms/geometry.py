@@ -17,7 +17,8 @@ class Geometry:
     ``multiplicity`` turns the meshed part's force into the block's in N (2D: mm of length, times the
     number of mirror images; 3D: mirror images). ``held`` lists faces with the displacement component
     that symmetry keeps at zero. ``split``: both sides of the cut plane are meshed, as faces "cut"
-    (x > 0) and "cut_minus".
+    (x > 0) and "cut_minus". ``section``: of a block that is one drawn out, its mesh, and the ``planes`` along
+    z between the layers, mm.
     """
 
     mesh: skfem.Mesh
@@ -26,6 +27,8 @@ class Geometry:
     held: tuple[tuple[str, int], ...] = ()
     clamped: str = "bottom"
     split: bool = False
+    section: skfem.MeshTri | None = None
+    planes: np.ndarray | None = None
 
     @property
     def blade_faces(self) -> tuple[str, ...]:

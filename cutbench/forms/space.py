@@ -26,6 +26,9 @@ KINDS = {
     (3, 2): skfem.ElementTetP2,
 }
 
+#: What meshio calls them. scikit-fem numbers edges as 01, 12, 02 and 03, 13, 23: meshio's order for both.
+CELLS = {(2, 1): "triangle", (2, 2): "triangle6", (3, 1): "tetra", (3, 2): "tetra10"}
+
 #: Part of the way to the middle of its element by which a node is moved to find it.
 INWARD = 1e-6
 #: Elements among which a point is looked for, by their centres; and how far outside, in units of an element,
@@ -127,6 +130,11 @@ class Space:
     def build(cls, mesh: skfem.Mesh, order: int) -> Space:
         basis = skfem.Basis(mesh, KINDS[mesh.dim(), order](), intorder=1)
         return cls(mesh, order, basis.doflocs, basis.element_dofs, basis.dofs)
+
+    @property
+    def cells(self) -> tuple[str, np.ndarray]:
+        """What pictures show of the elements: a kind, as meshio calls it, and numbers of nodes (k, n)."""
+        return CELLS[self.dim, self.order], self.element_nodes
 
     @property
     def inside(self) -> np.ndarray:

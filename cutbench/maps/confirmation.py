@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import json
 import math
-import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -24,6 +23,7 @@ from cutbench.base.files import write_json
 from cutbench.base.progress import duration
 from cutbench.case.case import Case
 from cutbench.case.numerics import Numerics, defaults
+from cutbench.forms.base import Step
 from cutbench.maps import dataset as maps
 from cutbench.maps.cases import case_on
 from cutbench.maps.confirmed_points import ANOTHER, CONFIRMED, NUMERICS, RECORD, UNFINISHED
@@ -32,7 +32,8 @@ from cutbench.run.build import build
 from cutbench.run.files import read_run
 from cutbench.run.measures import ABRUPT, SMOOTH, UNDECIDED
 from cutbench.run.result import Result
-from cutbench.solver.march import Stalled
+from cutbench.solver.linear import SingularMatrix
+from cutbench.solver.problem import Timer
 
 #: What is compared, besides the label.
 COMPARED = ("onset_mm", "peak_N", "steady_N", "drop_rel")
@@ -133,16 +134,29 @@ def alike(flat: Case, block: Case) -> Case:
 
 
 def expected_s(block: Case, like: Result) -> float:
-    """About how long ``block`` takes: the time of an iteration, measured in its first step, as often as the
-    section of equal numerics iterated."""
+    """About how long ``block`` takes: the time of the section of equal numerics, part by part as much longer
+    as the part is in the block. nan where the section did not say."""
     built = build(block)
-    since = time.perf_counter()
+    problem, timer = built.problem, Timer()
+    u, apex = np.zeros(problem.ndof), built.march.centre0
+    step = Step(built.march.rules.first / built.march.speed, u, apex, apex)
+    states = problem.touched(problem.start())
+    problem.evaluate(u, states, step)  # what is compiled is compiled now
+    problem.timer = timer
+    found = problem.evaluate(u, states, step)
+    assert found.data is not None, "a tangent was asked for"
     try:
-        first = next(iter(built.march))
-    except Stalled:
+        problem.factorize(found.data)
+        problem.back_substitute(found.residual)
+    except SingularMatrix:
         return math.nan
-    each = (time.perf_counter() - since) / max(first.iterations, 1)
-    return each * like.counts.get("iterations", 0)
+    problem.evaluate(u + 1e-9, states, step, tangent=False)
+    total = 0.0
+    for part, seconds in timer.seconds.items():
+        calls, own = like.counts.get(f"{part}_calls", 0), like.timings.get(part, 0.0)
+        if calls and own:
+            total += (own + like.timings.get(f"window_{part}", 0.0)) * seconds * calls / own
+    return total or math.nan
 
 
 def confirm(

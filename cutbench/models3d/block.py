@@ -8,7 +8,6 @@ import skfem
 from cutbench.base.errors import BadInput
 from cutbench.case.mesh_sizes import near_blade
 from cutbench.forms.geometry import Geometry
-from cutbench.models3d.extruded import extruded, planes
 from cutbench.models3d.mesh import length_along, mirrored, outside, quarter
 from cutbench.models3d.usermesh import read_mesh
 
@@ -16,10 +15,17 @@ from cutbench.models3d.usermesh import read_mesh
 PARTS = {"quarter": 4.0, "half": 2.0, "full": 1.0}
 
 
-def geometry(values, numerics, radius: float = np.inf, section: skfem.MeshTri | None = None) -> Geometry:
+def part_of(values, numerics) -> str:
+    """Which part of a block with a built-in mesh is meshed: quarter, half or full."""
+    smallest = "half" if values.get("incline", 0.0) else "quarter"
+    smallest = "full" if values.get("tilt", 0.0) else smallest
+    return smallest if numerics.symmetry == "auto" else numerics.symmetry
+
+
+def geometry(values, numerics, radius: float = np.inf) -> Geometry:
     """The block of a case: ``values`` have its sizes and the blade's, mm. Raises BadInput for a bad mesh.
 
-    ``radius``: of the blade's edge, mm. ``section``: what layers are drawn out of, where there are any.
+    ``radius``: of the blade's edge, mm.
     """
     tilted = bool(values.get("tilt", 0.0))
     if numerics.mesh is not None:
@@ -27,20 +33,19 @@ def geometry(values, numerics, radius: float = np.inf, section: skfem.MeshTri | 
         if tilted and part != "full":
             expected = f"a full block with a tilted blade, not a {part}"
             raise BadInput(key="mesh", value=numerics.mesh, expected=expected)
+        if values.get("incline", 0.0) and part == "quarter":
+            expected = "half a block, or a full one, with an inclined blade"
+            raise BadInput(key="mesh", value=numerics.mesh, expected=expected)
         if part == "full":
             _check_pairs(mesh, numerics.mesh)
         held = (("middle", 2),) if part == "quarter" else ()
         return Geometry(mesh, values["height"], PARTS[part], held, split=part == "full")
-    smallest = "full" if tilted else "quarter"
-    part = smallest if numerics.symmetry == "auto" else numerics.symmetry
-    if section is not None:
-        return block(extruded(section, planes(values["length"] / 2, numerics.layers)), part)
     h, tuning = numerics.h_mm, numerics.tuning.mesh
     h_z = length_along(values["length"], h, numerics.along, tuning.longest)
     sizes = {"slender": numerics.slender, "reach": tuning.reach_mm}
     sizes |= near_blade(numerics, values["thickness"], radius)
     mesh = quarter(values["width"], values["height"], values["length"], h, h_z=h_z, **sizes)
-    return block(mesh, part)
+    return block(mesh, part_of(values, numerics))
 
 
 def _check_pairs(mesh: skfem.MeshTet, path: str) -> None:

@@ -6,9 +6,12 @@ elements that are constant along the blade are among those on the block's.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import skfem
 
+from cutbench.forms.geometry import Geometry
 from cutbench.models3d.mesh import tetrahedra
 
 #: A layer is so many times as thick as the one inside of it: the free end is where things change along the
@@ -32,3 +35,15 @@ def extruded(section: skfem.MeshTri, z: np.ndarray) -> skfem.MeshTet:
     a, b, c = np.sort(section.t, axis=0)
     prism = np.hstack([(a, b, c, c + n), (a, b, b + n, c + n), (a, a + n, b + n, c + n)])
     return tetrahedra(p, np.hstack([prism + n * k for k in range(z.size - 1)]))
+
+
+def drawn_out(section: Geometry, length: float, layers: int, part: str) -> Geometry:
+    """The ``part`` of a block ``length`` mm long whose ``section`` is half of one, or, of a full block, the
+    whole, split; with so many ``layers`` along half of the blade."""
+    z = planes(length / 2, layers)
+    if part != "quarter":
+        z = np.append(-z[:0:-1], z)
+    multiplicity = {"quarter": 4.0, "half": 2.0, "full": 1.0}[part]
+    held = (("middle", 2),) if part == "quarter" else ()
+    mesh = extruded(section.mesh, z)
+    return replace(section, mesh=mesh, multiplicity=multiplicity, held=held, section=section.mesh, planes=z)

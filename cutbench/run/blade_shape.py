@@ -6,6 +6,7 @@ import meshio
 import numpy as np
 
 from cutbench.case.case import Case
+from cutbench.forms.gap import Lie
 
 
 def blade_outline(case: Case, travel_mm: float, top_mm: float) -> np.ndarray:
@@ -23,8 +24,8 @@ def blade_outline(case: Case, travel_mm: float, top_mm: float) -> np.ndarray:
 def blade_mesh(case: Case, travel_mm: float, top_mm: float) -> meshio.Mesh:
     """The blade's surface where it first touches, and ``displacement_mm`` (n, 3), its way to ``travel_mm``.
 
-    Of a section one polygon; of a block the profile along the blade, turned by the tilt, closed by a polygon
-    at each end. A band ends at ``top_mm``.
+    Of a section one polygon; of a block the profile along the blade, turned by tilt and incline, closed by a
+    polygon at each end. A band ends at ``top_mm``.
     """
     outline = blade_outline(case, 0.0, top_mm)
     if np.allclose(outline[0], outline[-1]):
@@ -35,11 +36,14 @@ def blade_mesh(case: Case, travel_mm: float, top_mm: float) -> meshio.Mesh:
         points = np.column_stack([outline, np.zeros(n)])
         cells = [("polygon", loop[None])]
     else:
-        v = case.values
-        end, turn = v["length"] / 2 + v.get("overhang", 0.0), v.get("tilt", 0.0)
-        c, s = np.cos(turn), np.sin(turn)
-        x, y = outline.T
-        points = np.concatenate([np.column_stack([c * x + s * z, y, c * z - s * x]) for z in (-end, end)])
+        v, lie = case.values, Lie.of(case.p)
+        end, (x, y) = v["length"] / 2 + v.get("overhang", 0.0), outline.T
+        apex, places = case.p.height, []
+        for z in (-end, end):
+            up, along = lie.ci * (y - apex) + lie.si * z, lie.ci * z - lie.si * (y - apex)
+            height = apex + lie.lift + up
+            places.append(np.column_stack([lie.c * x + lie.s * along, height, lie.c * along - lie.s * x]))
+        points = np.concatenate(places)
         on = np.roll(loop, -1)
         cells = [("quad", np.column_stack([loop, on, on + n, loop + n]))]
         cells.append(("polygon", np.stack([loop[::-1], loop + n])))

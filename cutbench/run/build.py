@@ -22,14 +22,17 @@ from cutbench.forms.geometry import Geometry, paired
 from cutbench.forms.gradient import GradientForm
 from cutbench.forms.line import surface_lines
 from cutbench.forms.mixed import MixedVolumetric
+from cutbench.forms.prisms import Prisms
 from cutbench.forms.self_contact import SelfContactForm
 from cutbench.forms.space import Faces, Space
 from cutbench.forms.support import SupportForm
-from cutbench.forms.surface import Rim, Share
+from cutbench.forms.surface import Rim, Share, SurfaceForm
 from cutbench.forms.tension import HeldForm, SpanForm, TensionForm
 from cutbench.mechanisms import Skin, Volumetric
 from cutbench.models2d.plane_strain import geometry as section_geometry
 from cutbench.models3d.block import geometry as block_geometry
+from cutbench.models3d.block import part_of
+from cutbench.models3d.extruded import drawn_out
 from cutbench.solver.iterative import rigid_motions
 from cutbench.solver.march import March
 from cutbench.solver.newton import NewtonSettings
@@ -73,12 +76,24 @@ def geometry_of(case: Case, **where) -> Geometry:
         n = replace(n, symmetry="full")
     if case.dim == 2:
         return section_geometry(case.values, n, radius, **where)
-    section = None
-    if n.layers and n.mesh is None:
-        # No cut is deeper than the blade.
-        flat, fine = replace(n, symmetry="half"), (0.0, case.p.depth)
-        section = section_geometry(case.values, flat, radius, fine).mesh
-    return block_geometry(case.values, n, radius, section)
+    if not n.layers or n.mesh is not None:
+        return block_geometry(case.values, n, radius)
+    if n.element == "P2P1":
+        raise BadInput(
+            key="element", value="P2P1", expected="P2 or P1 where a section is drawn out in layers"
+        )
+    part = part_of(case.values, n)
+    flat = replace(n, symmetry="full" if part == "full" else "half")
+    # No cut is deeper than the blade.
+    section = section_geometry(case.values, flat, radius, **({"fine": (0.0, case.p.depth)} | where))
+    return drawn_out(section, case.values["length"], n.layers, part)
+
+
+def space_of(geometry: Geometry, order: int) -> Space:
+    """Displacements of an ``order`` on a mesh."""
+    if geometry.section is None or geometry.planes is None:
+        return Space.build(geometry.mesh, order)
+    return Prisms.of(geometry.mesh, Space.build(geometry.section, order), geometry.planes)
 
 
 def contact_numerics(model: Model, p, n: Numerics) -> ContactNumerics:
@@ -103,7 +118,7 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
     p, n, model = case.p, case.numerics, case.model
     geometry = geometry or geometry_of(case)
     order = ORDER[n.element]
-    space = space or Space.build(geometry.mesh, order)
+    space = space or space_of(geometry, order)
     dim = space.dim
     degree = 1 if order == 1 else n.bulk_degree or DEGREE[n.element]
     volume = space.volume(degree)
@@ -127,7 +142,7 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
         raise BadInput(
             key="symmetry", value="full", expected="'half' where no law holds the cut plane together"
         )
-    forms += surface_forms(skins, space, geometry, faces, bool(cut))
+    forms += surfaces_of(skins, space, geometry, faces, bool(cut), n.facet_degree)
     blade = model.laws("blade")
     # Without contact nothing meets the blade: neither friction nor adhesion then has a surface to act on.
     if model.tool is not None:
@@ -175,8 +190,9 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
     looks_ahead = bool(cut) and n.predictor == "front" and n.scheme == "monolithic"
     past = window = None
     if looks_ahead:
-        # A block has too few elements for its surge to be so well resolved.
-        past = History(space, faces["cut"], ndof, tuned.window.remembered) if dim == 2 else None
+        # Tetrahedra are too few for a surge to be so well resolved.
+        like_section = dim == 2 or isinstance(space, Prisms)
+        past = History(space, faces["cut"], ndof, tuned.window.remembered) if like_section else None
         window = Window(problem, space, faces["cut"], p.thickness, past, tuned.window)
     march = March(
         problem,
@@ -189,6 +205,18 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
         window,
     )
     return Built(case, geometry, space, problem, march)
+
+
+def surfaces_of(skins, space: Space, geometry: Geometry, faces, opens: bool, degree: int) -> Iterator[Form]:
+    """``surface_forms``, or, of a section that is drawn out, those of the section in each plane."""
+    if not isinstance(space, Prisms):
+        yield from surface_forms(skins, space, geometry, faces, opens)
+        return
+    flat = {name: space.flat.faces(name, degree) for name in faces}
+    section = replace(geometry, held=(), mesh=geometry.section)
+    for form in surface_forms(skins, space.flat, section, flat, opens):
+        assert isinstance(form, SurfaceForm), "what a surface has is a form of surfaces"
+        yield space.stacked(form, flat["cut"])
 
 
 def surface_forms(

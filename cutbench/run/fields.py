@@ -13,9 +13,6 @@ from cutbench.run.build import Built
 from cutbench.run.result import SLOPE, Snapshot
 from cutbench.solver.march import Accepted
 
-_CELLS = {(2, 1): "triangle", (2, 2): "triangle6", (3, 1): "tetra", (3, 2): "tetra10"}
-#: scikit-fem numbers edges as 01, 12, 02 and 03, 13, 23 — meshio's order for both shapes.
-
 
 def snapshot(built: Built, step: Accepted) -> Snapshot:
     """Displacements and nodal averages of the stresses; contact, damage and opening on the faces."""
@@ -37,8 +34,8 @@ def snapshot(built: Built, step: Accepted) -> Snapshot:
     return Snapshot(
         step.travel,
         points,
-        np.ascontiguousarray(space.element_nodes.T),
-        _CELLS[dim, space.order],
+        np.ascontiguousarray(space.cells[1].T),
+        space.cells[0],
         data,
         {
             name: _face(built, form, step, name, part)

@@ -1,6 +1,7 @@
 """The cut's front along the blade, in three dimensions: where it starts, how fast it runs sideways.
 
-The cut plane is read in strips across the blade, each as long as an element along it.
+The cut plane is read in strips across the blade, each as long as an element along it, or, of a section that
+is drawn out, in its planes.
 """
 
 from __future__ import annotations
@@ -59,9 +60,13 @@ class Front:
         z = np.abs(faces.X[2])
         end = float(np.abs(built.space.X[2]).max())
         along = float(np.median(np.ptp(built.space.X[2][faces.nodes], axis=0)))
-        count = strips or max(1, round(end / along))
-        self._strip = np.minimum((z / end * count).astype(int), count - 1).ravel()
-        self.z = (np.arange(count) + 0.5) * end / count
+        if along > 0:
+            count = strips or max(1, round(end / along))
+            self._strip = np.minimum((z / end * count).astype(int), count - 1).ravel()
+            self.z = (np.arange(count) + 0.5) * end / count
+        else:  # a section drawn out is cut in its planes
+            self.z, strip = np.unique(np.round(z, 9), return_inverse=True)
+            self._strip, count = strip.ravel(), self.z.size
         self._share = np.bincount(self._strip, faces.w.ravel(), count) / float(np.ptp(built.space.X[1]))
         self.onset = np.full(count, math.nan)
         #: What is cut before the run.

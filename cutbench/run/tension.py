@@ -17,6 +17,7 @@ from cutbench.base.errors import BadInput
 from cutbench.base.progress import OnProgress, silent
 from cutbench.base.units import Parameter
 from cutbench.case.case import Case
+from cutbench.case.numerics import defaults
 from cutbench.models3d.strip import strip
 from cutbench.run.build import Built, build
 from cutbench.run.result import Outcome
@@ -73,6 +74,8 @@ def strip_case(case: Case, changes: Mapping[str, object] | None = None, *, notch
             key="notch", value=f"{notch_mm:g} mm", expected="0 mm in a model without a law for the cut plane"
         )
     asked = {**SPECIMEN, **(changes or {})}
+    if case.numerics == defaults(3):
+        asked = {"numerics": "tetrahedra", **asked}
     made = case.set(mechanisms=kept, **{"depth": asked["height"], "until": "depth", **asked})
     if not 0 <= notch_mm < made.p.width:
         raise BadInput(

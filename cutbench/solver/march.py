@@ -260,7 +260,7 @@ class March:
             refused = []
 
     def nascent(self, states: dict[str, dict]) -> bool:
-        """Whether the cut has not begun in ``states``. Of sections: blocks have too few elements for that."""
+        """Whether the cut has not begun in ``states``, where elements are small enough to tell."""
         cut = self.problem.cut
         if cut is None or self.past is None:
             return False

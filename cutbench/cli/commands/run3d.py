@@ -41,6 +41,6 @@ def run3d(
 def _flat(case: Case, depth_mm: float) -> Case:
     """The same case in plane strain, as far as the block came."""
     values = {**case.values, "depth": depth_mm}
-    values |= {name: 0.0 for name in ("tilt", "overhang") if name in values}
+    values |= {name: 0.0 for name in ("tilt", "incline", "overhang") if name in values}
     numerics = replace(case.numerics, symmetry="auto", mesh=None)
     return replace(case, name=f"{case.name} (plane strain)", dim=2, values=values, numerics=numerics)

@@ -1,4 +1,4 @@
-"""What rigid blades have in common, whatever their profile: how they press, and two parameters."""
+"""What rigid blades have in common, whatever their profile: how they press, and how they lie."""
 
 from typing import ClassVar
 
@@ -19,6 +19,15 @@ PLACED: tuple[Parameter, ...] = (
         "turn of the blade about the direction in which it moves (three dimensions)",
         low=-30,
         high=30,
+        default=0.0,
+    ),
+    Parameter(
+        "incline",
+        "deg",
+        "ψ",
+        "angle by which the edge rises along the blade, as a guillotine's (three dimensions)",
+        low=-45,
+        high=45,
         default=0.0,
     ),
     Parameter(

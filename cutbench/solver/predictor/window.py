@@ -50,9 +50,9 @@ class Window:
         self._cut = problem.cut
         self._height = cut.X[1].ravel()
         self._top = float(space.X[1].max())
-        # In blocks, whose elements are large against what the front goes in a step, neither a moved front nor
-        # other parts saved anything.
-        self._flat = space.dim == 2
+        # Where elements are large against what the front goes in a step, neither a moved front nor other
+        # parts saved anything: then nothing is remembered.
+        self._flat = past is not None
         self._tall = float(np.median(np.ptp(space.X[1, cut.nodes], axis=0)))
         self._reach = max(tuning.reach * thickness, tuning.elements * self._tall)
         self._smoothed = max(tuning.near * thickness, self._tall)

@@ -126,8 +126,8 @@ def case_of(ask: Ask, numerics: str, tip_mm: float, change: ModelChange | None =
         return _strip(ask, word, change)
     changes = {"tip": f"{tip_mm} mm", "depth": f"{ask.depth_mm} mm", **ask.changes}
     if ask.test == BLOCK:
-        loose = BLOCK_CHOICES if word == CONVERGED else {}
-        return load_case(ask.material, {**changes, **loose, "numerics": word}, dim=3)
+        chosen = {"numerics": "tetrahedra", **BLOCK_CHOICES} if word == CONVERGED else {"numerics": word}
+        return load_case(ask.material, {**changes, **chosen}, dim=3)
     case = load_case(ask.material, {**changes, "numerics": word})
     return case if change is None or ask.numerics else case.set(**change.values)
 
