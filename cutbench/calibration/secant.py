@@ -67,7 +67,7 @@ class Sparing(Inverse):
         return np.array([u.slope(x) for u, x in zip(self.unknowns, q, strict=True)])
 
     def _updated(self, e, plain: Prediction, near, q: np.ndarray) -> Prediction:
-        """``plain`` with the slopes of the ``near`` place, changed so that they give the change from there."""
+        """``plain`` with the slopes of the ``near`` place, changed so that they give what is new since."""
         values, found = near
         old, names = found[e.id], self.names(e)
         mine = [
