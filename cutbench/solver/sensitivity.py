@@ -162,7 +162,8 @@ class Sensitivities:
                     left[i] = rest
             if not (unsettled := list(left)):
                 break
-            du[np.ix_(free, np.array(unsettled))] += self._solver.solve(-np.stack(list(left.values()), axis=1))
+            change = self._solver.solve(-np.stack(list(left.values()), axis=1))
+            du[np.ix_(free, np.array(unsettled))] += change
         self.unresolved += len(unsettled)
         return [_Rates(du[:, i], found) for i, found in enumerate(states_by)]
 
