@@ -14,7 +14,7 @@ from cutbench.base.errors import BadInput
 from cutbench.cli.main import app
 from cutbench.maps import dataset as maps
 from cutbench.maps.boundary import margin
-from cutbench.maps.confirmation import alike, confirm, least_certain, marked, solid
+from cutbench.maps.confirmation import alike, confirm, expected_s, least_certain, marked, solid
 from cutbench.maps.confirmed_points import FOLDER, RECORD, read_confirmed
 from cutbench.maps.dataset import MapRow, build_map, save_map
 from cutbench.maps.phase import draw_phase, save_phase
@@ -115,6 +115,11 @@ def test_a_section_with_the_blocks_numerics_stands_between(data):
     assert like.mechanisms == flat.mechanisms
 
 
+#: Where a run's time goes.
+SPENT = {"assembly": 0.5, "factorization": 1.0, "solve": 0.2, "residual": 0.1, "window_assembly": 0.1}
+CALLS = {"assembly_calls": 5, "factorization_calls": 5, "solve_calls": 9, "residual_calls": 9}
+
+
 def runner(drops, calls, outcomes=None):
     """Leaves curves that fall by ``drops``, by "2D", "like" and "3D", and says in ``calls`` which."""
 
@@ -122,7 +127,9 @@ def runner(drops, calls, outcomes=None):
         kind = "3D" if case.dim == 3 else "like" if case.name.endswith("(as the block)") else "2D"
         calls.append(kind)
         outcome = Outcome((outcomes or {}).get(kind, "done"), "", "", 1.0)
-        result = Result(case, curve(drops[kind]), outcome, {"total": 2.0}, {"iterations": 3})
+        result = Result(
+            case, curve(drops[kind]), outcome, {"total": 2.0, **SPENT}, {"iterations": 3, **CALLS}
+        )
         write_run(result, folder, command="test")
         return result
 
@@ -145,6 +152,20 @@ def test_a_block_confirms_only_where_the_sections_agree(data, tmp_path, drops, v
     assert point.verdict == verdict
     record = json.loads((tmp_path / RECORD).read_text(encoding="utf-8"))
     assert record[verdict] == record["compared"] == 1 and record["points"][0]["verdict"] == verdict
+
+
+def test_a_blocks_cost_grows_with_its_sections_calls_and_is_unknown_without(data):
+    block = solid(least_certain(data, 1)[0].case, {"h": "2 mm", "corner": 1.0, "layers": 1})
+    column = curve(0.1)
+
+    def expected(times):
+        spent = {name: times * seconds for name, seconds in SPENT.items()}
+        counts = {name: times * calls for name, calls in CALLS.items()}
+        return expected_s(block, Result(block, column, Outcome("done", "", "", 1.0), spent, counts))
+
+    once, often = expected(1), expected(1000)
+    assert 0 < 20 * once < often
+    assert math.isnan(expected_s(block, Result(block, column, Outcome("done", "", "", 1.0), {}, {})))
 
 
 def test_what_is_there_is_not_computed_again_and_ratios_are_at_equal_numerics(data, tmp_path):

@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 TOP_PERCENTILE = 99.5
 #: The front is where half of the cohesion is lost.
 FRONT_DAMAGE = 0.5
+#: Points of a drawn-out block lie in fewer planes across the blade than this part of their number.
+FEW_PLANES = 0.1
 #: So many lines at the most are told apart in one picture of the front.
 _FRONTS = 12
 
@@ -194,8 +196,10 @@ def front_line(axes, s: Snapshot, places: np.ndarray, **look) -> bool:
         return False
     # Neighbours are found in the undeformed rectangle: the deformed one is not convex.
     flat = Triangulation(cut["X"][:, 2], cut["X"][:, 1])
-    # Slivers along its border would join points that are far apart.
-    slivers = TriAnalyzer(flat).get_flat_tri_mask(0.05)
+    # Slivers along its border would join points that are far apart. A section drawn out is read in few
+    # planes, and has none but slivers.
+    few = np.unique(np.round(cut["X"][:, 2], 9)).size < FEW_PLANES * damage.size
+    slivers = None if few else TriAnalyzer(flat).get_flat_tri_mask(0.05)
     mesh = Triangulation(places[:, 2], places[:, 1], flat.triangles, mask=slivers)
     style_of = {"colors": look["color"], "linewidths": look["lw"], "linestyles": [look.get("linestyle", "-")]}
     axes.tricontour(mesh, damage, levels=[FRONT_DAMAGE], **style_of)
