@@ -112,6 +112,14 @@ def _one_a_class(found: Sequence[Candidate], left_out: dict[str, str]) -> list[C
     return [c for c in found if c.slot != "bulk" or c in chosen.values()]
 
 
+def baseline_of(campaign: Campaign) -> Campaign:
+    """The campaign with what its plan says about candidates alone taken out of the baseline's fit."""
+    plan, known = campaign.plan, campaign.base.model.parameters()
+    free = plan.free and tuple(n for n in plan.free if n in known)
+    own = tuple(n for n in plan.own if n in known)
+    return replace(campaign, plan=replace(plan, free=free or None, own=own))
+
+
 def cause_of(name: str) -> str:
     """``reading``, ``rig`` or ``mechanism``, as its file says; ``parameter`` of what is none."""
     law = registry().get(name)

@@ -15,7 +15,7 @@ from cutbench.calibration.fitting import fit
 from cutbench.calibration.inverse import GRID
 from cutbench.calibration.prediction import Predictor, predictor
 from cutbench.data.campaign import Campaign
-from cutbench.discovery.candidates import ORDER, Candidate, candidates, family_of
+from cutbench.discovery.candidates import ORDER, Candidate, baseline_of, candidates, family_of
 from cutbench.discovery.causes import PRICE, Cause, pruned
 from cutbench.discovery.clean import clean_gain
 from cutbench.discovery.columns import Sensed, sense
@@ -53,10 +53,9 @@ REST, REST_ALONE = 0.25, 0.5
 NAMED, MAIN, SURELY = 0.06, 0.5, 4.0
 #: Or else, in tests that were not fitted: what it must take away of their error, by how many standard errors.
 ELSEWHERE, LIKELY = 0.25, 2.5
-#: Fits are told apart by so many standard errors of their difference; more where some are known to first
-#: order only.
+#: Fits are told apart by so many standard errors of their difference; more if known to first order only.
 APART, APART_MESHED = 2.0, 3.0
-#: Values of shapes tried where the data leave them open, and how far their scores may lie behind, in prices.
+#: Values of shapes tried where the data leave them open; how far scores may lie behind, in prices.
 SHAPES, OPEN = 3, 5
 #: By so much the gain on held-out data may fall when the extended model is fitted to the end.
 WORSE = 0.1
@@ -80,7 +79,7 @@ def discover(
     Raises BadInput, and ComputationFailed if the baseline cannot be computed.
     """
     began = time.perf_counter()
-    campaign = _plain(campaign)
+    campaign = baseline_of(campaign)
     count = cores() if workers is None else workers
     on_progress(math.nan, math.nan, "fitting the baseline")
     fitted = fit(
@@ -195,14 +194,6 @@ def _next(
     return found, sentence((first, second), found)
 
 
-def _plain(campaign: Campaign) -> Campaign:
-    """The campaign with what its plan says about candidates alone taken out of the baseline's fit."""
-    plan, known = campaign.plan, campaign.base.model.parameters()
-    free = plan.free and tuple(n for n in plan.free if n in known)
-    own = tuple(n for n in plan.own if n in known)
-    return replace(campaign, plan=replace(plan, free=free or None, own=own))
-
-
 def _round(point: Point, run: Predictor, seed: int, on_progress: OnProgress, later: bool = True) -> Round:
     """``later``: something was found before."""
     chosen, left_out = candidates(point.inverse, point.case)
@@ -279,17 +270,16 @@ def _surer(first: Point, point: Point, after: Point) -> Point:
 
 def _worth_a_name(this: Round, first: Round) -> bool:
     """Whether what a later round would add is more than the error of a formula."""
-    added = next((t for t in this.tried if t.name == this.accepted), None)
-    if added is None or added.share < MAIN:
+    added = next((t for t in this.tried if t.name == this.accepted and t.share >= MAIN), None)
+    if added is None:
         return False
     held = added.heldout
-    shown = held.how == TESTS and held.better > LIKELY * held.better_se
-    if shown and max(held.gain, held.gain_of_shape) > ELSEWHERE:
+    seen = held.how == TESTS and held.better > LIKELY * held.better_se
+    if seen and max(held.gain, held.gain_of_shape) > ELSEWHERE:
         return True
-    if held.better <= SURELY * held.better_se:
-        return False
     wrong = Yardstick(first.point, first.scores.expected)
-    return math.sqrt(wrong.left(this.point)) - math.sqrt(wrong.left(added.point)) > NAMED
+    taken = math.sqrt(wrong.left(this.point)) - math.sqrt(wrong.left(added.point))
+    return held.better > SURELY * held.better_se and taken > NAMED
 
 
 def _simplest(scores: list[Score]) -> list[Score]:
