@@ -20,6 +20,8 @@ Part = TypeVar("Part")
 
 #: Whether loops are compiled here.
 COMPILED = numba is not None
+#: Of the compiler.
+VERSION = "" if numba is None else numba.__version__
 
 
 def compiled(plain: Callable[..., Any] | None = None) -> Callable[[Callable[..., Any]], Callable[..., Any]]:

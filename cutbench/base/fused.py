@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from cutbench.base.compiled import COMPILED, compiled
+from cutbench.base.compiled import COMPILED, VERSION, compiled
 from cutbench.base.formula import Formula
 from cutbench.base.graph import symbolic, under_way
 from cutbench.base.symbols import leaf
@@ -231,6 +231,12 @@ def is_kept(source: str) -> bool:
     """Whether the user's cache has machine code of a source."""
     folder, name = _place(source)
     return any((folder / "__pycache__").glob(f"{Path(name).stem}.*.nbc"))
+
+
+def mark(source: str) -> Path:
+    """A file in the user's cache that says that a source's machine code has been found to be right."""
+    folder, name = _place(source)
+    return folder / f"{Path(name).stem}.{VERSION}.right"
 
 
 def _place(source: str) -> tuple[Path, str]:

@@ -12,6 +12,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from types import SimpleNamespace
 from typing import Any
 
@@ -19,7 +20,7 @@ import numpy as np
 
 from cutbench.base.compiled import COMPILED
 from cutbench.base.formula import Formula
-from cutbench.base.fused import compiled_functions, is_kept
+from cutbench.base.fused import compiled_functions, is_kept, mark
 from cutbench.base.graph import symbolic
 from cutbench.base.symbols import leaf
 from cutbench.mechanisms.base import STEP
@@ -102,9 +103,10 @@ def march(X, W, stretch, dt, reached, lateral, resists, states, close, step, P):
 class March:
     """The compiled march of one model in one mode; ``of`` is None where it is done without."""
 
-    def __init__(self, march: Callable[..., int], names: list[str], states: Mapping[str, tuple[int, ...]]):
-        self._march: Callable[..., int] | None = march
-        self._names, self._states, self.checked = names, states, False
+    def __init__(self, source: str, names: list[str], states: Mapping[str, tuple[int, ...]]):
+        self._march: Callable[..., int] | None = _compiled(source)
+        self._names, self._states, self._mark = names, states, mark(source)
+        self.checked = self._mark.exists()
 
     @classmethod
     def of(cls, stress: Callable[..., Any], laws: tuple, mode: Any, p: SimpleNamespace,
@@ -122,7 +124,7 @@ class March:
                 source = _sources[key] = _source(stress, laws, mode, p, names, state)
             if source and not (_asked[key] > PATIENCE or is_kept(source)):
                 return None
-            _known[key] = cls(_compiled(source), names, shapes) if source else None
+            _known[key] = cls(source, names, shapes) if source else None
         return _known[key]
 
     def along(self, steps: Steps, p, state, lateral: float, resists: bool, close: float):
@@ -152,6 +154,8 @@ class March:
         """``found`` where it is what NumPy has, ``plain``; else that, and it is done without from now on."""
         self.checked = True
         if all(_close(part(found), part(plain)) for part in (np.real, np.imag)):
+            with suppress(OSError):  # no place for it: it is checked again
+                self._mark.touch()
             return found
         self._march = None
         return plain
