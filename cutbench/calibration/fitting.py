@@ -31,7 +31,7 @@ from cutbench.calibration.prediction import Prediction, Predictor, predictor
 from cutbench.calibration.secant import Sparing
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
-from cutbench.data.covariance import Block, Covariance
+from cutbench.data.covariance import Covariance
 from cutbench.data.discrepancy import allowing, independent, likeliest, likelihood, misfit, missed
 from cutbench.data.experiment import Experiment
 from cutbench.data.repetition import Averaged, unrepeated
@@ -241,7 +241,7 @@ class _Fitting:
         dof = self._degrees_of_freedom(best, covariance)
         low, _ = self.inverse.bounds
         # Where the model does not describe the data, what is wrong with it counts as noise.
-        covariance = covariance * _excess(best)
+        covariance = covariance * best.excess
         # What was left to do: next to nothing, or what the jags of the computed curves hide.
         covariance = covariance + np.outer(best.outstanding, best.outstanding)
         found, inside = [], self.inverse.inside(best.q)
@@ -264,10 +264,10 @@ class _Fitting:
         for e in self.campaign.train:
             block = self.covariance.tests[e.id]
             mine = gain[:, first : (first := first + len(block.total))]
-            by_factor[e.kind] += _share(mine, block, block.by_factor)
-            parts.append((_share(mine, block, block.other), block.dof))
+            by_factor[e.kind] += block.share(mine, block.by_factor)
+            parts.append((block.share(mine, block.other), block.dof))
             if np.any(block.discrepancy):
-                parts.append((_share(mine, block, block.discrepancy), independent(block)))
+                parts.append((block.share(mine, block.discrepancy), independent(block)))
         parts += [(by_factor[kind], pooled.dof) for kind, pooled in factors.items()]
         uncertain = np.zeros(rest.size)
         for part, dof in parts:
@@ -312,7 +312,7 @@ class _Fitting:
         u = inverse.unknowns[k]
         covariance = information_inverse(best.J)
         t = stats.t.ppf((1 + LEVEL) / 2, self._degrees_of_freedom(best, covariance)[k])
-        t, sd = t * np.sqrt(_excess(best)), np.sqrt(covariance[k, k])
+        t, sd = t * np.sqrt(best.excess), np.sqrt(covariance[k, k])
         low, high = inverse.bounds
         points, ends = [(best.q[k], 0.0)], {}
         for side in (-1, 1):
@@ -346,13 +346,3 @@ class _Fitting:
         if found.message == INTERRUPTED:
             raise KeyboardInterrupt
         return found.chi2 - best.chi2
-
-
-def _excess(best: lm.Minimum) -> float:
-    """χ² per degree of freedom where it is above 1: the model's error, counted as noise."""
-    return max(best.chi2 / max(best.r.size - best.q.size, 1), 1.0)
-
-
-def _share(gain: np.ndarray, w: Block, part: np.ndarray) -> np.ndarray:
-    """Variance (k,) of q due to a part (m, m) of the readings' covariance; ``gain`` (k, m) is whitened."""
-    return np.einsum("km,mn,kn->k", gain, w.white(w.white(part).T), gain)

@@ -57,6 +57,11 @@ class Minimum:
     def chi2(self) -> float:
         return float(self.r @ self.r)
 
+    @property
+    def excess(self) -> float:
+        """χ² per degree of freedom where it is above 1: the model's error, counted as noise."""
+        return max(self.chi2 / max(self.r.size - self.q.size, 1), 1.0)
+
 
 def minimise(
     residual: Residual,

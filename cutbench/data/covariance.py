@@ -232,6 +232,11 @@ class Block:
             values = np.where(known & np.isfinite(values), values, 0.0)
         return solve_triangular(cholesky(self.total, lower=True), values, lower=True)
 
+    def share(self, gain: np.ndarray, part: np.ndarray) -> np.ndarray:
+        """Variance (k,) of what ``gain`` (k, m) makes of whitened readings due to a ``part`` (m, m) of the
+        covariance."""
+        return np.einsum("km,mn,kn->k", gain, self.white(self.white(part).T), gain)
+
 
 @dataclass(frozen=True)
 class Covariance:

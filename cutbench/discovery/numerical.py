@@ -7,18 +7,24 @@ it leaves open (``cutbench.calibration.mesh_error``); what is scored here is wha
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.base.progress import OnProgress
 from cutbench.base.units import Parameter
 from cutbench.calibration.mesh_error import ADDED
 from cutbench.calibration.prediction import Predictor, Task
 from cutbench.case.case import Case
 from cutbench.discovery.candidates import Candidate
 from cutbench.discovery.columns import Column
+from cutbench.discovery.outcome import CHANCE, SHARE, NumericalCauses, Round
 from cutbench.discovery.point import Point
+from cutbench.discovery.score import score
+from cutbench.discovery.yardstick import Yardstick
 
 #: Name, what it is, and the choices that differ.
 CHOICES = {
@@ -56,3 +62,22 @@ def _column(name: str, by: Mapping[str, np.ndarray], point: Point) -> Column:
     share = Parameter("share", "1", "s", "part of the change that is taken", off=0.0)
     c = Candidate(name, CHOICES[name], "numerics", (share,), (), ({},))
     return Column(c, {}, {id: by.get(id, np.zeros(y.size))[:, None] for id, y in point.y.items()})
+
+
+def numerical_causes(this: Round, run: Predictor, seed: int, on_progress: OnProgress) -> NumericalCauses:
+    """Of cuts whose baseline fails: what another mesh, element or normal would change."""
+    promising = any(t.p_any < CHANCE for t in this.tried)
+    if this.scores.p_residual > CHANCE and not promising:
+        return NumericalCauses()
+    columns, missing = numerical_columns(this.point, run)
+    if not columns:
+        return NumericalCauses(missing=missing)
+    on_progress(math.nan, math.nan, "numerical causes: " + ", ".join(c.candidate.name for c in columns))
+    sensed = replace(this.sensed, columns=columns)
+    scores = score(sensed, this.point.w.noise, this.point.residual, seed=seed)
+    wrong = Yardstick(this.point, scores.expected)
+    shares = {s.name: max(1 - wrong.after(sensed, s), 0.0) for s in scores.scores}
+    best = scores.scores[0]
+    rival = max((t.gain for t in this.tried), default=0.0)
+    explains = best.name if best.p < CHANCE and shares[best.name] >= SHARE and best.gain >= rival else None
+    return NumericalCauses(tuple(scores.scores), shares, explains, missing)

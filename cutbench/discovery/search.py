@@ -20,7 +20,7 @@ from cutbench.discovery.causes import PRICE, Cause, pruned
 from cutbench.discovery.clean import clean_gain
 from cutbench.discovery.columns import Sensed, sense
 from cutbench.discovery.heldout import TESTS, Heldout, better_than, compare, decide
-from cutbench.discovery.numerical import numerical_columns
+from cutbench.discovery.numerical import numerical_causes
 from cutbench.discovery.outcome import (
     CHANCE,
     OWN,
@@ -99,7 +99,7 @@ def discover(
             while True:
                 this, then = _round(point, run, seed, on_progress, later=bool(rounds)), None
                 if not rounds:
-                    numerics = _numerics(this, run, seed, on_progress)
+                    numerics = numerical_causes(this, run, seed, on_progress)
                 if numerics.explains:
                     this = replace(this, accepted=None)
                 elif this.accepted is None and this.scores.p_residual < CHANCE:
@@ -140,25 +140,6 @@ def discover(
         tuple(sections(rounds[0].point)), tuple(sections(point)), numerics, tuple(proposed), text,
         time.perf_counter() - began, tuple(dict.fromkeys(notes)), interrupted, clean,
     )  # fmt: skip
-
-
-def _numerics(this: Round, run: Predictor, seed: int, on_progress: OnProgress) -> NumericalCauses:
-    """Of cuts whose baseline fails: what another mesh, element or normal would change."""
-    promising = any(t.p_any < CHANCE for t in this.tried)
-    if this.scores.p_residual > CHANCE and not promising:
-        return NumericalCauses()
-    columns, missing = numerical_columns(this.point, run)
-    if not columns:
-        return NumericalCauses(missing=missing)
-    on_progress(math.nan, math.nan, "numerical causes: " + ", ".join(c.candidate.name for c in columns))
-    sensed = replace(this.sensed, columns=columns)
-    scores = score(sensed, this.point.w.noise, this.point.residual, seed=seed)
-    wrong = Yardstick(this.point, scores.expected)
-    shares = {s.name: max(1 - wrong.after(sensed, s), 0.0) for s in scores.scores}
-    best = scores.scores[0]
-    rival = max((t.gain for t in this.tried), default=0.0)
-    explains = best.name if best.p < CHANCE and shares[best.name] >= SHARE and best.gain >= rival else None
-    return NumericalCauses(tuple(scores.scores), shares, explains, missing)
 
 
 def _next(
