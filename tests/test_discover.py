@@ -296,11 +296,11 @@ def test_ctrl_c_keeps_what_was_found(gent, monkeypatch, tmp_path):
     hidden, _ = gent
     whole, calls = search._round, []
 
-    def second_is_interrupted(*args):
+    def second_is_interrupted(*args, **options):
         calls.append(1)
         if len(calls) == 2:
             raise KeyboardInterrupt
-        return whole(*args)
+        return whole(*args, **options)
 
     monkeypatch.setattr(search, "_round", second_is_interrupted)
     d = search.discover(hidden.campaign, workers=0)
