@@ -1,9 +1,8 @@
 """An inverse problem whose derivatives are computed at few places, and updated by what curves did elsewhere.
 
-A cut with its derivatives takes twice or three times as long as without. Broyden's update (1965,
-10.1090/S0025-5718-1965-0198670-6) is the smallest change of the derivatives that makes them agree with the
-change of the curve over the last step; over the length of a step it knows more of a curve that jumps than a
-tangent does.
+A cut costs less without its derivatives. Broyden's update (1965, 10.1090/S0025-5718-1965-0198670-6) is the
+smallest change of the derivatives that makes them agree with the change of the curve over the last step; over
+the length of a step it knows more of a curve that jumps than a tangent does.
 """
 
 from __future__ import annotations
