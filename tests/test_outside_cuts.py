@@ -1,0 +1,44 @@
+"""The benchmark of blind cuts: what it hides is what it says, and nothing of it is a candidate's formula."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from benchmarks.outside_cuts import CLASSES, NONE, OTHERWISE, SPEEDS, SWING, plan, recorded, true_case
+
+
+def test_a_sixth_hides_nothing_and_every_effect_comes_in_turn():
+    counts = Counter(effect for effect, _ in plan(24, seed=3))
+    assert counts[NONE] == 4 and counts[SWING] == 1
+    assert all(counts[effect] >= 2 for effect in CLASSES)
+    assert plan(24, seed=3) == plan(24, seed=3) != plan(24, seed=4)
+
+
+def test_a_record_has_its_error_and_no_other():
+    x, F = np.linspace(0.1, 5, 50), np.linspace(0, 1, 50)
+    for effect in ("toughness by speed", NONE):
+        np.testing.assert_array_equal(recorded(effect, 1.0, x, F, 0.01), (x, F))
+    longer, same = recorded("compliance", 1.0, x, F, 0.01)
+    np.testing.assert_allclose(longer - x, 0.5 * F)
+    np.testing.assert_array_equal(same, F)
+    late, kept = recorded("late zero", 1.0, x, F, 0.01)
+    assert late.min() > 0 and late.max() == x.max() - 0.5 and kept.size == late.size
+    slow, fast = (recorded("drift", 1.0, x, F, v)[1] - F for v in (0.005, 0.05))
+    np.testing.assert_allclose(slow, 10 * fast)
+
+
+def test_toughness_is_a_power_of_the_speed_and_the_law_is_not_told():
+    cases = [true_case("toughness by speed", v, 1.0, OTHERWISE[0][1]) for v in SPEEDS.values()]
+    growth = np.log([c.values["G_c"] / cases[0].values["G_c"] for c in cases])
+    np.testing.assert_allclose(
+        growth, 0.25 * np.log([v / SPEEDS["slow"] for v in SPEEDS.values()]), atol=1e-12
+    )
+    assert all("rate_toughness" not in c.mechanisms for c in cases)
+
+
+def test_the_truth_has_other_numerics_than_a_fit():
+    plain = true_case(NONE, 0.02, 1.0, {})
+    others = [true_case(NONE, 0.02, 1.0, choices) for _, choices in OTHERWISE]
+    assert len({c.id for c in [plain, *others]}) == len(OTHERWISE) + 1
