@@ -146,12 +146,13 @@ class _Fitting:
         def on_progress(done: float, total: float, text: str) -> None:
             self._on_progress(self.evaluations + done, math.nan, f"{stage}: {text}")
 
+        problem = self.inverse if self.smooth else Sparing(self.inverse)
+
+        def residual(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            return problem.whitened(q, self.covariance)
+
         while True:
-            first, problem = self._whitened(q), self.inverse if self.smooth else Sparing(self.inverse)
-            best = lm.minimise(
-                lambda q: problem.whitened(q, self.covariance), q, low, high, settings, on_progress,  # noqa: B023
-                first=first,
-            )  # fmt: skip
+            best = lm.minimise(residual, q, low, high, settings, on_progress, first=self._whitened(q))
             self.evaluations += best.evaluations
             self.history += best.history
             # What ends by derivatives that were only updated goes on from those that are there.

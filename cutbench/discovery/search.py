@@ -179,14 +179,16 @@ def _round(point: Point, run: Predictor, seed: int, on_progress: OnProgress, lat
     """``later``: something was found before."""
     chosen, left_out = candidates(point.inverse, point.case)
     on_progress(math.nan, math.nan, f"{len(chosen)} candidates beside {', '.join(point.case.mechanisms)}")
-    sensed = Sensed(dict(point.y), dict(point.J), [])
-    scores = score(sensed, point.w.noise, point.residual, seed=seed)
-    # Runs that would ask what else is wrong are spared where nothing is.
-    if later and point.meshed and scores.p_residual >= PROMISING:
-        chosen = []
-    else:
+    sensed = None
+    if later and point.meshed:
+        # Runs that would ask what else is wrong are spared where nothing is.
+        sensed = Sensed(dict(point.y), dict(point.J), [])
+        scores = score(sensed, point.w.noise, point.residual, seed=seed)
+    if sensed is None or scores.p_residual < PROMISING:
         sensed = sense(point.inverse, point.q, chosen, run)
         scores = score(sensed, point.w.noise, point.residual, seed=seed)
+    else:
+        chosen = []
     wrong = Yardstick(point, scores.expected)
     scored = {s.name for s in scores.scores}
     failed = {c.name: "no run could take it up beside the others" for c in chosen if c.name not in scored}
