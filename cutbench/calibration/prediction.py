@@ -24,16 +24,20 @@ from cutbench.run.pool.job import Job
 from cutbench.run.pool.pool import TaskPool
 from cutbench.run.result import Result
 from cutbench.run.runner import run_case
+from cutbench.run.sensitivity import Added
 
 
 @dataclass(frozen=True)
 class Task:
-    """One experiment at one set of parameters: its case, where it is read, by what it is differentiated."""
+    """One experiment at one set of parameters: its case, where it is read, by what it is differentiated.
+
+    ``added``: laws that a cut's case lacks, whose strengths its readings are differentiated by, too."""
 
     experiment: Experiment
     case: Case
     grid: Averaged
     names: tuple[str, ...] = ()
+    added: tuple[Added, ...] = ()
 
     @property
     def of_time(self) -> bool:
@@ -64,7 +68,8 @@ class Prediction:
     ``onset_mm``: where the cut of a run begins (nan without one).
     ``fields`` (f,), ``field_slopes`` (f, k): displacements in mm at all places of the experiment's fields, as
     ``data.fields.laid_out`` has them; nan outside the body. ``course`` (3, n): displacement, force and
-    time of the run itself, as no rig has changed them.
+    time of the run itself, as no rig has changed them. ``by_added``: derivatives (m, p) of ``y`` by the
+    strengths of each law that the task has ``added``, 0 where they are not known.
     """
 
     y: np.ndarray
@@ -74,6 +79,7 @@ class Prediction:
     fields: np.ndarray = field(default_factory=lambda: np.zeros(0))
     field_slopes: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     course: np.ndarray = field(default_factory=lambda: np.zeros((3, 0)))
+    by_added: tuple[np.ndarray, ...] = ()
 
     def by(self, names: Sequence[str]) -> np.ndarray:
         """Derivatives (m, p) by ``names``, 0 where they are not known."""
@@ -95,7 +101,8 @@ def _cut(task: Task) -> Prediction:
     # One step before each field too: between the two the displacements are interpolated.
     pictured = [f.travel_mm for f in task.experiment.fields]
     wanted_mm = sorted({max(mm - back, 0.0) for mm in pictured for back in (case.numerics.step_mm, 0.0)})
-    result = run_case(case, sensitivities=[name for name in names if name not in rig], snapshots_mm=wanted_mm)
+    meshed = [name for name in names if name not in rig]
+    result = run_case(case, sensitivities=meshed, snapshots_mm=wanted_mm, added=task.added)
     reached, wanted = result.outcome.reached_mm, float(task.grid.x[-1])
     if result.outcome.kind == "interrupted":
         raise KeyboardInterrupt
@@ -103,28 +110,36 @@ def _cut(task: Task) -> Prediction:
         raise ComputationFailed(f"'{task.experiment.id}': {result.outcome}")
     course = np.stack([result.curve[name] for name in ("displacement_mm", "force_N", "time_s")])
     reading = task.reading
-    columns, lost = [], np.zeros(task.grid.x.size, dtype=bool)
-    for name in (None, *names):
-        p, moved = case.p, course.astype(complex)
-        if name in result.sensitivities:
-            slope = result.sensitivities[name]
-            if not (known := np.isfinite(slope)).all():
-                first = int(known.argmin())
-                beyond = reading[0] > course[2 if task.of_time else 0][max(first - 1, 0)]
-                lost |= np.abs(reading[1]) @ beyond > 0
-            moved[1] += 1j * STEP * np.where(known, slope, 0.0)
-        if name is not None:
-            setattr(p, name, getattr(p, name) + 1j * STEP)
-        columns.append(_shown(task, reading, moved, p))
+    lost = np.zeros(task.grid.x.size, dtype=bool)
+
+    def read(p, slope: np.ndarray) -> np.ndarray:
+        """The readings with a complex step in one parameter, of which ``p`` has one and the force a slope."""
+        if not (known := np.isfinite(slope)).all():
+            first = int(known.argmin())
+            beyond = reading[0] > course[2 if task.of_time else 0][max(first - 1, 0)]
+            lost[np.abs(reading[1]) @ beyond > 0] = True
+        moved = course.astype(complex)
+        moved[1] += 1j * STEP * np.where(known, slope, 0.0)
+        return _shown(task, reading, moved, p)
+
+    still = np.zeros(course.shape[1])
+    columns = [read(case.p, still)]
+    for name in names:
+        p = case.p
+        setattr(p, name, getattr(p, name) + 1j * STEP)
+        columns.append(read(p, result.sensitivities.get(name, still)))
+    by_added = [np.stack([read(case.p, v).imag / STEP for v in each.values()], 1) for each in result.by_added]
     by_name = np.stack(columns, axis=1)[:, 1:].imag / STEP
     if lost.all():
         raise ComputationFailed(
             f"'{task.experiment.id}': the equations are singular before the first reading"
         )
     by_name[lost] = np.nan
+    for each in by_added:
+        each[lost] = 0.0
     onset = result.measures.get("onset_mm", float("nan"))
     u, u_by_name = _fields(task, result, rig)
-    return Prediction(columns[0].real, by_name, names, onset, u, u_by_name, course)
+    return Prediction(columns[0].real, by_name, names, onset, u, u_by_name, course, tuple(by_added))
 
 
 def recorded(task: Task, prediction: Prediction, **values: float) -> np.ndarray:

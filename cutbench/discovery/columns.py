@@ -1,9 +1,9 @@
 """What each candidate would change first, at the fitted point: the derivatives of all readings at "off".
 
-Homogeneous tests are differentiated at all values of the shapes in one pass. A cut is run with all
-candidates at off at once; a second run takes further values of the shapes and those candidates that exclude
-one another. What a rig would make of a run is known for any strength without another run: where
-a curve drops, the change by a finite strength is no multiple of the derivative, so some are tried as well.
+Homogeneous tests are differentiated at all values of the shapes in one pass. A cut is run once: candidates
+that do nothing are evaluated beside it. Those that change the unknowns (of the support) have a run of their
+own. What a rig would make of a run is known for any strength without another run: where a curve drops, the
+change by a finite strength is no multiple of the derivative, so some are tried as well.
 """
 
 from __future__ import annotations
@@ -18,12 +18,13 @@ from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.calibration.homogeneous import scan
 from cutbench.calibration.inverse import Inverse
 from cutbench.calibration.prediction import Prediction, Predictor, Task, recorded
+from cutbench.case.case import Case
 from cutbench.data.experiment import Experiment
 from cutbench.discovery.candidates import Candidate
-from cutbench.run.sensitivity import extended
+from cutbench.run.sensitivity import Added, extended
 
-#: Runs of a cut, at the most, for its candidates.
-RUNS = 2
+#: Values of a candidate's shapes that are tried in cuts, at the most.
+PLACES = 3
 #: Finite strengths of a rig: such that its derivative would change the readings by this part (rms).
 PARTS = (0.05, 0.1, 0.2, 0.4)
 
@@ -62,16 +63,18 @@ def sense(inverse: Inverse, q: np.ndarray, chosen: Sequence[Candidate], run: Pre
                 by = scan(e, more.model, more.p, strengths, c.grid, grid)
                 parts.update({(c.name, k, e.id): by[k] for k in range(len(c.grid))})
     plan = _runs(inverse, cuts[0], q, chosen) if cuts else []
-    asked = [(group, _task(inverse, e, q, group)) for group in plan for e in cuts]
+    asked = [(run_, _task(inverse, e, q, run_)) for run_ in plan for e in cuts]
     rigs: dict[str, tuple[Candidate, list[tuple[Task, Prediction]]]] = {}
-    for (group, task), p in zip(asked, run([task for _, task in asked]), strict=True):
+    for (planned, task), p in zip(asked, run([task for _, task in asked]), strict=True):
         e = task.experiment
-        if group is plan[0]:
+        if planned is plan[0]:
             y[e.id], J[e.id] = p.y, inverse.slopes(e, p, q)
-        for c, k in group:
+        for c, k in planned.within:
             parts[c.name, k, e.id] = p.by([s.name for s in c.strengths])
             if c.slot == "rig" and len(c.strengths) == 1:
                 rigs.setdefault(c.name, (c, []))[1].append((task, p))
+        for (c, k), by in zip(planned.beside, p.by_added, strict=True):
+            parts[c.name, k, e.id] = by
     columns = []
     for c in chosen:
         none = {id: np.zeros((v.size, len(c.strengths))) for id, v in y.items()}
@@ -99,27 +102,54 @@ def _secants(c: Candidate, seen: Sequence[tuple[Task, Prediction]]) -> list[dict
     return found
 
 
-def _runs(
-    inverse: Inverse, e: Experiment, q: np.ndarray, chosen: Sequence[Candidate]
-) -> list[list[tuple[Candidate, int]]]:
-    """Which candidates go into which run, each with which of its shapes' values."""
+@dataclass(frozen=True)
+class _Run:
+    """Candidates, each with a number of its shapes' values, that take part in a run, and that are evaluated
+    beside it."""
+
+    within: list[tuple[Candidate, int]]
+    beside: list[tuple[Candidate, int]]
+
+
+def _runs(inverse: Inverse, e: Experiment, q: np.ndarray, chosen: Sequence[Candidate]) -> list[_Run]:
+    """The run that all others stand beside first."""
     case = inverse.case(e, q)
-    runs: list[list[tuple[Candidate, int]]] = [[] for _ in range(RUNS)]
+    runs = [_Run([], [])]
     for c in (c for c in chosen if c.seen_by(e)):
         # The middle of the grid first, then its ends.
         order = sorted(range(len(c.grid)), key=lambda k: abs(k - (len(c.grid) - 1) / 2))
-        if len(order) > RUNS:
-            order = [order[0], *order[:-RUNS:-1]]
-        for group in runs:
-            with suppress(BadInput):
-                if order:
-                    extended(case, [*(name for o, _ in group for name in o.added), *c.added])
-                    group.append((c, order.pop(0)))
-    return [runs[0], *(g for g in runs[1:] if g)]
+        if len(order) > PLACES:
+            order = [order[0], *order[:-PLACES:-1]]
+        with suppress(BadInput):  # it is then one that could not be tried
+            for k in order:
+                if c.slot == "rig":
+                    _place_rig(case, c, k, runs)
+                elif _added(case, c, k).beside(case):
+                    runs[0].beside.append((c, k))
+                else:
+                    runs.append(_Run([(c, k)], []))
+    return runs
 
 
-def _task(inverse: Inverse, e: Experiment, q: np.ndarray, group: Sequence[tuple[Candidate, int]]) -> Task:
-    values = {name: v for c, k in group for name, v in c.grid[k].items()}
-    case = extended(inverse.case(e, q), [name for c, _ in group for name in c.added], values)
-    names = (*inverse.names(e), *(s.name for c, _ in group for s in c.strengths))
-    return Task(e, case, inverse.grids[e.id], names)
+def _place_rig(case: Case, c: Candidate, k: int, runs: list[_Run]) -> None:
+    """Into the first run whose rigs it can stand beside."""
+    for planned in runs:
+        with suppress(BadInput):
+            extended(case, [*(name for o, _ in planned.within for name in o.added), *c.added])
+            planned.within.append((c, k))
+            return
+    extended(case, c.added)
+    runs.append(_Run([(c, k)], []))
+
+
+def _added(case: Case, c: Candidate, k: int) -> Added:
+    return Added(extended(case, c.added, c.grid[k]), tuple(s.name for s in c.strengths))
+
+
+def _task(inverse: Inverse, e: Experiment, q: np.ndarray, planned: _Run) -> Task:
+    base = inverse.case(e, q)
+    values = {name: v for c, k in planned.within for name, v in c.grid[k].items()}
+    case = extended(base, [name for c, _ in planned.within for name in c.added], values)
+    names = (*inverse.names(e), *(s.name for c, _ in planned.within for s in c.strengths))
+    added = tuple(_added(base, c, k) for c, k in planned.beside)
+    return Task(e, case, inverse.grids[e.id], names, added)

@@ -78,6 +78,10 @@ class BladeForm(Form):
         other._stiffness, other._tangential = self._stiffnesses(numerics)
         return other
 
+    def with_laws(self, laws, numerics: ContactNumerics) -> BladeForm:
+        """Others on the same faces."""
+        return BladeForm(laws, self.faces, numerics, keep_touched=self._kept, height=self._height)
+
     def _stiffnesses(self, numerics: ContactNumerics) -> tuple[np.ndarray, np.ndarray]:
         """Normal and tangential, each (nf,)."""
         scale = 1 / self.faces.cell if numerics.per_cell else np.ones(self.faces.cell.size)

@@ -43,6 +43,10 @@ class BulkForm(Form):
     def part(self, columns):
         return BulkForm(self.laws, self.volume.some(columns), self._height, self.skins)
 
+    def with_laws(self, laws, skins) -> BulkForm:
+        """Others on the same points."""
+        return BulkForm(laws, self.volume, self._height, skins)
+
     def points(self, step) -> Points:
         """Without a step, internal variables are taken as they are."""
         dt, held = (None, True) if step is None else (step.dt, False)

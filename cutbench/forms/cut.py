@@ -74,6 +74,10 @@ class CutForm(Form):
         minus = None if self._minus is None else self._minus.some(columns)
         return CutForm(self.laws, self.faces.some(columns), self._height, minus, self.skins, self.closing)
 
+    def with_laws(self, laws, skins) -> CutForm:
+        """Others on the same faces."""
+        return CutForm(laws, self.faces, self._height, self._minus, skins, self.closing)
+
     def start(self, p):
         n = self.faces.w.size
         state = add_states(*(law.start(n, p) for law in self.laws))

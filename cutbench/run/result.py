@@ -121,6 +121,8 @@ class Result(Handled):
     versions: dict[str, str | None] = field(default_factory=dict)
     #: Snapshots spread evenly over the whole run, where they were asked for.
     frames: list[Snapshot] = field(default_factory=list)
+    #: As ``sensitivities``, of each that a run was asked for laws that it has not.
+    by_added: list[dict[str, np.ndarray]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         if not self.id:

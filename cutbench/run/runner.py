@@ -25,7 +25,7 @@ from cutbench.run.ledger import Ledger
 from cutbench.run.measures import forward, measures
 from cutbench.run.remeshing import Place, RemeshedMarch, Transfer
 from cutbench.run.result import OnStep, Outcome, Result, Snapshot, unwatched
-from cutbench.run.sensitivity import checked, directions, start_sensitivities
+from cutbench.run.sensitivity import Added, Following, checked
 from cutbench.solver.march import Accepted, Progress, Stalled
 
 _log = logging.getLogger(__name__)
@@ -52,6 +52,7 @@ def run_case(
     snapshots_mm: Sequence[float] = (),
     frames: int | None = None,
     sensitivities: Sequence[str] = (),
+    added: Sequence[Added] = (),
     checkpoint: Checkpoint | None = None,
 ) -> Result:
     """March ``case`` to its depth, or until its transition is known.
@@ -61,9 +62,10 @@ def run_case(
     them. ``frames`` are so many besides, spread evenly over the run's time as far as it goes, in
     ``result.frames``; fewer where it has fewer steps. ``on_step`` has the curve's rows, and the fields at
     ``snapshots_mm``, as they come. ``sensitivities`` are names:
-    ``result.sensitivities`` then has dF/dθ along the curve, and each snapshot du/dθ. ``checkpoint`` keeps the
-    state of the run, which begins from what it holds; derivatives are not part of it, so a run with both
-    begins anew. A KeyboardInterrupt ends the run with what it has. Raises BadInput if no law lets the blade
+    ``result.sensitivities`` then has dF/dθ along the curve, and each snapshot du/dθ; ``result.by_added``
+    has it by the strengths of laws that the case lacks, at "off". ``checkpoint`` keeps the state
+    of the run, which begins from what it holds; derivatives are not part of it, so a run with both begins
+    anew. A KeyboardInterrupt ends the run with what it has. Raises BadInput if no law lets the blade
     meet the specimen, the case's mesh cannot be used, it cannot be differentiated by one of the names, or
     ``frames`` is no number of them.
     """
@@ -71,17 +73,17 @@ def run_case(
     check_driven(case.model)
     album = Frames(checked_frames(frames))
     names = checked(case, sensitivities)
-    kept = checkpoint.load() if checkpoint is not None and not names else None
+    kept = checkpoint.load() if checkpoint is not None and not (names or added) else None
     meshes = RemeshedMarch(case, Place(**kept["mesh"]) if kept else None)
     built = meshes.built
     _log.info("%s, run %s: %d unknowns to %g mm", case.name, case.id, built.problem.free.size, case.p.depth)
-    slopes = [np.zeros(len(names))]
-    follower = start_sensitivities(built, names) if names else None
+    slopes = [np.zeros(len(names) + sum(len(each.names) for each in added))]
+    following = Following(built, names, added) if names or added else None
+    follower = None if following is None else following.sensitivities
 
     def moved(transfer: Transfer) -> None:
-        if follower is not None:
-            there = directions(transfer.new, names)
-            follower.go_on(transfer.new.problem, there, transfer.displacements, transfer.states)
+        if following is not None:
+            following.go_on(transfer.new, transfer.displacements, transfer.states)
 
     ledger = Ledger(meshes)
     front = Front(built) if built.space.dim == 3 else None
@@ -115,7 +117,7 @@ def run_case(
         report()
     try:
         begin = Progress.of(kept["progress"]) if kept else None
-        steps = meshes.steps(begin, moved if names else None)
+        steps = meshes.steps(begin, moved)
         for step in () if ending.known() else announced(steps, waits):
             built = meshes.built
             if follower is not None:
@@ -135,7 +137,7 @@ def run_case(
                 if marked or framed:
                     picture = picture_of(built, step)
                     if follower is not None:
-                        add_slopes(picture, built, names, follower.displacements())
+                        add_slopes(picture, built, names, follower.displacements()[: len(names)])
                     if framed:
                         album.add(picture)
                     if marked:
@@ -144,7 +146,7 @@ def run_case(
                 report()
                 on_step(ledger.last, pictures[-1] if len(pictures) > seen else None)
                 seen = len(pictures)
-            if checkpoint is not None and not names:
+            if checkpoint is not None and follower is None:
                 checkpoint.offer(keeper.state(step.progress))
             if ending.known():
                 break
@@ -195,13 +197,16 @@ def run_case(
     else:
         found |= crossing.measures()
     _log.info("%s: %s, %s", case.name, outcome, counts)
-    by_name = {}
-    if follower is not None:
+    by_name: dict[str, np.ndarray] = {}
+    by_added: list[dict[str, np.ndarray]] = []
+    if following is not None and follower is not None:
         # An interruption can come between a step's derivatives and its row.
         table = np.array(slopes)[: counts["steps"]] * built.geometry.multiplicity
-        by_name = {name: table[:, i].copy() for i, name in enumerate(names)}
+        by_name, by_added = following.split(table)
         counts["unresolved_sensitivities"] = follower.unresolved
-    return Result(case, curve, outcome, timings, counts, pictures, found, by_name, frames=shown)
+    return Result(
+        case, curve, outcome, timings, counts, pictures, found, by_name, frames=shown, by_added=by_added
+    )
 
 
 class _Keeper:

@@ -22,6 +22,7 @@ import scipy.sparse as sp
 
 from cutbench.forms.base import Form, Step
 from cutbench.mechanisms.base import STEP
+from cutbench.solver.beside import Beside
 from cutbench.solver.linear import SingularMatrix, make_solver
 from cutbench.solver.march import Accepted
 from cutbench.solver.problem import Problem
@@ -39,7 +40,8 @@ class Direction:
     """A complex step ``STEP`` in one parameter, at every place that knows it.
 
     ``forms`` holds, by name, those forms that keep numbers of their own that depend on it. ``volume``: the
-    stateless forms see it. ``viscosity``: the damping's.
+    stateless forms see it. ``viscosity``: the damping's. ``beside``: the law whose strength it is, where the
+    problem is without that law.
     """
 
     name: str
@@ -48,6 +50,12 @@ class Direction:
     forms: Mapping[str, Form] = field(default_factory=dict)
     volume: bool = True
     viscosity: complex = 0.0
+    beside: Beside | None = None
+
+    def seen(self, form: Form) -> Form:
+        """``form`` of the problem as this parameter has it."""
+        own = {} if self.beside is None else self.beside.forms
+        return self.forms.get(form.name) or own.get(form.name) or form
 
 
 @dataclass
@@ -114,6 +122,8 @@ class Sensitivities:
             self.lost = accepted.travel
             return forces
         self._rates = after
+        for beside in {id(d.beside): d.beside for d in self._directions if d.beside is not None}.values():
+            beside.ended(accepted.u, beside.begun(accepted.solves[-1][0]), accepted.step)
         for i, rates in enumerate(after):
             forces[i] = sum(form.force(rates.states[form.name])[1] for form in self._problem.blades)
         return forces
@@ -194,6 +204,9 @@ class Sensitivities:
         ih = 1j * STEP
         dt = step.dt * self._speed / direction.speed if direction.speed.imag else step.dt
         moving = replace(step, dt=dt, u_old=step.u_old + ih * old)
+        beside = direction.beside
+        if beside is not None:
+            states = beside.begun(states)
         complex_states = {
             form.name: {
                 key: value + ih * rates[form.name][key] if key in rates.get(form.name, ()) else value
@@ -201,12 +214,18 @@ class Sensitivities:
             }
             for form in self._stateful
         }
-        forms = [direction.forms.get(form.name, form) for form in self._stateful]
+        forms = [direction.seen(form) for form in self._stateful]
         trial = _Trial(self._problem, direction, forms, u, complex_states, moving)
         if direction.volume:
-            for form in self._stateless:
-                local = form.evaluate(u, direction.p, {}, moving, False)
+            # What an added law has there is linear in its strength: its histories' rates do not matter.
+            for form in (direction.seen(form) for form in self._stateless):
+                local = form.evaluate(u, direction.p, states[form.name], moving, False)
                 trial.rest += self._problem.pattern.vector(form.name, local.vector).imag / STEP
+        known = {form.name for form in self._problem.forms}
+        for form in () if beside is None else beside.forms.values():
+            if form.name not in known:
+                local = form.evaluate(u, direction.p, states[form.name], moving, False)
+                np.add.at(trial.rest, form.dofs, np.imag(local.vector) / STEP)
         if (damping := self._problem.damping) is not None:
             trial.rest += self._damped(damping.factor(step), direction, u, old, step, moving)
         return trial
