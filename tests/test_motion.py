@@ -9,7 +9,8 @@ from cut_files import COARSE, campaign_of, write_readings
 from benchmarks.sensitivities import Marched, extrapolated
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.calibration.fitting import fit
-from cutbench.calibration.inverse import Inverse, unknowns
+from cutbench.calibration.inverse import Inverse
+from cutbench.calibration.looked_for import unknowns
 from cutbench.case.case import Case, load_case
 from cutbench.case.motion import Motion, read_motion, simplified
 from cutbench.discovery.candidates import candidates

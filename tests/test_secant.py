@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from cutbench.calibration import lm
-from cutbench.calibration.inverse import Inverse, unknowns
-from cutbench.calibration.prediction import Task, predict
-from cutbench.calibration.secant import Sparing
+from cutbench.calibration.inverse import Inverse
+from cutbench.calibration.looked_for import unknowns
+from cutbench.calibration.prediction import Prediction, Task, predict
+from cutbench.calibration.sparing import Sparing
 from cutbench.case.case import load_case
 from cutbench.data.campaign import FitPlan, start_case
 from cutbench.discovery.synthetic import Test, campaign
@@ -93,3 +94,40 @@ def test_a_cut_without_derivatives_is_the_same_curve(problem):
     plain, known = (predict(Task(made, case, grid, names)) for names in ((), ("G",)))
     np.testing.assert_array_equal(plain.y, known.y)
     assert plain.slopes.shape == (8, 0) and known.slopes.shape == (8, 1)
+
+
+class Stairs:
+    """Predicts forces that follow (1 + x) G_c in small jumps, with derivatives of the levels between."""
+
+    def __init__(self, lost: bool):
+        self.lost, self.asked = lost, []
+
+    def __call__(self, tasks: list[Task]) -> list[Prediction]:
+        found = []
+        for task in tasks:
+            self.asked.append(task)
+            x, G_c = task.grid.x, task.case.values["G_c"]
+            y = (1 + x) * np.round(G_c / 5e-3, 2)
+            slopes = np.full((x.size, len(task.names)), 0.1)
+            slopes[x.size // 2 :] = np.nan if self.lost else 0.1
+            found.append(Prediction(y, slopes, task.names))
+        return found
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_a_cuts_derivatives_are_slopes_across_its_jumps(lost):
+    case = load_case("gelatin", {"numerics": "fast", "depth": "0.2 mm", "G_c": "5 J/m^2"})
+    made = campaign(case, [Test("cut", reach=0.2, readings=8)], case, seed=1, plan=FitPlan(free=("G_c",)))
+    run = Stairs(lost)
+    inverse = Inverse(made, unknowns(made), run, 8)
+    (e,) = made.train
+    (p,) = inverse.predictions(np.zeros(1)).values()
+    x = inverse.grids[e.id].x
+    # Per unit of q = ln G_c the force changes by (1 + x) and, over one level, by a tenth of it at the most.
+    np.testing.assert_allclose(inverse.slopes(e, p, np.zeros(1))[:, 0], 1 + x, rtol=0.25)
+    assert [bool(task.names) for task in run.asked] == [True, False]
+    # Near by the derivatives serve, updated; far from there they are computed anew.
+    inverse.predictions(np.array([0.1]))
+    assert [bool(task.names) for task in run.asked[2:]] == [False]
+    inverse.predictions(np.array([0.9]))
+    assert [bool(task.names) for task in run.asked[3:]] == [True, False]

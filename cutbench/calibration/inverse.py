@@ -8,17 +8,16 @@ from dataclasses import replace
 import numpy as np
 
 from cutbench.base.errors import BadInput, ComputationFailed
-from cutbench.base.toml import one_of
-from cutbench.calibration import mesh_error
+from cutbench.calibration import mesh_error, secant
 from cutbench.calibration.identifiability import Unknown
+from cutbench.calibration.looked_for import visible
 from cutbench.calibration.prediction import Prediction, Predictor, Task
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
 from cutbench.data.covariance import Covariance
-from cutbench.data.experiment import SLOTS, Experiment
+from cutbench.data.experiment import Experiment
 from cutbench.data.fields import laid_out
 from cutbench.data.repetition import Averaged
-from cutbench.run.sensitivity import differentiable
 
 #: Values on which each experiment is compared.
 GRID = 40
@@ -26,70 +25,18 @@ GRID = 40
 #: change over the length of a step: a reading's derivative by q counts up to so many times the curve's
 #: maximum, and one beyond has an error of this part of the maximum.
 STEEP, JUMP = 6.0, 0.2
+#: Derivatives of cuts are computed anew so far, in q, from where they were.
+NEAR = 0.4
 #: What is nearer to a bound, in q, is held by it.
 AT_BOUND = 1e-6
-
-
-def visible(experiment: Experiment, case: Case) -> set[str]:
-    """Names of the parameters that a test of its kind can depend on."""
-    slots = SLOTS[experiment.kind]
-    laws = [law for law in case.model.all if law.slot in slots]
-    return {name for law in laws for name in (*law.reads, *(q.name for q in law.parameters))}
-
-
-def unknowns(campaign: Campaign) -> list[Unknown]:
-    """What is looked for, by the campaign's plan or, where it leaves that open, by what its tests can see.
-
-    Raises BadInput for a name that cannot be fitted, or if nothing is left.
-    """
-    plan, case = campaign.plan, campaign.base
-    # A speed is known; a test of its own has one of its own.
-    possible = [name for name in differentiable(case.model) if name != "speed"]
-    seen = set().union(*(visible(e, case) for e in campaign.train))
-    given = {name: e.id for e in campaign.train for name in (*e.blade, *e.specimen)}
-    known = [name for name in possible if name in seen]
-    for key, name in [*(("free", name) for name in plan.free or ()), *(("own", name) for name in plan.own)]:
-        if name not in known:
-            raise BadInput(key, name, f"a parameter of these tests: {', '.join(known)}")
-        if name in given:
-            expected = f"a parameter that no experiment gives; '{given[name]}' does: take it out there"
-            raise BadInput(key, name, expected)
-    for name in plan.fixed:
-        if name not in case.model.parameters():
-            raise BadInput("fixed", name, one_of(name, possible))
-    if plan.free is None:
-        parameters = case.model.parameters()
-        # Known beforehand, or better known otherwise.
-        left_out = {n for n, q in parameters.items() if not q.sought} | given.keys() | set(plan.fixed)
-        chosen = set(known) - left_out
-    else:
-        chosen = set(plan.free)
-    found = []
-    for name in possible:
-        if name in plan.own:
-            found += [_unknown(campaign, name, e.id) for e in campaign.train if name in visible(e, case)]
-        elif name in chosen:
-            found.append(_unknown(campaign, name, None))
-    if not found:
-        expected = f"one parameter or more of {', '.join(possible)}"
-        raise BadInput("free", "(nothing)", expected)
-    return found
-
-
-def _unknown(campaign: Campaign, name: str, experiment: str | None) -> Unknown:
-    q = campaign.model.parameters()[name]
-    low, high = campaign.plan.bounds.get(name, q.bounds)
-    start = min(max(campaign.base.values[name], low), high)
-    if q.open_high and start == high:
-        start = campaign.base.values[name]
-    return Unknown(q, start, low, high, experiment)
 
 
 class Inverse:
     """Residuals of a campaign's train experiments as a function of q (k,), the scaled unknowns.
 
     ``start`` is the case whose other values stay (default: the campaign's), ``grids`` by id where the
-    experiments are compared. What was computed is kept by q; nothing else changes.
+    experiments are compared. What was computed is kept by q; nothing else changes. ``exact``: with the exact
+    derivatives of cuts, which say what is felt at all but little of what a step would do.
     """
 
     def __init__(
@@ -101,11 +48,17 @@ class Inverse:
         *,
         start: Case | None = None,
         grids: Mapping[str, Averaged] | None = None,
+        exact: bool = False,
     ):
         self.campaign, self.unknowns, self.run = campaign, list(looked_for), run
         self.start = start or campaign.base
         self.grids = grids or {e.id: e.on_grid(grid) for e in campaign.experiments}
-        self._known: dict[bytes, dict[str, Prediction]] = {}
+        self.exact = exact or not any(e.kind == "cut" for e in campaign.train)
+        self._known: dict[bytes, Mapping[str, Prediction]] = {}
+        #: With exact derivatives where those of cuts are to be differences.
+        self._sketched: dict[bytes, Mapping[str, Prediction]] = {}
+        #: Values and predictions where derivatives of cuts were computed.
+        self._places: list[tuple[np.ndarray, Mapping[str, Prediction]]] = []
 
     def other(self, looked_for: Sequence[Unknown], start: Case, run: Predictor | None = None) -> Inverse:
         """The same data with other unknowns, from another case."""
@@ -114,19 +67,26 @@ class Inverse:
     def only(self, kept: Sequence[int]) -> Inverse:
         """With the unknowns of these numbers alone, at their starts; what was computed there stays."""
         made = self.other([self.unknowns[i] for i in kept], self.start)
-        return made._knowing(self._known.get(np.zeros(len(self.unknowns)).tobytes()))
+        known = self._known.get(np.zeros(len(self.unknowns)).tobytes())
+        if known is not None and self.exact and not made.exact:
+            made._sketched[np.zeros(len(kept)).tobytes()] = known
+            return made
+        return made.knowing(known)
 
     def moved(self, q: np.ndarray, run: Predictor | None = None) -> Inverse:
         """With the values at ``q`` for starts; what was computed there stays."""
-        return self.other(self.at(q), self.base(q), run)._knowing(self._known.get(q.tobytes()))
+        return self.other(self.at(q), self.base(q), run).knowing(self._known.get(q.tobytes()))
 
     def at(self, q: np.ndarray) -> list[Unknown]:
         """The unknowns with their values at ``q`` for starts."""
         return [replace(u, start=u.value(x)) for u, x in zip(self.unknowns, q, strict=True)]
 
-    def _knowing(self, found: dict[str, Prediction] | None) -> Inverse:
+    def knowing(self, found: Mapping[str, Prediction] | None) -> Inverse:
+        """With predictions at the starts by id, if there are any."""
         if found is not None:
-            self._known[np.zeros(len(self.unknowns)).tobytes()] = found
+            zero = np.zeros(len(self.unknowns))
+            self._known[zero.tobytes()] = found
+            self._places.append((self.values(zero), found))
         return self
 
     @property
@@ -156,22 +116,60 @@ class Inverse:
         base = self.base(q, e)
         return self.campaign.case(e, base) if e.kind == "cut" else base
 
-    def cases(self, q: np.ndarray) -> list[Case]:
-        """Of the train experiments. Raises ComputationFailed for values that do not go together, which a fit
-        has tried."""
+    def checked_case(self, e: Experiment, q: np.ndarray) -> Case:
+        """Raises ComputationFailed for values that do not go together, which a fit has tried."""
         try:
-            return [self.case(e, q) for e in self.campaign.train]
+            return self.case(e, q)
         except BadInput as error:
             raise ComputationFailed(str(error)) from error
 
-    def predictions(self, q: np.ndarray) -> dict[str, Prediction]:
+    def predictions(self, q: np.ndarray) -> Mapping[str, Prediction]:
         """Of the train experiments, with slopes; computed once for each q. Raises ComputationFailed."""
         key = q.tobytes()
         if key not in self._known:
-            train, cases = self.campaign.train, self.cases(q)
-            tasks = [Task(e, c, self.grids[e.id], self.names(e)) for e, c in zip(train, cases, strict=True)]
-            self._known[key] = dict(zip([e.id for e in train], self.run(tasks), strict=True))
+            train, near = self.campaign.train, self._near(q)
+            if key in self._sketched:
+                found = self._sketched[key]
+            else:
+                named = [() if near else self.names(e) for e in train]
+                cases = [self.checked_case(e, q) for e in train]
+                tasks = [Task(e, c, self.grids[e.id], n) for e, c, n in zip(train, cases, named, strict=True)]
+                found = dict(zip([e.id for e in train], self.run(tasks), strict=True))
+            if near:
+                found = {e.id: secant.updated(self, e, found[e.id], near, q) for e in train}
+            elif not self.exact:
+                found = secant.across(self, q, found)
+                self._places.append((self.values(q), found))
+            self._known[key] = found
         return self._known[key]
+
+    def refreshed(self, q: np.ndarray) -> bool:
+        """Whether derivatives were computed anew at ``q``, as far from where they were before."""
+        if self.exact or self._near(q) is not None:
+            return False
+        self._sketched.pop(q.tobytes(), None)
+        self._known.pop(q.tobytes(), None)
+        self.predictions(q)
+        return True
+
+    def _near(self, q: np.ndarray) -> tuple[np.ndarray, Mapping[str, Prediction]] | None:
+        """Values (k,) of the unknowns and predictions where derivatives were computed, if that is near."""
+        near = self._nearest(self._places, q)
+        if near is None or np.abs((near[0] - self.values(q)) / self.sizes(q)).max(initial=0.0) > NEAR:
+            return None
+        return near
+
+    def _nearest(self, places, q: np.ndarray) -> tuple[np.ndarray, Mapping[str, Prediction]] | None:
+        size, here = self.sizes(q), self.values(q)
+        return min(places, key=lambda place: float(np.linalg.norm((place[0] - here) / size)), default=None)
+
+    def values(self, q: np.ndarray) -> np.ndarray:
+        """Of the unknowns (k,), internal units."""
+        return np.array([u.value(x) for u, x in zip(self.unknowns, q, strict=True)])
+
+    def sizes(self, q: np.ndarray) -> np.ndarray:
+        """What a unit of q is there (k,)."""
+        return np.array([u.slope(x) for u, x in zip(self.unknowns, q, strict=True)])
 
     def predicted(self, q: np.ndarray, experiments: Sequence[Experiment], *, fine: bool) -> list[Prediction]:
         """Of any experiments, without slopes; ``fine``: cuts with smaller elements and steps."""
@@ -203,7 +201,7 @@ class Inverse:
 
     def _derivatives(self, e: Experiment, prediction: Prediction, q: np.ndarray) -> np.ndarray:
         J = self._scaled(e, prediction, prediction.slopes, q)
-        if e.kind == "cut" and J.shape[1]:
+        if self.exact and e.kind == "cut" and J.shape[1]:
             # Jags of the curve wander with the parameters: their derivatives are large and hold for no step.
             known = np.isfinite(J).all(axis=1)
             along = self.grids[e.id].along[known]

@@ -69,7 +69,7 @@ class Prediction:
     ``fields`` (f,), ``field_slopes`` (f, k): displacements in mm at all places of the experiment's fields, as
     ``data.fields.laid_out`` has them; nan outside the body. ``course`` (3, n): displacement, force and
     time of the run itself, as no rig has changed them. ``by_added``: derivatives (m, p) of ``y`` by the
-    strengths of each law that the task has ``added``, 0 where they are not known.
+    strengths of each law that the task has ``added``, nan where they are not known.
     """
 
     y: np.ndarray
@@ -136,7 +136,7 @@ def _cut(task: Task) -> Prediction:
         )
     by_name[lost] = np.nan
     for each in by_added:
-        each[lost] = 0.0
+        each[lost] = np.nan
     onset = result.measures.get("onset_mm", float("nan"))
     u, u_by_name = _fields(task, result, rig)
     return Prediction(columns[0].real, by_name, names, onset, u, u_by_name, course, tuple(by_added))

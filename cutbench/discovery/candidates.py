@@ -17,7 +17,8 @@ import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.units import Parameter, ureg
-from cutbench.calibration.inverse import Inverse, visible
+from cutbench.calibration.inverse import Inverse
+from cutbench.calibration.looked_for import visible
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
 from cutbench.data.experiment import SLOTS, Experiment
@@ -103,13 +104,13 @@ def candidates(inverse: Inverse, base: Case) -> tuple[list[Candidate], dict[str,
 
 
 def _one_a_class(found: Sequence[Candidate], left_out: dict[str, str]) -> list[Candidate]:
-    """Of the bulk's laws the one with the fewest parameters in each class: a cut with all formulas of a class
-    costs several times as much, and tells none of them from another."""
+    """Of the specimen's and the blade's laws the one with the fewest parameters in each class: a cut with all
+    formulas of a class costs several times as much, and tells none of them from another."""
     chosen: dict[str, Candidate] = {}
     for c in sorted(found, key=lambda c: (len(c.parameters), c.name)):
-        if c.slot == "bulk" and (first := chosen.setdefault(family_of(c.name), c)) is not c:
+        if c.slot not in ("rig", FIXED) and (first := chosen.setdefault(family_of(c.name), c)) is not c:
             left_out[c.name] = f"{first.name} is tried for its class, {family_of(c.name)}"
-    return [c for c in found if c.slot != "bulk" or c in chosen.values()]
+    return [c for c in found if c.slot in ("rig", FIXED) or c in chosen.values()]
 
 
 def baseline_of(campaign: Campaign) -> Campaign:

@@ -3,28 +3,32 @@
 Homogeneous tests are differentiated at all values of the shapes in one pass. A cut is run once: candidates
 that do nothing are evaluated beside it. Those that change the unknowns (of the support) have a run of their
 own. What a rig would make of a run is known for any strength without another run: where a curve drops, the
-change by a finite strength is no multiple of the derivative, so some are tried as well.
+change by a finite strength is no multiple of the derivative, so some are tried as well. What the exact
+derivative says is felt is asked again at a finite strength, see ``calibration.secant``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.calibration import secant
 from cutbench.calibration.homogeneous import scan
 from cutbench.calibration.inverse import Inverse
 from cutbench.calibration.prediction import Prediction, Predictor, Task, recorded
 from cutbench.case.case import Case
 from cutbench.data.experiment import Experiment
-from cutbench.discovery.candidates import Candidate
+from cutbench.discovery.candidates import FIXED, Candidate
 from cutbench.run.sensitivity import Added, extended
 
 #: Values of a candidate's shapes that are tried in cuts, at the most.
 PLACES = 3
+#: A strength's step, in typical strengths, at the most; what would have to be so many times that is not felt.
+MOST, FELT = 1.0, 100.0
 #: Finite strengths of a rig: such that its derivative would change the readings by this part (rms).
 PARTS = (0.05, 0.1, 0.2, 0.4)
 
@@ -64,26 +68,70 @@ def sense(inverse: Inverse, q: np.ndarray, chosen: Sequence[Candidate], run: Pre
                 parts.update({(c.name, k, e.id): by[k] for k in range(len(c.grid))})
     plan = _runs(inverse, cuts[0], q, chosen) if cuts else []
     asked = [(run_, _task(inverse, e, q, run_)) for run_ in plan for e in cuts]
+    there = inverse.predictions(q) if cuts else {}
     rigs: dict[str, tuple[Candidate, list[tuple[Task, Prediction]]]] = {}
     for (planned, task), p in zip(asked, run([task for _, task in asked]), strict=True):
         e = task.experiment
         if planned is plan[0]:
-            y[e.id], J[e.id] = p.y, inverse.slopes(e, p, q)
+            y[e.id], J[e.id] = p.y, inverse.slopes(e, there[e.id], q)
         for c, k in planned.within:
             parts[c.name, k, e.id] = p.by([s.name for s in c.strengths])
             if c.slot == "rig" and len(c.strengths) == 1:
                 rigs.setdefault(c.name, (c, []))[1].append((task, p))
         for (c, k), by in zip(planned.beside, p.by_added, strict=True):
             parts[c.name, k, e.id] = by
+    if cuts:
+        _finite(inverse, q, chosen, y, parts)
     columns = []
     for c in chosen:
         none = {id: np.zeros((v.size, len(c.strengths))) for id, v in y.items()}
         for k, shapes in enumerate(c.grid):
             if all((c.name, k, e.id) in parts for e in train if c.seen_by(e)):
-                columns.append(Column(c, shapes, {id: parts.get((c.name, k, id), none[id]) for id in none}))
+                found = {id: np.nan_to_num(parts.get((c.name, k, id), none[id])) for id in none}
+                columns.append(Column(c, shapes, found))
         if c.name in rigs:
             columns += [Column(c, c.grid[0], {**none, **by}) for by in _secants(*rigs[c.name])]
     return Sensed(y, J, columns)
+
+
+def _finite(
+    inverse: Inverse, q: np.ndarray, chosen: Sequence[Candidate], y: Mapping[str, np.ndarray], parts: dict
+) -> None:
+    """Differences in place of the exact derivatives in ``parts``, by a strength that changes cuts enough; of
+    other values of the shapes nothing is kept."""
+    asked: list[tuple[Candidate, int, int, float, Task]] = []
+    train = [e for e in inverse.campaign.train if e.kind == "cut"]
+    for c in (c for c in chosen if c.slot != "rig" and c.slot != FIXED):
+        seen = [e for e in train if c.seen_by(e)]
+        known = [k for k in range(len(c.grid)) if seen and all((c.name, k, e.id) in parts for e in seen)]
+        if not known:
+            continue
+        k = min(known, key=lambda k: abs(k - (len(c.grid) - 1) / 2))
+        for i, s in enumerate(c.strengths):
+            most = MOST * abs(s.typical * s.factor - s.off_value)
+            up = s.bounds[1] - s.off_value > 0
+            room = min(most, abs(s.bounds[up] - s.off_value) / 2)
+            slopes = [parts[c.name, k, e.id][:, i] for e in seen]
+            lengths = [secant.length(y[e.id], v, np.inf, room) for e, v in zip(seen, slopes, strict=True)]
+            if min(lengths) > FELT * most:
+                continue
+            size = min(*lengths, room)
+            value = s.off_value + (size if up else -size)
+            for e in seen:
+                case = extended(inverse.case(e, q), c.added, c.grid[k])
+                case = replace(case, values={**case.values, s.name: value})
+                asked.append((c, k, i, value - s.off_value, Task(e, case, inverse.grids[e.id])))
+    felt: set[str] = set()
+    for (c, k, i, change, task), p in zip(asked, secant.tried(inverse, [a[-1] for a in asked]), strict=True):
+        if p is not None:
+            felt.add(c.name)
+            id = task.experiment.id
+            column = parts[c.name, k, id].copy()
+            column[:, i] = (p.y - y[id]) / change
+            parts[c.name, k, id] = column
+    at = {(c.name, k) for c, k, *_ in asked}
+    for name, k, id in [key for key in parts if key[0] in felt and key[:2] not in at]:
+        del parts[name, k, id]
 
 
 def _secants(c: Candidate, seen: Sequence[tuple[Task, Prediction]]) -> list[dict[str, np.ndarray]]:
@@ -150,6 +198,6 @@ def _task(inverse: Inverse, e: Experiment, q: np.ndarray, planned: _Run) -> Task
     base = inverse.case(e, q)
     values = {name: v for c, k in planned.within for name, v in c.grid[k].items()}
     case = extended(base, [name for c, _ in planned.within for name in c.added], values)
-    names = (*inverse.names(e), *(s.name for c, _ in planned.within for s in c.strengths))
+    names = tuple(s.name for c, _ in planned.within for s in c.strengths)
     added = tuple(_added(base, c, k) for c, k in planned.beside)
     return Task(e, case, inverse.grids[e.id], names, added)

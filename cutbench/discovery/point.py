@@ -18,7 +18,7 @@ from cutbench.calibration.fitting import fit
 from cutbench.calibration.identifiability import Unknown, information_inverse
 from cutbench.calibration.inverse import Inverse
 from cutbench.calibration.prediction import Prediction, Predictor
-from cutbench.calibration.secant import Sparing
+from cutbench.calibration.sparing import Sparing
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
 from cutbench.data.covariance import Covariance
@@ -238,7 +238,8 @@ def settled(point: Point, run: Predictor, refine: bool, on_progress: OnProgress)
         on_progress(done, total, f"extended model, {text}")
 
     try:
-        return refitted(point, point.inverse.at(point.q), point.case, run, refine, told)
+        known = point.inverse.predictions(point.q) if point.meshed else None
+        return refitted(point, point.inverse.at(point.q), point.case, run, refine, told, known)
     except (ComputationFailed, BadInput) as error:
         on_progress(math.nan, math.nan, f"not fitted further: {error}")
         return point
@@ -251,14 +252,16 @@ def refitted(
     run: Predictor,
     refine: bool = False,
     on_progress: OnProgress = silent,
+    known: Mapping[str, Prediction] | None = None,
 ) -> Point:
     """Another model, ``case`` with the unknowns ``looked_for``, fitted to the data of ``point``.
+    ``known``: its predictions from there, by id.
 
     Raises ComputationFailed, BadInput, KeyboardInterrupt.
     """
     fitted = fit(
         point.campaign, refine=refine, run=run, looked_for=looked_for, start=case, grids=point.inverse.grids,
-        on_progress=on_progress,
+        on_progress=on_progress, there=known,
     )  # fmt: skip
     if fitted.status == "interrupted":
         raise KeyboardInterrupt
