@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from cutbench.case.case import Case, load_case
+from cutbench.run.remeshing import RemeshedMarch
 from cutbench.run.runner import run_case
-from cutbench.run.sensitivity import Added, extended
+from cutbench.run.sensitivity import Added, Following, extended
 
 #: With a layer, so that its law stands beside another, and friction, that saturating friction needs.
 CHOICES = {"numerics": "fast", "depth": "0.9 mm", "mu": 0.2, "precut": "0.3 mm"}
@@ -56,13 +57,19 @@ def test_the_runs_own_derivatives_stay(case, beside):
 
 
 def test_from_mesh_to_mesh():
-    case = load_case("gelatin", {"depth": "2.2 mm", "h": "0.2 mm", "precut": "1 mm", "eta_reg": "1 s"})
-    laws = [added(case, "maxwell", "g_1"), added(case, "mullins", "softening")]
-    found = run_case(case, added=laws)
-    for law, by in zip(laws, found.by_added, strict=True):
-        (name,) = law.names
-        expected = run_case(law.case, sensitivities=law.names).sensitivities[name]
-        np.testing.assert_allclose(by[name], expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
+    case = load_case("gelatin").set(
+        h="0.12 mm", shallow=1, corner=0.5, around=1.0, step="0.1 mm", thickness="0.4 mm", delta_c="0.1 mm",
+        width="10 mm", height="8 mm", depth="1.5 mm", G_c="2 J/m^2", eta_v="0.02 mm", energy_step=0.2,
+    )  # fmt: skip
+    law, marched = added(case, "mullins", "softening"), RemeshedMarch(case)
+    following, found = Following(marched.built, (), [law]), []
+    for step in marched.steps(renewed=lambda t: following.go_on(t.new, t.displacements, t.states)):
+        slope = following.sensitivities.add(step)
+        found += [] if step.between else [slope[0]]
+    assert marched.place.strides > 0
+    expected = run_case(law.case, sensitivities=law.names).sensitivities["softening"]
+    by = np.array([0.0, *found]) * marched.built.geometry.multiplicity
+    np.testing.assert_allclose(by, expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
 
 
 def test_what_changes_the_unknowns_needs_a_run_of_its_own(case):
