@@ -110,17 +110,17 @@ def _cut(task: Task) -> Prediction:
         raise ComputationFailed(f"'{task.experiment.id}': {result.outcome}")
     course = np.stack([result.curve[name] for name in ("displacement_mm", "force_N", "time_s")])
     reading = task.reading
-    lost = np.zeros(task.grid.x.size, dtype=bool)
 
     def read(p, slope: np.ndarray) -> np.ndarray:
         """The readings with a complex step in one parameter, of which ``p`` has one and the force a slope."""
-        if not (known := np.isfinite(slope)).all():
-            first = int(known.argmin())
-            beyond = reading[0] > course[2 if task.of_time else 0][max(first - 1, 0)]
-            lost[np.abs(reading[1]) @ beyond > 0] = True
+        known = np.isfinite(slope)
         moved = course.astype(complex)
         moved[1] += 1j * STEP * np.where(known, slope, 0.0)
-        return _shown(task, reading, moved, p)
+        values = _shown(task, reading, moved, p)
+        if not known.all():
+            last = course[2 if task.of_time else 0][max(int(known.argmin()) - 1, 0)]
+            values.imag[np.abs(reading[1]) @ (reading[0] > last) > 0] = np.nan
+        return values
 
     still = np.zeros(course.shape[1])
     columns = [read(case.p, still)]
@@ -130,13 +130,10 @@ def _cut(task: Task) -> Prediction:
         columns.append(read(p, result.sensitivities.get(name, still)))
     by_added = [np.stack([read(case.p, v).imag / STEP for v in each.values()], 1) for each in result.by_added]
     by_name = np.stack(columns, axis=1)[:, 1:].imag / STEP
-    if lost.all():
+    if names and not np.isfinite(by_name).any():
         raise ComputationFailed(
             f"'{task.experiment.id}': the equations are singular before the first reading"
         )
-    by_name[lost] = np.nan
-    for each in by_added:
-        each[lost] = np.nan
     onset = result.measures.get("onset_mm", float("nan"))
     u, u_by_name = _fields(task, result, rig)
     return Prediction(columns[0].real, by_name, names, onset, u, u_by_name, course, tuple(by_added))
