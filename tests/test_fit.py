@@ -259,7 +259,7 @@ def test_a_cutting_campaign_gives_its_truth_back():
     assert set(data["parameters"]) == {"G", "G_c"}
 
 
-def test_derivatives_that_end_on_the_way_go_on_as_differences(monkeypatch):
+def test_derivatives_that_end_on_the_way_end_no_fit(monkeypatch):
     whole = prediction.run_case
 
     def singular(case, **options):
@@ -272,12 +272,11 @@ def test_derivatives_that_end_on_the_way_go_on_as_differences(monkeypatch):
     monkeypatch.setattr(prediction, "run_case", singular)
     made = cutting(count=1, plan=FitPlan(free=("G",)))
     found = fit(made, workers=0, refine=False)
-    p = found.inverse.predictions(found.q)["slow"]
-    by_G = found.inverse.slopes(made.train[0], p, found.q)[:, 0]
-    # Before anything breaks the force is in proportion to G.
-    early = found.compared[0].x < 0.3
-    np.testing.assert_allclose(by_G[early], p.y[early], rtol=0.1)
-    assert np.abs(by_G[found.compared[0].x > 0.7]).mean() > 0.1 * p.y.max()
+    x, known = (
+        found.compared[0].x,
+        np.abs(found.inverse.slopes(made.train[0], found.inverse.predictions(found.q)["slow"], found.q)) > 0,
+    )
+    assert known[x < 0.5].all() and not known[x > 0.7].any()
     assert found.estimate("G").value == pytest.approx(SOLID.values["G"], rel=0.1)
 
 

@@ -119,15 +119,22 @@ def test_a_cuts_derivatives_are_slopes_across_its_jumps(lost):
     case = load_case("gelatin", {"numerics": "fast", "depth": "0.2 mm", "G_c": "5 J/m^2"})
     made = campaign(case, [Test("cut", reach=0.2, readings=8)], case, seed=1, plan=FitPlan(free=("G_c",)))
     run = Stairs(lost)
-    inverse = Inverse(made, unknowns(made), run, 8)
+    inverse = Inverse(made, unknowns(made), run, 8, across=True)
     (e,) = made.train
     (p,) = inverse.predictions(np.zeros(1)).values()
     x = inverse.grids[e.id].x
     # Per unit of q = ln G_c the force changes by (1 + x) and, over one level, by a tenth of it at the most.
     np.testing.assert_allclose(inverse.slopes(e, p, np.zeros(1))[:, 0], 1 + x, rtol=0.25)
     assert [bool(task.names) for task in run.asked] == [True, False]
-    # Near by the derivatives serve, updated; far from there they are computed anew.
-    inverse.predictions(np.array([0.1]))
-    assert [bool(task.names) for task in run.asked[2:]] == [False]
-    inverse.predictions(np.array([0.9]))
-    assert [bool(task.names) for task in run.asked[3:]] == [True, False]
+
+
+def test_what_a_fit_has_computed_is_not_computed_again():
+    case = load_case("gelatin", {"numerics": "fast", "depth": "0.2 mm", "G_c": "5 J/m^2"})
+    made = campaign(case, [Test("cut", reach=0.2, readings=8)], case, seed=1, plan=FitPlan(free=("G_c",)))
+    run = Stairs(lost=False)
+    fitted = Inverse(made, unknowns(made), run, 8)
+    q = np.array([0.1])
+    fitted.predictions(q)
+    moved = fitted.moved(q, across=True)
+    moved.predictions(np.zeros(1))
+    assert [bool(task.names) for task in run.asked] == [True, False]

@@ -1,10 +1,11 @@
 """Calibration: the parameters of one model from all experiments of a campaign at once.
 
-Gauss–Newton steps with Marquardt's damping; residuals whitened by the measured covariance of the mean curves,
-by the computation's own error, measured on a finer mesh on the way, and by what the model cannot describe,
-estimated by turns with the parameters. Intervals come from (JᵀC⁻¹J)⁻¹ with Student's t: what stems from the
-scatter between R specimens is known with R − 1 degrees of freedom, and the parts are combined after Welch
-(1947, 10.1093/biomet/34.1-2.28) and Satterthwaite (1946, 10.2307/3002019).
+Gauss–Newton steps with Marquardt's damping on exact sensitivities; residuals whitened by the measured
+covariance of the mean curves, by the computation's own error, which is measured on a finer mesh on the way,
+and by what the model cannot describe, which is estimated by turns with the parameters. Intervals come from
+(JᵀC⁻¹J)⁻¹ with Student's t: what stems from the scatter between R specimens is known with R − 1 degrees of
+freedom, and the parts are combined after Welch (1947, 10.1093/biomet/34.1-2.28) and Satterthwaite (1946,
+10.2307/3002019).
 """
 
 from __future__ import annotations
@@ -46,8 +47,8 @@ FINAL = lm.Settings()
 SMOOTH = lm.Settings(promise=1e-8, jags=1.0, evaluations=100, failures=10)
 #: All but one parameter again, for each point of a profile.
 PROFILE = lm.Settings(promise=0.1, evaluations=6)
-#: Weights are made again if a parameter has moved this far since, so often at the most; without
-#: a mesh until nothing moves.
+#: Weights are made again if a parameter has moved this far since, so often at the most; of tests without a
+#: mesh until nothing moves.
 AGAIN, ROUNDS = 0.25, 3
 STILL, ROUNDS_SMOOTH = 1e-3, 12
 #: A model that misses a curve by more than this part of its maximum is fitted from other starts, too, so many
@@ -68,7 +69,6 @@ def fit(
     looked_for: Sequence[Unknown] | None = None,
     start: Case | None = None,
     grids: Mapping[str, Averaged] | None = None,
-    there: Mapping[str, Prediction] | None = None,
 ) -> Fit:
     """Fit what ``campaign.plan`` leaves free to all train experiments; predict the test experiments.
 
@@ -76,8 +76,8 @@ def fit(
     ``refine``: measure the computation's own error. ``profile``: labels whose profile likelihood is
     computed, at several fits each. ``on_progress`` has the evaluations of all stages, whose number is not
     known. Ctrl-C ends with what is there. ``looked_for`` in place of what the plan says, from the values of
-    ``start``, a case of another model perhaps; ``grids`` where they are known, and what is predicted
-    ``there``, by id. Raises BadInput, and ComputationFailed if the start values cannot be computed.
+    ``start``, a case of another model perhaps; ``grids`` where they are known. Raises BadInput, and
+    ComputationFailed if the start values cannot be computed.
     """
     began = time.perf_counter()
     chosen = looked_for is None and campaign.plan.free is None
@@ -88,9 +88,7 @@ def fit(
     runs = sum(e.kind == "cut" for e in campaign.experiments)
     own = predictor(min(cores() if workers is None else workers, runs)) if run is None else nullcontext(run)
     with own as run:
-        inverse = Inverse(campaign, looked_for, run, grid, start=start, grids=grids, exact=chosen).knowing(
-            there
-        )
+        inverse = Inverse(campaign, looked_for, run, grid, start=start, grids=grids)
         return _Fitting(campaign, inverse, on_progress, refine).go(profile, began, chosen, start is None)
 
 
@@ -144,20 +142,22 @@ class _Fitting:
         return self.inverse.whitened(q, self.covariance)
 
     def _minimise(self, stage: str, q: np.ndarray, settings: lm.Settings) -> lm.Minimum:
+        low, high = self.inverse.bounds
+
         def on_progress(done: float, total: float, text: str) -> None:
             self._on_progress(self.evaluations + done, math.nan, f"{stage}: {text}")
 
-        self.inverse.refreshed(q)
         problem = self.inverse if self.smooth else Sparing(self.inverse)
+
+        def residual(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            return problem.whitened(q, self.covariance)
+
         while True:
-            best = lm.minimise(
-                lambda q: problem.whitened(q, self.covariance), q, *self.inverse.bounds, settings,
-                on_progress, self._whitened(q),
-            )  # fmt: skip
+            best = lm.minimise(residual, q, low, high, settings, on_progress, first=self._whitened(q))
             self.evaluations += best.evaluations
             self.history += best.history
-            # What ends far from where derivatives were computed goes on from those that are there.
-            if best.message == INTERRUPTED or not self.inverse.refreshed(best.q):
+            # What ends by derivatives that were only updated goes on from those that are there.
+            if self.smooth or best.message == INTERRUPTED or np.array_equal(best.q, q):
                 return best
             q = best.q
 
@@ -179,15 +179,14 @@ class _Fitting:
         self.covariance = allowing(noise, *self.inverse.residuals_inside(q, noise))
 
     def _with_measured_error(self, best: lm.Minimum) -> lm.Minimum:
-        """The final stage: weights are made again if it moved far, finer meshes are computed once."""
+        """The final stage: weights are made where the rough one ended, and again if it moved far."""
         inverse, noise = self.inverse, self.covariance
         notes: list[str] = []
         settings, still, rounds = (SMOOTH, STILL, ROUNDS_SMOOTH) if self.smooth else (FINAL, AGAIN, ROUNDS)
-        for k in range(rounds):
+        for _ in range(rounds):
             at = best.q
             try:
-                if self.smooth or not k:
-                    noise, notes = inverse.measured(at) if self.refine else (inverse.guessed(at), [])
+                noise, notes = inverse.measured(at) if self.refine else (inverse.guessed(at), [])
             except KeyboardInterrupt:
                 best.message = INTERRUPTED
                 break
@@ -334,9 +333,10 @@ class _Fitting:
                     ends[side] = before[0] + (q - before[0]) * (t - a) / (b - a)
                     break
                 before, way = (q, rise), way * min(1.15 * t / max(np.sqrt(max(rise, 0.0)), t / 3), 3.0)
-        values = np.array([u.value(q) for q, _ in sorted(points)])
+        points.sort()
+        values = np.array([u.value(q) for q, _ in points])
         ends = {side: u.value(q) if np.isfinite(q) else np.nan for side, q in ends.items()}
-        return Profile(label, values, np.array([rise for _, rise in sorted(points)]), ends[-1], ends[1])
+        return Profile(label, values, np.array([rise for _, rise in points]), ends[-1], ends[1])
 
     def _rise(self, k: int, q: float, best: lm.Minimum, covariance: np.ndarray) -> float:
         """χ² above its minimum with unknown ``k`` at ``q`` and all others fitted again."""

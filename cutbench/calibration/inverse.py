@@ -25,8 +25,6 @@ GRID = 40
 #: change over the length of a step: a reading's derivative by q counts up to so many times the curve's
 #: maximum, and one beyond has an error of this part of the maximum.
 STEEP, JUMP = 6.0, 0.2
-#: Derivatives of cuts are computed anew so far, in q, from where they were.
-NEAR = 0.4
 #: What is nearer to a bound, in q, is held by it.
 AT_BOUND = 1e-6
 
@@ -35,8 +33,8 @@ class Inverse:
     """Residuals of a campaign's train experiments as a function of q (k,), the scaled unknowns.
 
     ``start`` is the case whose other values stay (default: the campaign's), ``grids`` by id where the
-    experiments are compared. What was computed is kept by q; nothing else changes. ``exact``: with the exact
-    derivatives of cuts, which say what is felt at all but little of what a step would do.
+    experiments are compared. What was computed is kept by q; nothing else changes. ``across``:
+    derivatives of cuts are those over a step, see ``calibration.secant``.
     """
 
     def __init__(
@@ -48,17 +46,15 @@ class Inverse:
         *,
         start: Case | None = None,
         grids: Mapping[str, Averaged] | None = None,
-        exact: bool = False,
+        across: bool = False,
     ):
         self.campaign, self.unknowns, self.run = campaign, list(looked_for), run
         self.start = start or campaign.base
         self.grids = grids or {e.id: e.on_grid(grid) for e in campaign.experiments}
-        self.exact = exact or not any(e.kind == "cut" for e in campaign.train)
+        self.across = across
         self._known: dict[bytes, Mapping[str, Prediction]] = {}
-        #: With exact derivatives where those of cuts are to be differences.
+        #: With exact derivatives where those over a step are asked for.
         self._sketched: dict[bytes, Mapping[str, Prediction]] = {}
-        #: Values and predictions where derivatives of cuts were computed.
-        self._places: list[tuple[np.ndarray, Mapping[str, Prediction]]] = []
 
     def other(self, looked_for: Sequence[Unknown], start: Case, run: Predictor | None = None) -> Inverse:
         """The same data with other unknowns, from another case."""
@@ -67,26 +63,22 @@ class Inverse:
     def only(self, kept: Sequence[int]) -> Inverse:
         """With the unknowns of these numbers alone, at their starts; what was computed there stays."""
         made = self.other([self.unknowns[i] for i in kept], self.start)
-        known = self._known.get(np.zeros(len(self.unknowns)).tobytes())
-        if known is not None and self.exact and not made.exact:
-            made._sketched[np.zeros(len(kept)).tobytes()] = known
-            return made
-        return made.knowing(known)
+        return made._knowing(self._known.get(np.zeros(len(self.unknowns)).tobytes()))
 
-    def moved(self, q: np.ndarray, run: Predictor | None = None) -> Inverse:
+    def moved(self, q: np.ndarray, run: Predictor | None = None, across: bool = False) -> Inverse:
         """With the values at ``q`` for starts; what was computed there stays."""
-        return self.other(self.at(q), self.base(q), run).knowing(self._known.get(q.tobytes()))
+        made = self.other(self.at(q), self.base(q), run)
+        made.across = across
+        return made._knowing(self._known.get(q.tobytes()))
 
     def at(self, q: np.ndarray) -> list[Unknown]:
         """The unknowns with their values at ``q`` for starts."""
         return [replace(u, start=u.value(x)) for u, x in zip(self.unknowns, q, strict=True)]
 
-    def knowing(self, found: Mapping[str, Prediction] | None) -> Inverse:
-        """With predictions at the starts by id, if there are any."""
+    def _knowing(self, found: Mapping[str, Prediction] | None) -> Inverse:
         if found is not None:
-            zero = np.zeros(len(self.unknowns))
-            self._known[zero.tobytes()] = found
-            self._places.append((self.values(zero), found))
+            kept = self._sketched if self.across else self._known
+            kept[np.zeros(len(self.unknowns)).tobytes()] = found
         return self
 
     @property
@@ -127,41 +119,16 @@ class Inverse:
         """Of the train experiments, with slopes; computed once for each q. Raises ComputationFailed."""
         key = q.tobytes()
         if key not in self._known:
-            train, near = self.campaign.train, self._near(q)
-            if key in self._sketched:
-                found = self._sketched[key]
-            else:
-                named = [() if near else self.names(e) for e in train]
+            found = self._sketched.get(key)
+            if found is None:
+                train = self.campaign.train
                 cases = [self.checked_case(e, q) for e in train]
-                tasks = [Task(e, c, self.grids[e.id], n) for e, c, n in zip(train, cases, named, strict=True)]
+                tasks = [
+                    Task(e, c, self.grids[e.id], self.names(e)) for e, c in zip(train, cases, strict=True)
+                ]
                 found = dict(zip([e.id for e in train], self.run(tasks), strict=True))
-            if near:
-                found = {e.id: secant.updated(self, e, found[e.id], near, q) for e in train}
-            elif not self.exact:
-                found = secant.across(self, q, found)
-                self._places.append((self.values(q), found))
-            self._known[key] = found
+            self._known[key] = secant.across(self, q, found) if self.across else found
         return self._known[key]
-
-    def refreshed(self, q: np.ndarray) -> bool:
-        """Whether derivatives were computed anew at ``q``, as far from where they were before."""
-        if self.exact or self._near(q) is not None:
-            return False
-        self._sketched.pop(q.tobytes(), None)
-        self._known.pop(q.tobytes(), None)
-        self.predictions(q)
-        return True
-
-    def _near(self, q: np.ndarray) -> tuple[np.ndarray, Mapping[str, Prediction]] | None:
-        """Values (k,) of the unknowns and predictions where derivatives were computed, if that is near."""
-        near = self._nearest(self._places, q)
-        if near is None or np.abs((near[0] - self.values(q)) / self.sizes(q)).max(initial=0.0) > NEAR:
-            return None
-        return near
-
-    def _nearest(self, places, q: np.ndarray) -> tuple[np.ndarray, Mapping[str, Prediction]] | None:
-        size, here = self.sizes(q), self.values(q)
-        return min(places, key=lambda place: float(np.linalg.norm((place[0] - here) / size)), default=None)
 
     def values(self, q: np.ndarray) -> np.ndarray:
         """Of the unknowns (k,), internal units."""
@@ -201,7 +168,7 @@ class Inverse:
 
     def _derivatives(self, e: Experiment, prediction: Prediction, q: np.ndarray) -> np.ndarray:
         J = self._scaled(e, prediction, prediction.slopes, q)
-        if self.exact and e.kind == "cut" and J.shape[1]:
+        if not self.across and e.kind == "cut" and J.shape[1]:
             # Jags of the curve wander with the parameters: their derivatives are large and hold for no step.
             known = np.isfinite(J).all(axis=1)
             along = self.grids[e.id].along[known]

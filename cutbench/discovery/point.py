@@ -130,7 +130,8 @@ def point_of(fitted: Fit, run: Predictor) -> Point:
         if e.kind == "cut" and e.id in curves:
             (p,) = inverse.predicted(fitted.q, [e], fine=False)
             shift[e.id] = curves[e.id] - p.y
-    return _gathered(inverse.moved(fitted.q, run), np.zeros(fitted.q.size), fitted.data_covariance, shift)
+    there = inverse.moved(fitted.q, run, any(e.kind == "cut" for e in fitted.campaign.train))
+    return _gathered(there, np.zeros(fitted.q.size), fitted.data_covariance, shift)
 
 
 class _Shape(Unknown):
@@ -238,8 +239,7 @@ def settled(point: Point, run: Predictor, refine: bool, on_progress: OnProgress)
         on_progress(done, total, f"extended model, {text}")
 
     try:
-        known = point.inverse.predictions(point.q) if point.meshed else None
-        return refitted(point, point.inverse.at(point.q), point.case, run, refine, told, known)
+        return refitted(point, point.inverse.at(point.q), point.case, run, refine, told)
     except (ComputationFailed, BadInput) as error:
         on_progress(math.nan, math.nan, f"not fitted further: {error}")
         return point
@@ -252,16 +252,14 @@ def refitted(
     run: Predictor,
     refine: bool = False,
     on_progress: OnProgress = silent,
-    known: Mapping[str, Prediction] | None = None,
 ) -> Point:
     """Another model, ``case`` with the unknowns ``looked_for``, fitted to the data of ``point``.
-    ``known``: its predictions from there, by id.
 
     Raises ComputationFailed, BadInput, KeyboardInterrupt.
     """
     fitted = fit(
         point.campaign, refine=refine, run=run, looked_for=looked_for, start=case, grids=point.inverse.grids,
-        on_progress=on_progress, there=known,
+        on_progress=on_progress,
     )  # fmt: skip
     if fitted.status == "interrupted":
         raise KeyboardInterrupt
