@@ -2,11 +2,11 @@
 
 How far the front runs when a cut begins is decided within a few steps, and then stays: the force afterwards
 answers to a parameter in small jumps, each a few tenths of a per cent, and is all but level between two. The
-exact derivative is that of a level, and ends where a cut snaps. What tells one cause from another is the slope
-across many jumps: differences over some per cent have it, and agree from one per cent to ten.
+exact derivative is that of a level, and ends where a cut snaps. What tells one cause from another is the
+slope across many jumps: differences over some per cent have it, and agree from one per cent to ten.
 
-Broyden's update (1965, 10.1090/S0025-5718-1965-0198670-6) is the smallest change of the derivatives that makes
-them give what the curve did over the last step.
+Broyden's update (1965, 10.1090/S0025-5718-1965-0198670-6) is the smallest change of the derivatives that
+makes them give what the curve did over the last step.
 """
 
 from __future__ import annotations
