@@ -1,10 +1,11 @@
 """What each candidate would change first, at the fitted point: the derivatives of all readings at "off".
 
 Homogeneous tests are differentiated at all values of the shapes in one pass. A cut is run once: candidates
-that do nothing are evaluated beside it. Those that change the unknowns (of the support) have a run of their
-own. What a rig would make of a run is known for any strength without another run: where a curve drops, the
-change by a finite strength is no multiple of the derivative, so some are tried as well. What the exact
-derivative says is felt is asked again at a finite strength, see ``calibration.secant``.
+that do nothing are evaluated beside it, with shapes from the middle of their grid. Those that change the
+unknowns (of the support) have a run of their own. What the exact derivative says is felt is asked again at a
+finite strength, see ``calibration.secant``. What a rig would make of a run is known for any strength without
+another run: where a curve drops, the change by a finite strength is no multiple of the derivative, so some
+are tried as well.
 """
 
 from __future__ import annotations
@@ -25,8 +26,6 @@ from cutbench.data.experiment import Experiment
 from cutbench.discovery.candidates import FIXED, Candidate
 from cutbench.run.sensitivity import Added, extended
 
-#: Values of a candidate's shapes that are tried in cuts, at the most.
-PLACES = 3
 #: A strength's step, in typical strengths, at the most; what would have to be so many times that is not felt.
 MOST, FELT = 1.0, 100.0
 #: Finite strengths of a rig: such that its derivative would change the readings by this part (rms).
@@ -97,16 +96,14 @@ def sense(inverse: Inverse, q: np.ndarray, chosen: Sequence[Candidate], run: Pre
 def _finite(
     inverse: Inverse, q: np.ndarray, chosen: Sequence[Candidate], y: Mapping[str, np.ndarray], parts: dict
 ) -> None:
-    """Differences in place of the exact derivatives in ``parts``, by a strength that changes cuts enough; of
-    other values of the shapes nothing is kept."""
+    """Differences in place of the exact derivatives in ``parts``, by a strength that changes cuts enough."""
     asked: list[tuple[Candidate, int, int, float, Task]] = []
     train = [e for e in inverse.campaign.train if e.kind == "cut"]
     for c in (c for c in chosen if c.slot != "rig" and c.slot != FIXED):
         seen = [e for e in train if c.seen_by(e)]
-        known = [k for k in range(len(c.grid)) if seen and all((c.name, k, e.id) in parts for e in seen)]
-        if not known:
+        k = len(c.grid) // 2
+        if not seen or any((c.name, k, e.id) not in parts for e in seen):
             continue
-        k = min(known, key=lambda k: abs(k - (len(c.grid) - 1) / 2))
         for i, s in enumerate(c.strengths):
             most = MOST * abs(s.typical * s.factor - s.off_value)
             up = s.bounds[1] - s.off_value > 0
@@ -121,17 +118,12 @@ def _finite(
                 case = extended(inverse.case(e, q), c.added, c.grid[k])
                 case = replace(case, values={**case.values, s.name: value})
                 asked.append((c, k, i, value - s.off_value, Task(e, case, inverse.grids[e.id])))
-    felt: set[str] = set()
     for (c, k, i, change, task), p in zip(asked, secant.tried(inverse, [a[-1] for a in asked]), strict=True):
         if p is not None:
-            felt.add(c.name)
             id = task.experiment.id
             column = parts[c.name, k, id].copy()
             column[:, i] = (p.y - y[id]) / change
             parts[c.name, k, id] = column
-    at = {(c.name, k) for c, k, *_ in asked}
-    for name, k, id in [key for key in parts if key[0] in felt and key[:2] not in at]:
-        del parts[name, k, id]
 
 
 def _secants(c: Candidate, seen: Sequence[tuple[Task, Prediction]]) -> list[dict[str, np.ndarray]]:
@@ -164,18 +156,14 @@ def _runs(inverse: Inverse, e: Experiment, q: np.ndarray, chosen: Sequence[Candi
     case = inverse.case(e, q)
     runs = [_Run([], [])]
     for c in (c for c in chosen if c.seen_by(e)):
-        # The middle of the grid first, then its ends.
-        order = sorted(range(len(c.grid)), key=lambda k: abs(k - (len(c.grid) - 1) / 2))
-        if len(order) > PLACES:
-            order = [order[0], *order[:-PLACES:-1]]
+        k = len(c.grid) // 2
         with suppress(BadInput):  # it is then one that could not be tried
-            for k in order:
-                if c.slot == "rig":
-                    _place_rig(case, c, k, runs)
-                elif _added(case, c, k).beside(case):
-                    runs[0].beside.append((c, k))
-                else:
-                    runs.append(_Run([(c, k)], []))
+            if c.slot == "rig":
+                _place_rig(case, c, k, runs)
+            elif _added(case, c, k).beside(case):
+                runs[0].beside.append((c, k))
+            else:
+                runs.append(_Run([(c, k)], []))
     return runs
 
 
