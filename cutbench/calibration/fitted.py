@@ -24,6 +24,8 @@ from cutbench.run.measures import TRANSITION
 REGIMES = ("indentation", "onset", "transition", "steady")
 #: A model that misses more than this part of a curve's maximum is far from the data.
 FAR = 0.05
+#: Of intervals.
+LEVEL = 0.95
 
 
 def _rms(values: np.ndarray) -> float:

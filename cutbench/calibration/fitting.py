@@ -23,12 +23,14 @@ from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.notebook import watched
 from cutbench.base.progress import OnProgress, silent
 from cutbench.base.toml import one_of
-from cutbench.calibration import lm
-from cutbench.calibration.fitted import FAR, ComparedCurve, Estimate, Fit, Profile
+from cutbench.calibration import by_work, lm
+from cutbench.calibration.fitted import FAR, LEVEL, ComparedCurve, Estimate, Fit
 from cutbench.calibration.identifiability import Unknown, identifiability, information_inverse, worth_it
 from cutbench.calibration.inverse import GRID, Inverse, field_note
+from cutbench.calibration.lm import INTERRUPTED
 from cutbench.calibration.looked_for import unknowns
 from cutbench.calibration.prediction import Prediction, Predictor, predictor
+from cutbench.calibration.profiled import profiled
 from cutbench.calibration.sparing import Sparing
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
@@ -38,15 +40,11 @@ from cutbench.data.experiment import Experiment
 from cutbench.data.repetition import Averaged, unrepeated
 from cutbench.run.pool.pool import cores
 
-LEVEL = 0.95
-INTERRUPTED = "interrupted"
 #: First with guessed weights, only as far as it pays; then with measured ones.
 ROUGH = lm.Settings(promise=0.5, failures=2)
 FINAL = lm.Settings()
 #: Tests without a mesh cost next to nothing and have no jags.
 SMOOTH = lm.Settings(promise=1e-8, jags=1.0, evaluations=100, failures=10)
-#: All but one parameter again, for each point of a profile.
-PROFILE = lm.Settings(promise=0.1, evaluations=6)
 #: Weights are made again if a parameter has moved this far since, so often at the most; of tests without a
 #: mesh until nothing moves.
 AGAIN, ROUNDS = 0.25, 3
@@ -121,7 +119,11 @@ class _Fitting:
                 self.notes.append(f"No profile of {label}: it was left at its start.")
             elif best.message != INTERRUPTED:
                 try:
-                    profiles.append(self._profile(label, best))
+                    covariance = information_inverse(best.J)
+                    dof = self._degrees_of_freedom(best, covariance)
+                    made, count = profiled(self.inverse, self._whitened, label, best, covariance, dof)
+                    profiles.append(made)
+                    self.evaluations += count
                 except KeyboardInterrupt:
                     best.message = INTERRUPTED
         status = INTERRUPTED if best.message == INTERRUPTED else "converged" if best.converged else "stopped"
@@ -141,12 +143,15 @@ class _Fitting:
     def _whitened(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return self.inverse.whitened(q, self.covariance)
 
-    def _minimise(self, stage: str, q: np.ndarray, settings: lm.Settings) -> lm.Minimum:
-        low, high = self.inverse.bounds
-
+    def _told(self, stage: str) -> OnProgress:
         def on_progress(done: float, total: float, text: str) -> None:
             self._on_progress(self.evaluations + done, math.nan, f"{stage}: {text}")
 
+        return on_progress
+
+    def _minimise(self, stage: str, q: np.ndarray, settings: lm.Settings) -> lm.Minimum:
+        low, high = self.inverse.bounds
+        on_progress = self._told(stage)
         problem = self.inverse if self.smooth else Sparing(self.inverse)
 
         def residual(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -162,39 +167,46 @@ class _Fitting:
             q = best.q
 
     def _from(self, q: np.ndarray) -> lm.Minimum:
-        """The minimum that is reached from ``q``: roughly, until weights stand still, then with measured
-        ones."""
-        for _ in range(1 if self.smooth else ROUNDS):
+        """The minimum that is reached from ``q``: with guessed weights or by the work, as far as it pays;
+        then with measured ones."""
+        if self.smooth:
             self._weigh(self.inverse.guessed(q), q)
             best = self._minimise("rough", q, ROUGH)
-            if best.message == INTERRUPTED:
-                return best
-            if np.abs(best.q - q).max(initial=0.0) < AGAIN:
-                break
-            q = best.q
-        return self._with_measured_error(best)
+            near = by_work.Nearby(best.q, self.inverse, 0, best.message == INTERRUPTED)
+        else:
+            near = by_work.nearby(self.inverse.differenced(), q, self._told("work"))
+        self.evaluations += near.evaluations
+        return self._stopped(near) if near.interrupted else self._with_measured_error(near)
+
+    def _stopped(self, near: by_work.Nearby) -> lm.Minimum:
+        """What is there after an interruption."""
+        self.inverse, still = near.inverse, np.zeros(near.q.size)
+        r, J = self._whitened(near.q)
+        return lm.Minimum(near.q, r, J, False, INTERRUPTED, 0, outstanding=still)
 
     def _weigh(self, noise: Covariance, q: np.ndarray) -> None:
         """Take ``noise`` and what the model misses at ``q`` for the covariance."""
         self.covariance = allowing(noise, *self.inverse.residuals_inside(q, noise))
 
-    def _with_measured_error(self, best: lm.Minimum) -> lm.Minimum:
-        """The final stage: weights are made where the rough one ended, and again if it moved far."""
-        inverse, noise = self.inverse, self.covariance
+    def _with_measured_error(self, near: by_work.Nearby) -> lm.Minimum:
+        """The final stage: weights are made where the first one ended, and again if it moved far."""
+        inverse, at = self.inverse, near.q
         notes: list[str] = []
+        best: lm.Minimum | None = None
         settings, still, rounds = (SMOOTH, STILL, ROUNDS_SMOOTH) if self.smooth else (FINAL, AGAIN, ROUNDS)
         for _ in range(rounds):
-            at = best.q
             try:
                 noise, notes = inverse.measured(at) if self.refine else (inverse.guessed(at), [])
+                self._weigh(noise, at)
+                best = self._minimise("final", at, settings)
             except KeyboardInterrupt:
+                best = best or self._stopped(near)
                 best.message = INTERRUPTED
-                break
-            self._weigh(noise, at)
-            best = self._minimise("final", at, settings)
-            if best.message == INTERRUPTED or np.abs(best.q - at).max(initial=0.0) < still:
+            moved, at = np.abs(best.q - at).max(initial=0.0), best.q
+            if best.message == INTERRUPTED or moved < still:
                 break
         self.notes += [note for note in notes if note not in self.notes]
+        assert best is not None, "there is a round at least"
         return best
 
     def _elsewhere(self, best: lm.Minimum) -> lm.Minimum:
@@ -304,47 +316,3 @@ class _Fitting:
     ) -> ComparedCurve:
         grid, case = self.inverse.grids[e.id], self.inverse.case(e, q)
         return ComparedCurve(e, grid.x, grid.mean, sd, y, p.onset_mm, case.values.get("thickness", np.nan))
-
-    # -- profile likelihood ----------------------------------------------------------------------
-    def _profile(self, label: str, best: lm.Minimum) -> Profile:
-        """χ² along one parameter, on each side until it has risen by t² (times the excess of χ² over what
-        noise explains) or three tries are spent."""
-        inverse = self.inverse
-        k = [u.label for u in inverse.unknowns].index(label)
-        u = inverse.unknowns[k]
-        covariance = information_inverse(best.J)
-        t = stats.t.ppf((1 + LEVEL) / 2, self._degrees_of_freedom(best, covariance)[k])
-        t, sd = t * np.sqrt(best.excess), np.sqrt(covariance[k, k])
-        low, high = inverse.bounds
-        points, ends = [(best.q[k], 0.0)], {}
-        for side in (-1, 1):
-            q, way, before = best.q[k], t * sd, (best.q[k], 0.0)
-            ends[side] = np.nan
-            for _ in range(3):
-                q = float(np.clip(best.q[k] + side * way, low[k], high[k]))
-                try:
-                    rise = self._rise(k, q, best, covariance)
-                except ComputationFailed:
-                    break
-                points.append((q, rise))
-                if rise >= t**2:
-                    # The root of χ² is close to linear.
-                    a, b = np.sqrt(max(before[1], 0.0)), np.sqrt(rise)
-                    ends[side] = before[0] + (q - before[0]) * (t - a) / (b - a)
-                    break
-                before, way = (q, rise), way * min(1.15 * t / max(np.sqrt(max(rise, 0.0)), t / 3), 3.0)
-        points.sort()
-        values = np.array([u.value(q) for q, _ in points])
-        ends = {side: u.value(q) if np.isfinite(q) else np.nan for side, q in ends.items()}
-        return Profile(label, values, np.array([rise for _, rise in points]), ends[-1], ends[1])
-
-    def _rise(self, k: int, q: float, best: lm.Minimum, covariance: np.ndarray) -> float:
-        """χ² above its minimum with unknown ``k`` at ``q`` and all others fitted again."""
-        low, high = (b.copy() for b in self.inverse.bounds)
-        start = best.q + covariance[:, k] / covariance[k, k] * (q - best.q[k])
-        low[k] = high[k] = start[k] = q
-        found = lm.minimise(self._whitened, start, low, high, PROFILE)
-        self.evaluations += found.evaluations
-        if found.message == INTERRUPTED:
-            raise KeyboardInterrupt
-        return found.chi2 - best.chi2

@@ -65,6 +65,12 @@ class Inverse:
         made = self.other([self.unknowns[i] for i in kept], self.start)
         return made._knowing(self._known.get(np.zeros(len(self.unknowns)).tobytes()))
 
+    def differenced(self) -> Inverse:
+        """With derivatives of cuts over a step; what was computed stays."""
+        made = self.other(self.unknowns, self.start)
+        made.across, made._sketched = True, self._known
+        return made
+
     def moved(self, q: np.ndarray, run: Predictor | None = None, across: bool = False) -> Inverse:
         """With the values at ``q`` for starts; what was computed there stays."""
         made = self.other(self.at(q), self.base(q), run)
@@ -158,7 +164,7 @@ class Inverse:
         J = self._derivatives(e, prediction, q)
         return np.nan_to_num(J) * self._gentle(e, J, prediction.y)[:, None]
 
-    def _scaled(self, e: Experiment, prediction: Prediction, slopes: np.ndarray, q: np.ndarray) -> np.ndarray:
+    def scaled(self, e: Experiment, prediction: Prediction, slopes: np.ndarray, q: np.ndarray) -> np.ndarray:
         """By the scaled unknowns (m, k) what is given by the prediction's names."""
         J = np.zeros((slopes.shape[0], len(self.unknowns)))
         for k, u in enumerate(self.unknowns):
@@ -167,7 +173,7 @@ class Inverse:
         return J
 
     def _derivatives(self, e: Experiment, prediction: Prediction, q: np.ndarray) -> np.ndarray:
-        J = self._scaled(e, prediction, prediction.slopes, q)
+        J = self.scaled(e, prediction, prediction.slopes, q)
         if not self.across and e.kind == "cut" and J.shape[1]:
             # Jags of the curve wander with the parameters: their derivatives are large and hold for no step.
             known = np.isfinite(J).all(axis=1)
@@ -266,7 +272,7 @@ class Inverse:
         for e in (e for e in self.campaign.train if e.id in covariance.fields):
             block, p = covariance.fields[e.id], found[e.id]
             rows.append(block.white(p.fields - laid_out(e.fields)))
-            slopes.append(block.white(self._scaled(e, p, p.field_slopes, q)))
+            slopes.append(block.white(self.scaled(e, p, p.field_slopes, q)))
         return np.concatenate(rows), np.concatenate(slopes)
 
 

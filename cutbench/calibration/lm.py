@@ -21,6 +21,9 @@ from cutbench.base.progress import OnProgress, silent
 #: Length of the step after one in vain, relative to that, and what a good step adds to the length allowed.
 SHORTER, LONGER = 0.5, 3.0
 
+#: The message of what a KeyboardInterrupt has ended.
+INTERRUPTED = "interrupted"
+
 Residual = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
@@ -131,7 +134,7 @@ def minimise(
             damping, growth = damping * growth, growth * 2
             reach = SHORTER * np.abs(step).max()
     except KeyboardInterrupt:
-        best.message = "interrupted"
+        best.message = INTERRUPTED
     return best
 
 

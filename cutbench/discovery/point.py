@@ -190,7 +190,7 @@ def extend(point: Point, score: Score, *, shapes: bool = True) -> Point:
     q, r, J = best
     settings = MESHED if point.meshed else SMOOTH
     found = lm.minimise(lambda q: inverse.whitened(q, point.w), q, low, high, settings, first=(r, J))
-    if found.message == "interrupted":
+    if found.message == lm.INTERRUPTED:
         raise KeyboardInterrupt
     made = _gathered(inverse, found.q, point.w, point.test_shift)
     return made if point.meshed else _again(made)
@@ -221,7 +221,7 @@ def _again(point: Point) -> Point:
     w, inverse = point.reweighed, point.inverse
     low, high = inverse.bounds
     found = lm.minimise(lambda q: inverse.whitened(q, w), point.q, low, high, SMOOTH)
-    if found.message == "interrupted":
+    if found.message == lm.INTERRUPTED:
         raise KeyboardInterrupt
     made = _gathered(inverse, found.q, w, point.test_shift)
     return made if made.likelihood > point.likelihood else point
@@ -261,7 +261,7 @@ def refitted(
         point.campaign, refine=refine, run=run, looked_for=looked_for, start=case, grids=point.inverse.grids,
         on_progress=on_progress,
     )  # fmt: skip
-    if fitted.status == "interrupted":
+    if fitted.status == lm.INTERRUPTED:
         raise KeyboardInterrupt
     return point_of(fitted, run)
 

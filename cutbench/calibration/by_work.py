@@ -1,0 +1,82 @@
+"""Where a fit of cuts begins: at the work that the blade has done, instead of its force.
+
+A computed drop that comes too late leaves a block between itself and the measured one, and how large that is
+says nothing of how far they are apart: forces have many minima, and a fit ends in the nearest. The work
+beyond both drops differs in proportion to their distance. Its logarithm is nearly linear in those of
+stiffness, toughness and adhesion, so a few steps of Gauss and Newton get near, with derivatives over a step
+(``secant``): exact ones do not know that a drop moves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+
+from cutbench.base.progress import OnProgress, silent
+from cutbench.calibration import lm
+from cutbench.calibration.inverse import Inverse
+from cutbench.calibration.sparing import Sparing
+
+#: Part of the work that counts as noise, and part of the whole work below which it is compared as it is.
+NOISE, SMALL = 0.02, 0.01
+#: Steps with derivatives that are only updated; then they are computed again, so often at the most.
+STEPS, ROUNDS = lm.Settings(promise=0.5, evaluations=12, failures=2), 5
+#: In q: what moves no farther ends near enough for a fit of the forces.
+CLOSE = 0.1
+
+
+@dataclass(frozen=True)
+class Nearby:
+    """Where to begin, ``q`` (k,); ``inverse`` has computed it, after so many ``evaluations``."""
+
+    q: np.ndarray
+    inverse: Inverse
+    evaluations: int
+    interrupted: bool = False
+
+
+def nearby(inverse: Inverse, q: np.ndarray, on_progress: OnProgress = silent) -> Nearby:
+    """Where the works agree best, from ``q`` on. ``inverse`` has derivatives over a step.
+
+    Raises ComputationFailed if ``q`` cannot be computed.
+    """
+    low, high = inverse.bounds
+    evaluations, known = 0, inverse
+
+    def told(done: float, total: float, text: str) -> None:
+        on_progress(evaluations + done, total, text)
+
+    for _ in range(ROUNDS):
+        problem = Sparing(inverse)
+        try:
+            here = difference(inverse, q)
+        except KeyboardInterrupt:
+            return Nearby(q, known, evaluations, interrupted=True)
+        best = lm.minimise(partial(difference, problem), q, low, high, STEPS, told, first=here)
+        evaluations += best.evaluations
+        still, q, known = bool(np.abs(best.q - q).max() <= CLOSE), best.q, problem
+        if still or best.message == lm.INTERRUPTED:
+            return Nearby(q, known, evaluations, best.message == lm.INTERRUPTED)
+    return Nearby(q, known, evaluations)
+
+
+def difference(inverse: Inverse, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of the works (M,) of all train experiments along their ways, computed less measured, in units of the
+    noise, with derivatives (M, k) by the scaled unknowns."""
+    found, r, J = inverse.predictions(q), [], []
+    for e in inverse.campaign.train:
+        grid, p = inverse.grids[e.id], found[e.id]
+        measured, computed = _work(grid.along, grid.mean), _work(grid.along, p.y)
+        slopes = inverse.scaled(e, p, np.nan_to_num(p.slopes), q)
+        small = SMALL * np.abs(measured).max()
+        r.append((np.arcsinh(computed / small) - np.arcsinh(measured / small)) / NOISE)
+        J.append(_work(grid.along, slopes) / np.hypot(computed, small)[:, None] / NOISE)
+    return np.concatenate(r), np.concatenate(J)
+
+
+def _work(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """∫ y dx (m, …) along ``x`` (m,), from where readings begin."""
+    return cumulative_trapezoid(y, x, axis=0, initial=0.0) + 0.5 * (x[1] - x[0]) * y[:1]
