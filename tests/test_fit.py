@@ -247,7 +247,7 @@ def test_a_cutting_campaign_gives_its_truth_back():
     told = []
     found = fit(cutting(seed=5), workers=0, refine=False, on_progress=lambda *at: told.append(at))
     assert found.status == "converged"
-    assert {text.partition(":")[0] for _, _, text in told} == {"rough", "final"}
+    assert {text.partition(":")[0] for _, _, text in told} == {"work", "final"}
     assert [done for done, _, _ in told] == sorted(done for done, _, _ in told)
     for e in found.estimates:
         assert e.low < SOLID.values[e.label] < e.high, e.label

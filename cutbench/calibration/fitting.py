@@ -67,6 +67,7 @@ def fit(
     looked_for: Sequence[Unknown] | None = None,
     start: Case | None = None,
     grids: Mapping[str, Averaged] | None = None,
+    near: bool = False,
 ) -> Fit:
     """Fit what ``campaign.plan`` leaves free to all train experiments; predict the test experiments.
 
@@ -74,8 +75,8 @@ def fit(
     ``refine``: measure the computation's own error. ``profile``: labels whose profile likelihood is
     computed, at several fits each. ``on_progress`` has the evaluations of all stages, whose number is not
     known. Ctrl-C ends with what is there. ``looked_for`` in place of what the plan says, from the values of
-    ``start``, a case of another model perhaps; ``grids`` where they are known. Raises BadInput, and
-    ComputationFailed if the start values cannot be computed.
+    ``start``, a case of another model perhaps; ``grids`` where they are known; ``near``: the start is near
+    the minimum. Raises BadInput, and ComputationFailed if the start values cannot be computed.
     """
     began = time.perf_counter()
     chosen = looked_for is None and campaign.plan.free is None
@@ -87,7 +88,8 @@ def fit(
     own = predictor(min(cores() if workers is None else workers, runs)) if run is None else nullcontext(run)
     with own as run:
         inverse = Inverse(campaign, looked_for, run, grid, start=start, grids=grids)
-        return _Fitting(campaign, inverse, on_progress, refine).go(profile, began, chosen, start is None)
+        fitting = _Fitting(campaign, inverse, on_progress, refine)
+        return fitting.go(profile, began, chosen, start is None, near)
 
 
 class _Fitting:
@@ -98,7 +100,7 @@ class _Fitting:
         self.history: list[float] = []
         self.covariance: Covariance
 
-    def go(self, profile: Sequence[str], began: float, choose: bool, anywhere: bool) -> Fit:
+    def go(self, profile: Sequence[str], began: float, choose: bool, anywhere: bool, near: bool) -> Fit:
         inverse = self.inverse
         q = np.zeros(len(inverse.unknowns))
         self.smooth = not any(e.kind == "cut" for e in self.campaign.train)
@@ -110,7 +112,7 @@ class _Fitting:
             kept, fixed = worth_it(J, inverse.unknowns, self.campaign.plan.own)
             inverse = self.inverse = inverse.only(kept)
             q = np.zeros(len(kept))
-        best = self._from(q)
+        best = self._from(q, near)
         if anywhere and best.message != INTERRUPTED and self._farthest(best)[0] > FAR:
             best = self._elsewhere(best)
         profiles = []
@@ -161,18 +163,25 @@ class _Fitting:
             best = lm.minimise(residual, q, low, high, settings, on_progress, first=self._whitened(q))
             self.evaluations += best.evaluations
             self.history += best.history
-            # What ends by derivatives that were only updated goes on from those that are there.
             if self.smooth or best.message == INTERRUPTED or np.array_equal(best.q, q):
                 return best
-            q = best.q
+            # What ends by derivatives that were only updated goes on from those that are there, unless jags
+            # of the curves hide as much as it has gained: then it ends with those.
+            q, jags = best.q, settings.promise * settings.jags * q.size * best.excess
+            if best.history[0] - best.chi2 <= jags:
+                there, none = self._whitened(q), replace(settings, evaluations=0)
+                last = lm.minimise(residual, q, low, high, none, first=there)
+                return replace(last, converged=best.converged, message=best.message)
 
-    def _from(self, q: np.ndarray) -> lm.Minimum:
+    def _from(self, q: np.ndarray, is_near: bool = False) -> lm.Minimum:
         """The minimum that is reached from ``q``: with guessed weights or by the work, as far as it pays;
         then with measured ones."""
         if self.smooth:
             self._weigh(self.inverse.guessed(q), q)
             best = self._minimise("rough", q, ROUGH)
             near = by_work.Nearby(best.q, self.inverse, 0, best.message == INTERRUPTED)
+        elif is_near:
+            near = by_work.Nearby(q, self.inverse, 0)
         else:
             near = by_work.nearby(self.inverse.differenced(), q, self._told("work"))
         self.evaluations += near.evaluations

@@ -6,13 +6,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.progress import OnProgress, silent
-from cutbench.calibration import lm
+from cutbench.calibration import by_work, lm
 from cutbench.calibration.fitted import Fit
 from cutbench.calibration.fitting import fit
 from cutbench.calibration.identifiability import Unknown, information_inverse
@@ -171,6 +171,8 @@ def extend(point: Point, score: Score, *, shapes: bool = True) -> Point:
         inverse = Sparing(inverse, *_at_off(point, score, off))
     low, high = inverse.bounds
     best, reason = None, ""
+    # The work first: a step of the score moves drops, and forces lead on from there to the nearest minimum.
+    compared = by_work.difference if point.meshed else partial(Inverse.whitened, covariance=point.w)
     for part in PARTS[:2] if point.meshed else PARTS:
         q = np.zeros(low.size)
         q[: len(known)] = np.clip(part * score.free, -1.0, 1.0)
@@ -178,7 +180,7 @@ def extend(point: Point, score: Score, *, shapes: bool = True) -> Point:
             q[i] = u.q(float(np.clip(u.quantity.off_value + part * value, u.low, u.high)))
         q = np.clip(q, low, high)
         try:
-            r, J = inverse.whitened(q, point.w)
+            r, J = compared(inverse, q)
         except (ComputationFailed, BadInput) as error:
             reason = str(error)
             continue
@@ -189,7 +191,9 @@ def extend(point: Point, score: Score, *, shapes: bool = True) -> Point:
         raise ComputationFailed(reason)
     q, r, J = best
     settings = MESHED if point.meshed else SMOOTH
-    found = lm.minimise(lambda q: inverse.whitened(q, point.w), q, low, high, settings, first=(r, J))
+    found = lm.minimise(partial(compared, inverse), q, low, high, settings, first=(r, J))
+    if point.meshed and found.message != lm.INTERRUPTED:
+        found = lm.minimise(lambda q: inverse.whitened(q, point.w), found.q, low, high, settings)
     if found.message == lm.INTERRUPTED:
         raise KeyboardInterrupt
     made = _gathered(inverse, found.q, point.w, point.test_shift)
@@ -239,7 +243,7 @@ def settled(point: Point, run: Predictor, refine: bool, on_progress: OnProgress)
         on_progress(done, total, f"extended model, {text}")
 
     try:
-        return refitted(point, point.inverse.at(point.q), point.case, run, refine, told)
+        return refitted(point, point.inverse.at(point.q), point.case, run, refine, told, near=True)
     except (ComputationFailed, BadInput) as error:
         on_progress(math.nan, math.nan, f"not fitted further: {error}")
         return point
@@ -252,6 +256,7 @@ def refitted(
     run: Predictor,
     refine: bool = False,
     on_progress: OnProgress = silent,
+    near: bool = False,
 ) -> Point:
     """Another model, ``case`` with the unknowns ``looked_for``, fitted to the data of ``point``.
 
@@ -259,7 +264,7 @@ def refitted(
     """
     fitted = fit(
         point.campaign, refine=refine, run=run, looked_for=looked_for, start=case, grids=point.inverse.grids,
-        on_progress=on_progress,
+        on_progress=on_progress, near=near,
     )  # fmt: skip
     if fitted.status == lm.INTERRUPTED:
         raise KeyboardInterrupt
