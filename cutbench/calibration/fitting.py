@@ -165,10 +165,10 @@ class _Fitting:
             self.history += best.history
             if self.smooth or best.message == INTERRUPTED or np.array_equal(best.q, q):
                 return best
-            # What ends by derivatives that were only updated goes on from those that are there, unless jags
-            # of the curves hide as much as it has gained: then it ends with those.
-            q, jags = best.q, settings.promise * settings.jags * q.size * best.excess
-            if best.history[0] - best.chi2 <= jags:
+            # What ends by derivatives that were only updated goes on from those that are there, unless it
+            # gained less than what ends a fit: then it ends with those.
+            q, enough = best.q, settings.promise * best.q.size * best.excess
+            if best.history[0] - best.chi2 <= enough:
                 there, none = self._whitened(q), replace(settings, evaluations=0)
                 last = lm.minimise(residual, q, low, high, none, first=there)
                 return replace(last, converged=best.converged, message=best.message)
