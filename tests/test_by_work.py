@@ -12,7 +12,7 @@ from cutbench.calibration import by_work, lm
 from cutbench.calibration.inverse import Inverse
 from cutbench.calibration.looked_for import unknowns
 from cutbench.calibration.prediction import Prediction, Task
-from cutbench.data.campaign import FitPlan, load_campaign
+from cutbench.data.campaign import load_campaign
 
 TRUE = {"G": 0.008, "G_c": 0.005}
 X = np.linspace(0.05, 5, 100)
@@ -96,7 +96,7 @@ def test_derivatives_of_the_difference_are_those_of_the_works(cuts):
     inverse, q = inverse_of(cuts, Formula()), np.zeros(2)
     r, J = by_work.difference(inverse, q)
     assert r.shape == (80,) and J.shape == (80, 2)
-    # Of the work beyond both drops, in proportion to what the parameters change: over the step that was taken.
+    # Beyond both drops the work changes in proportion to the parameters, over the step that was taken.
     for k, step in ((0, 0.1), (1, 0.1)):
         there = q.copy()
         there[k] = step
