@@ -112,6 +112,17 @@ def test_an_interruption_leaves_the_best_place_so_far(cuts):
     found.inverse.predictions(found.q)  # is known
 
 
+def test_one_at_once_computes_nothing_more(cuts):
+    run = Formula()
+    inverse = inverse_of(cuts, run, across=False)
+    inverse.predictions(np.zeros(2))
+    run.fails = run.places
+    found = by_work.nearby(inverse, np.zeros(2))
+    assert found.interrupted
+    assert not found.q.any()
+    found.inverse.predictions(found.q)
+
+
 def test_a_start_that_cannot_be_computed_is_said(cuts):
     with pytest.raises(ComputationFailed):
         by_work.nearby(inverse_of(cuts, Formula(0, ComputationFailed)), np.zeros(2))

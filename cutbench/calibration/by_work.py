@@ -39,20 +39,20 @@ class Nearby:
 
 
 def nearby(inverse: Inverse, q: np.ndarray, on_progress: OnProgress = silent) -> Nearby:
-    """Where the works agree best, from ``q`` on. ``inverse`` has derivatives over a step.
+    """Where the works agree best, from ``q`` on, where ``inverse`` has been computed.
 
-    Raises ComputationFailed if ``q`` cannot be computed.
+    Raises ComputationFailed if it cannot be.
     """
     low, high = inverse.bounds
-    evaluations, known = 0, inverse
+    evaluations, known, stepwise = 0, inverse, inverse.differenced()
 
     def told(done: float, total: float, text: str) -> None:
         on_progress(evaluations + done, total, text)
 
     for _ in range(ROUNDS):
-        problem = Sparing(inverse)
+        problem = Sparing(stepwise)
         try:
-            here = difference(inverse, q)
+            here = difference(stepwise, q)
         except KeyboardInterrupt:
             return Nearby(q, known, evaluations, interrupted=True)
         best = lm.minimise(partial(difference, problem), q, low, high, STEPS, told, first=here)

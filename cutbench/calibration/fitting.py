@@ -183,7 +183,7 @@ class _Fitting:
         elif is_near:
             near = by_work.Nearby(q, self.inverse, 0)
         else:
-            near = by_work.nearby(self.inverse.differenced(), q, self._told("work"))
+            near = by_work.nearby(self.inverse, q, self._told("work"))
         self.evaluations += near.evaluations
         return self._stopped(near) if near.interrupted else self._with_measured_error(near)
 
