@@ -78,5 +78,5 @@ def difference(inverse: Inverse, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def _work(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """∫ y dx (m, …) along ``x`` (m,), from where readings begin."""
+    """∫ y dx (m, …) along ``x`` (m,), from half a step before the first reading."""
     return cumulative_trapezoid(y, x, axis=0, initial=0.0) + 0.5 * (x[1] - x[0]) * y[:1]
