@@ -97,7 +97,7 @@ def discover(
         interrupted = False
         try:
             while True:
-                this, then = _round(point, run, seed, on_progress, later=bool(rounds)), None
+                this, then = _round(point, run, seed, on_progress), None
                 if not rounds:
                     numerics = numerical_causes(this, run, seed, on_progress)
                 if numerics.explains:
@@ -175,13 +175,12 @@ def _next(
     return found, sentence((first, second), found)
 
 
-def _round(point: Point, run: Predictor, seed: int, on_progress: OnProgress, later: bool = True) -> Round:
-    """``later``: something was found before."""
+def _round(point: Point, run: Predictor, seed: int, on_progress: OnProgress) -> Round:
     chosen, left_out = candidates(point.inverse, point.case)
     on_progress(math.nan, math.nan, f"{len(chosen)} candidates beside {', '.join(point.case.mechanisms)}")
     sensed = None
-    if later and point.meshed:
-        # Runs that would ask what else is wrong are spared where nothing is.
+    if point.meshed:
+        # Runs that would ask what is wrong are spared where nothing is.
         sensed = Sensed(dict(point.y), dict(point.J), [])
         scores = score(sensed, point.w.noise, point.residual, seed=seed)
     if sensed is None or scores.p_residual < PROMISING:
