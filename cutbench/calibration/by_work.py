@@ -24,9 +24,8 @@ from cutbench.calibration.sparing import Sparing
 NOISE, SMALL = 0.02, 0.01
 #: Steps with derivatives that are only updated; then they are computed again, so often at the most.
 STEPS, ROUNDS = lm.Settings(promise=0.5, evaluations=12, failures=2), 5
-#: In q: what moves no farther ends near enough for a fit of the forces; nor does more come of derivatives
-#: computed again where the last ones took less than this part off χ².
-CLOSE, WORTH = 0.1, 0.1
+#: In q: what moves no farther ends near enough for a fit of the forces.
+CLOSE = 0.1
 
 
 @dataclass(frozen=True)
@@ -58,8 +57,7 @@ def nearby(inverse: Inverse, q: np.ndarray, on_progress: OnProgress = silent) ->
             return Nearby(q, known, evaluations, interrupted=True)
         best = lm.minimise(partial(difference, problem), q, low, high, STEPS, told, first=here)
         evaluations += best.evaluations
-        still = bool(np.abs(best.q - q).max() <= CLOSE) or best.chi2 > (1 - WORTH) * best.history[0]
-        q, known = best.q, problem
+        still, q, known = bool(np.abs(best.q - q).max() <= CLOSE), best.q, problem
         if still or best.message == lm.INTERRUPTED:
             return Nearby(q, known, evaluations, best.message == lm.INTERRUPTED)
     return Nearby(q, known, evaluations)

@@ -177,13 +177,13 @@ def _next(
 
 def _round(point: Point, run: Predictor, seed: int, on_progress: OnProgress) -> Round:
     chosen, left_out = candidates(point.inverse, point.case)
-    on_progress(math.nan, math.nan, f"{len(chosen)} candidates beside {', '.join(point.case.mechanisms)}")
     sensed = None
     if point.meshed:
         # Runs that would ask what is wrong are spared where nothing is.
         sensed = Sensed(dict(point.y), dict(point.J), [])
         scores = score(sensed, point.w.noise, point.residual, seed=seed)
     if sensed is None or scores.p_residual < PROMISING:
+        on_progress(math.nan, math.nan, f"{len(chosen)} candidates beside {', '.join(point.case.mechanisms)}")
         sensed = sense(point.inverse, point.q, chosen, run)
         scores = score(sensed, point.w.noise, point.residual, seed=seed)
     else:
