@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -49,12 +50,14 @@ class Formula:
         return Prediction(y, np.array(columns).T.reshape(x.size, len(task.names)), task.names)
 
 
-def campaign_in(tmp_path: Path) -> Campaign:
-    """A campaign whose start is 40 and 50 % away, so that drops are a millimetre from the measured ones."""
+def campaign_in(tmp_path: Path, toughness: Mapping[str, float] | None = None) -> Campaign:
+    """A campaign whose start is 40 and 50 % away, so that drops are a millimetre from the measured ones;
+    ``toughness`` by id, where it is not that of all."""
     text = ['material = "gelatin"', "[parameters]", 'G = "11.2 kPa"', 'G_c = "2.5 J/m^2"', "[fit]"]
     text += ['free = ["G", "G_c"]']
     for id, speed in SPEEDS.items():
-        y = force(X, **TRUE, speed=speed)
+        true = {**TRUE, "G_c": (toughness or {}).get(id, TRUE["G_c"])}
+        y = force(X, **true, speed=speed)
         rows = [f"{x:.6g},{f:.6g}" for x, f in zip(X, y, strict=True)]
         (tmp_path / f"{id}.csv").write_text("\n".join(["u [mm],F [N]", *rows]) + "\n")
         text += [

@@ -294,7 +294,7 @@ def test_ctrl_c_keeps_what_was_found(gent, monkeypatch, tmp_path):
     from cutbench.discovery import search
 
     hidden, _ = gent
-    whole, calls = search._round, []
+    whole, calls = search.round_of, []
 
     def second_is_interrupted(*args, **options):
         calls.append(1)
@@ -302,7 +302,7 @@ def test_ctrl_c_keeps_what_was_found(gent, monkeypatch, tmp_path):
             raise KeyboardInterrupt
         return whole(*args, **options)
 
-    monkeypatch.setattr(search, "_round", second_is_interrupted)
+    monkeypatch.setattr(search, "round_of", second_is_interrupted)
     d = search.discover(hidden.campaign, workers=0)
     assert d.interrupted and d.found and d.verdict == "mechanism"
     write_discovery(d, tmp_path)

@@ -8,7 +8,7 @@ from formula_of_cuts import TRUE, Formula, campaign_in, inverse_of
 
 from cutbench.base.progress import silent
 from cutbench.discovery.point import Point
-from cutbench.discovery.search import _round
+from cutbench.discovery.rounds import round_of
 
 
 def point_at(campaign, run: Formula, **values: float) -> Point:
@@ -24,7 +24,7 @@ def test_a_model_that_describes_the_cuts_is_asked_nothing(tmp_path):
     run = Formula(error=AssertionError)
     point = point_at(campaign_in(tmp_path), run, **TRUE)
     run.fails = run.places
-    this = _round(point, run, 0, silent)
+    this = round_of(point, run, 0, silent)
     assert this.scores.p_residual > 0.1
     assert not this.tried and this.accepted is None and not this.failed
 
@@ -34,4 +34,4 @@ def test_one_that_does_not_is(tmp_path):
     point = point_at(campaign_in(tmp_path), run, G=1.5 * TRUE["G"], G_c=0.4 * TRUE["G_c"])
     run.fails = run.places
     with pytest.raises(AssertionError):
-        _round(point, run, 0, silent)
+        round_of(point, run, 0, silent)

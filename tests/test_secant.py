@@ -6,15 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from formula_of_cuts import Formula, campaign_in
 
 from cutbench.calibration import lm
 from cutbench.calibration.inverse import Inverse
 from cutbench.calibration.looked_for import unknowns
 from cutbench.calibration.prediction import Prediction, Task, predict
+from cutbench.calibration.secant import force_powers
 from cutbench.calibration.sparing import Sparing
 from cutbench.case.case import load_case
 from cutbench.data.campaign import FitPlan, start_case
 from cutbench.discovery.synthetic import Test, campaign
+from cutbench.run.runner import run_case
 
 TIGHT = lm.Settings(promise=1e-10, evaluations=200, failures=20, jags=1.0)
 
@@ -138,3 +141,38 @@ def test_what_a_fit_has_computed_is_not_computed_again():
     moved = fitted.moved(q, across=True)
     moved.predictions(np.zeros(1))
     assert [bool(task.names) for task in run.asked] == [True, False]
+
+
+def test_forces_are_proportional_to_all_that_has_the_dimension_of_a_stress():
+    case = load_case("gelatin", {"numerics": "fast", "depth": "2.5 mm", "speed": "0.05 mm/s"})
+    names = tuple(force_powers(case))
+    assert set(names) == {"G", "G_c", "tau_W"} and set(force_powers(case).values()) == {1.0}
+    result = run_case(case, sensitivities=names)
+    known = np.all([np.isfinite(result.sensitivities[n]) for n in names], axis=0)
+    assert known.sum() > 20
+    total = sum(case.values[n] * result.sensitivities[n] for n in names)
+    force = result.curve["force_N"]
+    np.testing.assert_allclose(total[known], force[known], atol=1e-5 * force.max())
+
+
+def test_the_derivative_that_is_spared_follows_from_the_others(tmp_path):
+    campaign = campaign_in(tmp_path)
+    start = replace(campaign.base, values={**campaign.base.values, "tau_W": 0.0})
+    asked: list[Task] = []
+
+    def run(tasks):
+        asked.extend(tasks)
+        return Formula()(tasks)
+
+    inverse = Inverse(campaign, unknowns(campaign), run, start=start, across=True)
+    q = np.zeros(2)
+    found = inverse.predictions(q)
+    # Two cuts, and one difference each: by the toughness.
+    assert len(asked) == 4
+    for p in found.values():
+        values = np.array([start.values[name] for name in p.names])
+        np.testing.assert_allclose(p.slopes @ values, p.y, atol=1e-12)
+    # An adhesion that nothing is known of by derivatives takes part in the force: all differences are made.
+    asked.clear()
+    Inverse(campaign, unknowns(campaign), run, across=True).predictions(q)
+    assert len(asked) == 6

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import Any
@@ -130,6 +131,17 @@ def unit_factor(unit: str) -> float:
         target = target * ureg.Unit(_BASE[dim]) ** power
     # Rounded to 15 digits: 1 kPa must be 1e-3, not 1.0000000000000002e-3.
     return float(f"{quantity.to(target).magnitude:.15g}")
+
+
+@cache
+def powers_of(unit: str) -> tuple[float, float]:
+    """Powers of force and of time in ``unit``, where these and lengths are all there is: 1 and 0 of kPa and
+    J/m^2, 1 and -1 of N/s."""
+    if unit == "1":
+        return 0.0, 0.0
+    powers: Mapping[str, Any] = ureg.Unit(unit).dimensionality
+    mass, time = float(powers.get("[mass]", 0)), float(powers.get("[time]", 0))
+    return mass, time + 2 * mass
 
 
 def parse_quantity(raw: object, unit: str, *, file: str | None = None, key: str = "") -> float:

@@ -4,11 +4,12 @@ A computed drop that comes too late leaves a block between itself and the measur
 says nothing of how far they are apart: forces have many minima, and a fit ends in the nearest. The work
 beyond both drops differs in proportion to their distance. Its logarithm is nearly linear in those of
 stiffness, toughness and adhesion, so a few steps of Gauss and Newton get near, with derivatives over a step
-(``secant``): exact ones do not know that a drop moves.
+(``secant``): exact ones do not know that a drop moves. Works that agree to within their noise are near.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 
@@ -18,14 +19,15 @@ from scipy.integrate import cumulative_trapezoid
 from cutbench.base.progress import OnProgress, silent
 from cutbench.calibration import lm
 from cutbench.calibration.inverse import Inverse
+from cutbench.calibration.prediction import Prediction
 from cutbench.calibration.sparing import Sparing
 
 #: Part of the work that counts as noise, and part of the whole work below which it is compared as it is.
 NOISE, SMALL = 0.02, 0.01
 #: Steps with derivatives that are only updated; then they are computed again, so often at the most.
 STEPS, ROUNDS = lm.Settings(promise=0.5, evaluations=12, failures=2), 5
-#: In q: what moves no farther ends near enough for a fit of the forces.
-CLOSE = 0.1
+#: In q: what moves no farther ends near enough for a fit of the forces; so does what gains a smaller part.
+CLOSE, PAYS = 0.1, 0.1
 
 
 @dataclass(frozen=True)
@@ -57,16 +59,27 @@ def nearby(inverse: Inverse, q: np.ndarray, on_progress: OnProgress = silent) ->
             return Nearby(q, known, evaluations, interrupted=True)
         best = lm.minimise(partial(difference, problem), q, low, high, STEPS, told, first=here)
         evaluations += best.evaluations
-        still, q, known = bool(np.abs(best.q - q).max() <= CLOSE), best.q, problem
-        if still or best.message == lm.INTERRUPTED:
+        gained = 1 - best.chi2 / max(best.history[0], 1e-300)
+        near = best.chi2 <= best.r.size or gained < PAYS or bool(np.abs(best.q - q).max() <= CLOSE)
+        q, known = best.q, problem
+        if near or best.message == lm.INTERRUPTED:
             return Nearby(q, known, evaluations, best.message == lm.INTERRUPTED)
+        # How long a step may be, updated derivatives tell as well as exact ones.
+        stepwise.sketch(q, problem.predictions(q))
     return Nearby(q, known, evaluations)
 
 
 def difference(inverse: Inverse, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Of the works (M,) of all train experiments along their ways, computed less measured, in units of the
     noise, with derivatives (M, k) by the scaled unknowns."""
-    found, r, J = inverse.predictions(q), [], []
+    return compared(inverse, inverse.predictions(q), q)
+
+
+def compared(
+    inverse: Inverse, found: Mapping[str, Prediction], q: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same of what is ``found`` at ``q``, by id."""
+    r, J = [], []
     for e in inverse.campaign.train:
         grid, p = inverse.grids[e.id], found[e.id]
         measured, computed = _work(grid.along, grid.mean), _work(grid.along, p.y)

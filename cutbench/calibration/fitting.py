@@ -45,10 +45,12 @@ ROUGH = lm.Settings(promise=0.5, failures=2)
 FINAL = lm.Settings()
 #: Tests without a mesh cost next to nothing and have no jags.
 SMOOTH = lm.Settings(promise=1e-8, jags=1.0, evaluations=100, failures=10)
-#: Weights are made again if a parameter has moved this far since, so often at the most; of tests without a
-#: mesh until nothing moves.
-AGAIN, ROUNDS = 0.25, 3
+#: Weights are made again if a computed curve has moved by this part of its maximum since (root mean square),
+#: so often at the most; of tests without a mesh until nothing moves.
+AGAIN, ROUNDS = 0.05, 3
 STILL, ROUNDS_SMOOTH = 1e-3, 12
+#: What misses more than this part of a curve's maximum is wrong: a twentieth of χ² pays for no derivatives.
+WRONG, PAYS = 0.02, 0.05
 #: A model that misses a curve by more than this part of its maximum is fitted from other starts, too, so many
 #: and so far away in q, and the report says so. With a mesh, only the likeliest of them is gone on from.
 STARTS, AWAY, AWAY_MESHED = 3, 1.5, 0.7
@@ -166,8 +168,9 @@ class _Fitting:
             if self.smooth or best.message == INTERRUPTED or np.array_equal(best.q, q):
                 return best
             # What ends by derivatives that were only updated goes on from those that are there, unless it
-            # gained less than what ends a fit: then it ends with those.
-            q, enough = best.q, settings.promise * best.q.size * best.excess
+            # gained no more than noise, or next to nothing where it is wrong: then it ends with those.
+            wrong = self._farthest(best)[0] > WRONG
+            q, enough = best.q, max(best.excess, PAYS * best.chi2 if wrong else 0.0)
             if best.history[0] - best.chi2 <= enough:
                 there, none = self._whitened(q), replace(settings, evaluations=0)
                 last = lm.minimise(residual, q, low, high, none, first=there)
@@ -198,7 +201,8 @@ class _Fitting:
         self.covariance = allowing(noise, *self.inverse.residuals_inside(q, noise))
 
     def _with_measured_error(self, near: by_work.Nearby) -> lm.Minimum:
-        """The final stage: weights are made where the first one ended, and again if it moved far."""
+        """The final stage: weights are made where the first one ended, and again if it moved far; beside what
+        a model misses by more than ``FAR`` an error of the computation weighs little."""
         inverse, at = self.inverse, near.q
         notes: list[str] = []
         best: lm.Minimum | None = None
@@ -211,12 +215,24 @@ class _Fitting:
             except KeyboardInterrupt:
                 best = best or self._stopped(near)
                 best.message = INTERRUPTED
-            moved, at = np.abs(best.q - at).max(initial=0.0), best.q
-            if best.message == INTERRUPTED or moved < still:
+            if best.message == INTERRUPTED:
+                break
+            moved, at = self._moved(at, best.q), best.q
+            if moved < still or (not self.smooth and self._farthest(best)[0] > FAR):
                 break
         self.notes += [note for note in notes if note not in self.notes]
         assert best is not None, "there is a round at least"
         return best
+
+    def _moved(self, q: np.ndarray, there: np.ndarray) -> float:
+        """How far from ``q`` it is: the parameters, or with a mesh a curve, as a part of its maximum."""
+        if self.smooth:
+            return float(np.abs(there - q).max(initial=0.0))
+        before, after = self.inverse.predictions(q), self.inverse.predictions(there)
+        largest = {id: np.abs(grid.mean).max() for id, grid in self.inverse.grids.items()}
+        return max(
+            float(np.sqrt(np.mean((p.y - before[id].y) ** 2)) / largest[id]) for id, p in after.items()
+        )
 
     def _elsewhere(self, best: lm.Minimum) -> lm.Minimum:
         """The likeliest of several minima: ``best`` and what is reached from other starts."""

@@ -65,6 +65,14 @@ class Inverse:
         made = self.other([self.unknowns[i] for i in kept], self.start)
         return made._knowing(self._known.get(np.zeros(len(self.unknowns)).tobytes()))
 
+    def know(self, q: np.ndarray, found: Mapping[str, Prediction]) -> None:
+        """Take ``found``, by id, for what would be computed at ``q``."""
+        self._known[q.tobytes()] = found
+
+    def sketch(self, q: np.ndarray, found: Mapping[str, Prediction]) -> None:
+        """Take ``found``, by id, for what has exact derivatives at ``q``: they say how long a step is."""
+        self._sketched[q.tobytes()] = found
+
     def differenced(self) -> Inverse:
         """With derivatives of cuts over a step; what was computed stays."""
         made = self.other(self.unknowns, self.start)

@@ -31,7 +31,7 @@ Residual = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 class Settings:
     """``reach``: largest change of one q in one step. ``damping``: at the start, relative. ``jags``: after a
     step in vain no longer than ``short`` a promise this many times larger is enough; what fails over a longer
-    way, or cannot be computed, are no jags."""
+    way, or cannot be computed, are no jags. ``enough``: |r|² per residual that ends it, too."""
 
     promise: float = 0.05
     jags: float = 20.0
@@ -40,6 +40,7 @@ class Settings:
     failures: int = 3
     reach: float = 0.7
     damping: float = 1e-3
+    enough: float = 0.0
 
 
 @dataclass
@@ -99,6 +100,9 @@ def minimise(
             if left <= settings.promise * q.size * noise * (settings.jags if jagged else 1.0):
                 best.converged = True
                 best.message = "converged" + (", as far as the jags of the curves let it" if jagged else "")
+                return best
+            if best.chi2 <= settings.enough * best.r.size:
+                best.converged, best.message = True, "converged to within noise"
                 return best
             if failed >= settings.failures:
                 best.message = f"stopped after {failed} steps in vain: {reason}"

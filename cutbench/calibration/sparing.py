@@ -8,19 +8,22 @@ import numpy as np
 
 from cutbench.calibration.inverse import Inverse
 from cutbench.calibration.prediction import Prediction, Task
-from cutbench.calibration.secant import updated
+from cutbench.calibration.secant import carried, updated
+
+#: Values (k,) of the unknowns, for each test, and predictions, both by id.
+_Known = tuple[Mapping[str, np.ndarray], Mapping[str, Prediction]]
 
 
 class Sparing(Inverse):
     """``inverse`` without derivatives of its own: they go on from the nearest place where they are known.
 
-    ``values`` by label and ``found`` by id: such a place, if ``inverse`` has none yet.
+    ``values`` by id and label and ``found`` by id: such a place, if ``inverse`` has none yet.
     """
 
     def __init__(
         self,
         inverse: Inverse,
-        values: Mapping[str, float] | None = None,
+        values: Mapping[str, Mapping[str, float]] | None = None,
         found: Mapping[str, Prediction] | None = None,
     ):
         super().__init__(
@@ -28,9 +31,11 @@ class Sparing(Inverse):
             across=inverse.across or found is not None,
         )  # fmt: skip
         self._computed = inverse._known
-        self._given: list[tuple[np.ndarray, Mapping[str, Prediction]]] = []
+        self._given: list[_Known] = []
         if values is not None and found is not None:
-            self._given.append((np.array([values[u.label] for u in self.unknowns]), found))
+            labels = [u.label for u in self.unknowns]
+            mine = {id: np.array([by[label] for label in labels]) for id, by in values.items()}
+            self._given.append((mine, found))
 
     def predictions(self, q: np.ndarray) -> Mapping[str, Prediction]:
         """Of the train experiments; raises ComputationFailed."""
@@ -44,14 +49,24 @@ class Sparing(Inverse):
             train = self.campaign.train
             tasks = [Task(e, self.checked_case(e, q), self.grids[e.id]) for e in train]
             plain = dict(zip([e.id for e in train], self.run(tasks), strict=True))
-            self._known[key] = {e.id: updated(self, e, plain[e.id], near, q) for e in train}
+            values, found = near
+            self._known[key] = {e.id: updated(self, e, plain[e.id], (values[e.id], found), q) for e in train}
         return self._known[key]
 
-    def _nearest(self, q: np.ndarray) -> tuple[np.ndarray, Mapping[str, Prediction]] | None:
-        """Values (k,) of the unknowns and predictions where these are known nearest to ``q``."""
-        known = (
-            (self.values(np.frombuffer(k)), p) for d in (self._computed, self._known) for k, p in d.items()
-        )
-        size, here = self.sizes(q), self.values(q)
-        places = [*self._given, *known]
-        return min(places, key=lambda place: float(np.linalg.norm((place[0] - here) / size)), default=None)
+    def carried(self, q: np.ndarray) -> dict[str, Prediction]:
+        """At ``q`` by the derivatives of the nearest place that is known, without a run."""
+        values, found = self._nearest(q) or ({}, {})
+        return {e.id: carried(self, e, (values[e.id], found), q) for e in self.campaign.train}
+
+    def _nearest(self, q: np.ndarray) -> _Known | None:
+        """Where predictions are known nearest to ``q``."""
+        size, here, ids = self.sizes(q), self.values(q), [e.id for e in self.campaign.train]
+        places = list(self._given)
+        for known in (self._computed, self._known):
+            for key, found in known.items():
+                places.append((dict.fromkeys(ids, self.values(np.frombuffer(key))), found))
+
+        def far(place: _Known) -> float:
+            return sum(float(np.sum(((values - here) / size) ** 2)) for values in place[0].values())
+
+        return min(places, key=far, default=None)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from cutbench.calibration.mesh_error import ADDED
 from cutbench.calibration.prediction import Predictor, Task
 from cutbench.case.case import Case
 from cutbench.discovery.candidates import Candidate
-from cutbench.discovery.columns import Column
+from cutbench.discovery.columns import Column, Sensed
 from cutbench.discovery.outcome import CHANCE, SHARE, NumericalCauses, Round
 from cutbench.discovery.point import Point
 from cutbench.discovery.score import score
@@ -73,7 +72,7 @@ def numerical_causes(this: Round, run: Predictor, seed: int, on_progress: OnProg
     if not columns:
         return NumericalCauses(missing=missing)
     on_progress(math.nan, math.nan, "numerical causes: " + ", ".join(c.candidate.name for c in columns))
-    sensed = replace(this.sensed, columns=columns)
+    sensed = Sensed(dict(this.point.y), dict(this.point.J), columns)
     scores = score(sensed, this.point.w.noise, this.point.residual, seed=seed)
     wrong = Yardstick(this.point, scores.expected)
     shares = {s.name: max(1 - wrong.after(sensed, s), 0.0) for s in scores.scores}

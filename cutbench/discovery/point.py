@@ -5,32 +5,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.progress import OnProgress, silent
-from cutbench.calibration import by_work, lm
+from cutbench.calibration import lm
 from cutbench.calibration.fitted import Fit
 from cutbench.calibration.fitting import fit
 from cutbench.calibration.identifiability import Unknown, information_inverse
 from cutbench.calibration.inverse import Inverse
-from cutbench.calibration.prediction import Prediction, Predictor
-from cutbench.calibration.sparing import Sparing
+from cutbench.calibration.prediction import Predictor
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
 from cutbench.data.covariance import Covariance
 from cutbench.data.discrepancy import allowing, likeliest, misfit
 from cutbench.discovery.candidates import Candidate
-from cutbench.discovery.score import Score
-
-#: Fits without a mesh go to the bottom; with one, far enough to choose: what is accepted is fitted further.
-SMOOTH = lm.Settings(promise=0.05, evaluations=15, failures=5)
-MESHED = lm.Settings(promise=0.3, evaluations=5, failures=2)
-#: Parts of the score's step that a fit may start from.
-PARTS = (1.0, 0.5, 0.2, 0.05)
 
 
 @dataclass(frozen=True)
@@ -107,7 +99,8 @@ class Point:
         return np.sqrt(np.diag(information_inverse(self.w.white(self.J))))
 
 
-def _gathered(inverse: Inverse, q: np.ndarray, w: Covariance, shift: Mapping[str, np.ndarray]) -> Point:
+def gathered(inverse: Inverse, q: np.ndarray, w: Covariance, shift: Mapping[str, np.ndarray]) -> Point:
+    """The model of ``inverse`` at ``q``, in the covariance ``w``; ``shift`` by id of test experiments."""
     found = inverse.predictions(q)
     y = {e.id: found[e.id].y + w.tests[e.id].shift for e in inverse.campaign.train}
     J = {e.id: inverse.slopes(e, found[e.id], q) for e in inverse.campaign.train}
@@ -131,104 +124,7 @@ def point_of(fitted: Fit, run: Predictor) -> Point:
             (p,) = inverse.predicted(fitted.q, [e], fine=False)
             shift[e.id] = curves[e.id] - p.y
     there = inverse.moved(fitted.q, run, any(e.kind == "cut" for e in fitted.campaign.train))
-    return _gathered(there, np.zeros(fitted.q.size), fitted.data_covariance, shift)
-
-
-class _Shape(Unknown):
-    """A shape parameter: positive, and looked for by its logarithm."""
-
-    @property
-    def logarithmic(self) -> bool:
-        return self.start > 0 and (self.quantity.low or 0) >= 0
-
-
-def _unknowns(point: Point, score: Score, shapes: bool) -> list[Unknown]:
-    """The candidate's parameters, from where the score puts them."""
-    c, new = score.column.candidate, []
-    starts = [q.off_value + value for q, value in zip(c.strengths, score.strengths, strict=True)]
-    starts += [score.column.shapes[q.name] for q in c.shapes] if shapes else []
-    for q, start in zip(c.parameters, starts, strict=False):
-        low, high = point.campaign.plan.bounds.get(q.name, q.bounds)
-        kind = _Shape if q in c.shapes and low > 0 else Unknown
-        u = kind(q, float(np.clip(start, low, high)), low, high)
-        new.append(replace(u, start=u.value(0.0)))  # off a bound that is open
-    return new
-
-
-def extend(point: Point, score: Score, *, shapes: bool = True) -> Point:
-    """The model with a candidate added, fitted from the score's step on.
-
-    Only the best start of ``PARTS`` is followed. ``shapes`` False: those of the score are kept. Raises
-    ComputationFailed where none can be computed.
-    """
-    c = score.column.candidate
-    known, new = point.inverse.at(point.q), _unknowns(point, score, shapes)
-    model, off = point.case.model.extended(*c.added)
-    values = {**point.case.values, **off, **score.column.shapes, **{u.name: u.start for u in new}}
-    case = replace(point.case, mechanisms=model.mechanisms, values=values)
-    inverse = point.inverse.other([*known, *new], case)
-    if point.meshed:
-        inverse = Sparing(inverse, *_at_off(point, score, off))
-    low, high = inverse.bounds
-    best, reason = None, ""
-    # The work first: a step of the score moves drops, and forces lead on from there to the nearest minimum.
-    compared = by_work.difference if point.meshed else partial(Inverse.whitened, covariance=point.w)
-    for part in PARTS[:2] if point.meshed else PARTS:
-        q = np.zeros(low.size)
-        q[: len(known)] = np.clip(part * score.free, -1.0, 1.0)
-        for i, (u, value) in enumerate(zip(new, score.strengths, strict=False), start=len(known)):
-            q[i] = u.q(float(np.clip(u.quantity.off_value + part * value, u.low, u.high)))
-        q = np.clip(q, low, high)
-        try:
-            r, J = compared(inverse, q)
-        except (ComputationFailed, BadInput) as error:
-            reason = str(error)
-            continue
-        if best is not None and not r @ r < best[1] @ best[1]:
-            break
-        best = q, r, J
-    if best is None:
-        raise ComputationFailed(reason)
-    q, r, J = best
-    settings = MESHED if point.meshed else SMOOTH
-    found = lm.minimise(partial(compared, inverse), q, low, high, settings, first=(r, J))
-    if point.meshed and found.message != lm.INTERRUPTED:
-        found = lm.minimise(lambda q: inverse.whitened(q, point.w), found.q, low, high, settings)
-    if found.message == lm.INTERRUPTED:
-        raise KeyboardInterrupt
-    made = _gathered(inverse, found.q, point.w, point.test_shift)
-    return made if point.meshed else _again(made)
-
-
-def _at_off(
-    point: Point, score: Score, off: Mapping[str, float]
-) -> tuple[dict[str, float], dict[str, Prediction]]:
-    """Values of all unknowns by label where the candidate does nothing, and the curves by id with the slopes
-    that the score has: none of its shapes."""
-    c = score.column.candidate
-    strengths, shapes = [q.name for q in c.strengths], [q.name for q in c.shapes]
-    values = {**point.values, **{q.name: q.off_value for q in c.strengths}}
-    values |= {name: score.column.shapes.get(name, off.get(name, 0.0)) for name in shapes}
-    found = {}
-    for id, p in point.inverse.predictions(point.q).items():
-        columns, none = score.column.by[id], np.zeros((p.y.size, len(shapes)))
-        fields = np.zeros((p.fields.size, len(strengths) + len(shapes)))
-        found[id] = replace(
-            p, names=(*p.names, *strengths, *shapes), slopes=np.hstack([p.slopes, columns, none]),
-            field_slopes=np.hstack([p.field_slopes, fields]) if p.fields.size else p.field_slopes,
-        )  # fmt: skip
-    return values, found
-
-
-def _again(point: Point) -> Point:
-    """Fitted in the covariance that its own misfit leaves: what explains more can be told more exactly."""
-    w, inverse = point.reweighed, point.inverse
-    low, high = inverse.bounds
-    found = lm.minimise(lambda q: inverse.whitened(q, w), point.q, low, high, SMOOTH)
-    if found.message == lm.INTERRUPTED:
-        raise KeyboardInterrupt
-    made = _gathered(inverse, found.q, w, point.test_shift)
-    return made if made.likelihood > point.likelihood else point
+    return gathered(there, np.zeros(fitted.q.size), fitted.data_covariance, shift)
 
 
 def settled(point: Point, run: Predictor, refine: bool, on_progress: OnProgress) -> Point:

@@ -1,0 +1,180 @@
+"""What each cut says on its own: the model with one of its values free in each of them.
+
+A model that lacks an effect of speed bends its other values until it describes cuts at several speeds badly
+instead of one of them well, and what candidates would change is asked far from where any of them is right.
+With a toughness of its own in each cut, say, the same model finds the valley in which all of them are
+described; there derivatives hold, and the values say what the cause has to make of one. All but the last of
+it is known: the derivatives by a value of one cut are those that the fit has.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.base.progress import OnProgress
+from cutbench.base.units import powers_of
+from cutbench.calibration import by_work, lm
+from cutbench.calibration.inverse import Inverse
+from cutbench.calibration.sparing import Sparing
+from cutbench.data.discrepancy import likeliest
+from cutbench.discovery.candidates import Candidate
+from cutbench.discovery.causes import PRICE
+from cutbench.discovery.extending import Place
+from cutbench.discovery.point import Point
+from cutbench.discovery.score import Score
+
+#: Few evaluations, as derivatives are only updated.
+STEPS = replace(by_work.STEPS, evaluations=5, enough=0.3)
+FORCES = lm.Settings(promise=0.3, evaluations=4, failures=2)
+#: So many parameters are tried, those that gain most by their derivatives; how far these reach, in q.
+TRIED, REACH = 2, 1.0
+#: Part of what is wrong that one must explain to be where candidates are asked.
+MOST = 0.5
+
+
+def apart(point: Point, on_progress: OnProgress) -> Place | None:
+    """Where each cut has a value of its own, of the parameter that explains most of what is wrong so; None
+    where none explains enough of it.
+
+    Raises KeyboardInterrupt.
+    """
+    cuts = [e for e in point.campaign.train if e.kind == "cut"]
+    if len(cuts) < 2 or len(cuts) < len(point.campaign.train):
+        return None
+    names = [u.name for u in point.inverse.unknowns if u.experiment is None]
+    ranked = sorted(((_gain(point, name), name) for name in names), reverse=True)
+    for gain, name in ranked[:TRIED]:
+        if gain < PRICE * (len(cuts) - 1):
+            break
+        on_progress(math.nan, math.nan, f"{name} of its own in each cut")
+        try:
+            found = _found(point, name)
+        except (ComputationFailed, BadInput):
+            continue
+        if found is not None:
+            return found
+    return None
+
+
+def by_rate(point: Point, chosen: Sequence[Candidate]) -> tuple[list[Candidate], dict[str, str]]:
+    """Of ``chosen`` those that can tell cuts apart, and why the others cannot: where these differ by their
+    speed alone, a law that no time occurs in does the same in all of them."""
+    q, train = point.q, point.campaign.train
+    values = [point.inverse.case(e, q).values for e in train]
+    if any(len({v[name] for v in values}) > 1 for name in values[0] if name != "speed"):
+        return list(chosen), {}
+    idle = {
+        c.name: "the cuts differ by their speed, which it does not know"
+        for c in chosen
+        if not any(powers_of(p.unit)[1] for p in c.parameters)
+    }
+    return [c for c in chosen if c.name not in idle], idle
+
+
+def _own(point: Point, name: str) -> tuple[Inverse, np.ndarray]:
+    """The model of ``point`` with ``name`` a test's own, as the point has it, and S (k, n)."""
+    unknowns, rows = [], []
+    for j, u in enumerate(point.inverse.at(point.q)):
+        split = [replace(u, experiment=e.id) for e in point.campaign.train] if u.name == name else [u]
+        unknowns += split
+        rows += [j] * len(split)
+    inverse = point.inverse.other(unknowns, point.case)
+    inverse.across = True
+    inverse.know(np.zeros(len(unknowns)), point.inverse.predictions(point.q))
+    return inverse, np.eye(len(point.inverse.unknowns))[rows]
+
+
+def _gain(point: Point, name: str) -> float:
+    """In twice the log likelihood, by the derivatives at ``point``, of ``name`` free in each cut."""
+    inverse, _ = _own(point, name)
+    r, J = inverse.residuals(np.zeros(len(inverse.unknowns)), point.w)
+    white = [point.w.white(by) for by in (r, J)]
+    step = np.linalg.lstsq(white[1], -white[0], rcond=1e-6)[0]
+    step *= min(1.0, REACH / max(np.abs(step).max(initial=0.0), 1e-300))
+    return likeliest(point.w.noise, {id: r[id] + J[id] @ step for id in r}) - point.likelihood
+
+
+def _found(point: Point, name: str) -> Place | None:
+    inverse, S = _own(point, name)
+    low, high = inverse.bounds
+    q, problem = np.zeros(low.size), Sparing(inverse)
+    first = by_work.difference(inverse, q)
+    best = lm.minimise(partial(by_work.difference, problem), q, low, high, STEPS, first=first)
+    if best.chi2 <= best.r.size and best.message != lm.INTERRUPTED:
+        # The works say no more.
+        best = lm.minimise(lambda q: problem.whitened(q, point.w), best.q, low, high, FORCES)
+    if best.message == lm.INTERRUPTED:
+        raise KeyboardInterrupt
+    left = _left(point, problem, best.q)
+    if left > 1 - MOST:
+        return None
+    there = problem.moved(best.q, across=True)
+    there.sketch(np.zeros(best.q.size), problem.predictions(best.q))
+    q = np.zeros(best.q.size)
+    found = there.predictions(q)
+    mean = S.T @ best.q / S.sum(axis=0)
+    at = point.inverse.at(point.q)
+    shared = [replace(u, start=u.value(x)) for u, x in zip(at, mean, strict=True)]
+    back = S @ mean - best.q
+    residual, _ = there.residuals(q, point.w)
+    for e in point.campaign.train:
+        residual[e.id] = residual[e.id] + there.slopes(e, found[e.id], q) @ back
+    return Place(there, q, S, shared, residual)
+
+
+def _left(point: Point, inverse: Inverse, q: np.ndarray) -> float:
+    """The part of the point's misfit (in squares) that is left."""
+    after, _ = inverse.residuals(q, point.w)
+    wrong = [
+        sum(
+            float(np.mean((r[e.id] / np.abs(point.inverse.grids[e.id].mean).max()) ** 2))
+            for e in point.campaign.train
+        )
+        for r in (after, point.residual)
+    ]
+    return wrong[0] / wrong[1]
+
+
+def alike(point: Point, place: Place, score: Score) -> tuple[float, Score]:
+    """How much what a candidate changes is like what the cuts' own values do, between 0 and 1: the part of
+    its change of the readings (in squares, in units of the noise) that these make, times the part of their
+    differences that its strength makes. And its score with that strength, and the value left to share.
+
+    0 of a strength that would lie beyond its bounds, or of several strengths.
+    """
+    j = int(np.argmax(place.S.sum(axis=0)))
+    own = np.flatnonzero(place.S[:, j])
+    found, shared = place.inverse.predictions(place.q), place.shared[j]
+    x, like, size, rest, whole = [], [], [], 0.0, 0.0
+    for e in point.campaign.train:
+        k = next(k for k in own if place.inverse.unknowns[k].experiment == e.id)
+        u, white = place.inverse.unknowns[k], point.w.noise.tests[e.id].white
+        x.append(shared.q(u.value(place.q[k])))
+        slope = place.inverse.slopes(e, found[e.id], place.q)[:, k]
+        by_own = white(slope / u.slope(place.q[k]) * shared.slope(x[-1]))
+        by_candidate = white(score.column.by[e.id])
+        if by_candidate.shape[1] != 1:
+            return 0.0, score
+        change = by_candidate[:, 0]
+        size.append(max(float(by_own @ by_own), 1e-300))
+        like.append(float(by_own @ change) / size[-1])
+        rest += float(np.sum((change - like[-1] * by_own) ** 2))
+        whole += float(change @ change)
+    weight, values = np.sqrt(size), np.array(x)
+    A = np.column_stack([np.ones(len(x)), like])
+    same, strength = np.linalg.lstsq(A * weight[:, None], values * weight, rcond=None)[0]
+    q = score.column.candidate.strengths[0]
+    if not (whole > 0 and q.bounds[0] <= q.off_value + strength <= q.bounds[1]):
+        return 0.0, score
+    spread = weight * (values - np.average(values, weights=size))
+    left = weight * (values - A @ [same, strength])
+    part = (1 - rest / whole) * (1 - float(left @ left) / max(float(spread @ spread), 1e-300))
+    free = np.zeros(len(place.shared))
+    free[j] = same
+    return part, replace(score, strengths=np.array([strength]), free=free)

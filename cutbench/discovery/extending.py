@@ -1,0 +1,235 @@
+"""A model with a candidate added, fitted far enough to choose: what is accepted is fitted to the end."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from scipy import optimize
+
+from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.calibration import by_work, lm, secant
+from cutbench.calibration.identifiability import Unknown
+from cutbench.calibration.inverse import Inverse
+from cutbench.calibration.prediction import Prediction
+from cutbench.calibration.sparing import Sparing
+from cutbench.case.case import Case
+from cutbench.discovery.point import Point, gathered
+from cutbench.discovery.score import Score
+
+#: Fits without a mesh go to the bottom; with one, far enough to choose.
+SMOOTH = lm.Settings(promise=0.05, evaluations=15, failures=5)
+MESHED = lm.Settings(promise=0.3, evaluations=5, failures=2)
+#: Parts of the score's step that a fit may start from.
+PARTS, PARTS_MESHED = (1.0, 0.5, 0.2, 0.05), (1.0, 0.5)
+#: Strengths that are smaller, in typical ones, are none.
+NOTHING = 1e-3
+
+
+class _Shape(Unknown):
+    """A shape parameter: positive, and looked for by its logarithm."""
+
+    @property
+    def logarithmic(self) -> bool:
+        return self.start > 0 and (self.quantity.low or 0) >= 0
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where candidates are asked, and begin: ``shared`` unknowns, and what single tests have in their stead.
+
+    ``inverse`` at ``q`` (k,) has the tests' own values, ``S`` (k, n) is 1 where one of them stands for one of
+    the n shared. ``residual``: what the shared values leave by the derivatives there, (m,) by id."""
+
+    inverse: Inverse
+    q: np.ndarray
+    S: np.ndarray
+    shared: Sequence[Unknown]
+    residual: Mapping[str, np.ndarray]
+
+    @classmethod
+    def of(cls, point: Point) -> Place:
+        """The point itself."""
+        shared = point.inverse.at(point.q)
+        return cls(point.inverse, point.q, np.eye(len(shared)), shared, point.residual)
+
+    @property
+    def apart(self) -> bool:
+        """Whether tests have values of their own."""
+        return len(self.S) > len(self.shared)
+
+    @property
+    def case(self) -> Case:
+        """With the shared values; where tests have their own, with the mean of these."""
+        case = self.inverse.base(self.q)
+        shared = {u.name: u.start for u in self.shared if u.experiment is None}
+        return replace(case, values={**case.values, **shared})
+
+    @property
+    def values(self) -> dict[str, dict[str, float]]:
+        """Of each test (id), by label of the shared unknown."""
+        mine, found = self.inverse.values(self.q), {}
+        for e in self.inverse.campaign.train:
+            own = np.array([u.experiment in (None, e.id) for u in self.inverse.unknowns])
+            rows = [np.flatnonzero(own & (column > 0)) for column in self.S.T]
+            found[e.id] = {
+                u.label: float(mine[at[0]]) if at.size else u.start
+                for u, at in zip(self.shared, rows, strict=True)
+            }
+        return found
+
+
+def _unknowns(point: Point, score: Score, shapes: bool) -> list[Unknown]:
+    """The candidate's parameters, from where the score puts them."""
+    c, new = score.column.candidate, []
+    starts = [q.off_value + value for q, value in zip(c.strengths, score.strengths, strict=True)]
+    starts += [score.column.shapes[q.name] for q in c.shapes] if shapes else []
+    for q, start in zip(c.parameters, starts, strict=False):
+        low, high = point.campaign.plan.bounds.get(q.name, q.bounds)
+        kind = _Shape if q in c.shapes and low > 0 else Unknown
+        u = kind(q, float(np.clip(start, low, high)), low, high)
+        new.append(replace(u, start=u.value(0.0)))  # off a bound that is open
+    return new
+
+
+def extend(point: Point, score: Score, *, shapes: bool = True, place: Place | None = None) -> Point:
+    """The model with a candidate added, fitted from the step of the score on, which ``place`` was asked for.
+
+    ``shapes`` False: those of the score are kept. Raises ComputationFailed where nothing can be computed.
+    """
+    place = place or Place.of(point)
+    if point.meshed:
+        return _by_work(point, place, score)
+    inverse, _ = _extended(point, place, score, shapes)
+    return _again(_by_score(point, inverse, score))
+
+
+def _extended(
+    point: Point, place: Place, score: Score, shapes: bool = True
+) -> tuple[Inverse, Mapping[str, float]]:
+    """The problem of the extended model, and what switches the candidate off."""
+    new = _unknowns(point, score, shapes)
+    model, off = place.case.model.extended(*score.column.candidate.added)
+    values = {**place.case.values, **off, **score.column.shapes, **{u.name: u.start for u in new}}
+    case = replace(place.case, mechanisms=model.mechanisms, values=values)
+    return point.inverse.other([*place.shared, *new], case), off
+
+
+def _by_score(point: Point, inverse: Inverse, score: Score) -> Point:
+    def residual(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return inverse.whitened(q, point.w)
+
+    low, high = inverse.bounds
+    q, r, J = _begun(inverse, score, residual, PARTS)
+    found = lm.minimise(residual, q, low, high, SMOOTH, first=(r, J))
+    if found.message == lm.INTERRUPTED:
+        raise KeyboardInterrupt
+    return gathered(inverse, found.q, point.w, point.test_shift)
+
+
+def _begun(
+    inverse: Inverse, score: Score, residual: lm.Residual, parts: Sequence[float]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The best start of those ``parts`` of the score's step, with what is left there and its derivatives."""
+    best, reason = None, ""
+    for part in parts:
+        q = _start(inverse, score, part)
+        try:
+            r, J = residual(q)
+        except (ComputationFailed, BadInput) as error:
+            reason = str(error)
+            continue
+        if best is not None and not r @ r < best[1] @ best[1]:
+            break
+        best = q, r, J
+    if best is None:
+        raise ComputationFailed(reason)
+    return best
+
+
+def _start(inverse: Inverse, score: Score, part: float) -> np.ndarray:
+    """The ``part`` of a score's step in the unknowns (k,), shapes where they are."""
+    low, high = inverse.bounds
+    q = np.zeros(low.size)
+    q[: score.free.size] = np.clip(part * score.free, -1.0, 1.0)
+    rest = inverse.unknowns[score.free.size :]
+    strengths = score.column.candidate.strengths
+    for i, (u, s, value) in enumerate(zip(rest, strengths, score.strengths, strict=False), score.free.size):
+        q[i] = u.q(float(np.clip(s.off_value + part * value, u.low, u.high)))
+    return np.clip(q, low, high)
+
+
+def _by_work(point: Point, place: Place, score: Score) -> Point:
+    """Of cuts: a score's step moves drops, and forces lead on from there to the nearest minimum, so the step
+    is the one by the works, and these come first; where cuts have values of their own, these know it."""
+    inverse, off = _extended(point, place, score)
+    if not place.apart:
+        score = _stepped(Sparing(inverse, *_at_off(place, score, off)), score)
+        inverse, off = _extended(point, place, score)
+    inverse = Sparing(inverse, *_at_off(place, score, off))
+    difference = partial(by_work.difference, inverse)
+    low, high = inverse.bounds
+    q, r, J = _begun(inverse, score, difference, PARTS_MESHED)
+    if names := [s.name for s in score.column.candidate.shapes]:
+        # Of its shapes nothing was known where it did nothing.
+        inverse.know(q, secant.across(inverse, q, inverse.predictions(q), names))
+        r, J = difference(q)
+    found = lm.minimise(difference, q, low, high, replace(MESHED, enough=0.3), first=(r, J))
+    if found.message != lm.INTERRUPTED:
+        found = lm.minimise(lambda q: inverse.whitened(q, point.w), found.q, low, high, MESHED)
+    if found.message == lm.INTERRUPTED:
+        raise KeyboardInterrupt
+    return gathered(inverse, found.q, point.w, point.test_shift)
+
+
+def _stepped(inverse: Sparing, score: Score) -> Score:
+    """``score`` with the step that makes the works' difference least, by what is known without a run; as it
+    is where that switches the candidate off."""
+    q, c, k = _start(inverse, score, 0.0), score.column.candidate, score.free.size
+    r, J = by_work.compared(inverse, inverse.carried(q), q)
+    low, high = (bound[: k + len(c.strengths)] for bound in inverse.bounds)
+    size = len(low)
+    low[:k], high[:k] = np.clip(low[:k], -1.0, 0.0), np.clip(high[:k], 0.0, 1.0)
+    room = 1e-9
+    step = optimize.lsq_linear(J[:, :size], -r, (low - q[:size] - room, high - q[:size] + room)).x
+    there = q.copy()
+    there[:size] += step
+    new = list(zip(inverse.unknowns[k:size], there[k:size], c.strengths, strict=True))
+    strengths = np.array([u.value(x) - s.off_value for u, x, s in new])
+    typical = np.array([s.typical * s.factor for s in c.strengths])
+    if np.all(np.abs(strengths) < NOTHING * np.abs(typical)):
+        return score
+    return replace(score, free=step[:k], strengths=strengths)
+
+
+def _at_off(
+    place: Place, score: Score, off: Mapping[str, float]
+) -> tuple[dict[str, dict[str, float]], dict[str, Prediction]]:
+    """Values of all unknowns by id and label where the candidate does nothing, and the curves by id with the
+    slopes that the score has: none of its shapes."""
+    c = score.column.candidate
+    strengths, shapes = [q.name for q in c.strengths], [q.name for q in c.shapes]
+    new = {q.name: q.off_value for q in c.strengths}
+    new |= {name: score.column.shapes.get(name, off.get(name, 0.0)) for name in shapes}
+    found = {}
+    for id, p in place.inverse.predictions(place.q).items():
+        columns, none = score.column.by[id], np.zeros((p.y.size, len(shapes)))
+        fields = np.zeros((p.fields.size, len(strengths) + len(shapes)))
+        found[id] = replace(
+            p, names=(*p.names, *strengths, *shapes), slopes=np.hstack([p.slopes, columns, none]),
+            field_slopes=np.hstack([p.field_slopes, fields]) if p.fields.size else p.field_slopes,
+        )  # fmt: skip
+    return {id: {**values, **new} for id, values in place.values.items()}, found
+
+
+def _again(point: Point) -> Point:
+    """Fitted in the covariance that its own misfit leaves: what explains more can be told more exactly."""
+    w, inverse = point.reweighed, point.inverse
+    low, high = inverse.bounds
+    found = lm.minimise(lambda q: inverse.whitened(q, w), point.q, low, high, SMOOTH)
+    if found.message == lm.INTERRUPTED:
+        raise KeyboardInterrupt
+    made = gathered(inverse, found.q, w, point.test_shift)
+    return made if made.likelihood > point.likelihood else point

@@ -1,0 +1,191 @@
+"""A round of questions: what each candidate would change, fits of those that explain most, their order."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.base.progress import OnProgress
+from cutbench.calibration.prediction import Predictor
+from cutbench.discovery.apart import alike, apart, by_rate
+from cutbench.discovery.candidates import ORDER, Candidate, candidates
+from cutbench.discovery.causes import PRICE
+from cutbench.discovery.columns import Sensed, sense
+from cutbench.discovery.extending import Place, extend
+from cutbench.discovery.heldout import TESTS, Heldout, better_than, decide
+from cutbench.discovery.outcome import CHANCE, OWN, SHARE, SHARE_WEAK, Round, Tried
+from cutbench.discovery.point import Point, own_part, undetermined
+from cutbench.discovery.score import Score, Scores, deviations, score
+from cutbench.discovery.yardstick import Yardstick
+
+#: A candidate on its own is worth a fit if it gains more than chance does this often.
+PROMISING = 0.1
+#: Chances below this are all alike: the draws do not reach so far.
+TOLD = 1e-4
+#: So many are fitted in a round, without a mesh and with one.
+FITS, FITS_MESHED = 6, 3
+#: Where cuts have values of their own, those that are alike to these by this part of the most alike.
+LIKE = 0.7
+#: With a mesh, where one that was fitted convinces, only those whose score is this part of its.
+NEAR = 0.5
+#: Fits are told apart by so many standard errors of their difference; more if known to first order only.
+APART, APART_MESHED = 2.0, 3.0
+#: Values of shapes tried where the data leave them open; how far scores may lie behind, in prices.
+SHAPES, OPEN = 3, 5
+
+
+def round_of(point: Point, run: Predictor, seed: int, on_progress: OnProgress) -> Round:
+    """What is asked of the model at ``point``. With a mesh nothing where chance leaves as much, and first
+    what knows of speed where each cut would have a value of its own.
+
+    Raises KeyboardInterrupt, and ComputationFailed if no candidate's run can be computed.
+    """
+    chosen, left_out = candidates(point.inverse, point.case)
+    asking = _Asking(point, run, seed, on_progress)
+    if point.meshed:
+        nothing = Sensed(dict(point.y), dict(point.J), [])
+        scores = score(nothing, point.w.noise, point.residual, seed=seed)
+        if scores.p_residual >= PROMISING:
+            return Round(point, nothing, scores, (), (), None, left_out, {})
+        if (place := apart(point, on_progress)) is not None:
+            some, idle = by_rate(point, chosen)
+            this = asking.at(place, some, {**left_out, **idle}, scores)
+            if this.accepted is not None or not idle:
+                return this
+    return asking.at(Place.of(point), chosen, left_out)
+
+
+@dataclass(frozen=True)
+class _Asking:
+    """Of the model at ``point``."""
+
+    point: Point
+    run: Predictor
+    seed: int
+    on_progress: OnProgress
+
+    def at(
+        self,
+        place: Place,
+        chosen: Sequence[Candidate],
+        left_out: Mapping[str, str],
+        plain: Scores | None = None,
+    ) -> Round:
+        """``plain``: what chance says of the residual at the point, where the place is another."""
+        point, names = self.point, ", ".join(self.point.case.mechanisms)
+        self.on_progress(math.nan, math.nan, f"{len(chosen)} candidates beside {names}")
+        sensed = sense(place.inverse, place.q, chosen, self.run)
+        sensed = replace(sensed, J={id: J @ place.S for id, J in sensed.J.items()})
+        scores = score(sensed, point.w.noise, place.residual, seed=self.seed)
+        if plain is not None:
+            scores = replace(scores, chi2=plain.chi2, p_residual=plain.p_residual)
+        scored = {s.name for s in scores.scores}
+        failed = {c.name: "no run could take it up beside the others" for c in chosen if c.name not in scored}
+        tried = self._tried(place, scores, failed)
+        tried, group = _ordered(tried, scores, point.meshed)
+        # A residual that is not significant as a whole needs a candidate that explains most of it.
+        needed = SHARE if scores.p_residual < CHANCE else SHARE_WEAK
+        able = [t for t in tried if t.name in group and t.convincing and t.share >= needed]
+        if able and all(t.heldout.how == TESTS for t in able):
+            # What the fitted tests cannot tell apart, those that were not fitted may.
+            able.sort(key=lambda t: -t.heldout.gain)
+        # A machine or a value that explains as much as a mechanism is asked first.
+        able.sort(key=lambda t: ORDER.index(t.score.column.candidate.cause))
+        accepted = able[0].name if able else None
+        return Round(point, sensed, scores, tuple(tried), tuple(group), accepted, left_out, failed)
+
+    def _tried(self, place: Place, scores: Scores, failed: dict[str, str]) -> list[Tried]:
+        """Those worth it, fitted; why others could not be goes into ``failed``."""
+        point, wrong = self.point, Yardstick(self.point, scores.expected)
+        worth = [s for s in scores.scores if s.p < PROMISING and s.gain > 1]
+        order = _simplest(worth)
+        if place.apart:
+            ranked = [alike(point, place, s) for s in scores.scores]
+            ranked.sort(key=lambda each: -each[0])
+            order = [s for part, s in ranked if part >= LIKE * ranked[0][0] > 0]
+        # What is asked before physics costs little without a mesh.
+        first = [s for s in worth[FITS:] if s.column.candidate.cause != "mechanism"]
+        tried: list[Tried] = []
+        for s in order[:FITS_MESHED] if point.meshed else [*worth[:FITS], *first]:
+            enough = max((t.score.gain for t in tried if point.meshed and t.convincing), default=0.0)
+            if s.gain < NEAR * enough and not place.apart:
+                continue
+            self.on_progress(math.nan, math.nan, f"fitting {s.name}: score {s.z:.1f}")
+            try:
+                after = extend(point, s, place=place)
+            except (ComputationFailed, BadInput) as error:
+                failed[s.name] = str(error)
+                continue
+            after, held, kept = _shaped(point, s, after, scores)
+            gain = max(after.likelihood - point.likelihood, 0.0)
+            # Where chance made the residual as small as noise, what gains anything gains all of it.
+            share = max(1 - wrong.left(after), 0.0)
+            own = own_part(after, s.column.candidate)
+            chance = scores.p_any(s.name, gain)
+            tried.append(Tried(s, after, held, gain, chance, share, shapes_open=kept, own=own))
+        return tried
+
+
+def _simplest(scores: list[Score]) -> list[Score]:
+    """By z, as far as draws can tell, then by gain; without those that add parameters to another of them and
+    gain less by it than these cost."""
+
+    def order(s: Score) -> tuple:
+        return -min(s.z, deviations(TOLD)), PRICE * len(s.column.candidate.parameters) - s.gain, s.name
+
+    def vain(s: Score, other: Score) -> bool:
+        mine, less = (set(x.column.candidate.parameters) for x in (s, other))
+        return less < mine and s.gain < other.gain + PRICE * (len(mine) - len(less))
+
+    return [s for s in sorted(scores, key=order) if not any(vain(s, other) for other in scores)]
+
+
+def _shaped(point: Point, s: Score, after: Point, scores: Scores) -> tuple[Point, Heldout, bool]:
+    """Where the train data leave the shapes of a candidate open: the values that predict held-out data best.
+
+    They are looked for among those that the train data do not exclude; with a mesh, none are looked for.
+    """
+    held = decide(point, after)
+    kept = undetermined(after, s.column.candidate)
+    if point.meshed or not kept:
+        return after, held, kept
+    most, near = after.likelihood, scores.others[s.name][:SHAPES]
+    for other in [s, *(o for o in near if o.gain > s.gain - OPEN * PRICE)]:
+        try:
+            one = extend(point, other, shapes=False)
+        except (ComputationFailed, BadInput):
+            continue
+        if one.likelihood >= most - PRICE and (mine := decide(point, one)).better > held.better:
+            after, held = one, mine
+    return after, held, True
+
+
+def _ordered(tried: list[Tried], scores: Scores, meshed: bool) -> tuple[list[Tried], list[str]]:
+    """By χ² with the price of parameters; those that cannot be told from the first by what they predict."""
+    if not tried:
+        return [], []
+
+    def cost(t: Tried) -> float:
+        predicted = t.heldout.better if t.heldout.how == TESTS else 0.0
+        return PRICE * len(t.score.column.candidate.parameters) - t.point.likelihood - predicted
+
+    # What leaves nothing of the specimen explains nothing.
+    tried = sorted(tried, key=lambda t: (t.own < OWN, cost(t), t.name))
+    best, placed = tried[0], []
+    for t in tried:
+        rise, se = better_than(t.point, best.point)
+        placed.append(replace(t, behind=rise, behind_se=se))
+    apart = APART_MESHED if meshed else APART
+    alike = [t for t in placed if t.own >= OWN and t.behind < apart * t.behind_se]
+    group = [t.name for t in placed if t is placed[0] or t in alike]
+    fitted = {t.name for t in placed}
+    for s in scores.scores:
+        # Those that were not fitted count by their first order.
+        behind = best.score.gain - s.gain
+        if s.name not in fitted and behind < apart * 2 * np.linalg.norm(best.score.direction - s.direction):
+            group.append(s.name)
+    return placed, group
