@@ -55,7 +55,9 @@ class Sparing(Inverse):
 
     def carried(self, q: np.ndarray) -> dict[str, Prediction]:
         """At ``q`` by the derivatives of the nearest place that is known, without a run."""
-        values, found = self._nearest(q) or ({}, {})
+        near = self._nearest(q)
+        assert near is not None, "a place that is known is asked from"
+        values, found = near
         return {e.id: carried(self, e, (values[e.id], found), q) for e in self.campaign.train}
 
     def _nearest(self, q: np.ndarray) -> _Known | None:

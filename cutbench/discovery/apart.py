@@ -3,8 +3,8 @@
 A model that lacks an effect of speed bends its other values until it describes cuts at several speeds badly
 instead of one of them well, and what candidates would change is asked far from where any of them is right.
 With a toughness of its own in each cut, say, the same model finds the valley in which all of them are
-described; there derivatives hold, and the values say what the cause has to make of one. All but the last of
-it is known: the derivatives by a value of one cut are those that the fit has.
+described; there derivatives hold, and the values say what the cause has to make of one. Derivatives by a
+value of one cut are those that the fit has, so to begin with none are computed.
 """
 
 from __future__ import annotations
