@@ -45,11 +45,14 @@ _CONTACT = {"gap": "ellipse", "penalty": 762, "stick": 13333, "multiplier": "non
 PROBLEMS = {"contact as published": {**_LAWS, **_CONTACT}, "contact of the defaults": _LAWS}
 
 
-def iteration(python: str, repeat: int) -> dict:
-    """What ``peer_dolfinx.py`` measures. RuntimeError with its last words where it fails."""
+def iteration(python: str, repeat: int, kind: str = "section") -> dict:
+    """What ``peer_dolfinx.py`` measures of a ``section`` or a ``block``.
+
+    RuntimeError with its last words where it fails, OSError without ``python``.
+    """
     script = Path(__file__).with_name("peer_dolfinx.py")
     done = subprocess.run(
-        [python, str(script), str(repeat)], capture_output=True, text=True, cwd=ROOT,
+        [python, str(script), str(repeat), kind], capture_output=True, text=True, cwd=ROOT,
         env={**os.environ, **ONE_THREAD, "PYTHONPATH": ""}, check=False,
     )  # fmt: skip
     if done.returncode != 0:

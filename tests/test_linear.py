@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from cutbench.solver.iterative import WORTH, Kept
 from cutbench.solver.linear import SingularMatrix, available, make_solver
 
 solvers = pytest.mark.parametrize("name", available())
@@ -166,3 +167,23 @@ def test_an_unknown_back_end_says_so_or_falls_back():
     else:
         with pytest.raises(SingularMatrix):
             make_solver("pardiso", *parts(laplace()), False)
+
+
+def test_a_factorization_is_kept_until_it_has_cost_what_a_new_one_does():
+    """Few iterations too many in each of many solutions are many."""
+    A = laplace()
+    moved = (A + 0.3 * sp.diags(np.sin(np.arange(A.shape[0])))).tocsr()
+    kept = Kept(make_solver("superlu", *parts(A), False), *parts(A), False)
+    kept.refactor(A.data)
+    kept.refactor(moved.data)
+    b = np.cos(np.arange(A.shape[0]))
+    solutions = 0
+    while kept.counts["factorizations"] == 1:
+        x = kept.correction(b)
+        assert np.linalg.norm(moved @ x - b) < 0.05 * np.linalg.norm(b)
+        solutions += 1
+        assert solutions <= WORTH + 1
+    spent = kept.counts["gmres_iterations"]
+    assert WORTH <= spent - (solutions - 1) < WORTH + 10, "the first of each would be needed anyway"
+    assert np.linalg.norm(moved @ kept.correction(b) - b) < 1e-9
+    assert kept.counts == {"factorizations": 2, "gmres_iterations": spent}

@@ -268,6 +268,27 @@ def test_augmentations_end_where_pressures_stand_still():
         assert last.max() > 0.9 * mean.max() > 0
 
 
+def test_damage_and_multipliers_that_are_held_stand_still_together(monkeypatch):
+    solve, solutions = march.newton, []
+    monkeypatch.setattr(march, "newton", lambda *a, **k: solutions.append(0) or solve(*a, **k))
+    case = load_case("gelatin", {"numerics": "paper"}).set(h="1 mm", depth="3.4 mm")
+    built, tuning = build(case), case.numerics.tuning.newton
+    problem, w = built.problem, built.form("blade").faces.w
+    damage = 0.0
+    for step in built.march:
+        begun = step.solves[-1][0]
+        found = problem.evaluate(step.u, begun, step.step, tangent=False)
+        assert problem.relative_residual(found) < 10 * tuning.staggered_change
+        last = begun["blade"]["multiplier"]
+        mean = (w * step.states["blade"]["pressure"]).sum(axis=0) / w.sum(axis=0)
+        assert np.abs(mean - last).max() <= tuning.multipliers * mean.max()
+        damage = step.states["cohesion"]["damage"].max()
+        # Each solution is for both: a loop in a loop takes up to 51 here.
+        assert len(solutions) == len(step.solves) < 25
+        solutions.clear()
+    assert damage > 0.9
+
+
 def test_the_paper_s_contact_is_its_penalty_over_the_element():
     case = load_case("gelatin", {"numerics": "paper"}).set(h="1 mm", corner=0.25)
     built = build(case)

@@ -30,8 +30,9 @@ LOOSE = 1e-3
 CORRECTION = 0.03
 #: Unknowns of a solid above which keeping a factorization gains anything.
 SMALL = 5_000
-#: Iterations after which a kept factorization is older than it is worth.
-OLD = 8
+#: Iterations after which a kept factorization is older than it is worth, in one solution; and in all of them
+#: together what a new one costs, which would need one in each.
+OLD, WORTH = 8, 25
 #: The same for a hierarchy, which is cheaper to make, and the largest number of iterations with a fresh one.
 OLD_HIERARCHY, MOST = 60, 400
 #: Directions that GMRES keeps before it restarts.
@@ -135,6 +136,7 @@ class Kept:
         self._direct, self._matrix = direct, _Matrix(indptr, indices, n, symmetric)
         self._data: np.ndarray | None = None
         self._have = self._fresh = False
+        self._spent = 0
         #: Factorizations and GMRES iterations so far.
         self.counts = {"factorizations": 0, "gmres_iterations": 0}
 
@@ -148,17 +150,20 @@ class Kept:
         self._have = False
         self._direct.refactor(self._data)
         self._have = self._fresh = True
+        self._spent = 0
         self.counts["factorizations"] += 1
 
     def solve(self, b: np.ndarray, tolerance: float = TOLERANCE) -> np.ndarray:
-        if not self._fresh:
+        if not self._fresh and self._spent < WORTH:
             try:
                 x, count = gmres(self._matrix.__matmul__, self._direct.back, b, tolerance=tolerance, most=OLD)
                 self.counts["gmres_iterations"] += count
+                self._spent += count - 1
                 return x
             except Stagnation:
                 self.counts["gmres_iterations"] += OLD
-                self._renew()
+        if not self._fresh:
+            self._renew()
         return self._direct.solve(b)
 
     def direction(self, b: np.ndarray) -> np.ndarray:

@@ -294,50 +294,51 @@ class March:
         return _Found(self.problem, self.load, states, step, force, *self._solve(guess, states, step))
 
     def _solve(self, u, states, step):
-        """Newton's method, inside the loops that hold damage or multipliers (none by default).
+        """Newton's method, inside a loop that holds damage and multipliers (none by default).
 
-        Returns displacements, evaluation, the iterations of each inner solve, and what each began from
-        and found.
+        Both are taken anew after each solution, until both stand still: a loop for one of them inside that
+        of the other ends at the same place, after as many solutions as the product of theirs. Returns
+        displacements, evaluation, the iterations of each inner solve, and what each began from and found.
         """
-        u, result, effort = self._hold_damage(u, states, step)
-        solves = [(states, u)]
-        for _ in range(self.rules.augmentations):
-            states, still = {**states}, True
-            for form in self.problem.blades:
-                before = states[form.name]["multiplier"]
-                held = form.augment(result.states[form.name])["multiplier"]
-                still &= np.abs(held - before).max() <= self.newton.multipliers * np.abs(held).max()
-                states[form.name] = {**states[form.name], "multiplier": held}
-            if still:
-                break
-            u, result, more = self._hold_damage(u, states, step)
-            effort = effort + more
-            solves.append((states, u))
-        return u, result, effort, solves
-
-    def _hold_damage(self, u, states, step):
-        cut = self.problem.cut
-        if not self.rules.staggered or cut is None:
-            u, result, iterations = newton(self.problem, u, states, step, self.newton)
-            return u, result, [iterations]
-        held = states["cohesion"]
+        cut = self.problem.cut if self.rules.staggered else None
+        loose = max(self.newton.staggered_tolerance, self.newton.tolerance)
+        settings = self.newton if cut is None else replace(self.newton, tolerance=loose)
+        held, inner = states.get("cohesion"), step if cut is None else replace(step, damage_held=True)
         effort: list[int] = []
-        settings = replace(self.newton, tolerance=max(self.newton.staggered_tolerance, self.newton.tolerance))
+        solves: list[tuple[dict, np.ndarray]] = []
+        updates, change = self.rules.augmentations, 0.0
         for _ in range(self.newton.staggered_loops):
-            # From one loop to the next only the damage changes, and that less and less.
-            still = replace(step, damage_held=True)
-            u, _, iterations = newton(
-                self.problem, u, {**states, "cohesion": held}, still, settings, near=any(effort)
-            )
+            # From one solution to the next only what is held changes, and that less and less.
+            begun = states if cut is None else {**states, "cohesion": held}
+            near = cut is not None and any(effort)
+            u, result, iterations = newton(self.problem, u, begun, inner, settings, near=near)
             effort.append(iterations)
-            # The state that this opening leads to, from the damage at the start of the step.
-            grown = cut.evaluate(u, self.problem.p, states["cohesion"], step, tangent=False).state
-            change = np.abs(grown["damage"] - held["damage"]).max(initial=0.0)
-            held = grown
-            if change < self.newton.staggered_change:
+            if cut is not None:
+                # The state that this opening leads to, from the damage at the start of the step.
+                grown = cut.evaluate(u, self.problem.p, states["cohesion"], step, tangent=False).state
+                change, held = np.abs(grown["damage"] - held["damage"]).max(initial=0.0), grown
+            if len(solves) <= self.rules.augmentations - updates:
+                solves.append((states, u))
+            solves[-1] = states, u
+            after, still = self._augmented(states, result.states) if updates else (states, True)
+            if still and change < self.newton.staggered_change:
                 if settings is self.newton:
-                    return u, self.problem.evaluate(u, states, step, tangent=False), effort
+                    if cut is not None:
+                        result = self.problem.evaluate(u, states, step, tangent=False)
+                    return u, result, effort, solves
                 settings = self.newton
+            states, updates = after, max(updates - 1, 0)
         raise NoConvergence(
             f"damage still changes by {change:.1e} after {self.newton.staggered_loops} staggered loops"
         )
+
+    def _augmented(self, states, found):
+        """``states`` with the multipliers that take over the pressures ``found``, and whether they stand
+        still."""
+        states, still = {**states}, True
+        for form in self.problem.blades:
+            before = states[form.name]["multiplier"]
+            multiplier = form.augment(found[form.name])["multiplier"]
+            still &= np.abs(multiplier - before).max() <= self.newton.multipliers * np.abs(multiplier).max()
+            states[form.name] = {**states[form.name], "multiplier": multiplier}
+        return states, still
