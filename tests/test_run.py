@@ -213,10 +213,10 @@ def test_steps_are_told_as_they_come():
 def test_a_run_that_stalls_says_where_and_what_to_try(monkeypatch, quick, reason, advice):
     """From 0.3 mm of travel on no step converges."""
 
-    def newton(problem, u, states, step, settings):
+    def newton(problem, u, states, step, settings, **near):
         if step.centre[1] < QUICK.p.height - 0.3:
             raise march.NoConvergence(reason)
-        return march_newton(problem, u, states, step, settings)
+        return march_newton(problem, u, states, step, settings, **near)
 
     march_newton = march.newton
     monkeypatch.setattr(march, "newton", newton)

@@ -317,9 +317,9 @@ class March:
                 # The state that this opening leads to, from the damage at the start of the step.
                 grown = cut.evaluate(u, self.problem.p, states["cohesion"], step, tangent=False).state
                 change, held = np.abs(grown["damage"] - held["damage"]).max(initial=0.0), grown
-            if len(solves) <= self.rules.augmentations - updates:
-                solves.append((states, u))
-            solves[-1] = states, u
+            if solves and solves[-1][0] is states:  # the same multipliers: the last solution is theirs
+                solves.pop()
+            solves.append((states, u))
             after, still = self._augmented(states, result.states) if updates else (states, True)
             if still and change < self.newton.staggered_change:
                 if settings is self.newton:
