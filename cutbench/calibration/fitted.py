@@ -14,6 +14,7 @@ from cutbench.base.handled import Handled
 from cutbench.base.toml import one_of
 from cutbench.calibration.identifiability import Identifiability, Unknown, correlations
 from cutbench.calibration.inverse import Inverse
+from cutbench.calibration.prediction import Prediction
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
 from cutbench.data.covariance import Covariance
@@ -172,3 +173,11 @@ class Fit(Handled):
                 return e
         labels = [e.label for e in self.estimates]
         raise BadInput("parameter", label, one_of(label, labels))
+
+
+def beside(
+    e: Experiment, inverse: Inverse, p: Prediction, y: np.ndarray, sd: np.ndarray, q: np.ndarray
+) -> ComparedCurve:
+    """What is computed, ``y`` (m,) beside what was measured of ``e``."""
+    grid, case = inverse.grids[e.id], inverse.case(e, q)
+    return ComparedCurve(e, grid.x, grid.mean, sd, y, p.onset_mm, case.values.get("thickness", np.nan))

@@ -23,26 +23,25 @@ from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.notebook import watched
 from cutbench.base.progress import OnProgress, silent
 from cutbench.base.toml import one_of
-from cutbench.calibration import by_work, lm
-from cutbench.calibration.fitted import FAR, LEVEL, ComparedCurve, Estimate, Fit
+from cutbench.calibration import by_work, lm, survey
+from cutbench.calibration.fitted import FAR, LEVEL, ComparedCurve, Estimate, Fit, beside
 from cutbench.calibration.identifiability import Unknown, identifiability, information_inverse, worth_it
 from cutbench.calibration.inverse import GRID, Inverse, field_note
 from cutbench.calibration.lm import INTERRUPTED
 from cutbench.calibration.looked_for import unknowns
-from cutbench.calibration.prediction import Prediction, Predictor, predictor
+from cutbench.calibration.prediction import Predictor, predictor
 from cutbench.calibration.profiled import profiled
 from cutbench.calibration.sparing import Sparing
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
 from cutbench.data.covariance import Covariance
 from cutbench.data.discrepancy import allowing, independent, likeliest, likelihood, misfit, missed
-from cutbench.data.experiment import Experiment
 from cutbench.data.repetition import Averaged, unrepeated
 from cutbench.run.pool.pool import cores
 
 #: First with guessed weights, only as far as it pays; then with measured ones.
 ROUGH = lm.Settings(promise=0.5, failures=2)
-FINAL = lm.Settings()
+FINAL = lm.Settings(promise=0.2, failures=2)
 #: Tests without a mesh cost next to nothing and have no jags.
 SMOOTH = lm.Settings(promise=1e-8, jags=1.0, evaluations=100, failures=10)
 #: Weights are made again if a computed curve has moved by this part of its maximum since (root mean square),
@@ -115,7 +114,8 @@ class _Fitting:
             inverse = self.inverse = inverse.only(kept)
             q = np.zeros(len(kept))
         best = self._from(q, near)
-        if anywhere and best.message != INTERRUPTED and self._farthest(best)[0] > FAR:
+        looked = not self.smooth and survey.Survey(self.inverse, [q]).problem.able
+        if anywhere and not looked and best.message != INTERRUPTED and self._farthest(best)[0] > FAR:
             best = self._elsewhere(best)
         profiles = []
         for label in profile:
@@ -156,6 +156,11 @@ class _Fitting:
     def _minimise(self, stage: str, q: np.ndarray, settings: lm.Settings) -> lm.Minimum:
         low, high = self.inverse.bounds
         on_progress = self._told(stage)
+        if not self.smooth and (look := survey.Survey(self.inverse, [q])).problem.able:
+            best = look.minimum(self.covariance, q, settings, on_progress)
+            self.evaluations += look.evaluations
+            self.history += best.history
+            return best
         problem = self.inverse if self.smooth else Sparing(self.inverse)
 
         def residual(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -186,9 +191,9 @@ class _Fitting:
         elif is_near:
             near = by_work.Nearby(q, self.inverse, 0)
         else:
-            near = by_work.nearby(self.inverse, q, self._told("work"))
+            near = survey.nearby(self.inverse, q, self._told("work"))
         self.evaluations += near.evaluations
-        return self._stopped(near) if near.interrupted else self._with_measured_error(near)
+        return self._stopped(near) if near.interrupted else self._with_measured_error(near, is_near)
 
     def _stopped(self, near: by_work.Nearby) -> lm.Minimum:
         """What is there after an interruption."""
@@ -200,7 +205,7 @@ class _Fitting:
         """Take ``noise`` and what the model misses at ``q`` for the covariance."""
         self.covariance = allowing(noise, *self.inverse.residuals_inside(q, noise))
 
-    def _with_measured_error(self, near: by_work.Nearby) -> lm.Minimum:
+    def _with_measured_error(self, near: by_work.Nearby, is_near: bool = False) -> lm.Minimum:
         """The final stage: weights are made where the first one ended, and again if it moved far; beside what
         a model misses by more than ``FAR`` an error of the computation weighs little."""
         inverse, at = self.inverse, near.q
@@ -209,6 +214,13 @@ class _Fitting:
         settings, still, rounds = (SMOOTH, STILL, ROUNDS_SMOOTH) if self.smooth else (FINAL, AGAIN, ROUNDS)
         for _ in range(rounds):
             try:
+                if not (self.smooth or is_near or best):
+                    # What the mesh does is measured where the forces agree, not where the works do.
+                    self._weigh(inverse.guessed(at), at)
+                    best = self._minimise("rough", at, ROUGH)
+                    at = best.q
+                if best is not None and best.message == INTERRUPTED:
+                    break
                 noise, notes = inverse.measured(at) if self.refine else (inverse.guessed(at), [])
                 self._weigh(noise, at)
                 best = self._minimise("final", at, settings)
@@ -322,7 +334,7 @@ class _Fitting:
         sides = {}
         for e in self.campaign.train:
             block, p = self.covariance.tests[e.id], found[e.id]
-            sides[e.id] = self._beside(e, p, p.y + block.shift, block.deviation, q)
+            sides[e.id] = beside(e, inverse, p, p.y + block.shift, block.deviation, q)
             gap = missed(block, sides[e.id].fitted - sides[e.id].mean)
             sides[e.id] = replace(sides[e.id], discrepancy=gap)
             self.notes += [field_note(e, p, "fit")] if e.fields else []
@@ -332,12 +344,6 @@ class _Fitting:
             except (ComputationFailed, BadInput) as error:
                 self.notes.append(f"'{e.id}' could not be predicted: {error}")
                 continue
-            sides[e.id] = self._beside(e, p, p.y, inverse.grids[e.id].deviation, q)
+            sides[e.id] = beside(e, inverse, p, p.y, inverse.grids[e.id].deviation, q)
             self.notes += [field_note(e, p, "prediction")] if e.fields else []
         return tuple(sides[e.id] for e in self.campaign.experiments if e.id in sides)
-
-    def _beside(
-        self, e: Experiment, p: Prediction, y: np.ndarray, sd: np.ndarray, q: np.ndarray
-    ) -> ComparedCurve:
-        grid, case = self.inverse.grids[e.id], self.inverse.case(e, q)
-        return ComparedCurve(e, grid.x, grid.mean, sd, y, p.onset_mm, case.values.get("thickness", np.nan))

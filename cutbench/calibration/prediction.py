@@ -6,14 +6,16 @@ one complex step a parameter. Both give a curve on the grid on which the measure
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 
 import numpy as np
 
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.calibration.homogeneous import slopes
+from cutbench.calibration.memory import Memory
 from cutbench.case.case import Case
 from cutbench.data.campaign import lead_s
 from cutbench.data.experiment import Experiment
@@ -109,34 +111,49 @@ def _cut(task: Task) -> Prediction:
     if not result.outcome.done and (task.of_time or reached < wanted - 1e-6):
         raise ComputationFailed(f"'{task.experiment.id}': {result.outcome}")
     course = np.stack([result.curve[name] for name in ("displacement_mm", "force_N", "time_s")])
-    reading = task.reading
-
-    def read(p, slope: np.ndarray) -> np.ndarray:
-        """The readings with a complex step in one parameter, of which ``p`` has one and the force a slope."""
-        known = np.isfinite(slope)
-        moved = course.astype(complex)
-        moved[1] += 1j * STEP * np.where(known, slope, 0.0)
-        values = _shown(task, reading, moved, p)
-        if not known.all():
-            last = course[2 if task.of_time else 0][max(int(known.argmin()) - 1, 0)]
-            values.imag[np.abs(reading[1]) @ (reading[0] > last) > 0] = np.nan
-        return values
-
-    still = np.zeros(course.shape[1])
-    columns = [read(case.p, still)]
-    for name in names:
-        p = case.p
-        setattr(p, name, getattr(p, name) + 1j * STEP)
-        columns.append(read(p, result.sensitivities.get(name, still)))
-    by_added = [np.stack([read(case.p, v).imag / STEP for v in each.values()], 1) for each in result.by_added]
-    by_name = np.stack(columns, axis=1)[:, 1:].imag / STEP
+    reading = Reading(task, course)
+    by_added = [
+        np.stack([reading.of(case.p, v).imag / STEP for v in each.values()], 1) for each in result.by_added
+    ]
+    y, by_name = reading.by(vars(case.p), result.sensitivities)
     if names and not np.isfinite(by_name).any():
         raise ComputationFailed(
             f"'{task.experiment.id}': the equations are singular before the first reading"
         )
     onset = result.measures.get("onset_mm", float("nan"))
     u, u_by_name = _fields(task, result, rig)
-    return Prediction(columns[0].real, by_name, names, onset, u, u_by_name, course, tuple(by_added))
+    return Prediction(y, by_name, names, onset, u, u_by_name, course, tuple(by_added))
+
+
+class Reading:
+    """What a task's rig reads of a run's ``course`` (3, n): travel, force, time."""
+
+    def __init__(self, task: Task, course: np.ndarray, places: tuple[np.ndarray, np.ndarray] | None = None):
+        self.task, self.course, self.places = task, course, places or task.reading
+
+    def of(self, p, slope: np.ndarray) -> np.ndarray:
+        """The readings with a complex step in one parameter, of which ``p`` has one and the force a slope."""
+        known, reading = np.isfinite(slope), self.places
+        moved = self.course.astype(complex)
+        moved[1] += 1j * STEP * np.where(known, slope, 0.0)
+        values = _shown(self.task, reading, moved, p)
+        if not known.all():
+            last = self.course[2 if self.task.of_time else 0][max(int(known.argmin()) - 1, 0)]
+            values.imag[np.abs(reading[1]) @ (reading[0] > last) > 0] = np.nan
+        return values
+
+    def by(
+        self, values: Mapping[str, float], slopes: Mapping[str, np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Readings (m,) with ``values``, and their derivatives (m, k) by the task's names, with ``slopes``
+        (n,) of the force by those that the run depends on."""
+        still = np.zeros(self.course.shape[1])
+        columns = [self.of(SimpleNamespace(**values), still)]
+        for name in self.task.names:
+            p = SimpleNamespace(**{**values, name: values[name] + 1j * STEP})
+            columns.append(self.of(p, slopes.get(name, still)))
+        read = np.stack(columns, axis=1)
+        return read[:, 0].real, read[:, 1:].imag / STEP
 
 
 def recorded(task: Task, prediction: Prediction, **values: float) -> np.ndarray:
@@ -185,17 +202,36 @@ def _homogeneous(task: Task) -> Prediction:
 
 
 class Predictor:
-    """Predictions of several tasks at once, the runs on a pool's processes."""
+    """Predictions of several tasks at once, the runs on a pool's processes; they stay in its ``memory``."""
 
     def __init__(self, pool: TaskPool):
-        self._pool = pool
+        self._pool, self.memory = pool, Memory()
 
     def __call__(self, tasks: Sequence[Task]) -> list[Prediction]:
         """In the order of ``tasks``. Raises ComputationFailed if one falls short."""
+        found = []
+        for each in self.each(tasks):
+            if isinstance(each, ComputationFailed):
+                raise each
+            found.append(each)
+        return found
+
+    def each(self, tasks: Sequence[Task]) -> list[Prediction | ComputationFailed]:
+        """In the order of ``tasks``, with what was raised in place of what falls short."""
+        found: dict[int, Prediction | ComputationFailed] = {}
         cuts = [i for i, task in enumerate(tasks) if task.experiment.kind == "cut" and self._pool.count]
-        found = {i: predict(task) for i, task in enumerate(tasks) if i not in cuts}
+        for i, task in enumerate(tasks):
+            if i not in cuts:
+                try:
+                    found[i] = predict(task)
+                except ComputationFailed as error:
+                    found[i] = error
         for done in self._pool.run(Job(i, predict, (tasks[i],)) for i in cuts):
-            found[done.key] = done.result()
+            fell_short = done.error if isinstance(done.error, ComputationFailed) else None
+            found[done.key] = fell_short or done.result()
+        for i, p in found.items():
+            if tasks[i].experiment.kind == "cut" and isinstance(p, Prediction):
+                self.memory.add(tasks[i].case, p.course)
         return [found[i] for i in range(len(tasks))]
 
 

@@ -24,7 +24,7 @@ import numpy as np
 from cutbench.base.errors import ComputationFailed
 from cutbench.base.units import powers_of
 from cutbench.calibration.looked_for import visible
-from cutbench.calibration.prediction import Prediction, Task
+from cutbench.calibration.prediction import Prediction, Predictor, Task
 from cutbench.case.case import Case
 from cutbench.data.experiment import Experiment
 
@@ -126,6 +126,8 @@ def _proportional(p: Prediction, name: str, case: Case) -> Prediction:
 
 def tried(inverse: Inverse, tasks: Sequence[Task]) -> list[Prediction | None]:
     """None for those that fall short."""
+    if isinstance(inverse.run, Predictor):
+        return [p if isinstance(p, Prediction) else None for p in inverse.run.each(tasks)]
     try:
         return [*inverse.run(tasks)]
     except ComputationFailed:

@@ -20,18 +20,23 @@ from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.progress import OnProgress
 from cutbench.base.units import powers_of
 from cutbench.calibration import by_work, lm
+from cutbench.calibration.emulated import settled_at
 from cutbench.calibration.inverse import Inverse
 from cutbench.calibration.sparing import Sparing
+from cutbench.calibration.survey import Survey
 from cutbench.data.discrepancy import likeliest
 from cutbench.discovery.candidates import Candidate
 from cutbench.discovery.causes import PRICE
 from cutbench.discovery.extending import Place
+from cutbench.discovery.foreseen import Foreseen, owning
 from cutbench.discovery.point import Point
 from cutbench.discovery.score import Score
 
 #: Few evaluations, as derivatives are only updated.
 STEPS = replace(by_work.STEPS, evaluations=5, enough=0.3)
 FORCES = lm.Settings(promise=0.3, evaluations=4, failures=2)
+#: Computed where works are foreseen to agree, at the most.
+SETTLED = 3
 #: So many parameters are tried, those that gain most by their derivatives; how far these reach, in q.
 TRIED, REACH = 2, 1.0
 #: Part of what is wrong that one must explain to be where candidates are asked.
@@ -47,11 +52,7 @@ def apart(point: Point, on_progress: OnProgress) -> Place | None:
     cuts = [e for e in point.campaign.train if e.kind == "cut"]
     if len(cuts) < 2 or len(cuts) < len(point.campaign.train):
         return None
-    names = [u.name for u in point.inverse.unknowns if u.experiment is None]
-    ranked = sorted(((_gain(point, name), name) for name in names), reverse=True)
-    for gain, name in ranked[:TRIED]:
-        if gain < PRICE * (len(cuts) - 1):
-            break
+    for name in _promising(point, PRICE * (len(cuts) - 1)):
         on_progress(math.nan, math.nan, f"{name} of its own in each cut")
         try:
             found = _found(point, name)
@@ -60,6 +61,17 @@ def apart(point: Point, on_progress: OnProgress) -> Place | None:
         if found is not None:
             return found
     return None
+
+
+def _promising(point: Point, price: float) -> list[str]:
+    """Names of values, that which explains most if it is a cut's own first."""
+    foreseen = Foreseen(point)
+    if foreseen.able:
+        least = foreseen.own()
+        return [name for left, name in least[:TRIED] if left <= 1 - MOST]
+    names = [u.name for u in point.inverse.unknowns if u.experiment is None]
+    ranked = sorted(((_gain(point, name), name) for name in names), reverse=True)
+    return [name for gain, name in ranked[:TRIED] if gain >= price]
 
 
 def by_rate(point: Point, chosen: Sequence[Candidate]) -> tuple[list[Candidate], dict[str, str]]:
@@ -77,22 +89,9 @@ def by_rate(point: Point, chosen: Sequence[Candidate]) -> tuple[list[Candidate],
     return [c for c in chosen if c.name not in idle], idle
 
 
-def _own(point: Point, name: str) -> tuple[Inverse, np.ndarray]:
-    """The model of ``point`` with ``name`` a test's own, as the point has it, and S (k, n)."""
-    unknowns, rows = [], []
-    for j, u in enumerate(point.inverse.at(point.q)):
-        split = [replace(u, experiment=e.id) for e in point.campaign.train] if u.name == name else [u]
-        unknowns += split
-        rows += [j] * len(split)
-    inverse = point.inverse.other(unknowns, point.case)
-    inverse.across = True
-    inverse.know(np.zeros(len(unknowns)), point.inverse.predictions(point.q))
-    return inverse, np.eye(len(point.inverse.unknowns))[rows]
-
-
 def _gain(point: Point, name: str) -> float:
     """In twice the log likelihood, by the derivatives at ``point``, of ``name`` free in each cut."""
-    inverse, _ = _own(point, name)
+    inverse, _ = owning(point, name)
     r, J = inverse.residuals(np.zeros(len(inverse.unknowns)), point.w)
     white = [point.w.white(by) for by in (r, J)]
     step = np.linalg.lstsq(white[1], -white[0], rcond=1e-6)[0]
@@ -101,21 +100,28 @@ def _gain(point: Point, name: str) -> float:
 
 
 def _found(point: Point, name: str) -> Place | None:
-    inverse, S = _own(point, name)
+    inverse, S = owning(point, name)
     low, high = inverse.bounds
-    q, problem = np.zeros(low.size), Sparing(inverse)
-    first = by_work.difference(inverse, q)
-    best = lm.minimise(partial(by_work.difference, problem), q, low, high, STEPS, first=first)
-    if best.chi2 <= best.r.size and best.message != lm.INTERRUPTED:
-        # The works say no more.
-        best = lm.minimise(lambda q: problem.whitened(q, point.w), best.q, low, high, FORCES)
+    q = np.zeros(low.size)
+    survey = Survey(inverse, [q])
+    problem: Sparing = survey.problem
+    if survey.problem.able:
+        q = survey.settled(steps=SETTLED).q
+        best = lm.minimise(lambda q: problem.whitened(q, point.w), q, low, high, FORCES)
+    else:
+        problem = Sparing(inverse)
+        first = by_work.difference(inverse, q)
+        best = lm.minimise(partial(by_work.difference, problem), q, low, high, STEPS, first=first)
+        if best.chi2 <= best.r.size and best.message != lm.INTERRUPTED:
+            # The works say no more.
+            best = lm.minimise(lambda q: problem.whitened(q, point.w), best.q, low, high, FORCES)
     if best.message == lm.INTERRUPTED:
         raise KeyboardInterrupt
     left = _left(point, problem, best.q)
     if left > 1 - MOST:
         return None
-    there = problem.moved(best.q, across=True)
-    there.sketch(np.zeros(best.q.size), problem.predictions(best.q))
+    problem.know(best.q, problem.predictions(best.q))
+    there = settled_at(problem, best.q)
     q = np.zeros(best.q.size)
     found = there.predictions(q)
     mean = S.T @ best.q / S.sum(axis=0)

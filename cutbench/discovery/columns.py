@@ -10,7 +10,7 @@ are tried as well.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -51,8 +51,15 @@ class Sensed:
     columns: list[Column]
 
 
-def sense(inverse: Inverse, q: np.ndarray, chosen: Sequence[Candidate], run: Predictor) -> Sensed:
-    """At ``q`` of ``inverse``. Raises ComputationFailed."""
+def sense(
+    inverse: Inverse,
+    q: np.ndarray,
+    chosen: Sequence[Candidate],
+    run: Predictor,
+    likely: Callable[[Sensed], Collection[str]] | None = None,
+) -> Sensed:
+    """At ``q`` of ``inverse``. ``likely``: names of those that cuts are computed with at a finite strength,
+    by what exact derivatives say; without it all. Raises ComputationFailed."""
     train = inverse.campaign.train
     cuts = [e for e in train if e.kind == "cut"]
     y, J, parts = {}, {}, {}
@@ -80,7 +87,20 @@ def sense(inverse: Inverse, q: np.ndarray, chosen: Sequence[Candidate], run: Pre
         for (c, k), by in zip(planned.beside, p.by_added, strict=True):
             parts[c.name, k, e.id] = by
     if cuts:
-        _finite(inverse, q, chosen, y, parts)
+        named = None if likely is None else likely(Sensed(y, J, _columns(chosen, y, parts, rigs, train)))
+        some = [c for c in chosen if named is None or c.name in named]
+        _finite(inverse, q, some, y, parts)
+    return Sensed(y, J, _columns(chosen, y, parts, rigs, train))
+
+
+def _columns(
+    chosen: Sequence[Candidate],
+    y: Mapping[str, np.ndarray],
+    parts: Mapping[tuple[str, int, str], np.ndarray],
+    rigs: Mapping[str, tuple[Candidate, list[tuple[Task, Prediction]]]],
+    train: Sequence[Experiment],
+) -> list[Column]:
+    """Of what was computed of all tests that show a candidate, ``parts`` by name, number of shapes and id."""
     columns = []
     for c in chosen:
         none = {id: np.zeros((v.size, len(c.strengths))) for id, v in y.items()}
@@ -90,7 +110,7 @@ def sense(inverse: Inverse, q: np.ndarray, chosen: Sequence[Candidate], run: Pre
                 columns.append(Column(c, shapes, found))
         if c.name in rigs:
             columns += [Column(c, c.grid[0], {**none, **by}) for by in _secants(*rigs[c.name])]
-    return Sensed(y, J, columns)
+    return columns
 
 
 def _finite(

@@ -15,6 +15,7 @@ from cutbench.calibration.identifiability import Unknown
 from cutbench.calibration.inverse import Inverse
 from cutbench.calibration.prediction import Prediction
 from cutbench.calibration.sparing import Sparing
+from cutbench.calibration.survey import Survey
 from cutbench.case.case import Case
 from cutbench.discovery.point import Point, gathered
 from cutbench.discovery.score import Score
@@ -24,6 +25,8 @@ SMOOTH = lm.Settings(promise=0.05, evaluations=15, failures=5)
 MESHED = lm.Settings(promise=0.3, evaluations=5, failures=2)
 #: Parts of the score's step that a fit may start from.
 PARTS, PARTS_MESHED = (1.0, 0.5, 0.2, 0.05), (1.0, 0.5)
+#: How far shapes are moved to see what they do, in q; places that are computed after what is foreseen.
+SHAPED, STEPS = 0.7, 4
 #: Strengths that are smaller, in typical ones, are none.
 NOTHING = 1e-3
 
@@ -168,6 +171,8 @@ def _by_work(point: Point, place: Place, score: Score) -> Point:
     if not place.apart:
         score = _stepped(Sparing(inverse, *_at_off(place, score, off)), score)
         inverse, off = _extended(point, place, score)
+    if (foreseen := _foreseen(point, inverse, score)) is not None:
+        return foreseen
     inverse = Sparing(inverse, *_at_off(place, score, off))
     difference = partial(by_work.difference, inverse)
     low, high = inverse.bounds
@@ -182,6 +187,29 @@ def _by_work(point: Point, place: Place, score: Score) -> Point:
     if found.message == lm.INTERRUPTED:
         raise KeyboardInterrupt
     return gathered(inverse, found.q, point.w, point.test_shift)
+
+
+def _foreseen(point: Point, inverse: Inverse, score: Score) -> Point | None:
+    """The extended model where works are foreseen to agree best, then by the forces; None where nothing can
+    be foreseen."""
+    c, start, off = score.column.candidate, _start(inverse, score, 1.0), _start(inverse, score, 0.0)
+    survey = Survey(inverse, [start, off])
+    if not survey.problem.emulable:
+        return None
+    if c.slot != "rig":
+        # What its strength and shapes do is not known from runs that lack it.
+        ends = [start]
+        for k in range(start.size - len(c.shapes), start.size):
+            for step in (-SHAPED, SHAPED):
+                ends.append(start.copy())
+                ends[-1][k] = np.clip(start[k] + step, *inverse.unknowns[k].reach)
+        survey.compute(ends)
+    if not survey.problem.able:
+        return None
+    found = survey.minimum(point.w, survey.settled(steps=STEPS).q, MESHED)
+    if found.message == lm.INTERRUPTED:
+        raise KeyboardInterrupt
+    return gathered(survey.problem, found.q, point.w, point.test_shift)
 
 
 def _stepped(inverse: Sparing, score: Score) -> Score:

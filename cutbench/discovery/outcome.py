@@ -23,6 +23,8 @@ from cutbench.discovery.yardstick import Yardstick
 CHANCE = 0.005
 #: A mechanism is named only if it explains this part of what is wrong.
 SHARE, SHARE_WEAK = 0.3, 0.6
+#: What explains so much of it leaves nothing for another to explain better.
+WHOLE = 0.9
 #: An error of the reading makes no more of what was read than the specimen does.
 OWN = 0.5
 
@@ -48,6 +50,11 @@ class Tried:
     @property
     def name(self) -> str:
         return self.score.name
+
+    @property
+    def whole(self) -> bool:
+        """Whether it leaves nothing for another to explain better."""
+        return self.share >= WHOLE
 
     @property
     def convincing(self) -> bool:

@@ -13,6 +13,7 @@ import numpy as np
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.progress import OnProgress, silent
 from cutbench.calibration import lm
+from cutbench.calibration.emulated import settled_at
 from cutbench.calibration.fitted import Fit
 from cutbench.calibration.fitting import fit
 from cutbench.calibration.identifiability import Unknown, information_inverse
@@ -123,7 +124,8 @@ def point_of(fitted: Fit, run: Predictor) -> Point:
         if e.kind == "cut" and e.id in curves:
             (p,) = inverse.predicted(fitted.q, [e], fine=False)
             shift[e.id] = curves[e.id] - p.y
-    there = inverse.moved(fitted.q, run, any(e.kind == "cut" for e in fitted.campaign.train))
+    meshed = any(e.kind == "cut" for e in fitted.campaign.train)
+    there = settled_at(inverse, fitted.q, run) if meshed else inverse.moved(fitted.q, run)
     return gathered(there, np.zeros(fitted.q.size), fitted.data_covariance, shift)
 
 

@@ -16,6 +16,7 @@ from cutbench.discovery.candidates import ORDER, Candidate, candidates
 from cutbench.discovery.causes import PRICE
 from cutbench.discovery.columns import Sensed, sense
 from cutbench.discovery.extending import Place, extend
+from cutbench.discovery.foreseen import Foreseen
 from cutbench.discovery.heldout import TESTS, Heldout, better_than, decide
 from cutbench.discovery.outcome import CHANCE, OWN, SHARE, SHARE_WEAK, Round, Tried
 from cutbench.discovery.point import Point, own_part, undetermined
@@ -30,8 +31,12 @@ TOLD = 1e-4
 FITS, FITS_MESHED = 6, 3
 #: Where cuts have values of their own, those that are alike to these by this part of the most alike.
 LIKE = 0.7
+#: So many are computed with at a finite strength, with a mesh.
+PROBED = 8
 #: With a mesh, where one that was fitted convinces, only those whose score is this part of its.
 NEAR = 0.5
+#: A rig or reading that is foreseen to leave no more is fitted first, so many at the most.
+LEFT, FIRST = 0.6, 2
 #: Fits are told apart by so many standard errors of their difference; more if known to first order only.
 APART, APART_MESHED = 2.0, 3.0
 #: Values of shapes tried where the data leave them open; how far scores may lie behind, in prices.
@@ -51,12 +56,36 @@ def round_of(point: Point, run: Predictor, seed: int, on_progress: OnProgress) -
         scores = score(nothing, point.w.noise, point.residual, seed=seed)
         if scores.p_residual >= PROMISING:
             return Round(point, nothing, scores, (), (), None, left_out, {})
+        before = asking.foreseen(chosen, left_out, scores)
+        if before is not None and any(t.whole for t in before.tried if t.name == before.accepted):
+            return before
         if (place := apart(point, on_progress)) is not None:
             some, idle = by_rate(point, chosen)
             this = asking.at(place, some, {**left_out, **idle}, scores)
             if this.accepted is not None or not idle:
-                return this
+                return _likelier(before, this)
+        return _likelier(before, asking.at(Place.of(point), chosen, left_out))
     return asking.at(Place.of(point), chosen, left_out)
+
+
+def _left_by(point: Point, chosen: Sequence[Candidate]) -> dict[str, float]:
+    """Rigs and readings that are foreseen to explain much, by the part of the misfit that they leave."""
+    foreseen = Foreseen(point)
+    if not foreseen.able:
+        return {}
+    left = sorted(foreseen.rigs(chosen).items(), key=lambda each: each[1])
+    return {name: part for name, part in left[:FIRST] if part <= LEFT}
+
+
+def _likelier(before: Round | None, this: Round) -> Round:
+    """Of two rounds at the same point the one whose cause makes its data likelier."""
+    if before is None or before.accepted is None:
+        return this
+    gains = [
+        t.gain - PRICE * len(t.score.column.candidate.parameters)
+        for r in (before, this) for t in r.tried if t.name == r.accepted
+    ]  # fmt: skip
+    return this if len(gains) > 1 and gains[1] > gains[0] else before
 
 
 @dataclass(frozen=True)
@@ -68,24 +97,45 @@ class _Asking:
     seed: int
     on_progress: OnProgress
 
+    def foreseen(
+        self, chosen: Sequence[Candidate], left_out: Mapping[str, str], plain: Scores
+    ) -> Round | None:
+        """The rigs and readings alone, of which those are fitted that are foreseen to explain much; None
+        where none is."""
+        left = _left_by(self.point, chosen)
+        if not left:
+            return None
+        rigs = [c for c in chosen if c.slot == "rig"]
+        others = {c.name: "a rig or a reading explains it" for c in chosen if c.slot != "rig"}
+        return self.at(Place.of(self.point), rigs, {**left_out, **others}, plain, left)
+
     def at(
         self,
         place: Place,
         chosen: Sequence[Candidate],
         left_out: Mapping[str, str],
         plain: Scores | None = None,
+        left: Mapping[str, float] | None = None,
     ) -> Round:
-        """``plain``: what chance says of the residual at the point, where the place is another."""
+        """``plain``: what chance says of the residual at the point, where the place is another. ``left``:
+        the parts of the misfit that are foreseen to be left by those that are fitted, if that is known."""
         point, names = self.point, ", ".join(self.point.case.mechanisms)
         self.on_progress(math.nan, math.nan, f"{len(chosen)} candidates beside {names}")
-        sensed = sense(place.inverse, place.q, chosen, self.run)
-        sensed = replace(sensed, J={id: J @ place.S for id, J in sensed.J.items()})
-        scores = score(sensed, point.w.noise, place.residual, seed=self.seed)
+
+        def scored_at(sensed: Sensed) -> tuple[Sensed, Scores]:
+            sensed = replace(sensed, J={id: J @ place.S for id, J in sensed.J.items()})
+            return sensed, score(sensed, point.w.noise, place.residual, seed=self.seed)
+
+        def likely(exact: Sensed) -> list[str]:
+            by_gain = sorted(scored_at(exact)[1].scores, key=lambda s: -s.gain)
+            return [s.name for s in by_gain[:PROBED]]
+
+        sensed, scores = scored_at(sense(place.inverse, place.q, chosen, self.run, likely))
         if plain is not None:
             scores = replace(scores, chi2=plain.chi2, p_residual=plain.p_residual)
         scored = {s.name for s in scores.scores}
         failed = {c.name: "no run could take it up beside the others" for c in chosen if c.name not in scored}
-        tried = self._tried(place, scores, failed)
+        tried = self._tried(place, scores, failed, left)
         tried, group = _ordered(tried, scores, point.meshed)
         # A residual that is not significant as a whole needs a candidate that explains most of it.
         needed = SHARE if scores.p_residual < CHANCE else SHARE_WEAK
@@ -98,7 +148,9 @@ class _Asking:
         accepted = able[0].name if able else None
         return Round(point, sensed, scores, tuple(tried), tuple(group), accepted, left_out, failed)
 
-    def _tried(self, place: Place, scores: Scores, failed: dict[str, str]) -> list[Tried]:
+    def _tried(
+        self, place: Place, scores: Scores, failed: dict[str, str], left: Mapping[str, float] | None
+    ) -> list[Tried]:
         """Those worth it, fitted; why others could not be goes into ``failed``."""
         point, wrong = self.point, Yardstick(self.point, scores.expected)
         worth = [s for s in scores.scores if s.p < PROMISING and s.gain > 1]
@@ -107,13 +159,18 @@ class _Asking:
             ranked = [alike(point, place, s) for s in scores.scores]
             ranked.sort(key=lambda each: -each[0])
             order = [s for part, s in ranked if part >= LIKE * ranked[0][0] > 0]
+        if left is not None:
+            order = sorted((s for s in scores.scores if s.name in left), key=lambda s: left[s.name])
         # What is asked before physics costs little without a mesh.
-        first = [s for s in worth[FITS:] if s.column.candidate.cause != "mechanism"]
+        cheap = [s for s in worth[FITS:] if s.column.candidate.cause != "mechanism"]
         tried: list[Tried] = []
-        for s in order[:FITS_MESHED] if point.meshed else [*worth[:FITS], *first]:
-            enough = max((t.score.gain for t in tried if point.meshed and t.convincing), default=0.0)
-            if s.gain < NEAR * enough and not place.apart:
+        for s in order[:FITS_MESHED] if point.meshed else [*worth[:FITS], *cheap]:
+            convincing = [t for t in tried if point.meshed and t.convincing]
+            enough = max((t.score.gain for t in convincing), default=0.0)
+            if s.gain < NEAR * enough and not place.apart and left is None:
                 continue
+            if any(t.whole for t in convincing):
+                break
             self.on_progress(math.nan, math.nan, f"fitting {s.name}: score {s.z:.1f}")
             try:
                 after = extend(point, s, place=place)

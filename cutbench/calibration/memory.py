@@ -1,0 +1,156 @@
+"""Cuts that were computed, in a form in which one tells of another.
+
+Without inertia a cut knows no stress and no time but its own: in units of a modulus, and of the time in which
+the blade goes a millimetre, cuts at several speeds are samples of one function, and so are those of softer
+and tougher gels. What a mechanism that is switched off would be said to be does not matter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+
+from cutbench.base.units import powers_of
+from cutbench.calibration.kriging import Kriging
+from cutbench.case.case import Case
+from cutbench.case.model import Model
+
+#: Places along the travel at which works are compared; a part of the whole work below which it is taken as it
+#: is, and above by its logarithm.
+PLACES, SMALL = 80, 0.01
+#: Values that differ by less (relative) are the same; more runs than unknown coordinates, at the least.
+SAME, SPARE = 1e-9, 3
+
+
+@lru_cache
+def _powers(mechanisms: tuple[str, ...]) -> dict[str, tuple[float, float]]:
+    """Of force and time in what the course of a run depends on, by name: all but rigs', speed and travel."""
+    model = Model(mechanisms)
+    rig = {q.name for law in model.laws("rig") for q in law.parameters}
+    units = {n: q.unit for n, q in model.parameters().items() if n not in rig and n not in ("speed", "depth")}
+    return {name: powers_of(unit) for name, unit in units.items()}
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Of a model: the name of the ``modulus`` (MPa) that forces are in units of, and powers by name."""
+
+    modulus: str
+    powers: Mapping[str, tuple[float, float]]
+
+    @classmethod
+    def of(cls, case: Case) -> Scale | None:
+        """None where no modulus or speed sets the scale."""
+        powers = _powers(case.mechanisms)
+        stress = next((n for n, (force, _) in powers.items() if force == 1 and case.values[n] > 0), None)
+        return None if stress is None or case.motion or not case.values["speed"] > 0 else cls(stress, powers)
+
+    def reduced(self, values: Mapping[str, float]) -> dict[str, float]:
+        stress, speed = values[self.modulus], values["speed"]
+        return {n: values[n] * stress**-force * speed**time for n, (force, time) in self.powers.items()}
+
+    @property
+    def loose(self) -> set[str]:
+        """What differs between cuts of one specimen at several speeds, or of softer and tougher ones."""
+        return {name for name, powers in self.powers.items() if any(powers)}
+
+
+@dataclass(frozen=True)
+class _Run:
+    """``values`` in units of the modulus and the speed; ``x`` (n,) in mm, ``work`` (n,) over the modulus."""
+
+    case: Case
+    values: Mapping[str, float]
+    x: np.ndarray
+    work: np.ndarray
+
+
+@dataclass
+class Memory:
+    """All cuts that were computed in a session."""
+
+    runs: list[_Run] = field(default_factory=list)
+
+    def add(self, case: Case, course: np.ndarray) -> None:
+        """A run's ``course`` (3, n): travel in mm, force in N, time."""
+        if course.shape[1] < 2 or (scale := Scale.of(case)) is None:
+            return
+        x, force = course[:2]
+        work = cumulative_trapezoid(force, x, initial=0.0) / case.values[scale.modulus]
+        self.runs.append(_Run(case, scale.reduced(case.values), x, work))
+
+    def emulator(self, case: Case, names: Collection[str], end_mm: float) -> Emulator | None:
+        """Of cuts like ``case`` up to a travel, whatever values ``names`` have; None if too few are known."""
+        if (scale := Scale.of(case)) is None:
+            return None
+        wanted, known = scale.reduced(case.values), []
+        free = (scale.loose | {*names}) & {*wanted}
+        for run in (r for r in self.runs if r.x[-1] >= end_mm * (1 - SAME) and _alike(r.case, case)):
+            values = _seen_as(run, case.model, wanted)
+            if values and all(_same(values[n], v) for n, v in wanted.items() if n not in free):
+                known.append((values, run))
+        axes, columns = [], []
+        for name in (n for n in wanted if n in free):
+            column = np.array([values[name] for values, _ in known])
+            has = np.isfinite(column)
+            here = np.append(column[has], wanted[name])
+            if not _same(here.min(), here.max()):
+                axes.append(axis := _Axis(name, bool(here.min() > 0)))
+                columns.append(axis.of(np.where(has, column, here.mean())))
+        if len(known) < len(axes) + 1 + SPARE:
+            return None
+        x = np.linspace(0.0, end_mm, PLACES + 1)
+        works = np.stack([np.interp(x, run.x, run.work) for _, run in known])
+        return Emulator(scale, x, axes, np.stack(columns, axis=1), works)
+
+
+def _same(a: float, b: float) -> bool:
+    return abs(a - b) <= SAME * max(abs(a), abs(b))
+
+
+def _alike(one: Case, other: Case) -> bool:
+    return all(getattr(one, name) == getattr(other, name) for name in ("dim", "numerics", "outline"))
+
+
+def _seen_as(run: _Run, model: Model, wanted: Collection[str]) -> dict[str, float] | None:
+    """The values of a ``run`` as one of ``model``, nan where they have no effect; None if it is none."""
+    mine = {*run.case.mechanisms}
+    if not mine <= {*model.mechanisms}:
+        return None
+    new = {n: q for n, q in model.parameters().items() if n in wanted and n not in run.values}
+    for law in (law for law in model.all if law.name not in mine and law.slot != "rig"):
+        if not any(q.name in new and q.off is not None for q in law.parameters):
+            return None
+    return {**run.values, **{n: np.nan if q.off is None else q.off_value for n, q in new.items()}}
+
+
+@dataclass(frozen=True)
+class _Axis:
+    """A coordinate of the places: a value, or its logarithm."""
+
+    name: str
+    logarithmic: bool
+
+    def of(self, value: np.ndarray) -> np.ndarray:
+        return np.log(np.maximum(value, 1e-300)) if self.logarithmic else value
+
+
+class Emulator:
+    """Works along ``x`` (n,) in mm from those of runs (m, n), in units of their moduli, at ``X`` (m, d)."""
+
+    def __init__(self, scale: Scale, x: np.ndarray, axes: Sequence[_Axis], X: np.ndarray, works: np.ndarray):
+        self.scale, self.x, self.axes = scale, x, axes
+        self.small = SMALL * float(np.median(np.abs(works[:, -1])))
+        self._kriging = Kriging(X, np.arcsinh(works[:, 1:] / self.small))
+
+    def works(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:
+        """∫ F dx (p, n) in N mm for ``each`` of p sets of values."""
+        reduced = [self.scale.reduced(values) for values in each]
+        places = np.stack([axis.of(np.array([v[axis.name] for v in reduced])) for axis in self.axes], axis=1)
+        stress = np.array([values[self.scale.modulus] for values in each])[:, None]
+        work = np.sinh(self._kriging(places)) * self.small * stress
+        return np.concatenate([np.zeros((len(work), 1)), work], axis=1)

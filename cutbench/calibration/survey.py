@@ -1,0 +1,187 @@
+"""Where works agree best, by a look around and by what is foreseen from it.
+
+A first look computes cuts at places far apart. From these, works are foreseen anywhere between (see
+``memory``), and minimised from many starts at no cost; what is found is computed, known from then on, and
+foreseen again, until it stays where it is. A valley near the start does not hide a better one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from scipy.stats import qmc
+
+from cutbench.base.errors import ComputationFailed
+from cutbench.base.progress import OnProgress, silent
+from cutbench.calibration import by_work, lm, secant
+from cutbench.calibration.emulated import Emulated, Foreseeing
+from cutbench.calibration.inverse import Inverse
+from cutbench.calibration.prediction import Task
+from cutbench.data.covariance import Covariance
+
+#: Places of the first look, and how far away they are in q: so far that works change by this part, between
+#: two lengths.
+PLACES, CHANGE, NEAREST, FARTHEST = 8, 0.12, 0.5, 2.0
+#: Starts of a search among what is foreseen, beside the best that are known; how far beyond these it goes.
+STARTS, KNOWN, BEYOND = 8, 3, 0.7
+FORESEEN = lm.Settings(promise=0.5, evaluations=40, failures=2)
+#: Computed after the first look at the most, by works and by forces; in vain, before it ends.
+STEPS, FORCES, VAIN = 10, 6, 2
+#: In q: what moves no farther is the same place; what gains less than this part gains nothing.
+CLOSE, PAYS = 0.05, 0.1
+#: Less in χ² of forces is noise.
+GAINS = 4.0
+
+
+def nearby(inverse: Inverse, q: np.ndarray, on_progress: OnProgress = silent) -> by_work.Nearby:
+    """Where the works agree best, from ``q`` on, where ``inverse`` has been computed; by its derivatives
+    where nothing can be foreseen.
+
+    Raises ComputationFailed if it cannot be computed.
+    """
+    survey = Survey(inverse, [q])
+    try:
+        if survey.look(on_progress):
+            return survey.settled(on_progress)
+    except KeyboardInterrupt:
+        return survey.nearby(interrupted=True)
+    return by_work.nearby(inverse, q, on_progress)
+
+
+class Survey:
+    """Of ``inverse`` from ``starts`` (k,) on."""
+
+    def __init__(self, inverse: Inverse, starts: Sequence[np.ndarray]):
+        self.inverse, self.starts, self.evaluations = inverse, [*starts], 0
+        self.problem = Emulated(inverse)
+        #: χ² of the works, and where.
+        self.known: list[tuple[float, np.ndarray]] = []
+        self.low, self.high = self.problem.hull(starts)
+
+    def nearby(self, interrupted: bool = False) -> by_work.Nearby:
+        """The best place that is known, which the problem itself knows from then on."""
+        q = min(self.known, key=lambda each: each[0])[1] if self.known else self.starts[0]
+        if self.known:
+            self.inverse.know(q, self.problem.predictions(q))
+        return by_work.Nearby(q, self.problem, self.evaluations, interrupted)
+
+    def look(self, on_progress: OnProgress = silent) -> bool:
+        """Compute cuts around the first start; whether others can be foreseen from them."""
+        if not self.problem.emulable:
+            return False
+        q = self.starts[0]
+        r, J = by_work.difference(self.inverse, q)
+        self.known.append((float(r @ r), q))
+        size = by_work.NOISE * np.sqrt(np.mean(J**2, axis=0))
+        reach = np.clip(CHANGE / np.maximum(size, 1e-300), NEAREST, FARTHEST)
+        reach[[u.name in self.problem.proportional for u in self.inverse.unknowns]] = 0.0
+        low, high = self.inverse.bounds
+        self.low, self.high = np.maximum(q - reach, low), np.minimum(q + reach, high)
+        on_progress(0, PLACES, "looking around")
+        self.compute(self._spread(PLACES))
+        return self.problem.able
+
+    def compute(self, places: Sequence[np.ndarray]) -> None:
+        """Cuts at ``places`` (k,), as far as they can be computed, to foresee others."""
+        tasks = []
+        for there in places:
+            for e in self.inverse.campaign.train:
+                with suppress(ComputationFailed):
+                    tasks.append(Task(e, self.inverse.checked_case(e, there), self.inverse.grids[e.id]))
+        secant.tried(self.inverse, tasks)
+        self.evaluations += len(places)
+
+    def settled(self, on_progress: OnProgress = silent, steps: int = STEPS) -> by_work.Nearby:
+        """What is foreseen is computed, and foreseen again, until it stays. Raises ComputationFailed."""
+        failed, reason = 0, ComputationFailed("nothing could be computed")
+        for _ in range(steps):
+            there = self.foreseen().q
+            if self.known:
+                best, q = min(self.known, key=lambda each: each[0])
+                on_progress(self.evaluations, np.nan, f"χ² {best:.5g}")
+                if best <= self._size or np.abs(there - q).max() <= CLOSE or failed >= VAIN:
+                    break
+            self.evaluations += 1
+            try:
+                r, _ = by_work.difference(self.problem, there)
+            except ComputationFailed as error:
+                failed, reason = failed + 1, error
+                continue
+            chi2 = float(r @ r)
+            failed = 0 if not self.known or chi2 < (1 - PAYS) * best else failed + 1
+            self.known.append((chi2, there))
+        if not self.known:
+            raise reason
+        return self.nearby()
+
+    def minimum(
+        self, w: Covariance, q: np.ndarray, settings: lm.Settings, on_progress: OnProgress = silent
+    ) -> lm.Minimum:
+        """Where forces agree best, from ``q`` on, which the problem itself knows from then on."""
+        forces = partial(self.problem.whitened, covariance=w)
+        try:
+            q = self.agreed(w, q, on_progress)
+        except KeyboardInterrupt:
+            settings = replace(settings, evaluations=0)
+        best = lm.minimise(forces, q, *self.inverse.bounds, settings, on_progress, first=forces(q))
+        if settings.evaluations == 0:
+            best.message = lm.INTERRUPTED
+        self.evaluations += best.evaluations
+        self.inverse.know(best.q, self.problem.predictions(best.q))
+        return best
+
+    def agreed(
+        self, w: Covariance, q: np.ndarray, on_progress: OnProgress = silent, steps: int = FORCES
+    ) -> np.ndarray:
+        """The same for forces whitened by ``w``, from ``q`` on, which is known."""
+        known, failed = {q.tobytes(): self._forces(w, q)}, 0
+        for _ in range(steps):
+            here = min(known, key=lambda key: known[key])
+            best, q = known[here], np.frombuffer(here)
+            on_progress(self.evaluations, np.nan, f"χ² {best:.5g}")
+            there = self.foreseen_forces(w, [q, *self._spread(STARTS, seed=1)])
+            gained = best - there.chi2
+            if gained < max(PAYS * best, GAINS) or np.abs(there.q - q).max() <= CLOSE or failed >= VAIN:
+                break
+            self.evaluations += 1
+            try:
+                known[there.q.tobytes()] = chi2 = self._forces(w, there.q)
+            except ComputationFailed:
+                chi2 = np.inf
+            failed = 0 if chi2 < (1 - PAYS) * best else failed + 1
+        return np.frombuffer(min(known, key=lambda key: known[key])).copy()
+
+    def _forces(self, w: Covariance, q: np.ndarray) -> float:
+        r, _ = self.problem.whitened(q, w)
+        return float(r @ r)
+
+    def foreseen(self) -> lm.Minimum:
+        """Where works are foreseen to agree best."""
+        low, high = self.inverse.bounds
+        best = [q for _, q in sorted(self.known, key=lambda each: each[0])[:KNOWN]]
+        starts = [*best, *self.starts, *self._spread(STARTS, seed=1)]
+        low = np.maximum(np.minimum(self.low, np.min(starts, axis=0)) - BEYOND, low)
+        high = np.minimum(np.maximum(self.high, np.max(starts, axis=0)) + BEYOND, high)
+        works = partial(by_work.difference, Foreseeing(self.inverse))
+        found = [lm.minimise(works, np.clip(q, low, high), low, high, FORESEEN) for q in starts]
+        return min(found, key=lambda each: each.chi2)
+
+    def foreseen_forces(self, w: Covariance, starts: Sequence[np.ndarray]) -> lm.Minimum:
+        """Where forces are foreseen to agree best, from ``starts`` on."""
+        problem = Foreseeing(self.inverse)
+        forces = partial(problem.whitened, covariance=w)
+        found = [lm.minimise(forces, q, *self.inverse.bounds, FORESEEN) for q in starts]
+        return min(found, key=lambda each: each.chi2)
+
+    @property
+    def _size(self) -> int:
+        return sum(self.inverse.grids[e.id].mean.size for e in self.inverse.campaign.train)
+
+    def _spread(self, count: int, seed: int = 0) -> list[np.ndarray]:
+        """So many places between ``low`` and ``high``."""
+        parts = qmc.Halton(self.low.size, seed=seed).random(count)
+        return [self.low + (self.high - self.low) * part for part in parts]

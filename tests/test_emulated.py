@@ -1,0 +1,165 @@
+"""Cuts foreseen from those that were computed, with forces by a formula."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from formula_of_cuts import TRUE, X, campaign_in
+from test_discover_cuts import point_at
+
+from cutbench.base.errors import ComputationFailed
+from cutbench.calibration import survey
+from cutbench.calibration.emulated import Emulated, Foreseeing
+from cutbench.calibration.inverse import Inverse
+from cutbench.calibration.kriging import Kriging
+from cutbench.calibration.looked_for import unknowns
+from cutbench.calibration.memory import Memory, Scale
+from cutbench.calibration.prediction import Prediction, Reading, Task
+from cutbench.discovery.candidates import candidates
+from cutbench.discovery.foreseen import Foreseen
+
+
+def force(x: np.ndarray, values: dict) -> np.ndarray:
+    """Of a blade whose cut begins at a depth ∝ (G_c/G)^½, later the faster it goes."""
+    G, G_c, eta = values["G"], values["G_c"], values["eta_reg"] * values["speed"]
+    begins = 3.0 * np.sqrt((G_c / 0.005) / (G / 0.008)) * (1 + eta)
+    part = 1 / (1 + np.exp(np.clip((begins - x) / 0.2, -50, 50)))
+    return (1 - part) * 0.3 * G / 0.008 * x**1.5 + part * 0.5 * G_c / 0.005
+
+
+class Remembering:
+    """Runs by the formula, which stay in its memory; ``fails`` where the toughness is beyond."""
+
+    def __init__(self, fails: float = np.inf):
+        self.memory, self.places, self.fails = Memory(), 0, fails
+
+    def __call__(self, tasks: list[Task]) -> list[Prediction]:
+        self.places += 1
+        return [self._one(task) for task in tasks]
+
+    def _one(self, task: Task) -> Prediction:
+        values = dict(task.case.values)
+        if values["G_c"] > self.fails:
+            raise ComputationFailed("too tough")
+        x = np.linspace(0, values["depth"], 200)
+        course = np.stack([x, force(x, values), x / values["speed"]])
+        self.memory.add(task.case, course)
+        slopes = {}
+        for name in (n for n in task.names if n in ("G", "G_c")):
+            moved = {**values, name: values[name] * 1.0001}
+            slopes[name] = (force(x, moved) - course[1]) / (moved[name] - values[name])
+        y, by = Reading(task, course).by(vars(task.case.p), slopes)
+        return Prediction(y, by, task.names, course=course)
+
+
+@pytest.fixture
+def cuts(tmp_path):
+    return campaign_in(tmp_path)
+
+
+def inverse_of(campaign, run, offset: float = 0.0) -> Inverse:
+    inverse = Inverse(campaign, unknowns(campaign), run)
+    true = inverse.start.set(G="8 kPa", G_c="5 J/m^2")
+    for e in campaign.train:
+        case, grid = campaign.case(e, true), inverse.grids[e.id]
+        mean = np.interp(grid.x - offset, X, force(X, dict(case.values)), left=0.0)
+        inverse.grids[e.id] = replace(grid, mean=mean)
+    return inverse
+
+
+def farthest(inverse: Inverse, q: np.ndarray) -> float:
+    found = zip(inverse.unknowns, inverse.values(q), strict=True)
+    return max(abs(np.log(value / TRUE[u.label])) for u, value in found)
+
+
+def test_a_trend_is_found_and_places_that_are_known_are_as_they_are():
+    rng = np.random.default_rng(0)
+    X = rng.uniform(-1, 1, (20, 3))
+    linear = X @ rng.standard_normal((3, 5)) + 2.0
+    there = rng.uniform(-3, 3, (4, 3))
+    np.testing.assert_allclose(Kriging(X, linear)(X), linear, atol=1e-9)
+    trend = np.linalg.lstsq(np.column_stack([np.ones(20), X]), linear, rcond=None)[0]
+    np.testing.assert_allclose(
+        Kriging(X, linear)(there), np.column_stack([np.ones(4), there]) @ trend, atol=1e-6
+    )
+    curved = np.sin(2 * X)
+    A = np.column_stack([np.ones(20), X])
+    by_trend = A @ np.linalg.lstsq(A, curved, rcond=None)[0]
+    assert np.abs(Kriging(X, curved)(X) - curved).max() < 0.2 * np.abs(by_trend - curved).max()
+
+
+def test_a_coordinate_that_nothing_depends_on_says_nothing():
+    rng = np.random.default_rng(1)
+    X = rng.uniform(-1, 1, (30, 2))
+    Y = np.sin(3 * X[:, :1])
+    there = np.array([[0.3, -50.0], [0.3, 50.0]])
+    assert np.ptp(Kriging(X, Y)(there)) < 0.02
+
+
+def test_a_softer_gel_cut_slowly_is_the_same_cut(cuts):
+    """All stresses halved, the blade twice as fast and all times halved: nothing else is changed."""
+    one = cuts.case(cuts.train[0], cuts.base)
+    halved = {n: one.values[n] / 2 for n in ("G", "G_c", "tau_W", "eta_reg")}
+    other = replace(one, values={**one.values, **halved, "speed": 2 * one.values["speed"]})
+    scale = Scale.of(one)
+    assert scale.reduced(one.values) == pytest.approx(scale.reduced(other.values), rel=1e-12)
+
+
+def test_what_was_not_computed_is_foreseen(cuts):
+    run = Remembering()
+    inverse = inverse_of(cuts, run)
+    assert not Emulated(inverse).able
+    for a in np.linspace(-0.6, 0.6, 4):
+        for b in np.linspace(-0.6, 0.6, 4):
+            inverse.predictions(np.array([a, b]))
+    places, q = run.places, np.array([0.11, -0.23])
+    foreseen = Foreseeing(inverse).predictions(q)
+    assert run.places == places
+    real = Emulated(inverse).predictions(q)
+    assert run.places == places + 1
+    for e in cuts.train:
+        largest = real[e.id].y.max()
+        assert np.abs(foreseen[e.id].y - real[e.id].y).max() < 0.05 * largest
+        # Derivatives are slopes over a step; of what is foreseen, too.
+        for k, name in enumerate(real[e.id].names):
+            ends = []
+            for step in (-0.05, 0.05):
+                there = q.copy()
+                there[k] += step
+                ends.append(inverse.predictions(there)[e.id].y)
+            change = inverse.unknowns[k].value(q[k] + 0.05) - inverse.unknowns[k].value(q[k] - 0.05)
+            slope = (ends[1] - ends[0]) / change
+            column = real[e.id].slopes[:, real[e.id].names.index(name)]
+            assert np.linalg.norm(column - slope) < 0.25 * np.linalg.norm(slope)
+
+
+def test_a_look_around_leads_to_what_agrees(cuts):
+    run = Remembering()
+    inverse = inverse_of(cuts, run)
+    found = survey.nearby(inverse, np.zeros(2))
+    assert farthest(inverse, found.q) < 0.03 < 0.3 < farthest(inverse, np.zeros(2))
+    places = run.places
+    inverse.predictions(found.q)  # is known
+    assert run.places == places
+
+
+def test_places_that_cannot_be_computed_are_left_out(cuts):
+    inverse = inverse_of(cuts, Remembering(fails=0.0052))
+    assert farthest(inverse, survey.nearby(inverse, np.zeros(2)).q) < 0.05
+
+
+def test_a_reading_that_begins_late_is_foreseen_without_a_run(tmp_path):
+    campaign, run = campaign_in(tmp_path), Remembering()
+    point = point_at(campaign, run, **TRUE)
+    inverse = inverse_of(campaign, run, offset=0.5)
+    point.inverse.grids.update(inverse.grids)
+    point.inverse.predictions(np.zeros(2))
+    survey.Survey(point.inverse, [np.zeros(2)]).look()
+    chosen, _ = candidates(point.inverse, point.case)
+    places, foreseen = run.places, Foreseen(point)
+    left = foreseen.rigs(chosen)
+    assert run.places == places and foreseen.able
+    assert min(left, key=lambda name: left[name]) == "contact_offset"
+    assert left["contact_offset"] < 0.2 < 0.5 < left["force_drift"]
