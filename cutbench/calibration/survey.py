@@ -33,6 +33,8 @@ FORESEEN = lm.Settings(promise=0.5, evaluations=40, failures=2)
 STEPS, FORCES, VAIN = 10, 6, 2
 #: In q: what moves no farther is the same place; what gains less than this part gains nothing.
 CLOSE, PAYS = 0.05, 0.1
+#: Works agree with χ² a value, in their noise of 2 %: half of it.
+ENOUGH = 0.25
 #: Less in χ² of forces is noise.
 GAINS = 4.0
 
@@ -103,7 +105,7 @@ class Survey:
             if self.known:
                 best, q = min(self.known, key=lambda each: each[0])
                 on_progress(self.evaluations, np.nan, f"χ² {best:.5g}")
-                if best <= self._size or np.abs(there - q).max() <= CLOSE or failed >= VAIN:
+                if best <= self.agreeing or np.abs(there - q).max() <= CLOSE or failed >= VAIN:
                     break
             self.evaluations += 1
             try:
@@ -119,12 +121,17 @@ class Survey:
         return self.nearby()
 
     def minimum(
-        self, w: Covariance, q: np.ndarray, settings: lm.Settings, on_progress: OnProgress = silent
+        self,
+        w: Covariance,
+        q: np.ndarray,
+        settings: lm.Settings,
+        on_progress: OnProgress = silent,
+        steps: int = FORCES,
     ) -> lm.Minimum:
         """Where forces agree best, from ``q`` on, which the problem itself knows from then on."""
         forces = partial(self.problem.whitened, covariance=w)
         try:
-            q = self.agreed(w, q, on_progress)
+            q = self.agreed(w, q, on_progress, steps)
         except KeyboardInterrupt:
             settings = replace(settings, evaluations=0)
         best = lm.minimise(forces, q, *self.inverse.bounds, settings, on_progress, first=forces(q))
@@ -178,8 +185,9 @@ class Survey:
         return min(found, key=lambda each: each.chi2)
 
     @property
-    def _size(self) -> int:
-        return sum(self.inverse.grids[e.id].mean.size for e in self.inverse.campaign.train)
+    def agreeing(self) -> float:
+        """χ² of works that agree."""
+        return ENOUGH * sum(self.inverse.grids[e.id].mean.size for e in self.inverse.campaign.train)
 
     def _spread(self, count: int, seed: int = 0) -> list[np.ndarray]:
         """So many places between ``low`` and ``high``."""

@@ -39,6 +39,8 @@ FORCES = lm.Settings(promise=0.3, evaluations=4, failures=2)
 SETTLED = 3
 #: So many parameters are tried, those that gain most by their derivatives; how far these reach, in q.
 TRIED, REACH = 2, 1.0
+#: One that is foreseen to leave no more is tried.
+LIKELY = 0.8
 #: Part of what is wrong that one must explain to be where candidates are asked.
 MOST = 0.5
 
@@ -66,9 +68,9 @@ def apart(point: Point, on_progress: OnProgress) -> Place | None:
 def _promising(point: Point, price: float) -> list[str]:
     """Names of values, that which explains most if it is a cut's own first."""
     foreseen = Foreseen(point)
-    if foreseen.able:
+    if foreseen.able and foreseen.by_work:
         least = foreseen.own()
-        return [name for left, name in least[:TRIED] if left <= 1 - MOST]
+        return [name for left, name in least[:TRIED] if left <= LIKELY]
     names = [u.name for u in point.inverse.unknowns if u.experiment is None]
     ranked = sorted(((_gain(point, name), name) for name in names), reverse=True)
     return [name for gain, name in ranked[:TRIED] if gain >= price]
@@ -106,8 +108,7 @@ def _found(point: Point, name: str) -> Place | None:
     survey = Survey(inverse, [q])
     problem: Sparing = survey.problem
     if survey.problem.able:
-        q = survey.settled(steps=SETTLED).q
-        best = lm.minimise(lambda q: problem.whitened(q, point.w), q, low, high, FORCES)
+        best = survey.minimum(point.w, survey.settled(steps=SETTLED).q, FORCES, steps=SETTLED)
     else:
         problem = Sparing(inverse)
         first = by_work.difference(inverse, q)

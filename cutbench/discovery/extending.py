@@ -25,8 +25,9 @@ SMOOTH = lm.Settings(promise=0.05, evaluations=15, failures=5)
 MESHED = lm.Settings(promise=0.3, evaluations=5, failures=2)
 #: Parts of the score's step that a fit may start from.
 PARTS, PARTS_MESHED = (1.0, 0.5, 0.2, 0.05), (1.0, 0.5)
-#: How far shapes are moved to see what they do, in q; places that are computed after what is foreseen.
-SHAPED, STEPS = 0.7, 4
+#: How far shapes are moved to see what they do, in q; places that are computed after what is foreseen,
+#: by works and by forces.
+SHAPED, STEPS, AGREED = 0.7, 4, 3
 #: Strengths that are smaller, in typical ones, are none.
 NOTHING = 1e-3
 
@@ -87,7 +88,11 @@ class Place:
 def _unknowns(point: Point, score: Score, shapes: bool) -> list[Unknown]:
     """The candidate's parameters, from where the score puts them."""
     c, new = score.column.candidate, []
-    starts = [q.off_value + value for q, value in zip(c.strengths, score.strengths, strict=True)]
+    strengths = score.strengths
+    if point.meshed and c.slot == "rig":
+        # Foreseen anywhere: the unit is what is usual, not the score's, where the model ended.
+        strengths = np.array([q.typical * q.factor for q in c.strengths])
+    starts = [q.off_value + value for q, value in zip(c.strengths, strengths, strict=True)]
     starts += [score.column.shapes[q.name] for q in c.shapes] if shapes else []
     for q, start in zip(c.parameters, starts, strict=False):
         low, high = point.campaign.plan.bounds.get(q.name, q.bounds)
@@ -206,7 +211,7 @@ def _foreseen(point: Point, inverse: Inverse, score: Score) -> Point | None:
         survey.compute(ends)
     if not survey.problem.able:
         return None
-    found = survey.minimum(point.w, survey.settled(steps=STEPS).q, MESHED)
+    found = survey.minimum(point.w, survey.settled(steps=STEPS).q, MESHED, steps=AGREED)
     if found.message == lm.INTERRUPTED:
         raise KeyboardInterrupt
     return gathered(survey.problem, found.q, point.w, point.test_shift)

@@ -36,6 +36,11 @@ class Foreseen:
         """χ² of the works and of the forces, as the model itself is foreseen to have it at its best."""
         return self._best(self.point.inverse, self.point.q)
 
+    @property
+    def by_work(self) -> bool:
+        """Whether works are foreseen to disagree; where they do not, forces tell, of what is near."""
+        return self.without[0] > Survey(self.point.inverse, [self.point.q]).agreeing
+
     def rigs(self, chosen: Sequence[Candidate]) -> dict[str, float]:
         """The part of χ² that is left with each of the rigs and readings among ``chosen``, by name."""
         found, here = {}, self.point.inverse.at(self.point.q)
@@ -59,11 +64,7 @@ class Foreseen:
 
     def _left(self, inverse: Inverse, start: np.ndarray) -> float:
         works, forces = self._best(inverse, start)
-        least = sum(grid.mean.size for grid in self.point.inverse.grids.values())
-        if self.without[0] > least:
-            return works / self.without[0]
-        # Where works agree as they are, forces tell.
-        return forces / max(self.without[1], 1e-300)
+        return works / self.without[0] if self.by_work else forces / max(self.without[1], 1e-300)
 
     def _best(self, inverse: Inverse, start: np.ndarray) -> tuple[float, float]:
         survey = Survey(inverse, [start])
