@@ -126,7 +126,7 @@ def minimise(
             if J_mean is not None and gained > 0:
                 best.q, best.r, best.J = best.q + step, r, J
                 best.history.append(best.chi2)
-                ratio = gained / max(predicted, 1e-300)
+                ratio = min(gained / max(predicted, 1e-300), 10.0)
                 damping = max(damping * max(1 / 5, 1 - (2 * ratio - 1) ** 3), 1e-9)
                 growth, failed, jagged = 2.0, 0, False
                 reach = min(LONGER * reach, settings.reach)

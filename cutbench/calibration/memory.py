@@ -22,6 +22,8 @@ from cutbench.case.model import Model
 #: Places along the travel at which works are compared; a part of the whole work below which it is taken as it
 #: is, and above by its logarithm.
 PLACES, SMALL = 80, 0.01
+#: No work is foreseen to be e to this times that part.
+WIDE = 50.0
 #: Values that differ by less (relative) are the same; more runs than unknown coordinates, at the least.
 SAME, SPARE = 1e-9, 3
 
@@ -152,5 +154,5 @@ class Emulator:
         reduced = [self.scale.reduced(values) for values in each]
         places = np.stack([axis.of(np.array([v[axis.name] for v in reduced])) for axis in self.axes], axis=1)
         stress = np.array([values[self.scale.modulus] for values in each])[:, None]
-        work = np.sinh(self._kriging(places)) * self.small * stress
+        work = np.sinh(np.clip(self._kriging(places), -WIDE, WIDE)) * self.small * stress
         return np.concatenate([np.zeros((len(work), 1)), work], axis=1)

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -31,47 +32,51 @@ from cutbench.discovery.extending import Place
 from cutbench.discovery.foreseen import Foreseen, owning
 from cutbench.discovery.point import Point
 from cutbench.discovery.score import Score
+from cutbench.mechanisms import registry
 
 #: Few evaluations, as derivatives are only updated.
 STEPS = replace(by_work.STEPS, evaluations=5, enough=0.3)
 FORCES = lm.Settings(promise=0.3, evaluations=4, failures=2)
 #: Computed where works are foreseen to agree, at the most.
-SETTLED = 3
+SETTLED = 2
 #: So many parameters are tried, those that gain most by their derivatives; how far these reach, in q.
-TRIED, REACH = 2, 1.0
+TRIED, REACH = 3, 1.0
 #: One that is foreseen to leave no more is tried.
 LIKELY = 0.8
 #: Part of what is wrong that one must explain to be where candidates are asked.
 MOST = 0.5
 
 
-def apart(point: Point, on_progress: OnProgress) -> Place | None:
+def apart(point: Point, on_progress: OnProgress, chosen: Sequence[Candidate] = ()) -> Place | None:
     """Where each cut has a value of its own, of the parameter that explains most of what is wrong so; None
-    where none explains enough of it.
+    where none explains enough of it. Of those that the laws among ``chosen`` resemble, if any does.
 
     Raises KeyboardInterrupt.
     """
     cuts = [e for e in point.campaign.train if e.kind == "cut"]
     if len(cuts) < 2 or len(cuts) < len(point.campaign.train):
         return None
-    for name in _promising(point, PRICE * (len(cuts) - 1)):
+    laws = [registry()[c.name] for c in chosen if c.name in registry()]
+    wanted = {name for law in laws for name in law.resembles}
+    names = [u.name for u in point.inverse.unknowns if u.experiment is None]
+    names = [name for name in names if name in wanted] or names
+    begun = []
+    for name in _promising(point, names, PRICE * (len(cuts) - 1)):
         on_progress(math.nan, math.nan, f"{name} of its own in each cut")
-        try:
-            found = _found(point, name)
-        except (ComputationFailed, BadInput):
-            continue
-        if found is not None:
-            return found
+        with suppress(ComputationFailed, BadInput):
+            begun.append(_Own.begun(point, name))
+    for own in sorted(begun, key=lambda own: own.left)[: 1 if Foreseen(point).able else TRIED]:
+        with suppress(ComputationFailed, BadInput):
+            if (found := own.place()) is not None:
+                return found
     return None
 
 
-def _promising(point: Point, price: float) -> list[str]:
-    """Names of values, that which explains most if it is a cut's own first."""
+def _promising(point: Point, names: Sequence[str], price: float) -> list[str]:
+    """Of ``names``, that which explains most if it is a cut's own first."""
     foreseen = Foreseen(point)
     if foreseen.able and foreseen.by_work:
-        least = foreseen.own()
-        return [name for left, name in least[:TRIED] if left <= LIKELY]
-    names = [u.name for u in point.inverse.unknowns if u.experiment is None]
+        return [name for left, name in foreseen.own(names)[:TRIED] if left <= LIKELY]
     ranked = sorted(((_gain(point, name), name) for name in names), reverse=True)
     return [name for gain, name in ranked[:TRIED] if gain >= price]
 
@@ -101,38 +106,56 @@ def _gain(point: Point, name: str) -> float:
     return likeliest(point.w.noise, {id: r[id] + J[id] @ step for id in r}) - point.likelihood
 
 
-def _found(point: Point, name: str) -> Place | None:
-    inverse, S = owning(point, name)
-    low, high = inverse.bounds
-    q = np.zeros(low.size)
-    survey = Survey(inverse, [q])
-    problem: Sparing = survey.problem
-    if survey.problem.able:
-        best = survey.minimum(point.w, survey.settled(steps=SETTLED).q, FORCES, steps=SETTLED)
-    else:
-        problem = Sparing(inverse)
-        first = by_work.difference(inverse, q)
-        best = lm.minimise(partial(by_work.difference, problem), q, low, high, STEPS, first=first)
-        if best.chi2 <= best.r.size and best.message != lm.INTERRUPTED:
-            # The works say no more.
-            best = lm.minimise(lambda q: problem.whitened(q, point.w), best.q, low, high, FORCES)
-    if best.message == lm.INTERRUPTED:
-        raise KeyboardInterrupt
-    left = _left(point, problem, best.q)
-    if left > 1 - MOST:
-        return None
-    problem.know(best.q, problem.predictions(best.q))
-    there = settled_at(problem, best.q)
-    q = np.zeros(best.q.size)
-    found = there.predictions(q)
-    mean = S.T @ best.q / S.sum(axis=0)
-    at = point.inverse.at(point.q)
-    shared = [replace(u, start=u.value(x)) for u, x in zip(at, mean, strict=True)]
-    back = S @ mean - best.q
-    residual, _ = there.residuals(q, point.w)
-    for e in point.campaign.train:
-        residual[e.id] = residual[e.id] + there.slopes(e, found[e.id], q) @ back
-    return Place(there, q, S, shared, residual)
+@dataclass(frozen=True)
+class _Own:
+    """The problem with a value of each cut's own, where works agree, ``q`` (k,); ``left`` of the misfit."""
+
+    point: Point
+    survey: Survey
+    S: np.ndarray
+    q: np.ndarray
+    left: float
+
+    @classmethod
+    def begun(cls, point: Point, name: str) -> _Own:
+        inverse, S = owning(point, name)
+        q = np.zeros(len(inverse.unknowns))
+        survey = Survey(inverse, [q])
+        if not survey.problem.able:
+            return cls(point, survey, S, q, -_gain(point, name))
+        q = survey.settled(steps=SETTLED).q
+        return cls(point, survey, S, q, _left(point, survey.problem, q))
+
+    def place(self) -> Place | None:
+        """Where the forces agree, too; None if they do not."""
+        point, S, inverse = self.point, self.S, self.survey.inverse
+        low, high = inverse.bounds
+        problem: Sparing = self.survey.problem
+        if self.survey.problem.able:
+            best = self.survey.minimum(point.w, self.q, FORCES, steps=SETTLED)
+        else:
+            problem = Sparing(inverse)
+            first = by_work.difference(inverse, self.q)
+            best = lm.minimise(partial(by_work.difference, problem), self.q, low, high, STEPS, first=first)
+            if best.chi2 <= best.r.size and best.message != lm.INTERRUPTED:
+                # The works say no more.
+                best = lm.minimise(lambda q: problem.whitened(q, point.w), best.q, low, high, FORCES)
+        if best.message == lm.INTERRUPTED:
+            raise KeyboardInterrupt
+        if _left(point, problem, best.q) > 1 - MOST:
+            return None
+        problem.know(best.q, problem.predictions(best.q))
+        there = settled_at(problem, best.q)
+        q = np.zeros(best.q.size)
+        found = there.predictions(q)
+        mean = S.T @ best.q / S.sum(axis=0)
+        at = point.inverse.at(point.q)
+        shared = [replace(u, start=u.value(x)) for u, x in zip(at, mean, strict=True)]
+        back = S @ mean - best.q
+        residual, _ = there.residuals(q, point.w)
+        for e in point.campaign.train:
+            residual[e.id] = residual[e.id] + there.slopes(e, found[e.id], q) @ back
+        return Place(there, q, S, shared, residual)
 
 
 def _left(point: Point, inverse: Inverse, q: np.ndarray) -> float:

@@ -54,13 +54,13 @@ class Foreseen:
             found[c.name] = self._left(inverse, np.append(np.zeros(len(here)), none))
         return found
 
-    def own(self) -> list[tuple[float, str]]:
-        """The part that is left with a value of each cut's own, and its name, the least first."""
-        names = [u.name for u in self.point.inverse.unknowns if u.experiment is None]
-        problems = [(name, owning(self.point, name)[0]) for name in names]
-        return sorted(
-            (self._left(inverse, np.zeros(len(inverse.unknowns))), name) for name, inverse in problems
-        )
+    def own(self, names: Sequence[str]) -> list[tuple[float, str]]:
+        """The part that is left with each of ``names`` a cut's own value, and its name, the least first."""
+        found = []
+        for name in names:
+            inverse, _ = owning(self.point, name)
+            found.append((self._left(inverse, np.zeros(len(inverse.unknowns))), name))
+        return sorted(found)
 
     def _left(self, inverse: Inverse, start: np.ndarray) -> float:
         works, forces = self._best(inverse, start)

@@ -59,8 +59,8 @@ def round_of(point: Point, run: Predictor, seed: int, on_progress: OnProgress) -
         before = asking.foreseen(chosen, left_out, scores)
         if before is not None and any(t.whole for t in before.tried if t.name == before.accepted):
             return before
-        if (place := apart(point, on_progress)) is not None:
-            some, idle = by_rate(point, chosen)
+        some, idle = by_rate(point, chosen)
+        if (place := apart(point, on_progress, some if idle else ())) is not None:
             this = asking.at(place, some, {**left_out, **idle}, scores)
             if this.accepted is not None or not idle:
                 return _likelier(before, this)

@@ -83,6 +83,8 @@ class Mechanism:
     title: ClassVar[str]
     #: Of which class of effects it is one formula, in the field's words; if none, its title.
     family: ClassVar[str] = ""
+    #: Parameters that cuts at several speeds have other values of where a model lacks it.
+    resembles: ClassVar[tuple[str, ...]] = ()
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     #: Names of parameters of other mechanisms that the law reads (G_c, for a term scaled by it).
     reads: ClassVar[tuple[str, ...]] = ()

@@ -16,6 +16,7 @@ class AdhesionSpeed(Blade):
     name = "adhesion_speed"
     title = "adhesion by speed"
     family = "adhesion by speed"
+    resembles = ("tau_W",)
     role = "adhesion_speed"
     parameters = (
         Parameter.effect(

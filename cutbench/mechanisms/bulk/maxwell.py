@@ -28,6 +28,7 @@ class Maxwell(Bulk):
     name = "maxwell"
     title = "viscoelasticity"
     family = "viscoelasticity"
+    resembles = ("G",)
     role = "viscoelastic"
     conservative = False
     reads = ("G", "speed", "thickness")

@@ -12,4 +12,5 @@ class Maxwell2(Maxwell):
     name = "maxwell2"
     title = "viscoelasticity (two)"
     family = "viscoelasticity"
+    resembles = ("G",)
     parameters = (*Maxwell.parameters, *branch_parameters("2", 500.0, 0.3))

@@ -20,6 +20,7 @@ class PowerLaw(Maxwell):
     name = "power_law"
     title = "power-law relaxation"
     family = "viscoelasticity"
+    resembles = ("G",)
     parameters = (
         Parameter.effect("g_p", "1", "g_p", "modulus of all that relaxes, over G", high=50.0, typical=0.5),
         Parameter(

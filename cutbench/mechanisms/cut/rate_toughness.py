@@ -18,6 +18,7 @@ class RateToughness(Cut):
     name = "rate_toughness"
     title = "rate toughness"
     family = "rate of cutting"
+    resembles = ("G_c",)
     role = "rate"
     follows = ("cohesive",)
     parameters = (
