@@ -13,6 +13,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from scipy import optimize
 from scipy.stats import qmc
 
 from cutbench.base.errors import ComputationFailed
@@ -33,6 +34,8 @@ FORESEEN = lm.Settings(promise=0.5, evaluations=40, failures=2)
 STEPS, FORCES, VAIN = 10, 6, 2
 #: In q: what moves no farther is the same place; what gains less than this part gains nothing.
 CLOSE, PAYS = 0.05, 0.1
+#: What is foreseen to be so many times as bad as the best may be better.
+UNSURE = 2.0
 #: Works agree with χ² a value, in their noise of 2 %: half of it.
 ENOUGH = 0.25
 #: Less in χ² of forces is noise.
@@ -101,12 +104,13 @@ class Survey:
         """What is foreseen is computed, and foreseen again, until it stays. Raises ComputationFailed."""
         failed, reason = 0, ComputationFailed("nothing could be computed")
         for _ in range(steps):
-            there = self.foreseen().q
             if self.known:
-                best, q = min(self.known, key=lambda each: each[0])
+                best, _ = min(self.known, key=lambda each: each[0])
                 on_progress(self.evaluations, np.nan, f"χ² {best:.5g}")
-                if best <= self.agreeing or np.abs(there - q).max() <= CLOSE or failed >= VAIN:
+                if best <= self.agreeing or failed >= VAIN:
                     break
+            if (there := self._unknown()) is None:
+                break
             self.evaluations += 1
             try:
                 r, _ = by_work.difference(self.problem, there)
@@ -166,16 +170,42 @@ class Survey:
         r, _ = self.problem.whitened(q, w)
         return float(r @ r)
 
+    def _unknown(self) -> np.ndarray | None:
+        """Of the places where works are foreseen to agree, and those to which the best that are known lead,
+        the best that is not known; None if there is none that may be better than what is."""
+        best = min((chi2 for chi2, _ in self.known), default=np.inf)
+        found = [(each.chi2, each.q) for each in self._minima()] + [self._led(q) for q in self._best]
+        for chi2, there in sorted(found, key=lambda each: each[0]):
+            near = any(np.abs(there - q).max() <= CLOSE / 5 for _, q in self.known)
+            if not near and chi2 <= UNSURE * best:
+                return there
+        return None
+
+    def _led(self, q: np.ndarray) -> tuple[float, np.ndarray]:
+        """Where a step by derivatives leads to from ``q``, which is known, and what χ² it promises: what is
+        foreseen can be off by more than the works' noise, what was computed is not."""
+        r, J = by_work.difference(self.problem, q)
+        low, high = (np.clip(bound - q, -BEYOND, BEYOND) for bound in self.inverse.bounds)
+        step = optimize.lsq_linear(J, -r, (low - 1e-9, high + 1e-9)).x
+        left = r + J @ step
+        return float(left @ left), np.clip(q + step, *self.inverse.bounds)
+
+    @property
+    def _best(self) -> list[np.ndarray]:
+        return [q for _, q in sorted(self.known, key=lambda each: each[0])[:KNOWN]]
+
     def foreseen(self) -> lm.Minimum:
         """Where works are foreseen to agree best."""
+        return min(self._minima(), key=lambda each: each.chi2)
+
+    def _minima(self) -> list[lm.Minimum]:
+        """From each start."""
         low, high = self.inverse.bounds
-        best = [q for _, q in sorted(self.known, key=lambda each: each[0])[:KNOWN]]
-        starts = [*best, *self.starts, *self._spread(STARTS, seed=1)]
+        starts = [*self._best, *self.starts, *self._spread(STARTS, seed=1)]
         low = np.maximum(np.minimum(self.low, np.min(starts, axis=0)) - BEYOND, low)
         high = np.minimum(np.maximum(self.high, np.max(starts, axis=0)) + BEYOND, high)
         works = partial(by_work.difference, Foreseeing(self.inverse))
-        found = [lm.minimise(works, np.clip(q, low, high), low, high, FORESEEN) for q in starts]
-        return min(found, key=lambda each: each.chi2)
+        return [lm.minimise(works, np.clip(q, low, high), low, high, FORESEEN) for q in starts]
 
     def foreseen_forces(self, w: Covariance, starts: Sequence[np.ndarray]) -> lm.Minimum:
         """Where forces are foreseen to agree best, from ``starts`` on."""

@@ -1,8 +1,7 @@
 """What a mechanism is: one effect, in numpy, without a mesh.
 
-A law sees arrays whose last axis runs over points and returns new arrays; it stores nothing. Laws
-stay clear of ``abs`` and ``norm`` so that a complex step differentiates them exactly: tangents
-(derivative by kinematics) and sensitivities (derivative by parameters) come from the law itself.
+A law sees arrays whose last axis runs over points and returns new arrays; it stores nothing. It stays clear
+of ``abs`` and ``norm``, so a complex step has its tangents (by kinematics) and sensitivities (by parameters).
 """
 
 from __future__ import annotations
@@ -81,9 +80,8 @@ class Mechanism:
     name: ClassVar[str]
     slot: ClassVar[str]
     title: ClassVar[str]
-    #: Of which class of effects it is one formula, in the field's words; if none, its title.
+    #: Its class of effects (if none, its title); parameters of which cuts at other speeds seem to have others.
     family: ClassVar[str] = ""
-    #: Parameters that cuts at several speeds have other values of where a model lacks it.
     resembles: ClassVar[tuple[str, ...]] = ()
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     #: Names of parameters of other mechanisms that the law reads (G_c, for a term scaled by it).
