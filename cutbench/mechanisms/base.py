@@ -80,7 +80,7 @@ class Mechanism:
     name: ClassVar[str]
     slot: ClassVar[str]
     title: ClassVar[str]
-    #: Its class of effects (if none, its title); parameters of which cuts at other speeds seem to have others.
+    #: Its class of effects (if none, its title); parameters of which cuts at several speeds seem to differ.
     family: ClassVar[str] = ""
     resembles: ClassVar[tuple[str, ...]] = ()
     parameters: ClassVar[tuple[Parameter, ...]] = ()
