@@ -29,6 +29,15 @@ def test_a_record_has_its_error_and_no_other():
     np.testing.assert_allclose(slow, 10 * fast)
 
 
+def test_a_compliant_machine_stands_still_where_the_specimen_snaps():
+    x = np.linspace(0.05, 5, 100)
+    F = np.where(x < 3, 0.4 * x, 0.3)
+    at, force = recorded("compliance", 1.0, x, F, 0.01)
+    assert np.all(np.diff(at) > 0) and at.size == force.size < x.size
+    # Nothing but what was read at the stand is lost.
+    assert force[0] == F[0] and force[-1] == F[-1]
+
+
 def test_toughness_is_a_power_of_the_speed_and_the_law_is_not_told():
     cases = [true_case("toughness by speed", v, 1.0, OTHERWISE[0][1]) for v in SPEEDS.values()]
     growth = np.log([c.values["G_c"] / cases[0].values["G_c"] for c in cases])
