@@ -25,13 +25,8 @@ STEP = 0.05
 class Emulated(Sparing):
     """``inverse`` with such derivatives where runs enough are known of each test, else with updated ones."""
 
-    def __init__(
-        self,
-        inverse: Inverse,
-        values: Mapping[str, Mapping[str, float]] | None = None,
-        found: Mapping[str, Prediction] | None = None,
-    ):
-        super().__init__(inverse, values, found)
+    def __init__(self, inverse: Inverse):
+        super().__init__(inverse)
         self._rig = {p.name for law in self.start.model.laws("rig") for p in law.parameters}
         self._places: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self._cases: dict[str, Case] = {}

@@ -2,7 +2,7 @@
 
 A first look computes cuts at places far apart. From these, works are foreseen anywhere between (see
 ``memory``), and minimised from many starts at no cost; what is found is computed, known from then on, and
-foreseen again, until it stays where it is. A valley near the start does not hide a better one.
+foreseen again, until it stays where it is. A valley near the start need not hide a better one.
 """
 
 from __future__ import annotations

@@ -106,7 +106,7 @@ class _Asking:
         if not left:
             return None
         rigs = [c for c in chosen if c.slot == "rig"]
-        others = {c.name: "a rig or a reading explains it" for c in chosen if c.slot != "rig"}
+        others = {c.name: "not asked: a rig or a reading explains it" for c in chosen if c.slot != "rig"}
         return self.at(Place.of(self.point), rigs, {**left_out, **others}, plain, left)
 
     def at(
