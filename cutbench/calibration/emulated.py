@@ -30,7 +30,6 @@ class Emulated(Sparing):
         self._rig = {p.name for law in self.start.model.laws("rig") for p in law.parameters}
         self._places: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self._cases: dict[str, Case] = {}
-        self._emulators: dict[tuple[str, int], Emulator | None] = {}
 
     def predictions(self, q: np.ndarray) -> Mapping[str, Prediction]:
         """Of the train experiments; raises ComputationFailed."""
@@ -134,13 +133,8 @@ class Emulated(Sparing):
     def _emulator(self, e: Experiment) -> Emulator | None:
         if not self.emulable:
             return None
-        memory = self.run.memory
-        key = e.id, len(memory.runs)
-        if key not in self._emulators:
-            names = [n for n in self.names(e) if n not in self._rig]
-            self._emulators = {k: v for k, v in self._emulators.items() if k[1] == key[1]}
-            self._emulators[key] = memory.emulator(self._case(e), names, float(self.grids[e.id].x[-1]))
-        return self._emulators[key]
+        names = [n for n in self.names(e) if n not in self._rig]
+        return self.run.memory.emulator(self._case(e), names, float(self.grids[e.id].x[-1]))
 
 
 class Foreseeing(Emulated):

@@ -39,7 +39,7 @@ from cutbench.data.discrepancy import allowing, independent, likeliest, likeliho
 from cutbench.data.repetition import Averaged, unrepeated
 from cutbench.run.pool.pool import cores
 
-#: First with guessed weights, only as far as it pays; then with measured ones.
+#: First with guessed weights, as far as it pays or is foreseen; then with measured ones.
 ROUGH = lm.Settings(promise=0.5, failures=2)
 FINAL = lm.Settings(promise=0.2, failures=2)
 #: Tests without a mesh cost next to nothing and have no jags.
@@ -157,6 +157,7 @@ class _Fitting:
         low, high = self.inverse.bounds
         on_progress = self._told(stage)
         if not self.smooth and (look := survey.Survey(self.inverse, [q])).problem.able:
+            settings = replace(settings, evaluations=0) if settings is ROUGH else settings
             best = look.minimum(self.covariance, q, settings, on_progress)
             self.evaluations += look.evaluations
             self.history += best.history

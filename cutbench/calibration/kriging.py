@@ -1,19 +1,24 @@
 """Curves at places that were not computed, from those that were: a trend and what is alike nearby.
 
 Universal kriging (Sacks, Welch, Mitchell, Wynn 1989, 10.1214/ss/1177012413) with a linear trend and Matérn's
-covariance of 5/2. A coordinate counts as much as the values change along it; how far values are
-alike, and how much they jump from place to place, are likeliest of a few.
+covariance of 5/2. How far values are alike along each coordinate, and how much they jump from place to place,
+is likeliest of what is expected.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from scipy import optimize
 from scipy.linalg import cho_factor, cho_solve
 
-#: Tried: lengths over which values are alike, in units of their own scatter, and jumps relative to it.
-LENGTHS, NUGGETS = (0.5, 1.0, 2.0, 4.0, 8.0), (1e-4, 1e-3, 1e-2, 1e-1)
-#: A coordinate along which values hardly change still counts this part of the one along which they do most.
-LEAST = 1e-3
+#: Lengths that are expected, in units of the values' own scatter along each coordinate, and jumps relative to
+#: it, by what factor (a standard deviation); jumps that are looked for.
+LENGTH, NUGGET, FACTOR, NUGGETS = 2.0, 1e-3, 3.0, (1e-6, 0.3)
+#: A coordinate along which values hardly change begins with this part of the one along which they do most.
+LEAST = 0.05
+#: Farthest of lengths from what is expected, in logarithms; shapes of curves that are this small beside the
+#: largest are left out of the search, and its end.
+WIDE, FEW, SEARCH = 4.0, 0.03, {"maxiter": 15, "ftol": 1e-3}
 
 
 class Kriging:
@@ -24,23 +29,34 @@ class Kriging:
         A = np.column_stack([np.ones(len(X)), X - self.middle])
         effect = np.sqrt(np.mean(np.linalg.lstsq(A, Y, rcond=1e-8)[0][1:] ** 2, axis=1))
         scatter = np.sqrt(np.mean((Y - Y.mean(axis=0)) ** 2))
-        self.scale = np.maximum(effect, LEAST * effect.max(initial=0.0)) / max(scatter, 1e-300)
+        alike = np.maximum(effect, LEAST * effect.max(initial=0.0)) / max(scatter, 1e-300) / LENGTH
+        start = np.log(np.append(np.maximum(alike, 1e-300), NUGGET))
+        bounds = [*((x - WIDE, x + WIDE) for x in start[:-1]), tuple(np.log(NUGGETS))]
+        squares = (X.T[:, :, None] - X.T[:, None]) ** 2
+        # Values along one curve change together: what is left to tell is next to nothing.
+        _, sizes, shapes = np.linalg.svd(Y - A @ np.linalg.lstsq(A, Y, rcond=1e-8)[0], full_matrices=False)
+        few = Y @ shapes[sizes > FEW * sizes.max(initial=0.0)].T
+
+        def covariance(parameters: np.ndarray) -> np.ndarray:
+            apart = np.sqrt(np.tensordot(np.exp(2 * parameters[:-1]), squares, 1))
+            return _alike(apart) + np.exp(parameters[-1]) * np.eye(len(X))
+
+        def unlikely(parameters: np.ndarray) -> float:
+            far = (parameters - start) / np.log(FACTOR)
+            likely, _, _ = _likelihood(covariance(parameters), A, few)
+            return 0.5 * float(far @ far) - likely / few.shape[1]
+
+        found = optimize.minimize(unlikely, start, method="L-BFGS-B", bounds=bounds, options=SEARCH).x
+        _, self.trend, self.weights = _likelihood(covariance(found), A, Y)
+        self.scale = np.exp(found[:-1])
         self.Z = (X - self.middle) * self.scale
-        apart = np.linalg.norm(self.Z[:, None] - self.Z[None], axis=2)
-        best = -np.inf
-        for length in LENGTHS:
-            for nugget in NUGGETS:
-                K = _alike(apart / length) + nugget * np.eye(len(X))
-                likely, trend, weights = _likelihood(K, A, Y)
-                if likely > best:
-                    best, self.length, self.trend, self.weights = likely, length, trend, weights
 
     def __call__(self, places: np.ndarray) -> np.ndarray:
         """Values (p, m) at ``places`` (p, d)."""
         there = places - self.middle
         apart = np.linalg.norm((there * self.scale)[:, None] - self.Z[None], axis=2)
         trend = self.trend[0] + there @ self.trend[1:]
-        return trend + _alike(apart / self.length) @ self.weights
+        return trend + _alike(apart) @ self.weights
 
 
 def _alike(apart: np.ndarray) -> np.ndarray:

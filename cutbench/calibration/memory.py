@@ -76,6 +76,7 @@ class Memory:
     """All cuts that were computed in a session."""
 
     runs: list[_Run] = field(default_factory=list)
+    _emulators: dict[tuple, Emulator | None] = field(default_factory=dict)
 
     def add(self, case: Case, course: np.ndarray) -> None:
         """A run's ``course`` (3, n): travel in mm, force in N, time."""
@@ -87,6 +88,14 @@ class Memory:
 
     def emulator(self, case: Case, names: Collection[str], end_mm: float) -> Emulator | None:
         """Of cuts like ``case`` up to a travel, whatever values ``names`` have; None if too few are known."""
+        asked = case.mechanisms, tuple(case.values.items()), case.numerics, frozenset(names), end_mm
+        key = len(self.runs), *asked
+        if key not in self._emulators:
+            self._emulators = {k: made for k, made in self._emulators.items() if k[0] == key[0]}
+            self._emulators[key] = self._emulator(case, names, end_mm)
+        return self._emulators[key]
+
+    def _emulator(self, case: Case, names: Collection[str], end_mm: float) -> Emulator | None:
         if (scale := Scale.of(case)) is None:
             return None
         wanted, known = scale.reduced(case.values), []

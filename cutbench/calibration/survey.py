@@ -23,21 +23,24 @@ from cutbench.calibration.emulated import Emulated, Foreseeing
 from cutbench.calibration.inverse import Inverse
 from cutbench.calibration.prediction import Task
 from cutbench.data.covariance import Covariance
+from cutbench.data.discrepancy import allowing, likeliest
 
-#: Places of the first look, and how far away they are in q: so far that works change by this part, between
-#: two lengths.
-PLACES, CHANGE, NEAREST, FARTHEST = 8, 0.12, 0.5, 2.0
+#: Places of each test in the first look, and how far they lie in q: so far that works change by this part,
+#: between two lengths.
+PLACES, CHANGE, NEAREST, FARTHEST = 12, 0.2, 0.5, 2.0
 #: Starts of a search among what is foreseen, beside the best that are known; how far beyond these it goes.
 STARTS, KNOWN, BEYOND = 8, 3, 0.7
 FORESEEN = lm.Settings(promise=0.5, evaluations=40, failures=2)
-#: Computed after the first look at the most, by works and by forces; in vain, before it ends.
-STEPS, FORCES, VAIN = 10, 6, 2
+#: Computed after the first look at the most, by works and by likelihood; in vain, before it ends.
+STEPS, LIKELIEST, VAIN = 10, 5, 2
 #: In q: what moves no farther is the same place; what gains less than this part gains nothing.
 CLOSE, PAYS = 0.05, 0.1
 #: What is foreseen to be so many times as bad as the best may be better.
 UNSURE = 2.0
 #: Works agree with χ² a value, in their noise of 2 %: half of it.
 ENOUGH = 0.25
+#: So many values of a work along the travel tell as much as one.
+ALIKE = 10
 #: Less in χ² of forces is noise.
 GAINS = 4.0
 
@@ -55,6 +58,13 @@ def nearby(inverse: Inverse, q: np.ndarray, on_progress: OnProgress = silent) ->
     except KeyboardInterrupt:
         return survey.nearby(interrupted=True)
     return by_work.nearby(inverse, q, on_progress)
+
+
+def likely(inverse: Inverse, noise: Covariance, q: np.ndarray) -> float:
+    """Twice the log likelihood of the data of ``inverse`` at ``q``, but for a constant: of the forces in
+    ``noise``, whatever smooth part of them the model misses, and of the works, which it is not to miss."""
+    works, _ = by_work.difference(inverse, q)
+    return likeliest(noise, inverse.residuals(q, noise)[0]) - float(works @ works) / ALIKE
 
 
 class Survey:
@@ -84,21 +94,21 @@ class Survey:
         size = by_work.NOISE * np.sqrt(np.mean(J**2, axis=0))
         reach = np.clip(CHANGE / np.maximum(size, 1e-300), NEAREST, FARTHEST)
         reach[[u.name in self.problem.proportional for u in self.inverse.unknowns]] = 0.0
-        low, high = self.inverse.bounds
-        self.low, self.high = np.maximum(q - reach, low), np.minimum(q + reach, high)
         on_progress(0, PLACES, "looking around")
-        self.compute(self._spread(PLACES))
+        self.around(q, reach, PLACES)
         return self.problem.able
 
-    def compute(self, places: Sequence[np.ndarray]) -> None:
-        """Cuts at ``places`` (k,), as far as they can be computed, to foresee others."""
-        tasks = []
-        for there in places:
-            for e in self.inverse.campaign.train:
-                with suppress(ComputationFailed):
-                    tasks.append(Task(e, self.inverse.checked_case(e, there), self.inverse.grids[e.id]))
+    def around(self, q: np.ndarray, reach: np.ndarray, places: int) -> None:
+        """Compute so many ``places`` of each test, no farther from ``q`` than ``reach`` (k,), as far as they
+        can be, to foresee others. Each test elsewhere: what one of them tells counts for all."""
+        low, high = self.inverse.bounds
+        self.low, self.high = np.maximum(q - reach, low), np.minimum(q + reach, high)
+        train, tasks = self.inverse.campaign.train, []
+        for e, there in zip([*train] * places, self._spread(places * len(train)), strict=True):
+            with suppress(ComputationFailed):
+                tasks.append(Task(e, self.inverse.checked_case(e, there), self.inverse.grids[e.id]))
         secant.tried(self.inverse, tasks)
-        self.evaluations += len(places)
+        self.evaluations += places
 
     def settled(self, on_progress: OnProgress = silent, steps: int = STEPS) -> by_work.Nearby:
         """What is foreseen is computed, and foreseen again, until it stays. Raises ComputationFailed."""
@@ -125,50 +135,66 @@ class Survey:
         return self.nearby()
 
     def minimum(
-        self,
-        w: Covariance,
-        q: np.ndarray,
-        settings: lm.Settings,
-        on_progress: OnProgress = silent,
-        steps: int = FORCES,
+        self, w: Covariance, q: np.ndarray, settings: lm.Settings, on_progress: OnProgress = silent
     ) -> lm.Minimum:
-        """Where forces agree best, from ``q`` on, which the problem itself knows from then on."""
-        forces = partial(self.problem.whitened, covariance=w)
+        """Where forces agree best, near where the data are likeliest or there if that leads astray, from a
+        ``q`` on that is known; the problem itself knows it from then on."""
+        forces, none = partial(self.problem.whitened, covariance=w), replace(settings, evaluations=0)
+        interrupted = False
         try:
-            q = self.agreed(w, q, on_progress, steps)
+            q = self.likeliest(w.noise, q, on_progress)
         except KeyboardInterrupt:
-            settings = replace(settings, evaluations=0)
-        best = lm.minimise(forces, q, *self.inverse.bounds, settings, on_progress, first=forces(q))
-        if settings.evaluations == 0:
-            best.message = lm.INTERRUPTED
+            settings, interrupted = none, True
+        low, high = self.inverse.bounds
+        before = self.evaluations
+
+        def told(done: float, total: float, text: str) -> None:
+            on_progress(before + done, total, text)
+
+        best = lm.minimise(forces, q, low, high, settings, told, first=forces(q))
         self.evaluations += best.evaluations
+        if likely(self.problem, w.noise, best.q) < likely(self.problem, w.noise, q) - GAINS:
+            there = lm.minimise(forces, q, low, high, none, first=forces(q))
+            best = replace(there, converged=best.converged, message=best.message, history=best.history)
+        if interrupted:
+            best.message = lm.INTERRUPTED
         self.inverse.know(best.q, self.problem.predictions(best.q))
         return best
 
-    def agreed(
-        self, w: Covariance, q: np.ndarray, on_progress: OnProgress = silent, steps: int = FORCES
-    ) -> np.ndarray:
-        """The same for forces whitened by ``w``, from ``q`` on, which is known."""
-        known, failed = {q.tobytes(): self._forces(w, q)}, 0
-        for _ in range(steps):
-            here = min(known, key=lambda key: known[key])
-            best, q = known[here], np.frombuffer(here)
-            on_progress(self.evaluations, np.nan, f"χ² {best:.5g}")
-            there = self.foreseen_forces(w, [q, *self._spread(STARTS, seed=1)])
-            gained = best - there.chi2
-            if gained < max(PAYS * best, GAINS) or np.abs(there.q - q).max() <= CLOSE or failed >= VAIN:
+    def likeliest(self, noise: Covariance, q: np.ndarray, on_progress: OnProgress = silent) -> np.ndarray:
+        """Where of all that is computed from ``q`` on the data are likeliest in ``noise``, see ``likely``."""
+        known, failed = [(likely(self.problem, noise, q), q)], 0
+        for _ in range(LIKELIEST):
+            best, here = max(known, key=lambda each: each[0])
+            on_progress(self.evaluations, np.nan, f"log likelihood {best / 2:.5g}")
+            there = self._likelier(noise, here, [q for _, q in known])
+            if there is None or failed >= VAIN:
                 break
             self.evaluations += 1
-            try:
-                known[there.q.tobytes()] = chi2 = self._forces(w, there.q)
-            except ComputationFailed:
-                chi2 = np.inf
-            failed = 0 if chi2 < (1 - PAYS) * best else failed + 1
-        return np.frombuffer(min(known, key=lambda key: known[key])).copy()
+            likelihood = -np.inf
+            with suppress(ComputationFailed):
+                likelihood = likely(self.problem, noise, there)
+            known.append((likelihood, there))
+            failed = 0 if likelihood > best + GAINS else failed + 1
+        return max(known, key=lambda each: each[0])[1]
 
-    def _forces(self, w: Covariance, q: np.ndarray) -> float:
-        r, _ = self.problem.whitened(q, w)
-        return float(r @ r)
+    def _likelier(self, noise: Covariance, q: np.ndarray, known: Sequence[np.ndarray]) -> np.ndarray | None:
+        """Where works are foreseen to agree best, alone or with forces: in ``noise``, or beside what is
+        missed where the works do; beside ``known`` the likeliest of these."""
+        problem, works = Foreseeing(self.inverse), self.foreseen().q
+        beside = allowing(noise, *problem.residuals_inside(works, noise))
+        found = [works]
+        for w in (noise, beside):
+
+            def both(q: np.ndarray, w: Covariance = w) -> tuple[np.ndarray, np.ndarray]:
+                (r, J), (works, by) = problem.whitened(q, w), by_work.difference(problem, q)
+                some = 1 / np.sqrt(ALIKE)
+                return np.concatenate([r, some * works]), np.concatenate([J, some * by])
+
+            ends = [lm.minimise(both, start, *self.inverse.bounds, FORESEEN) for start in (works, q)]
+            found.append(min(ends, key=lambda end: end.chi2).q)
+        new = [there for there in found if all(np.abs(there - each).max() > CLOSE for each in known)]
+        return max(new, key=lambda there: likely(problem, noise, there), default=None)
 
     def _unknown(self) -> np.ndarray | None:
         """Of the places where works are foreseen to agree, and those to which the best that are known lead,

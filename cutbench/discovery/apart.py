@@ -10,7 +10,7 @@ value of one cut are those that the fit has, so to begin with none are computed.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -22,9 +22,8 @@ from cutbench.base.progress import OnProgress
 from cutbench.base.units import powers_of
 from cutbench.calibration import by_work, lm
 from cutbench.calibration.emulated import settled_at
-from cutbench.calibration.inverse import Inverse
 from cutbench.calibration.sparing import Sparing
-from cutbench.calibration.survey import Survey
+from cutbench.calibration.survey import Survey, likely
 from cutbench.data.discrepancy import likeliest
 from cutbench.discovery.candidates import Candidate
 from cutbench.discovery.causes import PRICE
@@ -37,8 +36,6 @@ from cutbench.mechanisms import registry
 #: Few evaluations, as derivatives are only updated.
 STEPS = replace(by_work.STEPS, evaluations=5, enough=0.3)
 FORCES = lm.Settings(promise=0.3, evaluations=4, failures=2)
-#: Computed where works are foreseen to agree, at the most.
-SETTLED = 2
 #: So many parameters are tried, those that gain most by their derivatives; how far these reach, in q.
 TRIED, REACH = 3, 1.0
 #: One that is foreseen to leave no more is tried.
@@ -60,21 +57,29 @@ def apart(point: Point, on_progress: OnProgress, chosen: Sequence[Candidate] = (
     wanted = {name for law in laws for name in law.resembles}
     names = [u.name for u in point.inverse.unknowns if u.experiment is None]
     names = [name for name in names if name in wanted] or names
-    begun = []
-    for name in _promising(point, names, PRICE * (len(cuts) - 1)):
-        on_progress(math.nan, math.nan, f"{name} of its own in each cut")
-        with suppress(ComputationFailed, BadInput):
-            begun.append(_Own.begun(point, name))
-    for own in sorted(begun, key=lambda own: own.left)[: 1 if Foreseen(point).able else TRIED]:
-        with suppress(ComputationFailed, BadInput):
-            if (found := own.place()) is not None:
-                return found
+    for own in _owns(point, names, PRICE * (len(cuts) - 1), on_progress):
+        if own.left <= 1 - MOST:
+            return own.place
     return None
 
 
-def _promising(point: Point, names: Sequence[str], price: float) -> list[str]:
-    """Of ``names``, that which explains most if it is a cut's own first."""
+def _owns(point: Point, names: Sequence[str], price: float, on_progress: OnProgress) -> Iterator[_Own]:
+    """With the parameters that gain most: of those that are foreseen all are computed, and the likeliest
+    is gone on with."""
     foreseen = Foreseen(point)
+    found = []
+    for name in _promising(point, foreseen, names, price):
+        on_progress(math.nan, math.nan, f"{name} of its own in each cut")
+        with suppress(ComputationFailed, BadInput):
+            if foreseen.able:
+                found.append(_foreseen(point, name))
+            else:
+                yield _stepped(point, name)
+    yield from sorted((own for own in found if own.gain >= price), key=lambda own: -own.gain)[:1]
+
+
+def _promising(point: Point, foreseen: Foreseen, names: Sequence[str], price: float) -> list[str]:
+    """Of ``names``, that which explains most if it is a cut's own first."""
     if foreseen.able and foreseen.by_work:
         return [name for left, name in foreseen.own(names)[:TRIED] if left <= LIKELY]
     ranked = sorted(((_gain(point, name), name) for name in names), reverse=True)
@@ -96,6 +101,20 @@ def by_rate(point: Point, chosen: Sequence[Candidate]) -> tuple[list[Candidate],
     return [c for c in chosen if c.name not in idle], idle
 
 
+def resembles(name: str, place: Place) -> bool:
+    """Whether a law does what cuts have of their own at ``place``."""
+    return name in registry() and place.owned in registry()[name].resembles
+
+
+def resembling(place: Place, chosen: Sequence[Candidate]) -> tuple[list[Candidate], dict[str, str]]:
+    """Of ``chosen`` those that do what cuts have of their own, and why not the others; all if none does."""
+    alike = [c for c in chosen if resembles(c.name, place)]
+    if not alike:
+        return list(chosen), {}
+    reason = f"not asked: with a value of {place.owned} of each cut's own all of them are described"
+    return alike, {c.name: reason for c in chosen if c not in alike}
+
+
 def _gain(point: Point, name: str) -> float:
     """In twice the log likelihood, by the derivatives at ``point``, of ``name`` free in each cut."""
     inverse, _ = owning(point, name)
@@ -108,67 +127,73 @@ def _gain(point: Point, name: str) -> float:
 
 @dataclass(frozen=True)
 class _Own:
-    """The problem with a value of each cut's own, where works agree, ``q`` (k,); ``left`` of the misfit."""
+    """A value of each cut's own: a ``problem`` that was computed at ``q`` (k,), ``S`` as a place has it."""
 
     point: Point
-    survey: Survey
+    problem: Sparing
     S: np.ndarray
     q: np.ndarray
-    left: float
 
-    @classmethod
-    def begun(cls, point: Point, name: str) -> _Own:
-        inverse, S = owning(point, name)
-        q = np.zeros(len(inverse.unknowns))
-        survey = Survey(inverse, [q])
-        if not survey.problem.able:
-            return cls(point, survey, S, q, -_gain(point, name))
-        q = survey.settled(steps=SETTLED).q
-        return cls(point, survey, S, q, _left(point, survey.problem, q))
+    @property
+    def gain(self) -> float:
+        """In twice the log likelihood."""
+        noise, start = self.point.w.noise, self.point
+        return likely(self.problem, noise, self.q) - likely(start.inverse, noise, start.q)
 
-    def place(self) -> Place | None:
-        """Where the forces agree, too; None if they do not."""
-        point, S, inverse = self.point, self.S, self.survey.inverse
-        low, high = inverse.bounds
-        problem: Sparing = self.survey.problem
-        if self.survey.problem.able:
-            best = self.survey.minimum(point.w, self.q, FORCES, steps=SETTLED)
-        else:
-            problem = Sparing(inverse)
-            first = by_work.difference(inverse, self.q)
-            best = lm.minimise(partial(by_work.difference, problem), self.q, low, high, STEPS, first=first)
-            if best.chi2 <= best.r.size and best.message != lm.INTERRUPTED:
-                # The works say no more.
-                best = lm.minimise(lambda q: problem.whitened(q, point.w), best.q, low, high, FORCES)
-        if best.message == lm.INTERRUPTED:
-            raise KeyboardInterrupt
-        if _left(point, problem, best.q) > 1 - MOST:
-            return None
-        problem.know(best.q, problem.predictions(best.q))
-        there = settled_at(problem, best.q)
-        q = np.zeros(best.q.size)
+    @property
+    def left(self) -> float:
+        """The part of the point's misfit (in squares) that is left."""
+        wrong = [
+            sum(
+                float(np.mean((r[e.id] / np.abs(self.point.inverse.grids[e.id].mean).max()) ** 2))
+                for e in self.point.campaign.train
+            )
+            for r in (self._residual, self.point.residual)
+        ]
+        return wrong[0] / wrong[1]
+
+    @property
+    def _residual(self) -> dict[str, np.ndarray]:
+        return self.problem.residuals(self.q, self.point.w)[0]
+
+    @property
+    def place(self) -> Place:
+        point, S = self.point, self.S
+        self.problem.know(self.q, self.problem.predictions(self.q))
+        there = settled_at(self.problem, self.q)
+        q = np.zeros(self.q.size)
         found = there.predictions(q)
-        mean = S.T @ best.q / S.sum(axis=0)
+        mean = S.T @ self.q / S.sum(axis=0)
         at = point.inverse.at(point.q)
         shared = [replace(u, start=u.value(x)) for u, x in zip(at, mean, strict=True)]
-        back = S @ mean - best.q
+        back = S @ mean - self.q
         residual, _ = there.residuals(q, point.w)
         for e in point.campaign.train:
             residual[e.id] = residual[e.id] + there.slopes(e, found[e.id], q) @ back
         return Place(there, q, S, shared, residual)
 
 
-def _left(point: Point, inverse: Inverse, q: np.ndarray) -> float:
-    """The part of the point's misfit (in squares) that is left."""
-    after, _ = inverse.residuals(q, point.w)
-    wrong = [
-        sum(
-            float(np.mean((r[e.id] / np.abs(point.inverse.grids[e.id].mean).max()) ** 2))
-            for e in point.campaign.train
-        )
-        for r in (after, point.residual)
-    ]
-    return wrong[0] / wrong[1]
+def _foreseen(point: Point, name: str) -> _Own:
+    """Where what is foreseen leads to. Raises ComputationFailed, BadInput."""
+    inverse, S = owning(point, name)
+    survey = Survey(inverse, [np.zeros(len(inverse.unknowns))])
+    q = survey.likeliest(point.w.noise, survey.starts[0])
+    return _Own(point, survey.problem, S, q)
+
+
+def _stepped(point: Point, name: str) -> _Own:
+    """Where derivatives lead to, by the works and then by the forces. Raises ComputationFailed, BadInput, and
+    KeyboardInterrupt."""
+    inverse, S = owning(point, name)
+    problem, q, (low, high) = Sparing(inverse), np.zeros(len(inverse.unknowns)), inverse.bounds
+    works = partial(by_work.difference, problem)
+    best = lm.minimise(works, q, low, high, STEPS, first=by_work.difference(inverse, q))
+    if best.chi2 <= best.r.size and best.message != lm.INTERRUPTED:
+        # The works say no more.
+        best = lm.minimise(lambda q: problem.whitened(q, point.w), best.q, low, high, FORCES)
+    if best.message == lm.INTERRUPTED:
+        raise KeyboardInterrupt
+    return _Own(point, problem, S, best.q)
 
 
 def alike(point: Point, place: Place, score: Score) -> tuple[float, Score]:

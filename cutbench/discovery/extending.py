@@ -25,9 +25,9 @@ SMOOTH = lm.Settings(promise=0.05, evaluations=15, failures=5)
 MESHED = lm.Settings(promise=0.3, evaluations=5, failures=2)
 #: Parts of the score's step that a fit may start from.
 PARTS, PARTS_MESHED = (1.0, 0.5, 0.2, 0.05), (1.0, 0.5)
-#: How far shapes are moved to see what they do, in q; places that are computed after what is foreseen,
-#: by works and by forces.
-SHAPED, STEPS, AGREED = 0.7, 4, 3
+#: How far away, in q, places of each test are computed to see what a law does: in its own values and in those
+#: of the others; how many.
+SHAPED, BESIDE, LOOKED = 1.0, 0.4, 4
 #: Strengths that are smaller, in typical ones, are none.
 NOTHING = 1e-3
 
@@ -63,6 +63,11 @@ class Place:
     def apart(self) -> bool:
         """Whether tests have values of their own."""
         return len(self.S) > len(self.shared)
+
+    @property
+    def owned(self) -> str:
+        """Of which parameter tests have values of their own."""
+        return self.shared[int(np.argmax(self.S.sum(axis=0)))].name if self.apart else ""
 
     @property
     def case(self) -> Case:
@@ -195,26 +200,18 @@ def _by_work(point: Point, place: Place, score: Score) -> Point:
 
 
 def _foreseen(point: Point, inverse: Inverse, score: Score) -> Point | None:
-    """The extended model where works are foreseen to agree best, then by the forces; None where nothing can
-    be foreseen."""
+    """The extended model where its data are likeliest of what is foreseen; None where nothing can be."""
     c, start, off = score.column.candidate, _start(inverse, score, 1.0), _start(inverse, score, 0.0)
     survey = Survey(inverse, [start, off])
     if not survey.problem.emulable:
         return None
     if c.slot != "rig":
         # What its strength and shapes do is not known from runs that lack it.
-        ends = [start]
-        for k in range(start.size - len(c.shapes), start.size):
-            for step in (-SHAPED, SHAPED):
-                ends.append(start.copy())
-                ends[-1][k] = np.clip(start[k] + step, *inverse.unknowns[k].reach)
-        survey.compute(ends)
+        survey.around(start, np.where(np.arange(start.size) < score.free.size, BESIDE, SHAPED), LOOKED)
     if not survey.problem.able:
         return None
-    found = survey.minimum(point.w, survey.settled(steps=STEPS).q, MESHED, steps=AGREED)
-    if found.message == lm.INTERRUPTED:
-        raise KeyboardInterrupt
-    return gathered(survey.problem, found.q, point.w, point.test_shift)
+    q = survey.likeliest(point.w.noise, start)
+    return gathered(survey.problem, q, point.w, point.test_shift)
 
 
 def _stepped(inverse: Sparing, score: Score) -> Score:

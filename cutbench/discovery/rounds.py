@@ -11,7 +11,7 @@ import numpy as np
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.progress import OnProgress
 from cutbench.calibration.prediction import Predictor
-from cutbench.discovery.apart import alike, apart, by_rate
+from cutbench.discovery.apart import alike, apart, by_rate, resembles, resembling
 from cutbench.discovery.candidates import ORDER, Candidate, candidates
 from cutbench.discovery.causes import PRICE
 from cutbench.discovery.columns import Sensed, sense
@@ -61,7 +61,8 @@ def round_of(point: Point, run: Predictor, seed: int, on_progress: OnProgress) -
             return before
         some, idle = by_rate(point, chosen)
         if (place := apart(point, on_progress, some if idle else ())) is not None:
-            this = asking.at(place, some, {**left_out, **idle}, scores)
+            some, unlike = resembling(place, some)
+            this = asking.at(place, some, {**left_out, **idle, **unlike}, scores)
             if this.accepted is not None or not idle:
                 return _likelier(before, this)
         return _likelier(before, asking.at(Place.of(point), chosen, left_out))
@@ -156,9 +157,7 @@ class _Asking:
         worth = [s for s in scores.scores if s.p < PROMISING and s.gain > 1]
         order = _simplest(worth)
         if place.apart:
-            ranked = [alike(point, place, s) for s in scores.scores]
-            ranked.sort(key=lambda each: -each[0])
-            order = [s for part, s in ranked if part >= LIKE * ranked[0][0] > 0]
+            order = _alike(point, place, scores)
         if left is not None:
             order = sorted((s for s in scores.scores if s.name in left), key=lambda s: left[s.name])
         # What is asked before physics costs little without a mesh.
@@ -185,6 +184,14 @@ class _Asking:
             chance = scores.p_any(s.name, gain)
             tried.append(Tried(s, after, held, gain, chance, share, shapes_open=kept, own=own))
         return tried
+
+
+def _alike(point: Point, place: Place, scores: Scores) -> list[Score]:
+    """Those that resemble what cuts have of their own, and whose changes are like it."""
+    ranked = [alike(point, place, s) for s in scores.scores]
+    ranked.sort(key=lambda each: -each[0])
+    most = ranked[0][0] if ranked else 0.0
+    return [s for part, s in ranked if resembles(s.name, place) or part >= LIKE * most > 0]
 
 
 def _simplest(scores: list[Score]) -> list[Score]:

@@ -66,14 +66,15 @@ def discover(
     campaign = baseline_of(campaign)
     count = cores() if workers is None else workers
     on_progress(math.nan, math.nan, "fitting the baseline")
-    fitted = fit(
-        campaign, workers=count, refine=refine, grid=grid,
-        on_progress=lambda done, total, text: on_progress(done, total, f"fitting the baseline, {text}"),
-    )  # fmt: skip
-    if fitted.status == "interrupted":
-        raise KeyboardInterrupt
     runs = 3 * sum(e.kind == "cut" for e in campaign.experiments)
+    # What the fit has computed, others are foreseen from.
     with predictor(min(count, runs)) as run:
+        fitted = fit(
+            campaign, run=run, refine=refine, grid=grid,
+            on_progress=lambda done, total, text: on_progress(done, total, f"fitting the baseline, {text}"),
+        )  # fmt: skip
+        if fitted.status == "interrupted":
+            raise KeyboardInterrupt
         point = point_of(fitted, run)
         rounds: list[Round] = []
         found: list[Candidate] = []
