@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -10,15 +11,21 @@ from formula_of_cuts import TRUE, X, campaign_in
 from test_discover_cuts import point_at
 
 from cutbench.base.errors import ComputationFailed
-from cutbench.calibration import survey
+from cutbench.base.progress import silent
+from cutbench.calibration import lm, survey
 from cutbench.calibration.emulated import Emulated, Foreseeing
 from cutbench.calibration.inverse import Inverse
 from cutbench.calibration.kriging import Kriging
 from cutbench.calibration.looked_for import unknowns
 from cutbench.calibration.memory import Memory, Scale
 from cutbench.calibration.prediction import Prediction, Reading, Task
+from cutbench.discovery import search
+from cutbench.discovery.apart import apart, resembling
 from cutbench.discovery.candidates import candidates
 from cutbench.discovery.foreseen import Foreseen
+from cutbench.mechanisms.base import STEP
+
+OWN = {"slow": 0.004, "fast": 0.0064}
 
 
 def force(x: np.ndarray, values: dict) -> np.ndarray:
@@ -163,3 +170,58 @@ def test_a_reading_that_begins_late_is_foreseen_without_a_run(tmp_path):
     assert run.places == places and foreseen.able
     assert min(left, key=lambda name: left[name]) == "contact_offset"
     assert left["contact_offset"] < 0.2 < 0.5 < left["force_drift"]
+
+
+def test_values_of_each_cuts_own_are_found_from_what_is_known(tmp_path):
+    """With few runs beside those of a fit; the law that does that to a toughness is the one that is asked."""
+    campaign, run = campaign_in(tmp_path), Remembering()
+    point = point_at(campaign, run, **TRUE)
+    inverse = point.inverse
+    true = inverse.start.set(G="8 kPa")
+    for e in campaign.train:
+        case = campaign.case(e, true.set(G_c=f"{OWN[e.id]} kN/m"))
+        mean = np.interp(inverse.grids[e.id].x, X, force(X, dict(case.values)))
+        inverse.grids[e.id] = replace(inverse.grids[e.id], mean=mean)
+    survey.Survey(inverse, [np.zeros(2)]).look()
+    found = survey.Survey(inverse, [np.zeros(2)])
+    q = found.minimum(point.w, np.zeros(2), lm.Settings()).q
+    start = replace(
+        point_at(campaign, run, **dict(zip(("G", "G_c"), inverse.values(q), strict=True))),
+        inverse=inverse,
+        q=q,
+    )
+    places = run.places
+    place = apart(start, silent)[0]
+    assert place.owned == "G_c"
+    assert run.places - places <= 16
+    for id, G_c in OWN.items():
+        assert place.values[id]["G_c"] == pytest.approx(G_c, rel=0.1)
+    chosen, _ = candidates(start.inverse, start.case)
+    asked, left_out = resembling(place, chosen)
+    assert [c.name for c in asked] == ["rate_toughness"]
+    assert {*left_out} == {c.name for c in chosen} - {"rate_toughness"}
+    assert all("G_c" in reason for reason in left_out.values())
+
+
+def test_real_matrices_of_readings_keep_complex_steps(cuts):
+    e, case = cuts.train[0], cuts.case(cuts.train[0], cuts.base)
+    task = Task(e, case, e.on_grid(20), ("G",))
+    x = np.linspace(0, 5, 60)
+    course = np.stack([x, x**2, x / case.values["speed"]])
+    read = Reading(task, course).of(case.p, 2 * x**2)
+    np.testing.assert_allclose(read.imag / STEP, 2 * read.real, rtol=1e-12)
+
+
+def test_what_a_fit_has_computed_is_known_to_what_is_asked_then(monkeypatch, cuts):
+    run, asked = Remembering(), []
+
+    def round_of(point, *others):
+        asked.append(point)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(search, "predictor", lambda workers: nullcontext(run))
+    monkeypatch.setattr(search, "round_of", round_of)
+    with pytest.raises(KeyboardInterrupt):
+        search.discover(cuts, refine=False)
+    assert asked[0].inverse.run is run
+    assert Foreseen(asked[0]).able

@@ -32,7 +32,7 @@ PLACES, CHANGE, NEAREST, FARTHEST = 12, 0.2, 0.5, 2.0
 STARTS, KNOWN, BEYOND = 8, 3, 0.7
 FORESEEN = lm.Settings(promise=0.5, evaluations=40, failures=2)
 #: Computed after the first look at the most, by works and by likelihood; in vain, before it ends.
-STEPS, LIKELIEST, VAIN = 10, 5, 2
+STEPS, LIKELIEST, VAIN = 4, 6, 2
 #: In q: what moves no farther is the same place; what gains less than this part gains nothing.
 CLOSE, PAYS = 0.05, 0.1
 #: What is foreseen to be so many times as bad as the best may be better.
@@ -191,7 +191,8 @@ class Survey:
                 some = 1 / np.sqrt(ALIKE)
                 return np.concatenate([r, some * works]), np.concatenate([J, some * by])
 
-            ends = [lm.minimise(both, start, *self.inverse.bounds, FORESEEN) for start in (works, q)]
+            starts = [works, q, *known[-KNOWN:], *self._spread(STARTS, seed=2)]
+            ends = [lm.minimise(both, start, *self.inverse.bounds, FORESEEN) for start in starts]
             found.append(min(ends, key=lambda end: end.chi2).q)
         new = [there for there in found if all(np.abs(there - each).max() > CLOSE for each in known)]
         return max(new, key=lambda there: likely(problem, noise, there), default=None)

@@ -10,7 +10,7 @@ value of one cut are those that the fit has, so to begin with none are computed.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -40,42 +40,38 @@ FORCES = lm.Settings(promise=0.3, evaluations=4, failures=2)
 TRIED, REACH = 3, 1.0
 #: One that is foreseen to leave no more is tried.
 LIKELY = 0.8
-#: Part of what is wrong that one must explain to be where candidates are asked.
-MOST = 0.5
+#: Part of what is wrong that one must explain to be where candidates are asked; less where data are
+#: likeliest, as what is left may be jags, which another computation has elsewhere.
+MOST, MOST_FORESEEN = 0.5, 0.25
+#: What gains this part as much may be it, too; so many are gone on with.
+NEARLY, BOTH = 0.5, 2
 
 
-def apart(point: Point, on_progress: OnProgress, chosen: Sequence[Candidate] = ()) -> Place | None:
-    """Where each cut has a value of its own, of the parameter that explains most of what is wrong so; None
-    where none explains enough of it. Of those that the laws among ``chosen`` resemble, if any does.
+def apart(point: Point, on_progress: OnProgress, chosen: Sequence[Candidate] = ()) -> list[Place]:
+    """Where each cut has a value of its own, of the parameter that explains most of what is wrong so, and of
+    another that explains nearly as much; none where nothing explains enough of it. Of those that the laws
+    among ``chosen`` resemble, if any does.
 
     Raises KeyboardInterrupt.
     """
     cuts = [e for e in point.campaign.train if e.kind == "cut"]
     if len(cuts) < 2 or len(cuts) < len(point.campaign.train):
-        return None
+        return []
     laws = [registry()[c.name] for c in chosen if c.name in registry()]
     wanted = {name for law in laws for name in law.resembles}
     names = [u.name for u in point.inverse.unknowns if u.experiment is None]
     names = [name for name in names if name in wanted] or names
-    for own in _owns(point, names, PRICE * (len(cuts) - 1), on_progress):
-        if own.left <= 1 - MOST:
-            return own.place
-    return None
-
-
-def _owns(point: Point, names: Sequence[str], price: float, on_progress: OnProgress) -> Iterator[_Own]:
-    """With the parameters that gain most: of those that are foreseen all are computed, and the likeliest
-    is gone on with."""
+    price, found = PRICE * (len(cuts) - 1), list[_Own]()
     foreseen = Foreseen(point)
-    found = []
     for name in _promising(point, foreseen, names, price):
         on_progress(math.nan, math.nan, f"{name} of its own in each cut")
         with suppress(ComputationFailed, BadInput):
-            if foreseen.able:
-                found.append(_foreseen(point, name))
-            else:
-                yield _stepped(point, name)
-    yield from sorted((own for own in found if own.gain >= price), key=lambda own: -own.gain)[:1]
+            found.append(_foreseen(point, name) if foreseen.able else _stepped(point, name))
+            if not foreseen.able and found[-1].left <= 1 - MOST:
+                return [found[-1].place]
+    found = sorted((own for own in found if own.gain >= price), key=lambda own: -own.gain)
+    found = [own for own in found if own.left <= 1 - MOST_FORESEEN and own.gain >= NEARLY * found[0].gain]
+    return [own.place for own in found[:BOTH]] if foreseen.able else []
 
 
 def _promising(point: Point, foreseen: Foreseen, names: Sequence[str], price: float) -> list[str]:

@@ -60,9 +60,8 @@ def round_of(point: Point, run: Predictor, seed: int, on_progress: OnProgress) -
         if before is not None and any(t.whole for t in before.tried if t.name == before.accepted):
             return before
         some, idle = by_rate(point, chosen)
-        if (place := apart(point, on_progress, some if idle else ())) is not None:
-            some, unlike = resembling(place, some)
-            this = asking.at(place, some, {**left_out, **idle, **unlike}, scores)
+        if places := apart(point, on_progress, some if idle else ()):
+            this = asking.beside(places, some, {**left_out, **idle}, scores)
             if this.accepted is not None or not idle:
                 return _likelier(before, this)
         return _likelier(before, asking.at(Place.of(point), chosen, left_out))
@@ -110,6 +109,31 @@ class _Asking:
         others = {c.name: "not asked: a rig or a reading explains it" for c in chosen if c.slot != "rig"}
         return self.at(Place.of(self.point), rigs, {**left_out, **others}, plain, left)
 
+    def beside(
+        self, places: Sequence[Place], chosen: Sequence[Candidate], left_out: Mapping[str, str], plain: Scores
+    ) -> Round:
+        """What cuts have of their own at each of ``places``, as one round."""
+        made: list[Round] = []
+        for place in places:
+            alike, unlike = resembling(place, chosen)
+            made.append(self.at(place, alike, {**left_out, **unlike}, plain))
+        first, *others = made
+        if not others:
+            return first
+        asked = {s.name for each in made for s in each.scores.scores}
+        columns = [column for each in made for column in each.sensed.columns]
+        scores = replace(
+            first.scores,
+            scores=[s for each in made for s in each.scores.scores],
+            others={name: more for each in made for name, more in each.scores.others.items()},
+            scale={name: size for each in made for name, size in each.scores.scale.items()},
+        )
+        return _judged(
+            self.point, replace(first.sensed, columns=columns), scores, [t for each in made for t in each.tried],
+            {n: why for each in made for n, why in each.left_out.items() if n not in asked},
+            {n: why for each in made for n, why in each.failed.items()},
+        )  # fmt: skip
+
     def at(
         self,
         place: Place,
@@ -137,17 +161,7 @@ class _Asking:
         scored = {s.name for s in scores.scores}
         failed = {c.name: "no run could take it up beside the others" for c in chosen if c.name not in scored}
         tried = self._tried(place, scores, failed, left)
-        tried, group = _ordered(tried, scores, point.meshed)
-        # A residual that is not significant as a whole needs a candidate that explains most of it.
-        needed = SHARE if scores.p_residual < CHANCE else SHARE_WEAK
-        able = [t for t in tried if t.name in group and t.convincing and t.share >= needed]
-        if able and all(t.heldout.how == TESTS for t in able):
-            # What the fitted tests cannot tell apart, those that were not fitted may.
-            able.sort(key=lambda t: -t.heldout.gain)
-        # A machine or a value that explains as much as a mechanism is asked first.
-        able.sort(key=lambda t: ORDER.index(t.score.column.candidate.cause))
-        accepted = able[0].name if able else None
-        return Round(point, sensed, scores, tuple(tried), tuple(group), accepted, left_out, failed)
+        return _judged(point, sensed, scores, tried, left_out, failed)
 
     def _tried(
         self, place: Place, scores: Scores, failed: dict[str, str], left: Mapping[str, float] | None
@@ -226,6 +240,28 @@ def _shaped(point: Point, s: Score, after: Point, scores: Scores) -> tuple[Point
         if one.likelihood >= most - PRICE and (mine := decide(point, one)).better > held.better:
             after, held = one, mine
     return after, held, True
+
+
+def _judged(
+    point: Point,
+    sensed: Sensed,
+    scores: Scores,
+    tried: list[Tried],
+    left_out: Mapping[str, str],
+    failed: Mapping[str, str],
+) -> Round:
+    """The round in which so much was ``tried``, with what is accepted of it."""
+    tried, group = _ordered(tried, scores, point.meshed)
+    # A residual that is not significant as a whole needs a candidate that explains most of it.
+    needed = SHARE if scores.p_residual < CHANCE else SHARE_WEAK
+    able = [t for t in tried if t.name in group and t.convincing and t.share >= needed]
+    if able and all(t.heldout.how == TESTS for t in able):
+        # What the fitted tests cannot tell apart, those that were not fitted may.
+        able.sort(key=lambda t: -t.heldout.gain)
+    # A machine or a value that explains as much as a mechanism is asked first.
+    able.sort(key=lambda t: ORDER.index(t.score.column.candidate.cause))
+    accepted = able[0].name if able else None
+    return Round(point, sensed, scores, tuple(tried), tuple(group), accepted, left_out, failed)
 
 
 def _ordered(tried: list[Tried], scores: Scores, meshed: bool) -> tuple[list[Tried], list[str]]:
