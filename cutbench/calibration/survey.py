@@ -20,6 +20,7 @@ from cutbench.base.errors import ComputationFailed
 from cutbench.base.progress import OnProgress, silent
 from cutbench.calibration import by_work, lm, secant
 from cutbench.calibration.emulated import Emulated, Foreseeing
+from cutbench.calibration.identifiability import Unknown
 from cutbench.calibration.inverse import Inverse
 from cutbench.calibration.prediction import Task
 from cutbench.data.covariance import Covariance
@@ -27,7 +28,7 @@ from cutbench.data.discrepancy import allowing, likeliest
 
 #: Places of each test in the first look, and how far they lie in q: so far that works change by this part,
 #: between two lengths.
-PLACES, CHANGE, NEAREST, FARTHEST = 12, 0.2, 0.5, 2.0
+PLACES, CHANGE, NEAREST, FARTHEST = 20, 0.2, 0.5, 2.0
 #: Starts of a search among what is foreseen, beside the best that are known; how far beyond these it goes.
 STARTS, KNOWN, BEYOND = 8, 3, 0.7
 FORESEEN = lm.Settings(promise=0.5, evaluations=40, failures=2)
@@ -67,6 +68,13 @@ def likely(inverse: Inverse, noise: Covariance, q: np.ndarray) -> float:
     return likeliest(noise, inverse.residuals(q, noise)[0]) - float(works @ works) / ALIKE
 
 
+def _away(u: Unknown, q: float, far: float) -> float:
+    """So ``far`` from ``q``, by a factor where values are positive: powers of e as in a logarithm."""
+    value = u.value(q)
+    there = u.q(value * np.exp(far)) if value > 0 and (u.quantity.low or 0) >= 0 else q + far
+    return float(np.clip(there, *u.reach))
+
+
 class Survey:
     """Of ``inverse`` from ``starts`` (k,) on."""
 
@@ -101,14 +109,19 @@ class Survey:
     def around(self, q: np.ndarray, reach: np.ndarray, places: int) -> None:
         """Compute so many ``places`` of each test, no farther from ``q`` than ``reach`` (k,), as far as they
         can be, to foresee others. Each test elsewhere: what one of them tells counts for all."""
-        low, high = self.inverse.bounds
-        self.low, self.high = np.maximum(q - reach, low), np.minimum(q + reach, high)
+        ends = [[_away(u, x, way * far) for way in (-1, 1)] for u, x, far in self._ways(q, reach)]
+        self.low, self.high = np.array(ends).T
         train, tasks = self.inverse.campaign.train, []
-        for e, there in zip([*train] * places, self._spread(places * len(train)), strict=True):
+        for e, parts in zip([*train] * places, self._parts(places * len(train)), strict=True):
+            ways = zip(self._ways(q, reach), 2 * parts - 1, strict=True)
+            there = np.array([_away(u, x, way * far) for (u, x, far), way in ways])
             with suppress(ComputationFailed):
                 tasks.append(Task(e, self.inverse.checked_case(e, there), self.inverse.grids[e.id]))
         secant.tried(self.inverse, tasks)
         self.evaluations += places
+
+    def _ways(self, q: np.ndarray, reach: np.ndarray) -> list[tuple[Unknown, float, float]]:
+        return [*zip(self.inverse.unknowns, q, reach, strict=True)]
 
     def settled(self, on_progress: OnProgress = silent, steps: int = STEPS) -> by_work.Nearby:
         """What is foreseen is computed, and foreseen again, until it stays. Raises ComputationFailed."""
@@ -248,5 +261,8 @@ class Survey:
 
     def _spread(self, count: int, seed: int = 0) -> list[np.ndarray]:
         """So many places between ``low`` and ``high``."""
-        parts = qmc.Halton(self.low.size, seed=seed).random(count)
-        return [self.low + (self.high - self.low) * part for part in parts]
+        return [self.low + (self.high - self.low) * part for part in self._parts(count, seed)]
+
+    def _parts(self, count: int, seed: int = 0) -> np.ndarray:
+        """(count, k) between 0 and 1, evenly spread."""
+        return qmc.Halton(self.low.size, seed=seed).random(count)

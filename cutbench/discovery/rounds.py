@@ -128,8 +128,9 @@ class _Asking:
             others={name: more for each in made for name, more in each.scores.others.items()},
             scale={name: size for each in made for name, size in each.scores.scale.items()},
         )
+        tried = [t for each in made for t in each.tried]
         return _judged(
-            self.point, replace(first.sensed, columns=columns), scores, [t for each in made for t in each.tried],
+            self.point, replace(first.sensed, columns=columns), scores, tried,
             {n: why for each in made for n, why in each.left_out.items() if n not in asked},
             {n: why for each in made for n, why in each.failed.items()},
         )  # fmt: skip
