@@ -167,7 +167,7 @@ class BladeForm(Form):
             return local
         place = self._at(met.near)
         g, gradient, H = self._gap.of(*met[:4], p)
-        n, dn = (gradient, H) if self._gap.unit_gradient else unit(gradient, H)
+        n, dn = (gradient, H) if self._gap.unit_gradient else unit(gradient, H, tangent)
         multiplier = state["multiplier"].take(met.near, axis=1).ravel()
         t_N, dp = self._pressure(g, multiplier, place.stiffness, p)
         push, turn = self._inward(u, place, tangent) if self._material else (n, ())
@@ -185,7 +185,8 @@ class BladeForm(Form):
                 np.ascontiguousarray(each, complex)
                 for each in (g, gradient, n, dn, push, t_N, dp, slip, stick, parts, by_rate)
             )
-        contact = Contact(met.near, f.N, f.w, g, gradient, n, dn, push, not self._material, t_N, dp)
+        axes, turns = tuple(range(dim)), not self._material
+        contact = Contact(axes, met.near, f.N, f.w, g, gradient, n, dn, push, turns, t_N, dp)
         known = old["shear"], old["touched"], release
         names = ("pressure", "active", "normal_traction", "shear", "shares", "slid", "touched")
         slides = Sliding(slip, stick, parts, by_rate, kind.type(step.dt), *known)

@@ -74,45 +74,47 @@ def _met(u, u_old, way, apex, lie, extent, touched, dofs, N, X, flank) -> tuple[
     meets &= low < edge + top + REACH
     near = np.flatnonzero(meets | (touched.real.max(axis=0) > 0))
     N, dofs = N[:, :, near], dofs[:, near]
-    slip = blend(N, gather(u - u_old, dofs, dim)) - way[:, None, None]
+    slip = blend(N, gather(u - u_old, dofs, dim)) - np.array(way)[:, None, None]
     x = X[:, :, near] + blend(N, gather(u, dofs, dim))
     return near, *_in_frame(x, apex, lie, flank[near]), slip.reshape(dim, -1)
 
 
 @compiled(_met)
 def met(u, u_old, way, apex, lie, extent, touched, dofs, N, X, flank):
-    dim, nq, nf = X.shape
-    nn = N.shape[1]
+    dim, (_, nq, nf), nn = len(way), X.shape, N.shape[1]  # a tuple's length is known when it is compiled
     c, s, ci, si, lift = lie
     least, most, top = extent
     edge = (apex[1].real + lift.real) * ci.real
     inclined = dim == 3 and si.real != 0
-    near = np.empty(nf, np.int64)
-    count = 0
-    for f in range(nf):
-        meets = False
-        left = low = across_least = up_least = np.inf
-        right = high = across_most = up_most = -np.inf
-        for q in range(nq):
-            meets |= touched[q, f].real > 0
-            x = X[0, q, f] if dim == 2 else X[0, q, f] * c.real - X[2, q, f] * s.real
-            left, right = min(left, x), max(right, x)
-            y = X[1, q, f]
+    left, low, across_least, up_least = np.full((4, nf), np.inf)
+    right, high, across_most, up_most = np.full((4, nf), -np.inf)
+    meets = np.zeros(nf, np.bool_)
+    for q in range(nq):
+        for f in range(nf):
+            meets[f] |= touched[q, f].real > 0
+            x, y = X[0, q, f], X[1, q, f]
             if inclined:
-                y = y * ci.real - (X[0, q, f] * s.real + X[2, q, f] * c.real) * si.real
-            low, high = min(low, y), max(high, y)
-        for a in range(nn):
+                y = y * ci.real - (x * s.real + X[2, q, f] * c.real) * si.real
+            if dim == 3:
+                x = x * c.real - X[2, q, f] * s.real
+            left[f], right[f] = min(left[f], x), max(right[f], x)
+            low[f], high[f] = min(low[f], y), max(high[f], y)
+    for a in range(nn):
+        for f in range(nf):
             x, y = u[dofs[a, f]].real, u[dofs[nn + a, f]].real
             if dim == 3:
                 z = u[dofs[2 * nn + a, f]].real
                 if inclined:
                     y = y * ci.real - (x * s.real + z * c.real) * si.real
                 x = x * c.real - z * s.real
-            across_least, across_most = min(across_least, x), max(across_most, x)
-            up_least, up_most = min(up_least, y), max(up_most, y)
-        beside = left + across_least < most + REACH and right + across_most > least - REACH
-        level = high + up_most > edge - REACH and low + up_least < edge + top + REACH
-        if meets or (beside and level):
+            across_least[f], across_most[f] = min(across_least[f], x), max(across_most[f], x)
+            up_least[f], up_most[f] = min(up_least[f], y), max(up_most[f], y)
+    near = np.empty(nf, np.int64)
+    count = 0
+    for f in range(nf):
+        beside = left[f] + across_least[f] < most + REACH and right[f] + across_most[f] > least - REACH
+        level = high[f] + up_most[f] > edge - REACH and low[f] + up_least[f] < edge + top + REACH
+        if meets[f] or (beside and level):
             near[count] = f
             count += 1
     size = nq * count
@@ -175,10 +177,11 @@ class ToolGap:
         """The points near the blade, for displacements ``u``; ``real`` unless anything is complex."""
         dim, faces = self._dim, self._faces
         kind = float if real else complex
-        moves = u, step.u_old, (step.centre - step.centre_old)[:dim], step.centre
+        moved = (step.centre - step.centre_old)[:dim]
         place = Lie.of(p) if dim == 3 else STRAIGHT
         lie = Lie(*(complex(each) if kind is complex else float(np.real(each)) for each in place))
-        given = (*(np.asarray(each, kind) for each in moves), lie)
+        u, u_old, centre = (np.asarray(each, kind) for each in (u, step.u_old, step.centre))
+        given = u, u_old, tuple(map(kind, moved)), centre, lie
         return Met(*met(*given, self.extent(p), touched, dofs, faces.N, faces.X, self._flank))
 
     def at(self, x: np.ndarray, near: np.ndarray, p, centre):
