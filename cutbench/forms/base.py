@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -47,11 +49,16 @@ AT_REST = Step(1.0, np.zeros(0), np.zeros(3), np.zeros(3))
 
 @dataclass
 class Local:
-    """What a form returns: local vectors (nd, n), matrices (nd, nd, n) or None, and the new state."""
+    """What a form returns: local vectors (nd, n), matrices (nd, nd, n) or None, and the new state, or what
+    finds it: of most evaluations it is not asked for."""
 
     vector: np.ndarray
     matrix: np.ndarray | None
-    state: dict[str, Any] = field(default_factory=dict)
+    found: dict[str, Any] | Callable[[], dict[str, Any]] = field(default_factory=dict)
+
+    @cached_property
+    def state(self) -> dict[str, Any]:
+        return self.found() if callable(self.found) else self.found
 
 
 class Form:
