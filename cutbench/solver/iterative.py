@@ -72,7 +72,11 @@ def rigid_motions(X: np.ndarray) -> np.ndarray:
 
 
 class Stagnation(ArithmeticError):
-    """GMRES did not reach its tolerance in the iterations that it may take."""
+    """GMRES did not reach its tolerance in the ``iterations`` that it took."""
+
+    def __init__(self, left: float, iterations: int):
+        super().__init__(f"residual {left:.1e} after {iterations} iterations")
+        self.iterations = iterations
 
 
 def gmres(
@@ -83,12 +87,14 @@ def gmres(
     tolerance: float,
     most: int,
     restart: int = RESTART,
+    steady: bool = False,
 ) -> tuple[np.ndarray, int]:
     """Solve A x = b by GMRES, preconditioned from the right, in the form of generalized conjugate residuals.
 
     So the residual it watches is that of the equations, and ends at ``tolerance`` times |b|. Preconditioned
     directions are kept: each iteration preconditions once, where making x of others would do so once more.
-    Returns x and the iterations; raises Stagnation after ``most``.
+    Returns x and the iterations; raises Stagnation after ``most``, or, if ``steady``, from the third on where
+    ``most`` iterations like those so far would not do.
     """
     size, x, done = float(np.linalg.norm(b)), np.zeros_like(b), 0
     if size == 0:
@@ -111,9 +117,11 @@ def gmres(
             directions.clear()
         directions.append((z, w))
         left, done = float(np.linalg.norm(r)) / size, done + 1
+        if steady and done > 2 and left > tolerance ** (done / most):
+            break
     left = float(np.linalg.norm(b - matvec(x))) / size
     if not left <= tolerance * (1 + 1e-3):  # rounding
-        raise Stagnation(f"residual {left:.1e} after {done} iterations")
+        raise Stagnation(left, done)
     return x, done
 
 
@@ -163,12 +171,13 @@ class Kept:
     def solve(self, b: np.ndarray, tolerance: float = TOLERANCE) -> np.ndarray:
         if not self._fresh and self._spent < WORTH:
             try:
-                x, count = gmres(self._matrix.__matmul__, self._direct.back, b, tolerance=tolerance, most=OLD)
+                multiply, back = self._matrix.__matmul__, self._direct.back
+                x, count = gmres(multiply, back, b, tolerance=tolerance, most=OLD, steady=True)
                 self.counts["gmres_iterations"] += count
                 self._spent += count - 1
                 return x
-            except Stagnation:
-                self.counts["gmres_iterations"] += OLD
+            except Stagnation as error:
+                self.counts["gmres_iterations"] += error.iterations
         if not self._fresh:
             self._renew()
         return self._direct.solve(b)
