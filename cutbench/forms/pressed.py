@@ -46,8 +46,8 @@ class Sliding(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What is filled in at the faces ``near``: local vectors (nd, nf), matrices (nd, nd, nf), or (0, 0, 0)
-    for none, and new states (…, nq, nf). ``slid`` and ``held``, the new Θ, come with their old values."""
+    """What is filled in at the faces ``near``: local vectors (nd, nf), matrices (nd, nd, nf), and new states
+    (…, nq, nf), of each of the three nothing if it is empty. ``slid`` and Θ come with their old values."""
 
     vector: np.ndarray
     matrix: np.ndarray
@@ -57,7 +57,16 @@ class Found(NamedTuple):
     shear: np.ndarray
     shares: np.ndarray
     slid: np.ndarray
-    held: np.ndarray
+    touched: np.ndarray
+
+    @classmethod
+    def of(cls, vector=None, matrix=None, **states: np.ndarray) -> Found:
+        """Of what is given."""
+        kind = next(iter(states.values()), vector).dtype
+        dims = dict(zip(cls._fields, (2, 3, 2, 2, 3, 3, 3, 2, 2), strict=True))
+        given = {"vector": vector, "matrix": matrix, **states}
+        empty = {name: np.zeros(dims[name] * (0,), kind) for name in dims if given.get(name) is None}
+        return cls(**{**given, **empty})
 
 
 @shared
@@ -126,7 +135,7 @@ def returned(axes, n, dn, shear, slip, stick, strength, by_rate, dt, traction, D
 def pressed_plain(contact: Contact, sliding: Sliding, found: Found) -> None:
     c, s, near = contact, sliding, contact.near
     (dim, size), (nq, nn, count) = c.n.shape, c.Na.shape
-    tangent = found.matrix.size > 0
+    tangent, keeps = found.matrix.size > 0, found.pressure.size > 0
     normal = c.t_N * c.push
     kind = found.vector.dtype
     traction, D = np.zeros((dim, size), kind), np.zeros((dim, dim, size), kind)
@@ -137,17 +146,21 @@ def pressed_plain(contact: Contact, sliding: Sliding, found: Found) -> None:
         moved = returned(
             c.axes, c.n, c.dn, shear, s.slip, s.stick, strength, s.by_rate, s.dt, traction, D, tangent, rated
         )
-        found.shear[:, :, near] = traction.reshape(dim, nq, count)
-        shares = s.parts / np.where(strength.real > 0, strength, 1.0)
-        found.shares[:, :, near] = shares.reshape(-1, nq, count)
-        # What passes the blade at a distance does not rub.
-        rubs = (touched.real > 0) | (c.t_N.real > 0)
-        found.slid[:, near] += np.where(rubs, moved, 0).reshape(nq, count)
-    if np.real(s.release) > 0:
-        found.held[:, near] *= (c.g.real < np.real(s.release)).reshape(nq, count)
-    found.pressure[:, near] = c.t_N.reshape(nq, count)
-    found.active[:, near] = (c.t_N.real > 0).reshape(nq, count)
-    found.normal_traction[:, :, near] = normal.reshape(dim, nq, count)
+        if keeps:
+            found.shear[:, :, near] = traction.reshape(dim, nq, count)
+            shares = s.parts / np.where(strength.real > 0, strength, 1.0)
+            found.shares[:, :, near] = shares.reshape(-1, nq, count)
+            # What passes the blade at a distance does not rub.
+            rubs = (touched.real > 0) | (c.t_N.real > 0)
+            found.slid[:, near] += np.where(rubs, moved, 0).reshape(nq, count)
+    if keeps:
+        if np.real(s.release) > 0:
+            found.touched[:, near] *= (c.g.real < np.real(s.release)).reshape(nq, count)
+        found.pressure[:, near] = c.t_N.reshape(nq, count)
+        found.active[:, near] = (c.t_N.real > 0).reshape(nq, count)
+        found.normal_traction[:, :, near] = normal.reshape(dim, nq, count)
+    if not found.vector.size:
+        return
     total = (normal + traction).reshape(dim, nq, count) * c.w
     found.vector[:, near] = -np.einsum("qaf,dqf->daf", c.Na, total).reshape(-1, count)
     if tangent:
@@ -168,10 +181,10 @@ def sandwich(D: np.ndarray, NM: np.ndarray) -> np.ndarray:
 def pressed(contact, sliding, found):
     axes, near, Na, w, g, gradient, n, dn, push, turns, t_N, dp = contact
     slip, stick, parts, by_rate, dt, old, touched, release = sliding
-    vector, matrix, pressure, active, normal_traction, shear, shares, slid, held = found
+    vector, matrix, pressure, active, normal_traction, shear, shares, slid, touches = found
     dim, (nq, nn, count) = len(axes), Na.shape
     laws, tangent, rated = len(parts), matrix.size > 0, by_rate.size > 0
-    size = nq * count
+    size, acts, keeps = nq * count, vector.size > 0, pressure.size > 0
     kind = vector.dtype
     force = np.empty((dim, size), kind)  # times weights
     slope = np.empty((dim, dim, size if tangent else 0), kind)
@@ -195,22 +208,26 @@ def pressed(contact, sliding, found):
                 moved = returned(
                     axes, normal, turn, last, gone, stick[k], strength, rate, dt, traction, D, tangent, rated
                 )
-                for law in range(laws):
+                for law in range(laws if keeps else 0):
                     shares[law, q, f] = parts[law, k] / (strength if strength.real > 0 else 1.0)
-                if touched[q, f].real > 0 or t_N[k].real > 0:
+                if keeps and (touched[q, f].real > 0 or t_N[k].real > 0):
                     slid[q, f] += moved
-            if release > 0 and not g[k].real < release:
-                held[q, f] = 0.0
-            pressure[q, f], active[q, f] = t_N[k], 1.0 if t_N[k].real > 0 else 0.0
+            if keeps:
+                if release > 0 and not g[k].real < release:
+                    touches[q, f] = 0.0
+                pressure[q, f], active[q, f] = t_N[k], 1.0 if t_N[k].real > 0 else 0.0
+                for i in range(dim):
+                    shear[i, q, f], normal_traction[i, q, f] = traction[i], t_N[k] * push[i, k]
             for i in range(dim):
-                shear[i, q, f], normal_traction[i, q, f] = traction[i], t_N[k] * push[i, k]
-                force[i, k] = (normal_traction[i, q, f] + traction[i]) * w[q, j]
+                force[i, k] = (t_N[k] * push[i, k] + traction[i]) * w[q, j]
                 if tangent:
                     for m in range(dim):
                         whole = dp[k] * push[i, k] * gradient[m, k] + D[i, m]
                         if turns:
                             whole += t_N[k] * dn[i, m, k]
                         slope[i, m, k] = whole * w[q, j]
+    if not acts:
+        return
     # Faces innermost: they stand side by side.
     V, K = np.zeros((dim * nn, count), kind), np.zeros((dim * nn, dim * nn, count if tangent else 0), kind)
     for i in range(dim):
