@@ -31,7 +31,7 @@ CORRECTION = 0.03
 SMALL = 5_000
 #: Iterations after which a kept factorization is older than it is worth, in one solution; and in all of them
 #: together what a new one costs, which would need one in each.
-OLD, WORTH = 8, 25
+OLD, WORTH = 5, 25
 #: The same for a hierarchy, which is cheaper to make, and the largest number of iterations with a fresh one.
 OLD_HIERARCHY, MOST = 60, 400
 #: Directions that GMRES keeps before it restarts.
