@@ -61,25 +61,24 @@ class Held:
 
     def solved(self, u: np.ndarray, states: dict, step: Step) -> tuple[np.ndarray, Evaluation]:
         """Displacements and their evaluation, from the guess ``u``. Raises NoConvergence."""
-        settings, p = self._settings, self._problem.p
-        held, exact, calm, place = states.get("cohesion"), self._cut is None, False, step.u_old
+        settings, p, cut = self._settings, self._problem.p, self._cut
+        held, exact, calm, place = states.get("cohesion", {}), cut is None, False, step.u_old
         inner = step if exact else replace(step, damage_held=True)
         for _ in range(settings.staggered_loops):
             u, found = self._solution(u, states, held, inner, exact, calm)
             after, moved = self._augmented(states, found)
             still, grown = np.abs(moved).max(initial=0.0) <= 1, held
-            if self._cut is not None and (still or not calm):
+            if cut is not None and (still or not calm):
                 # The state that this opening leads to, from the damage at the start of the step.
-                grown = self._cut.ended(u, p, states["cohesion"], step)
+                grown = cut.ended(u, p, states["cohesion"], step)
                 change = np.abs(grown["damage"] - held["damage"]).max(initial=0.0)
                 still, calm = still and change < settings.staggered_change, calm or change < CALM
             if still and exact:
-                anew = self._cut is not None
-                return u, self._problem.evaluate(u, states, step, tangent=False) if anew else found
+                return u, found if cut is None else self._problem.evaluate(u, states, step, tangent=False)
             exact, states, held, last, place = exact or still, after, grown, place, u
-            if calm:
+            if cut is not None and calm:
                 states, place = self._mixed(after, u, moved, u - last)
-                held = self._cut.ended(place, p, states["cohesion"], step)
+                held = cut.ended(place, p, states["cohesion"], step)
         raise NoConvergence(f"damage or multipliers still change after {settings.staggered_loops} loops")
 
     def _solution(self, u, states, held, step, exact, calm) -> tuple[np.ndarray, Evaluation]:
