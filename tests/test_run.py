@@ -20,6 +20,7 @@ from cutbench.case.case import load_case
 from cutbench.run.result import SELF_CONTACT, SNAP
 from cutbench.run.runner import run_case
 from cutbench.solver import march
+from cutbench.solver.newton import newton as march_newton
 
 #: Mechanisms that a number switches off, with the numbers.
 SWITCHED = {m.name: m.off for m in CUTTING.model.all if m.off and m.slot != "bulk"}
@@ -218,8 +219,7 @@ def test_a_run_that_stalls_says_where_and_what_to_try(monkeypatch, quick, reason
             raise march.NoConvergence(reason)
         return march_newton(problem, u, states, step, settings, **near)
 
-    march_newton = march.newton
-    monkeypatch.setattr(march, "newton", newton)
+    monkeypatch.setattr("cutbench.solver.held.newton", newton)
     result = run_case(QUICK.set(step_min="0.005 mm"), snapshots_mm=(0.5,))
     assert (result.outcome.kind, result.outcome.done) == ("stalled", False)
     for part in ("no step above 0.005 mm converges", "of 1.1 mm", reason):

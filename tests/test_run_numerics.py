@@ -24,6 +24,7 @@ from cutbench.mechanisms.base import Points
 from cutbench.run.build import build
 from cutbench.run.runner import run_case
 from cutbench.solver import march
+from cutbench.solver.newton import newton as march_newton
 
 
 def test_a_law_by_itself_closes_as_it_does_in_a_run():
@@ -141,7 +142,7 @@ def test_a_tough_viscous_material_closes():
 
 def test_a_march_does_not_crawl(monkeypatch):
     """Where only raised damping helps, over a way that the smallest steps would take a thousand for."""
-    case, newton = QUICK.set(depth="0.6 mm"), march.newton
+    case, newton = QUICK.set(depth="0.6 mm"), march_newton
 
     def stubborn(problem, u, states, step, settings, **options):
         travel = case.p.height - step.centre[1]
@@ -149,7 +150,7 @@ def test_a_march_does_not_crawl(monkeypatch):
             raise march.NoConvergence("stubborn")
         return newton(problem, u, states, step, settings, **options)
 
-    monkeypatch.setattr(march, "newton", stubborn)
+    monkeypatch.setattr("cutbench.solver.held.newton", stubborn)
     result = run_case(case)
     assert result.outcome.done
     assert result.counts["steps"] < 150 and result.counts["rejected_steps"] < 150
@@ -157,7 +158,7 @@ def test_a_march_does_not_crawl(monkeypatch):
 
 def stubborn(case):
     """Newton's method, but for a step across 0.35 mm without much damping."""
-    newton = march.newton
+    newton = march_newton
 
     def found(problem, u, states, step, settings, **options):
         before, travel = (case.p.height - c[1] for c in (step.centre_old, step.centre))
@@ -172,7 +173,7 @@ def test_raised_damping_leaves_no_force_on_the_curve(monkeypatch):
     """The blade drags what it moves against it: so it rests until the damping is back."""
     case = QUICK.set(depth="0.6 mm")
     free = run_case(case)
-    monkeypatch.setattr(march, "newton", stubborn(case))
+    monkeypatch.setattr("cutbench.solver.held.newton", stubborn(case))
     held = run_case(case)
     assert held.outcome.done and held.counts["rejected_steps"] > free.counts["rejected_steps"]
     assert (np.diff(held.displacement_mm) > 0).all()
@@ -184,7 +185,7 @@ def test_raised_damping_leaves_no_force_on_the_curve(monkeypatch):
 def test_rest_is_on_the_clock(monkeypatch):
     case = QUICK.set(depth="0.6 mm")
     free = run_case(case)
-    monkeypatch.setattr(march, "newton", stubborn(case))
+    monkeypatch.setattr("cutbench.solver.held.newton", stubborn(case))
     held = run_case(case)
     late = [run.curve["time_s"] * case.p.speed - run.displacement_mm for run in (free, held)]
     assert np.abs(late[0]).max() < 1e-9
@@ -195,16 +196,16 @@ def test_rest_is_on_the_clock(monkeypatch):
 
 def test_what_goes_on_against_raised_damping_is_counted(monkeypatch):
     case = tuned(QUICK.set(depth="0.6 mm"), "steps", tries=3)
-    newton, refuses = march.newton, stubborn(case)
+    newton, refuses = march_newton, stubborn(case)
 
     def restless(problem, u, states, step, settings, **options):
         if step.centre[1] == step.centre_old[1] and step.damping_factor > 1:
             raise march.NoConvergence("no state at rest")
         return refuses(problem, u, states, step, settings, **options)
 
-    monkeypatch.setattr(march, "newton", restless)
+    monkeypatch.setattr("cutbench.solver.held.newton", restless)
     dragged = run_case(case)
-    monkeypatch.setattr(march, "newton", newton)
+    monkeypatch.setattr("cutbench.solver.held.newton", newton)
     free = run_case(case)
     assert dragged.outcome.done and free.outcome.done
     assert free.measures["drag_steps"] == free.measures["drag_boost"] == 0
@@ -218,7 +219,7 @@ def test_what_goes_on_against_raised_damping_is_counted(monkeypatch):
 
 def test_a_march_goes_on_where_the_blade_rests(monkeypatch):
     case = QUICK.set(depth="0.4 mm")
-    monkeypatch.setattr(march, "newton", stubborn(case))
+    monkeypatch.setattr("cutbench.solver.held.newton", stubborn(case))
     steps = list(build(case).march)
     number = next(i for i, step in enumerate(steps) if step.progress.control.rests)
     assert steps[number].between
@@ -269,8 +270,8 @@ def test_augmentations_end_where_pressures_stand_still():
 
 
 def test_damage_and_multipliers_that_are_held_stand_still_together(monkeypatch):
-    solve, solutions = march.newton, []
-    monkeypatch.setattr(march, "newton", lambda *a, **k: solutions.append(0) or solve(*a, **k))
+    solve, solutions = march_newton, []
+    monkeypatch.setattr("cutbench.solver.held.newton", lambda *a, **k: solutions.append(0) or solve(*a, **k))
     case = load_case("gelatin", {"numerics": "paper"}).set(h="1 mm", depth="3.4 mm")
     built, tuning = build(case), case.numerics.tuning.newton
     problem, w = built.problem, built.form("blade").faces.w

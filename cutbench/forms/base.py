@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -47,11 +49,16 @@ AT_REST = Step(1.0, np.zeros(0), np.zeros(3), np.zeros(3))
 
 @dataclass
 class Local:
-    """What a form returns: local vectors (nd, n), matrices (nd, nd, n) or None, and the new state."""
+    """What a form returns: local vectors (nd, n), matrices (nd, nd, n) or None, and the new state, or what
+    finds it: of most evaluations it is not asked for."""
 
     vector: np.ndarray
     matrix: np.ndarray | None
-    state: dict[str, Any] = field(default_factory=dict)
+    found: dict[str, Any] | Callable[[], dict[str, Any]] = field(default_factory=dict)
+
+    @cached_property
+    def state(self) -> dict[str, Any]:
+        return self.found() if callable(self.found) else self.found
 
 
 class Form:
@@ -117,11 +124,23 @@ def gather(u: np.ndarray, places: np.ndarray, dim: int) -> np.ndarray:
     return np.take(u, places).reshape(dim, len(places) // dim, -1)
 
 
-def blend(N: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Σ_a N_a values_a: (q, nn, f) and (dim, nn, f) to (dim, q, f)."""
+def _plain_blend(N: np.ndarray, values: np.ndarray) -> np.ndarray:
     out = N[None, :, 0] * values[:, None, 0]
     for a in range(1, N.shape[1]):
         out += N[None, :, a] * values[:, None, a]
+    return out
+
+
+@compiled(_plain_blend)
+def blend(N, values):
+    """Σ_a N_a values_a: (q, nn, f) and (dim, nn, f) to (dim, q, f)."""
+    (nq, nn, nf), dim = N.shape, len(values)
+    out = np.zeros((dim, nq, nf), values.dtype)
+    for i in range(dim):
+        for q in range(nq):
+            for a in range(nn):
+                for f in range(nf):
+                    out[i, q, f] += N[q, a, f] * values[i, a, f]
     return out
 
 

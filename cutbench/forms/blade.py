@@ -149,35 +149,25 @@ class BladeForm(Form):
         return self._place
 
     def evaluate(self, u, p, state, step, tangent=True):
-        dim, (nd, nf), nq = self.dim, self.dofs.shape, len(self.faces.w)
+        dim, (nd, nf) = self.dim, self.dofs.shape
         # Any of these may carry a complex step.
         given = (u, step.u_old, step.centre, step.dt, self._stiffness, *state.values(), *vars(p).values())
         kind = np.result_type(float, *given)
         real = kind.kind != "c"
         old = {name: np.ascontiguousarray(state[name], kind) for name in ("touched", "shear", "slid")}
         met = self._gap.met(u, p, old["touched"], step, self.dofs, real)
-        scalars = {name: np.zeros((nq, nf), kind) for name in ("pressure", "active")}
-        vectors = {name: np.zeros((dim, nq, nf), kind) for name in ("normal_traction", "shear")}
-        new = {**state, **scalars, **vectors, "shares": np.zeros((len(self.frictions), nq, nf), kind)}
-        if not real:
-            new = {name: value.astype(complex, copy=False) for name, value in new.items()}
         vector, matrix = np.zeros((nd, nf), kind), np.zeros((nd, nd, nf) if tangent else (0, 0, 0), kind)
-        local = Local(vector, matrix if tangent else None, new)
         if met.near.size == 0:
-            return local
+            return Local(vector, matrix if tangent else None, lambda: self._ended(state, kind))
         place = self._at(met.near)
         g, gradient, H = self._gap.of(*met[:4], p)
-        n, dn = (gradient, H) if self._gap.unit_gradient else unit(gradient, H)
+        n, dn = (gradient, H) if self._gap.unit_gradient else unit(gradient, H, tangent)
         multiplier = state["multiplier"].take(met.near, axis=1).ravel()
         t_N, dp = self._pressure(g, multiplier, place.stiffness, p)
         push, turn = self._inward(u, place, tangent) if self._material else (n, ())
         parts, by_rate = np.zeros((0, 0)), np.zeros(0)
         if self.frictions:
             parts, by_rate = self._strengths.at(place, n, met.slip, p, state, step, tangent)
-            new["slid"] = old["slid"].copy()
-        release = np.real(self._numerics.release)
-        if release > 0:
-            new["touched"] = old["touched"].copy()
         f = place.faces
         slip, stick = met.slip, place.stick
         if not real:
@@ -185,16 +175,28 @@ class BladeForm(Form):
                 np.ascontiguousarray(each, complex)
                 for each in (g, gradient, n, dn, push, t_N, dp, slip, stick, parts, by_rate)
             )
-        contact = Contact(met.near, f.N, f.w, g, gradient, n, dn, push, not self._material, t_N, dp)
-        known = old["shear"], old["touched"], release
-        names = ("pressure", "active", "normal_traction", "shear", "shares", "slid", "touched")
+        axes, turns = tuple(range(dim)), not self._material
+        contact = Contact(axes, met.near, f.N, f.w, g, gradient, n, dn, push, turns, t_N, dp)
+        known = old["shear"], old["touched"], np.real(self._numerics.release)
         slides = Sliding(slip, stick, parts, by_rate, kind.type(step.dt), *known)
-        pressed(contact, slides, Found(vector, matrix, *(new[name] for name in names)))
+        pressed(contact, slides, Found.of(vector, matrix))
         if tangent:
             for dt, dN in zip(turn, f.dN, strict=False):
                 K = sandwich(dt * (t_N.reshape(f.w.shape) * f.w), f.N[:, :, None] * dN[:, None])
                 matrix[:, :, met.near] -= K.reshape(nd, nd, -1)
-        return local
+        return Local(vector, matrix if tangent else None, lambda: self._ended(state, kind, (contact, slides)))
+
+    def _ended(self, state: dict, kind: np.dtype, known: tuple[Contact, Sliding] | None = None) -> dict:
+        """The new state, of which all but what is ``known`` is away from the blade."""
+        new = {name: np.array(state[name], kind) for name in ("slid", "touched")}
+        shape = self.faces.w.shape
+        new |= {name: np.zeros(shape, kind) for name in ("pressure", "active")}
+        new |= {name: np.zeros((self.dim, *shape), kind) for name in ("normal_traction", "shear")}
+        new["shares"] = np.zeros((len(self.frictions), *shape), kind)
+        if known is not None:
+            pressed(*known, Found.of(**new))
+        new = {**state, **new}
+        return new if kind.kind != "c" else {k: v.astype(complex, copy=False) for k, v in new.items()}
 
     def _inward(self, u, place: _Place, tangent: bool) -> tuple[np.ndarray, Sequence[np.ndarray]]:
         """The material's normal (dim, N), and its derivative by each tangent of the moved faces."""

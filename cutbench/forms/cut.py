@@ -122,21 +122,32 @@ class CutForm(Form):
         return w
 
     def _answers(self, components: int, jump, p, state, at, step):
-        given = self.laws, components, jump, p, state, at, step.ahead, FADING if step.ahead else 0.0
+        given = self.laws, components, jump, p, state, at, *_ends(step)
         T, new, D, by_jump = fused(answers)(*given)
         kept = {name: state[name] for name in ("means", "rate")} if step.rests else {}
-        return T, {**new, **kept}, D, by_jump
+        return T, {**new, **kept, "tractions": T}, D, by_jump
 
     def evaluate(self, u, p, state, step, tangent=True):
         jump, at = self.jump(u), self.points(step)
-        components = self._frame.shape[0] if tangent else 0
-        T, new, D, _ = self._answers(components, jump, p, state, at, step)
-        w, (nd, nf) = self._weights(p, at), self.dofs.shape
-        given = T.sum(axis=0), D, self._N, self._frame, w
-        size = (nd, nd, nf if tangent else 0)
+        if tangent:
+            T, new, D, _ = self._answers(self._frame.shape[0], jump, p, state, at, step)
+            total = T.sum(axis=0)
+            vector, matrix = self._forces(total, D, self._weights(p, at))
+            return Local(vector, matrix, new)
+        total = fused(traction)(self.laws, jump, p, state, at, *_ends(step))
+        vector, _ = self._forces(total, np.zeros((0, 0, 0), total.dtype), self._weights(p, at))
+        return Local(vector, None, lambda: self._answers(0, jump, p, state, at, step)[1])
+
+    def ended(self, u, p, state, step: Step) -> dict:
+        """The state alone of what ``evaluate`` answers."""
+        return self._answers(0, self.jump(u), p, state, self.points(step), step)[1]
+
+    def _forces(self, T: np.ndarray, D: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Nodal forces of tractions T (3, N), and their derivative from D (nc, nc, N), or empty."""
+        nd, nf = self.dofs.shape
+        size = (nd, nd, nf if D.size else 0)
         room = np.zeros((nd, nf), np.result_type(T, w)), np.zeros(size, np.result_type(D, w))
-        vector, matrix = _projected(*given, *room)
-        return Local(vector, matrix if tangent else None, {**new, "tractions": T})
+        return _projected(T, D, self._N, self._frame, w, *room)
 
     def cut_area(self, state) -> np.ndarray:
         """Of each point (n,) what has lost its cohesion, mm or mm²: from half damage on, in proportion,
@@ -180,6 +191,32 @@ class CutForm(Form):
         return out
 
 
+def _ends(step: Step) -> tuple[float, float]:
+    """``ahead`` and ``fading`` of ``answers``."""
+    return step.ahead, FADING if step.ahead else 0.0
+
+
+def _ended(laws, jump, p, state, at, ahead, fading) -> tuple:
+    """What ``laws`` answer, their tractions at the step's end, and the jump's rate over the step."""
+    found = cut_answers(laws, jump, p, state, at)
+    seen = {law.role: each for law, each in zip(laws, found, strict=True)}
+    rate, T = (jump - at.jump_old) / at.dt, []
+    for law, each, last in zip(laws, found, state["means"], strict=True):
+        end = each.traction
+        if law.over_step:
+            known = law.ending(rate + ahead * (rate - state["rate"]), p, seen)
+            end = end + ahead * (end - last)
+            end = end if known is None else end + fading * (known - end)
+        T.append(end)
+    return found, T, rate
+
+
+def traction(laws, *given) -> np.ndarray:
+    """Of all ``laws`` together at the step's end (3, N)."""
+    jump = given[0]
+    return sum(_ended(laws, *given)[1], 0 * jump)
+
+
 def answers(laws, components: int, jump, p, state, at, ahead, fading) -> tuple:
     """Tractions (laws, 3, N) at the step's end, the new state, and derivatives by the first ``components`` of
     the jump: of the whole traction (components, components, N) and of the damage (components, N).
@@ -189,17 +226,7 @@ def answers(laws, components: int, jump, p, state, at, ahead, fading) -> tuple:
     """
 
     def ended(jump):
-        found = cut_answers(laws, jump, p, state, at)
-        seen = {law.role: each for law, each in zip(laws, found, strict=True)}
-        rate, T = (jump - at.jump_old) / at.dt, []
-        for law, each, last in zip(laws, found, state["means"], strict=True):
-            end = each.traction
-            if law.over_step:
-                known = law.ending(rate + ahead * (rate - state["rate"]), p, seen)
-                end = end + ahead * (end - last)
-                end = end if known is None else end + fading * (known - end)
-            T.append(end)
-        return found, T, rate
+        return _ended(laws, jump, p, state, at, ahead, fading)
 
     found, T, rate = ended(jump)
     new = {"damage": state["damage"], **add_states(*(each.new for each in found)), "rate": rate}
@@ -230,14 +257,17 @@ def _jumps(u, dofs, N, frame):
     nc, dim, nf = frame.shape
     nq, nn, _ = N.shape
     out = np.zeros((3, nq * nf), u.dtype)
-    for q in range(nq):
-        for d in range(dim):
-            for f in range(nf):
-                value = N[q, 0, f] * u[dofs[d * nn, f]]
-                for a in range(1, nn):
-                    value += N[q, a, f] * u[dofs[d * nn + a, f]]
-                for c in range(nc):
-                    out[c, q * nf + f] += frame[c, d, f] * value
+    at_nodes = np.zeros((nn, nf), u.dtype)
+    for c in range(nc):
+        at_nodes[:] = 0
+        for a in range(nn):
+            for d in range(dim):
+                for f in range(nf):
+                    at_nodes[a, f] += frame[c, d, f] * u[dofs[d * nn + a, f]]
+        for q in range(nq):
+            for a in range(nn):
+                for f in range(nf):
+                    out[c, q * nf + f] += N[q, a, f] * at_nodes[a, f]
     return out
 
 

@@ -1,6 +1,6 @@
 """What a bulk form does at its points: deformation, and stresses and tangents pushed to reference elements.
 
-Loops of a section are compiled. Solids, and complex numbers, go through NumPy.
+Its loops are compiled, of a section's points and of a solid's. Complex numbers go through NumPy.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ import numpy as np
 from cutbench.base.compiled import COMPILED, compiled
 from cutbench.mechanisms.bulk._isotropic import Kinematics, tangent_blocks
 
-#: Indices i ≤ k of a section's tangent blocks.
-_BLOCKS = ((0, 0), (0, 1), (1, 1))
+#: Indices i ≤ k of tangent blocks, by dimension.
+_BLOCKS = {dim: tuple((i, k) for i in range(dim) for k in range(i, dim)) for dim in (2, 3)}
 
 
 def deformed(G: np.ndarray, jinv: np.ndarray) -> Kinematics:
     """From gradients by reference coordinates G (dim, nq, dim, ne), and ``jinv`` (dim, dim, ne) of these."""
-    if COMPILED and len(jinv) == 2 and np.isrealobj(G):
-        return Kinematics(*_deformed(G, jinv))
+    if COMPILED and np.isrealobj(G):
+        return Kinematics(*(_deformed if len(jinv) == 2 else _deformed_solid)(G, jinv))
     F = np.einsum("iqme,mje->ijqe", G, jinv)
     for i in range(len(F)):
         F[i, i] += 1.0
@@ -34,8 +34,8 @@ def pushed(T: np.ndarray, jinv: np.ndarray) -> np.ndarray:
 def stresses(k: Kinematics, factors: Iterable[np.ndarray], jinv: np.ndarray) -> np.ndarray:
     """P = s F + c cof F, pushed (dim, nq, dim, ne), of factors s and c (nq, ne)."""
     s, c = factors
-    if COMPILED and len(jinv) == 2 and np.isrealobj(k.F) and np.isrealobj(s) and np.isrealobj(c):
-        return _stresses(k.F, s, c, jinv)
+    if COMPILED and np.isrealobj(k.F) and np.isrealobj(s) and np.isrealobj(c):
+        return (_stresses if len(jinv) == 2 else _stresses_solid)(k.F, s, c, jinv)
     return s[:, None] * pushed(k.F, jinv) + c[:, None] * pushed(k.C, jinv)
 
 
@@ -43,8 +43,9 @@ def tangents(
     k: Kinematics, factors: Iterable[np.ndarray], jinv: np.ndarray
 ) -> Iterable[tuple[int, int, np.ndarray]]:
     """i, k ≥ i and dP_iJ/dF_kL, pushed (nq, dim, dim, ne), of factors ff, fc, cc, swap, one (nq, ne)."""
-    if COMPILED and len(jinv) == 2:
-        return ((i, j, A) for (i, j), A in zip(_BLOCKS, _tangents(k.F, *factors, jinv), strict=True))
+    if COMPILED:
+        blocks = (_tangents if len(jinv) == 2 else _tangents_solid)(k.F, *factors, jinv)
+        return ((i, j, A) for (i, j), A in zip(_BLOCKS[len(jinv)], blocks, strict=True))
     metric = np.einsum("mje,nje->mne", jinv, jinv)
     return tangent_blocks(tuple(factors), pushed(k.F, jinv), pushed(k.C, jinv), metric)
 
@@ -117,4 +118,76 @@ def _tangents(F, ff, fc, cc, swap, one, jinv):
             A[2, q, 0, 1, e] = f10 * x11 + c10 * (y11 + z11) + by_one * m01
             A[2, q, 1, 0, e] = f11 * x10 + c11 * (y10 + z10) + by_one * m01
             A[2, q, 1, 1, e] = f11 * x11 + c11 * (y11 + z11) + by_one * m11
+    return A
+
+
+@compiled()
+def _deformed_solid(G, jinv):
+    """F (3, 3, nq·ne), its determinant, and tr FᵀF."""
+    nq, ne = G.shape[1], G.shape[3]
+    F, J, trace = np.empty((3, 3, nq * ne)), np.empty(nq * ne), np.zeros(nq * ne)
+    for q in range(nq):
+        for i in range(3):
+            for j in range(3):
+                own = 1.0 if i == j else 0.0
+                for e in range(ne):
+                    part = own + G[i, q, 0, e] * jinv[0, j, e] + G[i, q, 1, e] * jinv[1, j, e]
+                    part += G[i, q, 2, e] * jinv[2, j, e]
+                    F[i, j, q * ne + e] = part
+                    trace[q * ne + e] += part * part
+    for n in range(nq * ne):
+        J[n] = F[0, 0, n] * (F[1, 1, n] * F[2, 2, n] - F[1, 2, n] * F[2, 1, n])
+        J[n] += F[0, 1, n] * (F[1, 2, n] * F[2, 0, n] - F[1, 0, n] * F[2, 2, n])
+        J[n] += F[0, 2, n] * (F[1, 0, n] * F[2, 1, n] - F[1, 1, n] * F[2, 0, n])
+    return F, J, trace
+
+
+@compiled()
+def _stresses_solid(F, s, c, jinv):
+    nq, ne = s.shape
+    P = np.empty((3, nq, 3, ne))
+    for q in range(nq):
+        for i in range(3):
+            k, m = (i + 1) % 3, (i + 2) % 3
+            for e in range(ne):
+                n, by_F, by_C = q * ne + e, s[q, e], c[q, e]
+                x = by_F * F[i, 0, n] + by_C * (F[k, 1, n] * F[m, 2, n] - F[k, 2, n] * F[m, 1, n])
+                y = by_F * F[i, 1, n] + by_C * (F[k, 2, n] * F[m, 0, n] - F[k, 0, n] * F[m, 2, n])
+                z = by_F * F[i, 2, n] + by_C * (F[k, 0, n] * F[m, 1, n] - F[k, 1, n] * F[m, 0, n])
+                for M in range(3):
+                    P[i, q, M, e] = x * jinv[M, 0, e] + y * jinv[M, 1, e] + z * jinv[M, 2, e]
+    return P
+
+
+@compiled()
+def _tangents_solid(F, ff, fc, cc, swap, one, jinv):
+    """dP_iJ/dF_kL of i ≤ k, pushed (6, nq, 3, 3, ne)."""
+    nq, ne = ff.shape
+    A, f, c = np.empty((6, nq, 3, 3, ne)), np.empty((3, 3)), np.empty((3, 3))
+    for q in range(nq):
+        for e in range(ne):
+            n = q * ne + e
+            for i in range(3):
+                k, m = (i + 1) % 3, (i + 2) % 3
+                x = F[k, 1, n] * F[m, 2, n] - F[k, 2, n] * F[m, 1, n]
+                y = F[k, 2, n] * F[m, 0, n] - F[k, 0, n] * F[m, 2, n]
+                z = F[k, 0, n] * F[m, 1, n] - F[k, 1, n] * F[m, 0, n]
+                for M in range(3):
+                    h0, h1, h2 = jinv[M, 0, e], jinv[M, 1, e], jinv[M, 2, e]
+                    f[i, M] = F[i, 0, n] * h0 + F[i, 1, n] * h1 + F[i, 2, n] * h2
+                    c[i, M] = x * h0 + y * h1 + z * h2
+            by_ff, by_fc, by_cc, by_swap, by_one = ff[q, e], fc[q, e], cc[q, e], swap[q, e], one[q, e]
+            block = 0
+            for i in range(3):
+                for k in range(i, 3):
+                    for M in range(3):
+                        for N in range(3):
+                            by_f = by_ff * f[k, N] + by_fc * c[k, N]
+                            by_c = by_fc * f[k, N] + by_cc * c[k, N]
+                            part = f[i, M] * by_f + c[i, M] * by_c + by_swap * c[k, M] * c[i, N]
+                            if i == k:
+                                metric = jinv[M, 0, e] * jinv[N, 0, e] + jinv[M, 1, e] * jinv[N, 1, e]
+                                part += by_one * (metric + jinv[M, 2, e] * jinv[N, 2, e])
+                            A[block, q, M, N, e] = part
+                    block += 1
     return A

@@ -60,29 +60,32 @@ class Met(NamedTuple):
     slip: np.ndarray
 
 
-def _met(u, u_old, way, apex, lie, extent, touched, dofs, N, X, flank) -> tuple[np.ndarray, ...]:
-    """``Met`` of the faces that, moved by ``u``, can touch the blade or carry shear."""
-    dim = len(X)
-    U, real = gather(u.real, dofs, dim), Lie(*(each.real for each in lie))
-    at, across = _across(X, real), _across(U, real)
-    left, right = at.min(axis=0) + across.min(axis=0), at.max(axis=0) + across.max(axis=0)
-    height, rise = (X[1], U[1]) if dim == 2 or real.si == 0 else (real.up(X), real.up(U))
-    high, low = height.max(axis=0) + rise.max(axis=0), height.min(axis=0) + rise.min(axis=0)
+def reach(X: np.ndarray, lie: Lie) -> np.ndarray:
+    """How far the columns of X (dim, n, faces) reach in the frame of a blade: left, right, down and up
+    (4, faces)."""
+    across, height = _across(X, lie), X[1] if len(X) == 2 or lie.si == 0 else lie.up(X)
+    return np.stack([across.min(axis=0), across.max(axis=0), height.min(axis=0), height.max(axis=0)])
+
+
+def _met(u, u_old, way, apex, lie, extent, held, reached, dofs, N, X, flank) -> tuple[np.ndarray, ...]:
+    """``Met`` of the faces that, moved by ``u``, can touch the blade, where they ``reached`` before loading,
+    or are ``held`` (faces,)."""
+    dim, real = len(X), Lie(*(each.real for each in lie))
+    left, right, low, high = reached + reach(gather(u.real, dofs, dim), real)
     edge = (apex[1].real + real.lift) * real.ci
     least, most, top = extent
     meets = (left < most + REACH) & (right > least - REACH) & (high > edge - REACH)
     meets &= low < edge + top + REACH
-    near = np.flatnonzero(meets | (touched.real.max(axis=0) > 0))
+    near = np.flatnonzero(meets | held)
     N, dofs = N[:, :, near], dofs[:, near]
-    slip = blend(N, gather(u - u_old, dofs, dim)) - way[:, None, None]
+    slip = blend(N, gather(u - u_old, dofs, dim)) - np.array(way)[:, None, None]
     x = X[:, :, near] + blend(N, gather(u, dofs, dim))
     return near, *_in_frame(x, apex, lie, flank[near]), slip.reshape(dim, -1)
 
 
 @compiled(_met)
-def met(u, u_old, way, apex, lie, extent, touched, dofs, N, X, flank):
-    dim, nq, nf = X.shape
-    nn = N.shape[1]
+def met(u, u_old, way, apex, lie, extent, held, reached, dofs, N, X, flank):
+    dim, (_, nq, nf), nn = len(way), X.shape, N.shape[1]  # a tuple's length is known when it is compiled
     c, s, ci, si, lift = lie
     least, most, top = extent
     edge = (apex[1].real + lift.real) * ci.real
@@ -90,17 +93,8 @@ def met(u, u_old, way, apex, lie, extent, touched, dofs, N, X, flank):
     near = np.empty(nf, np.int64)
     count = 0
     for f in range(nf):
-        meets = False
-        left = low = across_least = up_least = np.inf
-        right = high = across_most = up_most = -np.inf
-        for q in range(nq):
-            meets |= touched[q, f].real > 0
-            x = X[0, q, f] if dim == 2 else X[0, q, f] * c.real - X[2, q, f] * s.real
-            left, right = min(left, x), max(right, x)
-            y = X[1, q, f]
-            if inclined:
-                y = y * ci.real - (X[0, q, f] * s.real + X[2, q, f] * c.real) * si.real
-            low, high = min(low, y), max(high, y)
+        left = low = np.inf
+        right = high = -np.inf
         for a in range(nn):
             x, y = u[dofs[a, f]].real, u[dofs[nn + a, f]].real
             if dim == 3:
@@ -108,11 +102,11 @@ def met(u, u_old, way, apex, lie, extent, touched, dofs, N, X, flank):
                 if inclined:
                     y = y * ci.real - (x * s.real + z * c.real) * si.real
                 x = x * c.real - z * s.real
-            across_least, across_most = min(across_least, x), max(across_most, x)
-            up_least, up_most = min(up_least, y), max(up_most, y)
-        beside = left + across_least < most + REACH and right + across_most > least - REACH
-        level = high + up_most > edge - REACH and low + up_least < edge + top + REACH
-        if meets or (beside and level):
+            left, right = min(left, x), max(right, x)
+            low, high = min(low, y), max(high, y)
+        beside = reached[0, f] + left < most + REACH and reached[1, f] + right > least - REACH
+        level = reached[3, f] + high > edge - REACH and reached[2, f] + low < edge + top + REACH
+        if held[f] or (beside and level):
             near[count] = f
             count += 1
     size = nq * count
@@ -161,6 +155,8 @@ class ToolGap:
         on_plane = np.abs(middle) < 1e-9 * height
         self._flank = np.sign(np.where(on_plane, -faces.normal[0], middle))
         self._shape = (*(q.name for q in tool.parameters), *tool.reads)
+        self._touched: tuple[Any, np.ndarray] = (None, np.zeros(0, bool))
+        self._turned: tuple[Any, np.ndarray] = (None, np.zeros((4, 0)))
         self._extent: tuple[Any, tuple[float, float, float]] = (None, (0.0, 0.0, 0.0))
 
     def extent(self, p) -> tuple[float, float, float]:
@@ -175,11 +171,26 @@ class ToolGap:
         """The points near the blade, for displacements ``u``; ``real`` unless anything is complex."""
         dim, faces = self._dim, self._faces
         kind = float if real else complex
-        moves = u, step.u_old, (step.centre - step.centre_old)[:dim], step.centre
+        moved = (step.centre - step.centre_old)[:dim]
         place = Lie.of(p) if dim == 3 else STRAIGHT
         lie = Lie(*(complex(each) if kind is complex else float(np.real(each)) for each in place))
-        given = (*(np.asarray(each, kind) for each in moves), lie)
-        return Met(*met(*given, self.extent(p), touched, dofs, faces.N, faces.X, self._flank))
+        u, u_old, centre = (np.asarray(each, kind) for each in (u, step.u_old, step.centre))
+        given = u, u_old, tuple(map(kind, moved)), centre, lie, self.extent(p)
+        places = self._held(touched), self._reached(lie), dofs
+        return Met(*met(*given, *places, faces.N, faces.X, self._flank))
+
+    def _held(self, touched: np.ndarray) -> np.ndarray:
+        """Which faces (nf,) carry shear. States are never changed in place."""
+        if self._touched[0] is not touched:
+            self._touched = touched, touched.real.max(axis=0) > 0
+        return self._touched[1]
+
+    def _reached(self, lie: Lie) -> np.ndarray:
+        """``reach`` of the faces before loading."""
+        turned = Lie(*(each.real for each in lie))
+        if self._turned[0] != turned:
+            self._turned = turned, reach(self._faces.X, turned)
+        return self._turned[1]
 
     def at(self, x: np.ndarray, near: np.ndarray, p, centre):
         """As ``of`` where points of the faces ``near`` now are, x (dim, nq, nf)."""

@@ -13,8 +13,11 @@ from cutbench.base.compiled import choose, compiled, shared
 class Contact(NamedTuple):
     """N = nq·count points of ``count`` faces, whose shape functions and weights are Na (nq, nn, count) and w
     (nq, count): gaps g (N,) with their ``gradient`` (dim, N), unit normals n with the derivative dn, the
-    direction ``push`` of the pressure t_N, whose derivative by the gap is dp. ``turns``: it turns by dn."""
+    direction ``push`` of the pressure t_N, whose derivative by the gap is dp. ``turns``: it turns by dn. Of
+    dn nothing is asked without a tangent. ``axes``: 0, 1, …, one for each dimension, so that compilers know
+    how many there are."""
 
+    axes: tuple[int, ...]
     near: np.ndarray
     Na: np.ndarray
     w: np.ndarray
@@ -43,8 +46,8 @@ class Sliding(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What is filled in at the faces ``near``: local vectors (nd, nf), matrices (nd, nd, nf), or (0, 0, 0)
-    for none, and new states (…, nq, nf). ``slid`` and ``held``, the new Θ, come with their old values."""
+    """What is filled in at the faces ``near``: local vectors (nd, nf), matrices (nd, nd, nf), and new states
+    (…, nq, nf), of each of the three nothing if it is empty. ``slid`` and Θ come with their old values."""
 
     vector: np.ndarray
     matrix: np.ndarray
@@ -54,31 +57,40 @@ class Found(NamedTuple):
     shear: np.ndarray
     shares: np.ndarray
     slid: np.ndarray
-    held: np.ndarray
+    touched: np.ndarray
+
+    @classmethod
+    def of(cls, vector=None, matrix=None, **states: np.ndarray) -> Found:
+        """Of what is given."""
+        kind = next(iter(states.values()), vector).dtype
+        dims = dict(zip(cls._fields, (2, 3, 2, 2, 3, 3, 3, 2, 2), strict=True))
+        given = {"vector": vector, "matrix": matrix, **states}
+        empty = {name: np.zeros(dims[name] * (0,), kind) for name in dims if given.get(name) is None}
+        return cls(**{**given, **empty})
 
 
 @shared
-def way(n, slip):
+def way(axes, n, slip):
     """Length of what of ``slip`` is along the blade, whose normal is n, at one point or at many."""
     along = slip[0] * n[0]
-    for i in range(1, len(n)):
+    for i in range(1, len(axes)):
         along = along + slip[i] * n[i]
     square = 0.0 * along
-    for i in range(len(n)):
+    for i in range(len(axes)):
         part = slip[i] - n[i] * along
         square = square + part * part
     return np.sqrt(choose(square.real > 0, square, 0.0))
 
 
 @shared
-def returned(n, dn, shear, slip, stick, strength, by_rate, dt, traction, D, tangent, rated):
+def returned(axes, n, dn, shear, slip, stick, strength, by_rate, dt, traction, D, tangent, rated):
     """Return mapping at one point (compiled), or at many along the last axis of all.
 
     ``shear`` of the last step and ``slip`` (dim,) past the blade, whose normal n has the derivative dn;
     ``stick`` in MPa/mm. Fills ``traction`` (dim,) and, with ``tangent``, its derivative D (dim, dim), where
     ``rated`` with that of the strength ``by_rate``. The way slid is the answer.
     """
-    dim = len(n)
+    dim = len(axes)
     pulled, along = n[0] * (shear[0] - stick * slip[0]), n[0] * slip[0]
     for i in range(1, dim):
         pulled = pulled + n[i] * (shear[i] - stick * slip[i])
@@ -87,7 +99,7 @@ def returned(n, dn, shear, slip, stick, strength, by_rate, dt, traction, D, tang
     for i in range(dim):
         traction[i] = shear[i] - stick * slip[i] - n[i] * pulled  # the trial
         square = square + traction[i] * traction[i]
-    moved = way(n, slip)
+    moved = way(axes, n, slip)
     size = np.sqrt(choose(square.real > 0, square, 1.0))
     slips = size.real > strength.real
     ratio = choose(square.real > 0, choose(slips, strength / size, 1.0), 0.0)
@@ -123,7 +135,7 @@ def returned(n, dn, shear, slip, stick, strength, by_rate, dt, traction, D, tang
 def pressed_plain(contact: Contact, sliding: Sliding, found: Found) -> None:
     c, s, near = contact, sliding, contact.near
     (dim, size), (nq, nn, count) = c.n.shape, c.Na.shape
-    tangent = found.matrix.size > 0
+    tangent, keeps = found.matrix.size > 0, found.pressure.size > 0
     normal = c.t_N * c.push
     kind = found.vector.dtype
     traction, D = np.zeros((dim, size), kind), np.zeros((dim, dim, size), kind)
@@ -132,19 +144,23 @@ def pressed_plain(contact: Contact, sliding: Sliding, found: Found) -> None:
         strength = s.parts.sum(axis=0)
         shear, rated = s.shear[:, :, near].reshape(dim, -1), s.by_rate.size > 0
         moved = returned(
-            c.n, c.dn, shear, s.slip, s.stick, strength, s.by_rate, s.dt, traction, D, tangent, rated
+            c.axes, c.n, c.dn, shear, s.slip, s.stick, strength, s.by_rate, s.dt, traction, D, tangent, rated
         )
-        found.shear[:, :, near] = traction.reshape(dim, nq, count)
-        shares = s.parts / np.where(strength.real > 0, strength, 1.0)
-        found.shares[:, :, near] = shares.reshape(-1, nq, count)
-        # What passes the blade at a distance does not rub.
-        rubs = (touched.real > 0) | (c.t_N.real > 0)
-        found.slid[:, near] += np.where(rubs, moved, 0).reshape(nq, count)
-    if np.real(s.release) > 0:
-        found.held[:, near] *= (c.g.real < np.real(s.release)).reshape(nq, count)
-    found.pressure[:, near] = c.t_N.reshape(nq, count)
-    found.active[:, near] = (c.t_N.real > 0).reshape(nq, count)
-    found.normal_traction[:, :, near] = normal.reshape(dim, nq, count)
+        if keeps:
+            found.shear[:, :, near] = traction.reshape(dim, nq, count)
+            shares = s.parts / np.where(strength.real > 0, strength, 1.0)
+            found.shares[:, :, near] = shares.reshape(-1, nq, count)
+            # What passes the blade at a distance does not rub.
+            rubs = (touched.real > 0) | (c.t_N.real > 0)
+            found.slid[:, near] += np.where(rubs, moved, 0).reshape(nq, count)
+    if keeps:
+        if np.real(s.release) > 0:
+            found.touched[:, near] *= (c.g.real < np.real(s.release)).reshape(nq, count)
+        found.pressure[:, near] = c.t_N.reshape(nq, count)
+        found.active[:, near] = (c.t_N.real > 0).reshape(nq, count)
+        found.normal_traction[:, :, near] = normal.reshape(dim, nq, count)
+    if not found.vector.size:
+        return
     total = (normal + traction).reshape(dim, nq, count) * c.w
     found.vector[:, near] = -np.einsum("qaf,dqf->daf", c.Na, total).reshape(-1, count)
     if tangent:
@@ -163,18 +179,18 @@ def sandwich(D: np.ndarray, NM: np.ndarray) -> np.ndarray:
 
 @compiled(pressed_plain)
 def pressed(contact, sliding, found):
-    near, Na, w, g, gradient, n, dn, push, turns, t_N, dp = contact
+    axes, near, Na, w, g, gradient, n, dn, push, turns, t_N, dp = contact
     slip, stick, parts, by_rate, dt, old, touched, release = sliding
-    vector, matrix, pressure, active, normal_traction, shear, shares, slid, held = found
-    dim, (nq, nn, count) = len(n), Na.shape
+    vector, matrix, pressure, active, normal_traction, shear, shares, slid, touches = found
+    dim, (nq, nn, count) = len(axes), Na.shape
     laws, tangent, rated = len(parts), matrix.size > 0, by_rate.size > 0
-    size = nq * count
+    size, acts, keeps = nq * count, vector.size > 0, pressure.size > 0
     kind = vector.dtype
     force = np.empty((dim, size), kind)  # times weights
     slope = np.empty((dim, dim, size if tangent else 0), kind)
     # Views of the arrays at each point would take longer than what is done with them.
-    normal, passed = np.zeros(dim, kind), np.zeros(dim, kind)
-    before, traction = np.zeros(dim, kind), np.zeros(dim, kind)
+    normal, gone = np.zeros(dim, kind), np.zeros(dim, kind)
+    last, traction = np.zeros(dim, kind), np.zeros(dim, kind)
     turn, D = np.zeros((dim, dim), kind), np.zeros((dim, dim), kind)
     for q in range(nq):
         for j in range(count):
@@ -184,30 +200,34 @@ def pressed(contact, sliding, found):
                 for law in range(laws):
                     strength += parts[law, k]
                 for i in range(dim):
-                    normal[i], passed[i], before[i] = n[i, k], slip[i, k], old[i, q, f]
+                    normal[i], gone[i], last[i] = n[i, k], slip[i, k], old[i, q, f]
                     if tangent:
                         for m in range(dim):
                             turn[i, m] = dn[i, m, k]
                 rate = by_rate[k] if rated else 0.0
                 moved = returned(
-                    normal, turn, before, passed, stick[k], strength, rate, dt, traction, D, tangent, rated
+                    axes, normal, turn, last, gone, stick[k], strength, rate, dt, traction, D, tangent, rated
                 )
-                for law in range(laws):
+                for law in range(laws if keeps else 0):
                     shares[law, q, f] = parts[law, k] / (strength if strength.real > 0 else 1.0)
-                if touched[q, f].real > 0 or t_N[k].real > 0:
+                if keeps and (touched[q, f].real > 0 or t_N[k].real > 0):
                     slid[q, f] += moved
-            if release > 0 and not g[k].real < release:
-                held[q, f] = 0.0
-            pressure[q, f], active[q, f] = t_N[k], 1.0 if t_N[k].real > 0 else 0.0
+            if keeps:
+                if release > 0 and not g[k].real < release:
+                    touches[q, f] = 0.0
+                pressure[q, f], active[q, f] = t_N[k], 1.0 if t_N[k].real > 0 else 0.0
+                for i in range(dim):
+                    shear[i, q, f], normal_traction[i, q, f] = traction[i], t_N[k] * push[i, k]
             for i in range(dim):
-                shear[i, q, f], normal_traction[i, q, f] = traction[i], t_N[k] * push[i, k]
-                force[i, k] = (normal_traction[i, q, f] + traction[i]) * w[q, j]
+                force[i, k] = (t_N[k] * push[i, k] + traction[i]) * w[q, j]
                 if tangent:
                     for m in range(dim):
                         whole = dp[k] * push[i, k] * gradient[m, k] + D[i, m]
                         if turns:
                             whole += t_N[k] * dn[i, m, k]
                         slope[i, m, k] = whole * w[q, j]
+    if not acts:
+        return
     # Faces innermost: they stand side by side.
     V, K = np.zeros((dim * nn, count), kind), np.zeros((dim * nn, dim * nn, count if tangent else 0), kind)
     for i in range(dim):

@@ -25,7 +25,8 @@ class Rubbed(Points):
     @property
     def slip_rate(self) -> np.ndarray:
         self.asked = True
-        return way(*self._slides) / self.dt
+        n, slip = self._slides
+        return way(range(len(n)), n, slip) / self.dt
 
 
 class Strengths:

@@ -11,7 +11,8 @@ import numpy as np
 
 from cutbench.case.motion import Motion
 from cutbench.forms.base import Step
-from cutbench.solver.newton import BadGuess, NewtonSettings, NoConvergence, newton
+from cutbench.solver.held import Held
+from cutbench.solver.newton import BadGuess, NewtonSettings, NoConvergence
 from cutbench.solver.predictor.history import History
 from cutbench.solver.predictor.window import Window
 from cutbench.solver.problem import Evaluation, Problem, damage_growth
@@ -291,54 +292,6 @@ class March:
             return self._found(self.load.placed(u, travel), states, step, force)
 
     def _found(self, guess, states, step, force) -> _Found:
-        return _Found(self.problem, self.load, states, step, force, *self._solve(guess, states, step))
-
-    def _solve(self, u, states, step):
-        """Newton's method, inside a loop that holds damage and multipliers (none by default).
-
-        Both are taken anew after each solution, until both stand still: a loop for one of them inside that
-        of the other ends at the same place, after as many solutions as the product of theirs. Returns
-        displacements, evaluation, the iterations of each inner solve, and what each began from and found.
-        """
-        cut = self.problem.cut if self.rules.staggered else None
-        loose = max(self.newton.staggered_tolerance, self.newton.tolerance)
-        settings = self.newton if cut is None else replace(self.newton, tolerance=loose)
-        held, inner = states.get("cohesion"), step if cut is None else replace(step, damage_held=True)
-        effort: list[int] = []
-        solves: list[tuple[dict, np.ndarray]] = []
-        updates, change = self.rules.augmentations, 0.0
-        for _ in range(self.newton.staggered_loops):
-            # From one solution to the next only what is held changes, and that less and less.
-            begun = states if cut is None else {**states, "cohesion": held}
-            near = cut is not None and any(effort)
-            u, result, iterations = newton(self.problem, u, begun, inner, settings, near=near)
-            effort.append(iterations)
-            if cut is not None:
-                # The state that this opening leads to, from the damage at the start of the step.
-                grown = cut.evaluate(u, self.problem.p, states["cohesion"], step, tangent=False).state
-                change, held = np.abs(grown["damage"] - held["damage"]).max(initial=0.0), grown
-            if solves and solves[-1][0] is states:  # the same multipliers: the last solution is theirs
-                solves.pop()
-            solves.append((states, u))
-            after, still = self._augmented(states, result.states) if updates else (states, True)
-            if still and change < self.newton.staggered_change:
-                if settings is self.newton:
-                    if cut is not None:
-                        result = self.problem.evaluate(u, states, step, tangent=False)
-                    return u, result, effort, solves
-                settings = self.newton
-            states, updates = after, max(updates - 1, 0)
-        raise NoConvergence(
-            f"damage still changes by {change:.1e} after {self.newton.staggered_loops} staggered loops"
-        )
-
-    def _augmented(self, states, found):
-        """``states`` with the multipliers that take over the pressures ``found``, and whether they stand
-        still."""
-        states, still = {**states}, True
-        for form in self.problem.blades:
-            before = states[form.name]["multiplier"]
-            multiplier = form.augment(found[form.name])["multiplier"]
-            still &= np.abs(multiplier - before).max() <= self.newton.multipliers * np.abs(multiplier).max()
-            states[form.name] = {**states[form.name], "multiplier": multiplier}
-        return states, still
+        held = Held(self.problem, self.newton, self.rules.augmentations, self.rules.staggered)
+        u, result = held.solved(guess, states, step)
+        return _Found(self.problem, self.load, states, step, force, u, result, held.effort, held.solves)

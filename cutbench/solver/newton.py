@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -59,7 +60,7 @@ def newton(
     current = problem.evaluate(u, states, step, tangent=not near)
     size = norm(current)
     if near:
-        u, current, size = _chords(problem, u, current, size, states, step, settings)
+        u, current, size = _chords(problem, u, current, size, states, step, settings, learns=True)
     wrong = size > settings.far * current.scale and problem.metric is not None
     shift, history = Shift(settings.relax, settings.cautious if wrong else 0.0), []
     nearest = (np.inf, u)
@@ -121,15 +122,23 @@ def on_the_way(problem: Problem, u: np.ndarray, guess: np.ndarray, floor: float)
     raise BadGuess("the state to begin from has inverted elements, or passes through itself")
 
 
-def _chords(problem, u, current, size, states, step, settings):
+def _chords(problem, u, current, size, states, step, settings, learns=False):
     """Go on with the old factorization while each step still takes most of the residual away.
 
     Near the solution the tangent hardly changes: a residual and a back-substitution cost a third of
-    a full Newton step.
+    a full Newton step. What ``learns`` corrects the factorization by the steps taken with it (Broyden; as
+    C. T. Kelley, Iterative Methods for Linear and Nonlinear Equations, 1995, has it): the tangent is older.
     """
     goal = settings.tolerance * current.scale
+    taken: list[np.ndarray] = []
     while size > goal:
         du = problem.back_substitute(current.residual, how="correction")
+        if learns:
+            for one, other in pairwise(taken):
+                du = du + (one @ du) / (one @ one) * other
+            if taken:
+                du = du / (1 - (taken[-1] @ du) / (taken[-1] @ taken[-1]))
+            taken.append(du)
         trial_u = u + du
         if problem.room(u, du) < 1:
             break

@@ -76,6 +76,18 @@ class SmithFerrante(Cut):
         """1 − d (N,)."""
         return self.keep(s, p)
 
+    def mean_whole(self, start, end, p):
+        """Mean of 1 − d (N,) while the opening grows from ``start`` to ``end``, in units of δ_c."""
+        kind = type(self)
+        if (kind.whole, kind.keep) != (SmithFerrante.whole, SmithFerrante.keep):
+            return WEIGHTS @ self.whole(start + POINTS * (end - start), p)
+        # The law's own, of which the integral is known: it takes a third of the time.
+        grown, first = end - start, self.whole(start, p)
+        small = np.real(grown) < 0.01
+        by = np.where(small, 1.0, grown)
+        series = 1 - grown / 2 * (1 - grown / 3 * (1 - grown / 4 * (1 - grown / 5)))
+        return np.where(small, first * series, (first - self.whole(end, p)) / by)
+
     def spent(self, s, keep, p):
         """Work of opening up to s, over G_c."""
         # expm1 and the small-s form keep the first steps free of cancellation.
@@ -103,8 +115,7 @@ class SmithFerrante(Cut):
         closed = jump[0] * (K - self.hardening(p, at) * jump[0])
         opening = np.where(jump[0].real > 0, K * keep * jump[0], closed)
         T = np.stack([opening, *(K * keep * p.beta**2 * jump[1:])])
-        start = state["delta_max"]
-        mean = WEIGHTS @ self.whole((start + POINTS * (delta_max - start)) / p.delta_c, p)
+        mean = self.mean_whole(state["delta_max"] / p.delta_c, delta_max / p.delta_c, p)
         damage = 1 - self.whole(delta_max / p.delta_c, p)
         return T, {"delta_max": delta_max, "damage": damage, "mean_damage": 1 - mean}
 
