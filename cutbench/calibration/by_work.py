@@ -21,6 +21,7 @@ from cutbench.calibration import lm
 from cutbench.calibration.inverse import Inverse
 from cutbench.calibration.prediction import Prediction
 from cutbench.calibration.sparing import Sparing
+from cutbench.data.repetition import Averaged
 
 #: Part of the work that counts as noise, and part of the whole work below which it is compared as it is.
 NOISE, SMALL = 0.02, 0.01
@@ -88,6 +89,13 @@ def compared(
         r.append((np.arcsinh(computed / small) - np.arcsinh(measured / small)) / NOISE)
         J.append(_work(grid.along, slopes) / np.hypot(computed, small)[:, None] / NOISE)
     return np.concatenate(r), np.concatenate(J)
+
+
+def changed(grid: Averaged, found: Prediction, by: np.ndarray) -> np.ndarray:
+    """By how much (m, …) works change, in units of their noise, by what changes readings ``by`` (m, …)."""
+    computed = _work(grid.along, found.y)
+    size = np.hypot(computed, SMALL * np.abs(computed).max()) * NOISE
+    return (_work(grid.along, by).T / size).T
 
 
 def _work(x: np.ndarray, y: np.ndarray) -> np.ndarray:

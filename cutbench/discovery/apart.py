@@ -194,7 +194,7 @@ def _stepped(point: Point, name: str) -> _Own:
 
 def alike(point: Point, place: Place, score: Score) -> tuple[float, Score]:
     """How much what a candidate changes is like what the cuts' own values do, between 0 and 1: the part of
-    its change of the readings (in squares, in units of the noise) that these make, times the part of their
+    its change of the works (in squares, in units of their noise) that these make, times the part of their
     differences that its strength makes. And its score with that strength, and the value left to share.
 
     0 of a strength that would lie beyond its bounds, or of several strengths.
@@ -205,7 +205,7 @@ def alike(point: Point, place: Place, score: Score) -> tuple[float, Score]:
     x, like, size, rest, whole = [], [], [], 0.0, 0.0
     for e in point.campaign.train:
         k = next(k for k in own if place.inverse.unknowns[k].experiment == e.id)
-        u, white = place.inverse.unknowns[k], point.w.noise.tests[e.id].white
+        u, white = place.inverse.unknowns[k], partial(by_work.changed, place.inverse.grids[e.id], found[e.id])
         x.append(shared.q(u.value(place.q[k])))
         slope = place.inverse.slopes(e, found[e.id], place.q)[:, k]
         by_own = white(slope / u.slope(place.q[k]) * shared.slope(x[-1]))

@@ -27,7 +27,7 @@ MESHED = lm.Settings(promise=0.3, evaluations=5, failures=2)
 PARTS, PARTS_MESHED = (1.0, 0.5, 0.2, 0.05), (1.0, 0.5)
 #: How far away, in q, places of each test are computed to see what a law does: in its own values and in those
 #: of the others; how many.
-SHAPED, BESIDE, LOOKED = 1.0, 0.4, 4
+SHAPED, BESIDE, LOOKED = 1.0, 0.3, 4
 #: Strengths that are smaller, in typical ones, are none.
 NOTHING = 1e-3
 
@@ -207,7 +207,9 @@ def _foreseen(point: Point, inverse: Inverse, score: Score) -> Point | None:
         return None
     if c.slot != "rig":
         # What its strength and shapes do is not known from runs that lack it.
-        survey.around(start, np.where(np.arange(start.size) < score.free.size, BESIDE, SHAPED), LOOKED)
+        reach = np.where(np.arange(start.size) < score.free.size, BESIDE, SHAPED)
+        reach[[u.name in survey.problem.proportional for u in inverse.unknowns]] = 0.0
+        survey.around(start, reach, LOOKED)
     if not survey.problem.able:
         return None
     q = survey.likeliest(point.w.noise, start)
