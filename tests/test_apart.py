@@ -9,7 +9,7 @@ from test_discover_cuts import point_at
 
 from cutbench.base.progress import silent
 from cutbench.calibration import by_work
-from cutbench.discovery.apart import alike, apart, by_rate
+from cutbench.discovery.apart import alike, apart, by_rate, told
 from cutbench.discovery.candidates import candidates
 from cutbench.discovery.columns import Column
 from cutbench.discovery.extending import Place
@@ -38,6 +38,9 @@ def test_a_toughness_of_its_own_in_each_cut_is_found(point):
     shared = {u.name: u.start for u in place.shared}
     assert OWN["slow"] < shared["G_c"] < OWN["fast"]
     assert place.case.values["G_c"] == pytest.approx(shared["G_c"])
+    assert place.owned == "G_c"
+    slow, fast = (float(part.split()[1]) for part in told(place).partition(": ")[2].split(", "))
+    assert slow == pytest.approx(4, rel=0.06) and fast == pytest.approx(6.4, rel=0.06)
 
 
 def test_what_one_value_would_leave_is_what_derivatives_say(point):

@@ -97,6 +97,13 @@ def by_rate(point: Point, chosen: Sequence[Candidate]) -> tuple[list[Candidate],
     return [c for c in chosen if c.name not in idle], idle
 
 
+def told(place: Place) -> str:
+    """What cuts have of their own at ``place``, in a sentence."""
+    u = next(u for u in place.shared if u.name == place.owned)
+    each = [f"{id} {u.quantity.show(float(f'{values[u.label]:.3g}'))}" for id, values in place.values.items()]
+    return f"Cuts are described with a {u.label} of their own: {', '.join(each)}."
+
+
 def resembles(name: str, place: Place) -> bool:
     """Whether a law does what cuts have of their own at ``place``."""
     return name in registry() and place.owned in registry()[name].resembles

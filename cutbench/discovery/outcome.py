@@ -66,7 +66,8 @@ class Tried:
 class Round:
     """``point``: the model at its beginning; ``tried`` in the order of what they explain; ``group``: names
     that these data cannot tell from the first of them; ``accepted``: name or None. ``left_out``: candidates
-    that do not apply, ``failed``: those that could not be tried, each with the reason."""
+    that do not apply, ``failed``: those that could not be tried, each with the reason. ``own``: what cuts
+    say each on its own, in sentences."""
 
     point: Point
     sensed: Sensed
@@ -76,6 +77,7 @@ class Round:
     accepted: str | None
     left_out: Mapping[str, str]
     failed: Mapping[str, str]
+    own: tuple[str, ...] = ()
 
     @property
     def candidates(self) -> list[tuple[Score, Tried | None]]:

@@ -11,7 +11,7 @@ import numpy as np
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.progress import OnProgress
 from cutbench.calibration.prediction import Predictor
-from cutbench.discovery.apart import alike, apart, by_rate, resembles, resembling
+from cutbench.discovery.apart import alike, apart, by_rate, resembles, resembling, told
 from cutbench.discovery.candidates import ORDER, Candidate, candidates
 from cutbench.discovery.causes import PRICE
 from cutbench.discovery.columns import Sensed, sense
@@ -62,8 +62,9 @@ def round_of(point: Point, run: Predictor, seed: int, on_progress: OnProgress) -
         some, idle = by_rate(point, chosen)
         if places := apart(point, on_progress, some if idle else ()):
             this = asking.beside(places, some, {**left_out, **idle}, scores)
-            if this.accepted is not None or not idle:
-                return _likelier(before, this)
+            if this.accepted is None and idle:
+                this = asking.at(Place.of(point), chosen, left_out)
+            return replace(_likelier(before, this), own=tuple(map(told, places)))
         return _likelier(before, asking.at(Place.of(point), chosen, left_out))
     return asking.at(Place.of(point), chosen, left_out)
 

@@ -119,7 +119,8 @@ def discover(
         asked = ([], "Not asked: interrupted.") if interrupted else _next(rounds, verdict, run, on_progress)
         proposed, text = asked
     stopped = "Interrupted: what was found stands, what else there may be was not asked."
-    notes = (*([stopped] if interrupted else []), *fitted.notes, *rounds[0].point.trouble)
+    own = [note for each in rounds for note in each.own]
+    notes = (*([stopped] if interrupted else []), *own, *fitted.notes, *rounds[0].point.trouble)
     return Discovery(
         campaign, fitted, verdict, tuple(causes), tuple(rounds), point, gain,
         tuple(sections(rounds[0].point)), tuple(sections(point)), numerics, tuple(proposed), text,
