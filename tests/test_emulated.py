@@ -22,6 +22,7 @@ from cutbench.calibration.prediction import Prediction, Reading, Task
 from cutbench.discovery import search
 from cutbench.discovery.apart import apart, resembling
 from cutbench.discovery.candidates import candidates
+from cutbench.discovery.equivalent import equivalent, strength_of
 from cutbench.discovery.foreseen import Foreseen
 from cutbench.mechanisms.base import STEP
 
@@ -225,3 +226,26 @@ def test_what_a_fit_has_computed_is_known_to_what_is_asked_then(monkeypatch, cut
         search.discover(cuts, refine=False)
     assert asked[0].inverse.run is run
     assert Foreseen(asked[0]).able
+
+
+def test_a_laws_strength_is_the_one_that_does_what_the_cuts_own_values_do():
+    """G_c (1 + k r) with rates r of its own for each test; a linear law's first guess was far too strong."""
+    rates, true = np.array([0.2, 0.5, 1.4]), (2.0, 1.5)
+    wanted = true[0] * (1 + true[1] * rates)
+    equal = 3.0 * (1 + 7.0 * rates)
+    assert strength_of(wanted, equal, 3.0, 7.0) == pytest.approx(true, rel=0.03)
+
+
+def test_a_law_is_held_against_cuts_without_it(cuts):
+    run = Remembering()
+    inverse = inverse_of(cuts, run)
+    split = [replace(u, experiment=e.id) for e in cuts.train for u in inverse.unknowns if u.name == "G_c"]
+    inverse = inverse.other([u for u in inverse.unknowns if u.name == "G"] + split, inverse.start)
+    survey.Survey(inverse, [np.zeros(3)]).look()
+    own = {u.experiment: k for k, u in enumerate(inverse.unknowns) if u.experiment}
+    wanted = np.array([0.2, -0.3])
+    # What a law does that changes the toughness of both.
+    law = inverse.predictions(np.array([0.0, *wanted]))
+    found = equivalent(Foreseeing(inverse), np.zeros(3), own, law)
+    expected = [inverse.unknowns[k].value(x) for k, x in zip(own.values(), wanted, strict=True)]
+    np.testing.assert_allclose(found, expected, rtol=0.03)

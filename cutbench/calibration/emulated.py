@@ -142,7 +142,11 @@ class Foreseeing(Emulated):
 
     def predictions(self, q: np.ndarray) -> Mapping[str, Prediction]:
         """Of the train experiments."""
-        return {e.id: self._sloped(e, None, q) for e in self.campaign.train}
+        return {e.id: self.prediction(e, q) for e in self.campaign.train}
+
+    def prediction(self, e: Experiment, q: np.ndarray) -> Prediction:
+        """Of one of them."""
+        return self._sloped(e, None, q)
 
 
 def _plain(e: Experiment) -> bool:

@@ -84,6 +84,8 @@ class Survey:
         #: χ² of the works, and where.
         self.known: list[tuple[float, np.ndarray]] = []
         self.low, self.high = self.problem.hull(starts)
+        #: Where places are looked for.
+        self.within = inverse.bounds
 
     def nearby(self, interrupted: bool = False) -> by_work.Nearby:
         """The best place that is known, which the problem itself knows from then on."""
@@ -205,7 +207,7 @@ class Survey:
                 return np.concatenate([r, some * works]), np.concatenate([J, some * by])
 
             starts = [works, q, *known[-KNOWN:], *self._spread(STARTS, seed=2)]
-            ends = [lm.minimise(both, start, *self.inverse.bounds, FORESEEN) for start in starts]
+            ends = [lm.minimise(both, np.clip(at, *self.within), *self.within, FORESEEN) for at in starts]
             found.append(min(ends, key=lambda end: end.chi2).q)
         new = [there for there in found if all(np.abs(there - each).max() > CLOSE for each in known)]
         return max(new, key=lambda there: likely(problem, noise, there), default=None)
@@ -240,7 +242,7 @@ class Survey:
 
     def _minima(self) -> list[lm.Minimum]:
         """From each start."""
-        low, high = self.inverse.bounds
+        low, high = self.within
         starts = [*self._best, *self.starts, *self._spread(STARTS, seed=1)]
         low = np.maximum(np.minimum(self.low, np.min(starts, axis=0)) - BEYOND, low)
         high = np.minimum(np.maximum(self.high, np.max(starts, axis=0)) + BEYOND, high)

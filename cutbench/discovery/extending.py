@@ -11,12 +11,14 @@ from scipy import optimize
 
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.calibration import by_work, lm, secant
+from cutbench.calibration.emulated import Foreseeing
 from cutbench.calibration.identifiability import Unknown
 from cutbench.calibration.inverse import Inverse
-from cutbench.calibration.prediction import Prediction
+from cutbench.calibration.prediction import Prediction, Task
 from cutbench.calibration.sparing import Sparing
 from cutbench.calibration.survey import Survey
 from cutbench.case.case import Case
+from cutbench.discovery.equivalent import equivalent, strength_of
 from cutbench.discovery.point import Point, gathered
 from cutbench.discovery.score import Score
 
@@ -28,6 +30,8 @@ PARTS, PARTS_MESHED = (1.0, 0.5, 0.2, 0.05), (1.0, 0.5)
 #: How far away, in q, places of each test are computed to see what a law does: in its own values and in those
 #: of the others; how many.
 SHAPED, BESIDE, LOOKED = 1.0, 0.3, 4
+#: So often a law's strength is corrected by what it did.
+CORRECTED = 2
 #: Strengths that are smaller, in typical ones, are none.
 NOTHING = 1e-3
 
@@ -181,7 +185,7 @@ def _by_work(point: Point, place: Place, score: Score) -> Point:
     if not place.apart:
         score = _stepped(Sparing(inverse, *_at_off(place, score, off)), score)
         inverse, off = _extended(point, place, score)
-    if (foreseen := _foreseen(point, inverse, score)) is not None:
+    if (foreseen := _foreseen(point, place, inverse, score)) is not None:
         return foreseen
     inverse = Sparing(inverse, *_at_off(place, score, off))
     difference = partial(by_work.difference, inverse)
@@ -199,21 +203,46 @@ def _by_work(point: Point, place: Place, score: Score) -> Point:
     return gathered(inverse, found.q, point.w, point.test_shift)
 
 
-def _foreseen(point: Point, inverse: Inverse, score: Score) -> Point | None:
+def _foreseen(point: Point, place: Place, inverse: Inverse, score: Score) -> Point | None:
     """The extended model where its data are likeliest of what is foreseen; None where nothing can be."""
     c, start, off = score.column.candidate, _start(inverse, score, 1.0), _start(inverse, score, 0.0)
     survey = Survey(inverse, [start, off])
     if not survey.problem.emulable:
         return None
     if c.slot != "rig":
+        if place.apart and len(c.strengths) == 1 and Foreseeing(place.inverse).able:
+            start = _equivalent(place, inverse, start, score.free.size)
         # What its strength and shapes do is not known from runs that lack it.
         reach = np.where(np.arange(start.size) < score.free.size, BESIDE, SHAPED)
         reach[[u.name in survey.problem.proportional for u in inverse.unknowns]] = 0.0
         survey.around(start, reach, LOOKED)
+        # There alone: where the law does next to nothing all is known, and nothing new.
+        low, high = inverse.bounds
+        survey.within = np.maximum(survey.low - BESIDE, low), np.minimum(survey.high + BESIDE, high)
     if not survey.problem.able:
         return None
     q = survey.likeliest(point.w.noise, start)
     return gathered(survey.problem, q, point.w, point.test_shift)
+
+
+def _equivalent(place: Place, inverse: Inverse, start: np.ndarray, strength: int) -> np.ndarray:
+    """``start`` (k,) with the shared value and the strength, the unknown of that number, with which the law
+    does what the cuts' own values do."""
+    train, j = inverse.campaign.train, [u.name for u in place.shared].index(place.owned)
+    column = place.S[:, j] > 0
+    own = {u.experiment: i for i, u in enumerate(place.inverse.unknowns) if column[i] and u.experiment}
+    wanted = np.array([place.inverse.unknowns[i].value(place.q[i]) for i in own.values()])
+    for _ in range(CORRECTED):
+        tasks = [Task(e, inverse.checked_case(e, start), inverse.grids[e.id]) for e in train]
+        found = {e.id: p for e, p in zip(train, secant.tried(inverse, tasks), strict=True) if p}
+        if len(found) < len(train):
+            break
+        equal = equivalent(Foreseeing(place.inverse), place.q, own, found)
+        u, s = inverse.unknowns[j], inverse.unknowns[strength]
+        values = strength_of(wanted, equal, u.value(start[j]), s.value(start[strength]))
+        start = start.copy()
+        start[j], start[strength] = (np.clip(x.q(v), *x.reach) for x, v in zip((u, s), values, strict=True))
+    return start
 
 
 def _stepped(inverse: Sparing, score: Score) -> Score:

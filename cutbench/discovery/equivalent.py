@@ -1,0 +1,60 @@
+"""Which strength of a law does what values of each cut's own do.
+
+The derivative of a law that is switched off says little of how much of it a toughness that trebles takes. So
+the law is computed, and each of its cuts held against those of the model without it: with which value of its
+own would it have done the same work? That tells how the value grows with the law's strength, and so the
+strength and the shared value that give each cut its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy import optimize
+
+from cutbench.calibration import by_work
+from cutbench.calibration.emulated import Foreseeing
+from cutbench.calibration.prediction import Prediction
+
+#: Farthest that a value of a cut's own is looked for, in q.
+FARTHEST = 3.0
+#: Strengths that are tried, over the one that was computed.
+STRENGTHS = np.geomspace(0.01, 100, 401)
+
+
+def equivalent(
+    problem: Foreseeing, q: np.ndarray, own: Mapping[str, int], law: Mapping[str, Prediction]
+) -> np.ndarray:
+    """The values (t,) of the unknowns ``own``, by a test's id, with which cuts are foreseen to do the works
+    of those by a ``law``; all others are as at ``q`` (k,)."""
+    found = []
+    for id, k in own.items():
+        e = next(e for e in problem.campaign.train if e.id == id)
+        grid, size = problem.grids[id], by_work.changed(problem.grids[id], law[id], law[id].y)
+
+        def apart(x: float, e=e, k=k, grid=grid, wanted=law[id], size=size) -> float:
+            there = q.copy()
+            there[k] = x
+            return float(np.sum((by_work.changed(grid, wanted, problem.prediction(e, there).y) - size) ** 2))
+
+        low, high = np.clip([q[k] - FARTHEST, q[k] + FARTHEST], *problem.unknowns[k].reach)
+        tried = np.linspace(low, high, 61)
+        best = tried[int(np.argmin([apart(x) for x in tried]))]
+        step = tried[1] - tried[0]
+        ends = np.clip([best - step, best + step], low, high)
+        found.append(
+            problem.unknowns[k].value(optimize.minimize_scalar(apart, bounds=ends, method="bounded").x)
+        )
+    return np.array(found)
+
+
+def strength_of(wanted: np.ndarray, equal: np.ndarray, shared: float, strength: float) -> tuple[float, float]:
+    """The shared value and the strength that give each of t tests the value that is ``wanted`` (t,), where a
+    ``shared`` one with a ``strength`` is ``equal`` to (t,): shared (1 + strength × a rate of the test's own).
+    """
+    rates = (equal / shared - 1) / strength
+    grown = 1 + np.outer(strength * STRENGTHS, np.maximum(rates, 0.0))
+    log = np.log(np.maximum(wanted, 1e-300)) - np.log(grown)
+    best = int(np.argmin(log.var(axis=1)))
+    return float(np.exp(log[best].mean())), float(strength * STRENGTHS[best])
