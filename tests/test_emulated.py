@@ -229,11 +229,16 @@ def test_what_a_fit_has_computed_is_known_to_what_is_asked_then(monkeypatch, cut
 
 
 def test_a_laws_strength_is_the_one_that_does_what_the_cuts_own_values_do():
-    """G_c (1 + k r) with rates r of its own for each test; a linear law's first guess was far too strong."""
-    rates, true = np.array([0.2, 0.5, 1.4]), (2.0, 1.5)
-    wanted = true[0] * (1 + true[1] * rates)
-    equal = 3.0 * (1 + 7.0 * rates)
-    assert strength_of(wanted, equal, 3.0, 7.0) == pytest.approx(true, rel=0.03)
+    """τ + s r and, step by step, G_c (1 + k r), with r of its own for each test."""
+    r = np.array([0.2, 0.5, 1.4])
+    assert strength_of(2.0 + 1.5 * r, 3.0 + 7.0 * r, 3.0, 7.0) == pytest.approx((2.0, 1.5))
+    found = 3.0, 7.0
+    for _ in range(3):
+        found = strength_of(2.0 * (1 + 1.5 * r), found[0] * (1 + found[1] * r), *found)
+    assert found == pytest.approx((2.0, 1.5))
+    # What no shared value and strength give has the nearest.
+    shared, strength = strength_of(np.array([1.0, 4.0, 20.0]), 3.0 + 7.0 * r, 3.0, 7.0)
+    assert shared > 0 and strength > 0
 
 
 def test_a_law_is_held_against_cuts_without_it(cuts):

@@ -19,8 +19,8 @@ from cutbench.calibration.prediction import Prediction
 
 #: Farthest that a value of a cut's own is looked for, in q.
 FARTHEST = 3.0
-#: Strengths that are tried, over the one that was computed.
-STRENGTHS = np.geomspace(0.01, 100, 401)
+#: A shared value is this part of the smallest at the least; a strength up to so many times the one computed.
+SHARED, STRONGER = 0.1, 30.0
 
 
 def equivalent(
@@ -50,11 +50,11 @@ def equivalent(
 
 
 def strength_of(wanted: np.ndarray, equal: np.ndarray, shared: float, strength: float) -> tuple[float, float]:
-    """The shared value and the strength that give each of t tests the value that is ``wanted`` (t,), where a
-    ``shared`` one with a ``strength`` is ``equal`` to (t,): shared (1 + strength × a rate of the test's own).
-    """
-    rates = (equal / shared - 1) / strength
-    grown = 1 + np.outer(strength * STRENGTHS, np.maximum(rates, 0.0))
-    log = np.log(np.maximum(wanted, 1e-300)) - np.log(grown)
-    best = int(np.argmin(log.var(axis=1)))
-    return float(np.exp(log[best].mean())), float(strength * STRENGTHS[best])
+    """The shared value and the strength that give each of t tests the value that is ``wanted`` (t,), where
+    ``shared`` with a ``strength`` is ``equal`` to (t,): shared + strength × something of the test's own."""
+    each = (equal - shared) / strength
+    A = np.column_stack([np.ones(wanted.size), each]) / wanted[:, None]
+    least = SHARED * float(wanted.min()), strength / STRONGER
+    most = np.inf, strength * STRONGER
+    found = optimize.lsq_linear(A, np.ones(wanted.size), (least, most)).x
+    return float(found[0]), float(found[1])

@@ -31,7 +31,7 @@ PARTS, PARTS_MESHED = (1.0, 0.5, 0.2, 0.05), (1.0, 0.5)
 #: of the others; how many.
 SHAPED, BESIDE, LOOKED = 1.0, 0.3, 4
 #: So often a law's strength is corrected by what it did.
-CORRECTED = 2
+CORRECTED = 3
 #: Strengths that are smaller, in typical ones, are none.
 NOTHING = 1e-3
 
