@@ -198,8 +198,9 @@ def test_values_of_each_cuts_own_are_found_from_what_is_known(tmp_path):
     for id, G_c in OWN.items():
         assert place.values[id]["G_c"] == pytest.approx(G_c, rel=0.1)
     chosen, _ = candidates(start.inverse, start.case)
-    asked, left_out = resembling(place, chosen)
-    assert [c.name for c in asked] == ["rate_toughness"]
+    every, _ = candidates(start.inverse, start.case, one_a_class=False)
+    asked, left_out = resembling(place, chosen, every)
+    assert {c.name for c in asked} == {"rate_toughness", "speed_toughness"}
     assert {*left_out} == {c.name for c in chosen} - {"rate_toughness"}
     assert all("G_c" in reason for reason in left_out.values())
 

@@ -109,13 +109,18 @@ def resembles(name: str, place: Place) -> bool:
     return name in registry() and place.owned in registry()[name].resembles
 
 
-def resembling(place: Place, chosen: Sequence[Candidate]) -> tuple[list[Candidate], dict[str, str]]:
-    """Of ``chosen`` those that do what cuts have of their own, and why not the others; all if none does."""
-    alike = [c for c in chosen if resembles(c.name, place)]
+def resembling(
+    place: Place, chosen: Sequence[Candidate], every: Sequence[Candidate]
+) -> tuple[list[Candidate], dict[str, str]]:
+    """Of ``every`` formula those with the fewest parameters that do what cuts have of their own, and why none
+    that is ``chosen``; the chosen ones, if there is none."""
+    alike = [c for c in every if resembles(c.name, place)]
+    alike = [c for c in alike if len(c.parameters) == min(len(each.parameters) for each in alike)]
     if not alike:
         return list(chosen), {}
     reason = f"not asked: with a value of {place.owned} of each cut's own all of them are described"
-    return alike, {c.name: reason for c in chosen if c not in alike}
+    names = {c.name for c in alike}
+    return alike, {c.name: reason for c in chosen if c.name not in names}
 
 
 def _gain(point: Point, name: str) -> float:

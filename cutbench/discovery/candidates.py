@@ -69,9 +69,11 @@ class Candidate:
         return self.slot in SLOTS[experiment.kind] and (not self.kinds or experiment.kind in self.kinds)
 
 
-def candidates(inverse: Inverse, base: Case) -> tuple[list[Candidate], dict[str, str]]:
+def candidates(
+    inverse: Inverse, base: Case, one_a_class: bool = True
+) -> tuple[list[Candidate], dict[str, str]]:
     """The campaign's candidates that ``base`` can take up beside what ``inverse`` looks for, and why the
-    others cannot; parameters are asked of tests without a mesh."""
+    others cannot; parameters are asked of tests without a mesh. ``one_a_class``: with cuts."""
     campaign, left_out = inverse.campaign, {}
     found = _held(inverse, base)
     for name in campaign.candidates:
@@ -98,7 +100,7 @@ def candidates(inverse: Inverse, base: Case) -> tuple[list[Candidate], dict[str,
         shapes = tuple(q for q in own if q.off is None and q.name not in campaign.plan.fixed)
         grid = _grid(shapes, campaign, base)
         found.append(replace(asked, strengths=strengths, shapes=shapes, grid=grid))
-    if any(e.kind == "cut" for e in campaign.train):
+    if one_a_class and any(e.kind == "cut" for e in campaign.train):
         found = _one_a_class(found, left_out)
     return found, left_out
 

@@ -61,7 +61,8 @@ def round_of(point: Point, run: Predictor, seed: int, on_progress: OnProgress) -
             return before
         some, idle = by_rate(point, chosen)
         if places := apart(point, on_progress, some if idle else ()):
-            this = asking.beside(places, some, {**left_out, **idle}, scores)
+            every, _ = candidates(point.inverse, point.case, one_a_class=False)
+            this = asking.beside(places, some, every, {**left_out, **idle}, scores)
             if this.accepted is None and idle:
                 this = asking.at(Place.of(point), chosen, left_out)
             return replace(_likelier(before, this), own=tuple(map(told, places)))
@@ -111,12 +112,18 @@ class _Asking:
         return self.at(Place.of(self.point), rigs, {**left_out, **others}, plain, left)
 
     def beside(
-        self, places: Sequence[Place], chosen: Sequence[Candidate], left_out: Mapping[str, str], plain: Scores
+        self,
+        places: Sequence[Place],
+        chosen: Sequence[Candidate],
+        every: Sequence[Candidate],
+        left_out: Mapping[str, str],
+        plain: Scores,
     ) -> Round:
-        """What cuts have of their own at each of ``places``, as one round."""
+        """What cuts have of their own at each of ``places``, as one round: ``every`` formula that resembles
+        it, else those that are ``chosen``."""
         made: list[Round] = []
         for place in places:
-            alike, unlike = resembling(place, chosen)
+            alike, unlike = resembling(place, chosen, every)
             made.append(self.at(place, alike, {**left_out, **unlike}, plain))
         first, *others = made
         if not others:

@@ -1,0 +1,47 @@
+"""Toughness that grows with the blade's speed: T = k ln(1 + v/v_b) T_cohesive.
+
+What a test at several speeds tells of a toughness, whatever in the process zone makes it grow: G_c rises by k
+for each e-fold of the blade's speed v above v_b. Where the front jumps its faces part as fast as viscosity
+lets them, at any speed of the blade, and a law of their own rate (``rate_toughness``) says nothing of that.
+"""
+
+import numpy as np
+
+from cutbench.base.units import Parameter
+from cutbench.mechanisms.base import Cut
+
+
+class SpeedToughness(Cut):
+    """The cohesive traction, stronger the faster the blade goes."""
+
+    name = "speed_toughness"
+    title = "toughness by speed"
+    family = "rate of cutting"
+    resembles = ("G_c",)
+    role = "speed"
+    follows = ("cohesive",)
+    #: Only a blade has its speed.
+    kinds = ("cut",)
+    parameters = (
+        Parameter.effect(
+            "speed_toughening",
+            "1",
+            "k",
+            "relative growth of G_c per e-fold of speed",
+            high=20.0,
+            typical=0.3,
+        ),
+        Parameter(
+            "toughness_speed", "mm/s", "v_b", "speed above which G_c grows", low=1e-6, high=1e3, default=0.01
+        ),
+    )
+    reads = ("speed",)
+
+    def groups(self, p):
+        return {"speed toughening": p.speed_toughening, "v/v_b": p.speed / p.toughness_speed}
+
+    def traction(self, jump, p, state, at):
+        T = p.speed_toughening * np.log(1 + p.speed / p.toughness_speed) * at.before["cohesive"].traction
+        # What resists closing is contact, not cohesion.
+        T[0] = np.where(jump[0].real > 0, T[0], 0)
+        return T, {}
