@@ -43,8 +43,9 @@ LIKELY = 0.8
 #: Part of what is wrong that one must explain to be where candidates are asked; less where data are
 #: likeliest, as what is left may be jags, which another computation has elsewhere.
 MOST, MOST_FORESEEN = 0.5, 0.25
-#: What gains this part as much may be it, too; so many are gone on with.
-NEARLY, BOTH = 0.5, 2
+#: What gains this part as much may be it, too, as a search of few steps ends now lower, now higher; so many
+#: are gone on with.
+NEARLY, BOTH = 0.3, 2
 
 
 def apart(point: Point, on_progress: OnProgress, chosen: Sequence[Candidate] = ()) -> list[Place]:
@@ -101,7 +102,7 @@ def told(place: Place) -> str:
     """What cuts have of their own at ``place``, in a sentence."""
     u = next(u for u in place.shared if u.name == place.owned)
     each = [f"{id} {u.quantity.show(float(f'{values[u.label]:.3g}'))}" for id, values in place.values.items()]
-    return f"Cuts are described with a {u.label} of their own: {', '.join(each)}."
+    return f"Cuts are described better with a {u.label} of their own: {', '.join(each)}."
 
 
 def resembles(name: str, place: Place) -> bool:
@@ -118,7 +119,7 @@ def resembling(
     alike = [c for c in alike if len(c.parameters) == min(len(each.parameters) for each in alike)]
     if not alike:
         return list(chosen), {}
-    reason = f"not asked: with a value of {place.owned} of each cut's own all of them are described"
+    reason = f"not asked: with a value of {place.owned} of each cut's own they are described better"
     names = {c.name for c in alike}
     return alike, {c.name: reason for c in chosen if c.name not in names}
 
