@@ -111,24 +111,24 @@ class Survey:
     def around(self, q: np.ndarray, reach: np.ndarray, places: int) -> None:
         """Compute so many ``places`` of each test, no farther from ``q`` than ``reach`` (k,), as far as they
         can be, to foresee others. Each test elsewhere: what one of them tells counts for all."""
-        ends = [[_away(u, x, way * far) for way in (-1, 1)] for u, x, far in self._ways(q, reach)]
-        self.low, self.high = np.array(ends).T
+
+        def there(ways: np.ndarray) -> np.ndarray:
+            each = zip(self.inverse.unknowns, q, ways * reach, strict=True)
+            return np.array([_away(u, x, far) for u, x, far in each])
+
+        self.low, self.high = there(-np.ones(q.size)), there(np.ones(q.size))
         train, tasks = self.inverse.campaign.train, []
-        for e, parts in zip([*train] * places, self._parts(places * len(train)), strict=True):
-            ways = zip(self._ways(q, reach), 2 * parts - 1, strict=True)
-            there = np.array([_away(u, x, way * far) for (u, x, far), way in ways])
+        for e, part in zip([*train] * places, self._parts(places * len(train)), strict=True):
             with suppress(ComputationFailed):
-                tasks.append(Task(e, self.inverse.checked_case(e, there), self.inverse.grids[e.id]))
+                case = self.inverse.checked_case(e, there(2 * part - 1))
+                tasks.append(Task(e, case, self.inverse.grids[e.id]))
         secant.tried(self.inverse, tasks)
         self.evaluations += places
 
-    def _ways(self, q: np.ndarray, reach: np.ndarray) -> list[tuple[Unknown, float, float]]:
-        return [*zip(self.inverse.unknowns, q, reach, strict=True)]
-
-    def settled(self, on_progress: OnProgress = silent, steps: int = STEPS) -> by_work.Nearby:
+    def settled(self, on_progress: OnProgress = silent) -> by_work.Nearby:
         """What is foreseen is computed, and foreseen again, until it stays. Raises ComputationFailed."""
         failed, reason = 0, ComputationFailed("nothing could be computed")
-        for _ in range(steps):
+        for _ in range(STEPS):
             if self.known:
                 best, _ = min(self.known, key=lambda each: each[0])
                 on_progress(self.evaluations, np.nan, f"χ² {best:.5g}")

@@ -10,7 +10,7 @@ value of one cut are those that the fit has, so to begin with none are computed.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -62,24 +62,39 @@ def apart(point: Point, on_progress: OnProgress, chosen: Sequence[Candidate] = (
     wanted = {name for law in laws for name in law.resembles}
     names = [u.name for u in point.inverse.unknowns if u.experiment is None]
     names = [name for name in names if name in wanted] or names
-    price, found = PRICE * (len(cuts) - 1), list[_Own]()
-    foreseen = Foreseen(point)
-    for name in _promising(point, foreseen, names, price):
+    foreseen, price = Foreseen(point), PRICE * (len(cuts) - 1)
+    owns = _owns(foreseen, _promising(foreseen, names, price), on_progress)
+    if not foreseen.able:
+        return _places((own for own in owns if own.left <= 1 - MOST), 1)
+    found = sorted((own for own in owns if own.gain >= price), key=lambda own: -own.gain)
+    found = [own for own in found if own.left <= 1 - MOST_FORESEEN and own.gain >= NEARLY * found[0].gain]
+    return _places(found, BOTH)
+
+
+def _places(owns: Iterable[_Own], most: int) -> list[Place]:
+    """Of the first of ``owns`` whose derivatives can be computed, so many at the ``most``."""
+    places: list[Place] = []
+    for own in owns:
+        with suppress(ComputationFailed, BadInput):
+            places.append(own.place)
+        if len(places) == most:
+            break
+    return places
+
+
+def _owns(foreseen: Foreseen, names: Sequence[str], on_progress: OnProgress) -> Iterator[_Own]:
+    """With each of ``names`` a cut's own, as far as that can be computed."""
+    for name in names:
         on_progress(math.nan, math.nan, f"{name} of its own in each cut")
         with suppress(ComputationFailed, BadInput):
-            found.append(_foreseen(point, name) if foreseen.able else _stepped(point, name))
-            if not foreseen.able and found[-1].left <= 1 - MOST:
-                return [found[-1].place]
-    found = sorted((own for own in found if own.gain >= price), key=lambda own: -own.gain)
-    found = [own for own in found if own.left <= 1 - MOST_FORESEEN and own.gain >= NEARLY * found[0].gain]
-    return [own.place for own in found[:BOTH]] if foreseen.able else []
+            yield (_foreseen if foreseen.able else _stepped)(foreseen.point, name)
 
 
-def _promising(point: Point, foreseen: Foreseen, names: Sequence[str], price: float) -> list[str]:
+def _promising(foreseen: Foreseen, names: Sequence[str], price: float) -> list[str]:
     """Of ``names``, that which explains most if it is a cut's own first."""
     if foreseen.able and foreseen.by_work:
         return [name for left, name in foreseen.own(names)[:TRIED] if left <= LIKELY]
-    ranked = sorted(((_gain(point, name), name) for name in names), reverse=True)
+    ranked = sorted(((_gain(foreseen.point, name), name) for name in names), reverse=True)
     return [name for gain, name in ranked[:TRIED] if gain >= price]
 
 

@@ -212,6 +212,7 @@ def _foreseen(point: Point, place: Place, inverse: Inverse, score: Score) -> Poi
     if c.slot != "rig":
         if place.apart and len(c.strengths) == 1 and Foreseeing(place.inverse).able:
             start = _equivalent(place, inverse, start, score.free.size)
+            survey = Survey(inverse, [start, off])
         # What its strength and shapes do is not known from runs that lack it.
         reach = np.where(np.arange(start.size) < score.free.size, BESIDE, SHAPED)
         reach[[u.name in survey.problem.proportional for u in inverse.unknowns]] = 0.0

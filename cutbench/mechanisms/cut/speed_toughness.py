@@ -2,7 +2,7 @@
 
 What a test at several speeds tells of a toughness, whatever in the process zone makes it grow: G_c rises by k
 for each e-fold of the blade's speed v above v_b. Where the front jumps its faces part as fast as viscosity
-lets them, at any speed of the blade, and a law of their own rate (``rate_toughness``) says nothing of that.
+lets them, at any speed of the blade, and a law of their own rate (``rate_toughness``) grows little with it.
 """
 
 import numpy as np
