@@ -6,8 +6,11 @@ formula that no candidate has: powers of the speed, a relaxing modulus, a machin
 that drifts. A sixth hide nothing but the other numerics.
 
     python -m benchmarks.outside_cuts [--cases 24] [--seed N] [--case K] [--limit SECONDS] [--json FILE]
+        [--runs FOLDER]
 
 The fit runs at its default numerics on two processes. ``--limit``: seconds after which no case begins.
+``--runs``: where each case leaves its runs, so that one that was stopped goes on; its seconds are then those
+of the rest.
 """
 
 from __future__ import annotations
@@ -213,6 +216,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--workers", type=int, default=2, help="processes of a search")
     parser.add_argument("--limit", type=float, default=math.inf, help="seconds after which no case begins")
     parser.add_argument("--json", type=Path, help="keep everything there, and go on from it")
+    parser.add_argument("--runs", type=Path, help="leave the runs of each case there, and go on from them")
     parser.add_argument("--told", action="store_true", help="show what the search does")
     args = parser.parse_args(argv)
     asked = {"cases": args.cases, "seed": args.seed}
@@ -236,6 +240,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                     load_campaign(truth.file),
                     workers=args.workers,
                     on_progress=_told if args.told else silent,
+                    kept=args.runs and args.runs / str(number),
                 )
             except CutbenchError as error:
                 print(f"{number:3d} {effect}: {error}", flush=True)

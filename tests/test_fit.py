@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 import cutbench.calibration.fitting as fitting
-import cutbench.calibration.prediction as prediction
+import cutbench.calibration.kept as kept
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.calibration.fitting import fit
 from cutbench.calibration.report import summary, to_dict, write_fit
@@ -193,7 +193,7 @@ def test_plans_that_are_refused(plan, key):
 def test_a_start_that_cannot_be_computed_is_said(monkeypatch):
     _, made = stretching()
 
-    def broken(task):
+    def broken(*args):
         raise ComputationFailed("'tension': no answer")
 
     monkeypatch.setattr("cutbench.calibration.prediction.predict", broken)
@@ -260,7 +260,7 @@ def test_a_cutting_campaign_gives_its_truth_back():
 
 
 def test_derivatives_that_end_on_the_way_end_no_fit(monkeypatch):
-    whole = prediction.run_case
+    whole = kept.run_case
 
     def singular(case, **options):
         made = whole(case, **options)
@@ -269,7 +269,7 @@ def test_derivatives_that_end_on_the_way_end_no_fit(monkeypatch):
             made, sensitivities={n: np.where(lost, np.nan, s) for n, s in made.sensitivities.items()}
         )
 
-    monkeypatch.setattr(prediction, "run_case", singular)
+    monkeypatch.setattr(kept, "run_case", singular)
     made = cutting(count=1, plan=FitPlan(free=("G",)))
     found = fit(made, workers=0, refine=False)
     x, known = found.compared[0].x, []

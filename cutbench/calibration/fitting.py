@@ -15,6 +15,7 @@ import time
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from scipy import stats
@@ -69,15 +70,16 @@ def fit(
     start: Case | None = None,
     grids: Mapping[str, Averaged] | None = None,
     near: bool = False,
+    kept: str | Path | None = None,
 ) -> Fit:
     """Fit what ``campaign.plan`` leaves free to all train experiments; predict the test experiments.
 
-    ``workers`` processes compute the cuts (default: one a core; 0: this process), or those of ``run``.
-    ``refine``: measure the computation's own error. ``profile``: labels whose profile likelihood is
-    computed, at several fits each. ``on_progress`` has the evaluations of all stages, whose number is not
-    known. Ctrl-C ends with what is there. ``looked_for`` in place of what the plan says, from the values of
-    ``start``, a case of another model perhaps; ``grids`` where they are known; ``near``: the start is near
-    the minimum. Raises BadInput, and ComputationFailed if the start values cannot be computed.
+    ``workers`` processes compute the cuts (default: one a core; 0: this process), or those of ``run``; the
+    folder ``kept`` has what was computed before, and gets the rest. ``refine``: measure the computation's
+    own error. ``profile``: labels whose profile likelihood is computed, at several fits each. ``on_progress``
+    has the evaluations of all stages. Ctrl-C ends with what is there. ``looked_for`` in place of what the
+    plan says, from the values of ``start``, a case of another model perhaps; ``grids`` where known; ``near``
+    the minimum already. Raises BadInput, and ComputationFailed if the start cannot be computed.
     """
     began = time.perf_counter()
     chosen = looked_for is None and campaign.plan.free is None
@@ -85,12 +87,10 @@ def fit(
     for label in profile:
         if label not in (known := [u.label for u in looked_for]):
             raise BadInput("profile", label, one_of(label, known))
-    runs = sum(e.kind == "cut" for e in campaign.experiments)
-    own = predictor(min(cores() if workers is None else workers, runs)) if run is None else nullcontext(run)
-    with own as run:
+    count = min(cores() if workers is None else workers, sum(e.kind == "cut" for e in campaign.experiments))
+    with predictor(count, kept) if run is None else nullcontext(run) as run:
         inverse = Inverse(campaign, looked_for, run, grid, start=start, grids=grids)
-        fitting = _Fitting(campaign, inverse, on_progress, refine)
-        return fitting.go(profile, began, chosen, start is None, near)
+        return _Fitting(campaign, inverse, on_progress, refine).go(profile, began, chosen, not start, near)
 
 
 class _Fitting:

@@ -9,12 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.calibration.homogeneous import slopes
+from cutbench.calibration.kept import Ran, ran
 from cutbench.calibration.memory import Memory
 from cutbench.case.case import Case
 from cutbench.data.campaign import lead_s
@@ -24,7 +26,7 @@ from cutbench.data.repetition import Averaged, averaging
 from cutbench.mechanisms.base import STEP
 from cutbench.run.pool.job import Job
 from cutbench.run.pool.pool import TaskPool
-from cutbench.run.result import Result
+from cutbench.run.result import Snapshot
 from cutbench.run.runner import run_case
 from cutbench.run.sensitivity import Added
 
@@ -88,41 +90,45 @@ class Prediction:
         return np.nan_to_num(self.slopes[:, [self.names.index(name) for name in names]], posinf=0, neginf=0)
 
 
-def predict(task: Task) -> Prediction:
-    """Raises ComputationFailed for a run that ends short of the readings, or cannot begin."""
+def predict(task: Task, kept: Path | None = None) -> Prediction:
+    """``kept``: folder of the runs that were computed before. Raises ComputationFailed for a run that ends
+    short of the readings, or cannot begin."""
     try:
-        return _cut(task) if task.experiment.kind == "cut" else _homogeneous(task)
+        return _cut(task, kept) if task.experiment.kind == "cut" else _homogeneous(task)
     except BadInput as error:
         # Also because it comes from another process, which hands on nothing but a message.
         raise ComputationFailed(f"'{task.experiment.id}': {error}") from error
 
 
-def _cut(task: Task) -> Prediction:
+def _cut(task: Task, kept: Path | None) -> Prediction:
     case, names = task.case, task.names
     rig = {q.name for law in case.model.laws("rig") for q in law.parameters}
     # One step before each field too: between the two the displacements are interpolated.
     pictured = [f.travel_mm for f in task.experiment.fields]
     wanted_mm = sorted({max(mm - back, 0.0) for mm in pictured for back in (case.numerics.step_mm, 0.0)})
     meshed = [name for name in names if name not in rig]
-    result = run_case(case, sensitivities=meshed, snapshots_mm=wanted_mm, added=task.added)
-    reached, wanted = result.outcome.reached_mm, float(task.grid.x[-1])
-    if result.outcome.kind == "interrupted":
+    pictures: Sequence[Snapshot] = ()
+    if wanted_mm:  # pictures are not kept
+        result = run_case(case, sensitivities=meshed, snapshots_mm=wanted_mm, added=task.added)
+        run, pictures = Ran.of(result), result.snapshots
+    else:
+        run = ran(case, meshed, task.added, kept)
+    reached, wanted = run.outcome.reached_mm, float(task.grid.x[-1])
+    if run.outcome.kind == "interrupted":
         raise KeyboardInterrupt
-    if not result.outcome.done and (task.of_time or reached < wanted - 1e-6):
-        raise ComputationFailed(f"'{task.experiment.id}': {result.outcome}")
-    course = np.stack([result.curve[name] for name in ("displacement_mm", "force_N", "time_s")])
-    reading = Reading(task, course)
+    if not run.outcome.done and (task.of_time or reached < wanted - 1e-6):
+        raise ComputationFailed(f"'{task.experiment.id}': {run.outcome}")
+    reading = Reading(task, run.course)
     by_added = [
-        np.stack([reading.of(case.p, v).imag / STEP for v in each.values()], 1) for each in result.by_added
+        np.stack([reading.of(case.p, v).imag / STEP for v in each.values()], 1) for each in run.by_added
     ]
-    y, by_name = reading.by(vars(case.p), result.sensitivities)
+    y, by_name = reading.by(vars(case.p), run.slopes)
     if names and not np.isfinite(by_name).any():
         raise ComputationFailed(
             f"'{task.experiment.id}': the equations are singular before the first reading"
         )
-    onset = result.measures.get("onset_mm", float("nan"))
-    u, u_by_name = _fields(task, result, rig)
-    return Prediction(y, by_name, names, onset, u, u_by_name, course, tuple(by_added))
+    u, u_by_name = _fields(task, pictures, rig)
+    return Prediction(y, by_name, names, run.onset_mm, u, u_by_name, run.course, tuple(by_added))
 
 
 class Reading:
@@ -175,7 +181,7 @@ def _shown(task: Task, reading: tuple[np.ndarray, np.ndarray], course: np.ndarra
     return average @ read.real + 1j * (average @ read.imag)
 
 
-def _fields(task: Task, result: Result, rig: set[str]) -> tuple[np.ndarray, np.ndarray]:
+def _fields(task: Task, pictures: Sequence[Snapshot], rig: set[str]) -> tuple[np.ndarray, np.ndarray]:
     """Displacements at the places of the measured ones (f,), and their derivatives (f, k).
 
     What a rig does to the record of the force it does not do to a picture of the specimen.
@@ -185,7 +191,7 @@ def _fields(task: Task, result: Result, rig: set[str]) -> tuple[np.ndarray, np.n
     values, slopes, first = np.full(size, np.nan), np.zeros((size, len(task.names))), 0
     for measured in task.experiment.fields:
         mine = slice(first, first := first + measured.u.size)
-        if (picture := at_travel(result.snapshots, measured.travel_mm)) is not None:
+        if (picture := at_travel(pictures, measured.travel_mm)) is not None:
             values[mine] = sample(picture, measured).u.ravel()
             found = sampled_slopes(picture, measured, [task.names[i] for i in seen])
             slopes[mine, seen] = found.reshape(measured.u.size, -1)
@@ -205,10 +211,12 @@ def _homogeneous(task: Task) -> Prediction:
 
 
 class Predictor:
-    """Predictions of several tasks at once, the runs on a pool's processes; they stay in its ``memory``."""
+    """Predictions of several tasks at once, the runs on a pool's processes; they stay in its ``memory``, and
+    in the folder ``kept``."""
 
-    def __init__(self, pool: TaskPool):
+    def __init__(self, pool: TaskPool, kept: str | Path | None = None):
         self._pool, self.memory = pool, Memory()
+        self._kept = None if kept is None else Path(kept)
 
     def __call__(self, tasks: Sequence[Task]) -> list[Prediction]:
         """In the order of ``tasks``. Raises ComputationFailed if one falls short."""
@@ -226,20 +234,22 @@ class Predictor:
         for i, task in enumerate(tasks):
             if i not in cuts:
                 try:
-                    found[i] = predict(task)
+                    found[i] = predict(task, self._kept)
                 except ComputationFailed as error:
                     found[i] = error
-        for done in self._pool.run(Job(i, predict, (tasks[i],)) for i in cuts):
+        for done in self._pool.run(Job(i, predict, (tasks[i], self._kept)) for i in cuts):
             fell_short = done.error if isinstance(done.error, ComputationFailed) else None
             found[done.key] = fell_short or done.result()
-        for i, p in found.items():
-            if tasks[i].experiment.kind == "cut" and isinstance(p, Prediction):
-                self.memory.add(tasks[i].case, p.course)
+        # In their own order, whichever ended first: what is foreseen from them is then the same every time.
+        for i, task in enumerate(tasks):
+            if task.experiment.kind == "cut" and isinstance(p := found[i], Prediction):
+                self.memory.add(task.case, p.course)
         return [found[i] for i in range(len(tasks))]
 
 
 @contextmanager
-def predictor(workers: int) -> Iterator[Predictor]:
-    """With processes that live as long as the block; one alone would only wait, so it is this one."""
+def predictor(workers: int, kept: str | Path | None = None) -> Iterator[Predictor]:
+    """With processes that live as long as the block; one alone would only wait, so it is this one. Runs of
+    the folder ``kept`` are not computed again."""
     with TaskPool(workers if workers > 1 else 0) as pool:
-        yield Predictor(pool)
+        yield Predictor(pool, kept)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import replace
+from pathlib import Path
 
 from cutbench.base.notebook import watched
 from cutbench.base.progress import OnProgress, silent
@@ -56,9 +57,11 @@ def discover(
     on_progress: OnProgress = silent,
     grid: int = GRID,
     seed: int = 0,
+    kept: str | Path | None = None,
 ) -> Discovery:
     """``on_progress`` has what is done now; how much there is to do is not known. Ctrl-C after a mechanism
-    was found ends with that.
+    was found ends with that. Cuts are left in the folder ``kept``, and taken from there if they were
+    computed before.
 
     Raises BadInput, and ComputationFailed if the baseline cannot be computed.
     """
@@ -68,7 +71,7 @@ def discover(
     on_progress(math.nan, math.nan, "fitting the baseline")
     runs = 3 * sum(e.kind == "cut" for e in campaign.experiments)
     # What the fit has computed, others are foreseen from.
-    with predictor(min(count, runs)) as run:
+    with predictor(min(count, runs), kept) as run:
         fitted = fit(
             campaign, run=run, refine=refine, grid=grid,
             on_progress=lambda done, total, text: on_progress(done, total, f"fitting the baseline, {text}"),

@@ -14,6 +14,7 @@ from cutbench.forms.base import blend
 from cutbench.forms.space import Faces
 from cutbench.run.build import Built
 from cutbench.run.fields import snapshot
+from cutbench.run.middle import Middle
 from cutbench.solver.march import Accepted
 
 #: Unit and meaning of each number, in the order in which tables show them.
@@ -54,6 +55,7 @@ class Front:
         self._pattern = np.full(3, math.nan)
         self._stress: dict[int, float] = {}
         self.z = self.onset = np.empty(0)
+        self.middle: Middle | None = None
         if self._form is None:
             return
         faces = self._form.faces
@@ -62,13 +64,15 @@ class Front:
         along = float(np.median(np.ptp(built.space.X[2][faces.nodes], axis=0)))
         if along > 0:
             count = strips or max(1, round(end / along))
+            near = end / count
             self._strip = np.minimum((z / end * count).astype(int), count - 1).ravel()
             self.z = (np.arange(count) + 0.5) * end / count
         else:  # a section drawn out is cut in its planes
             self.z, strip = np.unique(np.round(z, 9), return_inverse=True)
-            self._strip, count = strip.ravel(), self.z.size
+            self._strip, count, near = strip.ravel(), self.z.size, 1e-9
         self._share = np.bincount(self._strip, faces.w.ravel(), count) / float(np.ptp(built.space.X[1]))
         self.onset = np.full(count, math.nan)
+        self.middle = Middle(built, near, self._share[0])
         #: What is cut before the run.
         self._before = self.lengths(built.problem.start())
         self._last = (0.0, np.zeros(count))
@@ -80,7 +84,7 @@ class Front:
         peaks = np.array(self._peaks).reshape(-1, 2)
         return {
             "travel": travel, "lengths": lengths, "peaks": peaks, "stress": stress, "onset": +self.onset,
-            "pattern": self._pattern,
+            "pattern": self._pattern, "middle": self.middle.state() if self.middle else np.empty(0),
         }  # fmt: skip
 
     def restore(self, state: dict) -> None:
@@ -88,6 +92,8 @@ class Front:
         self._peaks = [(float(travel), float(peak)) for travel, peak in state["peaks"]]
         self._stress = {int(strip): float(value) for strip, value in state["stress"]}
         self.onset, self._pattern = state["onset"], state["pattern"]
+        if self.middle is not None:
+            self.middle.restore(state["middle"])
 
     def lengths(self, states: dict[str, dict]) -> np.ndarray:
         """Cut length (n,) of each strip in mm: its cut area over its width."""
@@ -106,6 +112,8 @@ class Front:
         lengths = self.lengths(step.states)
         self._pattern = self._pressures(step, lengths)
         now = lengths - self._before
+        if self.middle is not None:
+            self.middle.add(step, float(lengths[0]))
         begun = np.flatnonzero(np.isnan(self.onset) & (now >= ONSET_MM))
         if begun.size:
             part = (ONSET_MM - before[begun]) / np.maximum(now[begun] - before[begun], 1e-300)

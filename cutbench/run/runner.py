@@ -162,6 +162,8 @@ def run_case(
         # Beside the true columns, which all measures use.
         recorded = case.model.record(curve["displacement_mm"], curve["force_N"], curve["time_s"], case.p)
         curve["recorded_displacement_mm"], curve["recorded_force_N"] = recorded
+    if front is not None and front.middle is not None:
+        curve |= front.middle.columns()
     reached = float(curve["displacement_mm"][-1])
     outcome = _outcome(built, reached, interrupted, stalled, crossing.now, ending)
     short = wanted and (ending.known() or not outcome.done)
@@ -182,11 +184,13 @@ def run_case(
         # Measures are those of the way down until the blade first rests or turns.
         down = forward(curve["displacement_mm"])
         way_down = {name: column[:down] for name, column in curve.items()}
-        found = measures(
-            way_down, window_mm=case.values.get("thickness", 0.7), height_mm=case.values["height"],
+        taken = partial(
+            measures, window_mm=case.values.get("thickness", 0.7), height_mm=case.values["height"],
             whole=not ending.known(),
         )  # fmt: skip
-        found |= ledger.noted()
+        found = taken(way_down) | ledger.noted()
+        if front is not None and front.middle is not None:
+            found |= front.middle.measures(way_down["displacement_mm"], taken)
         found["freed_rel"] = freed_rel(case, way_down, found["onset_mm"])
         found["closure"] = float(curve["closure"][-1])
         found["reaction_error"] = float(

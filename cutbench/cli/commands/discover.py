@@ -34,7 +34,8 @@ def discover(
     from cutbench.discovery.report import summary
 
     with bar("discover") as on_progress:
-        found = run(loaded, workers=count, refine=refine, on_progress=on_progress)
+        kept = folder / "runs"
+        found = run(loaded, workers=count, refine=refine, on_progress=on_progress, kept=kept)
     paths = write_discovery(found, folder)
     typer.echo(summary(found))
     written(paths)

@@ -37,8 +37,9 @@ def fit(
 
     with bar("fit") as on_progress:
         found = run(
-            loaded, workers=count, refine=refine, profile=tuple(profile or ()), on_progress=on_progress
-        )
+            loaded, workers=count, refine=refine, profile=tuple(profile or ()), on_progress=on_progress,
+            kept=folder / "runs",
+        )  # fmt: skip
     paths = write_fit(found, folder)
     typer.echo(summary(found))
     written(paths)

@@ -159,11 +159,14 @@ def plot_block(result: Result) -> Figure:
 
 
 def plot_beside(result: Result, plane: Result) -> Figure:
-    """Force (N) over blade travel in three dimensions and in plane strain."""
+    """Force (N) over blade travel in three dimensions, of a blade all as its middle, and in plane strain."""
     with style():
         figure = new_figure(SINGLE_MM, 62)
         axes = figure.subplots()
         axes.plot(result.displacement_mm, result.force_N, color="black", ls="-", label="three dimensions")
+        if (middle := result.curve.get("middle_force_N")) is not None:
+            look: Look = {"color": COLOURS["vermilion"], "ls": LINES[2]}
+            axes.plot(result.displacement_mm, middle, label="its middle, all along", **look)
         blue, dashed = COLOURS["blue"], LINES[1]
         axes.plot(plane.displacement_mm, plane.force_N, color=blue, ls=dashed, label="plane strain")
         force_from_zero(axes, "blade travel (mm)")

@@ -1,0 +1,107 @@
+"""Cuts that a fit or a discovery has computed, in a folder: one that was stopped goes on from there.
+
+What a rig does to the record is no part of a run: readings of other rigs are made of the same one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import zipfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cutbench.base.files import check_writable, replacing
+from cutbench.case.case import Case
+from cutbench.run.result import Outcome, Result
+from cutbench.run.runner import run_case
+from cutbench.run.sensitivity import Added
+
+_COURSE = ("displacement_mm", "force_N", "time_s")
+_UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile)
+
+
+@dataclass(frozen=True)
+class Ran:
+    """What a fit needs of a run: its ``course`` (3, n) of travel in mm, force in N and time in s, how it
+    ended, derivatives (n,) of the force by name, and by the strengths of laws that it lacks."""
+
+    course: np.ndarray
+    outcome: Outcome
+    onset_mm: float
+    slopes: Mapping[str, np.ndarray]
+    by_added: Sequence[Mapping[str, np.ndarray]]
+
+    @classmethod
+    def of(cls, result: Result) -> Ran:
+        course = np.stack([result.curve[name] for name in _COURSE])
+        onset = result.measures.get("onset_mm", float("nan"))
+        return cls(course, result.outcome, onset, result.sensitivities, result.by_added)
+
+
+def ran(case: Case, names: Sequence[str], added: Sequence[Added], folder: Path | None) -> Ran:
+    """The run of ``case`` with derivatives, out of ``folder`` or computed and left there. Raises BadInput."""
+    if folder is None:
+        return Ran.of(run_case(case, sensitivities=names, added=added))
+    id, keys = _bare(case).id, [_key(each) for each in added]
+    if (old := _found(folder, id, names, keys)) is not None:
+        return old
+    new = Ran.of(run_case(case, sensitivities=names, added=added))
+    if new.outcome.kind != "interrupted":
+        _write(folder, id, keys, new)
+    return new
+
+
+def _bare(case: Case) -> Case:
+    """``case`` without its rig."""
+    laws = case.model.laws("rig")
+    rig, names = {law.name for law in laws}, {q.name for law in laws for q in law.parameters}
+    values = {name: value for name, value in case.values.items() if name not in names}
+    return replace(case, mechanisms=tuple(m for m in case.mechanisms if m not in rig), values=values)
+
+
+def _key(added: Added) -> str:
+    return "-".join([_bare(added.case).id, *sorted(added.names)])
+
+
+def _found(folder: Path, id: str, names: Sequence[str], keys: Sequence[str]) -> Ran | None:
+    """A run with at least these derivatives. One that cannot be read is none."""
+    for path in sorted(folder.glob(f"{id}-*.npz")):
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                said = json.loads(str(data["said"]))
+                if {*names} <= {*said["names"]} and {*keys} <= {*said["added"]}:
+                    added = [_added(data, said["added"].index(key)) for key in keys]
+                    slopes = {name: data[f"by_{name}"] for name in names}
+                    return Ran(
+                        data["course"], Outcome(**said["outcome"]), float(data["onset"]), slopes, added
+                    )
+        except _UNREADABLE:
+            continue
+    return None
+
+
+def _added(data: Mapping[str, np.ndarray], number: int) -> dict[str, np.ndarray]:
+    head = f"added{number}_"
+    return {name.removeprefix(head): data[name] for name in data if name.startswith(head)}
+
+
+def _arrays(new: Ran) -> Iterator[tuple[str, np.ndarray]]:
+    yield "course", new.course
+    yield "onset", np.array(new.onset_mm)
+    for name, slope in new.slopes.items():
+        yield f"by_{name}", slope
+    for i, each in enumerate(new.by_added):
+        for name, slope in each.items():
+            yield f"added{i}_{name}", slope
+
+
+def _write(folder: Path, id: str, keys: Sequence[str], new: Ran) -> None:
+    said = json.dumps({"names": [*new.slopes], "added": [*keys], "outcome": asdict(new.outcome)})
+    digest = hashlib.sha256(said.encode()).hexdigest()[:8]
+    with replacing(check_writable(folder) / f"{id}-{digest}.npz") as draft:
+        np.savez_compressed(draft, said=np.array(said), **dict[str, Any](_arrays(new)))

@@ -1,0 +1,71 @@
+"""The curve of a block's middle: what a blade without ends would feel."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cutbench.case.case import load_case
+from cutbench.run.build import build, geometry_of
+from cutbench.run.checkpoint import Checkpoint
+from cutbench.run.front import Front
+from cutbench.run.middle import MIDDLE
+from cutbench.run.runner import run_case
+
+SMALL = {
+    "width": "6 mm", "height": "6 mm", "length": "8 mm", "depth": "0.3 mm", "h": "0.6 mm", "corner": 0.25,
+    "layers": 2, "mu": 0.2,
+}  # fmt: skip
+
+
+def curves(case, **geometry):
+    """Force of the whole block and of one that is all as its middle, N."""
+    built = build(case, replace(geometry_of(case), **geometry))
+    front = Front(built)
+    force = [0.0]
+    for step in built.march.steps():
+        front.add(step)
+        force.append(step.force * built.geometry.multiplicity)
+    return np.array(force), front.middle.columns()["middle_force_N"]
+
+
+@pytest.mark.parametrize("symmetry", ["quarter", "half", "full"])
+def test_where_nothing_varies_along_the_blade_the_middle_is_the_whole(symmetry):
+    case = load_case("gelatin", {**SMALL, "symmetry": symmetry, "layers": 1}, dim=3)
+    ends = (("middle", 2), ("end", 2)) if symmetry == "quarter" else (("end", 2),)
+    force, middle = curves(case, held=ends)
+    assert middle == pytest.approx(force, rel=1e-6, abs=1e-9)
+
+
+def test_of_tetrahedra_it_is_the_innermost_strip():
+    case = load_case("gelatin", {**SMALL, "numerics": "tetrahedra", "h": "1.5 mm"}, dim=3)
+    force, middle = curves(case, held=(("middle", 2), ("end", 2)))
+    # Strips of tetrahedra differ as their elements do.
+    assert middle[-1] == pytest.approx(force[-1], rel=0.1)
+
+
+def test_a_run_has_the_curve_and_the_numbers_of_its_middle(tmp_path):
+    case = load_case("gelatin", {**SMALL, "layers": 1}, dim=3)
+    result = run_case(case)
+    # The free end gives way: the middle carries more than its part.
+    assert result.curve["middle_force_N"][-1] > 1.02 * result.force_N[-1]
+    assert result.curve["middle_force_N"].shape == result.force_N.shape
+    assert result.measures["middle_max_N"] == result.curve["middle_force_N"].max()
+    assert MIDDLE.keys() <= result.measures.keys()
+
+
+def test_a_run_that_goes_on_has_all_of_its_middle(tmp_path):
+    case = load_case("gelatin", {**SMALL, "layers": 1}, dim=3)
+    whole = run_case(case).curve["middle_force_N"]
+
+    def stop(row, picture):
+        if row["displacement_mm"] > 0.15:
+            raise KeyboardInterrupt
+
+    path = tmp_path / "checkpoint.npz"
+    first = run_case(case, on_step=stop, checkpoint=Checkpoint(path, case.id, every_s=0.0))
+    assert first.outcome.kind == "interrupted"
+    second = run_case(case, checkpoint=Checkpoint(path, case.id, every_s=0.0))
+    assert second.curve["middle_force_N"] == pytest.approx(whole, rel=1e-6)
