@@ -21,7 +21,10 @@ def test_a_record_has_its_error_and_no_other():
     for effect in ("toughness by speed", NONE):
         np.testing.assert_array_equal(recorded(effect, 1.0, x, F, 0.01), (x, F))
     longer, same = recorded("compliance", 1.0, x, F, 0.01)
-    np.testing.assert_allclose(longer - x, 0.5 * F)
+    gives = longer - x
+    # The same machine in a cut that bears less, and no spring: at twice the force it gives less than twice.
+    np.testing.assert_allclose(recorded("compliance", 1.0, x[:25], F[:25], 0.01)[0] - x[:25], gives[:25])
+    assert 1.5 < gives[48] / gives[24] < 1.9
     np.testing.assert_array_equal(same, F)
     late, kept = recorded("late zero", 1.0, x, F, 0.01)
     assert late.min() > 0 and late.max() == x.max() - 0.5 and kept.size == late.size

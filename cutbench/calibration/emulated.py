@@ -27,7 +27,7 @@ class Emulated(Sparing):
 
     def __init__(self, inverse: Inverse):
         super().__init__(inverse)
-        self._rig = {p.name for law in self.start.model.laws("rig") for p in law.parameters}
+        self.rig = {p.name for law in self.start.model.laws("rig") for p in law.parameters}
         self._places: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self._cases: dict[str, Case] = {}
 
@@ -39,7 +39,7 @@ class Emulated(Sparing):
             if key in self._computed:
                 plain = self._computed[key]
             elif self.able:
-                rigs = {e.id: tuple(n for n in self.names(e) if n in self._rig) for e in train}
+                rigs = {e.id: tuple(n for n in self.names(e) if n in self.rig) for e in train}
                 tasks = [Task(e, self.checked_case(e, q), self.grids[e.id], rigs[e.id]) for e in train]
                 plain = dict(zip([e.id for e in train], self.run(tasks), strict=True))
             if not self.able:
@@ -77,7 +77,7 @@ class Emulated(Sparing):
             q = [
                 u.q(r.case.values[u.name])
                 for r in runs
-                if u.name in r.case.values and u.name not in self._rig
+                if u.name in r.case.values and u.name not in self.rig
             ]
             q = [x for x in q if np.isfinite(x)]
             if len({*q}) > 1:
@@ -100,7 +100,7 @@ class Emulated(Sparing):
         mine = {u.name: k for k, u in enumerate(self.unknowns) if u.experiment in (None, e.id)}
         values = {**vars(self._case(e).p), **{n: self.unknowns[k].value(q[k]) for n, k in mine.items()}}
         moved, asked = [values], []
-        for name in (n for n in names if n not in self._rig):
+        for name in (n for n in names if n not in self.rig):
             u, x = self.unknowns[mine[name]], q[mine[name]]
             low, high = (u.value(float(np.clip(x + step, *u.reach))) for step in (-STEP, STEP))
             moved += [{**values, name: low}, {**values, name: high}]
@@ -133,7 +133,7 @@ class Emulated(Sparing):
     def _emulator(self, e: Experiment) -> Emulator | None:
         if not self.emulable:
             return None
-        names = [n for n in self.names(e) if n not in self._rig]
+        names = [n for n in self.names(e) if n not in self.rig]
         return self.run.memory.emulator(self._case(e), names, float(self.grids[e.id].x[-1]))
 
 

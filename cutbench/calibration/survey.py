@@ -29,8 +29,9 @@ from cutbench.data.discrepancy import allowing, likeliest
 #: Places of each test in the first look, and how far they lie in q: so far that works change by this part,
 #: between two lengths.
 PLACES, CHANGE, NEAREST, FARTHEST = 20, 0.2, 0.5, 2.0
-#: Starts of a search among what is foreseen, beside the best that are known; how far beyond these it goes.
-STARTS, KNOWN, BEYOND = 8, 3, 0.7
+#: Starts of a search among what is foreseen, beside the best that are known; how far beyond these it goes. What
+#: a rig makes of a run is no guess, so it goes as far as changes the works by this part.
+STARTS, KNOWN, BEYOND, RIGGED = 8, 3, 0.7, 0.5
 FORESEEN = lm.Settings(promise=0.5, evaluations=40, failures=2)
 #: Computed after the first look at the most, by works and by likelihood; in vain, before it ends.
 STEPS, LIKELIEST, VAIN = 4, 6, 2
@@ -84,8 +85,21 @@ class Survey:
         #: χ² of the works, and where.
         self.known: list[tuple[float, np.ndarray]] = []
         self.low, self.high = self.problem.hull(starts)
+        self._open()
         #: Where places are looked for.
         self.within = inverse.bounds
+
+    def _open(self) -> None:
+        """Let rigs go as far as they change works much."""
+        rigged = np.array([u.name in self.problem.rig for u in self.inverse.unknowns])
+        if not (rigged.any() and self.problem.able):
+            return
+        q = self.starts[0]
+        J = by_work.difference(Foreseeing(self.inverse), q)[1][:, rigged]
+        far = RIGGED / np.maximum(by_work.NOISE * np.sqrt(np.mean(J**2, axis=0)), 1e-3)
+        low, high = (bound[rigged] for bound in self.inverse.bounds)
+        self.low[rigged] = np.clip(np.minimum(self.low[rigged], q[rigged] - far), low, high)
+        self.high[rigged] = np.clip(np.maximum(self.high[rigged], q[rigged] + far), low, high)
 
     def nearby(self, interrupted: bool = False) -> by_work.Nearby:
         """The best place that is known, which the problem itself knows from then on."""
