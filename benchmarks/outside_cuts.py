@@ -34,6 +34,7 @@ from cutbench.case.case import Case, load_case
 from cutbench.data.campaign import load_campaign
 from cutbench.discovery import Discovery, discover
 from cutbench.discovery.candidates import cause_of, family_of
+from cutbench.discovery.outcome import CHANCE
 from cutbench.run.runner import run_case
 
 #: What a right answer names one of, by effect: classes of laws, or kinds of causes.
@@ -159,7 +160,9 @@ def make(number: int, effect: str, otherwise: int, seed: int, folder: Path) -> T
 
 def judge(truth: Truth, d: Discovery) -> dict:
     """What was said, beside what was hidden. Right: the first cause or one that its data cannot tell from it.
-    Where nothing is hidden, other numerics or a fixed value are no wrong answer."""
+    Where nothing is hidden, other numerics or a fixed value are no wrong answer. ``seen``: whether the
+    baseline, its values bent as they may be, leaves more than chance does. Where it does not, these data have
+    nothing that names a cause."""
     wanted = CLASSES.get(truth.effect, ())
     groups = [{*r.group, r.accepted} for r in d.rounds if r.accepted]
     named = [{family_of(n) for n in group} for group in groups]
@@ -170,6 +173,7 @@ def judge(truth: Truth, d: Discovery) -> dict:
         "case": truth.number, "effect": truth.effect, "otherwise": truth.otherwise, "size": truth.size,
         "scatter": truth.scatter, "verdict": d.verdict, "found": list(d.found),
         "numerical": d.numerics.explains, "right": right,
+        "seen": bool(d.rounds[0].scores.p_residual < CHANCE),
         "wrong": [n for n, group in zip(d.found, named, strict=False) if not group & hidden and not excused],
         "misfit": max(d.first.misfit.values()), "left": max(d.final.misfit.values()),
         "gain": d.gain.gain if d.gain else None, "measured_gain": _gain(truth, d) if d.gain else None,
@@ -190,6 +194,7 @@ def _gain(truth: Truth, d: Discovery) -> float | None:
 
 def summary(rows: Sequence[Mapping]) -> dict[str, str]:
     hidden = [r for r in rows if r["effect"] in CLASSES]
+    seen, taken_up = ([r for r in hidden if r["seen"] == here] for here in (True, False))
     rest = [r for r in rows if r["effect"] not in CLASSES]
     seconds = [r["seconds"] for r in rows]
 
@@ -198,6 +203,8 @@ def summary(rows: Sequence[Mapping]) -> dict[str, str]:
 
     return {
         "one effect: the right class first or in its group": part("right", hidden),
+        "the same, where the baseline does not take it up": part("right", seen),
+        "nothing named, where it does": f"{sum(not r['found'] for r in taken_up)} of {len(taken_up)}",
         "no effect, or one that no candidate has: nothing named": part("right", rest),
         "a class named that was not there": part("wrong", rows),
         "seconds a case, median and largest": f"{np.median(seconds):.0f}, {max(seconds, default=0):.0f}",

@@ -6,7 +6,17 @@ from collections import Counter
 
 import numpy as np
 
-from benchmarks.outside_cuts import CLASSES, NONE, OTHERWISE, SPEEDS, SWING, plan, recorded, true_case
+from benchmarks.outside_cuts import (
+    CLASSES,
+    NONE,
+    OTHERWISE,
+    SPEEDS,
+    SWING,
+    plan,
+    recorded,
+    summary,
+    true_case,
+)
 
 
 def test_a_sixth_hides_nothing_and_every_effect_comes_in_turn():
@@ -54,3 +64,14 @@ def test_the_truth_has_other_numerics_than_a_fit():
     plain = true_case(NONE, 0.02, 1.0, {})
     others = [true_case(NONE, 0.02, 1.0, choices) for _, choices in OTHERWISE]
     assert len({c.id for c in [plain, *others]}) == len(OTHERWISE) + 1
+
+
+def test_what_the_baseline_takes_up_is_counted_by_itself():
+    head = {"wrong": [], "seconds": 1.0}
+    rows = [
+        {**head, "effect": "drift", "right": False, "seen": False, "found": []},
+        {**head, "effect": "drift", "right": True, "seen": True, "found": ["force_drift"]},
+        {**head, "effect": "blunt tip", "right": False, "seen": True, "found": []},
+        {**head, "effect": NONE, "right": True, "seen": False, "found": []},
+    ]
+    assert list(summary(rows).values())[:4] == ["1 of 3", "1 of 2", "1 of 1", "1 of 1"]
