@@ -255,3 +255,31 @@ def test_a_law_is_held_against_cuts_without_it(cuts):
     found = equivalent(Foreseeing(inverse), np.zeros(3), own, law)
     expected = [inverse.unknowns[k].value(x) for k, x in zip(own.values(), wanted, strict=True)]
     np.testing.assert_allclose(found, expected, rtol=0.03)
+
+
+@pytest.mark.parametrize("law", ["fung", "speed_toughness", "contact_offset", "compressible", "blunt_tip"])
+def test_cuts_without_a_law_tell_of_cuts_with_it(cuts, law):
+    """Also of one that takes another's place: at "off" it is that one."""
+    run = Remembering()
+    inverse, other = inverse_of(cuts, run), inverse_of(cuts, run)
+    for a in np.linspace(-0.6, 0.6, 4):
+        for b in np.linspace(-0.6, 0.6, 3):
+            inverse.predictions(np.array([a, b]))
+    model, off = other.start.model.extended(law)
+    values = {**other.start.values, **off}
+    other = inverse.other(inverse.unknowns, replace(other.start, mechanisms=model.mechanisms, values=values))
+    assert Emulated(other).able
+    for e in cuts.train:
+        known = run.memory.emulator(other.case(e, np.zeros(2)), ["G", "G_c"], X[-1])
+        assert known is not None and len(known._kriging.Z) == 12 * len(cuts.train)
+
+
+def test_a_law_in_the_place_of_another_tells_nothing_of_that(cuts):
+    run = Remembering()
+    plain = inverse_of(cuts, run)
+    model, off = plain.start.model.extended("fung")
+    case = replace(plain.start, mechanisms=model.mechanisms, values={**plain.start.values, **off})
+    other = plain.other(plain.unknowns, case)
+    for a in np.linspace(-0.6, 0.6, 12):
+        other.predictions(np.array([a, a / 2]))
+    assert not Emulated(plain).able

@@ -75,9 +75,7 @@ class Emulated(Sparing):
         runs = self.run.memory.runs if self.emulable else []
         for k, u in enumerate(self.unknowns):
             q = [
-                u.q(r.case.values[u.name])
-                for r in runs
-                if u.name in r.case.values and u.name not in self.rig
+                u.q(r.case.values[u.name]) for r in runs if u.name in r.case.values and u.name not in self.rig
             ]
             q = [x for x in q if np.isfinite(x)]
             if len({*q}) > 1:

@@ -14,6 +14,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
+from cutbench.base.errors import BadInput
 from cutbench.base.units import powers_of
 from cutbench.calibration.kriging import Kriging
 from cutbench.case.case import Case
@@ -127,15 +128,27 @@ def _alike(one: Case, other: Case) -> bool:
     return all(getattr(one, name) == getattr(other, name) for name in ("dim", "numerics", "outline"))
 
 
+@lru_cache
+def _grows(mechanisms: tuple[str, ...], wanted: tuple[str, ...]) -> bool:
+    """Whether the model of ``mechanisms`` is the one that is ``wanted`` with some of its laws switched off,
+    or in place of what is a special case of them; whatever their rigs."""
+    mine, other = (_unrigged(Model(names)) for names in (mechanisms, wanted))
+    try:
+        grown, _ = mine.extended(*(name for name in other.mechanisms if name not in mine.mechanisms))
+    except BadInput:
+        return False
+    return {*grown.mechanisms} == {*other.mechanisms}
+
+
+def _unrigged(model: Model) -> Model:
+    return model.without(*(law.name for law in model.laws("rig")))
+
+
 def _seen_as(run: _Run, model: Model, wanted: Collection[str]) -> dict[str, float] | None:
     """The values of a ``run`` as one of ``model``, nan where they have no effect; None if it is none."""
-    mine = {*run.case.mechanisms}
-    if not mine <= {*model.mechanisms}:
+    if not _grows(run.case.mechanisms, model.mechanisms):
         return None
     new = {n: q for n, q in model.parameters().items() if n in wanted and n not in run.values}
-    for law in (law for law in model.all if law.name not in mine and law.slot != "rig"):
-        if not any(q.name in new and q.off is not None for q in law.parameters):
-            return None
     return {**run.values, **{n: np.nan if q.off is None else q.off_value for n, q in new.items()}}
 
 
