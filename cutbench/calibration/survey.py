@@ -29,9 +29,10 @@ from cutbench.data.discrepancy import allowing, likeliest
 #: Places of each test in the first look, and how far they lie in q: so far that works change by this part,
 #: between two lengths.
 PLACES, CHANGE, NEAREST, FARTHEST = 20, 0.2, 0.5, 2.0
-#: Starts of a search among what is foreseen, beside the best that are known; how far beyond these it goes.
+#: Starts of a search among what is foreseen, by works and by forces, beside the best that are known; how far
+#: beyond these it goes.
 #: What a rig makes of a run is no guess, so it goes as far as changes the works by this part.
-STARTS, KNOWN, BEYOND, RIGGED = 8, 3, 0.7, 0.5
+STARTS, FEW, KNOWN, BEYOND, RIGGED = 24, 8, 3, 0.7, 0.5
 FORESEEN = lm.Settings(promise=0.5, evaluations=40, failures=2)
 #: Computed after the first look at the most, by works and by likelihood; in vain, before it ends.
 STEPS, LIKELIEST, VAIN = 4, 6, 2
@@ -122,9 +123,10 @@ class Survey:
         self.around(q, reach, PLACES)
         return self.problem.able
 
-    def around(self, q: np.ndarray, reach: np.ndarray, places: int) -> None:
+    def around(self, q: np.ndarray, reach: np.ndarray, places: int) -> int:
         """Compute so many ``places`` of each test, no farther from ``q`` than ``reach`` (k,), as far as they
-        can be, to foresee others. Each test elsewhere: what one of them tells counts for all."""
+        can be, to foresee others; how many were. Each test elsewhere: what one of them tells counts for all.
+        """
 
         def there(ways: np.ndarray) -> np.ndarray:
             each = zip(self.inverse.unknowns, q, ways * reach, strict=True)
@@ -136,8 +138,9 @@ class Survey:
             with suppress(ComputationFailed):
                 case = self.inverse.checked_case(e, there(2 * part - 1))
                 tasks.append(Task(e, case, self.inverse.grids[e.id]))
-        secant.tried(self.inverse, tasks)
+        found = secant.tried(self.inverse, tasks)
         self.evaluations += places
+        return sum(p is not None for p in found)
 
     def settled(self, on_progress: OnProgress = silent) -> by_work.Nearby:
         """What is foreseen is computed, and foreseen again, until it stays. Raises ComputationFailed."""
@@ -208,9 +211,24 @@ class Survey:
         return max(known, key=lambda each: each[0])[1]
 
     def _likelier(self, noise: Covariance, q: np.ndarray, known: Sequence[np.ndarray]) -> np.ndarray | None:
-        """Where works are foreseen to agree best, alone or with forces: in ``noise``, or beside what is
-        missed where the works do; beside ``known`` the likeliest of these."""
-        problem, works = Foreseeing(self.inverse), self.foreseen().q
+        """The likeliest of what is foreseen to agree and is not ``known``."""
+        problem = Foreseeing(self.inverse)
+        found = self._agreeing(problem, noise, [q, *known[-KNOWN:]])
+        new = [there for there in found if all(np.abs(there - each).max() > CLOSE for each in known)]
+        return max(new, key=lambda there: likely(problem, noise, there), default=None)
+
+    def foreseen_likeliest(self, noise: Covariance) -> tuple[float, np.ndarray]:
+        """How likely the data are foreseen to be at the best, see ``likely``, and where."""
+        problem = Foreseeing(self.inverse)
+        found = self._agreeing(problem, noise, self.starts)
+        return max(((likely(problem, noise, q), q) for q in found), key=lambda each: each[0])
+
+    def _agreeing(
+        self, problem: Foreseeing, noise: Covariance, starts: Sequence[np.ndarray]
+    ) -> list[np.ndarray]:
+        """Where works are foreseen to agree best, alone, and with forces in ``noise``, or beside what is
+        missed where the works do."""
+        works = self.foreseen().q
         beside = allowing(noise, *problem.residuals_inside(works, noise))
         found = [works]
         for w in (noise, beside):
@@ -220,11 +238,10 @@ class Survey:
                 some = 1 / np.sqrt(ALIKE)
                 return np.concatenate([r, some * works]), np.concatenate([J, some * by])
 
-            starts = [works, q, *known[-KNOWN:], *self._spread(STARTS, seed=2)]
-            ends = [lm.minimise(both, np.clip(at, *self.within), *self.within, FORESEEN) for at in starts]
+            from_there = [works, *starts, *self._spread(FEW, seed=2)]
+            ends = [lm.minimise(both, np.clip(at, *self.within), *self.within, FORESEEN) for at in from_there]
             found.append(min(ends, key=lambda end: end.chi2).q)
-        new = [there for there in found if all(np.abs(there - each).max() > CLOSE for each in known)]
-        return max(new, key=lambda there: likely(problem, noise, there), default=None)
+        return found
 
     def _unknown(self) -> np.ndarray | None:
         """Of the places where works are foreseen to agree, and those to which the best that are known lead,

@@ -18,6 +18,7 @@ from cutbench.calibration.prediction import Prediction, Task
 from cutbench.calibration.sparing import Sparing
 from cutbench.calibration.survey import Survey
 from cutbench.case.case import Case
+from cutbench.discovery.anywhere import Looked, Shape
 from cutbench.discovery.equivalent import equivalent, strength_of
 from cutbench.discovery.point import Point, gathered
 from cutbench.discovery.score import Score
@@ -34,14 +35,6 @@ SHAPED, BESIDE, LOOKED = 1.0, 0.3, 4
 CORRECTED = 3
 #: Strengths that are smaller, in typical ones, are none.
 NOTHING = 1e-3
-
-
-class _Shape(Unknown):
-    """A shape parameter: positive, and looked for by its logarithm."""
-
-    @property
-    def logarithmic(self) -> bool:
-        return self.start > 0 and (self.quantity.low or 0) >= 0
 
 
 @dataclass(frozen=True)
@@ -105,18 +98,28 @@ def _unknowns(point: Point, score: Score, shapes: bool) -> list[Unknown]:
     starts += [score.column.shapes[q.name] for q in c.shapes] if shapes else []
     for q, start in zip(c.parameters, starts, strict=False):
         low, high = point.campaign.plan.bounds.get(q.name, q.bounds)
-        kind = _Shape if q in c.shapes and low > 0 else Unknown
+        kind = Shape if q in c.shapes and low > 0 else Unknown
         u = kind(q, float(np.clip(start, low, high)), low, high)
         new.append(replace(u, start=u.value(0.0)))  # off a bound that is open
     return new
 
 
-def extend(point: Point, score: Score, *, shapes: bool = True, place: Place | None = None) -> Point:
-    """The model with a candidate added, fitted from the step of the score on, which ``place`` was asked for.
+def extend(
+    point: Point,
+    score: Score,
+    *,
+    shapes: bool = True,
+    place: Place | None = None,
+    looked: Looked | None = None,
+) -> Point:
+    """The model with a candidate added, fitted from the step of the score on, which ``place`` was asked for,
+    or from where it was ``looked`` at.
 
     ``shapes`` False: those of the score are kept. Raises ComputationFailed where nothing can be computed.
     """
     place = place or Place.of(point)
+    if looked is not None:
+        return gathered(*looked.extended(point.w.noise), point.w, point.test_shift)
     if point.meshed:
         return _by_work(point, place, score)
     inverse, _ = _extended(point, place, score, shapes)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.progress import OnProgress
 from cutbench.calibration.prediction import Predictor
+from cutbench.discovery.anywhere import Looked, looked
 from cutbench.discovery.apart import alike, apart, by_rate, resembles, resembling, told
 from cutbench.discovery.candidates import ORDER, Candidate, candidates
 from cutbench.discovery.causes import PRICE
@@ -29,7 +30,8 @@ PROMISING = 0.1
 TOLD = 1e-4
 #: So many are fitted in a round, without a mesh and with one.
 FITS, FITS_MESHED = 6, 3
-#: Where cuts have values of their own, those that are alike to these by this part of the most alike.
+#: Where cuts have values of their own, those that are alike to these by this part of the most alike; beside
+#: a law that explains all, those that are foreseen to gain this part as much.
 LIKE = 0.7
 #: So many are computed with at a finite strength, with a mesh.
 PROBED = 8
@@ -64,9 +66,9 @@ def round_of(point: Point, run: Predictor, seed: int, on_progress: OnProgress) -
             every, _ = candidates(point.inverse, point.case, one_a_class=False)
             this = asking.beside(places, some, every, {**left_out, **idle}, scores)
             if this.accepted is None and idle:
-                this = asking.at(Place.of(point), chosen, left_out)
+                this = asking.anywhere(chosen, idle, left_out)
             return replace(_likelier(before, this), own=tuple(map(told, places)))
-        return _likelier(before, asking.at(Place.of(point), chosen, left_out))
+        return _likelier(before, asking.anywhere(chosen, idle, left_out))
     return asking.at(Place.of(point), chosen, left_out)
 
 
@@ -109,7 +111,21 @@ class _Asking:
             return None
         rigs = [c for c in chosen if c.slot == "rig"]
         others = {c.name: "not asked: a rig or a reading explains it" for c in chosen if c.slot != "rig"}
-        return self.at(Place.of(self.point), rigs, {**left_out, **others}, plain, left)
+        return self.at(Place.of(self.point), rigs, {**left_out, **others}, plain, [*left])
+
+    def anywhere(
+        self, chosen: Sequence[Candidate], idle: Collection[str], left_out: Mapping[str, str]
+    ) -> Round:
+        """Of the ``chosen`` those laws that are ``idle``, no time occurring in them, which are foreseen to
+        gain most, wherever the model itself has ended; by their scores at the point, if there are none."""
+        laws = [c for c in chosen if c.name in idle and c.slot != "rig"]
+        every, _ = candidates(self.point.inverse, self.point.case, one_a_class=False)
+        found = {one.candidate.name: one for one in looked(self.point, laws, every, self.on_progress)}
+        if not found:
+            return self.at(Place.of(self.point), chosen, left_out)
+        more = [c for c in every if c.name in found and c not in chosen]
+        why = {name: reason for name, reason in left_out.items() if name not in found}
+        return self.at(Place.of(self.point), [*chosen, *more], why, None, [*found], found)
 
     def beside(
         self,
@@ -149,10 +165,12 @@ class _Asking:
         chosen: Sequence[Candidate],
         left_out: Mapping[str, str],
         plain: Scores | None = None,
-        left: Mapping[str, float] | None = None,
+        named: Sequence[str] | None = None,
+        found: Mapping[str, Looked] | None = None,
     ) -> Round:
-        """``plain``: what chance says of the residual at the point, where the place is another. ``left``:
-        the parts of the misfit that are foreseen to be left by those that are fitted, if that is known."""
+        """``plain``: what chance says of the residual at the point, where the place is another. ``named``:
+        those that are fitted, in that order, where it is not by their scores; ``found``: where these were
+        looked at."""
         point, names = self.point, ", ".join(self.point.case.mechanisms)
         self.on_progress(math.nan, math.nan, f"{len(chosen)} candidates beside {names}")
 
@@ -161,6 +179,8 @@ class _Asking:
             return sensed, score(sensed, point.w.noise, place.residual, seed=self.seed)
 
         def likely(exact: Sensed) -> list[str]:
+            if named is not None:
+                return [*named]
             by_gain = sorted(scored_at(exact)[1].scores, key=lambda s: -s.gain)
             return [s.name for s in by_gain[:PROBED]]
 
@@ -169,11 +189,16 @@ class _Asking:
             scores = replace(scores, chi2=plain.chi2, p_residual=plain.p_residual)
         scored = {s.name for s in scores.scores}
         failed = {c.name: "no run could take it up beside the others" for c in chosen if c.name not in scored}
-        tried = self._tried(place, scores, failed, left)
+        tried = self._tried(place, scores, failed, named, found or {})
         return _judged(point, sensed, scores, tried, left_out, failed)
 
     def _tried(
-        self, place: Place, scores: Scores, failed: dict[str, str], left: Mapping[str, float] | None
+        self,
+        place: Place,
+        scores: Scores,
+        failed: dict[str, str],
+        named: Sequence[str] | None,
+        found: Mapping[str, Looked],
     ) -> list[Tried]:
         """Those worth it, fitted; why others could not be goes into ``failed``."""
         point, wrong = self.point, Yardstick(self.point, scores.expected)
@@ -181,21 +206,23 @@ class _Asking:
         order = _simplest(worth)
         if place.apart:
             order = _alike(point, place, scores)
-        if left is not None:
-            order = sorted((s for s in scores.scores if s.name in left), key=lambda s: left[s.name])
+        if named is not None:
+            scored = {s.name: s for s in scores.scores}
+            order = [scored[name] for name in named if name in scored]
         # What is asked before physics costs little without a mesh.
         cheap = [s for s in worth[FITS:] if s.column.candidate.cause != "mechanism"]
         tried: list[Tried] = []
         for s in order[:FITS_MESHED] if point.meshed else [*worth[:FITS], *cheap]:
             convincing = [t for t in tried if point.meshed and t.convincing]
             enough = max((t.score.gain for t in convincing), default=0.0)
-            if s.gain < NEAR * enough and not place.apart and left is None:
+            if s.gain < NEAR * enough and not place.apart and named is None:
                 continue
-            if any(t.whole for t in convincing):
+            like = s.name in found and found[s.name].paid >= LIKE * found[order[0].name].paid
+            if any(t.whole for t in convincing) and not like:
                 break
             self.on_progress(math.nan, math.nan, f"fitting {s.name}: score {s.z:.1f}")
             try:
-                after = extend(point, s, place=place)
+                after = extend(point, s, place=place, looked=found.get(s.name))
             except (ComputationFailed, BadInput) as error:
                 failed[s.name] = str(error)
                 continue
