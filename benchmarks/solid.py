@@ -115,11 +115,11 @@ def run(job: dict) -> dict:
 
 
 def beside(job: dict, python: str) -> dict:
-    """``run``, with the CPU milliseconds of an iteration of the peer's where ``python`` has it."""
+    """``run``, with the CPU milliseconds of an iteration of the peer's where ``python`` has it, else why not."""
     try:
         before = iteration(python, REPEAT, "block")
-    except (OSError, RuntimeError):
-        return run(job)
+    except (OSError, RuntimeError) as error:
+        return {**run(job), "peer_failed": str(error)}
     record, after = run(job), iteration(python, REPEAT, "block")
     return {**record, "peer_ms": (before["ms"] + after["ms"]) / 2, "peer_unknowns": before["dofs"]}
 
@@ -139,7 +139,7 @@ def _peer(r: dict) -> str:
     """What the peer takes, in words."""
     given = f"DOLFINx {PEER_S:g} s on another machine"
     if "peer_ms" not in r:
-        return f"{given}, and it is not here"
+        return f"{given}, and it is not here: {r.get('peer_failed', 'not asked')}"
     here = PEER_ITERATIONS * r["peer_ms"] / 1000
     iterations = f"{PEER_ITERATIONS:,} iterations of {r['peer_ms']:.0f} ms"
     return (
