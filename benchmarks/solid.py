@@ -115,7 +115,7 @@ def run(job: dict) -> dict:
 
 
 def beside(job: dict, python: str) -> dict:
-    """``run``, with the CPU milliseconds of an iteration of the peer where ``python`` has it, else why not."""
+    """``run``, with the CPU ms of an iteration of the peer where ``python`` has it, else why not."""
     try:
         before = iteration(python, REPEAT, "block")
     except (OSError, RuntimeError) as error:
