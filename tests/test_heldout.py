@@ -16,7 +16,8 @@ from cutbench.case.case import load_case
 from cutbench.case.model import DEFAULT, Model
 from cutbench.data.experiment import Experiment
 from cutbench.data.repetition import Repetition
-from cutbench.discovery.heldout import TESTS, Heldout
+from cutbench.discovery import heldout
+from cutbench.discovery.heldout import TESTS, Heldout, decide
 from cutbench.discovery.point import point_of
 
 BETTER = Heldout(TESTS, 50.0, 10.0, 0.3, 0.1, 2.0, 1.4, 0.5, "N", 0.4)
@@ -36,6 +37,17 @@ def test_a_specimen_that_differs_by_a_factor_does_not_contradict():
 def test_predictions_that_hardly_differ_tell_nothing():
     assert not replace(BETTER, better=-0.5, better_se=0.4).tells
     assert replace(BETTER, better=-50.0).tells
+
+
+def test_a_drop_that_comes_late_does_not_outweigh_all_else(monkeypatch):
+    late = replace(BETTER, better=-50.0)
+    by_repetition = replace(BETTER, how="one repetition after the other")
+    monkeypatch.setattr(heldout, "compare", lambda *_, tests=True: late if tests else by_repetition)
+    cuts, others = SimpleNamespace(meshed=True), SimpleNamespace(meshed=False)
+    assert decide(cuts, cuts) is by_repetition
+    assert decide(others, others) is late
+    late = replace(late, gain=0.05)  # which is no sure gain
+    assert decide(cuts, cuts) is late
 
 
 def test_a_driven_machine_does_not_go_back():
