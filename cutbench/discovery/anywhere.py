@@ -27,7 +27,7 @@ from cutbench.discovery.point import Point
 
 #: Cuts of each test with the law; how far, in q, beyond where the model began and ended, and how far from
 #: the law's typical values.
-PLACES, BESIDE, SHAPED = 2, 0.3, 1.5
+PLACES, BESIDE, SHAPED = 1, 0.3, 1.5
 #: Laws that gain this part of the most are fitted.
 NEARLY = 0.3
 
