@@ -3,7 +3,7 @@
 Each campaign has cuts at three speeds, and one at a fourth that is only predicted. They are computed with
 other elements, steps, contact or cohesive shape than a fit's defaults, and the effect in them follows a
 formula that no candidate has: powers of the speed, a relaxing modulus, a machine that gives way, a reading
-that drifts. A sixth hide nothing but the other numerics.
+that drifts; stiffening alone is a candidate's (``fung``). A sixth hide nothing but the other numerics.
 
     python -m benchmarks.outside_cuts [--cases 24] [--seed N] [--case K] [--limit SECONDS] [--json FILE]
         [--runs FOLDER]
