@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from formula_of_cuts import campaign_in, force
 
+from cutbench.base.errors import ComputationFailed
 from cutbench.calibration import kept
 from cutbench.calibration.fitting import fit
 from cutbench.calibration.kept import ran
@@ -23,7 +24,7 @@ class Counted:
     def __init__(self, stops: int = 10**6, kind: str = "done"):
         self.runs, self.stops, self.kind = 0, stops, kind
 
-    def __call__(self, case, *, sensitivities=(), added=(), snapshots_mm=()):
+    def __call__(self, case, *, sensitivities=(), added=(), on_step=None):
         self.runs += 1
         if self.runs > self.stops:
             raise KeyboardInterrupt
@@ -34,6 +35,8 @@ class Counted:
             moved = {n: v[n] * (1 + 1e-6 * (n == name)) for n in ("G", "G_c")}
             slopes[name] = (force(x, **moved, speed=v["speed"]) - F) / (1e-6 * v[name])
         by_added = [dict.fromkeys(each.names, i + x) for i, each in enumerate(added)]
+        for row in x:
+            on_step(row, None)
         curve = {"displacement_mm": x, "force_N": F, "time_s": x / v["speed"]}
         outcome = Outcome(self.kind, "as it was", "", float(x[-1]))
         return SimpleNamespace(
@@ -89,6 +92,15 @@ def test_a_run_that_fell_short_is_kept_and_one_that_was_stopped_is_not(runs, tmp
         folder = tmp_path / kind
         assert [ran(case, (), (), folder).outcome.kind for _ in range(2)] == [kind] * 2
         assert runs.runs == computed
+
+
+def test_a_run_that_takes_too_many_steps_falls_short(runs, tmp_path):
+    case = load_case("gelatin")
+    for folder in (None, tmp_path):
+        with pytest.raises(ComputationFailed, match="79 steps"):
+            ran(case, (), (), folder, longest=79)
+    assert not list(tmp_path.iterdir())
+    assert ran(case, (), (), tmp_path, longest=80).course.shape == (3, 80)
 
 
 def test_what_cannot_be_read_is_computed_again(runs, tmp_path):

@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 
+from cutbench.base.errors import ComputationFailed
 from cutbench.base.files import check_writable, replacing
 from cutbench.case.case import Case
-from cutbench.run.result import Outcome, Result
+from cutbench.run.result import OnStep, Outcome, Result, Snapshot, unwatched
 from cutbench.run.runner import run_case
 from cutbench.run.sensitivity import Added
 
@@ -43,17 +44,38 @@ class Ran:
         return cls(course, result.outcome, onset, result.sensitivities, result.by_added)
 
 
-def ran(case: Case, names: Sequence[str], added: Sequence[Added], folder: Path | None) -> Ran:
-    """The run of ``case`` with derivatives, out of ``folder`` or computed and left there. Raises BadInput."""
+def ran(
+    case: Case,
+    names: Sequence[str],
+    added: Sequence[Added],
+    folder: Path | None,
+    longest: int | None = None,
+) -> Ran:
+    """The run of ``case`` with derivatives, out of ``folder`` or computed and left there.
+
+    Raises BadInput, and ComputationFailed if it has more than ``longest`` steps."""
+    on_step: OnStep = unwatched if longest is None else _Counted(longest)
     if folder is None:
-        return Ran.of(run_case(case, sensitivities=names, added=added))
+        return Ran.of(run_case(case, sensitivities=names, added=added, on_step=on_step))
     id, keys = _bare(case).id, [_key(each) for each in added]
     if (old := _found(folder, id, names, keys)) is not None:
         return old
-    new = Ran.of(run_case(case, sensitivities=names, added=added))
+    new = Ran.of(run_case(case, sensitivities=names, added=added, on_step=on_step))
     if new.outcome.kind != "interrupted":
         _write(folder, id, keys, new)
     return new
+
+
+class _Counted:
+    """Ends a run after so many steps. Raises ComputationFailed."""
+
+    def __init__(self, longest: int):
+        self.left = self.longest = longest
+
+    def __call__(self, row: Mapping[str, float], snapshot: Snapshot | None) -> None:
+        self.left -= 1
+        if self.left < 0:
+            raise ComputationFailed(f"it takes more than {self.longest} steps")
 
 
 def _bare(case: Case) -> Case:

@@ -35,13 +35,15 @@ from cutbench.run.sensitivity import Added
 class Task:
     """One experiment at one set of parameters: its case, where it is read, by what it is differentiated.
 
-    ``added``: laws that a cut's case lacks, whose strengths its readings are differentiated by, too."""
+    ``added``: laws that a cut's case lacks, whose strengths its readings are differentiated by, too. A cut
+    that takes more than ``longest`` steps falls short."""
 
     experiment: Experiment
     case: Case
     grid: Averaged
     names: tuple[str, ...] = ()
     added: tuple[Added, ...] = ()
+    longest: int | None = None
 
     @property
     def of_time(self) -> bool:
@@ -112,7 +114,7 @@ def _cut(task: Task, kept: Path | None) -> Prediction:
         result = run_case(case, sensitivities=meshed, snapshots_mm=wanted_mm, added=task.added)
         run, pictures = Ran.of(result), result.snapshots
     else:
-        run = ran(case, meshed, task.added, kept)
+        run = ran(case, meshed, task.added, kept, task.longest)
     reached, wanted = run.outcome.reached_mm, float(task.grid.x[-1])
     if run.outcome.kind == "interrupted":
         raise KeyboardInterrupt

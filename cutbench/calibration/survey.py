@@ -123,10 +123,10 @@ class Survey:
         self.around(q, reach, PLACES)
         return self.problem.able
 
-    def around(self, q: np.ndarray, reach: np.ndarray, places: int) -> int:
+    def around(self, q: np.ndarray, reach: np.ndarray, places: int, longest: int | None = None) -> int:
         """Compute so many ``places`` of each test, no farther from ``q`` than ``reach`` (k,), as far as they
-        can be, to foresee others; how many were. Each test elsewhere: what one of them tells counts for all.
-        """
+        can be, in ``longest`` steps at the most, to foresee others; how many were. Each test elsewhere: what
+        one of them tells counts for all."""
 
         def there(ways: np.ndarray) -> np.ndarray:
             each = zip(self.inverse.unknowns, q, ways * reach, strict=True)
@@ -137,7 +137,7 @@ class Survey:
         for e, part in zip([*train] * places, self._parts(places * len(train)), strict=True):
             with suppress(ComputationFailed):
                 case = self.inverse.checked_case(e, there(2 * part - 1))
-                tasks.append(Task(e, case, self.inverse.grids[e.id]))
+                tasks.append(Task(e, case, self.inverse.grids[e.id], longest=longest))
         found = secant.tried(self.inverse, tasks)
         self.evaluations += places
         return sum(p is not None for p in found)

@@ -28,6 +28,8 @@ from cutbench.discovery.point import Point
 #: Cuts of each test with the law; how far, in q, beyond where the model began and ended, and how far from
 #: the law's typical values.
 PLACES, BESIDE, SHAPED = 1, 0.3, 1.5
+#: One that takes so many times the steps that cuts usually do tells nothing that would be worth them.
+LONG = 4.0
 #: Laws that gain this part of the most are fitted.
 NEARLY = 0.3
 
@@ -102,7 +104,8 @@ def _look(point: Point, c: Candidate, best: np.ndarray, without: float) -> Looke
     q, reach = np.array([*middle, *[(0.0, SHAPED)] * len(new)]).T
     survey = Survey(inverse, [q])
     reach[[u.name in survey.problem.proportional for u in inverse.unknowns]] = 0.0
-    if not survey.around(q, reach, PLACES):
+    steps = [run.x.size for run in point.inverse.run.memory.runs]
+    if not survey.around(q, reach, PLACES, int(LONG * np.median(steps))):
         return None
     off = [u.q(u.quantity.off_value) if u.quantity in c.strengths else 0.0 for u in new]
     starts = [q, *(np.append(best, law) for law in (off, np.zeros(len(new))))]
