@@ -29,7 +29,7 @@ from cutbench.discovery.point import Point
 #: the law's typical values.
 PLACES, BESIDE, SHAPED = 1, 0.3, 1.5
 #: One that takes so many times the steps that cuts usually do tells nothing that would be worth them.
-LONG = 4.0
+LONG = 2.0
 #: Laws that gain this part of the most are fitted.
 NEARLY = 0.3
 
