@@ -99,8 +99,14 @@ def test_a_run_that_takes_too_many_steps_falls_short(runs, tmp_path):
     for folder in (None, tmp_path):
         with pytest.raises(ComputationFailed, match="79 steps"):
             ran(case, (), (), folder, longest=79)
-    assert not list(tmp_path.iterdir())
+    assert runs.runs == 2
+    # That much is known of it from then on.
+    with pytest.raises(ComputationFailed, match="50 steps"):
+        ran(case, (), (), tmp_path, longest=50)
+    assert runs.runs == 2
     assert ran(case, (), (), tmp_path, longest=80).course.shape == (3, 80)
+    assert ran(case, (), (), tmp_path, longest=50).course.shape == (3, 80)
+    assert runs.runs == 3
 
 
 def test_what_cannot_be_read_is_computed_again(runs, tmp_path):

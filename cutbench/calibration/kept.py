@@ -16,13 +16,14 @@ from typing import Any
 import numpy as np
 
 from cutbench.base.errors import ComputationFailed
-from cutbench.base.files import check_writable, replacing
+from cutbench.base.files import check_writable, replacing, write_text
 from cutbench.case.case import Case
 from cutbench.run.result import OnStep, Outcome, Result, Snapshot, unwatched
 from cutbench.run.runner import run_case
 from cutbench.run.sensitivity import Added
 
 _COURSE = ("displacement_mm", "force_N", "time_s")
+_TOO_LONG = "it takes more than {} steps"
 _UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile)
 
 
@@ -60,7 +61,16 @@ def ran(
     id, keys = _bare(case).id, [_key(each) for each in added]
     if (old := _found(folder, id, names, keys)) is not None:
         return old
-    new = Ran.of(run_case(case, sensitivities=names, added=added, on_step=on_step))
+    long = folder / f"{id}.long"
+    if longest is not None and _number(long) >= longest:
+        raise ComputationFailed(_TOO_LONG.format(longest))
+    try:
+        new = Ran.of(run_case(case, sensitivities=names, added=added, on_step=on_step))
+    except ComputationFailed:
+        if isinstance(on_step, _Counted) and on_step.left < 0:
+            check_writable(folder)
+            write_text(str(longest), long)
+        raise
     if new.outcome.kind != "interrupted":
         _write(folder, id, keys, new)
     return new
@@ -75,7 +85,15 @@ class _Counted:
     def __call__(self, row: Mapping[str, float], snapshot: Snapshot | None) -> None:
         self.left -= 1
         if self.left < 0:
-            raise ComputationFailed(f"it takes more than {self.longest} steps")
+            raise ComputationFailed(_TOO_LONG.format(self.longest))
+
+
+def _number(path: Path) -> int:
+    """What a file says; 0 where there is none that says anything."""
+    try:
+        return int(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return 0
 
 
 def _bare(case: Case) -> Case:
