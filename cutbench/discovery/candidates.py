@@ -106,11 +106,10 @@ def candidates(
 
 
 def _one_a_class(found: Sequence[Candidate], left_out: dict[str, str]) -> list[Candidate]:
-    """Of the specimen's and the blade's laws the one with the fewest parameters in each class, made for cuts
-    if one is: a cut with all formulas of a class costs several times as much, and tells none of them from
-    another."""
+    """Of the specimen's and the blade's laws the one with the fewest parameters in each class: a cut with all
+    formulas of a class costs several times as much, and tells none of them from another."""
     chosen: dict[str, Candidate] = {}
-    for c in sorted(found, key=lambda c: (len(c.parameters), "cut" not in c.kinds, c.name)):
+    for c in sorted(found, key=lambda c: (len(c.parameters), c.name)):
         if c.slot not in ("rig", FIXED) and (first := chosen.setdefault(family_of(c.name), c)) is not c:
             left_out[c.name] = f"{first.name} is tried for its class, {family_of(c.name)}"
     return [c for c in found if c.slot in ("rig", FIXED) or c in chosen.values()]
