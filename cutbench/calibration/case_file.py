@@ -22,7 +22,7 @@ def runnable(campaign: Campaign, case: Case) -> Case:
     The testing machine is left out, for it is none of the material's. What the tests do not see, such as the
     toughness in tension, is as in the start material; a campaign that names none leaves it open.
     """
-    kept = case.model.without(*(m.name for m in case.model.laws("rig")))
+    kept = case.model.unrigged
     values: dict[str, float] = dict(case.values)
     cut = next((e for e in (*campaign.train, *campaign.test) if e.kind == "cut"), None)
     if cut is not None:

@@ -98,10 +98,9 @@ def _number(path: Path) -> int:
 
 def _bare(case: Case) -> Case:
     """``case`` without its rig."""
-    laws = case.model.laws("rig")
-    rig, names = {law.name for law in laws}, {q.name for law in laws for q in law.parameters}
+    names = {q.name for law in case.model.laws("rig") for q in law.parameters}
     values = {name: value for name, value in case.values.items() if name not in names}
-    return replace(case, mechanisms=tuple(m for m in case.mechanisms if m not in rig), values=values)
+    return replace(case, mechanisms=case.model.unrigged.mechanisms, values=values)
 
 
 def _key(added: Added) -> str:

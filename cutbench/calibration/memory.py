@@ -132,16 +132,12 @@ def _alike(one: Case, other: Case) -> bool:
 def _grows(mechanisms: tuple[str, ...], wanted: tuple[str, ...]) -> bool:
     """Whether the model of ``mechanisms`` is the one that is ``wanted`` with some of its laws switched off,
     or in place of what is a special case of them; whatever their rigs."""
-    mine, other = (_unrigged(Model(names)) for names in (mechanisms, wanted))
+    mine, other = (Model(names).unrigged for names in (mechanisms, wanted))
     try:
         grown, _ = mine.extended(*(name for name in other.mechanisms if name not in mine.mechanisms))
     except BadInput:
         return False
     return {*grown.mechanisms} == {*other.mechanisms}
-
-
-def _unrigged(model: Model) -> Model:
-    return model.without(*(law.name for law in model.laws("rig")))
 
 
 def _seen_as(run: _Run, model: Model, wanted: Collection[str]) -> dict[str, float] | None:

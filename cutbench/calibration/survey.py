@@ -30,8 +30,8 @@ from cutbench.data.discrepancy import allowing, likeliest
 #: between two lengths.
 PLACES, CHANGE, NEAREST, FARTHEST = 20, 0.2, 0.5, 2.0
 #: Starts of a search among what is foreseen, by works and by forces, beside the best that are known; how far
-#: beyond these it goes.
-#: What a rig makes of a run is no guess, so it goes as far as changes the works by this part.
+#: beyond these it goes. A rig goes as far as changes the works by this part: what it makes of a run is no
+#: guess.
 STARTS, FEW, KNOWN, BEYOND, RIGGED = 24, 8, 3, 0.7, 0.5
 FORESEEN = lm.Settings(promise=0.5, evaluations=40, failures=2)
 #: Computed after the first look at the most, by works and by likelihood; in vain, before it ends.

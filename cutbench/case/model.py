@@ -158,6 +158,11 @@ class Model:
         name = next((f"{k}: " for k, each in SETS.items() if set(each) == set(self.mechanisms)), "")
         return name + ", ".join(self.mechanisms)
 
+    @property
+    def unrigged(self) -> Model:
+        """Without the testing machine and how it reads: what the specimen and the blade do is the same."""
+        return self.without(*(law.name for law in self.laws("rig")))
+
     def without(self, *names: str) -> Model:
         """The model without ``names``."""
         for name in names:
