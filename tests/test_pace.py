@@ -35,11 +35,12 @@ def test_the_next_step_is_shorter_where_the_cut_hastens():
 def test_before_the_cut_has_begun_damage_grows_by_less_in_a_step():
     rules = StepRules(largest=1.0, damage=0.5)
     control, now, growth = StepControl(rules, False), StepState(0.02, easy=3, rate=2.0), 0.3
-    sizes = [control.after(now, 2, growth, 0.0, 0.05, nascent).size for nascent in (False, True)]
+    begun, whole = (growth, 0.0), (0.0, growth)
+    sizes = [control.after(now, 2, at, 0.0, 0.05, nascent).size for at, nascent in (begun, whole)]
     assert sizes[0] > 0.02 > sizes[1]
     control.check(now, growth, 0.0, 0.05)
     with pytest.raises(NoConvergence, match="damage grew"):
-        control.check(now, growth, 0.0, 0.05, nascent=True)
+        control.check(now, 0.0, 0.0, 0.05, nascent=growth)
 
 
 def test_what_grows_exponentially_is_followed():
@@ -48,7 +49,7 @@ def test_what_grows_exponentially_is_followed():
     control, length, way = StepControl(rules, False), 0.01, 0.03
     now = StepState(length, easy=3, rate=0.0)
     for times in (1.0, np.exp(length / way)):
-        now = control.after(now, 2, 0.02 * times, 0.0, 0.05, nascent=True)
+        now = control.after(now, 2, 0.0, 0.0, 0.05, nascent=0.02 * times)
         now = replace(now, size=length) if times == 1 else now
     assert now.size == pytest.approx(min(rules.resolved * way, rules.grow * length))
 
@@ -56,16 +57,15 @@ def test_what_grows_exponentially_is_followed():
 def test_a_cut_has_begun_where_faces_are_apart():
     march = build(BRIEF).march
     states = march.problem.start()
-    assert march.nascent(states)
+    assert march.whole(states).all()
     damage = np.where(march.problem.cut.faces.X[1].ravel() > BRIEF.p.height - 0.5, 1.0, 0.2)
-    assert not march.nascent({"cohesion": {**states["cohesion"], "damage": damage}})
+    assert not march.whole({"cohesion": {**states["cohesion"], "damage": damage}}).any()
 
 
 def test_the_papers_steps_and_blocks_do_without():
-    assert not build(BRIEF.set(predictor="line")).march.nascent({})
+    assert not build(BRIEF.set(predictor="line")).march.whole({}).any()
     papers = StepControl(StepRules(largest=1.0, damage=0.1, paper=True), False)
-    sizes = [papers.after(StepState(0.02), 2, 0.09, 0.0, 0.05, nascent).size for nascent in (False, True)]
-    assert sizes == [0.1, 0.1]
+    assert papers.after(StepState(0.02), 2, 0.09, 0.0, 0.05).size == 0.1
 
 
 def test_a_refused_step_says_why():

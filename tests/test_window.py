@@ -123,7 +123,7 @@ def test_a_state_that_moves_with_the_front_is_foreseen(at_rest):
 
     before, last, then = field(0), field(a), field(2 * a)
     straight = 2 * last - before
-    found = window_.moved(straight, last, damage, part, a)
+    found = window_.moved(straight, last, damage, part, np.array([a]))
     moving = np.isin(np.arange(then.size), part.problem.free)
     inner = moving & np.repeat(space.X[1] < built.geometry.height - 2 * a, 2)
     np.testing.assert_allclose(found[inner], then[inner], atol=1e-6)

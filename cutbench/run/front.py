@@ -12,6 +12,7 @@ import numpy as np
 
 from cutbench.forms.base import blend
 from cutbench.forms.space import Faces
+from cutbench.forms.strips import Strips
 from cutbench.run.build import Built
 from cutbench.run.fields import snapshot
 from cutbench.run.middle import Middle
@@ -58,21 +59,10 @@ class Front:
         self.middle: Middle | None = None
         if self._form is None:
             return
-        faces = self._form.faces
-        z = np.abs(faces.X[2])
-        end = float(np.abs(built.space.X[2]).max())
-        along = float(np.median(np.ptp(built.space.X[2][faces.nodes], axis=0)))
-        if along > 0:
-            count = strips or max(1, round(end / along))
-            near = end / count
-            self._strip = np.minimum((z / end * count).astype(int), count - 1).ravel()
-            self.z = (np.arange(count) + 0.5) * end / count
-        else:  # a section drawn out is cut in its planes
-            self.z, strip = np.unique(np.round(z, 9), return_inverse=True)
-            self._strip, count, near = strip.ravel(), self.z.size, 1e-9
-        self._share = np.bincount(self._strip, faces.w.ravel(), count) / float(np.ptp(built.space.X[1]))
+        self._strips = Strips(built.space, self._form.faces, folded=True, count=strips)
+        self.z, self._strip, count = self._strips.z, self._strips.at, self._strips.z.size
         self.onset = np.full(count, math.nan)
-        self.middle = Middle(built, near, self._share[0])
+        self.middle = Middle(built, self._strips.near, self._strips.width[0])
         #: What is cut before the run.
         self._before = self.lengths(built.problem.start())
         self._last = (0.0, np.zeros(count))
@@ -98,8 +88,7 @@ class Front:
     def lengths(self, states: dict[str, dict]) -> np.ndarray:
         """Cut length (n,) of each strip in mm: its cut area over its width."""
         assert self._form is not None, "there are no strips without a cut"
-        area = self._form.cut_area(states["cohesion"])
-        return np.bincount(self._strip, area, self.z.size) / self._share
+        return self._strips.lengths(self._form.cut_area(states["cohesion"]))
 
     def add(self, step: Accepted) -> None:
         """Take one accepted step."""

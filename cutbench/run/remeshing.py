@@ -20,7 +20,6 @@ from cutbench.case.case import Case
 from cutbench.forms.space import Space
 from cutbench.run.build import ORDER, Built, build, geometry_of
 from cutbench.solver.march import Accepted, Progress
-from cutbench.solver.predictor.window import front_depth
 
 
 def lengths(case: Case) -> tuple[float, float]:
@@ -103,8 +102,8 @@ class RemeshedMarch:
         return Place(strides, tip=travel if self.case.p.precut > 0 else np.inf)
 
     def _front(self, now: Progress) -> float:
-        height = self.built.form("cohesion").faces.X[1].ravel()
-        return front_depth(height, self.case.p.height, now.states)
+        height, top = self.built.form("cohesion").faces.X[1].ravel(), self.case.p.height
+        return top - float(height[now.states["cohesion"]["damage"] > 0.5].min(initial=top))
 
     def renew(self, now: Progress) -> tuple[Progress, Transfer | None]:
         """Go to the mesh of the present front: where the march goes on there, and what took it there.

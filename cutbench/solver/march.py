@@ -11,6 +11,7 @@ import numpy as np
 
 from cutbench.case.motion import Motion
 from cutbench.forms.base import Step
+from cutbench.forms.strips import Strips
 from cutbench.solver.held import Held
 from cutbench.solver.newton import BadGuess, NewtonSettings, NoConvergence
 from cutbench.solver.predictor.history import History
@@ -165,6 +166,8 @@ class March:
     past: History | None = None
     #: Looks for the next state around the front first.
     window: Window | None = None
+    #: Of the cut plane, in each of which the cut begins.
+    strips: Strips | None = None
     load: Load = field(default_factory=Load)
 
     @property
@@ -212,19 +215,19 @@ class March:
                 control.duration(pace) / self.speed, u, self.centre(ahead), self.centre(travel),
                 pace.damping_factor, ratio=ratio if smooth else 0.0, rests=pace.rests,
             )  # fmt: skip
-            begun, nascent = problem.touched(states, step), self.nascent(states)
+            begun, whole = problem.touched(states, step), self.whole(states)
             if straight is not None:
                 straight = self.load.placed(straight, ahead)
             try:
                 straight = self._improved(straight, known, u, begun, step)
                 found = self._first_that_holds(u, straight, begun, step, now.force, travel, ahead)
-                growth = damage_growth(states, found.result.states)
+                growth, nascent = (damage_growth(states, found.result.states, at) for at in (~whole, whole))
                 # What the ledger leaves open is the error of the step, against the blade's work over the
                 # largest step: within a small jump of a fine step nothing is gained by closing better than
                 # that. A blade at rest is taken as one that moves.
-                whole = (abs(now.force) + abs(found.force)) / 2 * max(size, rules.largest)
+                most = (abs(now.force) + abs(found.force)) / 2 * max(size, rules.largest)
                 left = found.left - now.added
-                defect = abs(left) / max(whole, 1e-300)
+                defect = abs(left) / max(most, 1e-300)
                 allowed = control.allowed(size, found.spent, left, now.spent, now.left)
                 if plan is None:
                     control.check(pace, growth, defect, allowed, nascent)
@@ -260,12 +263,16 @@ class March:
             )  # fmt: skip
             refused = []
 
-    def nascent(self, states: dict[str, dict]) -> bool:
-        """Whether the cut has not begun in ``states``, where elements are small enough to tell."""
+    def whole(self, states: dict[str, dict]) -> np.ndarray:
+        """Which points of the cut plane (n,) lie where the cut has not begun in ``states``; none where
+        elements are too large to tell."""
         cut = self.problem.cut
-        if cut is None or self.past is None:
-            return False
-        return bool(cut.cut_area(states["cohesion"]).sum() < self.rules.begun * cut.width)
+        if cut is None:
+            return np.zeros(0, bool)
+        if self.past is None or self.strips is None:
+            return np.zeros(cut.faces.w.size, bool)
+        lengths = self.strips.lengths(cut.cut_area(states["cohesion"]))
+        return (lengths < self.rules.begun)[self.strips.at]
 
     def _improved(self, straight, known, last, states, step) -> np.ndarray | None:
         """A better prediction than ``straight``: what is ``known``, or what the front's own solution says."""

@@ -248,8 +248,10 @@ class Problem:
         return du
 
 
-def damage_growth(old: dict[str, dict], new: dict[str, dict]) -> float:
-    """Largest growth of damage on the cut plane between two states; 0 without a cut."""
+def damage_growth(old: dict[str, dict], new: dict[str, dict], where: np.ndarray | None = None) -> float:
+    """Largest growth of damage on the cut plane, or on ``where`` (points,) of it, between two states; 0
+    without a cut."""
     if "cohesion" not in old:
         return 0.0
-    return float((new["cohesion"]["damage"] - old["cohesion"]["damage"]).max(initial=0.0))
+    grown = new["cohesion"]["damage"] - old["cohesion"]["damage"]
+    return float((grown if where is None else grown[where]).max(initial=0.0))

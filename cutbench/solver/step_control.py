@@ -59,7 +59,7 @@ class StepState:
     easy: int = 0
     refused: int = 0
     vain: int = 0
-    #: Growth of damage in the last step, per mm.
+    #: Growth of damage in the last step, per mm, where the cut has not begun.
     rate: float = 0.0
 
     @property
@@ -113,14 +113,17 @@ class StepControl:
         return min(rules.defect / 4, 2 * rules.drift * own) if drifts else rules.defect
 
     def check(
-        self, now: StepState, growth: float, defect: float, allowed: float, nascent: bool = False
+        self, now: StepState, growth: float, defect: float, allowed: float, nascent: float = 0.0
     ) -> None:
-        """Raises NoConvergence where damage grew by too much, or too much of the energy is left open."""
+        """Raises NoConvergence where damage grew by too much, or too much of the energy is left open.
+
+        ``growth`` of damage where the cut has begun, ``nascent`` where it has not.
+        """
         rules, size = self.rules, now.size
         if rules.paper:
             return
-        if growth > 2 * self._most(nascent) and size > 4 * rules.smallest:
-            raise NoConvergence(f"damage grew by {growth:.2f}")
+        if self._strained(growth, nascent, 2) and size > 4 * rules.smallest:
+            raise NoConvergence(f"damage grew by {max(growth, nascent):.2f}")
         able = self.damped and now.damping_factor < rules.jump_damping
         # Where errors add up, it is their mean over some steps that has to be small.
         shortens = size > rules.finest and now.blade != SETTLES
@@ -151,9 +154,10 @@ class StepControl:
             return replace(now, damping_factor=max(10.0, now.damping_factor * 10))
         return None
 
-    def _most(self, nascent: bool) -> float:
-        """Growth of damage beyond which the next step is shorter."""
-        return self.rules.damage * (self.rules.nascent if nascent and not self.rules.paper else 1.0)
+    def _strained(self, growth: float, nascent: float, times: float = 1.0) -> bool:
+        """Whether damage grew by more than so many times what a step is made for."""
+        most = self.rules.damage
+        return growth > times * most or nascent > times * (most * self.rules.nascent)
 
     def after(
         self,
@@ -162,9 +166,9 @@ class StepControl:
         growth: float,
         defect: float,
         allowed: float,
-        nascent: bool = False,
+        nascent: float = 0.0,
     ) -> StepState:
-        """After a step that needed ``hardest`` iterations at the most."""
+        """After a step that needed ``hardest`` iterations at the most; growths of damage as in ``check``."""
         rules, size = self.rules, now.size
         now = replace(now, easy=now.easy + 1)
         if now.rests:
@@ -179,27 +183,32 @@ class StepControl:
         return replace(
             now,
             size=self._size(now, hardest, growth, defect, allowed, nascent),
-            rate=growth / size,
+            rate=nascent / size,
             refused=0 if size >= rules.gentle else now.refused,
         )
 
     def _size(
-        self, now: StepState, hardest: int, growth: float, defect: float, allowed: float, nascent: bool
+        self, now: StepState, hardest: int, growth: float, defect: float, allowed: float, nascent: float
     ) -> float:
-        rules, size, most = self.rules, now.size, self._most(nascent)
+        rules, size, most = self.rules, now.size, self.rules.damage
         if rules.paper:
             return max(size / 10, rules.smallest) if growth > rules.damage else min(5 * size, rules.largest)
         by_rate = np.inf
-        if nascent and growth > rules.noticed * rules.damage and 0 < now.rate < growth / size:
-            by_rate = rules.resolved / np.log(growth / size / now.rate)
+        if nascent > rules.noticed * most and 0 < now.rate < nascent / size:
+            by_rate = rules.resolved / np.log(nascent / size / now.rate)
         if by_rate < 1:
             return max(max(by_rate, rules.shrink) * size, rules.smallest)
-        if hardest > rules.iterations + 3 or growth > most or defect > rules.shorter * allowed:
+        if (
+            hardest > rules.iterations + 3
+            or self._strained(growth, nascent)
+            or defect > rules.shorter * allowed
+        ):
             return max(rules.shorter * size, min(size, rules.smallest))
         if hardest <= rules.iterations and now.easy > 1:
             # Damage grows with the step, and what the ledger leaves open with its square.
             by_energy = np.sqrt(rules.target * rules.shorter * allowed / max(defect, 1e-9))
-            room = min(rules.target * most / max(growth, 1e-9), by_energy, by_rate)
+            by_damage = rules.target * most / max(growth, nascent / rules.nascent, 1e-9)
+            room = min(by_damage, by_energy, by_rate)
             if room > 1:
                 return min(size * min(room, rules.grow), rules.largest)
         return size

@@ -16,19 +16,11 @@ import numpy as np
 
 from cutbench.case.tuning import WindowTuning
 from cutbench.forms.space import Faces, Space
+from cutbench.forms.strips import Strips
 from cutbench.solver.newton import BadGuess, NewtonSettings, NoConvergence, newton, on_the_way
 from cutbench.solver.predictor.history import History
 from cutbench.solver.predictor.part import SubProblem
 from cutbench.solver.problem import Problem
-
-
-def front_depth(height: np.ndarray, top: float, states: dict) -> float:
-    """How far below ``top`` the lowest point of the cut plane is that is half broken, 0 if there is none.
-
-    ``height`` (n,) of its points.
-    """
-    broken = height[np.real(states["cohesion"]["damage"]) > 0.5]
-    return top - float(broken.min(initial=top))
 
 
 class Window:
@@ -39,15 +31,16 @@ class Window:
         problem: Problem,
         space: Space,
         cut: Faces,
+        strips: Strips,
         thickness: float,
         past: History | None,
         tuning: WindowTuning,
     ):
-        """``cut``: the faces of the cut plane; ``thickness`` of the blade in mm; ``past``: what the march
-        remembers."""
+        """``cut``: the faces of the cut plane, in ``strips`` of which each has a front; ``thickness`` of the
+        blade in mm; ``past``: what the march remembers."""
         self._problem, self._space, self._past, self._tuning = problem, space, past, tuning
         assert problem.cut is not None, "a window is around the front of a cut"
-        self._cut = problem.cut
+        self._cut, self._strips, self._strip_of = problem.cut, strips, strips.of(space.X)
         self._height = cut.X[1].ravel()
         self._top = float(space.X[1].max())
         # Where elements are large against what the front goes in a step, neither a moved front nor other
@@ -56,7 +49,7 @@ class Window:
         self._tall = float(np.median(np.ptp(space.X[1, cut.nodes], axis=0)))
         self._reach = max(tuning.reach * thickness, tuning.elements * self._tall)
         self._smoothed = max(tuning.near * thickness, self._tall)
-        self._place: int | None = None
+        self._place: tuple[int, ...] | None = None
         self._part: SubProblem
 
     def solved(self, u: np.ndarray, last: np.ndarray, states: dict, step, settings: NewtonSettings):
@@ -67,7 +60,7 @@ class Window:
         """
         part = self.around(states)
         of_part = part.picked(states)
-        if self._flat and self._place:
+        if self._flat and any(self._place or ()):
             u = self.beside(u, last, states, step, part)
         begin = self._begun(u, last, np.real(states["cohesion"]["damage"]), part, of_part, step, settings)
         # What has been moved is wrong by little, but by much in the element at the front: without
@@ -105,21 +98,27 @@ class Window:
     # -- at the front -----------------------------------------------------------------------------
     def around(self, states: dict) -> SubProblem:
         """The part around the front. Of the state alone: a run may resume."""
-        depth = front_depth(self._height, self._top, states)
-        place = int(depth / (self._tuning.follows * self._reach))
+        stride = self._tuning.follows * self._reach
+        place = tuple(map(int, self._depths(np.real(states["cohesion"]["damage"])) / stride))
         if place != self._place:
-            front = self._top - place * self._tuning.follows * self._reach
-            X = self._space.X
+            X, below = self._space.X, self._tuning.follows * self._reach + self._reach
+            front = (self._top - np.array(place) * stride)[self._strip_of]
             near = (np.abs(X[0]) < self._reach) & (X[1] < front + self._reach)
-            inside = near & (X[1] > front - (1 + self._tuning.follows) * self._reach)
+            inside = near & (X[1] > front - below)
             self._place, self._part = place, SubProblem(self._problem, X.shape[0], inside)
         return self._part
+
+    def _depths(self, damage: np.ndarray) -> np.ndarray:
+        """How deep the front is in each strip, 0 where the cut has not begun."""
+        return self._top - self._strips.lowest(self._height, damage > 0.5, self._top)
 
     def _begun(self, u, last, damage, part: SubProblem, states, step, settings) -> np.ndarray:
         """The best beginning: ``u``, or that with what happened some elements higher, or with the front moved
         on. ``states`` of the part."""
-        advance = self._advance(u, last, damage) if self._flat and (damage > 0.5).any() else 0.0
-        if advance <= 0:
+        if not (self._flat and (damage > 0.5).any()):
+            return u
+        advance = self._advance(u, last, damage)
+        if not (advance > 0).any():
             return u
         floor = settings.smallest_ratio * min(1.0, part.problem.bulk.smallest_volume_ratio(last))
         best, begin = _relative_residual(part.problem, u, states, step, floor), u
@@ -164,20 +163,24 @@ class Window:
                 u[places[held]] -= ((gap - was[0]) * normal[i])[held]
         return u
 
-    def _advance(self, u: np.ndarray, last: np.ndarray, damage: np.ndarray) -> float:
-        """How far the front goes down, mm, while displacements go on from ``last`` to ``u``."""
-        broken = damage > 0.5
+    def _advance(self, u: np.ndarray, last: np.ndarray, damage: np.ndarray) -> np.ndarray:
+        """How far the front goes down in each strip, mm, while displacements go on from ``last`` to ``u``."""
+        strips, broken = self._strips, damage > 0.5
         now, before = (self._cut.jump(v)[0] for v in (last, 2 * last - u))
-        at_front = broken & (self._height < self._height[broken].min() + self._tall)
-        scale = float(now[at_front].mean())
-        if scale <= 0:
-            return 0.0
-        weights = self._cut.faces.w.ravel()
-        opened = weights @ (np.exp(-np.maximum(before, 0) / scale) - np.exp(-np.maximum(now, 0) / scale))
-        return float(opened) / self._cut.width
+        lowest = strips.lowest(self._height, broken, np.inf)
+        at_front = broken & (self._height < lowest[strips.at] + self._tall)
+        sums, counts = (
+            np.bincount(strips.at[at_front], some, strips.z.size) for some in (now[at_front], None)
+        )
+        scale = (sums / np.maximum(counts, 1))[strips.at]
+        opens = scale > 0
+        scale = np.where(opens, scale, 1.0)
+        opened = np.exp(-np.maximum(before, 0) / scale) - np.exp(-np.maximum(now, 0) / scale)
+        return np.maximum(strips.lengths(self._cut.faces.w.ravel() * opened * opens), 0)
 
-    def moved(self, u, last, damage, part: SubProblem, advance: float) -> np.ndarray:
-        """``u``, which goes on from ``last`` on a straight line, but with the front ``advance`` mm lower.
+    def moved(self, u, last, damage, part: SubProblem, advance: np.ndarray) -> np.ndarray:
+        """``u``, which goes on from ``last`` on a straight line, but with the front lower, in each strip by
+        its ``advance`` (n,), mm.
 
         What surrounds the front moves with it, by about an element in a step; a straight line opens a point
         that is open already by as much again. So the last state comes from above, u_n(X + a), with what that
@@ -185,13 +188,14 @@ class Window:
         front, where it holds differences between places in an element.
         """
         space, nodes, dim = self._space, part.nodes, self._space.dim
+        strip = self._strip_of[nodes]
         points = space.inside[:, nodes]
-        points[1] = np.minimum(points[1] + advance, self._top * (1 - 1e-12))
+        points[1] = np.minimum(points[1] + advance[strip], self._top * (1 - 1e-12))
         above = space.probes(points)
         now, change = (v[: space.ndof].reshape(-1, dim) for v in (last, u - last))
         moved = above @ now
         lacked = above @ change - (moved - now[nodes])
-        depth = self._top - self._height[damage > 0.5].min()
+        depth = self._depths(damage)[strip]
         near = np.hypot(space.X[0, nodes], self._top - space.X[1, nodes] - depth) < self._smoothed
         for _ in range(self._tuning.smoothings):
             lacked[near] = (part.average @ lacked)[near]
