@@ -54,11 +54,12 @@ class StepTuning:
     twice this part of their own work open: errors of one sign must not add up. With 0.005 gelatin takes 221
     steps to 7 mm, with this 195."""
     nascent: float = 0.06
-    """Until the cut has begun damage may grow by this part of ``damage_step`` in a step: where it starts to
-    run away a step that is long against that finds it open before its time. Without this and ``resolved``
-    the elastomer's onset is 4.4 % early, with both 1.5 %; gelatin's 2.0 and 0.9 %."""
+    """Where the cut has not begun, in a block in each plane, damage may grow by this part of
+    ``damage_step`` in a step: where it starts to run away a step that is long against that finds it open
+    before its time. Without this and ``resolved`` the elastomer's onset is 4.4 % early, with both 1.5 %;
+    gelatin's 2.0 and 0.9 %."""
     begun: float = 0.05
-    """So long is a cut that has begun, mm."""
+    """So long is a cut that has begun, mm: in a block in a plane."""
     resolved: float = 0.4
     """Until then a step is at most this part of that over which damage grows e times faster."""
     noticed: float = 0.01
