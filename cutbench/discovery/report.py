@@ -20,6 +20,8 @@ from cutbench.mechanisms import registry
 SCHEMA = 1
 #: 95 % of a normal distribution lie within so many standard deviations.
 WIDE = 1.96
+#: Where more than this part of what was wrong remains, what was found is said to be a part of it.
+PART = 0.25
 #: What is reported of a gain.
 GAIN = ("baseline_rmse", "extended_rmse", "noise_floor", "unit", "gain", "gain_se", "how")
 
@@ -52,25 +54,25 @@ def verdict_sentence(d: Discovery) -> str:
             f"The baseline is wrong beyond the scatter (most in {place}). {part}the cause is undecided, since"
             f" candidates could not be tried: {reasons or 'there were none'}."
         )
-    if d.verdict == "unexplained" and not d.found:
+    if d.verdict == "unexplained":
         return (
             f"The baseline is wrong beyond the scatter (most in {place}), and none of the candidates explains"
             " it: the cause is unexplained."
         )
-    if d.verdict == "unexplained":
-        left = d.left[0]
-        return (
-            f"{names[0].upper()}{names[1:]} explains a part of what the baseline gets wrong; the rest (most"
-            f" in '{left.experiment.id}', {_place(left)}) is unexplained by any candidate."
-        )
     first = d.telling.accepted or ""
     others = [n for n in d.telling.group if family_of(n) != family_of(first) and n not in d.found]
     physics = any(cause_of(n) == "mechanism" for n in d.found)
-    text = f"What the baseline {'lacks' if physics else 'gets wrong'} is {names}"
+    part = "A part of what" if _remains(d) and d.rest > PART else "What"
+    text = f"{part} the baseline {'lacks' if physics else 'gets wrong'} is {names}"
     if others:
         it = called(first) if len(d.found) > 1 else "it"
         text += f"; these data cannot tell {it} from {' or '.join(called(n) for n in others)}"
     return " ".join([text + ".", *(meaning(n) for n in d.found), *_shares(d)])
+
+
+def _remains(d: Discovery) -> bool:
+    """Whether what was found leaves more than scatter."""
+    return d.rounds[-1].scores.p_residual < CHANCE
 
 
 def _shares(d: Discovery) -> list[str]:
@@ -79,7 +81,7 @@ def _shares(d: Discovery) -> list[str]:
     if len(d.causes) > 1:
         each = [f"{c.name} {c.alone.percent}" for c in d.causes if c.alone is not None]
         words.append(f"Beside the others each gains on held-out data: {', '.join(each)}.")
-    if d.rounds[-1].scores.p_residual < CHANCE:
+    if _remains(d):
         id, part = max(d.final.misfit.items(), key=lambda item: item[1])
         words.append(
             f"{100 * d.rest:.0f} % of what was wrong remains, in '{id}' {100 * part:.2g} % of its maximum."

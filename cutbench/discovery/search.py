@@ -33,8 +33,8 @@ from cutbench.discovery.where import sections
 from cutbench.discovery.yardstick import Yardstick
 from cutbench.run.pool.pool import cores
 
-#: What may stay significant beside what was found, as a part of what was wrong; more is unexplained. Where
-#: the scatter between specimens was not measured, more of it may be scatter.
+#: What may stay significant beside what was found, as a part of what was wrong, where candidates could not be
+#: tried. Where the scatter between specimens was not measured, more of it may be scatter.
 REST, REST_ALONE = 0.25, 0.5
 #: What a later cause must take away of what the baseline gets wrong, in the root mean square; its part of
 #: what is left; by how many standard errors it must predict better. No specimen follows a formula: what that
@@ -214,8 +214,10 @@ def _verdict(rounds: list[Round]) -> str:
     left = last.scores.p_residual < CHANCE
     most = REST_ALONE if alone else REST
     rest = Yardstick(first.point, first.scores.expected).left(last.point)
-    if not left or (found and rest <= most):
+    if not left:
         return "mechanism" if found else "none"
     # Nothing is unexplained before it was tried.
-    tried = any(r.scores.scores for r in rounds)
-    return "unexplained" if tried and not rounds[-1].failed else "undecided"
+    tried = any(r.scores.scores for r in rounds) and not rounds[-1].failed
+    if found and (tried or rest <= most):
+        return "mechanism"
+    return "unexplained" if tried else "undecided"

@@ -1,0 +1,60 @@
+"""What a discovery says at last: what was found, what remains, and when it cannot tell."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from cutbench.discovery import report, search
+
+
+def a_round(*, p_residual: float, accepted: str | None = None, tried=("gent",), failed=()):
+    point = SimpleNamespace(campaign=SimpleNamespace(train=[SimpleNamespace(repetitions=(1, 2, 3))]))
+    scores = SimpleNamespace(p_residual=p_residual, scores=tried, expected=None)
+    return SimpleNamespace(point=point, scores=scores, accepted=accepted, failed=failed)
+
+
+@pytest.mark.parametrize(
+    ("rounds", "remains", "verdict"),
+    [
+        ([a_round(p_residual=0.5)], 1.0, "none"),
+        ([a_round(p_residual=0.0)], 1.0, "unexplained"),
+        ([a_round(p_residual=0.0, failed=("gent",))], 1.0, "undecided"),
+        ([a_round(p_residual=0.0, tried=())], 1.0, "undecided"),
+        # What was found is named, however much of what was wrong it leaves.
+        ([a_round(p_residual=0.0, accepted="gent"), a_round(p_residual=0.5)], 0.0, "mechanism"),
+        ([a_round(p_residual=0.0, accepted="gent"), a_round(p_residual=0.0)], 0.1, "mechanism"),
+        ([a_round(p_residual=0.0, accepted="gent"), a_round(p_residual=0.0)], 0.7, "mechanism"),
+        # Unless the rest may be that of a candidate that could not be tried.
+        ([a_round(p_residual=0.0, accepted="gent"), a_round(p_residual=0.0, failed=("mullins",))], 0.7,
+         "undecided"),
+        ([a_round(p_residual=0.0, accepted="gent"), a_round(p_residual=0.0, failed=("mullins",))], 0.1,
+         "mechanism"),
+    ],
+)  # fmt: skip
+def test_a_verdict_names_what_helped(monkeypatch, rounds, remains, verdict):
+    monkeypatch.setattr(search, "Yardstick", lambda *given: SimpleNamespace(left=lambda point: remains))
+    assert search._verdict(rounds) == verdict
+
+
+class Where(SimpleNamespace):
+    """A part of a curve."""
+
+    experiment = SimpleNamespace(id="slow", x_name="stretch")
+    regime, range = "", "1.2 to 1.4"
+
+
+@pytest.mark.parametrize(("rest", "p", "partly"), [(0.7, 0.0, True), (0.1, 0.0, False), (0.7, 0.5, False)])
+def test_a_cause_that_leaves_much_is_called_a_part(rest, p, partly):
+    final = SimpleNamespace(misfit={"slow": 0.12, "fast": 0.01})
+    rounds = [a_round(p_residual=0.0, accepted="gent"), a_round(p_residual=p)]
+    d = SimpleNamespace(
+        verdict="mechanism", found=("gent",), causes=(None,), rest=rest, final=final, rounds=rounds,
+        telling=SimpleNamespace(accepted="gent", group=("gent",)),
+        wrong=[Where()],
+    )  # fmt: skip
+    text = report.verdict_sentence(d)
+    assert text.startswith("A part of what") is partly
+    assert ("remains, in 'slow' 12 %" in text) is (p == 0.0)
+    assert "gent" in text
