@@ -66,6 +66,8 @@ def test_the_papers_steps_and_blocks_do_without():
     assert not build(BRIEF.set(predictor="line")).march.whole({}).any()
     papers = StepControl(StepRules(largest=1.0, damage=0.1, paper=True), False)
     assert papers.after(StepState(0.02), 2, 0.09, 0.0, 0.05).size == 0.1
+    assert papers.after(StepState(0.02), 2, 0.0, 0.0, 0.05, nascent=0.09).size == 0.1
+    assert papers.after(StepState(0.02), 2, 0.0, 0.0, 0.05, nascent=0.11).size == 0.002
 
 
 def test_a_refused_step_says_why():

@@ -20,8 +20,7 @@ class Strips:
     """
 
     def __init__(self, space: Space, faces: Faces, *, folded: bool = False, count: int | None = None):
-        self._folded, self._edges = folded, np.empty(0)
-        z = self._along(faces.X)
+        self._folded = folded
         of_nodes = self._along(space.X)
         along = float(np.median(np.ptp(of_nodes[faces.nodes], axis=0)))
         low, high = float(of_nodes.min()), float(of_nodes.max())
@@ -30,7 +29,7 @@ class Strips:
             edges = np.linspace(low, high, count + 1)
             self.z, self.near = (edges[1:] + edges[:-1]) / 2, (high - low) / count
         else:
-            self.z, self.near = np.unique(np.round(z, 9)), 1e-9
+            self.z, self.near = np.unique(np.round(self._along(faces.X), 9)), 1e-9
             edges = np.concatenate([[low], (self.z[1:] + self.z[:-1]) / 2, [high]])
         self._edges = edges[1:-1]
         self.at = self.of(faces.X).ravel()

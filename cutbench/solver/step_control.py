@@ -192,17 +192,15 @@ class StepControl:
     ) -> float:
         rules, size, most = self.rules, now.size, self.rules.damage
         if rules.paper:
-            return max(size / 10, rules.smallest) if growth > rules.damage else min(5 * size, rules.largest)
+            much = max(growth, nascent) > most
+            return max(size / 10, rules.smallest) if much else min(5 * size, rules.largest)
         by_rate = np.inf
         if nascent > rules.noticed * most and 0 < now.rate < nascent / size:
             by_rate = rules.resolved / np.log(nascent / size / now.rate)
         if by_rate < 1:
             return max(max(by_rate, rules.shrink) * size, rules.smallest)
-        if (
-            hardest > rules.iterations + 3
-            or self._strained(growth, nascent)
-            or defect > rules.shorter * allowed
-        ):
+        hard = hardest > rules.iterations + 3 or self._strained(growth, nascent)
+        if hard or defect > rules.shorter * allowed:
             return max(rules.shorter * size, min(size, rules.smallest))
         if hardest <= rules.iterations and now.easy > 1:
             # Damage grows with the step, and what the ledger leaves open with its square.
