@@ -5,8 +5,6 @@ On a symmetry plane only one side is meshed: ⟦u⟧ = 2 u_n and half of the wor
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 
 from cutbench.base.compiled import compiled
@@ -64,11 +62,6 @@ class CutForm(Form):
         X[:dim] = plus.X.reshape(dim, -1)
         self._X, self._depth = X, height - X[1]
         self._began: tuple = (None, None)
-
-    @cached_property
-    def width(self) -> float:
-        """Of the cut plane, mm; 1 in two dimensions."""
-        return float(self.faces.w.sum() / np.ptp(self.faces.X[1]))
 
     def part(self, columns):
         minus = None if self._minus is None else self._minus.some(columns)
