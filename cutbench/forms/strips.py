@@ -13,10 +13,10 @@ from cutbench.forms.space import Faces, Space
 
 class Strips:
     """``z`` (n,) are their middles, mm; ``width`` (n,) what the faces in each add up to over the height, mm,
-    or 1; ``at`` (points,) says in which each point of the ``faces`` lies; ``near``: a point so near to the
-    middle of one lies in it, mm.
+    or 1; ``at`` (points,) says in which each point of the ``faces`` lies.
 
-    ``folded``: of both halves of a block together, from its middle on. ``count``: so many, of tetrahedra.
+    ``folded``: of both halves of a block together, from its middle on; the first then has the points within
+    ``near`` mm of the middle. ``count``: so many, of tetrahedra.
     """
 
     def __init__(self, space: Space, faces: Faces, *, folded: bool = False, count: int | None = None):

@@ -25,7 +25,6 @@ from cutbench.forms.mixed import MixedVolumetric
 from cutbench.forms.prisms import Prisms
 from cutbench.forms.self_contact import SelfContactForm
 from cutbench.forms.space import Faces, Space
-from cutbench.forms.strips import Strips
 from cutbench.forms.support import SupportForm
 from cutbench.forms.surface import Rim, Share, SurfaceForm
 from cutbench.forms.tension import HeldForm, SpanForm, TensionForm
@@ -189,13 +188,12 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
         paper=n.stepping == "paper",
     )
     looks_ahead = bool(cut) and n.predictor == "front" and n.scheme == "monolithic"
-    past = window = strips = None
+    past = window = None
     if looks_ahead:
         # Tetrahedra are too few for a surge to be so well resolved.
         like_section = dim == 2 or isinstance(space, Prisms)
         past = History(space, faces["cut"], ndof, tuned.window.remembered) if like_section else None
-        strips = Strips(space, faces["cut"])
-        window = Window(problem, space, faces["cut"], strips, p.thickness, past, tuned.window)
+        window = Window(problem, space, faces["cut"], p.thickness, past, tuned.window)
     march = March(
         problem,
         np.array([0.0, p.height, 0.0]),  # the tip touches the top
@@ -205,7 +203,6 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
         NewtonSettings(**vars(tuned.newton), tolerance=n.tolerance),
         past,
         window,
-        strips,
     )
     return Built(case, geometry, space, problem, march)
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from cutbench.case.motion import Motion
 from cutbench.forms.base import Step
-from cutbench.forms.strips import Strips
 from cutbench.solver.held import Held
 from cutbench.solver.newton import BadGuess, NewtonSettings, NoConvergence
 from cutbench.solver.predictor.history import History
@@ -166,8 +165,6 @@ class March:
     past: History | None = None
     #: Looks for the next state around the front first.
     window: Window | None = None
-    #: Of the cut plane, in each of which the cut begins.
-    strips: Strips | None = None
     load: Load = field(default_factory=Load)
 
     @property
@@ -266,13 +263,11 @@ class March:
     def whole(self, states: dict[str, dict]) -> np.ndarray:
         """Which points of the cut plane (n,) lie where the cut has not begun in ``states``; none where
         elements are too large to tell."""
-        cut = self.problem.cut
-        if cut is None:
-            return np.zeros(0, bool)
-        if self.past is None or self.strips is None:
-            return np.zeros(cut.faces.w.size, bool)
-        lengths = self.strips.lengths(cut.cut_area(states["cohesion"]))
-        return (lengths < self.rules.begun)[self.strips.at]
+        cut, window = self.problem.cut, self.window
+        if cut is None or window is None or self.past is None:
+            return np.zeros(0 if cut is None else cut.faces.w.size, bool)
+        lengths = window.strips.lengths(cut.cut_area(states["cohesion"]))
+        return (lengths < self.rules.begun)[window.strips.at]
 
     def _improved(self, straight, known, last, states, step) -> np.ndarray | None:
         """A better prediction than ``straight``: what is ``known``, or what the front's own solution says."""

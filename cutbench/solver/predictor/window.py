@@ -31,16 +31,16 @@ class Window:
         problem: Problem,
         space: Space,
         cut: Faces,
-        strips: Strips,
         thickness: float,
         past: History | None,
         tuning: WindowTuning,
     ):
-        """``cut``: the faces of the cut plane, in ``strips`` of which each has a front; ``thickness`` of the
-        blade in mm; ``past``: what the march remembers."""
+        """``cut``: the faces of the cut plane, in whose strips are fronts; ``thickness`` of the blade in mm;
+        ``past``: what the march remembers."""
         self._problem, self._space, self._past, self._tuning = problem, space, past, tuning
         assert problem.cut is not None, "a window is around the front of a cut"
-        self._cut, self._strips, self._strip_of = problem.cut, strips, strips.of(space.X)
+        self._cut, self.strips = problem.cut, Strips(space, cut)
+        self._strip_of = self.strips.of(space.X)
         self._height = cut.X[1].ravel()
         self._top = float(space.X[1].max())
         # Where elements are large against what the front goes in a step, neither a moved front nor other
@@ -110,7 +110,7 @@ class Window:
 
     def _depths(self, damage: np.ndarray) -> np.ndarray:
         """How deep the front is in each strip, 0 where the cut has not begun."""
-        return self._top - self._strips.lowest(self._height, damage > 0.5, self._top)
+        return self._top - self.strips.lowest(self._height, damage > 0.5, self._top)
 
     def _begun(self, u, last, damage, part: SubProblem, states, step, settings) -> np.ndarray:
         """The best beginning: ``u``, or that with what happened some elements higher, or with the front moved
@@ -165,7 +165,7 @@ class Window:
 
     def _advance(self, u: np.ndarray, last: np.ndarray, damage: np.ndarray) -> np.ndarray:
         """How far the front goes down in each strip, mm, while displacements go on from ``last`` to ``u``."""
-        strips, broken = self._strips, damage > 0.5
+        strips, broken = self.strips, damage > 0.5
         now, before = (self._cut.jump(v)[0] for v in (last, 2 * last - u))
         lowest = strips.lowest(self._height, broken, np.inf)
         at_front = broken & (self._height < lowest[strips.at] + self._tall)
