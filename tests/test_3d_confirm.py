@@ -207,6 +207,24 @@ def test_an_interruption_keeps_what_was_compared_and_a_stall_is_not_judged(data,
     assert (record["asked"], record["compared"], record["unfinished"]) == (3, 1, 1)
 
 
+def test_a_block_that_takes_too_long_is_unfinished_and_the_next_begins(data, tmp_path):
+    calls = []
+    run = runner(dict.fromkeys(("2D", "like", "3D"), 0.5), calls, {"3D": "interrupted"})
+    done = confirm(data, least_certain(data, 2), tmp_path, run, source="map.nc", limit_s=0.0)
+    assert calls == ["2D", "like", "3D"] * 2
+    assert [point.verdict for point in done] == ["unfinished"] * 2
+
+
+def test_the_command_goes_on_with_what_its_limit_has_stopped(data, tmp_path):
+    save_map(data, tmp_path)
+    options = ["--points=1", "--no-materials", "--h=2", "--set=corner=1", f"--out={tmp_path / 'c'}"]
+    stopped = CliRunner().invoke(app, ["confirm", str(tmp_path / "map.nc"), *options, "--limit=0 s"])
+    assert stopped.exit_code == 1 and "1 unfinished" in stopped.output, stopped.output
+    assert (tmp_path / "c" / "phase.png").is_file()
+    done = CliRunner().invoke(app, ["confirm", str(tmp_path / "map.nc"), *options, "--limit=1 h"])
+    assert done.exit_code == 0, done.output
+
+
 def test_the_command_runs_a_point(data, tmp_path):
     save_map(data, tmp_path)
     options = ["--points=1", "--no-materials", "--h=2", "--set=corner=1", f"--out={tmp_path / 'c'}"]
@@ -226,6 +244,7 @@ def test_the_command_runs_a_point(data, tmp_path):
         (["--points=few"], "--points = 'few'"),
         (["--points=0", "--no-materials"], "--points = '0'"),
         (["--h=soft"], "h = 'soft'"),
+        (["--limit=long"], "--limit = 'long'"),
     ],
 )
 def test_bad_input_is_one_message(data, tmp_path, options, says):

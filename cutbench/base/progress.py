@@ -25,6 +25,18 @@ def silent(done: float, total: float, text: str) -> None:
     """Says nothing."""
 
 
+def at_most(seconds: float, on_progress: OnProgress) -> OnProgress:
+    """``on_progress`` that ends the computation, as Ctrl-C does, so many seconds from now."""
+    due = time.monotonic() + seconds
+
+    def stopping(done: float, total: float, text: str) -> None:
+        on_progress(done, total, text)
+        if time.monotonic() >= due and done < total:
+            raise KeyboardInterrupt
+
+    return stopping
+
+
 class Clock:
     """The time left, by what was done since the first call: what was there before took no time, and what was
     compiled meanwhile is not compiled again."""

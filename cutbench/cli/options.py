@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -252,20 +253,22 @@ def computed(
     folder: Path | None = None,
     every_s: float = 60.0,
     frames: int = 0,
+    limit_s: float = math.inf,
 ) -> Result:
     """Run ``case`` under a bar; fields are kept at these parts of the travel, and so many frames.
 
-    With a ``folder`` the state is kept there every so many seconds, and a run that was killed goes on.
+    With a ``folder`` the state is kept there every so many seconds, and a run that was killed, or took longer
+    than ``limit_s``, goes on.
     """
+    from cutbench.base.progress import at_most
     from cutbench.run.checkpoint import NAME, Checkpoint
     from cutbench.run.runner import run_case  # the solver is loaded only once the input is known to be good
 
     keep = None if folder is None else Checkpoint(folder / NAME, case.id, every_s)
     with bar(case.name, "mm") as on_progress:
         at = [part * case.p.depth for part in snapshots]
-        return run_case(
-            case, on_progress=on_progress, snapshots_mm=at, frames=frames or None, checkpoint=keep
-        )
+        told = at_most(limit_s, on_progress)
+        return run_case(case, on_progress=told, snapshots_mm=at, frames=frames or None, checkpoint=keep)
 
 
 def finish(result: Result, folder: Path, plane: Result | None = None) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import math
+import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -168,13 +169,14 @@ def confirm(
     source: str,
     changes: Mapping[str, object] | None = None,
     announce: Callable[[str], None] | None = None,
+    limit_s: float = math.inf,
 ) -> list[Confirmed]:
     """Run ``points`` as sections, as sections with their block's numerics and as blocks, and write
     ``confirm.json`` after each; returns what was compared.
 
     ``run(case, folder)`` computes a case and leaves it there; what a folder already holds is not computed
     again. ``announce`` has a sentence about each block's cost before it begins. Ends early, with what it has,
-    after a run that was interrupted.
+    after a run that was interrupted before ``limit_s``; one that took so long is left unfinished.
     """
     done: list[Confirmed] = []
     # All cases first: what does not fit is refused before hours of computing.
@@ -185,10 +187,11 @@ def confirm(
             place = folder / "runs" / case.id
             if announce and case is block and _kept(block, place) is None:
                 announce(_announced(block, results[-1], number, len(points)))
+            began = time.monotonic()
             results.append(_found(case, place, run))
-            if results[-1].outcome.kind == "interrupted":
+            ended = results[-1].outcome.kind != "interrupted" or time.monotonic() - began >= limit_s
+            if not ended:
                 break
-        ended = results[-1].outcome.kind != "interrupted"
         if ended:
             done.append(_compared(data, point, *results))
         write_json(record(data, done, source, len(points)), folder / RECORD)

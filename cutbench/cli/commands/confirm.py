@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -41,6 +42,10 @@ def confirm(
     depth: Depth = None,
     element: Element = None,
     checkpoint: Keep = None,
+    limit: Annotated[
+        str | None,
+        typer.Option(metavar="TIME", help="Longest that a run may take, as '2 h'; then the next one begins."),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Where to write; default: confirm beside the map.")
     ] = None,
@@ -62,6 +67,7 @@ def confirm(
     from cutbench.maps.phase import save_phase
 
     count, every_s = whole("--points", points), seconds("--checkpoint", checkpoint, 60.0)
+    limit_s = seconds("--limit", limit, math.inf)
     asked = changes(sets, {"h": in_mm(h), "depth": in_mm(depth), "element": element}, None, None)
     data = maps.load_map(map_)
     for note in remarks(data):
@@ -72,8 +78,9 @@ def confirm(
         raise BadInput("--points", str(count), expected)
     folder = check_writable(out if out is not None else map_.parent / FOLDER)
     done = compare(
-        data, chosen, folder, _runner(every_s), source=str(map_), changes=asked, announce=typer.echo
-    )
+        data, chosen, folder, _runner(every_s, limit_s), source=str(map_), changes=asked,
+        announce=typer.echo, limit_s=limit_s,
+    )  # fmt: skip
     pairs = {"onset_mm": "onset (mm)", "peak_N": "peak (N)", "drop_rel": "drop"}
     rows = [
         (point.name, " / ".join(str(one) for one in (point.label_2d, point.label_like, point.label_3d)),
@@ -104,9 +111,9 @@ def confirm(
         raise typer.Exit(1)
 
 
-def _runner(every_s: float):
+def _runner(every_s: float, limit_s: float):
     def run(case: Case, folder: Path) -> Result:
-        result = computed(case, (0.25, 0.5, 0.75, 1.0), folder, every_s)
+        result = computed(case, (0.25, 0.5, 0.75, 1.0), folder, every_s, limit_s=limit_s)
         keep(result, folder)
         return result
 
