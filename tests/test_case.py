@@ -343,5 +343,5 @@ def test_first_looks_have_fewer_elements_softer_contact_and_blocks_their_own():
     assert usual == Numerics()
     assert quick.h_mm > usual.h_mm and quick.penalty < usual.penalty
     block, look = (load_case("gelatin", {"numerics": word}, dim=3).numerics for word in ("converged", "fast"))
-    assert block.h_mm == quick.h_mm and block.penalty == usual.penalty
+    assert block.h_mm == quick.h_mm and block.penalty < quick.penalty
     assert look.h_mm > block.h_mm and look.layers < block.layers

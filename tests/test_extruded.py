@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from cutbench.base.errors import BadInput
 from cutbench.case.case import load_case
-from cutbench.case.numerics import Numerics
+from cutbench.case.numerics import Numerics, defaults
 from cutbench.models2d.section import half_block
 from cutbench.models3d.block import PARTS, block
 from cutbench.models3d.extruded import extruded, planes
@@ -60,8 +60,6 @@ def test_a_block_is_a_section_drawn_out_unless_it_is_asked_for_tetrahedra(tmp_pa
     assert numerics.layers > 0
     for name in (
         "element",
-        "penalty",
-        "stick",
         "normal",
         "multiplier",
         "facet_degree",
@@ -69,6 +67,8 @@ def test_a_block_is_a_section_drawn_out_unless_it_is_asked_for_tetrahedra(tmp_pa
         "energy_step",
     ):
         assert getattr(numerics, name) == getattr(own, name), name
+    # Softer, but a pressure of 3 G presses the blade in by less than a fiftieth of an element.
+    assert 3 / numerics.penalty < 0.02 * numerics.h_mm
     tetrahedra = load_case("gelatin", {"numerics": "tetrahedra"}, dim=3).numerics
     assert tetrahedra.layers == 0
     with pytest.raises(BadInput, match="tetrahedra"):
@@ -92,7 +92,9 @@ OPENS = {
 
 def section_of(changes, symmetry="half"):
     """The section that a block is drawn out of, with what a block's numerics differ in."""
-    flat = load_case("gelatin", {"around": 0, "self_contact": "off", "symmetry": symmetry, **changes})
+    solid = defaults(3)
+    names = ("around", "self_contact", "penalty", "stick", "damping_mm")
+    flat = load_case("gelatin", {n: getattr(solid, n) for n in names} | {"symmetry": symmetry, **changes})
     return build(flat, geometry_of(flat, fine=(0.0, flat.p.depth)))
 
 

@@ -7,6 +7,7 @@ import pytest
 from coarse_runs import BRIEF
 
 from cutbench.run.build import build
+from cutbench.solver.march import Given
 from cutbench.solver.newton import NoConvergence
 from cutbench.solver.step_control import SETTLES, EnergyError, StepControl, StepRules, StepState
 
@@ -60,6 +61,16 @@ def test_a_cut_has_begun_where_faces_are_apart():
     assert march.whole(states).all()
     damage = np.where(march.problem.cut.faces.X[1].ravel() > BRIEF.p.height - 0.5, 1.0, 0.2)
     assert not march.whole({"cohesion": {**states["cohesion"], "damage": damage}}).any()
+
+
+def test_after_a_jump_the_way_goes_on_as_over_it_but_rates_begin_anew():
+    march = build(BRIEF).march
+    *_, jumped = march.steps(given=[*[Given(0.02)] * 20, Given(0.02, 10.0), Given(0.0)])
+    forgot = replace(jumped.progress, u_before=None, size_before=None)
+    known, blind = (list(march.steps(begin, [Given(0.02)])) for begin in (jumped.progress, forgot))
+    assert known[0].step.ratio == 0.0
+    assert known[0].iterations < blind[0].iterations / 3
+    assert known[0].force == pytest.approx(blind[0].force, rel=1e-6)
 
 
 def test_the_papers_steps_and_blocks_do_without():

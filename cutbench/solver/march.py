@@ -98,6 +98,8 @@ class Progress:
     left: float = 0.0
     #: Energy that a new mesh has added to the state, which forces give back when they balance there.
     added: float = 0.0
+    #: Whether damping had been raised on the way: rates of second order begin anew.
+    jumped: bool = False
     #: Steps that predictions are made from.
     past: dict[str, list] | None = None
 
@@ -207,7 +209,9 @@ class March:
             if not pace.rests and now.u_before is not None and now.size_before is not None:
                 ratio = size / now.size_before
                 straight = u + (u - now.u_before) * ratio
-            smooth = ratio <= rules.ratio and pace.damping_factor == 1 and rules.second_order
+            smooth = (
+                not now.jumped and ratio <= rules.ratio and pace.damping_factor == 1 and rules.second_order
+            )
             step = Step(
                 control.duration(pace) / self.speed, u, self.centre(ahead), self.centre(travel),
                 pace.damping_factor, ratio=ratio if smooth else 0.0, rests=pace.rests,
@@ -216,6 +220,8 @@ class March:
             if straight is not None:
                 straight = self.load.placed(straight, ahead)
             try:
+                if now.jumped and ratio and not self._nearer(straight, u, begun, step):
+                    straight = None
                 straight = self._improved(straight, known, u, begun, step)
                 found = self._first_that_holds(u, straight, begun, step, now.force, travel, ahead)
                 growth, nascent = (damage_growth(states, found.result.states, at) for at in (~whole, whole))
@@ -238,8 +244,10 @@ class March:
             if self.past is not None:
                 damage = np.real(found.result.states["cohesion"]["damage"])
                 self.past.add(ahead, found.u, damage)
-            u_before, size_before = (None, None) if pace.rests else (u, size)
+            u_before, size_before = (now.u_before, now.size_before) if pace.rests else (u, size)
+            jumped = pace.between or pace.rests
             if pace.blade == SETTLES:
+                jumped = now.jumped
                 # Another mesh, the same way: what the last step did goes on.
                 u_before = None if now.u_before is None else now.u_before + found.u - u
                 size_before = now.size_before
@@ -250,7 +258,7 @@ class March:
                 u_before, pace = None, replace(pace, size=min(pace.size, rules.first))
             now = Progress(
                 pseudo_time_mm, found.u, found.result.states, pace, u_before, size_before, found.force,
-                spent=now.spent + found.spent, left=now.left + left,
+                spent=now.spent + found.spent, left=now.left + left, jumped=jumped,
                 past=None if self.past is None else self.past.state(),
             )  # fmt: skip
             yield Accepted(
@@ -268,6 +276,12 @@ class March:
             return np.zeros(0 if cut is None else cut.faces.w.size, bool)
         lengths = window.strips.lengths(cut.cut_area(states["cohesion"]))
         return (lengths < self.rules.begun)[window.strips.at]
+
+    def _nearer(self, guess, u, states, step) -> bool:
+        """Whether ``guess`` leaves less of the forces than ``u``, the last state, does."""
+        floor = self.newton.smallest_ratio * min(1.0, self.problem.bulk.smallest_volume_ratio(u))
+        left, as_before = (self.problem.left(v, states, step, floor) for v in (guess, u))
+        return left < as_before
 
     def _improved(self, straight, known, last, states, step) -> np.ndarray | None:
         """A better prediction than ``straight``: what is ``known``, or what the front's own solution says."""

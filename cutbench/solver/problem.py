@@ -227,6 +227,12 @@ class Problem:
         """The same over the forces in balance."""
         return self.out_of_balance(found) / max(found.scale, np.finfo(float).tiny)
 
+    def left(self, u: np.ndarray, states: dict[str, dict], step: Step, floor: float) -> float:
+        """The same at ``u``; infinite where that is not ``sound``."""
+        if not self.sound(u, floor):
+            return np.inf
+        return self.relative_residual(self.evaluate(u, states, step, tangent=False))
+
     def factorize(self, data: np.ndarray) -> None:
         begin = time.perf_counter()
         if self._solves is not self.pattern:

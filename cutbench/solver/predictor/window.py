@@ -121,14 +121,14 @@ class Window:
         if not (advance > 0).any():
             return u
         floor = settings.smallest_ratio * min(1.0, part.problem.bulk.smallest_volume_ratio(last))
-        best, begin = _relative_residual(part.problem, u, states, step, floor), u
+        best, begin = part.problem.left(u, states, step, floor), u
         moved = (self.moved(u, last, damage, part, caution * advance) for caution in self._tuning.caution)
         for guesses in (self._repeated(u, last, part, step), moved):
             for guess in guesses:
-                relative_residual = _relative_residual(part.problem, guess, states, step, floor)
-                if relative_residual < best:
-                    best, begin = relative_residual, guess
-                if np.isfinite(relative_residual):
+                left = part.problem.left(guess, states, step, floor)
+                if left < best:
+                    best, begin = left, guess
+                if np.isfinite(left):
                     break
             if begin is not u:
                 break
@@ -204,11 +204,3 @@ class Window:
         free = np.isin(places, part.problem.free)
         guess[places[free]] = (moved + lacked)[free]
         return guess
-
-
-def _relative_residual(problem: Problem, u: np.ndarray, states: dict, step, floor: float) -> float:
-    """Residual over the forces in balance; infinite where an element's volume ratio is below ``floor``, or
-    the surface crosses itself."""
-    if not problem.sound(u, floor):
-        return np.inf
-    return problem.relative_residual(problem.evaluate(u, states, step, tangent=False))
