@@ -72,7 +72,12 @@ def tuning() -> str:
     for part in fields(Tuning):
         numbers = getattr(Tuning(), part.name)
         texts, about = field_texts(type(numbers)), " ".join((type(numbers).__doc__ or "").split())
-        rows = [[f"`{n}`", value(getattr(numbers, n)), texts[n].rstrip(".")] for n in texts]
+        solid = getattr(defaults(3).tuning, part.name)
+        rows = [
+            [f"`{n}`", " in blocks ".join(dict.fromkeys(value(getattr(of, n)) for of in (numbers, solid))),
+             texts[n].rstrip(".")]
+            for n in texts
+        ]  # fmt: skip
         parts.append(
             f"## {part.name}\n\n{about.replace('``', '`')}\n\n{table(('name', 'value', 'why'), rows)}"
         )

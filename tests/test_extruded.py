@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from cutbench.base.errors import BadInput
 from cutbench.case.case import load_case
+from cutbench.case.mesh_sizes import under_tip
 from cutbench.case.numerics import Numerics, defaults
 from cutbench.models2d.section import half_block
 from cutbench.models3d.block import PARTS, block
@@ -53,6 +54,12 @@ def test_parts_of_a_drawn_out_block_have_their_faces():
     faces = {part: set(block(mesh, part).mesh.boundaries) for part in PARTS}
     assert faces["quarter"] == {"cut", "top", "bottom", "side", "end", "middle"}
     assert faces["full"] == {"cut", "cut_minus", "top", "bottom", "side", "end"}
+
+
+def test_elements_under_the_tip_are_as_small_whatever_h_is():
+    cases = [load_case("gelatin", {"h": h}, dim=3) for h in ("0.125 mm", "0.25 mm", "0.5 mm")]
+    sizes = [under_tip(case.numerics, case.p.thickness, np.inf) for case in cases]
+    assert sizes == pytest.approx([case.p.thickness / 22.4 for case in cases])
 
 
 def test_a_block_is_a_section_drawn_out_unless_it_is_asked_for_tetrahedra(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import tomllib
@@ -14,6 +15,7 @@ from typer.testing import CliRunner
 import cutbench
 from cutbench.cli.main import app
 from cutbench.maps.cases import other_writer
+from cutbench.maps.confirmed_points import RECORD, handles_of, read_confirmed
 from cutbench.maps.dataset import load_map
 from cutbench.maps.study import load_study
 from cutbench.verification.convergence import load_plan
@@ -25,7 +27,9 @@ MAPS = [path for path in FILES if path.suffix == ".nc"]
 TOML = [path for path in FILES if path.suffix == ".toml"]
 #: Read by people, or by Python.
 OTHER = [path for path in FILES if path.suffix in (".md", ".py", ".ipynb") or path.name.startswith("LICENSE")]
-DATA = [path for path in FILES if path not in (*MAPS, *TOML, *OTHER)]
+#: Points of maps in three dimensions.
+RECORDS = [path for path in FILES if path.name == RECORD]
+DATA = [path for path in FILES if path not in (*MAPS, *TOML, *OTHER, *RECORDS)]
 
 
 def name_of(path: Path) -> str:
@@ -58,7 +62,7 @@ every_map = pytest.mark.parametrize("copied", MAPS, indirect=True, ids=name_of)
 
 
 def test_there_is_something_to_open():
-    assert MAPS and TOML and DATA and MATERIALS
+    assert MAPS and TOML and DATA and MATERIALS and RECORDS
 
 
 # -- maps ---------------------------------------------------------------------------------------------
@@ -100,6 +104,18 @@ def test_more_of_a_map_is_computed_or_what_wrote_it_is_named(copied, command, no
     if done.exit_code == 2 and other_writer(data):
         assert other_writer(data) in text or re.search("within the map|a change moves across", text)
         assert not (copied.parent / "runs").exists()
+
+
+@pytest.mark.parametrize("path", RECORDS, ids=name_of)
+def test_points_in_three_dimensions_lie_on_their_map_and_are_drawn_in_it(path, tmp_path):
+    record, folder = json.loads(path.read_text(encoding="utf-8")), path.parents[1]
+    points = read_confirmed(path, load_map(folder / "map.nc"))
+    assert len(points) == record["compared"] == record["asked"]
+    assert not Path(record["map"]).is_absolute()
+    shutil.copytree(folder, tmp_path / "map")
+    said("plot", tmp_path / "map")
+    drawn = (tmp_path / "map" / "phase.svg").read_text(encoding="utf-8")
+    assert all(handle.get_label() in drawn for handle in handles_of({p["verdict"] for p in points}))
 
 
 # -- studies, campaigns, materials -----------------------------------------------------------------------

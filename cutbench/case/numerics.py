@@ -11,7 +11,7 @@ from typing import Any
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import among, one_of
 from cutbench.base.units import parse_quantity
-from cutbench.case.tuning import StepTuning, Tuning
+from cutbench.case.tuning import MeshTuning, StepTuning, Tuning
 
 #: A length may be written with its unit under the short name (h = "0.4 mm") or bare under the long (h_mm).
 ALIASES = {"h": "h_mm", "step": "step_mm", "step_min": "step_min_mm", "release": "release_mm"}
@@ -139,24 +139,24 @@ class Numerics:
 #: Elements of a first look.
 _COARSE: dict[str, Any] = {"h_mm": 0.125, "corner": 0.25}
 #: A block is a section drawn out: where it differs from the section's defaults. Elements are those of a first
-#: look, for each of a section's is one in each layer. Its mesh does not follow the front, and its surface
-#: does not see itself. Its planes jump one after the other, and contacts switch in each: with a contact that
-#: yields by less than a fiftieth of an element, ten times the damping and a ledger that may leave 2 % open
-#: the elastomer comes three times as far in the same time; docs/validation/blocks.md says what that costs.
+#: look, for each of a section's is one in each layer, and under the tip as large whatever h is: gelatin meets
+#: larger ones by the edge alone, and is not cut. Its mesh does not follow the front, and its surface does not
+#: see itself. Its planes jump one after the other, and contacts switch in each: with a contact that yields by
+#: less than a fiftieth of an element, ten times the damping and a ledger that may leave 2 % open elastomer
+#: comes three times as far in the same time; docs/validation/blocks.md says what that costs.
 _SOLID = replace(
     Numerics(),
-    **_COARSE,
-    layers=3,
+    h_mm=0.125,
+    layers=2,
     around=0.0,
     self_contact="off",
     penalty=4000.0,
     stick=2560.0,
     damping_mm=3e-3,
-    tuning=Tuning(steps=StepTuning(drift=0.02)),
+    tuning=Tuning(steps=StepTuning(drift=0.02), mesh=MeshTuning(corner=(1 / 16, 1 / 22.4))),
 )
-#: And of a quick look at a block: one layer, and elements that grow on below the first cut. Under the tip
-#: they stay: in such a contact gelatin meets larger ones by the edge alone, and is not cut by them.
-_QUICK: dict[str, Any] = {"h_mm": 0.25, "corner": 0.125, "layers": 1}
+#: And of a quick look at a block: one layer, and elements that grow on below the first cut.
+_QUICK: dict[str, Any] = {"h_mm": 0.25, "layers": 1}
 #: A block of tetrahedra of its own, as few as a run in minutes allows. Faces larger than the tip is round
 #: meet its apex alone: along the tool's normal they would be pushed down, not apart. Their contact is the
 #: soft one that such blocks were measured with.
