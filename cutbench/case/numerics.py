@@ -142,11 +142,11 @@ _COARSE: dict[str, Any] = {"h_mm": 0.125, "corner": 0.25}
 #: look, for each of a section's is one in each layer, and under the tip as large whatever h is: gelatin meets
 #: larger ones by the edge alone, and is not cut. Its mesh does not follow the front, and its surface does not
 #: see itself. Its planes jump one after the other, and contacts switch in each: with a contact that yields by
-#: less than a fiftieth of an element, ten times the damping and a ledger that may leave 2 % open elastomer
-#: comes three times as far in the same time; docs/validation/blocks.md says what that costs.
+#: less than a fiftieth of an element, ten times the damping and a ledger that may leave 2 % open the
+#: elastomer comes to 5 mm in minutes; docs/validation/blocks.md says what that costs.
 _SOLID = replace(
     Numerics(),
-    h_mm=0.125,
+    h_mm=_COARSE["h_mm"],
     layers=2,
     around=0.0,
     self_contact="off",
