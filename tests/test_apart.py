@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from formula_of_cuts import TRUE, Formula, campaign_in
@@ -9,6 +11,7 @@ from test_discover_cuts import point_at
 
 from cutbench.base.progress import silent
 from cutbench.calibration import by_work
+from cutbench.discovery import rounds
 from cutbench.discovery.apart import alike, apart, by_rate, told
 from cutbench.discovery.candidates import candidates
 from cutbench.discovery.columns import Column
@@ -104,3 +107,24 @@ def test_what_does_the_opposite_or_something_else_is_not(point):
     assert alike(point, place, a_score(point, place, {"slow": 0.5, "fast": 0.1}))[0] == 0
     other = a_score(point, place, {"slow": 0.1, "fast": 0.5}, beside=1.0)
     assert alike(point, place, other)[0] < 0.5
+
+
+@pytest.mark.parametrize("whole, asked", [(True, ["G_c"]), (False, ["G_c", "tau_W"])])
+def test_nothing_more_is_asked_of_cuts_once_a_cause_explains_all(monkeypatch, point, whole, asked):
+    places, found = [], SimpleNamespace(
+        accepted="a", tried=[SimpleNamespace(name="a", whole=whole)], scores=SimpleNamespace(scores=[])
+    )  # fmt: skip
+
+    def at(self, place, *others):
+        places.append(place)
+        return found
+
+    monkeypatch.setattr(rounds._Asking, "at", at)
+    monkeypatch.setattr(rounds, "resembling", lambda *_: ([], {}))
+    monkeypatch.setattr(rounds, "_judged", lambda *_: found)
+    monkeypatch.setattr(rounds, "replace", lambda one, **_: one)
+    for each in (found, found.scores):
+        vars(each).update(sensed=SimpleNamespace(columns=[]), others={}, scale={}, left_out={}, failed={})
+    asking = rounds._Asking(point, Formula(), 0, silent)
+    assert asking.beside(["G_c", "tau_W"], [], [], {}, found.scores) is found
+    assert places == asked

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from cutbench.base.errors import ComputationFailed
 from cutbench.base.progress import silent
 from cutbench.calibration import lm, survey
 from cutbench.calibration.emulated import Emulated, Foreseeing
+from cutbench.calibration.identifiability import Unknown
 from cutbench.calibration.inverse import Inverse
 from cutbench.calibration.kriging import Kriging
 from cutbench.calibration.looked_for import unknowns
@@ -22,10 +25,12 @@ from cutbench.calibration.prediction import Prediction, Reading, Task
 from cutbench.discovery import search
 from cutbench.discovery.apart import apart, resembling
 from cutbench.discovery.candidates import candidates
-from cutbench.discovery.equivalent import equivalent, strength_of
+from cutbench.discovery.equivalent import by_formula, equivalent, strength_of
 from cutbench.discovery.foreseen import Foreseen
+from cutbench.mechanisms import registry
 from cutbench.mechanisms.base import STEP
 
+G_C = registry()["stiff_cohesion"].parameters[0]
 OWN = {"slow": 0.004, "fast": 0.0064}
 
 
@@ -242,6 +247,32 @@ def test_a_laws_strength_is_the_one_that_does_what_the_cuts_own_values_do():
     assert shared > 0 and strength > 0
 
 
+def test_a_law_that_says_what_it_is_like_needs_no_runs(cuts):
+    """Of the shared toughness, the strength and a speed, and of what the cuts would be."""
+    law, speeds = registry()["speed_toughness"], (0.005, 0.02, 0.08)
+    run = Remembering()
+    inverse = inverse_of(cuts, run)
+    survey.Survey(inverse, [np.zeros(2)]).look()
+    model, off = inverse.start.model.extended(law.name)
+    on = {"G_c": 0.004, "speed_toughening": 0.3, "toughness_speed": 0.01}
+    values = {**inverse.start.values, **off, **on}
+    start = replace(inverse.start, mechanisms=model.mechanisms, values=values)
+    other = inverse.other(inverse.unknowns, start)
+    known = run.memory.emulator(other.case(cuts.train[0], np.zeros(2)), ["G", "G_c", *on], X[-1])
+    for speed in speeds:
+        with_law = {**values, "speed": speed}
+        without = {**with_law, **law.like(SimpleNamespace(**with_law)), "speed_toughening": 0.0}
+        one, same = known.works([with_law, without])
+        np.testing.assert_allclose(one, same, rtol=0.02, atol=0.02 * same.max())
+    mine = [Unknown(q, on[q.name], *q.bounds) for q in (G_C, *law.parameters)]
+    each = [SimpleNamespace(**{**values, "speed": v}) for v in speeds]
+    wanted = np.array([law.like(p)["G_c"] for p in each])
+    found = by_formula(law, wanted, each, mine, np.array([0.4, 0.5, 0.5]))
+    got = {u.name: u.value(x) for u, x in zip(mine, found, strict=True)}
+    like = [law.like(SimpleNamespace(**{**vars(p), **got}))["G_c"] for p in each]
+    np.testing.assert_allclose(like, wanted, rtol=0.02)
+
+
 def test_a_law_is_held_against_cuts_without_it(cuts):
     run = Remembering()
     inverse = inverse_of(cuts, run)
@@ -283,3 +314,17 @@ def test_a_law_in_the_place_of_another_tells_nothing_of_that(cuts):
     for a in np.linspace(-0.6, 0.6, 12):
         other.predictions(np.array([a, a / 2]))
     assert not Emulated(plain).able
+
+
+def test_a_search_goes_where_more_is_promised_and_on_below_what_is_known(cuts, monkeypatch):
+    """Of worse places two are enough unless the model without had more; what promises far less than the best
+    is not computed."""
+    run = Remembering()
+    inverse, noise = inverse_of(cuts, run), point_at(cuts, run, G=8e-3, G_c=5e-3).w.noise
+    monkeypatch.setattr(survey, "likely", lambda problem, noise, q: -float(q @ q))
+    for promised, least, computed in ((0.0, -np.inf, 2), (0.0, np.inf, 12), (-1e9, -np.inf, 0)):
+        made, places = survey.Survey(inverse, [np.zeros(2)]), iter(np.linspace(0.1, 0.9, 50))
+        found = partial(next, places)
+        monkeypatch.setattr(made, "_likelier", lambda *_, found=found, x=promised: (np.full(2, found()), x))
+        made.likeliest(noise, np.zeros(2), least=least)
+        assert made.evaluations == computed

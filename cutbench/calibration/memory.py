@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from types import SimpleNamespace
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -104,20 +105,24 @@ class Memory:
         for run in (r for r in self.runs if r.x[-1] >= end_mm * (1 - SAME) and _alike(r.case, case)):
             values = _seen_as(run, case.model, wanted)
             if values and all(_same(values[n], v) for n, v in wanted.items() if n not in free):
-                known.append((values, run))
-        axes, columns = [], []
+                known.append((_like(case.model, values), run))
+        wanted = _like(case.model, wanted)
+        axes, columns, said = [], [], _said(case.model)
         for name in (n for n in wanted if n in free):
             column = np.array([values[name] for values, _ in known])
             has = np.isfinite(column)
             here = np.append(column[has], wanted[name])
-            if not _same(here.min(), here.max()):
-                axes.append(axis := _Axis(name, bool(here.min() > 0)))
-                columns.append(axis.of(np.where(has, column, here.mean())))
+            if _same(here.min(), here.max()) or (name in said and has.any() and np.ptp(column[has]) == 0):
+                continue
+            if has.any() and np.ptp(here[:-1]) == 0:  # nothing tells what it does
+                return None
+            axes.append(axis := _Axis(name, bool(here.min() > 0)))
+            columns.append(axis.of(np.where(has, column, here.mean())))
         if len(known) < len(axes) + 1 + SPARE:
             return None
         x = np.linspace(0.0, end_mm, PLACES + 1)
         works = np.stack([np.interp(x, run.x, run.work) for _, run in known])
-        return Emulator(scale, x, axes, np.stack(columns, axis=1), works)
+        return Emulator(case.model, scale, x, axes, np.stack(columns, axis=1), works)
 
 
 def _same(a: float, b: float) -> bool:
@@ -148,6 +153,22 @@ def _seen_as(run: _Run, model: Model, wanted: Collection[str]) -> dict[str, floa
     return {**run.values, **{n: np.nan if q.off is None else q.off_value for n, q in new.items()}}
 
 
+def _like(model: Model, values: dict[str, float]) -> dict[str, float]:
+    """``values`` in units of the modulus and the speed, as a model without what does the same has them."""
+    for law in (law for law in model.all if law.resembles):
+        on = any(q.off is not None and values.get(q.name, q.off_value) != q.off_value for q in law.parameters)
+        if on:
+            values = {**values, **law.like(SimpleNamespace(**values, speed=1.0))}
+    return values
+
+
+def _said(model: Model) -> set[str]:
+    """Parameters whose effect is that of another's value, in the words of their law."""
+    p = SimpleNamespace(**{n: q.typical or 1.0 for n, q in model.parameters().items()})
+    laws = [law for law in model.all if law.resembles and law.like(p)]
+    return {q.name for law in laws for q in law.parameters}
+
+
 @dataclass(frozen=True)
 class _Axis:
     """A coordinate of the places: a value, or its logarithm."""
@@ -162,14 +183,22 @@ class _Axis:
 class Emulator:
     """Works along ``x`` (n,) in mm from those of runs (m, n), in units of their moduli, at ``X`` (m, d)."""
 
-    def __init__(self, scale: Scale, x: np.ndarray, axes: Sequence[_Axis], X: np.ndarray, works: np.ndarray):
-        self.scale, self.x, self.axes = scale, x, axes
+    def __init__(
+        self,
+        model: Model,
+        scale: Scale,
+        x: np.ndarray,
+        axes: Sequence[_Axis],
+        X: np.ndarray,
+        works: np.ndarray,
+    ):
+        self.model, self.scale, self.x, self.axes = model, scale, x, axes
         self.small = SMALL * float(np.median(np.abs(works[:, -1])))
         self._kriging = Kriging(X, np.arcsinh(works[:, 1:] / self.small))
 
     def works(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:
         """∫ F dx (p, n) in N mm for ``each`` of p sets of values."""
-        reduced = [self.scale.reduced(values) for values in each]
+        reduced = [_like(self.model, self.scale.reduced(values)) for values in each]
         places = np.stack([axis.of(np.array([v[axis.name] for v in reduced])) for axis in self.axes], axis=1)
         stress = np.array([values[self.scale.modulus] for values in each])[:, None]
         work = np.sinh(np.clip(self._kriging(places), -WIDE, WIDE)) * self.small * stress

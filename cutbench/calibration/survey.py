@@ -28,7 +28,7 @@ from cutbench.data.discrepancy import allowing, likeliest
 
 #: Places of each test in the first look, and how far they lie in q: so far that works change by this part,
 #: between two lengths.
-PLACES, CHANGE, NEAREST, FARTHEST = 20, 0.2, 0.5, 2.0
+PLACES, CHANGE, NEAREST, FARTHEST = 14, 0.2, 0.5, 2.0
 #: Starts of a search among what is foreseen, by works and by forces, beside the best that are known; how far
 #: beyond these it goes. A rig goes as far as changes the works by this part: what it makes of a run is no
 #: guess.
@@ -44,8 +44,8 @@ UNSURE = 2.0
 ENOUGH = 0.25
 #: So many values of a work along the travel tell as much as one.
 ALIKE = 10
-#: Less in χ² of forces is noise.
-GAINS = 4.0
+#: Less in χ² of forces is noise; what is foreseen to be less likely by this is not computed.
+GAINS, ERRS = 4.0, 30.0
 
 
 def nearby(inverse: Inverse, q: np.ndarray, on_progress: OnProgress = silent) -> by_work.Nearby:
@@ -193,14 +193,22 @@ class Survey:
         self.inverse.know(best.q, self.problem.predictions(best.q))
         return best
 
-    def likeliest(self, noise: Covariance, q: np.ndarray, on_progress: OnProgress = silent) -> np.ndarray:
-        """Where of all that is computed from ``q`` on the data are likeliest in ``noise``, see ``likely``."""
+    def likeliest(
+        self,
+        noise: Covariance,
+        q: np.ndarray,
+        on_progress: OnProgress = silent,
+        least: float = -np.inf,
+    ) -> np.ndarray:
+        """Where of all that is computed from ``q`` on the data are likeliest in ``noise``, see ``likely``.
+        What is to be had without, ``least``, is looked for twice as long."""
         known, failed = [(likely(self.problem, noise, q), q)], 0
-        for _ in range(LIKELIEST):
+        for step in range(2 * LIKELIEST):
             best, here = max(known, key=lambda each: each[0])
             on_progress(self.evaluations, np.nan, f"log likelihood {best / 2:.5g}")
-            there = self._likelier(noise, here, [q for _, q in known])
-            if there is None or failed >= VAIN:
+            there, promised = self._likelier(noise, here, [q for _, q in known])
+            done = failed >= VAIN or step >= LIKELIEST or promised < best - ERRS
+            if there is None or (done and best >= least):
                 break
             self.evaluations += 1
             likelihood = -np.inf
@@ -210,12 +218,16 @@ class Survey:
             failed = 0 if likelihood > best + GAINS else failed + 1
         return max(known, key=lambda each: each[0])[1]
 
-    def _likelier(self, noise: Covariance, q: np.ndarray, known: Sequence[np.ndarray]) -> np.ndarray | None:
-        """The likeliest of what is foreseen to agree and is not ``known``."""
+    def _likelier(
+        self, noise: Covariance, q: np.ndarray, known: Sequence[np.ndarray]
+    ) -> tuple[np.ndarray | None, float]:
+        """The likeliest of what is foreseen to agree and is not ``known``, and how likely it is to be."""
         problem = Foreseeing(self.inverse)
         found = self._agreeing(problem, noise, [q, *known[-KNOWN:]])
         new = [there for there in found if all(np.abs(there - each).max() > CLOSE for each in known)]
-        return max(new, key=lambda there: likely(problem, noise, there), default=None)
+        ranked = [(likely(problem, noise, there), there) for there in new]
+        promised, best = max(ranked, key=lambda each: each[0], default=(-np.inf, None))
+        return best, promised
 
     def foreseen_likeliest(self, noise: Covariance) -> tuple[float, np.ndarray]:
         """How likely the data are foreseen to be at the best, see ``likely``, and where."""

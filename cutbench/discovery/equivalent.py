@@ -8,19 +8,24 @@ strength and the shared value that give each cut its own.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from types import SimpleNamespace
 
 import numpy as np
 from scipy import optimize
 
 from cutbench.calibration import by_work
 from cutbench.calibration.emulated import Foreseeing
+from cutbench.calibration.identifiability import Unknown
 from cutbench.calibration.prediction import Prediction
+from cutbench.mechanisms.base import Mechanism
 
 #: Farthest that a value of a cut's own is looked for, in q.
 FARTHEST = 3.0
 #: A shared value is this part of the smallest at the least; a strength up to so many times the one computed.
 SHARED, STRONGER = 0.1, 30.0
+#: What a change of q by 1 costs in units of a value's relative error, so that shapes that nothing tells stay.
+STAYS = 0.03
 
 
 def equivalent(
@@ -58,3 +63,23 @@ def strength_of(wanted: np.ndarray, equal: np.ndarray, shared: float, strength: 
     most = np.inf, strength * STRONGER
     found = optimize.lsq_linear(A, np.ones(wanted.size), (least, most)).x
     return float(found[0]), float(found[1])
+
+
+def by_formula(
+    law: Mechanism,
+    wanted: np.ndarray,
+    each: Sequence[SimpleNamespace],
+    unknowns: Sequence[Unknown],
+    q: np.ndarray,
+) -> np.ndarray:
+    """The same by the law's own word (``Mechanism.like``), without a run: values in q (k,) of ``unknowns``,
+    the shared one first, with which the law gives t tests with the values ``each`` what is ``wanted`` (t,);
+    from ``q`` on."""
+
+    def apart(there: np.ndarray) -> np.ndarray:
+        mine = {u.name: u.value(x) for u, x in zip(unknowns, there, strict=True)}
+        like = [law.like(SimpleNamespace(**{**vars(p), **mine}))[unknowns[0].name] for p in each]
+        return np.concatenate([np.log(np.array(like) / wanted), STAYS * (there - q)])
+
+    low, high = np.array([u.reach for u in unknowns]).T
+    return optimize.least_squares(apart, np.clip(q, low, high), bounds=(low - 1e-9, high + 1e-9)).x

@@ -16,12 +16,14 @@ from cutbench.calibration.identifiability import Unknown
 from cutbench.calibration.inverse import Inverse
 from cutbench.calibration.prediction import Prediction, Task
 from cutbench.calibration.sparing import Sparing
-from cutbench.calibration.survey import Survey
+from cutbench.calibration.survey import Survey, likely
 from cutbench.case.case import Case
 from cutbench.discovery.anywhere import Looked, Shape
-from cutbench.discovery.equivalent import equivalent, strength_of
+from cutbench.discovery.equivalent import by_formula, equivalent, strength_of
 from cutbench.discovery.point import Point, gathered
 from cutbench.discovery.score import Score
+from cutbench.mechanisms import registry
+from cutbench.mechanisms.base import Mechanism
 
 #: Fits without a mesh go to the bottom; with one, far enough to choose.
 SMOOTH = lm.Settings(promise=0.05, evaluations=15, failures=5)
@@ -213,29 +215,40 @@ def _foreseen(point: Point, place: Place, inverse: Inverse, score: Score) -> Poi
     if not survey.problem.emulable:
         return None
     if c.slot != "rig":
-        if place.apart and len(c.strengths) == 1 and Foreseeing(place.inverse).able:
-            start = _equivalent(place, inverse, start, score.free.size)
-            survey = Survey(inverse, [start, off])
-        # What its strength and shapes do is not known from runs that lack it.
-        reach = np.where(np.arange(start.size) < score.free.size, BESIDE, SHAPED)
-        reach[[u.name in survey.problem.proportional for u in inverse.unknowns]] = 0.0
-        survey.around(start, reach, LOOKED)
-        # There alone: where the law does next to nothing all is known, and nothing new.
-        low, high = inverse.bounds
-        survey.within = np.maximum(survey.low - BESIDE, low), np.minimum(survey.high + BESIDE, high)
+        law = registry().get(c.name) if place.apart else None
+        said = law is not None and place.owned in law.like(inverse.base(start).p)
+        if place.apart and (said or len(c.strengths) == 1) and Foreseeing(place.inverse).able:
+            start = _equivalent(place, inverse, start, score.free.size, law if said else None)
+        survey = Survey(inverse, [start, off])
+        if not said:
+            # What its strength and shapes do is not known from runs that lack it.
+            reach = np.where(np.arange(start.size) < score.free.size, BESIDE, SHAPED)
+            reach[[u.name in survey.problem.proportional for u in inverse.unknowns]] = 0.0
+            survey.around(start, reach, LOOKED)
+            # There alone: where the law does next to nothing all is known, and nothing new.
+            low, high = inverse.bounds
+            survey.within = np.maximum(survey.low - BESIDE, low), np.minimum(survey.high + BESIDE, high)
     if not survey.problem.able:
         return None
-    q = survey.likeliest(point.w.noise, start)
+    least = likely(point.inverse, point.w.noise, point.q)
+    q = survey.likeliest(point.w.noise, start, least=least)
     return gathered(survey.problem, q, point.w, point.test_shift)
 
 
-def _equivalent(place: Place, inverse: Inverse, start: np.ndarray, strength: int) -> np.ndarray:
+def _equivalent(
+    place: Place, inverse: Inverse, start: np.ndarray, strength: int, law: Mechanism | None
+) -> np.ndarray:
     """``start`` (k,) with the shared value and the strength, the unknown of that number, with which the law
-    does what the cuts' own values do."""
+    does what the cuts' own values do: by the word of ``law``, or by its runs."""
     train, j = inverse.campaign.train, [u.name for u in place.shared].index(place.owned)
     column = place.S[:, j] > 0
     own = {u.experiment: i for i, u in enumerate(place.inverse.unknowns) if column[i] and u.experiment}
     wanted = np.array([place.inverse.unknowns[i].value(place.q[i]) for i in own.values()])
+    if law is not None:
+        each = [inverse.checked_case(e, start).p for e in train if e.id in own]
+        mine, there = [j, *range(strength, start.size)], start.copy()
+        there[mine] = by_formula(law, wanted, each, [inverse.unknowns[i] for i in mine], start[mine])
+        return there
     for _ in range(CORRECTED):
         tasks = [Task(e, inverse.checked_case(e, start), inverse.grids[e.id]) for e in train]
         found = {e.id: p for e, p in zip(train, secant.tried(inverse, tasks), strict=True) if p}

@@ -59,7 +59,7 @@ def round_of(point: Point, run: Predictor, seed: int, on_progress: OnProgress) -
         if scores.p_residual >= PROMISING:
             return Round(point, nothing, scores, (), (), None, left_out, {})
         before = asking.foreseen(chosen, left_out, scores)
-        if before is not None and any(t.whole for t in before.tried if t.name == before.accepted):
+        if before is not None and _explained(before):
             return before
         some, idle = by_rate(point, chosen)
         if places := apart(point, on_progress, some if idle else ()):
@@ -79,6 +79,11 @@ def _left_by(point: Point, chosen: Sequence[Candidate]) -> dict[str, float]:
         return {}
     left = sorted(foreseen.rigs(chosen).items(), key=lambda each: each[1])
     return {name: part for name, part in left[:FIRST] if part <= LEFT}
+
+
+def _explained(this: Round) -> bool:
+    """Whether what was accepted explains all."""
+    return any(t.whole for t in this.tried if t.name == this.accepted)
 
 
 def _likelier(before: Round | None, this: Round) -> Round:
@@ -136,9 +141,11 @@ class _Asking:
         plain: Scores,
     ) -> Round:
         """What cuts have of their own at each of ``places``, as one round: ``every`` formula that resembles
-        it, else those that are ``chosen``."""
+        it, else those that are ``chosen``. None more once a cause explains all of what is wrong."""
         made: list[Round] = []
         for place in places:
+            if made and _explained(made[-1]):
+                break
             alike, unlike = resembling(place, chosen, every)
             made.append(self.at(place, alike, {**left_out, **unlike}, plain))
         first, *others = made

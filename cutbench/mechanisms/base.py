@@ -23,13 +23,13 @@ Params = Any  # attribute access by parameter name: p.G, p.nu
 
 
 class Points(SimpleNamespace):
-    """What a law may know about the points it is evaluated at, besides its kinematics:
-    ``X`` (3, N) reference position in mm with X[1] the height; ``depth`` (N,) distance below the
-    top face in the reference state; ``dt`` seconds; ``speed`` blade speed mm/s; slots add theirs
-    (``jump_old``, ``slip_rate``, …). ``laws`` (slot bulk): all bulk laws of the model, for one that
-    scales what others answer. ``before`` (slot cut): what the laws of lower ``Mechanism.rank`` have
-    answered, by role. ``held``: internal variables keep their old values, and ``dt`` is not needed.
-    ``closing`` (slot cut): pressure in G at which closed faces would overlap by δ_c.
+    """What a law may know about the points it is evaluated at, besides its kinematics: ``X`` (3, N) reference
+    position in mm with X[1] the height; ``depth`` (N,) distance below the top face in the reference state;
+    ``dt`` seconds; ``speed`` blade speed mm/s; slots add theirs (``jump_old``, ``slip_rate``, …). ``laws``
+    (slot bulk): all bulk laws of the model, for one that scales what others answer. ``before`` (slot cut):
+    what the laws of lower ``Mechanism.rank`` have answered, by role. ``held``: internal variables keep their
+    old values, and ``dt`` is not needed. ``closing`` (slot cut): pressure in G at which closed faces would
+    overlap by δ_c.
     """
 
     held = False
@@ -110,6 +110,10 @@ class Mechanism:
 
     def groups(self, p: Params) -> Mapping[str, float]:
         """The law's dimensionless groups, by their text: ``{"(G_c/delta_c)/G": 10.1}``."""
+        return {}
+
+    def like(self, p: Params) -> Mapping[str, Any]:
+        """Values of what it ``resembles`` with which a model without it does the same; none if unknown."""
         return {}
 
     def estimate(self, p: Params, rate: float, width: float) -> Estimate:
@@ -232,10 +236,8 @@ class Blade(Mechanism):
     def strength(self, t_N: np.ndarray, p: Params, state: State, at: Points) -> np.ndarray:
         """Largest tangential traction (N,) in MPa that this law lends, at contact pressure t_N ≥ 0.
 
-        ``at.touched`` (N,) is 1 where the point counts as in contact for adhesion (Θ of the paper,
-        kept on the cut faces once they touched), ``at.slid`` the sliding distance in mm so far,
-        ``at.slip_rate`` the sliding speed in mm/s.
-        """
+        ``at.touched`` (N,) is 1 where the point counts as in contact for adhesion (Θ of the paper, kept on
+        cut faces once they touched), ``at.slid`` the sliding distance so far, mm, ``at.slip_rate`` mm/s."""
         raise NotImplementedError(self.name)
 
 
@@ -257,8 +259,7 @@ class Tool(Blade):
     def distance(self, x: np.ndarray, y: np.ndarray, p: Params) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Signed distance (N,) in mm, above 0 outside, its gradient (2, N) and second derivative (2, 2, N).
 
-        A point belongs to the flank on whose side it lies; x = -0.0 is on the left. Takes complex numbers.
-        """
+        A point belongs to the flank on whose side it lies; x = -0.0 is on the left. Takes complex numbers."""
         raise NotImplementedError(self.name)
 
     def outline(self, p: Params) -> np.ndarray:
@@ -297,8 +298,7 @@ class Tool(Blade):
 
 class Skin(Mechanism):
     """How properties vary with place: factors on what all laws of a slot answer, 1 where it is off. And what
-    the ``surfaces`` themselves have, 0 where it is off.
-    """
+    the ``surfaces`` themselves have, 0 where it is off."""
 
     slot = "skin"
     #: Where there is tension or bending stiffness: nowhere, on the top, or on the cut plane's faces too.

@@ -40,6 +40,9 @@ class SpeedToughness(Cut):
     def groups(self, p):
         return {"speed toughening": p.speed_toughening, "v/v_b": p.speed / p.toughness_speed}
 
+    def like(self, p):
+        return {"G_c": p.G_c * (1 + p.speed_toughening * np.log(1 + p.speed / p.toughness_speed))}
+
     def traction(self, jump, p, state, at):
         T = p.speed_toughening * np.log(1 + p.speed / p.toughness_speed) * at.before["cohesive"].traction
         # What resists closing is contact, not cohesion.
