@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cutbench.solver.iterative import WORTH, Kept
+from cutbench.solver.iterative import WORTH, Kept, SymmetricPart, solver_for
 from cutbench.solver.linear import SingularMatrix, available, make_solver
 
 solvers = pytest.mark.parametrize("name", available())
@@ -187,3 +187,24 @@ def test_a_factorization_is_kept_until_it_has_cost_what_a_new_one_does():
     assert WORTH <= spent - (solutions - 1) < WORTH + 10, "the first of each would be needed anyway"
     assert np.linalg.norm(moved @ kept.correction(b) - b) < 1e-9
     assert kept.counts == {"factorizations": 2, "gmres_iterations": spent}
+
+
+@pytest.mark.skipif("pardiso" not in available(), reason="py-mkl-pardiso is not installed")
+@pytest.mark.parametrize("skew, halves", [(0.0, True), (0.01, True), (1.0, False)])
+def test_the_symmetric_part_serves_a_matrix_that_is_nearly_symmetric_and_no_other(skew, halves):
+    symmetric, whole = laplace(), convection()
+    A = (symmetric + skew * 40 * (whole - whole.T)).tocsr()
+    A.sort_indices()
+    kept, b = solver_for("kept", *parts(A), False), np.cos(np.arange(A.shape[0]))
+    for change in (0.0, 1e-3, 0.5):
+        now = sp.csr_matrix((A.data * (1 + change), A.indices, A.indptr), A.shape)
+        kept.refactor(now.data)
+        for solve, error in ((kept.solve, 1e-6), (kept.direction, 2e-3), (kept.correction, 0.04)):
+            assert np.linalg.norm(now @ solve(b) - b) < error * np.linalg.norm(b)
+    assert (kept._half is not None) == halves
+
+
+def test_a_pattern_that_is_not_symmetric_has_no_symmetric_part():
+    A = sp.csr_matrix(np.array([[1.0, 2.0], [0.0, 1.0]]))
+    with pytest.raises(ValueError, match="not symmetric"):
+        SymmetricPart(*parts(A))
