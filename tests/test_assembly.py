@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import factorial
+
 import numpy as np
 import pytest
 from form_checks import (
@@ -14,6 +16,7 @@ from form_checks import (
 
 from cutbench.forms.assembly import Pattern
 from cutbench.forms.base import add_states
+from cutbench.forms.space import face_quadrature
 
 
 @spaces
@@ -127,3 +130,17 @@ def test_two_laws_with_one_name_for_their_state_are_refused():
     assert add_states({"a": 1}, {"b": 2}) == {"a": 1, "b": 2}
     with pytest.raises(ValueError, match="'a'"):
         add_states({"a": 1}, {"a": 2})
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("degree", [1, 2, 4, 5, 6, 9])
+def test_rules_of_faces_are_exact_and_have_points_on_corners(dim, degree):
+    """∫ xⁱ yʲ over the unit triangle is i! j!/(i + j + 2)!, ∫ xⁱ over the line 1/(i + 1)."""
+    x, w = face_quadrature(dim, degree)
+    assert np.all(w > 0) and w.size <= (12 if degree <= 5 else 127)
+    corners = np.eye(dim)[:, 1:]
+    assert np.abs(x.T[:, None] - corners[None]).max(axis=2).min(axis=0) == pytest.approx(0, abs=1e-14)
+    for i in range(degree + 1):
+        for j in range(degree + 1 - i if dim == 3 else 1):
+            exact = factorial(i) * factorial(j) / factorial(i + j + dim - 1)
+            assert (w * x[0] ** i * x[-1] ** j).sum() == pytest.approx(exact, rel=1e-11)
