@@ -181,7 +181,7 @@ def test_a_factorization_is_kept_until_it_has_cost_what_a_new_one_does():
     solutions = 0
     while kept.counts["factorizations"] == 1:
         x = kept.correction(b)
-        assert np.linalg.norm(moved @ x - b) < 0.05 * np.linalg.norm(b)
+        assert np.linalg.norm(moved @ x - b) < 1.1 * iterative.CORRECTION * np.linalg.norm(b)
         solutions += 1
         assert solutions <= WORTH + 1
     spent = kept.counts["gmres_iterations"]
@@ -201,7 +201,11 @@ def test_the_symmetric_part_serves_a_matrix_that_is_nearly_symmetric_and_no_othe
     for change in (0.0, 1e-3, 0.5):
         now = sp.csr_matrix((A.data * (1 + change), A.indices, A.indptr), A.shape)
         kept.refactor(now.data)
-        for solve, error in ((kept.solve, 1e-6), (kept.direction, 2e-3), (kept.correction, 0.04)):
+        for solve, error in (
+            (kept.solve, 1e-6),
+            (kept.direction, 2e-3),
+            (kept.correction, 1.1 * iterative.CORRECTION),
+        ):
             assert np.linalg.norm(now @ solve(b) - b) < error * np.linalg.norm(b)
     assert (kept._half is not None) == halves
 

@@ -27,7 +27,7 @@ TOLERANCE = RESIDUAL / 10
 #: The same for a direction of Newton's method, which is corrected in the next iteration anyway.
 LOOSE = 1e-3
 #: The same for a correction with an old tangent, which leaves more than that of the residual anyway.
-CORRECTION = 0.03
+CORRECTION = 0.1
 #: Unknowns of a solid above which keeping a factorization gains anything; above which the symmetric part's,
 #: which PARDISO has in three fifths of the time and half of the memory, makes up for its iterations.
 SMALL, LARGE = 5_000, 15_000
