@@ -44,7 +44,8 @@ UNSURE = 2.0
 ENOUGH = 0.25
 #: So many values of a work along the travel tell as much as one.
 ALIKE = 10
-#: Less in χ² of forces is noise; what is foreseen to be less likely by this is not computed.
+#: Less in χ² of forces is noise; what is foreseen to be less likely by this is not computed, or by as much as
+#: the last was foreseen badly.
 GAINS, ERRS = 4.0, 30.0
 
 
@@ -202,18 +203,20 @@ class Survey:
     ) -> np.ndarray:
         """Where of all that is computed from ``q`` on the data are likeliest in ``noise``, see ``likely``.
         What is to be had without, ``least``, is looked for twice as long."""
-        known, failed = [(likely(self.problem, noise, q), q)], 0
+        known, failed, error = [(likely(self.problem, noise, q), q)], 0, ERRS
         for step in range(2 * LIKELIEST):
             best, here = max(known, key=lambda each: each[0])
             on_progress(self.evaluations, np.nan, f"log likelihood {best / 2:.5g}")
             there, promised = self._likelier(noise, here, [q for _, q in known])
-            done = failed >= VAIN or step >= LIKELIEST or promised < best - ERRS
+            done = failed >= VAIN or step >= LIKELIEST or promised < best - error
             if there is None or (done and best >= least):
                 break
             self.evaluations += 1
             likelihood = -np.inf
             with suppress(ComputationFailed):
                 likelihood = likely(self.problem, noise, there)
+            if likelihood > -np.inf:
+                error = max(abs(likelihood - promised), ERRS)
             known.append((likelihood, there))
             failed = 0 if likelihood > best + GAINS else failed + 1
         return max(known, key=lambda each: each[0])[1]
