@@ -20,6 +20,7 @@ from cutbench.base.units import powers_of
 from cutbench.calibration.kriging import Kriging
 from cutbench.case.case import Case
 from cutbench.case.model import Model
+from cutbench.mechanisms.base import Mechanism
 
 #: Places along the travel at which works are compared; a part of the whole work below which it is taken as it
 #: is, and above by its logarithm.
@@ -164,8 +165,7 @@ def _like(model: Model, values: dict[str, float]) -> dict[str, float]:
 
 def _said(model: Model) -> set[str]:
     """Parameters whose effect is that of another's value, in the words of their law."""
-    p = SimpleNamespace(**{n: q.typical or 1.0 for n, q in model.parameters().items()})
-    laws = [law for law in model.all if law.resembles and law.like(p)]
+    laws = [law for law in model.all if type(law).like is not Mechanism.like]
     return {q.name for law in laws for q in law.parameters}
 
 

@@ -286,8 +286,8 @@ def _lobatto(n: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 #: Degree to which the rule with cubic, mass-lumped elements' nodes is exact; their places along an edge and
-#: beside a corner's median, and weights at corners, on edges and inside (SIAM J. Numer. Anal. 38 (2001) 2047,
-#: 10.1137/S0036142997329554).
+#: beside a corner's median, and weights at corners, on edges and inside (Cohen, Joly, Roberts and
+#: Tordjman, SIAM J. Numer. Anal. 38 (2001) 2047).
 LUMPED = 5
 ALONG, BESIDE = 0.2934695559090402, 0.2073451756635909
 WEIGHTS = 0.007436456512410291, 0.02442084061702551, 0.1103885289202054

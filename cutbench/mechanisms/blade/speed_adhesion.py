@@ -42,4 +42,4 @@ class SpeedAdhesion(Blade):
         return {"tau_W": p.tau_W * (1 + p.speed_sticking * np.log(1 + p.speed / p.sticking_speed))}
 
     def strength(self, t_N, p, state, at):
-        return p.speed_sticking * np.log(1 + p.speed / p.sticking_speed) * p.tau_W * at.touched
+        return (self.like(p)["tau_W"] - p.tau_W) * at.touched
