@@ -290,25 +290,6 @@ def test_without_candidates_a_failing_baseline_is_undecided(gent, tmp_path):
     assert page(d).count("<svg") == 1
 
 
-def test_ctrl_c_keeps_what_was_found(gent, monkeypatch, tmp_path):
-    from cutbench.discovery import search
-
-    hidden, _ = gent
-    whole, calls = search.round_of, []
-
-    def second_is_interrupted(*args, **options):
-        calls.append(1)
-        if len(calls) == 2:
-            raise KeyboardInterrupt
-        return whole(*args, **options)
-
-    monkeypatch.setattr(search, "round_of", second_is_interrupted)
-    d = search.discover(hidden.campaign, workers=0)
-    assert d.interrupted and d.found and d.verdict == "mechanism"
-    write_discovery(d, tmp_path)
-    assert json.loads((tmp_path / "discovery.json").read_text())["status"] == "interrupted"
-
-
 @pytest.mark.slow
 def test_a_cut_without_an_effect_is_left_alone():
     _, d = found("none", "cut", many=False, number=1)

@@ -226,7 +226,7 @@ def test_what_a_fit_has_computed_is_known_to_what_is_asked_then(monkeypatch, cut
         asked.append(point)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(search, "predictor", lambda workers, kept: nullcontext(run))
+    monkeypatch.setattr(search, "predictor", lambda *given: nullcontext(run))
     monkeypatch.setattr(search, "round_of", round_of)
     with pytest.raises(KeyboardInterrupt):
         search.discover(cuts, refine=False)

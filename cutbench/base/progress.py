@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import dataclass
 from typing import Protocol
 
 #: Said while a run waits for machine code that this machine does not have yet.
@@ -27,14 +28,29 @@ def silent(done: float, total: float, text: str) -> None:
 
 def at_most(seconds: float, on_progress: OnProgress) -> OnProgress:
     """``on_progress`` that ends the computation, as Ctrl-C does, so many seconds from now."""
-    due = time.monotonic() + seconds
+    check = Until(time.monotonic() + seconds)
 
     def stopping(done: float, total: float, text: str) -> None:
         on_progress(done, total, text)
-        if time.monotonic() >= due and done < total:
-            raise KeyboardInterrupt
+        if not done >= total:
+            check()
 
     return stopping
+
+
+@dataclass(frozen=True)
+class Until:
+    """What raises KeyboardInterrupt from the time ``due`` (``time.monotonic``) on."""
+
+    due: float
+
+    def __call__(self) -> None:
+        if time.monotonic() >= self.due:
+            raise KeyboardInterrupt
+
+
+#: That there is no end.
+ALWAYS = Until(math.inf)
 
 
 class Clock:

@@ -6,7 +6,7 @@ one complex step a parameter. Both give a curve on the grid on which the measure
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +15,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.base.progress import ALWAYS
 from cutbench.calibration.homogeneous import slopes
 from cutbench.calibration.kept import Ran, ran
 from cutbench.calibration.memory import Memory
@@ -214,10 +215,10 @@ def _homogeneous(task: Task) -> Prediction:
 
 class Predictor:
     """Predictions of several tasks at once, the runs on a pool's processes; they stay in its ``memory``, and
-    in the folder ``kept``."""
+    in the folder ``kept``. ``check`` is called now and then, and may raise KeyboardInterrupt."""
 
-    def __init__(self, pool: TaskPool, kept: str | Path | None = None):
-        self._pool, self.memory = pool, Memory()
+    def __init__(self, pool: TaskPool, kept: str | Path | None = None, check: Callable[[], None] = ALWAYS):
+        self._pool, self.memory, self._check = pool, Memory(), check
         self._kept = None if kept is None else Path(kept)
 
     def __call__(self, tasks: Sequence[Task]) -> list[Prediction]:
@@ -235,11 +236,12 @@ class Predictor:
         cuts = [i for i, task in enumerate(tasks) if task.experiment.kind == "cut" and self._pool.count]
         for i, task in enumerate(tasks):
             if i not in cuts:
+                self._check()
                 try:
                     found[i] = predict(task, self._kept)
                 except ComputationFailed as error:
                     found[i] = error
-        for done in self._pool.run(Job(i, predict, (tasks[i], self._kept)) for i in cuts):
+        for done in self._pool.run((Job(i, predict, (tasks[i], self._kept)) for i in cuts), self._check):
             fell_short = done.error if isinstance(done.error, ComputationFailed) else None
             found[done.key] = fell_short or done.result()
         # In their own order, whichever ended first: what is foreseen from them is then the same every time.
@@ -250,8 +252,10 @@ class Predictor:
 
 
 @contextmanager
-def predictor(workers: int, kept: str | Path | None = None) -> Iterator[Predictor]:
+def predictor(
+    workers: int, kept: str | Path | None = None, check: Callable[[], None] = ALWAYS
+) -> Iterator[Predictor]:
     """With processes that live as long as the block; one alone would only wait, so it is this one. Runs of
-    the folder ``kept`` are not computed again."""
+    the folder ``kept`` are not computed again; ``check`` as a ``Predictor`` has it."""
     with TaskPool(workers if workers > 1 else 0) as pool:
-        yield Predictor(pool, kept)
+        yield Predictor(pool, kept, check)

@@ -64,12 +64,13 @@ class Looked:
 
 def looked(
     point: Point, chosen: Sequence[Candidate], every: Sequence[Candidate], on_progress: OnProgress
-) -> list[Looked]:
+) -> tuple[list[Looked], list[str]]:
     """Those of the laws ``chosen``, and of ``every`` formula of the best one's class, that are foreseen to
-    gain nearly as much as the best, in that order. Raises KeyboardInterrupt."""
+    gain nearly as much as the best, in that order; and names of those that are foreseen to gain nothing.
+    Raises KeyboardInterrupt."""
     survey = _between_known(Survey(point.inverse, [point.q]))
     if not (chosen and survey.problem.able):
-        return []
+        return [], []
     likelihood, q = survey.foreseen_likeliest(point.w.noise)
     found: list[Looked] = []
 
@@ -83,11 +84,12 @@ def looked(
 
     look_at(chosen)
     if not found or found[0].paid <= 0:
-        return []
+        return [], [one.candidate.name for one in found]
     known, best = {one.candidate.name for one in found}, found[0].candidate
     alike = [c for c in every if c.name not in known and family_of(c.name) == family_of(best.name)]
     look_at([c for c in alike if len(c.parameters) <= len(best.parameters)])
-    return [one for one in found if one.paid >= NEARLY * found[0].paid]
+    vain = [one.candidate.name for one in found if one.paid <= 0]
+    return [one for one in found if one.paid >= NEARLY * found[0].paid], vain
 
 
 def _look(point: Point, c: Candidate, best: np.ndarray, without: float) -> Looked | None:

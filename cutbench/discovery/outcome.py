@@ -25,6 +25,8 @@ CHANCE = 0.005
 SHARE, SHARE_WEAK = 0.3, 0.6
 #: What explains so much of it leaves nothing for another to explain better.
 WHOLE = 0.9
+#: Why a discovery ends early.
+INTERRUPTED, LATE = "interrupted", "out of time"
 #: An error of the reading makes no more of what was read than the specimen does.
 OWN = 0.5
 
@@ -67,7 +69,7 @@ class Round:
     """``point``: the model at its beginning; ``tried`` in the order of what they explain; ``group``: names
     that these data cannot tell from the first of them; ``accepted``: name or None. ``left_out``: candidates
     that do not apply, ``failed``: those that could not be tried, each with the reason. ``own``: what cuts
-    say each on its own, in sentences."""
+    say each on its own, in sentences. ``stopped``: whether it ended before all was asked."""
 
     point: Point
     sensed: Sensed
@@ -78,6 +80,7 @@ class Round:
     left_out: Mapping[str, str]
     failed: Mapping[str, str]
     own: tuple[str, ...] = ()
+    stopped: bool = False
 
     @property
     def candidates(self) -> list[tuple[Score, Tried | None]]:
@@ -104,6 +107,7 @@ class Discovery(Handled):
     model; the last of ``rounds`` has its residual.
 
     ``gain``: on held-out readings; ``clean``: on what test experiments would read without noise and scatter.
+    ``stopped``: why it ended before all was asked; empty where all was.
     ``wrong``: sections of the baseline's curves; ``left``: of the final model's, the most significant first.
     """
 
@@ -123,7 +127,7 @@ class Discovery(Handled):
     next_experiment: str
     seconds: float
     notes: tuple[str, ...]
-    interrupted: bool = False
+    stopped: str = ""
     clean: CleanGain | None = None
 
     @property

@@ -160,13 +160,26 @@ def refitted(
 
     Raises ComputationFailed, BadInput, KeyboardInterrupt.
     """
+    return point_of(fit_again(point, looked_for, case, run, refine, on_progress, near), run)
+
+
+def fit_again(
+    point: Point,
+    looked_for: Sequence[Unknown],
+    case: Case,
+    run: Predictor,
+    refine: bool = False,
+    on_progress: OnProgress = silent,
+    near: bool = False,
+) -> Fit:
+    """The fit that ``refitted`` makes. Raises as it does."""
     fitted = fit(
         point.campaign, refine=refine, run=run, looked_for=looked_for, start=case, grids=point.inverse.grids,
         on_progress=on_progress, near=near,
     )  # fmt: skip
     if fitted.status == lm.INTERRUPTED:
         raise KeyboardInterrupt
-    return point_of(fitted, run)
+    return fitted
 
 
 def undetermined(point: Point, c: Candidate) -> bool:

@@ -49,7 +49,9 @@ def verdict_sentence(d: Discovery) -> str:
         )
     if d.verdict == "undecided":
         part = f"{names[0].upper()}{names[1:]} explains a part of that; " if d.found else ""
-        reasons = "; ".join(f"{called(name)}: {why}" for name, why in d.not_tried.items())
+        early = {"the search ended early": d.stopped} if d.stopped else {}
+        why = early | {called(name): reason for name, reason in d.not_tried.items()}
+        reasons = "; ".join(": ".join(each) for each in why.items())
         return (
             f"The baseline is wrong beyond the scatter (most in {place}). {part}the cause is undecided, since"
             f" candidates could not be tried: {reasons or 'there were none'}."
@@ -180,7 +182,7 @@ def to_dict(d: Discovery) -> dict:
     return {
         "schema": SCHEMA,
         "title": d.campaign.title,
-        "status": "interrupted" if d.interrupted else "complete",
+        "status": d.stopped or "complete",
         "verdict": d.verdict,
         "found": list(d.found),
         "causes": [_cause(c) for c in d.causes],

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
-
-import numpy as np
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.progress import OnProgress
 from cutbench.calibration.prediction import Predictor
 from cutbench.discovery.anywhere import Looked, looked
 from cutbench.discovery.apart import alike, apart, by_rate, resembles, resembling, told
-from cutbench.discovery.candidates import ORDER, Candidate, candidates
+from cutbench.discovery.candidates import Candidate, candidates
 from cutbench.discovery.causes import PRICE
 from cutbench.discovery.columns import Sensed, sense
 from cutbench.discovery.extending import Place, extend
 from cutbench.discovery.foreseen import Foreseen
-from cutbench.discovery.heldout import TESTS, Heldout, better_than, decide
-from cutbench.discovery.outcome import CHANCE, OWN, SHARE, SHARE_WEAK, Round, Tried
+from cutbench.discovery.heldout import Heldout, decide
+from cutbench.discovery.judging import judged, together
+from cutbench.discovery.outcome import Round, Tried
 from cutbench.discovery.point import Point, own_part, undetermined
 from cutbench.discovery.score import Score, Scores, deviations, score
 from cutbench.discovery.yardstick import Yardstick
@@ -39,37 +39,25 @@ PROBED = 8
 NEAR = 0.5
 #: A rig or reading that is foreseen to leave no more is fitted first, so many at the most.
 LEFT, FIRST = 0.6, 2
-#: Fits are told apart by so many standard errors of their difference; more if known to first order only.
-APART, APART_MESHED = 2.0, 3.0
 #: Values of shapes tried where the data leave them open; how far scores may lie behind, in prices.
 SHAPES, OPEN = 3, 5
 
 
-def round_of(point: Point, run: Predictor, seed: int, on_progress: OnProgress) -> Round:
-    """What is asked of the model at ``point``. With a mesh nothing where chance leaves as much, and first
-    what knows of speed where each cut would have a value of its own.
+def round_of(
+    point: Point, run: Predictor, seed: int, on_progress: OnProgress, enough: float = PROMISING
+) -> Round:
+    """What is asked of the model at ``point``. With a mesh nothing where chance leaves as much in one of so
+    many times as are ``enough``, and first what knows of speed where each cut would have a value of its own.
+    A KeyboardInterrupt ends it with what was tried until then.
 
-    Raises KeyboardInterrupt, and ComputationFailed if no candidate's run can be computed.
+    Raises ComputationFailed if no candidate's run can be computed.
     """
     chosen, left_out = candidates(point.inverse, point.case)
     asking = _Asking(point, run, seed, on_progress)
-    if point.meshed:
-        nothing = Sensed(dict(point.y), dict(point.J), [])
-        scores = score(nothing, point.w.noise, point.residual, seed=seed)
-        if scores.p_residual >= PROMISING:
-            return Round(point, nothing, scores, (), (), None, left_out, {})
-        before = asking.foreseen(chosen, left_out, scores)
-        if before is not None and _explained(before):
-            return before
-        some, idle = by_rate(point, chosen)
-        if places := apart(point, on_progress, some if idle else ()):
-            every, _ = candidates(point.inverse, point.case, one_a_class=False)
-            this = asking.beside(places, some, every, {**left_out, **idle}, scores)
-            if this.accepted is None and idle:
-                this = asking.anywhere(chosen, idle, left_out)
-            return replace(_likelier(before, this), own=tuple(map(told, places)))
-        return _likelier(before, asking.anywhere(chosen, idle, left_out))
-    return asking.at(Place.of(point), chosen, left_out)
+    try:
+        return asking.all(chosen, left_out, enough)
+    except KeyboardInterrupt:
+        return replace(together(asking.made) if asking.made else asking.none(left_out), stopped=True)
 
 
 def _left_by(point: Point, chosen: Sequence[Candidate]) -> dict[str, float]:
@@ -105,6 +93,41 @@ class _Asking:
     run: Predictor
     seed: int
     on_progress: OnProgress
+    #: What was asked until now.
+    made: list[Round] = field(default_factory=list)
+
+    @cached_property
+    def plain(self) -> Scores:
+        """What chance says of the residual at the point."""
+        return score(self.nothing, self.point.w.noise, self.point.residual, seed=self.seed)
+
+    @property
+    def nothing(self) -> Sensed:
+        """No candidate at all."""
+        return Sensed(dict(self.point.y), dict(self.point.J), [])
+
+    def none(self, left_out: Mapping[str, str]) -> Round:
+        """Where no candidate was asked."""
+        return Round(self.point, self.nothing, self.plain, (), (), None, left_out, {})
+
+    def all(self, chosen: Sequence[Candidate], left_out: Mapping[str, str], enough: float) -> Round:
+        """All that is to be asked, unless chance leaves as much ``enough``."""
+        point = self.point
+        if not point.meshed:
+            return self.at(Place.of(point), chosen, left_out)
+        if self.plain.p_residual >= enough:
+            return self.none(left_out)
+        before = self.foreseen(chosen, left_out, self.plain)
+        if before is not None and _explained(before):
+            return before
+        some, idle = by_rate(point, chosen)
+        if places := apart(point, self.on_progress, some if idle else ()):
+            every, _ = candidates(point.inverse, point.case, one_a_class=False)
+            this = self.beside(places, some, every, {**left_out, **idle}, self.plain)
+            if this.accepted is None and idle:
+                this = self.anywhere(chosen, idle, left_out)
+            return replace(_likelier(before, this), own=tuple(map(told, places)))
+        return _likelier(before, self.anywhere(chosen, idle, left_out))
 
     def foreseen(
         self, chosen: Sequence[Candidate], left_out: Mapping[str, str], plain: Scores
@@ -125,9 +148,11 @@ class _Asking:
         gain most, wherever the model itself has ended; by their scores at the point, if there are none."""
         laws = [c for c in chosen if c.name in idle and c.slot != "rig"]
         every, _ = candidates(self.point.inverse, self.point.case, one_a_class=False)
-        found = {one.candidate.name: one for one in looked(self.point, laws, every, self.on_progress)}
+        paying, vain = looked(self.point, laws, every, self.on_progress)
+        found = {one.candidate.name: one for one in paying}
+        why = {**left_out, **dict.fromkeys(vain, "not asked: it is foreseen to explain nothing")}
         if not found:
-            return self.at(Place.of(self.point), chosen, left_out)
+            return self.at(Place.of(self.point), [c for c in chosen if c.name not in vain], why)
         more = [c for c in every if c.name in found and c not in chosen]
         why = {name: reason for name, reason in left_out.items() if name not in found}
         return self.at(Place.of(self.point), [*chosen, *more], why, None, [*found], found)
@@ -148,23 +173,7 @@ class _Asking:
                 break
             alike, unlike = resembling(place, chosen, every)
             made.append(self.at(place, alike, {**left_out, **unlike}, plain))
-        first, *others = made
-        if not others:
-            return first
-        asked = {s.name for each in made for s in each.scores.scores}
-        columns = [column for each in made for column in each.sensed.columns]
-        scores = replace(
-            first.scores,
-            scores=[s for each in made for s in each.scores.scores],
-            others={name: more for each in made for name, more in each.scores.others.items()},
-            scale={name: size for each in made for name, size in each.scores.scale.items()},
-        )
-        tried = [t for each in made for t in each.tried]
-        return _judged(
-            self.point, replace(first.sensed, columns=columns), scores, tried,
-            {n: why for each in made for n, why in each.left_out.items() if n not in asked},
-            {n: why for each in made for n, why in each.failed.items()},
-        )  # fmt: skip
+        return together(made)
 
     def at(
         self,
@@ -196,18 +205,23 @@ class _Asking:
             scores = replace(scores, chi2=plain.chi2, p_residual=plain.p_residual)
         scored = {s.name for s in scores.scores}
         failed = {c.name: "no run could take it up beside the others" for c in chosen if c.name not in scored}
-        tried = self._tried(place, scores, failed, named, found or {})
-        return _judged(point, sensed, scores, tried, left_out, failed)
+        tried: list[Tried] = []
+        try:
+            for each in self._trying(place, scores, failed, named, found or {}):
+                tried.append(each)
+        finally:
+            self.made.append(made := judged(point, sensed, scores, tried, left_out, failed))
+        return made
 
-    def _tried(
+    def _trying(
         self,
         place: Place,
         scores: Scores,
         failed: dict[str, str],
         named: Sequence[str] | None,
         found: Mapping[str, Looked],
-    ) -> list[Tried]:
-        """Those worth it, fitted; why others could not be goes into ``failed``."""
+    ) -> Iterator[Tried]:
+        """Those worth it, fitted one after the other; why others could not be goes into ``failed``."""
         point, wrong = self.point, Yardstick(self.point, scores.expected)
         worth = [s for s in scores.scores if s.p < PROMISING and s.gain > 1]
         order = _simplest(worth)
@@ -240,7 +254,7 @@ class _Asking:
             own = own_part(after, s.column.candidate)
             chance = scores.p_any(s.name, gain)
             tried.append(Tried(s, after, held, gain, chance, share, shapes_open=kept, own=own))
-        return tried
+            yield tried[-1]
 
 
 def _alike(point: Point, place: Place, scores: Scores) -> list[Score]:
@@ -283,52 +297,3 @@ def _shaped(point: Point, s: Score, after: Point, scores: Scores) -> tuple[Point
         if one.likelihood >= most - PRICE and (mine := decide(point, one)).better > held.better:
             after, held = one, mine
     return after, held, True
-
-
-def _judged(
-    point: Point,
-    sensed: Sensed,
-    scores: Scores,
-    tried: list[Tried],
-    left_out: Mapping[str, str],
-    failed: Mapping[str, str],
-) -> Round:
-    """The round in which so much was ``tried``, with what is accepted of it."""
-    tried, group = _ordered(tried, scores, point.meshed)
-    # A residual that is not significant as a whole needs a candidate that explains most of it.
-    needed = SHARE if scores.p_residual < CHANCE else SHARE_WEAK
-    able = [t for t in tried if t.name in group and t.convincing and t.share >= needed]
-    if able and all(t.heldout.how == TESTS for t in able):
-        # What the fitted tests cannot tell apart, those that were not fitted may.
-        able.sort(key=lambda t: -t.heldout.gain)
-    # A machine or a value that explains as much as a mechanism is asked first.
-    able.sort(key=lambda t: ORDER.index(t.score.column.candidate.cause))
-    accepted = able[0].name if able else None
-    return Round(point, sensed, scores, tuple(tried), tuple(group), accepted, left_out, failed)
-
-
-def _ordered(tried: list[Tried], scores: Scores, meshed: bool) -> tuple[list[Tried], list[str]]:
-    """By χ² with the price of parameters; those that cannot be told from the first by what they predict."""
-    if not tried:
-        return [], []
-
-    def cost(t: Tried) -> float:
-        predicted = t.heldout.better if t.heldout.how == TESTS else 0.0
-        return PRICE * len(t.score.column.candidate.parameters) - t.point.likelihood - predicted
-
-    # What leaves nothing of the specimen explains nothing.
-    tried = sorted(tried, key=lambda t: (t.own < OWN, cost(t), t.name))
-    best, placed = tried[0], []
-    for t in tried:
-        rise, se = better_than(t.point, best.point)
-        placed.append(replace(t, behind=rise, behind_se=se))
-    apart = APART_MESHED if meshed else APART
-    alike = [t for t in placed if t.own >= OWN and t.behind < apart * t.behind_se]
-    group = [t.name for t in placed if t is placed[0] or t in alike]
-    fitted = {t.name for t in placed}
-    for s in scores.scores:
-        # Those that were not fitted count by their first order.
-        behind = best.score.gain - s.gain
-        if s.name not in fitted and behind < apart * 2 * np.linalg.norm(best.score.direction - s.direction):
-            group.append(s.name)
-    return placed, group

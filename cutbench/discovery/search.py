@@ -7,8 +7,10 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+from cutbench.base.errors import ComputationFailed
 from cutbench.base.notebook import watched
-from cutbench.base.progress import OnProgress, silent
+from cutbench.base.progress import OnProgress, Until, silent
+from cutbench.calibration.fitted import Fit
 from cutbench.calibration.fitting import fit
 from cutbench.calibration.inverse import GRID
 from cutbench.calibration.prediction import Predictor, predictor
@@ -20,6 +22,8 @@ from cutbench.discovery.heldout import TESTS, compare, decide
 from cutbench.discovery.numerical import numerical_causes
 from cutbench.discovery.outcome import (
     CHANCE,
+    INTERRUPTED,
+    LATE,
     SHARE,
     Discovery,
     NumericalCauses,
@@ -28,7 +32,8 @@ from cutbench.discovery.outcome import (
 )
 from cutbench.discovery.point import Point, point_of, settled
 from cutbench.discovery.protocol import Proposal, cut_proposals, proposals, sentence
-from cutbench.discovery.rounds import round_of
+from cutbench.discovery.rounds import PROMISING, round_of
+from cutbench.discovery.sounder import sounder
 from cutbench.discovery.where import sections
 from cutbench.discovery.yardstick import Yardstick
 from cutbench.run.pool.pool import cores
@@ -46,6 +51,8 @@ ELSEWHERE, LIKELY = 0.25, 2.5
 WORSE = 0.1
 #: Causes found, at the most; firsts of a pair that are tried.
 MOST, FIRSTS = 4, 3
+#: So often a model is fitted again where the search for what it lacks has led.
+AGAIN = 2
 
 
 @watched("")
@@ -58,39 +65,50 @@ def discover(
     grid: int = GRID,
     seed: int = 0,
     kept: str | Path | None = None,
+    limit_s: float = math.inf,
 ) -> Discovery:
-    """``on_progress`` has what is done now; how much there is to do is not known. Ctrl-C after a mechanism
-    was found ends with that. Cuts are left in the folder ``kept``, and taken from there if they were
-    computed before.
+    """``on_progress`` has what is done now; how much there is to do is not known. Ctrl-C, or the end of
+    ``limit_s`` seconds, once the baseline is fitted ends with what was found until then. Cuts are left in the
+    folder ``kept``, and taken from there if they were computed before.
 
-    Raises BadInput, and ComputationFailed if the baseline cannot be computed.
+    Raises BadInput, ComputationFailed if the baseline cannot be computed, or not in ``limit_s``, and
+    KeyboardInterrupt.
     """
     began = time.perf_counter()
+    due = time.monotonic() + limit_s
     campaign = baseline_of(campaign)
     count = cores() if workers is None else workers
-    on_progress(math.nan, math.nan, "fitting the baseline")
     runs = 3 * sum(e.kind == "cut" for e in campaign.experiments)
     # What the fit has computed, others are foreseen from.
-    with predictor(min(count, runs), kept) as run:
-        fitted = fit(
-            campaign, run=run, refine=refine, grid=grid,
-            on_progress=lambda done, total, text: on_progress(done, total, f"fitting the baseline, {text}"),
-        )  # fmt: skip
-        if fitted.status == "interrupted":
-            raise KeyboardInterrupt
-        point = point_of(fitted, run)
+    with predictor(min(count, runs), kept, Until(due)) as run:
+        try:
+            fitted, point = _baseline(campaign, run, refine, grid, on_progress)
+        except KeyboardInterrupt:
+            if _why(due) == LATE:
+                late = f"the baseline is not fitted after {limit_s:g} s, the limit given"
+                raise ComputationFailed(late) from None
+            raise
         rounds: list[Round] = []
         found: list[Candidate] = []
-        numerics = NumericalCauses()
-        interrupted = False
+        numerics, again = NumericalCauses(), AGAIN
+        causes: list[Cause] = []
         try:
             while True:
-                this, then = round_of(point, run, seed, on_progress), None
-                if not rounds:
-                    numerics = numerical_causes(this, run, seed, on_progress)
+                # A second cause of what may be chance is none.
+                enough = CHANCE if rounds else PROMISING
+                this, then = round_of(point, run, seed, on_progress, enough), None
+                try:
+                    if again and not this.stopped and (better := sounder(this, run, refine, on_progress)):
+                        again -= 1
+                        fitted, point = (fitted if rounds else better[0]), better[1]
+                        continue
+                    if not (rounds or this.stopped):
+                        numerics = numerical_causes(this, run, seed, on_progress)
+                except KeyboardInterrupt:
+                    this = replace(this, stopped=True)
                 if numerics.explains:
                     this = replace(this, accepted=None)
-                elif this.accepted is None and this.scores.p_residual < CHANCE:
+                elif this.accepted is None and this.scores.p_residual < CHANCE and not this.stopped:
                     this, then = _pair(this, run, seed, on_progress)
                 more = [this] if then is None else [this, then]
                 if rounds and not _worth_a_name(more[-1], rounds[0]):
@@ -102,33 +120,59 @@ def discover(
                     taken = next(t for t in each.tried if t.name == each.accepted)
                     found.append(taken.score.column.candidate)
                     point = taken.point
+                if any(each.stopped for each in more):
+                    break
                 point = _surer(rounds[0].point, point, settled(point, run, refine, on_progress))
+            stopped = _why(due) if any(each.stopped for each in rounds) else ""
+            if found and not stopped:
+                last = point
+                point, causes = pruned(rounds[0].point, point, found, run, on_progress)
+                if point is not last and rounds[-1].accepted is None:
+                    # What is left is that of the model that stays.
+                    rounds[-1] = replace(round_of(point, run, seed, on_progress), accepted=None)
         except KeyboardInterrupt:
             if not rounds:
                 raise
-            interrupted = True
-        causes: list[Cause] = []
-        if found and not interrupted:
-            last = point
-            point, causes = pruned(rounds[0].point, point, found, run, on_progress)
-            if point is not last and rounds[-1].accepted is None:
-                # What is left is that of the model that stays.
-                rounds[-1] = replace(round_of(point, run, seed, on_progress), accepted=None)
-        elif found:
+            stopped = _why(due)
+        if stopped:
             causes = [Cause(c, None) for c in found]
         gain = compare(rounds[0].point, point) if causes else None
         clean = clean_gain(rounds[0].point, point, seed) if causes else None
-        verdict = "mechanism" if interrupted else _verdict(rounds)
-        asked = ([], "Not asked: interrupted.") if interrupted else _next(rounds, verdict, run, on_progress)
-        proposed, text = asked
-    stopped = "Interrupted: what was found stands, what else there may be was not asked."
+        verdict = _verdict(rounds, stopped)
+        proposed: list[Proposal] = []
+        text = f"Not asked: {stopped}."
+        if not stopped:
+            try:
+                proposed, text = _next(rounds, verdict, run, on_progress)
+            except KeyboardInterrupt:
+                text = f"Not asked: {_why(due)}."
+    how = [f"Ended early ({stopped}): what was found stands, what else there may be was not asked."]
     own = [note for each in rounds for note in each.own]
-    notes = (*([stopped] if interrupted else []), *own, *fitted.notes, *rounds[0].point.trouble)
+    notes = (*(how if stopped else []), *own, *fitted.notes, *rounds[0].point.trouble)
     return Discovery(
         campaign, fitted, verdict, tuple(causes), tuple(rounds), point, gain,
         tuple(sections(rounds[0].point)), tuple(sections(point)), numerics, tuple(proposed), text,
-        time.perf_counter() - began, tuple(dict.fromkeys(notes)), interrupted, clean,
+        time.perf_counter() - began, tuple(dict.fromkeys(notes)), stopped, clean,
     )  # fmt: skip
+
+
+def _baseline(
+    campaign: Campaign, run: Predictor, refine: bool, grid: int, on_progress: OnProgress
+) -> tuple[Fit, Point]:
+    """The fit of the baseline, and the model at its end. Raises as ``discover`` does."""
+    on_progress(math.nan, math.nan, "fitting the baseline")
+    fitted = fit(
+        campaign, run=run, refine=refine, grid=grid,
+        on_progress=lambda done, total, text: on_progress(done, total, f"fitting the baseline, {text}"),
+    )  # fmt: skip
+    if fitted.status == "interrupted":
+        raise KeyboardInterrupt
+    return fitted, point_of(fitted, run)
+
+
+def _why(due: float) -> str:
+    """Why a computation ends early that was to end when it is ``due``."""
+    return LATE if time.monotonic() >= due else INTERRUPTED
 
 
 def _next(
@@ -175,6 +219,8 @@ def _pair(this: Round, run: Predictor, seed: int, on_progress: OnProgress) -> tu
     for t in able[: 1 if this.point.meshed else FIRSTS]:
         on_progress(math.nan, math.nan, f"what convinces beside {t.name}")
         then = round_of(t.point, run, seed, on_progress)
+        if then.stopped:
+            return replace(this, stopped=True), None
         second = next((x for x in then.tried if x.name == then.accepted), None)
         if second is None or 1 - wrong.left(second.point) < SHARE:
             continue
@@ -199,6 +245,9 @@ def _worth_a_name(this: Round, first: Round) -> bool:
     if added is None:
         return False
     held = added.heldout
+    if first.point.meshed and added.point.tests and held.how != TESTS:
+        # What a formula leaves of the fitted cuts another one takes up; it need not be so in other cuts.
+        return False
     seen = held.how == TESTS and held.better > LIKELY * held.better_se
     if seen and max(held.gain, held.gain_of_shape) > ELSEWHERE:
         return True
@@ -207,7 +256,7 @@ def _worth_a_name(this: Round, first: Round) -> bool:
     return held.better > SURELY * held.better_se and taken > NAMED
 
 
-def _verdict(rounds: list[Round]) -> str:
+def _verdict(rounds: list[Round], stopped: str = "") -> str:
     first, last = rounds[0], rounds[-1]
     found = any(r.accepted for r in rounds)
     alone = all(len(e.repetitions) == 1 for e in first.point.campaign.train)
@@ -216,6 +265,8 @@ def _verdict(rounds: list[Round]) -> str:
     rest = Yardstick(first.point, first.scores.expected).left(last.point)
     if not left:
         return "mechanism" if found else "none"
+    if stopped:
+        return "mechanism" if found else "undecided"
     # Nothing is unexplained before it was tried.
     tried = any(r.scores.scores for r in rounds) and not rounds[-1].failed
     if found and (tried or rest <= most):

@@ -3,12 +3,13 @@ gains."""
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from cutbench.cli.options import CampaignFile, Refine, Workers, exits, whole, written
+from cutbench.cli.options import CampaignFile, Refine, Workers, exits, seconds, whole, written
 from cutbench.cli.progress import bar
 
 
@@ -20,26 +21,35 @@ def discover(
     ] = Path("discovery"),
     workers: Workers = None,
     refine: Refine = True,
+    limit: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TIME", help="No longer than this, in s or with a unit: '10 min'; what was found is told."
+        ),
+    ] = None,
 ) -> None:
     """Fit the baseline, show where it fails, name the mechanism that explains it and what it gains."""
     from cutbench.base.files import check_writable
     from cutbench.data.campaign import load_campaign
 
     loaded = load_campaign(campaign)
-    count = whole("workers", workers)
+    count, limit_s = whole("workers", workers), seconds("--limit", limit, math.inf)
     folder = check_writable(out)
 
     from cutbench.discovery import discover as run
+    from cutbench.discovery.outcome import INTERRUPTED
     from cutbench.discovery.page import write_discovery
     from cutbench.discovery.report import summary
 
     with bar("discover") as on_progress:
         kept = folder / "runs"
-        found = run(loaded, workers=count, refine=refine, on_progress=on_progress, kept=kept)
+        found = run(
+            loaded, workers=count, refine=refine, on_progress=on_progress, kept=kept, limit_s=limit_s
+        )  # fmt: skip
     paths = write_discovery(found, folder)
     typer.echo(summary(found))
     written(paths)
-    if found.interrupted:
+    if found.stopped == INTERRUPTED:
         raise typer.Exit(130)
     if found.verdict == "undecided":
         raise typer.Exit(1)
