@@ -224,6 +224,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--case", type=int, help="the case of this number alone")
     parser.add_argument("--workers", type=int, default=2, help="processes of a search")
     parser.add_argument("--limit", type=float, default=math.inf, help="seconds after which no case begins")
+    parser.add_argument("--each", type=float, default=math.inf, help="seconds after which a search ends")
     parser.add_argument("--json", type=Path, help="keep everything there, and go on from it")
     parser.add_argument("--runs", type=Path, help="leave the runs of each case there, and go on from them")
     parser.add_argument("--told", action="store_true", help="show what the search does")
@@ -250,6 +251,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                     workers=args.workers,
                     on_progress=_told if args.told else silent,
                     kept=args.runs and args.runs / str(number),
+                    limit_s=args.each,
                 )
             except CutbenchError as error:
                 print(f"{number:3d} {effect}: {error}", flush=True)
