@@ -13,9 +13,11 @@ from test_emulated import Remembering, inverse_of
 
 from cutbench.base.progress import silent
 from cutbench.calibration import survey
-from cutbench.discovery import sounder as module
+from cutbench.discovery import rounds, sounder
 from cutbench.discovery.point import Point
+from cutbench.discovery.sounder import moved, without
 
+LAW = SimpleNamespace(parameters=(), cause="mechanism", slot="bulk")
 AWAY = {"G": TRUE["G"] * 1.1, "G_c": TRUE["G_c"] * 1.3}
 
 
@@ -35,15 +37,10 @@ def at(inverse, **values: float) -> Point:
     )
 
 
-def round_at(point: Point, candidate: Point | None) -> SimpleNamespace:
-    """Of which ``candidate`` is the model with what was accepted."""
-    tried = () if candidate is None else (SimpleNamespace(name="law", point=candidate),)
-    return SimpleNamespace(point=point, tried=tried, accepted=None if candidate is None else "law")
-
-
 def test_the_model_goes_where_the_candidate_has_led_if_it_is_likelier_there_without(cuts):
     point = at(cuts, **AWAY)
-    fitted, there = module.sounder(round_at(point, at(cuts, **TRUE)), cuts.run, False, silent)
+    q = without(point, at(cuts, **TRUE))
+    fitted, there = moved(point, q, cuts.run, False, silent)
     assert there.likelihood > point.likelihood
     for name, value in TRUE.items():
         assert there.values[name] == pytest.approx(value, rel=0.02)
@@ -52,15 +49,27 @@ def test_the_model_goes_where_the_candidate_has_led_if_it_is_likelier_there_with
 
 def test_a_gain_of_its_own_is_the_candidates(cuts, monkeypatch):
     """It makes the data far likelier than the model is anywhere."""
-    point, taken = at(cuts, **AWAY), at(cuts, **TRUE)
-    whole = module._likely
-    monkeypatch.setattr(module, "_likely", lambda p, q: 1e6 if p is taken else whole(p, q))
+    point, after = at(cuts, **AWAY), at(cuts, **TRUE)
+    whole = sounder._likely
+    monkeypatch.setattr(sounder, "_likely", lambda one, *by: 1e6 if one is after else whole(one, *by))
     places = cuts.run.places
-    assert module.sounder(round_at(point, taken), cuts.run, False, silent) is None
+    assert without(point, after) is None
     assert cuts.run.places == places
 
 
-def test_nothing_is_fitted_where_nothing_was_accepted(cuts):
-    point, places = at(cuts, **AWAY), cuts.run.places
-    assert module.sounder(round_at(point, None), cuts.run, False, silent) is None
-    assert cuts.run.places == places
+def test_a_model_that_is_where_it_is_likeliest_stays(cuts):
+    point = at(cuts, **TRUE)
+    assert without(point, at(cuts, **AWAY)) is None
+    assert moved(point, at(cuts, **AWAY).q, cuts.run, False, silent) is None
+
+
+def test_a_round_ends_where_a_candidate_has_led_elsewhere(cuts, monkeypatch):
+    point = at(cuts, **AWAY)
+    monkeypatch.setattr(rounds, "extend", lambda *given, **how: at(cuts, **TRUE))
+    monkeypatch.setattr(rounds, "sense", lambda *given: None)
+    law = SimpleNamespace(name="law", p=0.0, gain=100.0, z=5.0, column=SimpleNamespace(candidate=LAW))
+    asking = rounds._Asking(point, cuts.run, 0, silent, again=True)
+    scores = SimpleNamespace(scores=[law], expected=None)
+    with pytest.raises(rounds.Elsewhere) as end:
+        [*asking._trying(rounds.Place.of(point), scores, {}, ["law"], {})]
+    assert np.abs(end.value.q - at(cuts, **TRUE).q).max() < 0.05

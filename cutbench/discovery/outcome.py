@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar
 
+import numpy as np
+
 from cutbench.base.handled import Handled
 from cutbench.calibration.fitted import Fit
 from cutbench.data.campaign import Campaign
@@ -69,7 +71,8 @@ class Round:
     """``point``: the model at its beginning; ``tried`` in the order of what they explain; ``group``: names
     that these data cannot tell from the first of them; ``accepted``: name or None. ``left_out``: candidates
     that do not apply, ``failed``: those that could not be tried, each with the reason. ``own``: what cuts
-    say each on its own, in sentences. ``stopped``: whether it ended before all was asked."""
+    say each on its own, in sentences. ``stopped``: whether it ended before all was asked; ``elsewhere``:
+    since the model is likelier there (k,)."""
 
     point: Point
     sensed: Sensed
@@ -81,6 +84,7 @@ class Round:
     failed: Mapping[str, str]
     own: tuple[str, ...] = ()
     stopped: bool = False
+    elsewhere: np.ndarray | None = None
 
     @property
     def candidates(self) -> list[tuple[Score, Tried | None]]:

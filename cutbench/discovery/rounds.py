@@ -22,6 +22,7 @@ from cutbench.discovery.judging import judged, together
 from cutbench.discovery.outcome import Round, Tried
 from cutbench.discovery.point import Point, own_part, undetermined
 from cutbench.discovery.score import Score, Scores, deviations, score
+from cutbench.discovery.sounder import Elsewhere, without
 from cutbench.discovery.yardstick import Yardstick
 
 #: A candidate on its own is worth a fit if it gains more than chance does this often.
@@ -44,20 +45,27 @@ SHAPES, OPEN = 3, 5
 
 
 def round_of(
-    point: Point, run: Predictor, seed: int, on_progress: OnProgress, enough: float = PROMISING
+    point: Point,
+    run: Predictor,
+    seed: int,
+    on_progress: OnProgress,
+    enough: float = PROMISING,
+    again: bool = False,
 ) -> Round:
     """What is asked of the model at ``point``. With a mesh nothing where chance leaves as much in one of so
     many times as are ``enough``, and first what knows of speed where each cut would have a value of its own.
-    A KeyboardInterrupt ends it with what was tried until then.
+    A KeyboardInterrupt ends it with what was tried until then, and if it can be asked ``again`` a candidate
+    that has led to where the model is likelier without it.
 
     Raises ComputationFailed if no candidate's run can be computed.
     """
     chosen, left_out = candidates(point.inverse, point.case)
-    asking = _Asking(point, run, seed, on_progress)
+    asking = _Asking(point, run, seed, on_progress, again)
     try:
         return asking.all(chosen, left_out, enough)
-    except KeyboardInterrupt:
-        return replace(together(asking.made) if asking.made else asking.none(left_out), stopped=True)
+    except (KeyboardInterrupt, Elsewhere) as end:
+        made = together(asking.made) if asking.made else asking.none(left_out)
+        return replace(made, stopped=True, elsewhere=end.q if isinstance(end, Elsewhere) else None)
 
 
 def _left_by(point: Point, chosen: Sequence[Candidate]) -> dict[str, float]:
@@ -93,6 +101,7 @@ class _Asking:
     run: Predictor
     seed: int
     on_progress: OnProgress
+    again: bool = False
     #: What was asked until now.
     made: list[Round] = field(default_factory=list)
 
@@ -244,6 +253,8 @@ class _Asking:
             self.on_progress(math.nan, math.nan, f"fitting {s.name}: score {s.z:.1f}")
             try:
                 after = extend(point, s, place=place, looked=found.get(s.name))
+                if self.again and (q := without(point, after)) is not None:
+                    raise Elsewhere(q)
             except (ComputationFailed, BadInput) as error:
                 failed[s.name] = str(error)
                 continue

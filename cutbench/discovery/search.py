@@ -33,7 +33,7 @@ from cutbench.discovery.outcome import (
 from cutbench.discovery.point import Point, point_of, settled
 from cutbench.discovery.protocol import Proposal, cut_proposals, proposals, sentence
 from cutbench.discovery.rounds import PROMISING, round_of
-from cutbench.discovery.sounder import sounder
+from cutbench.discovery.sounder import moved
 from cutbench.discovery.where import sections
 from cutbench.discovery.yardstick import Yardstick
 from cutbench.run.pool.pool import cores
@@ -88,54 +88,10 @@ def discover(
                 late = f"the baseline is not fitted after {limit_s:g} s, the limit given"
                 raise ComputationFailed(late) from None
             raise
-        rounds: list[Round] = []
-        found: list[Candidate] = []
-        numerics, again = NumericalCauses(), AGAIN
-        causes: list[Cause] = []
-        try:
-            while True:
-                # A second cause of what may be chance is none.
-                enough = CHANCE if rounds else PROMISING
-                this, then = round_of(point, run, seed, on_progress, enough), None
-                try:
-                    if again and not this.stopped and (better := sounder(this, run, refine, on_progress)):
-                        again -= 1
-                        fitted, point = (fitted if rounds else better[0]), better[1]
-                        continue
-                    if not (rounds or this.stopped):
-                        numerics = numerical_causes(this, run, seed, on_progress)
-                except KeyboardInterrupt:
-                    this = replace(this, stopped=True)
-                if numerics.explains:
-                    this = replace(this, accepted=None)
-                elif this.accepted is None and this.scores.p_residual < CHANCE and not this.stopped:
-                    this, then = _pair(this, run, seed, on_progress)
-                more = [this] if then is None else [this, then]
-                if rounds and not _worth_a_name(more[-1], rounds[0]):
-                    more = [this := replace(this, accepted=None)]
-                rounds += more
-                if this.accepted is None or len(found) >= MOST:
-                    break
-                for each in more:
-                    taken = next(t for t in each.tried if t.name == each.accepted)
-                    found.append(taken.score.column.candidate)
-                    point = taken.point
-                if any(each.stopped for each in more):
-                    break
-                point = _surer(rounds[0].point, point, settled(point, run, refine, on_progress))
-            stopped = _why(due) if any(each.stopped for each in rounds) else ""
-            if found and not stopped:
-                last = point
-                point, causes = pruned(rounds[0].point, point, found, run, on_progress)
-                if point is not last and rounds[-1].accepted is None:
-                    # What is left is that of the model that stays.
-                    rounds[-1] = replace(round_of(point, run, seed, on_progress), accepted=None)
-        except KeyboardInterrupt:
-            if not rounds:
-                raise
-            stopped = _why(due)
-        if stopped:
-            causes = [Cause(c, None) for c in found]
+        search = _Search(fitted, point, run, refine, seed, on_progress)
+        search.all()
+        rounds, point, causes = search.rounds, search.point, search.causes
+        stopped = _why(due) if search.stopped else ""
         gain = compare(rounds[0].point, point) if causes else None
         clean = clean_gain(rounds[0].point, point, seed) if causes else None
         verdict = _verdict(rounds, stopped)
@@ -148,10 +104,10 @@ def discover(
                 text = f"Not asked: {_why(due)}."
     how = [f"Ended early ({stopped}): what was found stands, what else there may be was not asked."]
     own = [note for each in rounds for note in each.own]
-    notes = (*(how if stopped else []), *own, *fitted.notes, *rounds[0].point.trouble)
+    notes = (*(how if stopped else []), *own, *search.fitted.notes, *rounds[0].point.trouble)
     return Discovery(
-        campaign, fitted, verdict, tuple(causes), tuple(rounds), point, gain,
-        tuple(sections(rounds[0].point)), tuple(sections(point)), numerics, tuple(proposed), text,
+        campaign, search.fitted, verdict, tuple(causes), tuple(rounds), point, gain,
+        tuple(sections(rounds[0].point)), tuple(sections(point)), search.numerics, tuple(proposed), text,
         time.perf_counter() - began, tuple(dict.fromkeys(notes)), stopped, clean,
     )  # fmt: skip
 
@@ -173,6 +129,88 @@ def _baseline(
 def _why(due: float) -> str:
     """Why a computation ends early that was to end when it is ``due``."""
     return LATE if time.monotonic() >= due else INTERRUPTED
+
+
+class _Search:
+    """Round after round, from the baseline's ``point`` on."""
+
+    def __init__(
+        self, fitted: Fit, point: Point, run: Predictor, refine: bool, seed: int, on_progress: OnProgress
+    ):
+        self.fitted, self.point, self._run = fitted, point, run
+        self._refine, self._seed, self._on_progress = refine, seed, on_progress
+        self.rounds: list[Round] = []
+        self.found: list[Candidate] = []
+        self.causes: list[Cause] = []
+        self.numerics, self.stopped, self._again = NumericalCauses(), False, AGAIN
+
+    def all(self) -> None:
+        """Until nothing is gained, or it is ``stopped``. Raises KeyboardInterrupt if nothing was asked."""
+        try:
+            while self._another():
+                pass
+            self.stopped = any(each.stopped for each in self.rounds)
+            if self.found and not self.stopped:
+                self._prune()
+        except KeyboardInterrupt:
+            if not self.rounds:
+                raise
+            self.stopped = True
+        if self.stopped:
+            self.causes = [Cause(c, None) for c in self.found]
+
+    def _another(self) -> bool:
+        """A round, and whether there is to be one more."""
+        more = self._asked()
+        if self.rounds and not _worth_a_name(more[-1], self.rounds[0]):
+            more = [replace(more[0], accepted=None)]
+        self.rounds += more
+        if more[0].accepted is None or len(self.found) >= MOST:
+            return False
+        for each in more:
+            taken = next(t for t in each.tried if t.name == each.accepted)
+            self.found.append(taken.score.column.candidate)
+            self.point = taken.point
+        if any(each.stopped for each in more):
+            return False
+        after = settled(self.point, self._run, self._refine, self._on_progress)
+        self.point = _surer(self.rounds[0].point, self.point, after)
+        return True
+
+    def _asked(self) -> list[Round]:
+        """What is asked of the model, where it is likeliest; of a pair both rounds."""
+        while True:
+            # A second cause of what may be chance is none.
+            enough = CHANCE if self.rounds else PROMISING
+            this = round_of(self.point, self._run, self._seed, self._on_progress, enough, self._again > 0)
+            try:
+                if this.elsewhere is None:
+                    if not (self.rounds or this.stopped):
+                        self.numerics = numerical_causes(this, self._run, self._seed, self._on_progress)
+                    break
+                self._again -= 1
+                better = moved(self.point, this.elsewhere, self._run, self._refine, self._on_progress)
+                if better is not None:
+                    self.point = better[1]
+                    self.fitted = self.fitted if self.rounds else better[0]
+            except KeyboardInterrupt:
+                this = replace(this, stopped=True)
+                break
+        if self.numerics.explains:
+            return [replace(this, accepted=None)]
+        if this.accepted is None and this.scores.p_residual < CHANCE and not this.stopped:
+            this, then = _pair(this, self._run, self._seed, self._on_progress)
+            return [this] if then is None else [this, then]
+        return [this]
+
+    def _prune(self) -> None:
+        """Without causes that predict nothing beside the others."""
+        first, last = self.rounds[0].point, self.point
+        self.point, self.causes = pruned(first, last, self.found, self._run, self._on_progress)
+        if self.point is not last and self.rounds[-1].accepted is None:
+            # What is left is that of the model that stays.
+            this = round_of(self.point, self._run, self._seed, self._on_progress)
+            self.rounds[-1] = replace(this, accepted=None)
 
 
 def _next(

@@ -15,53 +15,61 @@ from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.progress import OnProgress
 from cutbench.calibration.fitted import Fit
 from cutbench.calibration.prediction import Predictor
-from cutbench.calibration.survey import Survey, likely
-from cutbench.discovery.outcome import Round, Tried
+from cutbench.calibration.survey import ERRS, Survey, likely
 from cutbench.discovery.point import Point, fit_again, point_of
 
-#: So much of the candidate's gain is foreseen to be had without it.
+#: So much of the candidate's gain is to be had without it.
 MUCH = 0.3
 
 
-def sounder(this: Round, run: Predictor, refine: bool, on_progress: OnProgress) -> tuple[Fit, Point] | None:
-    """The model of ``this`` round with other values that explain a good part of what the accepted candidate
-    does, and its fit; None where there are none. Without a mesh fits end at the bottom.
+class Elsewhere(Exception):
+    """The model is likelier at ``q`` (k,), without the candidate that led there."""
+
+    def __init__(self, q: np.ndarray):
+        super().__init__("the model is likelier elsewhere")
+        self.q = q
+
+
+def without(point: Point, after: Point) -> np.ndarray | None:
+    """Where (k,) the model of ``point`` has ``MUCH`` of what it gains with a candidate, ``after``; None where
+    it does not, or nothing can be foreseen. Raises KeyboardInterrupt."""
+    if not point.meshed:
+        return None  # such fits end at the bottom
+    values, (low, high) = after.values, point.inverse.bounds
+    here = zip(point.inverse.unknowns, point.q, strict=True)
+    q = np.array([u.q(values.get(u.label, u.value(x))) for u, x in here])
+    survey = Survey(point.inverse, [np.clip(q, low, high), point.q])
+    if not survey.problem.able:
+        return None
+    before = _likely(point)
+    least = max(MUCH * (_likely(after, point) - before), ERRS)
+    foreseen, there = survey.foreseen_likeliest(point.w.noise)
+    if foreseen - before < least:
+        return None
+    try:
+        found = likely(survey.problem, point.w.noise, there)
+    except (ComputationFailed, BadInput):
+        return None
+    return there if found - before >= least else None
+
+
+def moved(
+    point: Point, q: np.ndarray, run: Predictor, refine: bool, on_progress: OnProgress
+) -> tuple[Fit, Point] | None:
+    """The model of ``point`` fitted again from ``q`` (k,) on; None where that ends no better.
 
     Raises KeyboardInterrupt.
     """
-    taken = next((t for t in this.tried if t.name == this.accepted), None)
-    if taken is None or not this.point.meshed:
-        return None
-    q = _without(this.point, taken)
-    if q is None:
-        return None
-    on_progress(math.nan, math.nan, f"fitting the model again where {taken.name} has led")
-    point = this.point
+    on_progress(math.nan, math.nan, "fitting the model again where the search has led")
+    inverse = point.inverse
     try:
-        fitted = fit_again(
-            point, point.inverse.at(q), point.inverse.base(q), run, refine, on_progress, near=True
-        )
+        fitted = fit_again(point, inverse.at(q), inverse.base(q), run, refine, on_progress, near=True)
         there = point_of(fitted, run)
     except (ComputationFailed, BadInput):
         return None
-    return (fitted, there) if _likely(there, there.q) > _likely(point, point.q) else None
+    return (fitted, there) if _likely(there, point) > _likely(point) else None
 
 
-def _without(point: Point, taken: Tried) -> np.ndarray | None:
-    """Where (k,) the model is foreseen to be likelier by ``MUCH`` of what the candidate gains; None where it
-    is not, or nothing can be foreseen."""
-    values = taken.point.values
-    q = np.array(
-        [u.q(values.get(u.label, u.value(x))) for u, x in zip(point.inverse.unknowns, point.q, strict=True)]
-    )
-    survey = Survey(point.inverse, [np.clip(q, *point.inverse.bounds), point.q])
-    if not survey.problem.able:
-        return None
-    likelihood, there = survey.foreseen_likeliest(point.w.noise)
-    without = _likely(point, point.q)
-    gain = _likely(taken.point, taken.point.q) - without
-    return there if likelihood - without >= MUCH * gain > 0 else None
-
-
-def _likely(point: Point, q: np.ndarray) -> float:
-    return likely(point.inverse, point.w.noise, q)
+def _likely(one: Point, point: Point | None = None) -> float:
+    """As likely as ``point`` would have it."""
+    return likely(one.inverse, (point or one).w.noise, one.q)
