@@ -10,10 +10,11 @@ import numpy as np
 from cutbench.discovery.candidates import ORDER
 from cutbench.discovery.causes import PRICE
 from cutbench.discovery.columns import Sensed
-from cutbench.discovery.heldout import TESTS, better_than
+from cutbench.discovery.heldout import TESTS, better_than, decide
 from cutbench.discovery.outcome import CHANCE, OWN, SHARE, SHARE_WEAK, Round, Tried
 from cutbench.discovery.point import Point
 from cutbench.discovery.score import Scores
+from cutbench.discovery.yardstick import Yardstick
 
 #: Fits are told apart by so many standard errors of their difference; more if known to first order only.
 APART, APART_MESHED = 2.0, 3.0
@@ -38,6 +39,18 @@ def together(made: Sequence[Round]) -> Round:
         {n: why for each in made for n, why in each.left_out.items() if n not in asked},
         {n: why for each in made for n, why in each.failed.items()},
     )  # fmt: skip
+
+
+def against(this: Round, point: Point) -> Round:
+    """What was tried in ``this`` round, held against the same model at another ``point``."""
+    wrong = Yardstick(point, this.scores.expected)
+    tried = []
+    for t in this.tried:
+        gain = max(t.point.likelihood - point.likelihood, 0.0)
+        share, chance = max(1 - wrong.left(t.point), 0.0), this.scores.p_any(t.name, gain)
+        tried.append(replace(t, gain=gain, share=share, p_any=chance, heldout=decide(point, t.point)))
+    found = judged(point, this.sensed, this.scores, tried, this.left_out, this.failed)
+    return replace(found, own=this.own)
 
 
 def judged(

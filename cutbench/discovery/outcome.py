@@ -72,7 +72,7 @@ class Round:
     that these data cannot tell from the first of them; ``accepted``: name or None. ``left_out``: candidates
     that do not apply, ``failed``: those that could not be tried, each with the reason. ``own``: what cuts
     say each on its own, in sentences. ``stopped``: whether it ended before all was asked; ``elsewhere``:
-    since the model is likelier there (k,)."""
+    where (k,) the model is likelier, if it is to be asked there or something was accepted."""
 
     point: Point
     sensed: Sensed

@@ -7,6 +7,8 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+import numpy as np
+
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.progress import OnProgress
 from cutbench.calibration.prediction import Predictor
@@ -22,7 +24,7 @@ from cutbench.discovery.judging import judged, together
 from cutbench.discovery.outcome import Round, Tried
 from cutbench.discovery.point import Point, own_part, undetermined
 from cutbench.discovery.score import Score, Scores, deviations, score
-from cutbench.discovery.sounder import Elsewhere, without
+from cutbench.discovery.sounder import MOST, Elsewhere, without
 from cutbench.discovery.yardstick import Yardstick
 
 #: A candidate on its own is worth a fit if it gains more than chance does this often.
@@ -62,10 +64,13 @@ def round_of(
     chosen, left_out = candidates(point.inverse, point.case)
     asking = _Asking(point, run, seed, on_progress, again)
     try:
-        return asking.all(chosen, left_out, enough)
+        made = asking.all(chosen, left_out, enough)
+        return replace(made, elsewhere=asking.elsewhere if made.accepted else None)
     except (KeyboardInterrupt, Elsewhere) as end:
         made = together(asking.made) if asking.made else asking.none(left_out)
-        return replace(made, stopped=True, elsewhere=end.q if isinstance(end, Elsewhere) else None)
+        if isinstance(end, Elsewhere):
+            return replace(made, accepted=None, elsewhere=asking.elsewhere)
+        return replace(made, stopped=True)
 
 
 def _left_by(point: Point, chosen: Sequence[Candidate]) -> dict[str, float]:
@@ -93,9 +98,9 @@ def _likelier(before: Round | None, this: Round) -> Round:
     return this if len(gains) > 1 and gains[1] > gains[0] else before
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Asking:
-    """Of the model at ``point``."""
+    """Of the model at ``point``. ``elsewhere``: where (k,) it is likelier, if a candidate has led there."""
 
     point: Point
     run: Predictor
@@ -104,6 +109,7 @@ class _Asking:
     again: bool = False
     #: What was asked until now.
     made: list[Round] = field(default_factory=list)
+    elsewhere: np.ndarray | None = None
 
     @cached_property
     def plain(self) -> Scores:
@@ -222,6 +228,13 @@ class _Asking:
             self.made.append(made := judged(point, sensed, scores, tried, left_out, failed))
         return made
 
+    def _look_elsewhere(self, after: Point) -> None:
+        """Raises Elsewhere where the model alone has most of what a candidate gains, ``after``."""
+        if self.again and (found := without(self.point, after)) is not None:
+            self.elsewhere, part = found
+            if part >= MOST:
+                raise Elsewhere
+
     def _trying(
         self,
         place: Place,
@@ -253,8 +266,7 @@ class _Asking:
             self.on_progress(math.nan, math.nan, f"fitting {s.name}: score {s.z:.1f}")
             try:
                 after = extend(point, s, place=place, looked=found.get(s.name))
-                if self.again and (q := without(point, after)) is not None:
-                    raise Elsewhere(q)
+                self._look_elsewhere(after)
             except (ComputationFailed, BadInput) as error:
                 failed[s.name] = str(error)
                 continue

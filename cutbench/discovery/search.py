@@ -7,6 +7,8 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from cutbench.base.errors import ComputationFailed
 from cutbench.base.notebook import watched
 from cutbench.base.progress import OnProgress, Until, silent
@@ -19,6 +21,7 @@ from cutbench.discovery.candidates import Candidate, baseline_of, family_of
 from cutbench.discovery.causes import Cause, pruned
 from cutbench.discovery.clean import clean_gain
 from cutbench.discovery.heldout import TESTS, compare, decide
+from cutbench.discovery.judging import against
 from cutbench.discovery.numerical import numerical_causes
 from cutbench.discovery.outcome import (
     CHANCE,
@@ -178,30 +181,41 @@ class _Search:
         return True
 
     def _asked(self) -> list[Round]:
-        """What is asked of the model, where it is likeliest; of a pair both rounds."""
-        while True:
-            # A second cause of what may be chance is none.
-            enough = CHANCE if self.rounds else PROMISING
-            this = round_of(self.point, self._run, self._seed, self._on_progress, enough, self._again > 0)
-            try:
-                if this.elsewhere is None:
-                    if not (self.rounds or this.stopped):
-                        self.numerics = numerical_causes(this, self._run, self._seed, self._on_progress)
-                    break
-                self._again -= 1
-                better = moved(self.point, this.elsewhere, self._run, self._refine, self._on_progress)
-                if better is not None:
-                    self.point = better[1]
-                    self.fitted = self.fitted if self.rounds else better[0]
-            except KeyboardInterrupt:
-                this = replace(this, stopped=True)
-                break
+        """What is asked of the model; of a pair both rounds."""
+        this = self._round()
         if self.numerics.explains:
             return [replace(this, accepted=None)]
         if this.accepted is None and this.scores.p_residual < CHANCE and not this.stopped:
             this, then = _pair(this, self._run, self._seed, self._on_progress)
             return [this] if then is None else [this, then]
         return [this]
+
+    def _round(self) -> Round:
+        """One round, of the model where it is likeliest."""
+        while True:
+            # A second cause of what may be chance is none.
+            enough = CHANCE if self.rounds else PROMISING
+            this = round_of(self.point, self._run, self._seed, self._on_progress, enough, self._again > 0)
+            try:
+                if this.elsewhere is not None:
+                    self._again -= 1
+                    self._move(this.elsewhere)
+                    if this.accepted is not None:
+                        this = against(this, self.point)
+                    if this.accepted is None:
+                        continue
+                if not (self.rounds or this.stopped):
+                    self.numerics = numerical_causes(this, self._run, self._seed, self._on_progress)
+            except KeyboardInterrupt:
+                this = replace(this, stopped=True)
+            return this
+
+    def _move(self, q: np.ndarray) -> None:
+        """The model to ``q`` (k,), where it is likelier, and to the end from there."""
+        better = moved(self.point, q, self._run, self._refine, self._on_progress)
+        if better is not None:
+            self.fitted = self.fitted if self.rounds else better[0]
+            self.point = better[1]
 
     def _prune(self) -> None:
         """Without causes that predict nothing beside the others."""

@@ -18,21 +18,17 @@ from cutbench.calibration.prediction import Predictor
 from cutbench.calibration.survey import ERRS, Survey, likely
 from cutbench.discovery.point import Point, fit_again, point_of
 
-#: So much of the candidate's gain is to be had without it.
-MUCH = 0.3
+#: So much of the candidate's gain is to be had without it, and so much that the gain is not its own.
+MUCH, MOST = 0.3, 0.5
 
 
 class Elsewhere(Exception):
-    """The model is likelier at ``q`` (k,), without the candidate that led there."""
-
-    def __init__(self, q: np.ndarray):
-        super().__init__("the model is likelier elsewhere")
-        self.q = q
+    """The model is likelier elsewhere, without the candidate that led there."""
 
 
-def without(point: Point, after: Point) -> np.ndarray | None:
-    """Where (k,) the model of ``point`` has ``MUCH`` of what it gains with a candidate, ``after``; None where
-    it does not, or nothing can be foreseen. Raises KeyboardInterrupt."""
+def without(point: Point, after: Point) -> tuple[np.ndarray, float] | None:
+    """Where (k,) the model of ``point`` has ``MUCH`` of what it gains with a candidate, ``after``, and what
+    part of it; None where it has not, or nothing can be foreseen. Raises KeyboardInterrupt."""
     if not point.meshed:
         return None  # such fits end at the bottom
     values, (low, high) = after.values, point.inverse.bounds
@@ -42,7 +38,8 @@ def without(point: Point, after: Point) -> np.ndarray | None:
     if not survey.problem.able:
         return None
     before = _likely(point)
-    least = max(MUCH * (_likely(after, point) - before), ERRS)
+    gain = max(_likely(after, point) - before, ERRS)
+    least = max(MUCH * gain, ERRS)
     foreseen, there = survey.foreseen_likeliest(point.w.noise)
     if foreseen - before < least:
         return None
@@ -50,7 +47,7 @@ def without(point: Point, after: Point) -> np.ndarray | None:
         found = likely(survey.problem, point.w.noise, there)
     except (ComputationFailed, BadInput):
         return None
-    return there if found - before >= least else None
+    return (there, (found - before) / gain) if found - before >= least else None
 
 
 def moved(
