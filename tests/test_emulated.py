@@ -317,14 +317,14 @@ def test_a_law_in_the_place_of_another_tells_nothing_of_that(cuts):
 
 
 def test_a_search_goes_where_more_is_promised_and_on_below_what_is_known(cuts, monkeypatch):
-    """Of worse places two are enough unless the model without had more; what promises far less than the best
-    is not computed, but where the last one was foreseen as badly."""
+    """Of worse places two are enough, and four where the model without had more than noise; what promises far
+    less than the best is not computed, but where the last one was foreseen as badly."""
     run = Remembering()
     inverse, noise = inverse_of(cuts, run), point_at(cuts, run, G=8e-3, G_c=5e-3).w.noise
     monkeypatch.setattr(survey, "likely", lambda problem, noise, q: -float(q @ q))
-    lows = [0.0] * 50, [0.0] * 50, [-500.0], [1000.0, *[-500.0] * 50]
+    lows = [0.0] * 50, [0.0] * 50, [0.0] * 50, [-500.0], [1000.0, *[-500.0] * 50]
     for promised, least, computed in zip(
-        lows, (-np.inf, np.inf, -np.inf, -np.inf), (2, 12, 0, 2), strict=True
+        lows, (-np.inf, np.inf, 3.0, -np.inf, -np.inf), (2, 4, 2, 0, 2), strict=True
     ):
         made, places = survey.Survey(inverse, [np.zeros(2)]), iter(np.linspace(0.1, 0.9, 50))
         found = partial(next, zip(([x, x] for x in places), promised, strict=False))

@@ -18,8 +18,8 @@ from cutbench.calibration.prediction import Predictor
 from cutbench.calibration.survey import ERRS, Survey, likely
 from cutbench.discovery.point import Point, fit_again, point_of
 
-#: So much of the candidate's gain is to be had without it, and so much that the gain is not its own.
-MUCH, MOST = 0.3, 0.5
+#: Where so much of a candidate's gain is to be had without it, the gain is not its own.
+MOST = 0.5
 
 
 class Elsewhere(Exception):
@@ -27,8 +27,11 @@ class Elsewhere(Exception):
 
 
 def without(point: Point, after: Point) -> tuple[np.ndarray, float] | None:
-    """Where (k,) the model of ``point`` has ``MUCH`` of what it gains with a candidate, ``after``, and what
-    part of it; None where it has not, or nothing can be foreseen. Raises KeyboardInterrupt."""
+    """Where (k,) the model of ``point`` is likelier, of what is foreseen from its cuts with a candidate,
+    ``after``, and what part of the candidate's gain it has there; None where nothing likelier is foreseen.
+
+    Raises KeyboardInterrupt.
+    """
     if not point.meshed:
         return None  # such fits end at the bottom
     values, (low, high) = after.values, point.inverse.bounds
@@ -38,16 +41,15 @@ def without(point: Point, after: Point) -> tuple[np.ndarray, float] | None:
     if not survey.problem.able:
         return None
     before = _likely(point)
-    gain = max(_likely(after, point) - before, ERRS)
-    least = max(MUCH * gain, ERRS)
     foreseen, there = survey.foreseen_likeliest(point.w.noise)
-    if foreseen - before < least:
+    if foreseen - before < ERRS:
         return None
     try:
         found = likely(survey.problem, point.w.noise, there)
     except (ComputationFailed, BadInput):
         return None
-    return (there, (found - before) / gain) if found - before >= least else None
+    gain = max(_likely(after, point) - before, ERRS)
+    return (there, (found - before) / gain) if found - before >= ERRS else None
 
 
 def moved(
