@@ -230,8 +230,9 @@ class _Search:
 def _next(
     rounds: list[Round], verdict: str, run: Predictor, on_progress: OnProgress
 ) -> tuple[list[Proposal], str]:
-    """The test that would separate the first two of the first group."""
-    named = [r for r in rounds if r.accepted] or rounds[:1]
+    """The test that would separate the first two of the first group; with cuts, where it costs as much as
+    several of them, only if one of the two was accepted."""
+    named = [r for r in rounds if r.accepted] or [r for r in rounds[:1] if not r.point.meshed]
     r = next((r for r in named if len(r.group) > 1), None)
     if verdict == "none" and not any(r.accepted for r in rounds):
         return [], "None is needed: the model describes the tests to within their scatter."
