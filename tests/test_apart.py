@@ -75,6 +75,18 @@ def test_cuts_that_differ_by_speed_ask_what_knows_of_time(point):
     assert {c.name for c in chosen} == {c.name for c in some} | set(idle)
 
 
+@pytest.mark.parametrize(("name", "same"), [("depth", True), ("tip", False)])
+def test_so_do_those_of_which_one_ends_deeper_but_not_of_which_one_has_another_blade(point, name, same):
+    def case(e, q):
+        values = point.inverse.case(e, q).values
+        return SimpleNamespace(values={**values, name: values[name] * (1.1 if e.id == "slow" else 1.0)})
+
+    chosen, _ = candidates(point.inverse, point.case)
+    other = SimpleNamespace(q=point.q, campaign=point.campaign, inverse=SimpleNamespace(case=case))
+    assert (by_rate(other, chosen) == by_rate(point, chosen)) is same
+    assert same or by_rate(other, chosen) == (chosen, {})
+
+
 def a_score(point, place, amounts: dict[str, float], beside: float = 0.0) -> Score:
     """Of a candidate that raises the toughness of each cut by so much, as a logarithm, a unit of strength,
     and ``beside`` all forces by that."""

@@ -100,10 +100,10 @@ def _promising(foreseen: Foreseen, names: Sequence[str], price: float) -> list[s
 
 def by_rate(point: Point, chosen: Sequence[Candidate]) -> tuple[list[Candidate], dict[str, str]]:
     """Of ``chosen`` those that can tell cuts apart, and why the others cannot: where these differ by their
-    speed alone, a law that no time occurs in does the same in all of them."""
+    speed alone, and by where they end, a law that no time occurs in does the same in all of them."""
     q, train = point.q, point.campaign.train
     values = [point.inverse.case(e, q).values for e in train]
-    if any(len({v[name] for v in values}) > 1 for name in values[0] if name != "speed"):
+    if any(len({v[name] for v in values}) > 1 for name in values[0] if name not in ("speed", "depth")):
         return list(chosen), {}
     idle = {
         c.name: "the cuts differ by their speed, which it does not know"
