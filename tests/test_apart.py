@@ -133,10 +133,7 @@ def test_nothing_more_is_asked_of_cuts_once_a_cause_explains_all(monkeypatch, po
 
     monkeypatch.setattr(rounds._Asking, "at", at)
     monkeypatch.setattr(rounds, "resembling", lambda *_: ([], {}))
-    monkeypatch.setattr(rounds, "_judged", lambda *_: found)
-    monkeypatch.setattr(rounds, "replace", lambda one, **_: one)
-    for each in (found, found.scores):
-        vars(each).update(sensed=SimpleNamespace(columns=[]), others={}, scale={}, left_out={}, failed={})
+    monkeypatch.setattr(rounds, "together", lambda made: made[0])
     asking = rounds._Asking(point, Formula(), 0, silent)
     assert asking.beside(["G_c", "tau_W"], [], [], {}, found.scores) is found
     assert places == asked

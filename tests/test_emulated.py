@@ -30,7 +30,7 @@ from cutbench.discovery.foreseen import Foreseen
 from cutbench.mechanisms import registry
 from cutbench.mechanisms.base import STEP
 
-G_C = registry()["stiff_cohesion"].parameters[0]
+G_C, G = registry()["stiff_cohesion"].parameters[0], registry()["neo_hookean"].parameters[0]
 OWN = {"slow": 0.004, "fast": 0.0064}
 
 
@@ -247,29 +247,36 @@ def test_a_laws_strength_is_the_one_that_does_what_the_cuts_own_values_do():
     assert shared > 0 and strength > 0
 
 
-def test_a_law_that_says_what_it_is_like_needs_no_runs(cuts):
-    """Of the shared toughness, the strength and a speed, and of what the cuts would be."""
-    law, speeds = registry()["speed_toughness"], (0.005, 0.02, 0.08)
+@pytest.mark.parametrize(
+    ("law", "of", "values"),
+    [
+        ("speed_toughness", G_C, {"speed_toughening": 0.3, "toughness_speed": 0.01}),
+        ("speed_modulus", G, {"speed_stiffening": 0.3, "stiffening_speed": 0.01}),
+    ],
+)
+def test_a_law_that_says_what_it_is_like_needs_no_runs(cuts, law, of, values):
+    """Of the shared value, the strength and a speed, and of what the cuts would be."""
+    law, speeds = registry()[law], (0.005, 0.02, 0.08)
     run = Remembering()
     inverse = inverse_of(cuts, run)
     survey.Survey(inverse, [np.zeros(2)]).look()
     model, off = inverse.start.model.extended(law.name)
-    on = {"G_c": 0.004, "speed_toughening": 0.3, "toughness_speed": 0.01}
+    on = {of.name: 0.8 * TRUE[of.name], **values}
     values = {**inverse.start.values, **off, **on}
     start = replace(inverse.start, mechanisms=model.mechanisms, values=values)
     other = inverse.other(inverse.unknowns, start)
     known = run.memory.emulator(other.case(cuts.train[0], np.zeros(2)), ["G", "G_c", *on], X[-1])
     for speed in speeds:
         with_law = {**values, "speed": speed}
-        without = {**with_law, **law.like(SimpleNamespace(**with_law)), "speed_toughening": 0.0}
+        without = {**with_law, **law.like(SimpleNamespace(**with_law)), law.parameters[0].name: 0.0}
         one, same = known.works([with_law, without])
         np.testing.assert_allclose(one, same, rtol=0.02, atol=0.02 * same.max())
-    mine = [Unknown(q, on[q.name], *q.bounds) for q in (G_C, *law.parameters)]
+    mine = [Unknown(q, on[q.name], *q.bounds) for q in (of, *law.parameters)]
     each = [SimpleNamespace(**{**values, "speed": v}) for v in speeds]
-    wanted = np.array([law.like(p)["G_c"] for p in each])
+    wanted = np.array([law.like(p)[of.name] for p in each])
     found = by_formula(law, wanted, each, mine, np.array([0.4, 0.5, 0.5]))
     got = {u.name: u.value(x) for u, x in zip(mine, found, strict=True)}
-    like = [law.like(SimpleNamespace(**{**vars(p), **got}))["G_c"] for p in each]
+    like = [law.like(SimpleNamespace(**{**vars(p), **got}))[of.name] for p in each]
     np.testing.assert_allclose(like, wanted, rtol=0.02)
 
 

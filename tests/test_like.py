@@ -20,6 +20,15 @@ def test_adhesion_by_blade_speed_is_an_adhesion_as_much_stronger():
     np.testing.assert_allclose(sum(mine), LAW["adhesion"].strength(np.zeros(3), stronger, {}, at))
 
 
+def test_a_modulus_by_blade_speed_is_a_modulus_as_much_higher():
+    p = parameters(G=8e-3, speed_stiffening=0.4, stiffening_speed=0.02, speed=0.1)
+    F = np.eye(3)[:, :, None] + 0.2 * np.random.default_rng(0).standard_normal((3, 3, 5))
+    mine = [LAW[name].stress(F, p, {}, None)[0] for name in ("neo_hookean", "speed_modulus")]
+    stiffer = parameters(**{**vars(p), **LAW["speed_modulus"].like(p)})
+    assert pytest.approx(8e-3 * (1 + 0.4 * np.log(6.0))) == stiffer.G
+    np.testing.assert_allclose(sum(mine), LAW["neo_hookean"].stress(F, stiffer, {}, None)[0], atol=1e-15)
+
+
 @pytest.mark.parametrize("law", LAW.values(), ids=lambda law: law.name)
 def test_what_a_law_is_like_is_said_of_what_it_resembles_and_nothing_where_it_is_off(law):
     values = {q.name: q.typical * q.factor for other in LAW.values() for q in other.parameters if q.typical}

@@ -55,6 +55,7 @@ class Scale:
         return None if stress is None or case.motion or not case.values["speed"] > 0 else cls(stress, powers)
 
     def reduced(self, values: Mapping[str, float]) -> dict[str, float]:
+        """In units of the modulus and the speed."""
         stress, speed = values[self.modulus], values["speed"]
         return {n: values[n] * stress**-force * speed**time for n, (force, time) in self.powers.items()}
 
@@ -66,10 +67,9 @@ class Scale:
 
 @dataclass(frozen=True)
 class _Run:
-    """``values`` in units of the modulus and the speed; ``x`` (n,) in mm, ``work`` (n,) over the modulus."""
+    """``x`` (n,) in mm, ``work`` (n,) in N mm."""
 
     case: Case
-    values: Mapping[str, float]
     x: np.ndarray
     work: np.ndarray
 
@@ -83,11 +83,10 @@ class Memory:
 
     def add(self, case: Case, course: np.ndarray) -> None:
         """A run's ``course`` (3, n): travel in mm, force in N, time."""
-        if course.shape[1] < 2 or (scale := Scale.of(case)) is None:
+        if course.shape[1] < 2 or Scale.of(case) is None:
             return
         x, force = course[:2]
-        work = cumulative_trapezoid(force, x, initial=0.0) / case.values[scale.modulus]
-        self.runs.append(_Run(case, scale.reduced(case.values), x, work))
+        self.runs.append(_Run(case, x, cumulative_trapezoid(force, x, initial=0.0)))
 
     def emulator(self, case: Case, names: Collection[str], end_mm: float) -> Emulator | None:
         """Of cuts like ``case`` up to a travel, whatever values ``names`` have; None if too few are known."""
@@ -104,13 +103,16 @@ class Memory:
         wanted, known = scale.reduced(case.values), []
         free = (scale.loose | {*names}) & {*wanted}
         for run in (r for r in self.runs if r.x[-1] >= end_mm * (1 - SAME) and _alike(r.case, case)):
-            values = _seen_as(run, case.model, wanted)
-            if values and all(_same(values[n], v) for n, v in wanted.items() if n not in free):
-                known.append((_like(case.model, values), run))
-        wanted = _like(case.model, wanted)
+            values = _seen_as(run, case.model)
+            if values is None:
+                continue
+            seen = scale.reduced(values)
+            if all(_same(seen[n], v) for n, v in wanted.items() if n not in free):
+                known.append((*_like(case.model, scale, values), run))
+        wanted, _ = _like(case.model, scale, case.values)
         axes, columns, said = [], [], _said(case.model)
         for name in (n for n in wanted if n in free):
-            column = np.array([values[name] for values, _ in known])
+            column = np.array([values[name] for values, _, _ in known])
             has = np.isfinite(column)
             here = np.append(column[has], wanted[name])
             if _same(here.min(), here.max()) or (name in said and has.any() and np.ptp(column[has]) == 0):
@@ -122,7 +124,7 @@ class Memory:
         if len(known) < len(axes) + 1 + SPARE:
             return None
         x = np.linspace(0.0, end_mm, PLACES + 1)
-        works = np.stack([np.interp(x, run.x, run.work) for _, run in known])
+        works = np.stack([np.interp(x, run.x, run.work) / stress for _, stress, run in known])
         return Emulator(case.model, scale, x, axes, np.stack(columns, axis=1), works)
 
 
@@ -146,21 +148,23 @@ def _grows(mechanisms: tuple[str, ...], wanted: tuple[str, ...]) -> bool:
     return {*grown.mechanisms} == {*other.mechanisms}
 
 
-def _seen_as(run: _Run, model: Model, wanted: Collection[str]) -> dict[str, float] | None:
+def _seen_as(run: _Run, model: Model) -> dict[str, float] | None:
     """The values of a ``run`` as one of ``model``, nan where they have no effect; None if it is none."""
     if not _grows(run.case.mechanisms, model.mechanisms):
         return None
-    new = {n: q for n, q in model.parameters().items() if n in wanted and n not in run.values}
-    return {**run.values, **{n: np.nan if q.off is None else q.off_value for n, q in new.items()}}
+    mine = run.case.values
+    new = {n: q for n, q in model.parameters().items() if n not in mine}
+    return {**mine, **{n: np.nan if q.off is None else q.off_value for n, q in new.items()}}
 
 
-def _like(model: Model, values: dict[str, float]) -> dict[str, float]:
-    """``values`` in units of the modulus and the speed, as a model without what does the same has them."""
+def _like(model: Model, scale: Scale, values: Mapping[str, float]) -> tuple[dict[str, float], float]:
+    """``values`` as a model without what does the same has them, in units of the modulus that it has then and
+    the speed; and that modulus."""
     for law in (law for law in model.all if law.resembles):
         on = any(q.off is not None and values.get(q.name, q.off_value) != q.off_value for q in law.parameters)
         if on:
-            values = {**values, **law.like(SimpleNamespace(**values, speed=1.0))}
-    return values
+            values = {**values, **law.like(SimpleNamespace(**values))}
+    return scale.reduced(values), values[scale.modulus]
 
 
 def _said(model: Model) -> set[str]:
@@ -198,8 +202,8 @@ class Emulator:
 
     def works(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:
         """∫ F dx (p, n) in N mm for ``each`` of p sets of values."""
-        reduced = [_like(self.model, self.scale.reduced(values)) for values in each]
+        reduced, moduli = zip(*(_like(self.model, self.scale, values) for values in each), strict=True)
         places = np.stack([axis.of(np.array([v[axis.name] for v in reduced])) for axis in self.axes], axis=1)
-        stress = np.array([values[self.scale.modulus] for values in each])[:, None]
+        stress = np.array(moduli)[:, None]
         work = np.sinh(np.clip(self._kriging(places), -WIDE, WIDE)) * self.small * stress
         return np.concatenate([np.zeros((len(work), 1)), work], axis=1)

@@ -1,0 +1,45 @@
+"""Modulus that grows with the blade's speed: Ψ = G/2 k ln(1 + v/v_g) (Ī₁ − 3).
+
+What a test at several speeds tells of a modulus: material that relaxes over many decades of time is stiffer
+the less time a cut takes, and within a cut, at one speed, its modulus changes little. G rises by k for each
+e-fold of the blade's speed v above v_g. A branch that relaxes in one time (``maxwell``) tells few speeds
+apart.
+"""
+
+import numpy as np
+
+from cutbench.base.units import Parameter
+from cutbench.mechanisms.bulk._isotropic import Isochoric
+
+
+class SpeedModulus(Isochoric):
+    """Elasticity that is stiffer the faster the blade goes, as one that relaxes at all times."""
+
+    name = "speed_modulus"
+    title = "modulus by speed"
+    family = "viscoelasticity"
+    resembles = ("G",)
+    role = "speed_modulus"
+    #: Only a blade has its speed.
+    kinds = ("cut",)
+    parameters = (
+        Parameter.effect(
+            "speed_stiffening", "1", "k_G", "relative growth of G per e-fold of speed", high=20.0, typical=0.3
+        ),
+        Parameter(
+            "stiffening_speed", "mm/s", "v_g", "speed above which G grows", low=1e-6, high=1e3, default=0.01
+        ),
+    )
+    reads = ("G", "speed")
+
+    def groups(self, p):
+        return {"speed stiffening": p.speed_stiffening, "v/v_g": p.speed / p.stiffening_speed}
+
+    def like(self, p):
+        return {"G": p.G * (1 + p.speed_stiffening * np.log(1 + p.speed / p.stiffening_speed))}
+
+    def dW_dI1(self, I1, p, at):
+        return (self.like(p)["G"] - p.G) / 2 + 0 * I1
+
+    def W(self, I1, p, at):
+        return (self.like(p)["G"] - p.G) / 2 * (I1 - 3)
