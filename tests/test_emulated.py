@@ -18,7 +18,6 @@ from cutbench.calibration import lm, survey
 from cutbench.calibration.emulated import Emulated, Foreseeing
 from cutbench.calibration.identifiability import Unknown
 from cutbench.calibration.inverse import Inverse
-from cutbench.calibration.kriging import Kriging
 from cutbench.calibration.looked_for import unknowns
 from cutbench.calibration.memory import Memory, Scale
 from cutbench.calibration.prediction import Prediction, Reading, Task
@@ -85,30 +84,6 @@ def inverse_of(campaign, run, offset: float = 0.0) -> Inverse:
 def farthest(inverse: Inverse, q: np.ndarray) -> float:
     found = zip(inverse.unknowns, inverse.values(q), strict=True)
     return max(abs(np.log(value / TRUE[u.label])) for u, value in found)
-
-
-def test_a_trend_is_found_and_places_that_are_known_are_as_they_are():
-    rng = np.random.default_rng(0)
-    X = rng.uniform(-1, 1, (20, 3))
-    linear = X @ rng.standard_normal((3, 5)) + 2.0
-    there = rng.uniform(-3, 3, (4, 3))
-    np.testing.assert_allclose(Kriging(X, linear)(X), linear, atol=1e-9)
-    trend = np.linalg.lstsq(np.column_stack([np.ones(20), X]), linear, rcond=None)[0]
-    np.testing.assert_allclose(
-        Kriging(X, linear)(there), np.column_stack([np.ones(4), there]) @ trend, atol=1e-6
-    )
-    curved = np.sin(2 * X)
-    A = np.column_stack([np.ones(20), X])
-    by_trend = A @ np.linalg.lstsq(A, curved, rcond=None)[0]
-    assert np.abs(Kriging(X, curved)(X) - curved).max() < 0.2 * np.abs(by_trend - curved).max()
-
-
-def test_a_coordinate_that_nothing_depends_on_says_nothing():
-    rng = np.random.default_rng(1)
-    X = rng.uniform(-1, 1, (30, 2))
-    Y = np.sin(3 * X[:, :1])
-    there = np.array([[0.3, -50.0], [0.3, 50.0]])
-    assert np.ptp(Kriging(X, Y)(there)) < 0.02
 
 
 def test_a_softer_gel_cut_slowly_is_the_same_cut(cuts):

@@ -17,8 +17,9 @@ LENGTH, NUGGET, FACTOR, NUGGETS = 2.0, 1e-3, 3.0, (1e-6, 0.3)
 #: A coordinate along which values hardly change begins with this part of the one along which they do most.
 LEAST = 0.05
 #: Farthest of lengths from what is expected, in logarithms; shapes of curves that are this small beside the
-#: largest are left out of the search, and its end.
-WIDE, FEW, SEARCH = 4.0, 0.03, {"maxiter": 15, "ftol": 1e-3}
+#: largest are left out of the search. It goes to its end: what ends on the way ends elsewhere on another
+#: processor, and with it all that is foreseen.
+WIDE, FEW, SEARCH = 4.0, 0.03, {"maxiter": 60, "ftol": 1e-9}
 
 
 class Kriging:
@@ -37,17 +38,27 @@ class Kriging:
         _, sizes, shapes = np.linalg.svd(Y - A @ np.linalg.lstsq(A, Y, rcond=1e-8)[0], full_matrices=False)
         few = Y @ shapes[sizes > FEW * sizes.max(initial=0.0)].T
 
+        def apart(parameters: np.ndarray) -> np.ndarray:
+            return np.sqrt(np.tensordot(np.exp(2 * parameters[:-1]), squares, 1))
+
         def covariance(parameters: np.ndarray) -> np.ndarray:
-            apart = np.sqrt(np.tensordot(np.exp(2 * parameters[:-1]), squares, 1))
-            return _alike(apart) + np.exp(parameters[-1]) * np.eye(len(X))
+            return _alike(apart(parameters)) + np.exp(parameters[-1]) * np.eye(len(X))
 
-        def unlikely(parameters: np.ndarray) -> float:
+        def unlikely(parameters: np.ndarray) -> tuple[float, np.ndarray]:
             far = (parameters - start) / np.log(FACTOR)
-            likely, _, _ = _likelihood(covariance(parameters), A, few)
-            return 0.5 * float(far @ far) - likely / few.shape[1]
+            found = _Likelihood(covariance(parameters), A, few)
+            by_K = found.by_covariance
+            by_length = np.tensordot(squares, by_K * _slope(apart(parameters)), 2) * np.exp(
+                2 * parameters[:-1]
+            )
+            slope = np.append(by_length, np.trace(by_K) * np.exp(parameters[-1]))
+            return 0.5 * float(far @ far) - found.value, far / np.log(FACTOR) - slope
 
-        found = optimize.minimize(unlikely, start, method="L-BFGS-B", bounds=bounds, options=SEARCH).x
-        _, self.trend, self.weights = _likelihood(covariance(found), A, Y)
+        found = optimize.minimize(
+            unlikely, start, method="L-BFGS-B", jac=True, bounds=bounds, options=SEARCH
+        ).x
+        best = _Likelihood(covariance(found), A, Y)
+        self.trend, self.weights = best.trend, best.weights
         self.scale = np.exp(found[:-1])
         self.Z = (X - self.middle) * self.scale
 
@@ -64,15 +75,33 @@ def _alike(apart: np.ndarray) -> np.ndarray:
     return (1 + r + r * r / 3) * np.exp(-r)
 
 
-def _likelihood(K: np.ndarray, A: np.ndarray, Y: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    """Restricted log likelihood of the correlation ``K`` (n, n), the trend (d + 1, m), K⁻¹ of the rest."""
-    factor = cho_factor(K, lower=True)
-    KA = cho_solve(factor, A)
-    inner = A.T @ KA
-    trend = np.linalg.lstsq(inner, KA.T @ Y, rcond=1e-12)[0]
-    rest = Y - A @ trend
-    weights = cho_solve(factor, rest)
-    free, m = len(Y) - A.shape[1], Y.shape[1]
-    size = max(float(np.sum(rest * weights)) / (free * m), 1e-300)
-    volume = 2 * np.log(np.diag(factor[0])).sum() + np.linalg.slogdet(inner)[1]
-    return -m / 2 * (free * np.log(size) + volume), trend, weights
+def _slope(apart: np.ndarray) -> np.ndarray:
+    """Of ``_alike`` by the logarithm of a length's inverse, over the square of what lies along it."""
+    r = np.sqrt(5) * apart
+    return -5 / 3 * (1 + r) * np.exp(-r)
+
+
+class _Likelihood:
+    """Of values ``Y`` (n, m) with the correlation ``K`` (n, n) about a trend in ``A`` (n, d + 1): ``value``,
+    the restricted log likelihood of a column; the ``trend`` (d + 1, m); ``weights`` (n, m), K⁻¹ of the
+    rest."""
+
+    def __init__(self, K: np.ndarray, A: np.ndarray, Y: np.ndarray):
+        self._factor = cho_factor(K, lower=True)
+        self._KA = cho_solve(self._factor, A)
+        self._inner = A.T @ self._KA
+        self.trend = np.linalg.lstsq(self._inner, self._KA.T @ Y, rcond=1e-12)[0]
+        rest = Y - A @ self.trend
+        self.weights = cho_solve(self._factor, rest)
+        self._free = len(Y) - A.shape[1]
+        self._squares = max(float(np.sum(rest * self.weights)), 1e-300)
+        volume = 2 * np.log(np.diag(self._factor[0])).sum() + np.linalg.slogdet(self._inner)[1]
+        size = self._squares / (self._free * Y.shape[1])
+        self.value = -0.5 * (self._free * np.log(size) + volume)
+
+    @property
+    def by_covariance(self) -> np.ndarray:
+        """Derivative (n, n) of the ``value`` by ``K``."""
+        inverse = cho_solve(self._factor, np.eye(len(self._KA)))
+        inverse -= self._KA @ np.linalg.pinv(self._inner, rcond=1e-12) @ self._KA.T
+        return 0.5 * (self._free / self._squares * self.weights @ self.weights.T - inverse)
