@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 from test_candidates import LAW, parameters
 
+from cutbench.calibration.identifiability import Unknown
+from cutbench.discovery.extending import something
+
 
 def test_adhesion_by_blade_speed_is_an_adhesion_as_much_stronger():
     """Whatever slides how fast."""
@@ -36,3 +39,10 @@ def test_what_a_law_is_like_is_said_of_what_it_resembles_and_nothing_where_it_is
     assert set(law.like(p)) <= set(law.resembles)
     for name, value in law.like(p).items():
         assert value == getattr(p, name)
+
+
+def test_a_strength_that_is_nothing_begins_as_it_is_typical():
+    g = LAW["maxwell"].parameters[0]
+    u = Unknown(g, 0.4, *g.bounds)
+    assert u.value(something(u, u.q(0.0))) == pytest.approx(g.typical)
+    assert something(u, u.q(0.01)) == u.q(0.01)

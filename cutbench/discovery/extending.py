@@ -249,17 +249,27 @@ def _equivalent(
         mine, there = [j, *range(strength, start.size)], start.copy()
         there[mine] = by_formula(law, wanted, each, [inverse.unknowns[i] for i in mine], start[mine])
         return there
+    s, start = inverse.unknowns[strength], start.copy()
+    start[strength] = something(s, start[strength])
     for _ in range(CORRECTED):
         tasks = [Task(e, inverse.checked_case(e, start), inverse.grids[e.id]) for e in train]
         found = {e.id: p for e, p in zip(train, secant.tried(inverse, tasks), strict=True) if p}
         if len(found) < len(train):
             break
         equal = equivalent(Foreseeing(place.inverse), place.q, own, found)
-        u, s = inverse.unknowns[j], inverse.unknowns[strength]
+        u = inverse.unknowns[j]
         values = strength_of(wanted, equal, u.value(start[j]), s.value(start[strength]))
         start = start.copy()
         start[j], start[strength] = (np.clip(x.q(v), *x.reach) for x, v in zip((u, s), values, strict=True))
     return start
+
+
+def something(u: Unknown, q: float) -> float:
+    """``q`` of a strength, or that of its typical value where it is nothing: of a law that does nothing runs
+    tell nothing."""
+    typical = u.quantity.typical * u.quantity.factor
+    nothing = abs(u.value(q) - u.quantity.off_value) < NOTHING * abs(typical)
+    return float(np.clip(u.q(typical), *u.reach)) if nothing else q
 
 
 def _stepped(inverse: Sparing, score: Score) -> Score:
