@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from cutbench.discovery import report, search
+from cutbench.discovery import outcome, report, rounds, search
 
 
 def a_round(*, p_residual: float, accepted: str | None = None, tried=("gent",), failed=()):
@@ -36,6 +36,22 @@ def a_round(*, p_residual: float, accepted: str | None = None, tried=("gent",), 
 def test_a_verdict_names_what_helped(monkeypatch, rounds, remains, verdict):
     monkeypatch.setattr(search, "Yardstick", lambda *given: SimpleNamespace(left=lambda point: remains))
     assert search._verdict(rounds) == verdict
+
+
+@pytest.mark.parametrize(
+    ("rounds", "meshed", "remains", "enough"),
+    [
+        (0, True, 1.0, rounds.PROMISING),
+        (1, True, 0.05, outcome.CHANCE),
+        (1, True, 0.005, 0.0),
+        (1, False, 0.005, outcome.CHANCE),
+    ],
+)
+def test_of_cuts_nothing_more_is_asked_where_little_remains(monkeypatch, rounds, meshed, remains, enough):
+    monkeypatch.setattr(search, "Yardstick", lambda *given: SimpleNamespace(left=lambda point: remains))
+    made = search._Search(None, SimpleNamespace(meshed=meshed), None, True, 0, None)
+    made.rounds = [a_round(p_residual=0.0, accepted="maxwell")] * rounds
+    assert made._enough == enough
 
 
 class Where(SimpleNamespace):

@@ -46,8 +46,9 @@ from cutbench.run.pool.pool import cores
 REST, REST_ALONE = 0.25, 0.5
 #: What a later cause must take away of what the baseline gets wrong, in the root mean square; its part of
 #: what is left; by how many standard errors it must predict better. No specimen follows a formula: what that
-#: of the first cause leaves is no cause of its own, and any other takes some of it up.
-NAMED, MAIN, SURELY = 0.06, 0.5, 4.0
+#: of the first cause leaves is no cause of its own, and any other takes some of it up. Of cuts, jags leave a
+#: per cent or two of each curve, too.
+NAMED, NAMED_MESHED, MAIN, SURELY = 0.06, 0.1, 0.5, 4.0
 #: Or else, in tests that were not fitted: what it must take away of their error, by how many standard errors.
 ELSEWHERE, LIKELY = 0.25, 2.5
 #: By so much the gain on held-out data may fall when the extended model is fitted to the end.
@@ -193,9 +194,9 @@ class _Search:
     def _round(self) -> Round:
         """One round, of the model where it is likeliest."""
         while True:
-            # A second cause of what may be chance is none.
-            enough = CHANCE if self.rounds else PROMISING
-            this = round_of(self.point, self._run, self._seed, self._on_progress, enough, self._again > 0)
+            this = round_of(
+                self.point, self._run, self._seed, self._on_progress, self._enough, self._again > 0
+            )
             try:
                 if this.elsewhere is not None:
                     self._again -= 1
@@ -209,6 +210,16 @@ class _Search:
             except KeyboardInterrupt:
                 this = replace(this, stopped=True)
             return this
+
+    @property
+    def _enough(self) -> float:
+        """What is left so often by chance is not asked what it is: a second cause of what may be chance is
+        none, nor of less than a later cause has to take away."""
+        if not self.rounds:
+            return PROMISING
+        first = self.rounds[0]
+        left = Yardstick(first.point, first.scores.expected).left(self.point)
+        return 0.0 if self.point.meshed and math.sqrt(left) <= NAMED_MESHED else CHANCE
 
     def _move(self, q: np.ndarray) -> None:
         """The model to ``q`` (k,), where it is likelier, and to the end from there."""
@@ -306,7 +317,8 @@ def _worth_a_name(this: Round, first: Round) -> bool:
         return True
     wrong = Yardstick(first.point, first.scores.expected)
     taken = math.sqrt(wrong.left(this.point)) - math.sqrt(wrong.left(added.point))
-    return held.better > SURELY * held.better_se and taken > NAMED
+    named = NAMED_MESHED if this.point.meshed else NAMED
+    return held.better > SURELY * held.better_se and taken > named
 
 
 def _verdict(rounds: list[Round], stopped: str = "") -> str:
