@@ -200,15 +200,17 @@ class Survey:
         q: np.ndarray,
         on_progress: OnProgress = silent,
         least: float = -np.inf,
+        vain: int = VAIN,
     ) -> np.ndarray:
         """Where of all that is computed from ``q`` on the data are likeliest in ``noise``, see ``likely``.
-        What is to be had without, ``least``, is looked for twice as long, and through as many failures."""
+        What is to be had without, ``least``, is looked for twice as long, and through as many failures;
+        ``vain`` are those that end it else."""
         known, failed, error = [(likely(self.problem, noise, q), q)], 0, ERRS
         for step in range(2 * LIKELIEST):
             best, here = max(known, key=lambda each: each[0])
             on_progress(self.evaluations, np.nan, f"log likelihood {best / 2:.5g}")
             there, promised = self._likelier(noise, here, [q for _, q in known])
-            done = failed >= VAIN or step >= LIKELIEST or promised < best - error
+            done = failed >= vain or step >= LIKELIEST or promised < best - error
             enough = best >= least - GAINS or failed >= 2 * VAIN
             if there is None or (done and enough):
                 break

@@ -23,7 +23,7 @@ from cutbench.base.units import powers_of
 from cutbench.calibration import by_work, lm
 from cutbench.calibration.emulated import settled_at
 from cutbench.calibration.sparing import Sparing
-from cutbench.calibration.survey import Survey, likely
+from cutbench.calibration.survey import VAIN, Survey, likely
 from cutbench.data.discrepancy import likeliest
 from cutbench.discovery.candidates import Candidate
 from cutbench.discovery.causes import PRICE
@@ -201,7 +201,7 @@ def _foreseen(point: Point, name: str) -> _Own:
     """Where what is foreseen leads to. Raises ComputationFailed, BadInput."""
     inverse, S = owning(point, name)
     survey = Survey(inverse, [np.zeros(len(inverse.unknowns))])
-    q = survey.likeliest(point.w.noise, survey.starts[0])
+    q = survey.likeliest(point.w.noise, survey.starts[0], vain=2 * VAIN)
     return _Own(point, survey.problem, S, q)
 
 
