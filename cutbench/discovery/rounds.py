@@ -54,10 +54,10 @@ def round_of(
     enough: float = PROMISING,
     again: bool = False,
 ) -> Round:
-    """What is asked of the model at ``point``. With a mesh nothing where chance leaves as much in one of so
-    many times as are ``enough``, and first what knows of speed where each cut would have a value of its own.
-    A KeyboardInterrupt ends it with what was tried until then, and if it can be asked ``again`` a candidate
-    that has led to where the model is likelier without it.
+    """What is asked of the model at ``point``. With a mesh nothing where chance leaves as much with a
+    probability of ``enough``, and first what knows of speed where each cut would have a value of its own.
+    A KeyboardInterrupt ends it with what was tried until then; so does a candidate that has led to where the
+    model is likelier without it, if it can be asked ``again``.
 
     Raises ComputationFailed if no candidate's run can be computed.
     """
@@ -126,7 +126,7 @@ class _Asking:
         return Round(self.point, self.nothing, self.plain, (), (), None, left_out, {})
 
     def all(self, chosen: Sequence[Candidate], left_out: Mapping[str, str], enough: float) -> Round:
-        """All that is to be asked, unless chance leaves as much ``enough``."""
+        """All that is to be asked, unless chance leaves as much with a probability of ``enough``."""
         point = self.point
         if not point.meshed:
             return self.at(Place.of(point), chosen, left_out)
