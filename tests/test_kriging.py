@@ -25,7 +25,7 @@ def test_a_trend_is_found_and_places_that_are_known_are_as_they_are():
 
 
 def test_rounding_changes_nothing_that_is_foreseen():
-    """As another processor rounds: the search for lengths ends at the same place."""
+    """The search for lengths ends at the same place."""
     rng = np.random.default_rng(2)
     X = rng.uniform(-1, 1, (40, 4))
     Y = np.sin(2 * X) @ rng.standard_normal((4, 20)) + 0.02 * rng.standard_normal((40, 20))

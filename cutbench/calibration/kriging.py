@@ -17,8 +17,8 @@ LENGTH, NUGGET, FACTOR, NUGGETS = 2.0, 1e-3, 3.0, (1e-6, 0.3)
 #: A coordinate along which values hardly change begins with this part of the one along which they do most.
 LEAST = 0.05
 #: Farthest of lengths from what is expected, in logarithms; shapes of curves that are this small beside the
-#: largest are left out of the search. It goes to its end: what ends on the way ends elsewhere on another
-#: processor, and with it all that is foreseen.
+#: largest are left out of the search. It goes to its end: what ends on the way ends elsewhere where sums
+#: are rounded otherwise, and with it all that is foreseen.
 WIDE, FEW, SEARCH = 4.0, 0.03, {"maxiter": 60, "ftol": 1e-9}
 
 

@@ -2,8 +2,7 @@
 
 What a test at several speeds tells of a modulus: material that relaxes over many decades of time is stiffer
 the less time a cut takes, and within a cut, at one speed, its modulus changes little. G rises by k for each
-e-fold of the blade's speed v above v_g. A branch that relaxes in one time (``maxwell``) tells few speeds
-apart.
+e-fold of the blade's speed v above v_g.
 """
 
 import numpy as np
