@@ -26,9 +26,9 @@ from cutbench.calibration.prediction import Task
 from cutbench.data.covariance import Covariance
 from cutbench.data.discrepancy import allowing, likeliest
 
-#: Places of each test in the first look, and how far they lie in q: so far that works change by this part,
-#: between two lengths.
-PLACES, CHANGE, NEAREST, FARTHEST = 14, 0.2, 0.5, 2.0
+#: Places of each test in the first look (with 14 a toughness of each cut's own was foreseen at a third of
+#: what it explained), and how far they lie in q: so far that works change by this part, between two lengths.
+PLACES, CHANGE, NEAREST, FARTHEST = 20, 0.2, 0.5, 2.0
 #: Starts of a search among what is foreseen, by works and by forces, beside the best that are known; how far
 #: beyond these it goes. A rig goes as far as changes the works by this part: what it makes of a run is no
 #: guess.

@@ -40,8 +40,9 @@ LIKE = 0.7
 PROBED = 8
 #: With a mesh, where one that was fitted convinces, only those whose score is this part of its.
 NEAR = 0.5
-#: A rig or reading that is foreseen to leave no more is fitted first, so many at the most.
-LEFT, FIRST = 0.6, 2
+#: A rig or reading that is foreseen to leave no more is fitted first, so many at the most; one that is
+#: foreseen to leave more than that is not fitted.
+LEFT, FIRST, ALL = 0.6, 2, 0.9
 #: Values of shapes tried where the data leave them open; how far scores may lie behind, in prices.
 SHAPES, OPEN = 3, 5
 
@@ -71,15 +72,6 @@ def round_of(
         if isinstance(end, Elsewhere):
             return replace(made, accepted=None, elsewhere=asking.elsewhere)
         return replace(made, stopped=True)
-
-
-def _left_by(point: Point, chosen: Sequence[Candidate]) -> dict[str, float]:
-    """Rigs and readings that are foreseen to explain much, by the part of the misfit that they leave."""
-    foreseen = Foreseen(point)
-    if not foreseen.able:
-        return {}
-    left = sorted(foreseen.rigs(chosen).items(), key=lambda each: each[1])
-    return {name: part for name, part in left[:FIRST] if part <= LEFT}
 
 
 def _explained(this: Round) -> bool:
@@ -116,6 +108,15 @@ class _Asking:
         """What chance says of the residual at the point."""
         return score(self.nothing, self.point.w.noise, self.point.residual, seed=self.seed)
 
+    @cached_property
+    def left(self) -> dict[str, float]:
+        """The part of what is wrong that each rig and reading is foreseen to leave, the least first."""
+        foreseen = Foreseen(self.point)
+        if not foreseen.able:
+            return {}
+        chosen, _ = candidates(self.point.inverse, self.point.case)
+        return dict(sorted(foreseen.rigs(chosen).items(), key=lambda each: each[1]))
+
     @property
     def nothing(self) -> Sensed:
         """No candidate at all."""
@@ -149,12 +150,12 @@ class _Asking:
     ) -> Round | None:
         """The rigs and readings alone, of which those are fitted that are foreseen to explain much; None
         where none is."""
-        left = _left_by(self.point, chosen)
+        left = [name for name, part in [*self.left.items()][:FIRST] if part <= LEFT]
         if not left:
             return None
         rigs = [c for c in chosen if c.slot == "rig"]
         others = {c.name: "not asked: a rig or a reading explains it" for c in chosen if c.slot != "rig"}
-        return self.at(Place.of(self.point), rigs, {**left_out, **others}, plain, [*left])
+        return self.at(Place.of(self.point), rigs, {**left_out, **others}, plain, left)
 
     def anywhere(
         self, chosen: Sequence[Candidate], idle: Collection[str], left_out: Mapping[str, str]
@@ -165,9 +166,13 @@ class _Asking:
         every, _ = candidates(self.point.inverse, self.point.case, one_a_class=False)
         paying, vain = looked(self.point, laws, every, self.on_progress)
         found = {one.candidate.name: one for one in paying}
+        if not found:
+            vain = [*vain, *(name for name, part in self.left.items() if part > ALL)]
         why = {**left_out, **dict.fromkeys(vain, "not asked: it is foreseen to explain nothing")}
         if not found:
-            return self.at(Place.of(self.point), [c for c in chosen if c.name not in vain], why)
+            fitted = {t.name for each in self.made for t in each.tried}
+            rest = [c for c in chosen if c.name not in {*vain, *fitted}]
+            return self.at(Place.of(self.point), rest, why) if rest else self.none(why)
         more = [c for c in every if c.name in found and c not in chosen]
         why = {name: reason for name, reason in left_out.items() if name not in found}
         return self.at(Place.of(self.point), [*chosen, *more], why, None, [*found], found)
