@@ -68,7 +68,7 @@ def test_off_is_absent_to_the_bit(name):
             assert np.array_equal(run.curve[key], column), key
 
 
-@pytest.mark.parametrize("name", [name for name in CANDIDATES if name != "mullins"])
+@pytest.mark.parametrize("name", [name for name in CANDIDATES if LAW[name].role != "softening"])
 def test_on_it_shows_and_the_ledger_closes(name):
     base, run = baseline(), run_case(extended(baseline().case, name, on=True))
     assert run.outcome.done, run.outcome

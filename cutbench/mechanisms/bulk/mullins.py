@@ -50,6 +50,17 @@ class Mullins(Bulk):
     def start(self, n, p):
         return {"largest_energy": np.zeros(n)}
 
+    # Of z = (W_max − W)/(m G): the part of ς that is lost, its slope, its integral from 0.
+
+    def lost(self, z):
+        return np.tanh(z)
+
+    def fades(self, z):
+        return 1 - np.tanh(z) ** 2
+
+    def spent(self, z):
+        return _ln_cosh(z)
+
     def _elastic(self, at):
         return [law for law in at.laws if isinstance(law, Isochoric)]
 
@@ -73,7 +84,7 @@ class Mullins(Bulk):
         k = Kinematics(F)
         z, largest, _ = self._below(k.I1, p, state, at)
         s, c = self._factors("stress_factors", k, p, at)
-        lost = -p.softening * np.tanh(z)
+        lost = -p.softening * self.lost(z)
         return lost * (s * F + c * k.C), {"largest_energy": largest}
 
     def tangent(self, F, p, state, at, dim):
@@ -81,17 +92,17 @@ class Mullins(Bulk):
         z, _, grows = self._below(k.I1, p, state, at)
         s, c = self._factors("stress_factors", k, p, at)
         ff, fc, cc, swap, one = self._factors("tangent_factors", k, p, at)
-        lost, fade = -p.softening * np.tanh(z), 1 - np.tanh(z) ** 2
+        lost = -p.softening * self.lost(z)
         # While W grows the largest energy grows with it and nothing is lost.
-        slope = np.where(grows, 0.0, p.softening * fade / (p.softening_energy * p.G))
+        slope = np.where(grows, 0.0, p.softening * self.fades(z) / (p.softening_energy * p.G))
         ff, fc, cc = lost * ff + slope * s * s, lost * fc + slope * s * c, lost * cc + slope * c * c
         return whole_tangent((ff, fc, cc, lost * swap, lost * one), k, dim)
 
     def energy(self, F, p, state, at):
         z, largest, _ = self._below(Kinematics(F).I1, p, state, at)
         scale = p.softening_energy * p.G
-        return p.softening * scale * (_ln_cosh(z) - _ln_cosh(largest / scale))
+        return p.softening * scale * (self.spent(z) - self.spent(largest / scale))
 
     def work(self, F, p, state, at):
         z = self._below(Kinematics(F).I1, p, state, at)[0]
-        return p.softening * p.softening_energy * p.G * _ln_cosh(z)
+        return p.softening * p.softening_energy * p.G * self.spent(z)
