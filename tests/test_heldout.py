@@ -8,17 +8,22 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from benchmarks import outside
 from benchmarks.discovery import SHOWN, left_over
 from benchmarks.hidden import make
 from cutbench.calibration.fitting import fit
+from cutbench.calibration.identifiability import Unknown
 from cutbench.calibration.prediction import Task, predict, predictor, recorded
 from cutbench.case.case import load_case
 from cutbench.case.model import DEFAULT, Model
+from cutbench.data.campaign import load_campaign
 from cutbench.data.experiment import Experiment
 from cutbench.data.repetition import Repetition
 from cutbench.discovery import heldout
-from cutbench.discovery.heldout import TESTS, Heldout, decide
-from cutbench.discovery.point import point_of
+from cutbench.discovery.candidates import baseline_of
+from cutbench.discovery.heldout import TESTS, Heldout, compare, decide
+from cutbench.discovery.point import point_of, refitted
+from cutbench.mechanisms import registry
 
 BETTER = Heldout(TESTS, 50.0, 10.0, 0.3, 0.1, 2.0, 1.4, 0.5, "N", 0.4)
 
@@ -43,11 +48,27 @@ def test_a_drop_that_comes_late_does_not_outweigh_all_else(monkeypatch):
     late = replace(BETTER, better=-50.0)
     by_repetition = replace(BETTER, how="one repetition after the other")
     monkeypatch.setattr(heldout, "compare", lambda *_, tests=True: late if tests else by_repetition)
+    monkeypatch.setattr(heldout, "_shows", lambda *_: True)
     cuts, others = SimpleNamespace(meshed=True), SimpleNamespace(meshed=False)
     assert decide(cuts, cuts) is by_repetition
     assert decide(others, others) is late
     late = replace(late, gain=0.05)  # which is no sure gain
     assert decide(cuts, cuts) is late
+
+
+def test_tests_in_which_a_law_does_nothing_do_not_tell_of_it(tmp_path):
+    # Softening, and softer specimens in the tests, none of which goes back.
+    campaign = load_campaign(outside.make(36, ("Zuniga-Beatty",), 20261130, tmp_path).file)
+    with predictor(0) as run:
+        before = point_of(fit(baseline_of(campaign), run=run), run)
+        model, off = before.case.model.extended("steep_mullins")
+        case = replace(before.case, mechanisms=model.mechanisms, values={**before.case.values, **off})
+        case = replace(case, values={**case.values, "softening": 0.3, "softening_energy": 0.1})
+        new = [Unknown(q, case.values[q.name], *q.bounds) for q in registry()["steep_mullins"].parameters]
+        after = refitted(before, [*before.inverse.at(before.q), *new], case, run)
+    assert compare(before, after).better < 0, "the specimens in the tests are softer"
+    held = decide(before, after)
+    assert held.how != TESTS and held.accepted
 
 
 def test_a_driven_machine_does_not_go_back():

@@ -34,6 +34,8 @@ FEWEST_TESTS, FIFTHS = 3, 5
 TESTS = "test experiments"
 #: Predictions that differ by less than a standard deviation in all (2 |d|) tell nothing.
 TELLING = 2.0
+#: Less of a test's largest value is no change.
+SHOWS = 1e-3
 
 
 @dataclass(frozen=True)
@@ -101,13 +103,35 @@ def decide(before: Point, after: Point) -> Heldout:
     left out of the fitted ones.
 
     A drop that comes a little early or late counts for more in a cut's likelihood than all the rest of it:
-    where that says worse and the plain error surely better, they do not tell.
+    where that says worse and the plain error surely better, they do not tell. Nor do they where the extension
+    does nothing in them, and only the other parameters' values differ.
     """
     by_tests = compare(before, after)
+    if by_tests.how != TESTS:
+        return by_tests
     jags = before.meshed and by_tests.better < 0 < by_tests.gain - by_tests.gain_se
-    if by_tests.how != TESTS or (by_tests.tells and not jags) or by_tests.worse:
+    if ((by_tests.tells and not jags) or by_tests.worse) and _shows(before, after):
         return by_tests
     return compare(before, after, tests=False)
+
+
+def _shows(before: Point, after: Point) -> bool:
+    """Whether what ``after`` has more than ``before`` changes its predictions of the test experiments. With a
+    mesh that is not asked: it would take runs."""
+    known = {u.name for u in before.inverse.unknowns}
+    new = [u.name not in known and u.quantity.off is not None for u in after.inverse.unknowns]
+    if before.meshed or not any(new):
+        return True
+    unknowns = zip(after.inverse.unknowns, after.q, new, strict=True)
+    q = np.array([u.q(u.quantity.off_value) if off else x for u, x, off in unknowns])
+    for e in after.campaign.test:
+        if (y := after.tests.get(e.id)) is None:
+            continue
+        (off,) = after.inverse.predicted(q, [e], fine=False)
+        change = y - off.y - after.test_shift.get(e.id, 0.0)
+        if np.abs(change).max() > SHOWS * np.abs(y).max():
+            return True
+    return False
 
 
 def compare(before: Point, after: Point, *, tests: bool = True) -> Heldout:
