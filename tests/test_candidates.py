@@ -336,17 +336,3 @@ def test_extensions_build_on_one_another():
     model, new = Model(DEFAULT).extended("maxwell", "maxwell2", "mullins", "gent")
     assert "maxwell" not in model.mechanisms and "neo_hookean" not in model.mechanisms
     assert new["g_1"] == new["g_2"] == new["softening"] == new["inv_J_m"] == 0.0
-
-
-def test_toughness_by_speed_is_a_cohesion_as_much_stronger():
-    """T = k ln(1 + v/v_b) T_cohesive: the faces are held as by G_c (1 + k ln(1 + v/v_b)), not in closing."""
-    law = LAW["speed_toughness"]
-    jump = np.array([[0.01, 0.02, -0.01], [0.0, 0.01, 0.0]])
-    p = SimpleNamespace(speed_toughening=0.4, toughness_speed=0.02, speed=0.1)
-    T = np.array([[0.1, 0.2, -0.3], [0.0, 0.05, 0.0]])
-    at = SimpleNamespace(before={"cohesive": SimpleNamespace(traction=T)})
-    extra, state = law.traction(jump, p, {}, at)
-    factor = 0.4 * np.log(6.0)
-    assert law.like(SimpleNamespace(**vars(p), G_c=0.005))["G_c"] == pytest.approx(0.005 * (1 + factor))
-    np.testing.assert_allclose(extra[:, :2], factor * T[:, :2], rtol=1e-12)
-    assert extra[0, 2] == 0 and not state

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from test_candidates import LAW, parameters
+from test_candidates_runs import SMALL
 
 from cutbench.calibration.identifiability import Unknown
+from cutbench.case.case import load_case
 from cutbench.discovery.extending import something
+from cutbench.run.runner import run_case
 
 
 def test_adhesion_by_blade_speed_is_an_adhesion_as_much_stronger():
@@ -23,13 +27,24 @@ def test_adhesion_by_blade_speed_is_an_adhesion_as_much_stronger():
     np.testing.assert_allclose(sum(mine), LAW["adhesion"].strength(np.zeros(3), stronger, {}, at))
 
 
-def test_a_modulus_by_blade_speed_is_a_modulus_as_much_higher():
-    p = parameters(G=8e-3, speed_stiffening=0.4, stiffening_speed=0.02, speed=0.1)
-    F = np.eye(3)[:, :, None] + 0.2 * np.random.default_rng(0).standard_normal((3, 3, 5))
-    mine = [LAW[name].stress(F, p, {}, None)[0] for name in ("neo_hookean", "speed_modulus")]
-    stiffer = parameters(**{**vars(p), **LAW["speed_modulus"].like(p)})
-    assert pytest.approx(8e-3 * (1 + 0.4 * np.log(6.0))) == stiffer.G
-    np.testing.assert_allclose(sum(mine), LAW["neo_hookean"].stress(F, stiffer, {}, None)[0], atol=1e-15)
+@pytest.mark.parametrize("name", ["speed_toughness", "speed_modulus"])
+def test_a_cut_by_a_law_of_speed_is_what_the_law_says_that_it_is_like(name):
+    """Viscosity and all, until it drops."""
+    hard = {key: SMALL[key] for key in ("G_c", "mu", "tip", "width", "height", "h", "step")}
+    changes = {**hard, "G_c": "0.15 J/m^2", "depth": "0.75 mm", "eta_reg": "2 s", "surface_length": "0 mm"}
+    base = load_case("gelatin", changes, dim=2)
+    model, _ = base.model.extended(name)
+    strength, speed = LAW[name].parameters
+    law = replace(
+        base, mechanisms=model.mechanisms, values={**base.values, strength.name: 0.6, speed.name: 0.01}
+    )
+    alone = replace(base, values={**base.values, **LAW[name].like(law.p)})
+    one, other = run_case(law), run_case(alone)
+    onset = one.measures["onset_mm"]
+    assert onset == pytest.approx(other.measures["onset_mm"], rel=0.02)
+    x = np.linspace(0, 0.95 * onset, 20)
+    a, b = (np.interp(x, run.displacement_mm, run.force_N) for run in (one, other))
+    np.testing.assert_allclose(a, b, rtol=0, atol=2e-3 * b.max())
 
 
 @pytest.mark.parametrize("law", LAW.values(), ids=lambda law: law.name)

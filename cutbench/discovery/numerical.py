@@ -25,6 +25,9 @@ from cutbench.discovery.point import Point
 from cutbench.discovery.score import score
 from cutbench.discovery.yardstick import Yardstick
 
+#: By chance so often, a numerical choice is named where no candidate convinces: it is to be settled before any
+#: of physics is looked for, and naming it wrongly costs a finer run.
+LIKELY = 0.05
 #: Name, what it is, and the choices that differ.
 CHOICES = {
     "element size and step": "elements and steps about half as large",
@@ -78,5 +81,6 @@ def numerical_causes(this: Round, run: Predictor, seed: int, on_progress: OnProg
     shares = {s.name: max(1 - wrong.after(sensed, s), 0.0) for s in scores.scores}
     best = scores.scores[0]
     rival = max((t.gain for t in this.tried), default=0.0)
-    explains = best.name if best.p < CHANCE and shares[best.name] >= SHARE and best.gain >= rival else None
+    chance = CHANCE if any(t.convincing for t in this.tried) else LIKELY
+    explains = best.name if best.p < chance and shares[best.name] >= SHARE and best.gain >= rival else None
     return NumericalCauses(tuple(scores.scores), shares, explains, missing)

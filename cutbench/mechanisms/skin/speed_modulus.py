@@ -1,18 +1,18 @@
-"""Modulus that grows with the blade's speed: Ψ = G/2 k ln(1 + v/v_g) (Ī₁ − 3).
+"""Modulus that grows with the blade's speed: G (1 + k ln(1 + v/v_g)).
 
 What a test at several speeds tells of a modulus: material that relaxes over many decades of time is stiffer
 the less time a cut takes, and within a cut, at one speed, its modulus changes little. G rises by k for each
-e-fold of the blade's speed v above v_g.
+e-fold of the blade's speed v above v_g, at equal ν, and all that the bulk laws measure by it.
 """
 
 import numpy as np
 
 from cutbench.base.units import Parameter
-from cutbench.mechanisms.bulk._isotropic import Isochoric
+from cutbench.mechanisms.base import Skin
 
 
-class SpeedModulus(Isochoric):
-    """Elasticity that is stiffer the faster the blade goes, as one that relaxes at all times."""
+class SpeedModulus(Skin):
+    """Stresses that are higher the faster the blade goes, as of what relaxes at all times."""
 
     name = "speed_modulus"
     title = "modulus by speed"
@@ -34,11 +34,8 @@ class SpeedModulus(Isochoric):
     def groups(self, p):
         return {"speed stiffening": p.speed_stiffening, "v/v_g": p.speed / p.stiffening_speed}
 
+    def stiffness(self, p, at):
+        return 1 + p.speed_stiffening * np.log(1 + p.speed / p.stiffening_speed)
+
     def like(self, p):
-        return {"G": p.G * (1 + p.speed_stiffening * np.log(1 + p.speed / p.stiffening_speed))}
-
-    def dW_dI1(self, I1, p, at):
-        return (self.like(p)["G"] - p.G) / 2 + 0 * I1
-
-    def W(self, I1, p, at):
-        return (self.like(p)["G"] - p.G) / 2 * (I1 - 3)
+        return {"G": p.G * self.stiffness(p, None)}
