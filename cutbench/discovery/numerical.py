@@ -25,8 +25,8 @@ from cutbench.discovery.point import Point
 from cutbench.discovery.score import score
 from cutbench.discovery.yardstick import Yardstick
 
-#: By chance so often, a numerical choice is named where no candidate convinces: it is to be settled before any
-#: of physics is looked for, and naming it wrongly costs a finer run.
+#: By chance so often, a numerical choice is named where no candidate convinces: it is to be settled before
+#: physics is looked for, and naming it wrongly costs a finer run.
 LIKELY = 0.05
 #: Name, what it is, and the choices that differ.
 CHOICES = {
