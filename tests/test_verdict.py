@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from cutbench.discovery import outcome, report, rounds, search
+from cutbench.discovery import heldout, outcome, report, rounds, search
 
 
 def a_round(*, p_residual: float, accepted: str | None = None, tried=("gent",), failed=()):
@@ -36,6 +36,24 @@ def a_round(*, p_residual: float, accepted: str | None = None, tried=("gent",), 
 def test_a_verdict_names_what_helped(monkeypatch, rounds, remains, verdict):
     monkeypatch.setattr(search, "Yardstick", lambda *given: SimpleNamespace(left=lambda point: remains))
     assert search._verdict(rounds) == verdict
+
+
+@pytest.mark.parametrize(
+    ("chance", "better", "how", "meshed", "named"),
+    [
+        (1e-3, 20.0, heldout.TESTS, False, True),
+        # What the fitted tests leave in doubt those that were not fitted may tell, if they surely do.
+        (0.05, 50.0, heldout.TESTS, False, True),
+        (0.05, 30.0, heldout.TESTS, False, False),
+        (0.2, 50.0, heldout.TESTS, False, False),
+        (0.05, 50.0, "one repetition after the other", False, False),
+        (0.05, 50.0, heldout.TESTS, True, False),
+    ],
+)
+def test_what_convinces(chance, better, how, meshed, named):
+    held = heldout.Heldout(how, better, 10.0, 0.3, 0.1, 2.0, 1.4, 0.5, "N", 0.4)
+    point = SimpleNamespace(meshed=meshed)
+    assert outcome.Tried(None, point, held, 10.0, chance, 0.8).convincing == named
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from cutbench.data.campaign import Campaign
 from cutbench.discovery.causes import Cause
 from cutbench.discovery.clean import CleanGain
 from cutbench.discovery.columns import Sensed
-from cutbench.discovery.heldout import Heldout
+from cutbench.discovery.heldout import TESTS, Heldout
 from cutbench.discovery.point import Point
 from cutbench.discovery.protocol import Proposal
 from cutbench.discovery.score import Score, Scores
@@ -27,6 +27,9 @@ CHANCE = 0.005
 SHARE, SHARE_WEAK = 0.3, 0.6
 #: What explains so much of it leaves nothing for another to explain better.
 WHOLE = 0.9
+#: By so many standard errors tests that were not fitted must be predicted better, with this part of their
+#: error gone, where they tell of a cause what the fitted ones leave to a chance of ``DOUBTED``.
+SURELY, ELSEWHERE, DOUBTED = 4.0, 0.25, 0.1
 #: Why a discovery ends early.
 INTERRUPTED, LATE = "interrupted", "out of time"
 #: An error of the reading makes no more of what was read than the specimen does.
@@ -62,8 +65,17 @@ class Tried:
 
     @property
     def convincing(self) -> bool:
-        explains = self.p_any < CHANCE and self.share >= SHARE and self.own >= OWN
+        explains = (self.p_any < CHANCE or self._told) and self.share >= SHARE and self.own >= OWN
         return explains and self.heldout.accepted
+
+    @property
+    def _told(self) -> bool:
+        """Whether tests that were not fitted leave no doubt of it. Of cuts, a drop that comes early or late
+        outweighs all else there."""
+        held = self.heldout
+        better = held.how == TESTS and held.better > SURELY * held.better_se
+        gained = max(held.gain, held.gain_of_shape) > ELSEWHERE
+        return better and gained and self.p_any < DOUBTED and not self.point.meshed
 
 
 @dataclass(frozen=True)

@@ -25,9 +25,11 @@ from cutbench.discovery.judging import against
 from cutbench.discovery.numerical import numerical_causes
 from cutbench.discovery.outcome import (
     CHANCE,
+    ELSEWHERE,
     INTERRUPTED,
     LATE,
     SHARE,
+    SURELY,
     Discovery,
     NumericalCauses,
     Round,
@@ -48,9 +50,9 @@ REST, REST_ALONE = 0.25, 0.5
 #: what is left; by how many standard errors it must predict better. No specimen follows a formula: what that
 #: of the first cause leaves is no cause of its own, and any other takes some of it up. Of cuts, jags leave a
 #: per cent or two of each curve, too.
-NAMED, NAMED_MESHED, MAIN, SURELY = 0.06, 0.1, 0.5, 4.0
-#: Or else, in tests that were not fitted: what it must take away of their error, by how many standard errors.
-ELSEWHERE, LIKELY = 0.25, 2.5
+NAMED, NAMED_MESHED, MAIN = 0.06, 0.1, 0.5
+#: Or else, in tests that were not fitted: by how many standard errors it must take away of their error.
+LIKELY = 2.5
 #: By so much the gain on held-out data may fall when the extended model is fitted to the end.
 WORSE = 0.1
 #: Causes found, at the most; firsts of a pair that are tried.
