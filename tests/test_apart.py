@@ -137,3 +137,19 @@ def test_nothing_more_is_asked_of_cuts_once_a_cause_explains_all(monkeypatch, po
     asking = rounds._Asking(point, Formula(), 0, silent)
     assert asking.beside(["G_c", "tau_W"], [], [], {}, found.scores) is found
     assert places == asked
+
+
+def test_what_is_foreseen_to_explain_nothing_or_was_fitted_is_not_fitted(monkeypatch, point):
+    """Where no law is foreseen to explain anything."""
+    chosen, _ = candidates(point.inverse, point.case)
+    asked = []
+    monkeypatch.setattr(rounds, "looked", lambda *_: ([], ["fung"]))
+    monkeypatch.setattr(rounds._Asking, "at", lambda self, place, some, why: asked.extend(some) or why)
+    asking = rounds._Asking(point, Formula(), 0, silent)
+    asking.left = {"contact_offset": 0.99, "force_drift": 0.7}
+    asking.made = [SimpleNamespace(tried=[SimpleNamespace(name="machine_compliance")])]
+    why = asking.anywhere(chosen, {"fung": ""}, {})
+    gone, names = {"fung", "contact_offset", "machine_compliance"}, {c.name for c in chosen}
+    assert {*gone, "force_drift"} <= names
+    assert {c.name for c in asked} == names - gone
+    assert set(why) == {"fung", "contact_offset"}

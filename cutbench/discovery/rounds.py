@@ -172,7 +172,9 @@ class _Asking:
         if not found:
             fitted = {t.name for each in self.made for t in each.tried}
             rest = [c for c in chosen if c.name not in {*vain, *fitted}]
-            return self.at(Place.of(self.point), rest, why) if rest else self.none(why)
+            if not rest:
+                return together(self.made) if self.made else self.none(why)
+            return self.at(Place.of(self.point), rest, why)
         more = [c for c in every if c.name in found and c not in chosen]
         why = {name: reason for name, reason in left_out.items() if name not in found}
         return self.at(Place.of(self.point), [*chosen, *more], why, None, [*found], found)
