@@ -31,7 +31,14 @@ def test_adhesion_by_blade_speed_is_an_adhesion_as_much_stronger():
 def test_a_cut_by_a_law_of_speed_is_what_the_law_says_that_it_is_like(name):
     """Viscosity and all, until it drops."""
     hard = {key: SMALL[key] for key in ("G_c", "mu", "tip", "width", "height", "h", "step")}
-    changes = {**hard, "G_c": "0.15 J/m^2", "depth": "0.75 mm", "eta_reg": "2 s", "surface_length": "0 mm"}
+    changes = {
+        **hard,
+        "G_c": "0.15 J/m^2",
+        "until": "transition",
+        "depth": "0.8 mm",
+        "eta_reg": "2 s",
+        "surface_length": "0 mm",
+    }
     base = load_case("gelatin", changes, dim=2)
     model, _ = base.model.extended(name)
     strength, speed = LAW[name].parameters

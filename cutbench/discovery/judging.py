@@ -84,8 +84,9 @@ def _ordered(tried: list[Tried], scores: Scores, meshed: bool) -> tuple[list[Tri
         predicted = t.heldout.better if t.heldout.how == TESTS else 0.0
         return PRICE * len(t.score.column.candidate.parameters) - t.point.likelihood - predicted
 
-    # What leaves nothing of the specimen explains nothing.
-    tried = sorted(tried, key=lambda t: (t.own < OWN, cost(t), t.name))
+    # What leaves nothing of the specimen explains nothing. Of cuts, in which jags are fitted too, what does
+    # not convince comes after what does, however well it fits.
+    tried = sorted(tried, key=lambda t: (t.own < OWN, meshed and not t.convincing, cost(t), t.name))
     best, placed = tried[0], []
     for t in tried:
         rise, se = better_than(t.point, best.point)
