@@ -13,9 +13,10 @@ from test_emulated import Remembering, inverse_of
 
 from cutbench.base.progress import silent
 from cutbench.calibration import survey
+from cutbench.calibration.identifiability import Unknown
 from cutbench.discovery import rounds, sounder
 from cutbench.discovery.point import Point
-from cutbench.discovery.sounder import moved, without
+from cutbench.discovery.sounder import idle, moved, without
 
 LAW = SimpleNamespace(parameters=(), cause="mechanism", slot="bulk")
 AWAY = {"G": TRUE["G"] * 1.1, "G_c": TRUE["G_c"] * 1.3}
@@ -55,6 +56,18 @@ def test_a_gain_of_its_own_is_the_candidates(cuts, monkeypatch):
     monkeypatch.setattr(sounder, "_likely", lambda one, *by: 1e6 if one is after else whole(one, *by))
     _, part = without(point, after)
     assert part < 0.01
+
+
+@pytest.mark.parametrize("strength, nothing", [(0.0, True), (0.2, False)])
+def test_a_law_that_ends_at_nothing_has_gained_nothing(cuts, strength, nothing):
+    point, after = at(cuts, **AWAY), at(cuts, **TRUE)
+    model, off = after.case.model.extended("fung")
+    case = replace(after.case, mechanisms=model.mechanisms, values={**after.case.values, **off})
+    law = Unknown(model.parameters()["b_fung"], 0.2, 0.0, 1.0)
+    inverse = after.inverse.other([*after.inverse.unknowns, law], case)
+    after = replace(after, inverse=inverse, q=np.append(after.q, law.q(strength)))
+    assert idle(point, after) == nothing
+    assert not idle(point, point)
 
 
 def test_a_model_that_is_where_it_is_likeliest_stays(cuts):

@@ -24,7 +24,7 @@ from cutbench.discovery.judging import judged, together
 from cutbench.discovery.outcome import Round, Tried
 from cutbench.discovery.point import Point, own_part, undetermined
 from cutbench.discovery.score import Score, Scores, deviations, score
-from cutbench.discovery.sounder import MOST, Elsewhere, without
+from cutbench.discovery.sounder import MOST, Elsewhere, idle, without
 from cutbench.discovery.yardstick import Yardstick
 
 #: A candidate on its own is worth a fit if it gains more than chance does this often.
@@ -278,9 +278,10 @@ class _Asking:
                 failed[s.name] = str(error)
                 continue
             after, held, kept = _shaped(point, s, after, scores)
-            gain = max(after.likelihood - point.likelihood, 0.0)
             # Where chance made the residual as small as noise, what gains anything gains all of it.
-            share = max(1 - wrong.left(after), 0.0)
+            gain, share = max(after.likelihood - point.likelihood, 0.0), max(1 - wrong.left(after), 0.0)
+            if idle(point, after):
+                gain = share = 0.0
             own = own_part(after, s.column.candidate)
             chance = scores.p_any(s.name, gain)
             tried.append(Tried(s, after, held, gain, chance, share, shapes_open=kept, own=own))

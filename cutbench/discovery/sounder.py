@@ -16,6 +16,7 @@ from cutbench.base.progress import OnProgress
 from cutbench.calibration.fitted import Fit
 from cutbench.calibration.prediction import Predictor
 from cutbench.calibration.survey import ERRS, Survey, likely
+from cutbench.discovery.extending import NOTHING
 from cutbench.discovery.point import Point, fit_again, point_of
 
 #: Where so much of a candidate's gain is to be had without it, the gain is not its own.
@@ -24,6 +25,16 @@ MOST = 0.5
 
 class Elsewhere(Exception):
     """The model is likelier elsewhere, without the candidate that led there."""
+
+
+def idle(point: Point, after: Point) -> bool:
+    """Whether the candidate that ``after`` has and ``point`` has not does nothing at the strengths that make
+    the data likeliest: what is gained there the other values gain."""
+    known = {u.label for u in point.inverse.unknowns}
+    new = [u for u in after.inverse.unknowns if u.label not in known and u.quantity.off is not None]
+    typical = [abs(u.quantity.typical * u.quantity.factor) for u in new]
+    far = [abs(after.values[u.label] - u.quantity.off_value) for u in new]
+    return bool(new) and all(d < NOTHING * size for d, size in zip(far, typical, strict=True))
 
 
 def without(point: Point, after: Point) -> tuple[np.ndarray, float] | None:
@@ -37,10 +48,12 @@ def without(point: Point, after: Point) -> tuple[np.ndarray, float] | None:
     values, (low, high) = after.values, point.inverse.bounds
     here = zip(point.inverse.unknowns, point.q, strict=True)
     q = np.array([u.q(values.get(u.label, u.value(x))) for u, x in here])
-    survey = Survey(point.inverse, [np.clip(q, low, high), point.q])
+    q, before = np.clip(q, low, high), _likely(point)
+    if idle(point, after):
+        return (q, 1.0) if _likely(after, point) - before >= ERRS else None
+    survey = Survey(point.inverse, [q, point.q])
     if not survey.problem.able:
         return None
-    before = _likely(point)
     foreseen, there = survey.foreseen_likeliest(point.w.noise)
     if foreseen - before < ERRS:
         return None
