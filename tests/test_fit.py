@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 import cutbench.calibration.fitting as fitting
 import cutbench.calibration.kept as kept
 from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.calibration import survey
 from cutbench.calibration.fitting import fit
 from cutbench.calibration.report import summary, to_dict, write_fit
 from cutbench.case.case import Case, load_case
@@ -243,7 +244,13 @@ def cutting(**options):
     return campaign(SOLID, tests[: options.pop("count", 2)], start, plan=plan, **options)
 
 
-def test_a_cutting_campaign_gives_its_truth_back():
+@pytest.fixture
+def few_places(monkeypatch):
+    """One or two parameters are known from fewer cuts than the usual five."""
+    monkeypatch.setattr(survey, "PLACES", 8)
+
+
+def test_a_cutting_campaign_gives_its_truth_back(few_places):
     told = []
     found = fit(cutting(seed=5), workers=0, refine=False, on_progress=lambda *at: told.append(at))
     assert found.status == "converged"
@@ -259,7 +266,7 @@ def test_a_cutting_campaign_gives_its_truth_back():
     assert set(data["parameters"]) == {"G", "G_c"}
 
 
-def test_derivatives_that_end_on_the_way_end_no_fit(monkeypatch):
+def test_derivatives_that_end_on_the_way_end_no_fit(monkeypatch, few_places):
     whole = kept.run_case
 
     def singular(case, **options):
