@@ -16,7 +16,7 @@ from cutbench.calibration import survey
 from cutbench.calibration.identifiability import Unknown
 from cutbench.discovery import rounds, sounder
 from cutbench.discovery.point import Point
-from cutbench.discovery.sounder import idle, moved, without
+from cutbench.discovery.sounder import does_nothing, moved, without
 
 LAW = SimpleNamespace(parameters=(), cause="mechanism", slot="bulk")
 AWAY = {"G": TRUE["G"] * 1.1, "G_c": TRUE["G_c"] * 1.3}
@@ -66,8 +66,8 @@ def test_a_law_that_ends_at_nothing_has_gained_nothing(cuts, strength, nothing):
     law = Unknown(model.parameters()["b_fung"], 0.2, 0.0, 1.0)
     inverse = after.inverse.other([*after.inverse.unknowns, law], case)
     after = replace(after, inverse=inverse, q=np.append(after.q, law.q(strength)))
-    assert idle(point, after) == nothing
-    assert not idle(point, point)
+    assert does_nothing(point, after) == nothing
+    assert not does_nothing(point, point)
 
 
 def test_a_model_that_is_where_it_is_likeliest_stays(cuts):

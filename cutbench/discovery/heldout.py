@@ -26,7 +26,7 @@ from cutbench.data.covariance import Block, Factors
 from cutbench.data.discrepancy import SIZES, Discrepancies
 from cutbench.data.experiment import Experiment
 from cutbench.data.repetition import Averaged
-from cutbench.discovery.point import Point
+from cutbench.discovery.point import Point, new_strengths
 
 #: A parameter that the rest of the data knows worse than this (in q) is not determined by it.
 LOST = 0.5
@@ -118,8 +118,7 @@ def decide(before: Point, after: Point) -> Heldout:
 def _shows(before: Point, after: Point) -> bool:
     """Whether what ``after`` has more than ``before`` changes its predictions of the test experiments. With a
     mesh that is not asked: it would take runs."""
-    known = {u.name for u in before.inverse.unknowns}
-    new = [u.name not in known and u.quantity.off is not None for u in after.inverse.unknowns]
+    new = new_strengths(before, after)
     if before.meshed or not any(new):
         return True
     unknowns = zip(after.inverse.unknowns, after.q, new, strict=True)

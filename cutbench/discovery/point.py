@@ -182,6 +182,12 @@ def fit_again(
     return fitted
 
 
+def new_strengths(before: Point, after: Point) -> list[bool]:
+    """Of the unknowns of ``after``, which are strengths of what ``before`` has not."""
+    known = {u.name for u in before.inverse.unknowns}
+    return [u.name not in known and u.quantity.off is not None for u in after.inverse.unknowns]
+
+
 def undetermined(point: Point, c: Candidate) -> bool:
     """Whether the data leave a shape of the candidate ``point`` was extended by open, by a factor of e or
     more."""

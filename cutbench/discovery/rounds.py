@@ -24,7 +24,7 @@ from cutbench.discovery.judging import judged, together
 from cutbench.discovery.outcome import Round, Tried
 from cutbench.discovery.point import Point, own_part, undetermined
 from cutbench.discovery.score import Score, Scores, deviations, score
-from cutbench.discovery.sounder import MOST, Elsewhere, idle, without
+from cutbench.discovery.sounder import MOST, Elsewhere, does_nothing, without
 from cutbench.discovery.yardstick import Yardstick
 
 #: A candidate on its own is worth a fit if it gains more than chance does this often.
@@ -40,8 +40,8 @@ LIKE = 0.7
 PROBED = 8
 #: With a mesh, where one that was fitted convinces, only those whose score is this part of its.
 NEAR = 0.5
-#: A rig or reading that is foreseen to leave no more is fitted first, so many at the most; one that is
-#: foreseen to leave more than that is not fitted.
+#: A rig or reading that is foreseen to leave no more than the first is fitted first, so many at the most;
+#: one that is foreseen to leave more than the last is not fitted.
 LEFT, FIRST, ALL = 0.6, 2, 0.9
 #: Values of shapes tried where the data leave them open; how far scores may lie behind, in prices.
 SHAPES, OPEN = 3, 5
@@ -280,7 +280,7 @@ class _Asking:
             after, held, kept = _shaped(point, s, after, scores)
             # Where chance made the residual as small as noise, what gains anything gains all of it.
             gain, share = max(after.likelihood - point.likelihood, 0.0), max(1 - wrong.left(after), 0.0)
-            if idle(point, after):
+            if does_nothing(point, after):
                 gain = share = 0.0
             own = own_part(after, s.column.candidate)
             chance = scores.p_any(s.name, gain)

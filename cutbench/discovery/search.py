@@ -51,7 +51,8 @@ REST, REST_ALONE = 0.25, 0.5
 #: of the first cause leaves is no cause of its own, and any other takes some of it up. Of cuts, jags leave a
 #: per cent or two of each curve, too.
 NAMED, NAMED_MESHED, MAIN = 0.06, 0.1, 0.5
-#: Or else, in tests that were not fitted: by how many standard errors it must take away of their error.
+#: Or else it must take away ``ELSEWHERE`` of the error of tests that were not fitted, and by so many standard
+#: errors.
 LIKELY = 2.5
 #: By so much the gain on held-out data may fall when the extended model is fitted to the end.
 WORSE = 0.1

@@ -17,7 +17,7 @@ from cutbench.calibration.fitted import Fit
 from cutbench.calibration.prediction import Predictor
 from cutbench.calibration.survey import ERRS, Survey, likely
 from cutbench.discovery.extending import NOTHING
-from cutbench.discovery.point import Point, fit_again, point_of
+from cutbench.discovery.point import Point, fit_again, new_strengths, point_of
 
 #: Where so much of a candidate's gain is to be had without it, the gain is not its own.
 MOST = 0.5
@@ -27,11 +27,10 @@ class Elsewhere(Exception):
     """The model is likelier elsewhere, without the candidate that led there."""
 
 
-def idle(point: Point, after: Point) -> bool:
+def does_nothing(point: Point, after: Point) -> bool:
     """Whether the candidate that ``after`` has and ``point`` has not does nothing at the strengths that make
     the data likeliest: what is gained there the other values gain."""
-    known = {u.label for u in point.inverse.unknowns}
-    new = [u for u in after.inverse.unknowns if u.label not in known and u.quantity.off is not None]
+    new = [u for u, is_new in zip(after.inverse.unknowns, new_strengths(point, after), strict=True) if is_new]
     typical = [abs(u.quantity.typical * u.quantity.factor) for u in new]
     far = [abs(after.values[u.label] - u.quantity.off_value) for u in new]
     return bool(new) and all(d < NOTHING * size for d, size in zip(far, typical, strict=True))
@@ -49,7 +48,7 @@ def without(point: Point, after: Point) -> tuple[np.ndarray, float] | None:
     here = zip(point.inverse.unknowns, point.q, strict=True)
     q = np.array([u.q(values.get(u.label, u.value(x))) for u, x in here])
     q, before = np.clip(q, low, high), _likely(point)
-    if idle(point, after):
+    if does_nothing(point, after):
         return (q, 1.0) if _likely(after, point) - before >= ERRS else None
     survey = Survey(point.inverse, [q, point.q])
     if not survey.problem.able:
