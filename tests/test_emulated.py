@@ -21,6 +21,7 @@ from cutbench.calibration.inverse import Inverse
 from cutbench.calibration.looked_for import unknowns
 from cutbench.calibration.memory import Memory, Scale
 from cutbench.calibration.prediction import Prediction, Reading, Task
+from cutbench.calibration.side_by_side import side_by_side
 from cutbench.discovery import search
 from cutbench.discovery.apart import apart, resembling
 from cutbench.discovery.candidates import candidates
@@ -46,6 +47,9 @@ class Remembering:
 
     def __init__(self, fails: float = np.inf):
         self.memory, self.places, self.fails = Memory(), 0, fails
+
+    def side_by_side(self, searches):
+        return side_by_side(searches, self)
 
     def __call__(self, tasks: list[Task]) -> list[Prediction]:
         self.places += 1
@@ -244,7 +248,7 @@ def test_a_law_that_says_what_it_is_like_needs_no_runs(cuts, law, of, values):
     for speed in speeds:
         with_law = {**values, "speed": speed}
         without = {**with_law, **law.like(SimpleNamespace(**with_law)), law.parameters[0].name: 0.0}
-        one, same = known.works([with_law, without])
+        one, same = known.forces([with_law, without])
         np.testing.assert_allclose(one, same, rtol=0.02, atol=0.02 * same.max())
     mine = [Unknown(q, on[q.name], *q.bounds) for q in (of, *law.parameters)]
     each = [SimpleNamespace(**{**values, "speed": v}) for v in speeds]
@@ -284,7 +288,7 @@ def test_cuts_without_a_law_tell_of_cuts_with_it(cuts, law):
     assert Emulated(other).able
     for e in cuts.train:
         known = run.memory.emulator(other.case(e, np.zeros(2)), ["G", "G_c"], X[-1])
-        assert known is not None and len(known._kriging.Z) == 12 * len(cuts.train)
+        assert known is not None and len(known.known._before.Z) == 12 * len(cuts.train)
 
 
 def test_a_law_in_the_place_of_another_tells_nothing_of_that(cuts):

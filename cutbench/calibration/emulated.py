@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -17,6 +19,7 @@ from cutbench.calibration.prediction import Prediction, Predictor, Reading, Task
 from cutbench.calibration.sparing import Sparing
 from cutbench.case.case import Case
 from cutbench.data.experiment import Experiment
+from cutbench.mechanisms.base import STEP as STEP_READ
 
 #: In q: half the length over which a derivative is taken.
 STEP = 0.05
@@ -30,6 +33,8 @@ class Emulated(Sparing):
         self.rig = {p.name for law in self.start.model.laws("rig") for p in law.parameters}
         self._places: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self._cases: dict[str, Case] = {}
+        #: With how many runs they know.
+        self._emulators: dict[str, tuple[int, Emulator | None]] = {}
 
     def predictions(self, q: np.ndarray) -> Mapping[str, Prediction]:
         """Of the train experiments; raises ComputationFailed."""
@@ -47,7 +52,7 @@ class Emulated(Sparing):
             self._known[key] = {e.id: self._sloped(e, plain[e.id], q) for e in train}
         return self._known[key]
 
-    @property
+    @cached_property
     def emulable(self) -> bool:
         """Whether cuts of all tests can tell of others once they are computed."""
         train = self.campaign.train
@@ -95,16 +100,14 @@ class Emulated(Sparing):
         """Readings of the course of ``p``, or of what is foreseen, with derivatives."""
         emulator, names = self._emulator(e), self.names(e)
         assert emulator is not None, "able() was asked"
-        mine = {u.name: k for k, u in enumerate(self.unknowns) if u.experiment in (None, e.id)}
-        values = {**vars(self._case(e).p), **{n: self.unknowns[k].value(q[k]) for n, k in mine.items()}}
+        mine, values = self._values(e, q)
         moved, asked = [values], []
         for name in (n for n in names if n not in self.rig):
             u, x = self.unknowns[mine[name]], q[mine[name]]
             low, high = (u.value(float(np.clip(x + step, *u.reach))) for step in (-STEP, STEP))
             moved += [{**values, name: low}, {**values, name: high}]
             asked.append((name, high - low))
-        works = emulator.works(moved)
-        forces = np.gradient(works, emulator.x, axis=1)
+        forces = emulator.forces(moved)
         if p is None:
             course = np.stack([emulator.x, forces[0], emulator.x / values["speed"]])
             p = Prediction(forces[0], np.zeros((0, 0)), course=course)
@@ -116,6 +119,11 @@ class Emulated(Sparing):
         task = Task(e, self._case(e), self.grids[e.id], names)
         y, slopes = Reading(task, p.course, self._read(task)).by(values, by)
         return replace(p, y=y, slopes=slopes, names=names)
+
+    def _values(self, e: Experiment, q: np.ndarray) -> tuple[dict[str, int], dict[str, float]]:
+        """Which of the unknowns are a test's, by name, and all its values at ``q``."""
+        mine = {u.name: k for k, u in enumerate(self.unknowns) if u.experiment in (None, e.id)}
+        return mine, {**vars(self._case(e).p), **{n: self.unknowns[k].value(q[k]) for n, k in mine.items()}}
 
     def _case(self, e: Experiment) -> Case:
         if e.id not in self._cases:
@@ -131,8 +139,13 @@ class Emulated(Sparing):
     def _emulator(self, e: Experiment) -> Emulator | None:
         if not self.emulable:
             return None
-        names = [n for n in self.names(e) if n not in self.rig]
-        return self.run.memory.emulator(self._case(e), names, float(self.grids[e.id].x[-1]))
+        memory = self.run.memory
+        count, emulator = self._emulators.get(e.id, (-1, None))
+        if count != len(memory.runs):
+            names = [n for n in self.names(e) if n not in self.rig]
+            emulator = memory.emulator(self._case(e), names, float(self.grids[e.id].x[-1]))
+            self._emulators[e.id] = len(memory.runs), emulator
+        return emulator
 
 
 class Foreseeing(Emulated):
@@ -145,6 +158,15 @@ class Foreseeing(Emulated):
     def prediction(self, e: Experiment, q: np.ndarray) -> Prediction:
         """Of one of them."""
         return self._sloped(e, None, q)
+
+    def error(self, e: Experiment, q: np.ndarray) -> np.ndarray:
+        """Root (m, k) of the covariance of what a run would read and is not foreseen."""
+        (emulator, (_, values)), p = (self._emulator(e), self._values(e, q)), self.prediction(e, q)
+        assert emulator is not None, "able() was asked"
+        columns = emulator.error(values).T
+        task = Task(e, self._case(e), self.grids[e.id])
+        reading, named = Reading(task, p.course, self._read(task)), SimpleNamespace(**values)
+        return np.stack([reading.of(named, column).imag / STEP_READ for column in columns], axis=1)
 
 
 def _plain(e: Experiment) -> bool:

@@ -7,28 +7,25 @@ and tougher gels. What a mechanism that is switched off would be said to be does
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from types import SimpleNamespace
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 
 from cutbench.base.errors import BadInput
 from cutbench.base.units import powers_of
-from cutbench.calibration.kriging import Kriging
+from cutbench.calibration.registered import SPARE, Registered
 from cutbench.case.case import Case
 from cutbench.case.model import Model
 from cutbench.mechanisms.base import Mechanism
 
-#: Places along the travel at which works are compared; a part of the whole work below which it is taken as it
-#: is, and above by its logarithm.
-PLACES, SMALL = 80, 0.01
-#: No work is foreseen to be e to this times that part.
-WIDE = 50.0
-#: Values that differ by less (relative) are the same; more runs than unknown coordinates, at the least.
-SAME, SPARE = 1e-9, 3
+#: Places along the travel at which forces are foreseen.
+PLACES = 80
+#: Values that differ by less (relative) are the same.
+SAME = 1e-9
 
 
 @lru_cache
@@ -54,10 +51,11 @@ class Scale:
         stress = next((n for n, (force, _) in powers.items() if force == 1 and case.values[n] > 0), None)
         return None if stress is None or case.motion or not case.values["speed"] > 0 else cls(stress, powers)
 
-    def reduced(self, values: Mapping[str, float]) -> dict[str, float]:
-        """In units of the modulus and the speed."""
-        stress, speed = values[self.modulus], values["speed"]
-        return {n: values[n] * stress**-force * speed**time for n, (force, time) in self.powers.items()}
+    def reduced(self, values: Mapping[str, float], names: Collection[str] | None = None) -> dict[str, float]:
+        """In units of the modulus and the speed, those of ``names`` (default: all)."""
+        stress, speed, powers = values[self.modulus], values["speed"], self.powers
+        asked = powers if names is None else names
+        return {n: values[n] * stress ** -powers[n][0] * speed ** powers[n][1] for n in asked}
 
     @property
     def loose(self) -> set[str]:
@@ -67,11 +65,12 @@ class Scale:
 
 @dataclass(frozen=True)
 class _Run:
-    """``x`` (n,) in mm, ``work`` (n,) in N mm."""
+    """``x`` (n,) in mm, ``force`` (n,) in N; ``onset_mm``: where the cut begins, nan where it does not."""
 
     case: Case
     x: np.ndarray
-    work: np.ndarray
+    force: np.ndarray
+    onset_mm: float
 
 
 @dataclass
@@ -80,20 +79,21 @@ class Memory:
 
     runs: list[_Run] = field(default_factory=list)
     _emulators: dict[tuple, Emulator | None] = field(default_factory=dict)
+    _same: dict[tuple, Registered] = field(default_factory=dict)
 
-    def add(self, case: Case, course: np.ndarray) -> None:
-        """A run's ``course`` (3, n): travel in mm, force in N, time."""
+    def add(self, case: Case, course: np.ndarray, onset_mm: float = math.nan) -> None:
+        """A run's ``course`` (3, n): travel in mm, force in N, time; where its cut begins, or nan."""
         if course.shape[1] < 2 or Scale.of(case) is None:
             return
-        x, force = course[:2]
-        self.runs.append(_Run(case, x, cumulative_trapezoid(force, x, initial=0.0)))
+        self.runs.append(_Run(case, course[0], course[1], onset_mm))
 
     def emulator(self, case: Case, names: Collection[str], end_mm: float) -> Emulator | None:
         """Of cuts like ``case`` up to a travel, whatever values ``names`` have; None if too few are known."""
         asked = case.mechanisms, tuple(case.values.items()), case.numerics, frozenset(names), end_mm
         key = len(self.runs), *asked
         if key not in self._emulators:
-            self._emulators = {k: made for k, made in self._emulators.items() if k[0] == key[0]}
+            if any(k[0] != key[0] for k in self._emulators):
+                self._emulators, self._same = {}, {}
             self._emulators[key] = self._emulator(case, names, end_mm)
         return self._emulators[key]
 
@@ -108,8 +108,9 @@ class Memory:
                 continue
             seen = scale.reduced(values)
             if all(_same(seen[n], v) for n, v in wanted.items() if n not in free):
-                known.append((*_like(case.model, scale, values), run))
-        wanted, _ = _like(case.model, scale, case.values)
+                like = _like(case.model, values)
+                known.append((scale.reduced(like), like[scale.modulus], run))
+        wanted = scale.reduced(_like(case.model, case.values))
         axes, columns, said = [], [], _said(case.model)
         for name in (n for n in wanted if n in free):
             column = np.array([values[name] for values, _, _ in known])
@@ -123,9 +124,14 @@ class Memory:
             columns.append(axis.of(np.where(has, column, here.mean())))
         if len(known) < len(axes) + 1 + SPARE:
             return None
-        x = np.linspace(0.0, end_mm, PLACES + 1)
-        works = np.stack([np.interp(x, run.x, run.work) / stress for _, stress, run in known])
-        return Emulator(case.model, scale, x, axes, np.stack(columns, axis=1), works)
+        X, runs = np.stack(columns, axis=1), [(run.x, run.force / stress) for _, stress, run in known]
+        # Tests that differ by their speed alone are foreseen from the same.
+        what = end_mm, case.mechanisms, tuple(axis.name for axis in axes), X.tobytes()
+        if (same := self._same.get(what)) is None:
+            begins = np.array([run.onset_mm for *_, run in known])
+            same = Registered(X, runs, begins, np.linspace(0.0, end_mm, PLACES + 1))
+            self._same[what] = same
+        return Emulator(case.model, scale, axes, same)
 
 
 def _same(a: float, b: float) -> bool:
@@ -157,14 +163,13 @@ def _seen_as(run: _Run, model: Model) -> dict[str, float] | None:
     return {**mine, **{n: np.nan if q.off is None else q.off_value for n, q in new.items()}}
 
 
-def _like(model: Model, scale: Scale, values: Mapping[str, float]) -> tuple[dict[str, float], float]:
-    """``values`` as a model without what does the same has them, in units of the modulus that it has then and
-    the speed; and that modulus."""
+def _like(model: Model, values: Mapping[str, float]) -> Mapping[str, float]:
+    """``values`` as a model without what does the same has them."""
     for law in (law for law in model.all if law.resembles):
         on = any(q.off is not None and values.get(q.name, q.off_value) != q.off_value for q in law.parameters)
         if on:
             values = {**values, **law.like(SimpleNamespace(**values))}
-    return scale.reduced(values), values[scale.modulus]
+    return values
 
 
 def _said(model: Model) -> set[str]:
@@ -185,25 +190,24 @@ class _Axis:
 
 
 class Emulator:
-    """Works along ``x`` (n,) in mm from those of runs (m, n), in units of their moduli, at ``X`` (m, d)."""
+    """Forces along ``x`` (n,) in mm from those that are ``known`` in units of their moduli."""
 
-    def __init__(
-        self,
-        model: Model,
-        scale: Scale,
-        x: np.ndarray,
-        axes: Sequence[_Axis],
-        X: np.ndarray,
-        works: np.ndarray,
-    ):
-        self.model, self.scale, self.x, self.axes = model, scale, x, axes
-        self.small = SMALL * float(np.median(np.abs(works[:, -1])))
-        self._kriging = Kriging(X, np.arcsinh(works[:, 1:] / self.small))
+    def __init__(self, model: Model, scale: Scale, axes: Sequence[_Axis], known: Registered):
+        self.model, self.scale, self.axes, self.known, self.x = model, scale, axes, known, known.x
 
-    def works(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:
-        """∫ F dx (p, n) in N mm for ``each`` of p sets of values."""
-        reduced, moduli = zip(*(_like(self.model, self.scale, values) for values in each), strict=True)
-        places = np.stack([axis.of(np.array([v[axis.name] for v in reduced])) for axis in self.axes], axis=1)
-        stress = np.array(moduli)[:, None]
-        work = np.sinh(np.clip(self._kriging(places), -WIDE, WIDE)) * self.small * stress
-        return np.concatenate([np.zeros((len(work), 1)), work], axis=1)
+    def forces(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:
+        """(p, n) in N for ``each`` of p sets of values."""
+        like, places = self._places(each)
+        return self.known(places) * np.array([values[self.scale.modulus] for values in like])[:, None]
+
+    def error(self, values: Mapping[str, float]) -> np.ndarray:
+        """Root (n, k) of the covariance, in N, of what a run with ``values`` has and is not foreseen."""
+        (like,), (place,) = self._places([values])
+        return self.known.error(place) * like[self.scale.modulus]
+
+    def _places(self, each: Sequence[Mapping[str, float]]) -> tuple[list[Mapping[str, float]], np.ndarray]:
+        """``each`` as a model without what does the same has it, and the places (p, d) of these."""
+        like, names = [_like(self.model, values) for values in each], [axis.name for axis in self.axes]
+        reduced = np.array([[*self.scale.reduced(values, names).values()] for values in like])
+        places = np.stack([axis.of(c) for axis, c in zip(self.axes, reduced.T, strict=True)], axis=1)
+        return like, places

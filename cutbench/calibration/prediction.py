@@ -19,6 +19,7 @@ from cutbench.base.progress import ALWAYS
 from cutbench.calibration.homogeneous import slopes
 from cutbench.calibration.kept import Ran, ran
 from cutbench.calibration.memory import Memory
+from cutbench.calibration.side_by_side import Found, ask, side_by_side
 from cutbench.case.case import Case
 from cutbench.data.campaign import lead_s
 from cutbench.data.experiment import Experiment
@@ -142,20 +143,30 @@ class Reading:
 
     def of(self, p, slope: np.ndarray) -> np.ndarray:
         """The readings with a complex step in one parameter, of which ``p`` has one and the force a slope."""
-        known, reading = np.isfinite(slope), self.places
         moved = self.course.astype(complex)
-        moved[1] += 1j * STEP * np.where(known, slope, 0.0)
-        values = _shown(self.task, reading, moved, p)
-        if not known.all():
-            last = self.course[2 if self.task.of_time else 0][max(int(known.argmin()) - 1, 0)]
-            values.imag[np.abs(reading[1]) @ (reading[0] > last) > 0] = np.nan
+        moved[1] += 1j * STEP * np.where(np.isfinite(slope), slope, 0.0)
+        values = _shown(self.task, self.places, moved, p)
+        values.imag[self._beyond(slope)] = np.nan
         return values
+
+    @property
+    def _along(self) -> np.ndarray:
+        return self.course[2 if self.task.of_time else 0]
+
+    def _beyond(self, slope: np.ndarray) -> np.ndarray:
+        """Which readings (m,) know of more of the course than its ``slope`` does."""
+        if (known := np.isfinite(slope)).all():
+            return np.full(len(self.places[1]), False)
+        last = self._along[max(int(known.argmin()) - 1, 0)]
+        return np.abs(self.places[1]) @ (self.places[0] > last) > 0
 
     def by(
         self, values: Mapping[str, float], slopes: Mapping[str, np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray]:
         """Readings (m,) with ``values``, and their derivatives (m, k) by the task's names, with ``slopes``
         (n,) of the force by those that the run depends on."""
+        if not self.task.case.model.laws("rig"):
+            return self._straight(slopes)
         still = np.zeros(self.course.shape[1])
         columns = [self.of(SimpleNamespace(**values), still)]
         for name in self.task.names:
@@ -163,6 +174,19 @@ class Reading:
             columns.append(self.of(p, slopes.get(name, still)))
         read = np.stack(columns, axis=1)
         return read[:, 0].real, read[:, 1:].imag / STEP
+
+    def _straight(self, slopes: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """The same where no rig is in the way: readings are linear in the force."""
+        x, none = self._along, np.zeros(self.course.shape[1])
+        by = [slopes.get(name, none) for name in self.task.names]
+        columns = np.stack([self.course[1], *(np.where(np.isfinite(c), c, 0.0) for c in by)], axis=1)
+        if not self.task.of_time:
+            on = x > np.append(-np.inf, np.maximum.accumulate(x)[:-1])
+            x, columns = x[on], columns[on]
+        read = self.places[1] @ _read(self.places[0], x, columns)
+        for k, slope in enumerate(by, 1):
+            read[self._beyond(slope), k] = np.nan
+        return read[:, 0], read[:, 1:]
 
 
 def recorded(task: Task, prediction: Prediction, **values: float) -> np.ndarray:
@@ -202,10 +226,19 @@ def _fields(task: Task, pictures: Sequence[Snapshot], rig: set[str]) -> tuple[np
 
 
 def _read(at: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """The polygon through complex points (x, y) at real places, with its complex step; ends go on level."""
+    """The polygon through points x (n,), y (n, …) at real places, with its complex step if these are complex;
+    ends go on level."""
     i = np.clip(np.searchsorted(x.real, at, side="right") - 1, 0, x.size - 2)
     inside = np.clip(at, x[0].real, x[-1].real)
-    return y[i] + (inside - x[i]) / (x[i + 1] - x[i]) * (y[i + 1] - y[i])
+    part = (inside - x[i]) / (x[i + 1] - x[i])
+    return y[i] + part.reshape(-1, *(1,) * (y.ndim - 1)) * (y[i + 1] - y[i])
+
+
+def _key(task: Task) -> tuple:
+    """What tasks have in common that are the same, as long as one of them is there."""
+    case, of = task.case, (id(task.experiment), id(task.grid), tuple(map(id, task.added)))
+    values = case.mechanisms, tuple(case.values.items()), case.numerics, case.motion, case.outline, case.until
+    return *of, values, task.names, task.longest
 
 
 def _homogeneous(task: Task) -> Prediction:
@@ -220,6 +253,7 @@ class Predictor:
     def __init__(self, pool: TaskPool, kept: str | Path | None = None, check: Callable[[], None] = ALWAYS):
         self._pool, self.memory, self._check = pool, Memory(), check
         self._kept = None if kept is None else Path(kept)
+        self._known: dict[tuple, tuple[Task, Prediction]] = {}
 
     def __call__(self, tasks: Sequence[Task]) -> list[Prediction]:
         """In the order of ``tasks``. Raises ComputationFailed if one falls short."""
@@ -231,11 +265,26 @@ class Predictor:
         return found
 
     def each(self, tasks: Sequence[Task]) -> list[Prediction | ComputationFailed]:
-        """In the order of ``tasks``, with what was raised in place of what falls short."""
-        found: dict[int, Prediction | ComputationFailed] = {}
-        cuts = [i for i, task in enumerate(tasks) if task.experiment.kind == "cut" and self._pool.count]
-        for i, task in enumerate(tasks):
+        """In the order of ``tasks``, with what was raised in place of what falls short; those of searches
+        ``side_by_side`` with others', at once."""
+        found = ask(tasks)
+        return self._computed(tasks) if found is None else found
+
+    def side_by_side(
+        self, searches: Sequence[Callable[[], Found]]
+    ) -> list[Found | ComputationFailed | BadInput]:
+        """What each of ``searches`` finds, or why it finds nothing. Raises KeyboardInterrupt."""
+        return side_by_side(searches, self._computed)
+
+    def _computed(self, tasks: Sequence[Task]) -> list[Prediction | ComputationFailed]:
+        found: dict[int, Prediction | ComputationFailed] = {
+            i: self._known[key][1] for i, task in enumerate(tasks) if (key := _key(task)) in self._known
+        }
+        new = [i for i in range(len(tasks)) if i not in found]
+        cuts = [i for i in new if tasks[i].experiment.kind == "cut" and self._pool.count]
+        for i in new:
             if i not in cuts:
+                task = tasks[i]
                 self._check()
                 try:
                     found[i] = predict(task, self._kept)
@@ -245,9 +294,10 @@ class Predictor:
             fell_short = done.error if isinstance(done.error, ComputationFailed) else None
             found[done.key] = fell_short or done.result()
         # In their own order, whichever ended first: what is foreseen from them is then the same every time.
-        for i, task in enumerate(tasks):
-            if task.experiment.kind == "cut" and isinstance(p := found[i], Prediction):
-                self.memory.add(task.case, p.course)
+        for i in new:
+            if tasks[i].experiment.kind == "cut" and isinstance(p := found[i], Prediction):
+                self.memory.add(tasks[i].case, p.course, p.onset_mm)
+                self._known[_key(tasks[i])] = tasks[i], p
         return [found[i] for i in range(len(tasks))]
 
 

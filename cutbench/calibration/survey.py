@@ -28,11 +28,12 @@ from cutbench.data.discrepancy import allowing, likeliest
 
 #: Places of each test in the first look (with 14 a toughness of each cut's own was foreseen at a third of
 #: what it explained), and how far they lie in q: so far that works change by this part, between two lengths.
-PLACES, CHANGE, NEAREST, FARTHEST = 20, 0.2, 0.5, 2.0
+PLACES, CHANGE, NEAREST, FARTHEST = 14, 0.2, 0.5, 2.0
 #: Starts of a search among what is foreseen, by works and by forces, beside the best that are known; how far
-#: beyond these it goes. A rig goes as far as changes the works by this part: what it makes of a run is no
-#: guess.
+#: beyond these it goes; so many, the best, are gone on from. A rig goes as far as changes the works by this
+#: part: what it makes of a run is no guess.
 STARTS, FEW, KNOWN, BEYOND, RIGGED = 24, 8, 3, 0.7, 0.5
+BEST = 6
 FORESEEN = lm.Settings(promise=0.5, evaluations=40, failures=2)
 #: Computed after the first look at the most, by works and by likelihood; in vain, before it ends.
 STEPS, LIKELIEST, VAIN = 4, 6, 2
@@ -71,11 +72,52 @@ def likely(inverse: Inverse, noise: Covariance, q: np.ndarray) -> float:
     return likeliest(noise, inverse.residuals(q, noise)[0]) - float(works @ works) / ALIKE
 
 
+def unsure(problem: Foreseeing, w: Covariance, q: np.ndarray) -> tuple[Covariance, np.ndarray, float]:
+    """``w`` with what is not foreseen at ``q`` beside it, by how much that widens the works' noise (M,), and
+    ``w`` (twice the logarithm)."""
+    blocks, wider, price = {}, [], 0.0
+    for e in problem.campaign.train:
+        block, root = w.tests[e.id], problem.error(e, q)
+        blocks[e.id] = wide = replace(block, total=block.total + root @ root.T)
+        more = by_work.changed(problem.grids[e.id], problem.prediction(e, q), root)
+        wider.append(np.sqrt(1 + np.sum(more**2, axis=1)))
+        price += wide.volume - block.volume
+    return replace(w, tests=blocks), np.concatenate(wider), price
+
+
+def expected(problem: Foreseeing, noise: Covariance, q: np.ndarray) -> float:
+    """How ``likely`` the data are at ``q``, by all that is known of what a run there would give."""
+    wide, wider, price = unsure(problem, noise, q)
+    works = by_work.difference(problem, q)[0] / wider
+    return likeliest(wide, problem.residuals(q, noise)[0]) - price - float(works @ works) / ALIKE
+
+
+def _both(problem: Foreseeing, w: Covariance, wider: np.ndarray | None = None) -> lm.Residual:
+    """Forces and works in one, these in a noise that is ``wider`` (M,)."""
+    some = 1 / np.sqrt(ALIKE) / (1.0 if wider is None else wider)
+
+    def both(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        (r, J), (works, by) = problem.whitened(q, w), by_work.difference(problem, q)
+        return np.concatenate([r, some * works]), np.concatenate([J, np.reshape(some, (-1, 1)) * by])
+
+    return both
+
+
 def _away(u: Unknown, q: float, far: float) -> float:
     """So ``far`` from ``q``, by a factor where values are positive: powers of e as in a logarithm."""
     value = u.value(q)
     there = u.q(value * np.exp(far)) if value > 0 and (u.quantity.low or 0) >= 0 else q + far
     return float(np.clip(there, *u.reach))
+
+
+def _ends(
+    residual: lm.Residual, starts: Sequence[np.ndarray], low: np.ndarray, high: np.ndarray
+) -> list[lm.Minimum]:
+    """Minima within ``low`` and ``high`` (k,) from the best of ``starts``; from others they are the same."""
+    begun = [(q, residual(q)) for q in (np.clip(q, low, high) for q in starts)]
+    begun.sort(key=lambda each: float(each[1][0] @ each[1][0]))
+    found = [lm.minimise(residual, q, low, high, FORESEEN, first=first) for q, first in begun[:BEST]]
+    return sorted(found, key=lambda end: end.chi2)
 
 
 class Survey:
@@ -103,6 +145,11 @@ class Survey:
         self.low[rigged] = np.clip(np.minimum(self.low[rigged], q[rigged] - far), low, high)
         self.high[rigged] = np.clip(np.maximum(self.high[rigged], q[rigged] + far), low, high)
 
+    @property
+    def free(self) -> np.ndarray:
+        """Which unknowns (k,) tell more than the scale of all forces, which needs no run."""
+        return np.array([u.name not in self.problem.proportional for u in self.inverse.unknowns])
+
     def nearby(self, interrupted: bool = False) -> by_work.Nearby:
         """The best place that is known, which the problem itself knows from then on."""
         q = min(self.known, key=lambda each: each[0])[1] if self.known else self.starts[0]
@@ -119,7 +166,7 @@ class Survey:
         self.known.append((float(r @ r), q))
         size = by_work.NOISE * np.sqrt(np.mean(J**2, axis=0))
         reach = np.clip(CHANGE / np.maximum(size, 1e-300), NEAREST, FARTHEST)
-        reach[[u.name in self.problem.proportional for u in self.inverse.unknowns]] = 0.0
+        reach[~self.free] = 0.0
         on_progress(0, PLACES, "looking around")
         self.around(q, reach, PLACES)
         return self.problem.able
@@ -231,7 +278,7 @@ class Survey:
         problem = Foreseeing(self.inverse)
         found = self._agreeing(problem, noise, [q, *known[-KNOWN:]])
         new = [there for there in found if all(np.abs(there - each).max() > CLOSE for each in known)]
-        ranked = [(likely(problem, noise, there), there) for there in new]
+        ranked = [(expected(problem, noise, there), there) for there in new]
         promised, best = max(ranked, key=lambda each: each[0], default=(-np.inf, None))
         return best, promised
 
@@ -248,18 +295,15 @@ class Survey:
         missed where the works do."""
         works = self.foreseen().q
         beside = allowing(noise, *problem.residuals_inside(works, noise))
+        from_there = [works, *starts, *self._spread(FEW, seed=2)]
         found = [works]
         for w in (noise, beside):
-
-            def both(q: np.ndarray, w: Covariance = w) -> tuple[np.ndarray, np.ndarray]:
-                (r, J), (works, by) = problem.whitened(q, w), by_work.difference(problem, q)
-                some = 1 / np.sqrt(ALIKE)
-                return np.concatenate([r, some * works]), np.concatenate([J, some * by])
-
-            from_there = [works, *starts, *self._spread(FEW, seed=2)]
-            ends = [lm.minimise(both, np.clip(at, *self.within), *self.within, FORESEEN) for at in from_there]
-            found.append(min(ends, key=lambda end: end.chi2).q)
-        return found
+            ends = _ends(_both(problem, w), from_there, *self.within)
+            found += [end.q for end in ends[:1]]
+            surely = _both(problem, *unsure(problem, w, ends[0].q)[:2])
+            found += [end.q for end in _ends(surely, [ends[0].q, *from_there], *self.within)]
+        apart = [q for i, q in enumerate(found) if all(np.abs(q - p).max() > CLOSE for p in found[:i])]
+        return apart
 
     def _unknown(self) -> np.ndarray | None:
         """Of the places where works are foreseen to agree, and those to which the best that are known lead,
@@ -296,14 +340,13 @@ class Survey:
         low = np.maximum(np.minimum(self.low, np.min(starts, axis=0)) - BEYOND, low)
         high = np.minimum(np.maximum(self.high, np.max(starts, axis=0)) + BEYOND, high)
         works = partial(by_work.difference, Foreseeing(self.inverse))
-        return [lm.minimise(works, np.clip(q, low, high), low, high, FORESEEN) for q in starts]
+        return _ends(works, starts, low, high)
 
     def foreseen_forces(self, w: Covariance, starts: Sequence[np.ndarray]) -> lm.Minimum:
         """Where forces are foreseen to agree best, from ``starts`` on."""
         problem = Foreseeing(self.inverse)
         forces = partial(problem.whitened, covariance=w)
-        found = [lm.minimise(forces, q, *self.inverse.bounds, FORESEEN) for q in starts]
-        return min(found, key=lambda each: each.chi2)
+        return min(_ends(forces, starts, *self.inverse.bounds), key=lambda each: each.chi2)
 
     @property
     def agreeing(self) -> float:

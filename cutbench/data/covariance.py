@@ -225,12 +225,21 @@ class Block:
         total = sound(by_factor + other + rest)
         return cls(total, by_factor, other, scatter, deviation, grid.dof, computed, shift)
 
+    @cached_property
+    def _lower(self) -> np.ndarray:
+        return cholesky(self.total, lower=True)
+
+    @property
+    def volume(self) -> float:
+        """The logarithm of the determinant of ``total``."""
+        return 2 * float(np.log(np.diag(self._lower)).sum())
+
     def white(self, values: np.ndarray) -> np.ndarray:
         """L⁻¹ values for total = L Lᵀ, (m,) or (m, k); 0 where nothing is known."""
         if self.known is not None:
             known = self.known.reshape(-1, *(1,) * (values.ndim - 1))
             values = np.where(known & np.isfinite(values), values, 0.0)
-        return solve_triangular(cholesky(self.total, lower=True), values, lower=True)
+        return solve_triangular(self._lower, values, lower=True)
 
     def share(self, gain: np.ndarray, part: np.ndarray) -> np.ndarray:
         """Variance (k,) of what ``gain`` (k, m) makes of whitened readings due to a ``part`` (m, m) of the

@@ -10,12 +10,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
-from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.progress import OnProgress
 from cutbench.calibration.identifiability import Unknown
 from cutbench.calibration.inverse import Inverse
@@ -75,11 +74,10 @@ def looked(
     found: list[Looked] = []
 
     def look_at(some: Sequence[Candidate]) -> None:
-        for c in some:
-            on_progress(math.nan, math.nan, f"looking at {c.name}")
-            with suppress(ComputationFailed, BadInput):
-                if (one := _look(point, c, q, likelihood)) is not None:
-                    found.append(one)
+        if some:
+            on_progress(math.nan, math.nan, f"looking at {len(some)} laws")
+        looks = [partial(_look, point, c, q, likelihood) for c in some]
+        found.extend(one for one in point.inverse.run.side_by_side(looks) if isinstance(one, Looked))
         found.sort(key=lambda one: -one.paid)
 
     look_at(chosen)
@@ -105,7 +103,7 @@ def _look(point: Point, c: Candidate, best: np.ndarray, without: float) -> Looke
     middle = [_middle(u, began.get(u.name, u.start) if u.experiment is None else u.start) for u in here]
     q, reach = np.array([*middle, *[(0.0, SHAPED)] * len(new)]).T
     survey = Survey(inverse, [q])
-    reach[[u.name in survey.problem.proportional for u in inverse.unknowns]] = 0.0
+    reach[~survey.free] = 0.0
     steps = [run.x.size for run in point.inverse.run.memory.runs]
     if not survey.around(q, reach, PLACES, int(LONG * np.median(steps))):
         return None

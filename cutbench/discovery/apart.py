@@ -10,7 +10,7 @@ value of one cut are those that the fit has, so to begin with none are computed.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -36,6 +36,8 @@ from cutbench.mechanisms import registry
 #: Few evaluations, as derivatives are only updated.
 STEPS = replace(by_work.STEPS, evaluations=5, enough=0.3)
 FORCES = lm.Settings(promise=0.3, evaluations=4, failures=2)
+#: Cuts of each test before, and how far they lie in q, where the first look knows too little.
+PLACES, NEAR = 10, 0.8
 #: So many parameters are tried, those that gain most by their derivatives; how far these reach, in q.
 TRIED, REACH = 3, 1.0
 #: One that is foreseen to leave no more is tried.
@@ -63,9 +65,18 @@ def apart(point: Point, on_progress: OnProgress, chosen: Sequence[Candidate] = (
     names = [u.name for u in point.inverse.unknowns if u.experiment is None]
     names = [name for name in names if name in wanted] or names
     foreseen, price = Foreseen(point), PRICE * (len(cuts) - 1)
-    owns = _owns(foreseen, _promising(foreseen, names, price), on_progress)
+    if foreseen.able:
+        on_progress(math.nan, math.nan, "looking around where each cut may have values of its own")
+        survey = Survey(point.inverse, [point.q])
+        survey.around(point.q, np.where(survey.free, NEAR, 0.0), PLACES)
+    names = _promising(foreseen, names, price)
+    if names:
+        on_progress(math.nan, math.nan, f"{' or '.join(names)} of its own in each cut")
     if not foreseen.able:
-        return _places((own for own in owns if own.left <= 1 - MOST), 1)
+        stepped = (partial(_stepped, point, name) for name in names)
+        return _places((own for own in _computed(stepped) if own.left <= 1 - MOST), 1)
+    asked = point.inverse.run.side_by_side([partial(_foreseen, point, name) for name in names])
+    owns = [own for own in asked if isinstance(own, _Own)]
     found = sorted((own for own in owns if own.gain >= price), key=lambda own: -own.gain)
     found = [own for own in found if own.left <= 1 - MOST_FORESEEN and own.gain >= NEARLY * found[0].gain]
     return _places(found, BOTH)
@@ -82,12 +93,11 @@ def _places(owns: Iterable[_Own], most: int) -> list[Place]:
     return places
 
 
-def _owns(foreseen: Foreseen, names: Sequence[str], on_progress: OnProgress) -> Iterator[_Own]:
-    """With each of ``names`` a cut's own, as far as that can be computed."""
-    for name in names:
-        on_progress(math.nan, math.nan, f"{name} of its own in each cut")
+def _computed(each: Iterable[Callable[[], _Own]]) -> Iterator[_Own]:
+    """Of ``each`` what can be computed, when it is asked for."""
+    for own in each:
         with suppress(ComputationFailed, BadInput):
-            yield (_foreseen if foreseen.able else _stepped)(foreseen.point, name)
+            yield own()
 
 
 def _promising(foreseen: Foreseen, names: Sequence[str], price: float) -> list[str]:

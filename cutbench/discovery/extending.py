@@ -223,7 +223,7 @@ def _foreseen(point: Point, place: Place, inverse: Inverse, score: Score) -> Poi
         if not said:
             # What its strength and shapes do is not known from runs that lack it.
             reach = np.where(np.arange(start.size) < score.free.size, BESIDE, SHAPED)
-            reach[[u.name in survey.problem.proportional for u in inverse.unknowns]] = 0.0
+            reach[~survey.free] = 0.0
             survey.around(start, reach, LOOKED)
             # There alone: where the law does next to nothing all is known, and nothing new.
             low, high = inverse.bounds
