@@ -7,7 +7,7 @@ foreseen again, until it stays where it is. A valley near the start need not hid
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -197,7 +197,7 @@ class Survey:
             if self.known:
                 best, _ = min(self.known, key=lambda each: each[0])
                 on_progress(self.evaluations, np.nan, f"χ² {best:.5g}")
-                if best <= self.agreeing or failed >= VAIN:
+                if best <= self.agreeing or failed:
                     break
             if (there := self._unknown()) is None:
                 break
@@ -247,19 +247,19 @@ class Survey:
         q: np.ndarray,
         on_progress: OnProgress = silent,
         least: float = -np.inf,
-        vain: int = VAIN,
+        hopeful: Callable[[float, float], bool] = lambda best, promised: True,
     ) -> np.ndarray:
         """Where of all that is computed from ``q`` on the data are likeliest in ``noise``, see ``likely``.
-        What is to be had without, ``least``, is looked for twice as long, and through as many failures;
-        ``vain`` are those that end it else."""
+        What is to be had without, ``least``, is looked for twice as long, and through as many failures; what
+        is not ``hopeful``, of the best and what is promised, ends it, too."""
         known, failed, error = [(likely(self.problem, noise, q), q)], 0, ERRS
         for step in range(2 * LIKELIEST):
             best, here = max(known, key=lambda each: each[0])
             on_progress(self.evaluations, np.nan, f"log likelihood {best / 2:.5g}")
             there, promised = self._likelier(noise, here, [q for _, q in known])
-            done = failed >= vain or step >= LIKELIEST or promised < best - error
+            done = failed >= VAIN or step >= LIKELIEST or promised < best - error
             enough = best >= least - GAINS or failed >= 2 * VAIN
-            if there is None or (done and enough):
+            if there is None or (done and enough) or not hopeful(best, promised):
                 break
             self.evaluations += 1
             likelihood = -np.inf

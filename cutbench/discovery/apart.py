@@ -23,7 +23,7 @@ from cutbench.base.units import powers_of
 from cutbench.calibration import by_work, lm
 from cutbench.calibration.emulated import settled_at
 from cutbench.calibration.sparing import Sparing
-from cutbench.calibration.survey import VAIN, Survey, likely
+from cutbench.calibration.survey import Survey, likely
 from cutbench.data.discrepancy import likeliest
 from cutbench.discovery.candidates import Candidate
 from cutbench.discovery.causes import PRICE
@@ -75,7 +75,8 @@ def apart(point: Point, on_progress: OnProgress, chosen: Sequence[Candidate] = (
     if not foreseen.able:
         stepped = (partial(_stepped, point, name) for name in names)
         return _places((own for own in _computed(stepped) if own.left <= 1 - MOST), 1)
-    asked = point.inverse.run.side_by_side([partial(_foreseen, point, name) for name in names])
+    race = _Race(likely(point.inverse, point.w.noise, point.q))
+    asked = point.inverse.run.side_by_side([partial(_foreseen, point, name, race) for name in names])
     owns = [own for own in asked if isinstance(own, _Own)]
     found = sorted((own for own in owns if own.gain >= price), key=lambda own: -own.gain)
     found = [own for own in found if own.left <= 1 - MOST_FORESEEN and own.gain >= NEARLY * found[0].gain]
@@ -207,11 +208,24 @@ class _Own:
         return Place(there, q, S, shared, residual)
 
 
-def _foreseen(point: Point, name: str) -> _Own:
+@dataclass
+class _Race:
+    """How likely data are where each cut has a value of its own, beside how likely they are ``without``: what
+    is foreseen to gain much less than another has gained is given up."""
+
+    without: float
+    most: float = 0.0
+
+    def hopeful(self, best: float, promised: float) -> bool:
+        self.most = max(self.most, best - self.without)
+        return max(best, promised) - self.without >= NEARLY * self.most
+
+
+def _foreseen(point: Point, name: str, race: _Race) -> _Own:
     """Where what is foreseen leads to. Raises ComputationFailed, BadInput."""
     inverse, S = owning(point, name)
     survey = Survey(inverse, [np.zeros(len(inverse.unknowns))])
-    q = survey.likeliest(point.w.noise, survey.starts[0], vain=2 * VAIN)
+    q = survey.likeliest(point.w.noise, survey.starts[0], hopeful=race.hopeful)
     return _Own(point, survey.problem, S, q)
 
 
