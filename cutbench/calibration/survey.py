@@ -182,7 +182,9 @@ class Survey:
 
         self.low, self.high = there(-np.ones(q.size)), there(np.ones(q.size))
         train, tasks = self.inverse.campaign.train, []
-        for e, part in zip([*train] * places, self._parts(places * len(train)), strict=True):
+        # One test after the other: every third of a sequence in base 3 has one of its coordinates in common.
+        each = [e for e in train for _ in range(places)]
+        for e, part in zip(each, self._parts(places * len(train)), strict=True):
             with suppress(ComputationFailed):
                 case = self.inverse.checked_case(e, there(2 * part - 1))
                 tasks.append(Task(e, case, self.inverse.grids[e.id], longest=longest))
@@ -281,6 +283,11 @@ class Survey:
         ranked = [(expected(problem, noise, there), there) for there in new]
         promised, best = max(ranked, key=lambda each: each[0], default=(-np.inf, None))
         return best, promised
+
+    def promise(self, noise: Covariance) -> float:
+        """How likely the data are ``expected`` to be, at the best."""
+        problem = Foreseeing(self.inverse)
+        return max(expected(problem, noise, q) for q in self._agreeing(problem, noise, self.starts))
 
     def foreseen_likeliest(self, noise: Covariance) -> tuple[float, np.ndarray]:
         """How likely the data are foreseen to be at the best, see ``likely``, and where."""

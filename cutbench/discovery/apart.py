@@ -38,10 +38,9 @@ STEPS = replace(by_work.STEPS, evaluations=5, enough=0.3)
 FORCES = lm.Settings(promise=0.3, evaluations=4, failures=2)
 #: Cuts of each test before, and how far they lie in q, where the first look knows too little.
 PLACES, NEAR = 10, 0.8
-#: So many parameters are tried, those that gain most by their derivatives; how far these reach, in q.
+#: So many parameters are tried, those that are foreseen to gain most, else by their derivatives; how far
+#: these reach, in q.
 TRIED, REACH = 3, 1.0
-#: One that is foreseen to leave no more is tried.
-LIKELY = 0.8
 #: Part of what is wrong that one must explain to be where candidates are asked; less where data are
 #: likeliest, as what is left may be jags, which another computation has elsewhere.
 MOST, MOST_FORESEEN = 0.5, 0.25
@@ -103,10 +102,16 @@ def _computed(each: Iterable[Callable[[], _Own]]) -> Iterator[_Own]:
 
 def _promising(foreseen: Foreseen, names: Sequence[str], price: float) -> list[str]:
     """Of ``names``, that which explains most if it is a cut's own first."""
-    if foreseen.able and foreseen.by_work:
-        return [name for left, name in foreseen.own(names)[:TRIED] if left <= LIKELY]
-    ranked = sorted(((_gain(foreseen.point, name), name) for name in names), reverse=True)
+    gain = _promised if foreseen.able else _gain
+    ranked = sorted(((gain(foreseen.point, name), name) for name in names), reverse=True)
     return [name for gain, name in ranked[:TRIED] if gain >= price]
+
+
+def _promised(point: Point, name: str) -> float:
+    """In twice the log likelihood, by what is foreseen, of ``name`` free in each cut."""
+    inverse, _ = owning(point, name)
+    promise = Survey(inverse, [np.zeros(len(inverse.unknowns))]).promise(point.w.noise)
+    return promise - likely(point.inverse, point.w.noise, point.q)
 
 
 def by_rate(point: Point, chosen: Sequence[Candidate]) -> tuple[list[Candidate], dict[str, str]]:

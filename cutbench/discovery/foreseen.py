@@ -54,14 +54,6 @@ class Foreseen:
             found[c.name] = self._left(inverse, np.append(np.zeros(len(here)), none))
         return found
 
-    def own(self, names: Sequence[str]) -> list[tuple[float, str]]:
-        """The part that is left with each of ``names`` a cut's own value, and its name, the least first."""
-        found = []
-        for name in names:
-            inverse, _ = owning(self.point, name)
-            found.append((self._left(inverse, np.zeros(len(inverse.unknowns))), name))
-        return sorted(found)
-
     def _left(self, inverse: Inverse, start: np.ndarray) -> float:
         works, forces = self._best(inverse, start)
         return works / self.without[0] if self.by_work else forces / max(self.without[1], 1e-300)
