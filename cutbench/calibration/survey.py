@@ -22,9 +22,10 @@ from cutbench.calibration import by_work, lm, secant
 from cutbench.calibration.emulated import Emulated, Foreseeing
 from cutbench.calibration.identifiability import Unknown
 from cutbench.calibration.inverse import Inverse
+from cutbench.calibration.likely import both, expected, likely, unsure
 from cutbench.calibration.prediction import Task
 from cutbench.data.covariance import Covariance
-from cutbench.data.discrepancy import allowing, likeliest
+from cutbench.data.discrepancy import allowing
 
 #: Places of each test in the first look (with 14 a toughness of each cut's own was foreseen at a third of
 #: what it explained), and how far they lie in q: so far that works change by this part, between two lengths.
@@ -43,8 +44,6 @@ CLOSE, PAYS = 0.05, 0.1
 UNSURE = 2.0
 #: Works agree with χ² a value, in their noise of 2 %: half of it.
 ENOUGH = 0.25
-#: So many values of a work along the travel tell as much as one.
-ALIKE = 10
 #: Less in χ² of forces is noise; what is foreseen to be less likely by this is not computed, or by as much as
 #: the last was foreseen badly.
 GAINS, ERRS = 4.0, 30.0
@@ -63,44 +62,6 @@ def nearby(inverse: Inverse, q: np.ndarray, on_progress: OnProgress = silent) ->
     except KeyboardInterrupt:
         return survey.nearby(interrupted=True)
     return by_work.nearby(inverse, q, on_progress)
-
-
-def likely(inverse: Inverse, noise: Covariance, q: np.ndarray) -> float:
-    """Twice the log likelihood of the data of ``inverse`` at ``q``, but for a constant: of the forces in
-    ``noise``, whatever smooth part of them the model misses, and of the works, which it is not to miss."""
-    works, _ = by_work.difference(inverse, q)
-    return likeliest(noise, inverse.residuals(q, noise)[0]) - float(works @ works) / ALIKE
-
-
-def unsure(problem: Foreseeing, w: Covariance, q: np.ndarray) -> tuple[Covariance, np.ndarray, float]:
-    """``w`` with what is not foreseen at ``q`` beside it, by how much that widens the works' noise (M,), and
-    ``w`` (twice the logarithm)."""
-    blocks, wider, price = {}, [], 0.0
-    for e in problem.campaign.train:
-        block, root = w.tests[e.id], problem.error(e, q)
-        blocks[e.id] = wide = replace(block, total=block.total + root @ root.T)
-        more = by_work.changed(problem.grids[e.id], problem.prediction(e, q), root)
-        wider.append(np.sqrt(1 + np.sum(more**2, axis=1)))
-        price += wide.volume - block.volume
-    return replace(w, tests=blocks), np.concatenate(wider), price
-
-
-def expected(problem: Foreseeing, noise: Covariance, q: np.ndarray) -> float:
-    """How ``likely`` the data are at ``q``, by all that is known of what a run there would give."""
-    wide, wider, price = unsure(problem, noise, q)
-    works = by_work.difference(problem, q)[0] / wider
-    return likeliest(wide, problem.residuals(q, noise)[0]) - price - float(works @ works) / ALIKE
-
-
-def _both(problem: Foreseeing, w: Covariance, wider: np.ndarray | None = None) -> lm.Residual:
-    """Forces and works in one, these in a noise that is ``wider`` (M,)."""
-    some = 1 / np.sqrt(ALIKE) / (1.0 if wider is None else wider)
-
-    def both(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        (r, J), (works, by) = problem.whitened(q, w), by_work.difference(problem, q)
-        return np.concatenate([r, some * works]), np.concatenate([J, np.reshape(some, (-1, 1)) * by])
-
-    return both
 
 
 def _away(u: Unknown, q: float, far: float) -> float:
@@ -305,9 +266,9 @@ class Survey:
         from_there = [works, *starts, *self._spread(FEW, seed=2)]
         found = [works]
         for w in (noise, beside):
-            ends = _ends(_both(problem, w), from_there, *self.within)
+            ends = _ends(both(problem, w), from_there, *self.within)
             found += [end.q for end in ends[:1]]
-            surely = _both(problem, *unsure(problem, w, ends[0].q)[:2])
+            surely = both(problem, *unsure(problem, w, ends[0].q)[:2])
             found += [end.q for end in _ends(surely, [ends[0].q, *from_there], *self.within)]
         apart = [q for i, q in enumerate(found) if all(np.abs(q - p).max() > CLOSE for p in found[:i])]
         return apart

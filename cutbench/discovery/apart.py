@@ -22,8 +22,9 @@ from cutbench.base.progress import OnProgress
 from cutbench.base.units import powers_of
 from cutbench.calibration import by_work, lm
 from cutbench.calibration.emulated import settled_at
+from cutbench.calibration.likely import likely
 from cutbench.calibration.sparing import Sparing
-from cutbench.calibration.survey import Survey, likely
+from cutbench.calibration.survey import Survey
 from cutbench.data.discrepancy import likeliest
 from cutbench.discovery.candidates import Candidate
 from cutbench.discovery.causes import PRICE

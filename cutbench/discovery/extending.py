@@ -14,9 +14,10 @@ from cutbench.calibration import by_work, lm, secant
 from cutbench.calibration.emulated import Foreseeing
 from cutbench.calibration.identifiability import Unknown
 from cutbench.calibration.inverse import Inverse
+from cutbench.calibration.likely import likely
 from cutbench.calibration.prediction import Prediction, Task
 from cutbench.calibration.sparing import Sparing
-from cutbench.calibration.survey import Survey, likely
+from cutbench.calibration.survey import Survey
 from cutbench.case.case import Case
 from cutbench.discovery.anywhere import Looked, Shape
 from cutbench.discovery.equivalent import by_formula, equivalent, strength_of

@@ -14,8 +14,9 @@ import numpy as np
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.progress import OnProgress
 from cutbench.calibration.fitted import Fit
+from cutbench.calibration.likely import likely
 from cutbench.calibration.prediction import Predictor
-from cutbench.calibration.survey import ERRS, Survey, likely
+from cutbench.calibration.survey import ERRS, Survey
 from cutbench.discovery.extending import NOTHING
 from cutbench.discovery.point import Point, fit_again, new_strengths, point_of
 
