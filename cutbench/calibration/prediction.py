@@ -183,10 +183,13 @@ class Reading:
         if not self.task.of_time:
             on = x > np.append(-np.inf, np.maximum.accumulate(x)[:-1])
             x, columns = x[on], columns[on]
-        read = self.places[1] @ _read(self.places[0], x, columns)
-        for k, slope in enumerate(by, 1):
-            read[self._beyond(slope), k] = np.nan
-        return read[:, 0], read[:, 1:]
+        places, average = self.places
+        read = _read(places, x, columns)
+        # The curve is the same to the last digit, whatever it is differentiated by.
+        y, found = average @ np.ascontiguousarray(read[:, 0]), average @ read[:, 1:]
+        for k, slope in enumerate(by):
+            found[self._beyond(slope), k] = np.nan
+        return y, found
 
 
 def recorded(task: Task, prediction: Prediction, **values: float) -> np.ndarray:
