@@ -22,9 +22,9 @@ LEAST = 0.05
 #: Farthest of lengths from what is expected, in logarithms; shapes of curves that are this small beside the
 #: largest are left out of the search. It goes to its end: what ends on the way ends elsewhere where sums
 #: are rounded otherwise, and with it all that is foreseen.
+WIDE, FEW, SEARCH = 4.0, 0.03, {"maxiter": 60, "ftol": 1e-9}
 #: Shapes with a smaller part of the variance than this are left out of an error.
 TINY = 1e-4
-WIDE, FEW, SEARCH = 4.0, 0.03, {"maxiter": 60, "ftol": 1e-9}
 
 
 class Kriging:
@@ -40,14 +40,15 @@ class Kriging:
         A = np.column_stack([np.ones(len(X)), X - self.middle])
         K = _alike(np.linalg.norm(self.Z[:, None] - self.Z[None], axis=2)) + self.jump * np.eye(len(X))
         self.trend, self.weights = np.zeros((A.shape[1], Y.shape[1])), np.zeros(Y.shape)
-        self._rest, self._free, self._first = np.zeros(Y.shape), np.ones(Y.shape[1]), None
+        self._rest, self._free = np.zeros(Y.shape), np.ones(Y.shape[1])
+        #: The first columns' likelihood, and their rows: those that most reach.
+        self._most: list[tuple[_Likelihood, np.ndarray]] = []
         for some, which in _alike_known(np.isfinite(Y), A.shape[1]):
             part = _Likelihood(K[np.ix_(some, some)], A[some], Y[np.ix_(some, which)])
             self.trend[:, which] = part.trend
             self.weights[np.ix_(some, which)], self._rest[np.ix_(some, which)] = part.weights, part.rest
             self._free[which] = part.free
-            self._first, self._some = (part, some) if self._first is None else (self._first, self._some)
-            last = which[-1]
+            self._most, last = self._most or [(part, some)], which[-1]
         for made in (self.trend, self.weights, self._rest):
             made[:, last + 1 :] = made[:, last : last + 1]
         self._free[last + 1 :] = self._free[last]
@@ -61,8 +62,8 @@ class Kriging:
     def error(self, place: np.ndarray) -> np.ndarray:
         """Root (m, k) of the covariance of what a computation at ``place`` (d,) has and is not foreseen."""
         there = place - self.middle
-        assert self._first is not None, "some columns are known"
-        part = self._first.unknown(self._near(there[None])[0, self._some], np.append(1.0, there)) + self.jump
+        ((most, some),) = self._most
+        part = most.unknown(self._near(there[None])[0, some], np.append(1.0, there)) + self.jump
         return np.sqrt(part) * self._shapes
 
     @cached_property
