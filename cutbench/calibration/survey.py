@@ -1,8 +1,9 @@
-"""Where works agree best, by a look around and by what is foreseen from it.
+"""Where cuts agree best, by a look around and by what is foreseen from it.
 
-A first look computes cuts at places far apart. From these, works are foreseen anywhere between (see
-``memory``), and minimised from many starts at no cost; what is found is computed, known from then on, and
-foreseen again, until it stays where it is. A valley near the start need not hide a better one.
+A first look computes cuts at places far apart. From these, works and forces are foreseen anywhere between
+(see ``memory``), and minimised from many starts at no cost: first where works agree, then where forces are
+likeliest. What is found is computed, known from then on, and foreseen again, until no more is to be gained
+than what was foreseen is off by. A valley near the start need not hide a better one.
 """
 
 from __future__ import annotations
@@ -36,16 +37,16 @@ PLACES, CHANGE, NEAREST, FARTHEST = 14, 0.2, 0.5, 2.0
 STARTS, FEW, KNOWN, BEYOND, RIGGED = 24, 8, 3, 0.7, 0.5
 BEST = 6
 FORESEEN = lm.Settings(promise=0.5, evaluations=40, failures=2)
-#: Computed after the first look at the most, by works and by likelihood; in vain, before it ends.
-STEPS, LIKELIEST, VAIN = 4, 6, 2
-#: In q: what moves no farther is the same place; what gains less than this part gains nothing.
-CLOSE, PAYS = 0.05, 0.1
+#: Computed at the most, by likelihood; in vain, before it ends.
+LIKELIEST, VAIN = 6, 2
+#: In q: what moves no farther is the same place.
+CLOSE = 0.01
 #: What is foreseen to be so many times as bad as the best may be better.
 UNSURE = 2.0
 #: Works agree with χ² a value, in their noise of 2 %: half of it.
 ENOUGH = 0.25
-#: Less in χ² of forces is noise; what is foreseen to be less likely by this is not computed, or by as much as
-#: the last was foreseen badly.
+#: Less in χ² of forces is noise. What is foreseen to gain less is computed only as far as what is foreseen
+#: may be off: by this at first, then by as much as the last was.
 GAINS, ERRS = 4.0, 30.0
 
 
@@ -58,7 +59,7 @@ def nearby(inverse: Inverse, q: np.ndarray, on_progress: OnProgress = silent) ->
     survey = Survey(inverse, [q])
     try:
         if survey.look(on_progress):
-            return survey.settled(on_progress)
+            return survey.stepped(on_progress)
     except KeyboardInterrupt:
         return survey.nearby(interrupted=True)
     return by_work.nearby(inverse, q, on_progress)
@@ -153,28 +154,16 @@ class Survey:
         self.evaluations += places
         return sum(p is not None for p in found)
 
-    def settled(self, on_progress: OnProgress = silent) -> by_work.Nearby:
-        """What is foreseen is computed, and foreseen again, until it stays. Raises ComputationFailed."""
-        failed, reason = 0, ComputationFailed("nothing could be computed")
-        for _ in range(STEPS):
-            if self.known:
-                best, _ = min(self.known, key=lambda each: each[0])
-                on_progress(self.evaluations, np.nan, f"χ² {best:.5g}")
-                if best <= self.agreeing or failed:
-                    break
-            if (there := self._unknown()) is None:
-                break
+    def stepped(self, on_progress: OnProgress = silent) -> by_work.Nearby:
+        """Compute where works are foreseen to agree best, unless they agree where they are known."""
+        best, _ = min(self.known, key=lambda each: each[0])
+        on_progress(self.evaluations, np.nan, f"χ² {best:.5g}")
+        there = None if best <= self.agreeing else self._unknown()
+        if there is not None:
             self.evaluations += 1
-            try:
+            with suppress(ComputationFailed):
                 r, _ = by_work.difference(self.problem, there)
-            except ComputationFailed as error:
-                failed, reason = failed + 1, error
-                continue
-            chi2 = float(r @ r)
-            failed = 0 if not self.known or chi2 < (1 - PAYS) * best else failed + 1
-            self.known.append((chi2, there))
-        if not self.known:
-            raise reason
+                self.known.append((float(r @ r), there))
         return self.nearby()
 
     def minimum(
@@ -220,7 +209,7 @@ class Survey:
             best, here = max(known, key=lambda each: each[0])
             on_progress(self.evaluations, np.nan, f"log likelihood {best / 2:.5g}")
             there, promised = self._likelier(noise, here, [q for _, q in known])
-            done = failed >= VAIN or step >= LIKELIEST or promised < best - error
+            done = failed >= VAIN or step >= LIKELIEST or promised < best + GAINS - error
             enough = best >= least - GAINS or failed >= 2 * VAIN
             if there is None or (done and enough) or not hopeful(best, promised):
                 break
@@ -229,7 +218,7 @@ class Survey:
             with suppress(ComputationFailed):
                 likelihood = likely(self.problem, noise, there)
             if likelihood > -np.inf:
-                error = max(abs(likelihood - promised), ERRS)
+                error = max(abs(likelihood - promised), GAINS)
             known.append((likelihood, there))
             failed = 0 if likelihood > best + GAINS else failed + 1
         return max(known, key=lambda each: each[0])[1]
@@ -245,16 +234,11 @@ class Survey:
         promised, best = max(ranked, key=lambda each: each[0], default=(-np.inf, None))
         return best, promised
 
-    def promise(self, noise: Covariance) -> float:
-        """How likely the data are ``expected`` to be, at the best."""
-        problem = Foreseeing(self.inverse)
-        return max(expected(problem, noise, q) for q in self._agreeing(problem, noise, self.starts))
-
-    def foreseen_likeliest(self, noise: Covariance) -> tuple[float, np.ndarray]:
-        """How likely the data are foreseen to be at the best, see ``likely``, and where."""
-        problem = Foreseeing(self.inverse)
+    def foreseen_likeliest(self, noise: Covariance, surely: bool = False) -> tuple[float, np.ndarray]:
+        """How likely the data are foreseen to be at the best, and where; ``surely``: ``expected`` to be."""
+        problem, rule = Foreseeing(self.inverse), expected if surely else likely
         found = self._agreeing(problem, noise, self.starts)
-        return max(((likely(problem, noise, q), q) for q in found), key=lambda each: each[0])
+        return max(((rule(problem, noise, q), q) for q in found), key=lambda each: each[0])
 
     def _agreeing(
         self, problem: Foreseeing, noise: Covariance, starts: Sequence[np.ndarray]
@@ -279,7 +263,7 @@ class Survey:
         best = min((chi2 for chi2, _ in self.known), default=np.inf)
         found = [(each.chi2, each.q) for each in self._minima()] + [self._led(q) for q in self._best]
         for chi2, there in sorted(found, key=lambda each: each[0]):
-            near = any(np.abs(there - q).max() <= CLOSE / 5 for _, q in self.known)
+            near = any(np.abs(there - q).max() <= CLOSE for _, q in self.known)
             if not near and chi2 <= UNSURE * best:
                 return there
         return None

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import ClassVar
@@ -146,6 +147,7 @@ def _uneven(motion: Polyline) -> bool:
     return bool(speeds.max() > SAME_SPEED * speeds.min())
 
 
+@lru_cache(maxsize=64)  # asked for each case of a search
 def measured_motion(experiment: Experiment) -> Polyline:
     """The way of the blade in a test with holds or returns: that of the repetitions' mean.
 

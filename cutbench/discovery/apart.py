@@ -111,7 +111,8 @@ def _promising(foreseen: Foreseen, names: Sequence[str], price: float) -> list[s
 def _promised(point: Point, name: str) -> float:
     """In twice the log likelihood, by what is foreseen, of ``name`` free in each cut."""
     inverse, _ = owning(point, name)
-    promise = Survey(inverse, [np.zeros(len(inverse.unknowns))]).promise(point.w.noise)
+    survey = Survey(inverse, [np.zeros(len(inverse.unknowns))])
+    promise, _ = survey.foreseen_likeliest(point.w.noise, surely=True)
     return promise - likely(point.inverse, point.w.noise, point.q)
 
 
