@@ -1,0 +1,31 @@
+"""Whole searches for what cuts lack, with forces by a formula."""
+
+from __future__ import annotations
+
+import pytest
+import runs_by_formula
+
+from benchmarks import outside_cuts
+from cutbench.calibration import prediction
+from cutbench.data.campaign import load_campaign
+from cutbench.discovery import discover
+
+pytestmark = pytest.mark.slow
+
+#: Runs that a search may take: so many are within ten minutes of two cores, at four seconds each.
+MOST = 220
+
+
+@pytest.mark.parametrize(
+    "effect", ["toughness by speed", "adhesion by speed", "relaxing modulus", "late zero", "none"]
+)
+def test_a_search_ends_where_the_data_lead(effect, tmp_path, monkeypatch):
+    runs = runs_by_formula.Counted()
+    monkeypatch.setattr(prediction, "ran", runs)
+    monkeypatch.setattr(outside_cuts, "run_case", runs_by_formula.run_case)
+    truth = outside_cuts.make(0, effect, 2, 2, tmp_path)
+    found = discover(load_campaign(truth.file), workers=0)
+    said = outside_cuts.judge(truth, found)
+    assert said["right"] and not said["wrong"], (found.verdict, found.found)
+    assert said["left"] < 0.02
+    assert runs.count < MOST
