@@ -1,4 +1,4 @@
-"""Cuts of the default model by a formula, in place of runs: a whole search takes a minute.
+"""Cuts of the default model by a formula, in place of runs: a whole search takes up to three minutes.
 
 A force that rises with the travel until the cut begins, at a depth that grows with the toughness over the
 modulus and with the speed; a drop that the viscosity takes away; adhesion that grows with the faces. Where

@@ -12,7 +12,7 @@ from cutbench.discovery import discover
 
 pytestmark = pytest.mark.slow
 
-#: Runs that a search may take: so many are within ten minutes of two cores, at four seconds each.
+#: Runs that a search may take: at four seconds each, seven and a half minutes of two cores.
 MOST = 220
 
 

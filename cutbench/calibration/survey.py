@@ -260,7 +260,7 @@ class Survey:
     def _unknown(self) -> np.ndarray | None:
         """Of the places where works are foreseen to agree, and those to which the best that are known lead,
         the best that is not known; None if there is none that may be better than what is."""
-        best = min((chi2 for chi2, _ in self.known), default=np.inf)
+        best = min(chi2 for chi2, _ in self.known)
         found = [(each.chi2, each.q) for each in self._minima()] + [self._led(q) for q in self._best]
         for chi2, there in sorted(found, key=lambda each: each[0]):
             near = any(np.abs(there - q).max() <= CLOSE for _, q in self.known)
