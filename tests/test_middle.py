@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from coarse_runs import SOFT
 
 from cutbench.case.case import load_case
 from cutbench.run.build import build, geometry_of
@@ -54,6 +55,17 @@ def test_a_run_has_the_curve_and_the_numbers_of_its_middle(tmp_path):
     assert result.curve["middle_force_N"].shape == result.force_N.shape
     assert result.measures["middle_max_N"] == result.curve["middle_force_N"].max()
     assert MIDDLE.keys() <= result.measures.keys()
+
+
+def test_what_is_cut_before_is_not_the_run_s():
+    values = {"element": "P1", "h": "1.2 mm", "precut": "1 mm", "depth": "1.5 mm", "G_c": "0.5 J/m^2"}
+    result = run_case(load_case("gelatin", {**SMALL, **SOFT, **values, "layers": 1}, dim=3))
+    found = result.measures
+    for column in ("middle_cut_length_mm", "cut_length_mm"):
+        assert result.curve[column][0] == pytest.approx(1.0, abs=0.3), column
+    assert found["middle_onset_mm"] == pytest.approx(found["front_centre_mm"], abs=1e-6)
+    last = max(found["front_centre_mm"], found["front_edge_mm"])
+    assert 0.1 < found["front_start_mm"] <= found["front_half_mm"] <= last
 
 
 def test_a_run_that_goes_on_has_all_of_its_middle(tmp_path):

@@ -68,6 +68,20 @@ def test_each_strip_has_its_length_and_its_front(block):
     assert (strips.lowest(faces.X[1].ravel(), none, height) == height).all()
 
 
+def test_half_of_the_blade_has_at_most_so_much(block):
+    strips = Strips(block.space, block.form("cohesion").faces)
+    end = strips.z[-1]
+    assert strips.half(2.0 + 0 * strips.z, end) == pytest.approx(2.0)
+    # Half of it lies on either side of half of the way to its end.
+    for values in (1.0 + strips.z / 4, 2.0 - strips.z / 4):
+        assert strips.half(values, end) == pytest.approx(np.interp(end / 2, strips.z, values), abs=0.1)
+    # A corner alone does not make half of the blade, however early it is.
+    assert strips.half(np.where(strips.z == end, 0.0, 3.0), end) == pytest.approx(3.0)
+    # Where the blade does not reach, nothing is asked.
+    assert strips.half(np.where(strips.z > 1.5, np.inf, 3.0), 1.5) == pytest.approx(3.0)
+    assert not np.isfinite(strips.half(np.where(strips.z > 1.5, np.inf, 3.0), end))
+
+
 def test_the_window_is_around_the_front_of_each_plane(block):
     """Of fronts that lie farther apart than a window is tall, none is left out."""
     tall = np.median(np.ptp(block.space.X[1, block.form("cohesion").faces.nodes], axis=0))

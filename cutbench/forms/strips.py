@@ -48,6 +48,13 @@ class Strips:
         """How long the cut is in each (n,), mm, of what is cut at each point of the faces (points,)."""
         return np.bincount(self.at, area, self.z.size) / self.width
 
+    def half(self, values: np.ndarray, within: float) -> float:
+        """What half of the blade has at most, of ``values`` (n,). It reaches ``within`` mm of the middle."""
+        those = self.z <= max(within, self.z[0])
+        order = np.argsort(values[those])
+        share = self.width[those][order]
+        return float(np.interp(0.5, (np.cumsum(share) - share / 2) / share.sum(), values[those][order]))
+
     def lowest(self, height: np.ndarray, some: np.ndarray, top: float) -> np.ndarray:
         """The lowest ``height`` (points,) of ``some`` (points,) in each (n,), ``top`` where none is."""
         found = np.full(self.z.size, top)

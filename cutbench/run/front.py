@@ -24,6 +24,7 @@ FRONT: dict[str, tuple[str, str]] = {
     "front_start_mm": ("mm", "blade travel at which it begins there"),
     "front_centre_mm": ("mm", "blade travel at which the cut has begun at the middle of the block"),
     "front_edge_mm": ("mm", "blade travel at which it has begun at the block's end"),
+    "front_half_mm": ("mm", "blade travel at which it has begun along half of the blade"),
     "front_lateral_speed": ("mm/mm", "advance of the front from start to end, per blade travel"),
     "front_von_mises_start_MPa": ("MPa", "largest von Mises stress at the front where and when it starts"),
     "front_von_mises_running_MPa": ("MPa", "the same, mean over the strips that it reaches later"),
@@ -62,9 +63,11 @@ class Front:
         self._strips = Strips(built.space, self._form.faces, folded=True, count=strips)
         self.z, self._strip, count = self._strips.z, self._strips.at, self._strips.z.size
         self.onset = np.full(count, math.nan)
-        self.middle = Middle(built, self._strips.near, self._strips.width[0])
+        #: So far from the middle the blade reaches, mm.
+        self._reach = built.case.p.length / 2 + min(built.case.values.get("overhang", 0.0), 0.0)
         #: What is cut before the run.
         self._before = self.lengths(built.problem.start())
+        self.middle = Middle(built, self._strips.near, self._strips.width[0], float(self._before[0]))
         self._last = (0.0, np.zeros(count))
 
     def state(self) -> dict:
@@ -137,6 +140,11 @@ class Front:
             if values.size:
                 self._stress[int(strip)] = float(values.max())
 
+    def _half(self) -> float:
+        """Nan where half of the blade has not begun. It does not hang on how the blade's end is resolved."""
+        half = self._strips.half(np.where(np.isnan(self.onset), math.inf, self.onset), self._reach)
+        return half if math.isfinite(half) else math.nan
+
     def measures(self) -> dict[str, float]:
         """The numbers of ``FRONT``; what did not happen is nan."""
         out = dict.fromkeys(FRONT, math.nan)
@@ -148,6 +156,7 @@ class Front:
             "front_start_mm": float(self.onset[first]),
             "front_centre_mm": float(self.onset[0]),
             "front_edge_mm": float(self.onset[-1]),
+            "front_half_mm": self._half(),
             "front_von_mises_start_MPa": self._stress.get(first, math.nan),
             "front_pressure_end_MPa": float(self._pattern[0]),
             "front_pressure_end_place": float(self._pattern[1]),

@@ -24,15 +24,16 @@ MIDDLE: dict[str, tuple[str, str]] = {
 
 class Middle:
     """Follows a run step by step, as the front does. ``share`` is the length in mm along the blade, in the
-    meshed part, that the points within ``near`` mm of the middle stand for."""
+    meshed part, that the points within ``near`` mm of the middle stand for; ``before_mm`` how long the cut is
+    there at the start."""
 
-    def __init__(self, built: Built, near: float, share: float):
+    def __init__(self, built: Built, near: float, share: float, before_mm: float):
         self._length, self._share = built.case.p.length, share
         # A mesh without a split has one side of the cut plane.
         self._sides = 1.0 if built.geometry.split else 2.0
         self._there = {blade.name: np.abs(blade.faces.X[2]) <= near for blade in built.blades}
         self._weights = {blade.name: blade.faces.w for blade in built.blades}
-        self._rows: list[tuple[float, float]] = [(0.0, 0.0)]
+        self._rows: list[tuple[float, float]] = [(0.0, before_mm)]
 
     def state(self) -> np.ndarray:
         return np.array(self._rows)
