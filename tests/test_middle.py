@@ -81,3 +81,22 @@ def test_a_run_that_goes_on_has_all_of_its_middle(tmp_path):
     assert first.outcome.kind == "interrupted"
     second = run_case(case, checkpoint=Checkpoint(path, case.id, every_s=0.0))
     assert second.curve["middle_force_N"] == pytest.approx(whole, rel=1e-6)
+
+
+def test_what_the_ends_take_away_fades_along_the_blade_as_in_a_bar_held_by_its_base():
+    """Shear lag: with E = 2 (1 + ν) G along the blade, and the top free, in proportion to cosh(k z), with
+    k = π/(2 H) · √(G/E)."""
+    values = {**SMALL, "element": "P1", "h": "1.2 mm", "mu": 0.0}
+
+    def lost(length, layers, **geometry):
+        case = load_case("gelatin", {**values, "length": f"{length} mm", "layers": layers}, dim=3)
+        return np.array([force[-1] for force in curves(case, **geometry)]) / length
+
+    section = lost(8, 1, held=(("middle", 2), ("end", 2)))[0]
+    (whole, middle), (longer, inner) = (1 - lost(*of) / section for of in ((24, 4), (48, 6)))
+    case = load_case("gelatin", values, dim=3)
+    k = np.pi / (2 * case.p.height) / np.sqrt(2 * (1 + case.p.nu))
+    # One mode alone says how the middle's part fades to a sixth, and what is left of the whole's.
+    assert np.log(middle / inner) / 12 == pytest.approx(k, rel=0.15)
+    assert whole / longer == pytest.approx(2 * np.tanh(12 * k) / np.tanh(24 * k), rel=0.05)
+    assert longer < 0.05 and inner < 0.01
