@@ -88,12 +88,12 @@ def test_what_the_ends_take_away_fades_along_the_blade_as_in_a_bar_held_by_its_b
     k = π/(2 H) · √(G/E)."""
     values = {**SMALL, "element": "P1", "h": "1.2 mm", "mu": 0.0}
 
-    def lost(length, layers, **geometry):
+    def per_length(length, layers, **geometry):
         case = load_case("gelatin", {**values, "length": f"{length} mm", "layers": layers}, dim=3)
         return np.array([force[-1] for force in curves(case, **geometry)]) / length
 
-    section = lost(8, 1, held=(("middle", 2), ("end", 2)))[0]
-    (whole, middle), (longer, inner) = (1 - lost(*of) / section for of in ((24, 4), (48, 6)))
+    section = per_length(8, 1, held=(("middle", 2), ("end", 2)))[0]
+    (whole, middle), (longer, inner) = (1 - per_length(*of) / section for of in ((24, 4), (48, 6)))
     case = load_case("gelatin", values, dim=3)
     k = np.pi / (2 * case.p.height) / np.sqrt(2 * (1 + case.p.nu))
     # One mode alone says how the middle's part fades to a sixth, and what is left of the whole's.

@@ -78,8 +78,8 @@ def test_half_of_the_blade_has_at_most_so_much(block):
     # A corner alone does not make half of the blade, however early it is.
     assert strips.half(np.where(strips.z == end, 0.0, 3.0), end) == pytest.approx(3.0)
     # Where the blade does not reach, nothing is asked.
-    assert strips.half(np.where(strips.z > 1.5, np.inf, 3.0), 1.5) == pytest.approx(3.0)
-    assert not np.isfinite(strips.half(np.where(strips.z > 1.5, np.inf, 3.0), end))
+    assert strips.half(np.where(strips.z > 1.5, np.nan, 3.0), 1.5) == pytest.approx(3.0)
+    assert np.isnan(strips.half(np.where(strips.z > 1.5, np.nan, 3.0), end))
 
 
 def test_the_window_is_around_the_front_of_each_plane(block):

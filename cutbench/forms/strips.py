@@ -49,7 +49,8 @@ class Strips:
         return np.bincount(self.at, area, self.z.size) / self.width
 
     def half(self, values: np.ndarray, within: float) -> float:
-        """What half of the blade has at most, of ``values`` (n,). It reaches ``within`` mm of the middle."""
+        """What half of the blade has at most, of ``values`` (n,) or nan; nan where less than half has one.
+        The blade reaches ``within`` mm of the middle."""
         those = self.z <= max(within, self.z[0])
         order = np.argsort(values[those])
         share = self.width[those][order]

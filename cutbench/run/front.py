@@ -63,8 +63,6 @@ class Front:
         self._strips = Strips(built.space, self._form.faces, folded=True, count=strips)
         self.z, self._strip, count = self._strips.z, self._strips.at, self._strips.z.size
         self.onset = np.full(count, math.nan)
-        #: So far from the middle the blade reaches, mm.
-        self._reach = built.case.p.length / 2 + min(built.case.values.get("overhang", 0.0), 0.0)
         #: What is cut before the run.
         self._before = self.lengths(built.problem.start())
         self.middle = Middle(built, self._strips.near, self._strips.width[0], float(self._before[0]))
@@ -140,23 +138,20 @@ class Front:
             if values.size:
                 self._stress[int(strip)] = float(values.max())
 
-    def _half(self) -> float:
-        """Nan where half of the blade has not begun. It does not hang on how the blade's end is resolved."""
-        half = self._strips.half(np.where(np.isnan(self.onset), math.inf, self.onset), self._reach)
-        return half if math.isfinite(half) else math.nan
-
     def measures(self) -> dict[str, float]:
         """The numbers of ``FRONT``; what did not happen is nan."""
         out = dict.fromkeys(FRONT, math.nan)
         if self.onset.size == 0 or np.isnan(self.onset).all():
             return out
         first = int(np.nanargmin(self.onset))
+        case = self._built.case
+        reach = case.p.length / 2 + min(case.values.get("overhang", 0.0), 0.0)
         out |= {
             "front_start_z_mm": float(self.z[first]),
             "front_start_mm": float(self.onset[first]),
             "front_centre_mm": float(self.onset[0]),
             "front_edge_mm": float(self.onset[-1]),
-            "front_half_mm": self._half(),
+            "front_half_mm": self._strips.half(self.onset, reach),
             "front_von_mises_start_MPa": self._stress.get(first, math.nan),
             "front_pressure_end_MPa": float(self._pattern[0]),
             "front_pressure_end_place": float(self._pattern[1]),
