@@ -34,6 +34,33 @@ def test_roughness_is_the_noise(sigma):
     assert 1.2 < found[s > 7].mean() / found[s < 5].mean() < 2.2
 
 
+def sawing(tooth: float, high: float, seed: int, kind: str = "cut", noise: float = 0.003) -> Experiment:
+    """A force that saws about a smooth one behind 3 mm, in teeth of some ``tooth`` mm and ``high`` N."""
+    rng, s = np.random.default_rng(seed), np.linspace(0.1, 12, 1200)
+    ends = np.cumsum(tooth * rng.uniform(0.5, 1.5, int(40 / tooth)))
+    nth = np.searchsorted(ends, s)
+    ramp = (s - np.append(0.0, ends)[nth]) / np.diff(ends, prepend=0.0)[nth] - 0.5
+    force = np.where(s < 3, 0.5 * s, 1.5 - 0.6 * np.minimum(s - 3, 1) + 0.02 * s)
+    force += np.where(s < 3, 0.0, high * ramp) + noise * rng.standard_normal(s.size)
+    specimen = {"width": 30.0, "length": 30.0, "height": 20.0}
+    return Experiment("saw", kind, (Repetition(s, force),), speed=0.02, specimen=specimen)
+
+
+def test_a_saw_in_the_force_of_a_cut_is_noise():
+    """No smooth curve can follow it: about its own mean it is to be worth a standard deviation, not ten."""
+    off, before = [], []
+    for seed in range(30):
+        saw, plain = (sawing(0.3, high, seed).on_grid(40) for high in (0.2, 0.0))
+        line = np.where(saw.x < 3, 0.5 * saw.x, 1.5 - 0.6 * np.minimum(saw.x - 3, 1) + 0.02 * saw.x)
+        behind = saw.x > 5.5
+        off.append(((saw.mean - line) / saw.reading)[behind])
+        before.append((saw.reading / plain.reading)[saw.x < 1.5])
+        # Where nothing saws, noise is the noise that it was.
+        assert plain.reading[behind].mean() == pytest.approx(0.003 / np.sqrt(30), rel=0.35)
+    assert 0.6 < np.sqrt(np.mean(np.square(off))) < 1.6
+    assert np.mean(before) == pytest.approx(1.0, abs=0.1)
+
+
 def specimens(count: int, seed: int, n: int = 200) -> Experiment:
     """Curves of a known scatter, 4 % of the force, correlated over 3 mm, and noise of 0.03 N."""
     rng = np.random.default_rng(seed)

@@ -17,6 +17,7 @@ from cutbench.case.case import Case
 from cutbench.data.covariance import Block, matern, scatter_covariance, sound
 from cutbench.data.experiment import Experiment
 from cutbench.data.fields import laid_out
+from cutbench.data.jags import jags, nearby
 
 #: Numerics of the finer computation, relative to those of the fit.
 FINER = {"h_mm": 0.7, "step_mm": 0.5, "penalty": 2.0, "stick": 2.0}
@@ -72,7 +73,7 @@ def measured_error(x: np.ndarray, y: np.ndarray, fine: np.ndarray) -> np.ndarray
     e, spacing = fine - y, np.ptp(x) / (x.size - 1)
     gentle = smooth(x, e)
     missing = scatter_covariance(x, np.stack([gentle, -gentle]) / np.sqrt(2), np.zeros((x.size, x.size)))
-    size = np.sqrt(2 * _nearby(x, x, (e - gentle) ** 2))  # of both meshes, and of what neither resolves
+    size = np.sqrt(2 * nearby(x, x, (e - gentle) ** 2))  # of both meshes, and of what neither resolves
     rough = size[:, None] * size * matern(np.abs(x[:, None] - x), JAG * spacing)
     return UNSURE**2 * missing + rough + np.diag(jags(x, e) + jags(x, y))
 
@@ -90,20 +91,3 @@ def smooth(x: np.ndarray, e: np.ndarray) -> np.ndarray:
     weight = np.exp(-((d / width) ** 2) / 2)
     s0, s1, s2 = (weight.sum(axis=1), (weight * d).sum(axis=1), (weight * d * d).sum(axis=1))
     return (s2 * (weight @ e) - s1 * ((weight * d) @ e)) / (s0 * s2 - s1 * s1)
-
-
-def _nearby(x: np.ndarray, at: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Mean (m,) of ``values`` (n,), known ``at`` (n,), in a window about each x (m,), a tenth of all wide."""
-    window = np.exp(-(((x[:, None] - at) / (np.ptp(x) / 10)) ** 2) / 2)
-    return window @ values / window.sum(axis=1)
-
-
-def jags(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Variance (m,) of what is not smooth in a computed curve on ``x`` (m,), even.
-
-    What each value differs from the cubic through its four neighbours, as ``data.covariance.roughness`` has
-    it, but as a mean square: the jags of a mesh come one by one, and a median would not see them.
-    """
-    weights = np.array([1, -4, 6, -4, 1]) / np.sqrt(70)
-    rough = np.convolve(y, weights, mode="valid") ** 2
-    return _nearby(x, x[2:-2], rough)

@@ -1,0 +1,51 @@
+"""What is not smooth along a curve: the force of a cut saws, whether it is measured or computed."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import signal
+
+#: A force that falls by this part of its largest has had a peak, behind which it may saw.
+PROMINENT = 0.05
+#: So many values behind the peak are the transition's.
+TRANSITION = 5
+#: The mean square of a few values is known to within a half: so many times the noise's variance is no saw.
+BEYOND = 2.0
+#: Nor is what is below this part of the largest value.
+LEAST = 1e-3
+
+
+def teeth(x: np.ndarray, y: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """Variance (m,) of what the measured force of a cut saws by from value to value behind its peak, 0 where
+    its reading ``noise``, a variance (m,), may be all of it.
+
+    A tooth is many readings wide, and within it they are as smooth as anywhere: their noise is not its size.
+    The fall behind the peak itself is no tooth; it is what a model is to describe.
+    """
+    top = np.abs(y).max()
+    peaks, _ = signal.find_peaks(y, prominence=PROMINENT * top)
+    behind = np.arange(2, y.size - 2) >= (peaks[0] + TRANSITION if peaks.size else y.size)
+    if not behind.any():
+        return np.zeros(y.size)
+    size = nearby(x, x[2:-2][behind], rough(y)[behind])
+    return np.where(x > x[peaks[0]], np.maximum(size - np.maximum(BEYOND * noise, (LEAST * top) ** 2), 0), 0)
+
+
+def jags(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Variance (m,) of what is not smooth in a curve on ``x`` (m,), even; m >= 5.
+
+    What each value differs from the cubic through its four neighbours, as ``data.covariance.roughness`` has
+    it, but as a mean square: jags come one by one, and a median would not see them.
+    """
+    return nearby(x, x[2:-2], rough(y))
+
+
+def rough(y: np.ndarray) -> np.ndarray:
+    """Square (m − 4,) of what each value but the outermost differs from the cubic through its neighbours."""
+    return np.convolve(y, np.array([1, -4, 6, -4, 1]) / np.sqrt(70), mode="valid") ** 2
+
+
+def nearby(x: np.ndarray, at: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Mean (m,) of ``values`` (n,), known ``at`` (n,), in a window about each x (m,), a tenth of all wide."""
+    window = np.exp(-(((x[:, None] - at) / (np.ptp(x) / 10)) ** 2) / 2)
+    return window @ values / window.sum(axis=1)
