@@ -45,8 +45,7 @@ class Numerics:
     along: float = _within(4.0, 1.0, 20.0)
     """Elements are at most so many times longer along the blade than tall, in three dimensions."""
     layers: int = _within(0, 0, 200)
-    """Layers along half the blade, thinner towards its end, of a block that is a section drawn out; 0:
-    tetrahedra of its own."""
+    """Layers along half the blade of a block that is a section drawn out; 0: tetrahedra of its own."""
     element: str = _one_of("P2", "P1", "P2P1")
     """Quadratic or linear displacements, or quadratic ones with a linear pressure. P1 locks near ν = 0.5."""
     normal: str = _one_of("tool", "material")

@@ -14,15 +14,13 @@ import skfem
 from cutbench.forms.geometry import Geometry
 from cutbench.models3d.mesh import tetrahedra
 
-#: A layer is so many times as thick as the one inside of it: the free end is where things change along the
-#: blade.
-THINNER = 0.75
 
+def planes(half: float, layers: int) -> np.ndarray:
+    """Heights (layers + 1,) from 0 in the middle of the blade to ``half`` of its length: layers all as thick.
 
-def planes(half: float, layers: int, thinner: float = THINNER) -> np.ndarray:
-    """Heights (layers + 1,) from 0 in the middle of the blade to ``half`` of its length."""
-    thick = thinner ** np.arange(layers)
-    return half * np.concatenate([[0.0], np.cumsum(thick) / thick.sum()])
+    A thin one at a free end is cut alone, long before the rest, and the sooner the thinner it is.
+    """
+    return np.linspace(0.0, half, layers + 1)
 
 
 def extruded(section: skfem.MeshTri, z: np.ndarray) -> skfem.MeshTet:
