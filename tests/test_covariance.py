@@ -61,6 +61,15 @@ def test_a_saw_in_the_force_of_a_cut_is_noise():
     assert np.mean(before) == pytest.approx(1.0, abs=0.1)
 
 
+def test_where_a_blade_turns_is_no_tooth():
+    t = np.linspace(0.0, 30.0, 900)
+    u = np.interp(t, [0, 10, 20, 30], [0.0, 5.0, 5.0, 0.0])
+    force = np.interp(t, [0, 6, 7, 10, 20, 22, 30], [0.0, 1.5, 0.9, 1.1, 0.7, 0.0, 0.0])
+    returns = Experiment("back", "cut", (Repetition(u, force, t),))
+    assert not returns.monotone
+    assert returns.on_grid(40).reading.max() < 1.1e-3 * force.max()
+
+
 def specimens(count: int, seed: int, n: int = 200) -> Experiment:
     """Curves of a known scatter, 4 % of the force, correlated over 3 mm, and noise of 0.03 N."""
     rng = np.random.default_rng(seed)

@@ -269,7 +269,8 @@ class Experiment:
         sigmas = [roughness(s, r.y[o]) for s, r, o in zip(along, reps, orders, strict=True)]
         noises = [(A * sigma**2) @ A.T for A, sigma in zip(matrices, sigmas, strict=True)]
         mean, reading = curves.mean(axis=0), np.mean(noises, axis=0)
-        if self.kind == "cut":
+        if self.kind == "cut" and self.monotone:
+            # A grid with turning points is not even, and they are no teeth.
             reading += len(reps) * np.diag(teeth(grid, mean, np.diag(reading) / len(reps)))
         several = len(reps) > 1
         scatter = scatter_covariance(grid, curves - mean, reading) if several else np.zeros_like(reading)
