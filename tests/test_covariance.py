@@ -34,7 +34,7 @@ def test_roughness_is_the_noise(sigma):
     assert 1.2 < found[s > 7].mean() / found[s < 5].mean() < 2.2
 
 
-def sawing(tooth: float, high: float, seed: int, kind: str = "cut", noise: float = 0.003) -> Experiment:
+def sawing(tooth: float, high: float, seed: int, noise: float = 0.003) -> Experiment:
     """A force that saws about a smooth one behind 3 mm, in teeth of some ``tooth`` mm and ``high`` N."""
     rng, s = np.random.default_rng(seed), np.linspace(0.1, 12, 1200)
     ends = np.cumsum(tooth * rng.uniform(0.5, 1.5, int(40 / tooth)))
@@ -43,7 +43,7 @@ def sawing(tooth: float, high: float, seed: int, kind: str = "cut", noise: float
     force = np.where(s < 3, 0.5 * s, 1.5 - 0.6 * np.minimum(s - 3, 1) + 0.02 * s)
     force += np.where(s < 3, 0.0, high * ramp) + noise * rng.standard_normal(s.size)
     specimen = {"width": 30.0, "length": 30.0, "height": 20.0}
-    return Experiment("saw", kind, (Repetition(s, force),), speed=0.02, specimen=specimen)
+    return Experiment("saw", "cut", (Repetition(s, force),), speed=0.02, specimen=specimen)
 
 
 def test_a_saw_in_the_force_of_a_cut_is_noise():

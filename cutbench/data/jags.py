@@ -5,19 +5,19 @@ from __future__ import annotations
 import numpy as np
 from scipy import signal
 
+from cutbench.data.covariance import FLOOR
+
 #: A force that falls by this part of its largest has had a peak, behind which it may saw.
 PROMINENT = 0.05
 #: So many values behind the peak are the transition's.
 TRANSITION = 5
 #: The mean square of a few values is known to within a half: so many times the noise's variance is no saw.
 BEYOND = 2.0
-#: Nor is what is below this part of the largest value.
-LEAST = 1e-3
 
 
 def teeth(x: np.ndarray, y: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """Variance (m,) of what the measured force of a cut saws by from value to value behind its peak, 0 where
-    its reading ``noise``, a variance (m,), may be all of it.
+    its reading ``noise``, a variance (m,), may be all of it, or below what a load cell's is at least.
 
     A tooth is many readings wide, and within it they are as smooth as anywhere: their noise is not its size.
     The fall behind the peak itself is no tooth; it is what a model is to describe.
@@ -28,7 +28,7 @@ def teeth(x: np.ndarray, y: np.ndarray, noise: np.ndarray) -> np.ndarray:
     if not behind.any():
         return np.zeros(y.size)
     size = nearby(x, x[2:-2][behind], rough(y)[behind])
-    return np.where(x > x[peaks[0]], np.maximum(size - np.maximum(BEYOND * noise, (LEAST * top) ** 2), 0), 0)
+    return np.where(x > x[peaks[0]], np.maximum(size - np.maximum(BEYOND * noise, (FLOOR * top) ** 2), 0), 0)
 
 
 def jags(x: np.ndarray, y: np.ndarray) -> np.ndarray:
