@@ -60,6 +60,13 @@ class Inverse:
         """The same data with other unknowns, from another case."""
         return Inverse(self.campaign, looked_for, run or self.run, start=start, grids=self.grids)
 
+    def weighing(self, grids: Mapping[str, Averaged]) -> Inverse:
+        """With ``grids`` whose readings have another noise; what was computed stays."""
+        made = self.other(self.unknowns, self.start)
+        made.grids, made.across = grids, self.across
+        made._known, made._sketched = dict(self._known), dict(self._sketched)
+        return made
+
     def only(self, kept: Sequence[int]) -> Inverse:
         """With the unknowns of these numbers alone, at their starts; what was computed there stays."""
         made = self.other([self.unknowns[i] for i in kept], self.start)

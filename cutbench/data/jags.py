@@ -22,13 +22,18 @@ def teeth(x: np.ndarray, y: np.ndarray, noise: np.ndarray) -> np.ndarray:
     A tooth is many readings wide, and within it they are as smooth as anywhere: their noise is not its size.
     The fall behind the peak itself is no tooth; it is what a model is to describe.
     """
-    top = np.abs(y).max()
-    peaks, _ = signal.find_peaks(y, prominence=PROMINENT * top)
-    behind = np.arange(2, y.size - 2) >= (peaks[0] + TRANSITION if peaks.size else y.size)
-    if not behind.any():
+    top, steady = np.abs(y).max(), behind(y)
+    if not steady[2:-2].any():
         return np.zeros(y.size)
-    size = nearby(x, x[2:-2][behind], rough(y)[behind])
-    return np.where(x > x[peaks[0]], np.maximum(size - np.maximum(BEYOND * noise, (FLOOR * top) ** 2), 0), 0)
+    size = nearby(x, x[2:-2][steady[2:-2]], rough(y)[steady[2:-2]])
+    fallen = np.arange(y.size) > steady.argmax() - TRANSITION
+    return np.where(fallen, np.maximum(size - np.maximum(BEYOND * noise, (FLOOR * top) ** 2), 0), 0)
+
+
+def behind(y: np.ndarray) -> np.ndarray:
+    """Which values (m,) of a cut's force lie behind its first peak and the transition."""
+    peaks, _ = signal.find_peaks(y, prominence=PROMINENT * np.abs(y).max())
+    return np.arange(y.size) >= (peaks[0] + TRANSITION if peaks.size else y.size)
 
 
 def jags(x: np.ndarray, y: np.ndarray) -> np.ndarray:

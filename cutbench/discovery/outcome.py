@@ -123,7 +123,8 @@ class Discovery(Handled):
     model; the last of ``rounds`` has its residual.
 
     ``gain``: on held-out readings; ``clean``: on what test experiments would read without noise and scatter.
-    ``stopped``: why it ended before all was asked; empty where all was.
+    ``stopped``: why it ended before all was asked; empty where all was. ``once``: what happened once in a
+    cut, in sentences; no cause of it was looked for.
     ``wrong``: sections of the baseline's curves; ``left``: of the final model's, the most significant first.
     """
 
@@ -145,6 +146,7 @@ class Discovery(Handled):
     notes: tuple[str, ...]
     stopped: str = ""
     clean: CleanGain | None = None
+    once: tuple[str, ...] = ()
 
     @property
     def found(self) -> tuple[str, ...]:

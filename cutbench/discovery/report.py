@@ -38,9 +38,9 @@ def called(name: str) -> str:
 def verdict_sentence(d: Discovery) -> str:
     """The sentence that names the cause, or says that there is none to name."""
     if d.verdict == "none":
-        return "The baseline describes the tests to within their scatter: nothing needs to be added."
-    names = " and ".join(called(n) for n in d.found)
-    worst = d.wrong[0]
+        but = ", but for what happened once in a cut" if d.once else ""
+        return f"The baseline describes the tests to within their scatter{but}: nothing needs to be added."
+    names, worst = " and ".join(called(n) for n in d.found), d.wrong[0]
     place = f"'{worst.experiment.id}', {_place(worst)}"
     if d.verdict == "unexplained" and d.numerics.explains:
         return (

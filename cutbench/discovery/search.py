@@ -20,6 +20,7 @@ from cutbench.data.campaign import Campaign
 from cutbench.discovery.candidates import Candidate, baseline_of, family_of
 from cutbench.discovery.causes import Cause, pruned
 from cutbench.discovery.clean import clean_gain
+from cutbench.discovery.event import events
 from cutbench.discovery.heldout import TESTS, compare, decide
 from cutbench.discovery.judging import against
 from cutbench.discovery.numerical import numerical_causes
@@ -58,6 +59,8 @@ LIKELY = 2.5
 WORSE = 0.1
 #: Causes found, at the most; firsts of a pair that are tried.
 MOST, FIRSTS = 4, 3
+#: The next experiment where all that is wrong happened once.
+AGAIN_ONCE = "Repeat the test in which something happened once: a cause returns, an event does not."
 #: So often a model is fitted again where the search for what it lacks has led.
 AGAIN = 2
 
@@ -95,6 +98,7 @@ def discover(
                 late = f"the baseline is not fitted after {limit_s:g} s, the limit given"
                 raise ComputationFailed(late) from None
             raise
+        point, once = events(point)
         search = _Search(fitted, point, run, refine, seed, on_progress)
         search.all()
         rounds, point, causes = search.rounds, search.point, search.causes
@@ -107,15 +111,16 @@ def discover(
         if not stopped:
             try:
                 proposed, text = _next(rounds, verdict, run, on_progress)
+                text = AGAIN_ONCE if once and verdict == "none" else text
             except KeyboardInterrupt:
                 text = f"Not asked: {_why(due)}."
     how = [f"Ended early ({stopped}): what was found stands, what else there may be was not asked."]
     own = [note for each in rounds for note in each.own]
-    notes = (*(how if stopped else []), *own, *search.fitted.notes, *rounds[0].point.trouble)
+    notes = (*(how if stopped else []), *once, *own, *search.fitted.notes, *rounds[0].point.trouble)
     return Discovery(
         campaign, search.fitted, verdict, tuple(causes), tuple(rounds), point, gain,
         tuple(sections(rounds[0].point)), tuple(sections(point)), search.numerics, tuple(proposed), text,
-        time.perf_counter() - began, tuple(dict.fromkeys(notes)), stopped, clean,
+        time.perf_counter() - began, tuple(dict.fromkeys(notes)), stopped, clean, once,
     )  # fmt: skip
 
 
