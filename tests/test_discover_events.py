@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -36,7 +37,6 @@ def test_what_happens_once_is_told_and_asked_nothing(part, tmp_path):
     run.fails = run.places
     this = round_of(without, run, 0, silent)
     assert this.scores.p_residual > 0.1 and not this.tried
-    assert np.array_equal(without.q, point.q) and without.values == point.values
 
 
 def test_its_readings_count_for_little(tmp_path):
@@ -57,6 +57,16 @@ def test_its_readings_count_for_little(tmp_path):
 def test_what_is_longer_or_happens_again_is_not_one(first, last, ids, tmp_path):
     point = point_at(off_between(tmp_path, first, last, -0.2, ids), Formula(), **TRUE)
     assert events(point) == (point, ())
+
+
+def test_what_the_mean_of_two_specimens_shows_is_none(tmp_path):
+    point = point_at(off_between(tmp_path, 4.2, 4.6, -0.2), Formula(), **TRUE)
+    twice = {
+        id: replace(grid, curves=np.vstack([grid.curves, grid.curves]))
+        for id, grid in point.inverse.grids.items()
+    }
+    both = replace(point, inverse=point.inverse.weighing(twice))
+    assert events(point)[1] and events(both) == (both, ())
 
 
 def test_other_toughness_in_one_cut_is_none(tmp_path):

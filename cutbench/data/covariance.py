@@ -292,6 +292,13 @@ class Covariance:
         """Whitened values of all tests stacked, (M,) or (M, k)."""
         return np.concatenate([block.white(by[id]) for id, block in self.tests.items()])
 
+    def reading(self, grids: Mapping[str, Averaged]) -> Covariance:
+        """Of the same computed curves, with readings as ``grids`` have them; without discrepancies."""
+        blocks = self.tests.items()
+        computed, shift = {id: b.computed for id, b in blocks}, {id: b.shift for id, b in blocks}
+        kept = {id: grids[id] for id in self.tests}
+        return Covariance.of(kept, self.kinds, self.y, computed, shift, self.fields)
+
     def draw(self, rng: np.random.Generator) -> tuple[dict[str, np.ndarray], Covariance]:
         """Residuals by id, computed less measured, of data that the model describes, and the covariance that
         a laboratory would have estimated from these: few repetitions cost what they should."""
@@ -300,13 +307,8 @@ class Covariance:
         for id in sorted(self.tests):
             curves = np.stack([self._specimen(id, normal) for _ in range(self.grids[id].repetitions)])
             grids[id] = replace(self.grids[id], curves=curves, mean=curves.mean(axis=0))
-        blocks = self.tests
-        made = Covariance.of(
-            grids, self.kinds, self.y, {id: b.computed for id, b in blocks.items()},
-            {id: b.shift for id, b in blocks.items()},
-        )  # fmt: skip
-        residual = {}
-        for id in sorted(blocks):
+        made, residual = self.reading(grids), {}
+        for id in sorted(self.tests):
             y, (_, error) = self.y[id], self._roots[id]
             residual[id] = y + error @ normal(y.size) - grids[id].mean
         return residual, made

@@ -9,31 +9,21 @@ The same test, repeated, tells whether it returns.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy import stats
 from scipy.linalg import cholesky, solve_triangular
 
-from cutbench.data.covariance import Covariance
 from cutbench.data.discrepancy import allowing
 from cutbench.data.experiment import Experiment
 from cutbench.data.jags import behind
-from cutbench.data.repetition import Averaged
 from cutbench.discovery.outcome import CHANCE
 from cutbench.discovery.point import Point
+from cutbench.discovery.score import Freed
 
 #: What is more than this part of χ² beyond its degrees of freedom is most of what is wrong.
 MOST = 0.5
-
-
-@dataclass(frozen=True)
-class Event:
-    """In ``experiment`` the readings ``inside`` (m,), which are off by as much as ``size``, in its unit."""
-
-    experiment: Experiment
-    inside: np.ndarray
-    size: float
 
 
 def events(point: Point) -> tuple[Point, tuple[str, ...]]:
@@ -41,32 +31,23 @@ def events(point: Point) -> tuple[Point, tuple[str, ...]]:
     found = _found(point)
     if found is None:
         return point, ()
-    e, grid = found.experiment, point.inverse.grids[found.experiment.id]
-    noise = np.where(found.inside, np.maximum(grid.reading, found.size), grid.reading)
+    e, inside = found
+    grid, size = point.inverse.grids[e.id], float(np.abs(point.residual[e.id][inside]).max())
+    noise = np.where(inside, np.maximum(grid.reading, size), grid.reading)
     grids = {**point.inverse.grids, e.id: replace(grid, reading=noise)}
-    first, last = grid.x[found.inside][[0, -1]]
+    first, last = grid.x[inside][[0, -1]]
     said = (
-        f"'{e.id}': from {first:.3g} to {last:.3g} mm the force is off by up to {found.size:.2g} N, most of"
-        " all that is wrong, and nowhere else like that. It happened once in one specimen, and no cause is"
+        f"'{e.id}': from {first:.3g} to {last:.3g} mm the force is off by up to {size:.2g} N, most of all"
+        " that is wrong, and nowhere else like that. It happened once in one specimen, and no cause is"
         " looked for in it: repeat the test to see whether it returns."
     )
-    return _weighing(point, grids), (said,)
+    w = allowing(point.w.reading(grids), point.residual, point.J_inside)
+    return replace(point, inverse=point.inverse.weighing(grids), w=w), (said,)
 
 
-def _weighing(point: Point, grids: Mapping[str, Averaged]) -> Point:
-    """The same model at the same values where readings have the noise of ``grids``."""
-    w, inverse = point.w, point.inverse.weighing(grids)
-    blocks = w.tests
-    noise = Covariance.of(
-        {id: grids[id] for id in blocks}, w.kinds, point.y, {id: b.computed for id, b in blocks.items()},
-        {id: b.shift for id, b in blocks.items()}, w.fields,
-    )  # fmt: skip
-    return replace(point, inverse=inverse, w=allowing(noise, point.residual, point.J_inside))
-
-
-def _found(point: Point) -> Event | None:
-    """The stretch of a cut that holds most of χ² beyond what chance makes; None where there is none, or
-    another cut has its like."""
+def _found(point: Point) -> tuple[Experiment, np.ndarray] | None:
+    """A cut and its readings (m,) that hold most of χ² beyond what chance makes; None where none do, or
+    another cut has their like."""
     whole, dof = _chi2(point, {}), sum(r.size for r in point.residual.values()) - point.q.size
     tried, best = 0, []
     for e in point.campaign.train:
@@ -86,7 +67,7 @@ def _found(point: Point) -> Event | None:
     once = point.inverse.grids[e.id].repetitions == 1 and all(other < MOST * fall for other, *_ in others)
     if not (surely and once) or fall <= MOST * (whole - dof):
         return None
-    return Event(e, inside, float(np.abs(point.residual[e.id][inside]).max()))
+    return e, inside
 
 
 def _chi2(point: Point, kept: Mapping[str, np.ndarray]) -> float:
@@ -98,7 +79,5 @@ def _chi2(point: Point, kept: Mapping[str, np.ndarray]) -> float:
         both = np.column_stack([point.J_inside[id], point.residual[id]])[on]
         rows.append(solve_triangular(cholesky(block.total[np.ix_(on, on)], lower=True), both, lower=True))
     white = np.vstack(rows)
-    size = np.linalg.norm(white[:, :-1], axis=0)
-    J = white[:, :-1] / np.where(size > 0, size, 1.0)
-    left = white[:, -1] - J @ np.linalg.lstsq(J, white[:, -1], rcond=1e-9)[0]
+    left = Freed(white[:, :-1]).of(white[:, -1])
     return float(left @ left)

@@ -59,8 +59,6 @@ LIKELY = 2.5
 WORSE = 0.1
 #: Causes found, at the most; firsts of a pair that are tried.
 MOST, FIRSTS = 4, 3
-#: The next experiment where all that is wrong happened once.
-AGAIN_ONCE = "Repeat the test in which something happened once: a cause returns, an event does not."
 #: So often a model is fitted again where the search for what it lacks has led.
 AGAIN = 2
 
@@ -110,8 +108,7 @@ def discover(
         text = f"Not asked: {stopped}."
         if not stopped:
             try:
-                proposed, text = _next(rounds, verdict, run, on_progress)
-                text = AGAIN_ONCE if once and verdict == "none" else text
+                proposed, text = _next(rounds, verdict, bool(once), run, on_progress)
             except KeyboardInterrupt:
                 text = f"Not asked: {_why(due)}."
     how = [f"Ended early ({stopped}): what was found stands, what else there may be was not asked."]
@@ -247,14 +244,15 @@ class _Search:
 
 
 def _next(
-    rounds: list[Round], verdict: str, run: Predictor, on_progress: OnProgress
+    rounds: list[Round], verdict: str, once: bool, run: Predictor, on_progress: OnProgress
 ) -> tuple[list[Proposal], str]:
     """The test that would separate the first two of the first group; with cuts, where it costs as much as
-    several of them, only if one of the two was accepted."""
+    several of them, only if one of the two was accepted. ``once``: whether something happened once."""
     named = [r for r in rounds if r.accepted] or [r for r in rounds[:1] if not r.point.meshed]
     r = next((r for r in named if len(r.group) > 1), None)
     if verdict == "none" and not any(r.accepted for r in rounds):
-        return [], "None is needed: the model describes the tests to within their scatter."
+        again = "Repeat the test in which something happened once: a cause returns, an event does not."
+        return [], again if once else "None is needed: the model describes the tests to within their scatter."
     if r is None:
         if verdict == "mechanism":
             return [], "None is needed to tell the candidates apart: these tests do."
