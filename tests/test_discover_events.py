@@ -13,16 +13,19 @@ from test_discover_cuts import point_at
 from cutbench.base.progress import silent
 from cutbench.data.campaign import load_campaign
 from cutbench.discovery import search
+from cutbench.discovery.apart import _Own
 from cutbench.discovery.event import _chi2, events
 from cutbench.discovery.report import verdict_sentence
 from cutbench.discovery.rounds import round_of
 
 
-def off_between(tmp_path, first: float, last: float, part: float, ids=("fast",)):
-    """The true campaign, but the force of ``ids`` is changed by ``part`` from ``first`` to ``last``."""
+def off_between(tmp_path, first: float, last: float, part: float, ids=("fast",), tougher: float = 1.0):
+    """The true campaign, but ``ids`` are ``tougher`` by that factor, and their force is changed by ``part``
+    from ``first`` to ``last``."""
     campaign_in(tmp_path)
+    true = {**TRUE, "G_c": tougher * TRUE["G_c"]}
     for id in ids:
-        y = force(X, **TRUE, speed=SPEEDS[id]) * (1 + part * ((first <= X) & (last >= X)))
+        y = force(X, **true, speed=SPEEDS[id]) * (1 + part * ((first <= X) & (last >= X)))
         rows = [f"{x:.6g},{f:.6g}" for x, f in zip(X, y, strict=True)]
         (tmp_path / f"{id}.csv").write_text("\n".join(["u [mm],F [N]", *rows]) + "\n")
     return load_campaign(tmp_path / "campaign.toml")
@@ -42,7 +45,16 @@ def test_what_happens_once_is_told_and_asked_nothing(part, tmp_path):
 def test_its_readings_count_for_little(tmp_path):
     run = Formula()
     point = point_at(off_between(tmp_path, 4.2, 4.6, -0.2), run, **TRUE)
-    assert _chi2(point, {}) > 2 * _chi2(events(point)[0], {})
+    without, every = events(point)[0], np.ones(point.residual["fast"].size, dtype=bool)
+    assert _chi2(point, "fast", every) > 2 * _chi2(without, "fast", every)
+    here, there = (_Own(p, p.inverse, np.eye(p.q.size), p.q) for p in (point, without))
+    assert here._wrong(point.residual) > 2 * there._wrong(point.residual)
+
+
+@pytest.mark.parametrize("tougher", [0.9, 0.95, 1.05])
+def test_another_toughness_of_a_cut_does_not_hide_what_happens_once(tougher, tmp_path):
+    point = point_at(off_between(tmp_path, 4.2, 4.6, -0.2, tougher=tougher), Formula(), **TRUE)
+    assert len(events(point)[1]) == 1
 
 
 @pytest.mark.parametrize(
@@ -69,8 +81,9 @@ def test_what_the_mean_of_two_specimens_shows_is_none(tmp_path):
     assert events(point)[1] and events(both) == (both, ())
 
 
-def test_other_toughness_in_one_cut_is_none(tmp_path):
-    point = point_at(campaign_in(tmp_path, {"fast": 1.3 * TRUE["G_c"]}), Formula(), **TRUE)
+@pytest.mark.parametrize("tougher", [0.7, 0.9, 1.1, 1.3])
+def test_other_toughness_in_one_cut_is_none(tougher, tmp_path):
+    point = point_at(campaign_in(tmp_path, {"fast": tougher * TRUE["G_c"]}), Formula(), **TRUE)
     assert events(point) == (point, ())
 
 

@@ -10,7 +10,7 @@ value of one cut are those that the fit has, so to begin with none are computed.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -185,14 +185,17 @@ class _Own:
     @property
     def left(self) -> float:
         """The part of the point's misfit (in squares) that is left."""
-        wrong = [
-            sum(
-                float(np.mean((r[e.id] / np.abs(self.point.inverse.grids[e.id].mean).max()) ** 2))
-                for e in self.point.campaign.train
-            )
-            for r in (self._residual, self.point.residual)
-        ]
-        return wrong[0] / wrong[1]
+        return self._wrong(self._residual) / self._wrong(self.point.residual)
+
+    def _wrong(self, residual: Mapping[str, np.ndarray]) -> float:
+        """Squares of ``residual`` (m,) by id, as parts of each curve's largest; a reading counts by its
+        noise."""
+        wrong = 0.0
+        for id, r in residual.items():
+            grid = self.point.inverse.grids[id]
+            squares = (r / np.abs(grid.mean).max()) ** 2
+            wrong += float(np.average(squares, weights=grid.reading**-2.0))
+        return wrong
 
     @property
     def _residual(self) -> dict[str, np.ndarray]:

@@ -8,7 +8,6 @@ The same test, repeated, tells whether it returns.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -47,16 +46,20 @@ def events(point: Point) -> tuple[Point, tuple[str, ...]]:
 
 def _found(point: Point) -> tuple[Experiment, np.ndarray] | None:
     """A cut and its readings (m,) that hold most of χ² beyond what chance makes; None where none do, or
-    another cut has their like."""
-    whole, dof = _chi2(point, {}), sum(r.size for r in point.residual.values()) - point.q.size
-    tried, best = 0, []
+    another cut has their like. In each cut with what values of its own would take up: what a cause changes
+    from cut to cut is not to hide what happened in one of them, nor to be taken for it."""
+    dof = sum(r.size - point.q.size for r in point.residual.values())
+    whole, tried, best = 0.0, 0, []
     for e in point.campaign.train:
         grid = point.inverse.grids[e.id]
+        whole += (chi2 := _chi2(point, e.id, np.ones(grid.x.size, dtype=bool)))
         if e.kind != "cut" or not e.monotone:
             continue
         thick = point.inverse.case(e, point.q).values.get("thickness", 0.0)
-        stretches = [(grid.x >= x) & (grid.x <= x + thick) for x in grid.x[behind(grid.mean)]]
-        falls = [whole - _chi2(point, {e.id: ~inside}) for inside in stretches]
+        # What begins with the transition, measured or computed, is the transition's.
+        begins = grid.x[behind(grid.mean) & behind(point.y[e.id])][1:]
+        stretches = [(grid.x >= x) & (grid.x <= x + thick) for x in begins]
+        falls = [chi2 - _chi2(point, e.id, ~inside) for inside in stretches]
         if falls:
             best.append((max(falls), e, stretches[int(np.argmax(falls))]))
             tried += len(falls)
@@ -70,14 +73,11 @@ def _found(point: Point) -> tuple[Experiment, np.ndarray] | None:
     return e, inside
 
 
-def _chi2(point: Point, kept: Mapping[str, np.ndarray]) -> float:
-    """χ² in the noise alone of the readings that are ``kept`` (m,), by id (all of others), freed of what the
-    parameters take up."""
-    rows = []
-    for id, block in point.w.noise.tests.items():
-        on = kept.get(id, np.ones(point.residual[id].size, dtype=bool))
-        both = np.column_stack([point.J_inside[id], point.residual[id]])[on]
-        rows.append(solve_triangular(cholesky(block.total[np.ix_(on, on)], lower=True), both, lower=True))
-    white = np.vstack(rows)
+def _chi2(point: Point, id: str, kept: np.ndarray) -> float:
+    """χ² in the noise alone of the readings of one test that are ``kept`` (m,), freed of what the parameters
+    take up."""
+    covariance = point.w.noise.tests[id].total[np.ix_(kept, kept)]
+    both = np.column_stack([point.J_inside[id], point.residual[id]])[kept]
+    white = solve_triangular(cholesky(covariance, lower=True), both, lower=True)
     left = Freed(white[:, :-1]).of(white[:, -1])
     return float(left @ left)
