@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cutbench.data.covariance import Factors, matern
-from cutbench.discovery.clean import Evidence, Known, drawn
+from cutbench.discovery.clean import NEAR, Evidence, Known, drawn
 
 S = np.linspace(0.025, 1, 40)
 CLEAN = S + S**3
@@ -46,6 +46,19 @@ def test_it_holds_the_true_gain_as_often_as_it_says():
     assert np.median([abs(gain.value - true) for gain, true in found]) < 0.05
 
 
+def test_it_is_near_as_often_as_it_says():
+    near, chances = 0, []
+    for seed in range(40):
+        rng = np.random.default_rng([seed, 1])
+        made, true = evidence(rng, scatter=0.15, tests=1)
+        gain = drawn(made, rng, 300)
+        near += abs(gain.value - true) < NEAR
+        chances.append(gain.near)
+    expected, chance = np.sum(chances), np.array(chances)
+    assert 8 < expected < 36  # neither is certain
+    assert abs(near - expected) < 2.5 * np.sqrt(np.sum(chance * (1 - chance)))
+
+
 def test_scatter_is_not_what_a_model_is_off_by():
     """One specimen 15 % too stiff: the readings are far from a model that is right."""
     rng = np.random.default_rng(0)
@@ -64,4 +77,5 @@ def test_what_is_known_exactly_has_a_narrow_interval():
     wide, _ = evidence(rng, scatter=0.1, noise=0.001, repetitions=1)
     narrow, wide = (drawn(each, rng) for each in (narrow, wide))
     assert narrow.value == pytest.approx(true, abs=0.02)
+    assert narrow.near > 0.9 > wide.near
     assert narrow.high - narrow.low < (wide.high - wide.low) / 3

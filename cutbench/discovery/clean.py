@@ -37,15 +37,19 @@ POSSIBLE = SIZES[SIZES <= LARGEST]
 BEFOREHAND = np.append(NONE, np.full(POSSIBLE.size - 1, (1 - NONE) / (POSSIBLE.size - 1)))
 #: So many draws, at the least, the weight is shared by.
 FEWEST = 50
+#: Gains that differ by less are the same to a person.
+NEAR = 0.1
 
 
 @dataclass(frozen=True)
 class CleanGain:
-    """Fall of the root mean square error against clean curves, relative: median and interval."""
+    """Fall of the root mean square error against clean curves, relative: median and interval; ``near``: the
+    chance that the median is off by less than 10 points."""
 
     value: float
     low: float
     high: float
+    near: float
 
     @property
     def text(self) -> str:
@@ -160,7 +164,8 @@ def drawn(evidence: Evidence, rng: np.random.Generator, draws: int = DRAWS) -> C
     order = np.argsort(gains)
     share = np.cumsum(weight[order])
     low, value, high = np.interp([(1 - LEVEL) / 2, 0.5, (1 + LEVEL) / 2], share, gains[order])
-    return CleanGain(float(value), float(low), float(high))
+    near = weight[np.abs(gains - value) < NEAR].sum()
+    return CleanGain(float(value), float(low), float(high), float(near))
 
 
 def _chances(t: Known, moved: np.ndarray, variance: float) -> np.ndarray:

@@ -199,7 +199,7 @@ def to_dict(d: Discovery) -> dict:
         "gain": {
             "train": _train(d),
             "heldout": _fields(d.gain or compare(d.first, d.final), *GAIN),
-            "clean": None if d.clean is None else _fields(d.clean, "value", "low", "high"),
+            "clean": None if d.clean is None else _fields(d.clean, "value", "low", "high", "near"),
         },
         "next_experiment": d.next_experiment,
         "proposed_experiments": [
