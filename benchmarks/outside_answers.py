@@ -16,6 +16,7 @@ from cutbench.base.files import write_json
 from cutbench.data.campaign import load_campaign
 from cutbench.discovery import Discovery, discover
 from cutbench.discovery.candidates import family_of
+from cutbench.discovery.clean import NEAR
 from cutbench.discovery.point import Point
 
 #: The benchmark's classes by the package's.
@@ -73,7 +74,7 @@ def _error(truth: Truth, point: Point) -> float:
 
 
 def _near(r: Mapping) -> bool:
-    return abs(r["stated_gain"] - r["measured_gain"]) < 0.1
+    return abs(r["stated_gain"] - r["measured_gain"]) < NEAR
 
 
 def summary(rows: Sequence[Mapping]) -> dict[str, str]:

@@ -71,6 +71,18 @@ def test_what_is_longer_or_happens_again_is_not_one(first, last, ids, tmp_path):
     assert events(point) == (point, ())
 
 
+@pytest.mark.parametrize(("part", "wave", "thick"), [(0.1, 0.7, 0.3), (0.2, 2.0, 0.7)])
+def test_what_swings_all_along_one_cut_is_none(part, wave, thick, tmp_path):
+    campaign_in(tmp_path)
+    file = tmp_path / "campaign.toml"
+    file.write_text(file.read_text().replace('thickness = "0.7 mm"', f'thickness = "{thick} mm"'))
+    y = force(X, **TRUE, speed=SPEEDS["fast"]) * (1 + part * np.sin(2 * np.pi * X / wave) * (X > 3.3))
+    rows = [f"{x:.6g},{f:.6g}" for x, f in zip(X, y, strict=True)]
+    (tmp_path / "fast.csv").write_text("\n".join(["u [mm],F [N]", *rows]) + "\n")
+    point = point_at(load_campaign(file), Formula(), **TRUE)
+    assert events(point) == (point, ())
+
+
 def test_what_the_mean_of_two_specimens_shows_is_none(tmp_path):
     point = point_at(off_between(tmp_path, 4.2, 4.6, -0.2), Formula(), **TRUE)
     twice = {

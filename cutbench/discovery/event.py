@@ -46,29 +46,28 @@ def events(point: Point) -> tuple[Point, tuple[str, ...]]:
 
 def _found(point: Point) -> tuple[Experiment, np.ndarray] | None:
     """A cut and its readings (m,) that hold most of χ² beyond what chance makes; None where none do, or
-    another cut has their like. In each cut with what values of its own would take up: what a cause changes
+    there is their like elsewhere. In each cut with what values of its own would take up: what a cause changes
     from cut to cut is not to hide what happened in one of them, nor to be taken for it."""
-    dof = sum(r.size - point.q.size for r in point.residual.values())
-    whole, tried, best = 0.0, 0, []
+    excess, tried = 0.0, []
     for e in point.campaign.train:
         grid = point.inverse.grids[e.id]
-        whole += (chi2 := _chi2(point, e.id, np.ones(grid.x.size, dtype=bool)))
+        chi2 = _chi2(point, e.id, np.ones(grid.x.size, dtype=bool))
+        # A cut that is described better than chance does makes no other less wrong.
+        excess += max(chi2 - (grid.x.size - point.q.size), 0.0)
         if e.kind != "cut" or not e.monotone:
             continue
         thick = point.inverse.case(e, point.q).values.get("thickness", 0.0)
         # What begins with the transition, measured or computed, is the transition's.
         begins = grid.x[behind(grid.mean) & behind(point.y[e.id])][1:]
         stretches = [(grid.x >= x) & (grid.x <= x + thick) for x in begins]
-        falls = [chi2 - _chi2(point, e.id, ~inside) for inside in stretches]
-        if falls:
-            best.append((max(falls), e, stretches[int(np.argmax(falls))]))
-            tried += len(falls)
-    if not best:
+        tried += [(chi2 - _chi2(point, e.id, ~inside), e, inside) for inside in stretches]
+    if not tried:
         return None
-    (fall, e, inside), *others = sorted(best, key=lambda each: -each[0])
-    surely = tried * stats.chi2.sf(fall, inside.sum()) < CHANCE
-    once = point.inverse.grids[e.id].repetitions == 1 and all(other < MOST * fall for other, *_ in others)
-    if not (surely and once) or fall <= MOST * (whole - dof):
+    fall, e, inside = max(tried, key=lambda each: each[0])
+    others = [f for f, at, there in tried if at is not e or not (there & inside).any()]
+    surely = len(tried) * stats.chi2.sf(fall, inside.sum()) < CHANCE
+    once = point.inverse.grids[e.id].repetitions == 1 and all(other < MOST * fall for other in others)
+    if not (surely and once) or fall <= MOST * excess:
         return None
     return e, inside
 
