@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib.util
 import pickle
 import shutil
@@ -39,6 +40,29 @@ def test_every_file_of_the_engine_and_of_the_model_s_laws_counts():
     files = sources.engine.union(*(sources.law(kind) for kind in GELATIN))
     assert {law_file("neo_hookean"), ROOT / "mechanisms/base.py", ROOT / "solver/newton.py"} <= files
     assert not [path for path in files if digest(path) == here]
+
+
+def test_a_docstring_of_any_file_does_not_and_a_constant_of_any_does():
+    sources, here = Sources(), digest()
+    for path in sources.engine.union(*(sources.law(kind) for kind in GELATIN)):
+        assert digest(path, reworded) == here, path
+        assert digest(path, lambda text: text + "\nCONSTANT = 3\n") != digest(
+            path, lambda text: text + "\nCONSTANT = 4\n"
+        )
+
+
+def reworded(text: str) -> str:
+    """The file with other words in each docstring of a module, class or function."""
+    lines = text.splitlines(keepends=True)
+    docs = [
+        node.body[0]
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node)
+    ]
+    for node in sorted(docs, key=lambda node: -node.lineno):
+        indent = lines[node.lineno - 1][: node.col_offset]
+        lines[node.lineno - 1 : node.end_lineno] = [f'{indent}"""Reworded."""\n']
+    return "".join(lines)
 
 
 def test_comments_blank_lines_and_line_endings_do_not():

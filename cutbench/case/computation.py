@@ -2,18 +2,21 @@
 
 The engine counts, that is what the two marches (``ROOTS``) import, directly or not, and so do the laws in the
 model with their bases and what those import. No list is kept: a module that is imported counts. Modules that
-draw do not, nor do blank lines, lines of comment only, line endings, or where a file lies.
+draw do not. Of a file its syntax tree counts, without docstrings and imports for type checkers: comments,
+layout, line endings and the place of the file change nothing.
 """
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import inspect
-import re
 import sys
+import textwrap
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache, cached_property, lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
 from cutbench.base.errors import BadInput
 from cutbench.case.model import Model
@@ -21,21 +24,77 @@ from cutbench.case.model import Model
 #: The modules that march a case to its end: a cut, and a strip in tension.
 ROOTS = ("cutbench.run.runner", "cutbench.run.tension")
 
-_FROM = re.compile(r"^[ \t]*from\s+([\w.]+)\s+import\s+(\((?:[^)#]|#[^\n]*)*\)|[^\n#]*)", re.M)
-_IMPORT = re.compile(r"^[ \t]*import\s+([^\n#]+)", re.M)
-_TYPING = re.compile(r"^if TYPE_CHECKING:\n(?:[ \t]+[^\n]*\n)+", re.M)
-_DRAWS = re.compile(r"^[ \t]*(?:from|import)\s+matplotlib\b", re.M)
-
 
 def read_text(path: Path) -> str:
     """A source file as it stands."""
     return path.read_text(encoding="utf-8")
 
 
-def normalised(text: str) -> str:
-    """``text`` without what no computation depends on: line endings, blank lines, lines of comment only."""
-    lines = (line.rstrip() for line in text.splitlines())
-    return "\n".join(line for line in lines if line and not line.lstrip().startswith("#")) + "\n"
+class Source(NamedTuple):
+    """One file: the digest of its tree, the modules that it imports, each with the names that it takes from
+    it, and of names that ``lazy_loader`` hands on the module that makes them."""
+
+    digest: str
+    imports: tuple[tuple[str, tuple[str, ...]], ...]
+    handed_on: dict[str, str]
+
+    @classmethod
+    @cache
+    def of(cls, text: str) -> Source:
+        tree = ast.parse(text)
+        imports: list[tuple[str, tuple[str, ...]]] = []
+        handed_on: dict[str, str] = {}
+        for node in ast.walk(tree):
+            if isinstance(body := getattr(node, "body", None), list):
+                body[:] = [each for each in body if not (_is_text(each) or _is_for_typing(each))]
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom):
+                imports.append(
+                    ("." * node.level + (node.module or ""), tuple(name.name for name in node.names))
+                )
+            elif isinstance(node, ast.Import):
+                imports += [(name.name, ()) for name in node.names]
+            elif isinstance(node, ast.keyword) and node.arg == "submod_attrs":
+                table = ast.literal_eval(node.value)
+                handed_on |= {name: module for module, names in table.items() for name in names}
+        words: list[str] = []
+        _spell(tree, words)
+        digest = hashlib.sha256("\n".join(words).encode("utf-8", "surrogatepass")).hexdigest()
+        return cls(digest, tuple(imports), handed_on)
+
+    @property
+    def draws(self) -> bool:
+        return any(module.partition(".")[0] == "matplotlib" for module, _ in self.imports)
+
+
+def _is_text(node: ast.stmt) -> bool:
+    """Whether it is a docstring, or any other text that stands by itself."""
+    return (
+        isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
+    )
+
+
+def _is_for_typing(node: ast.stmt) -> bool:
+    return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+
+
+def _spell(node: object, words: list[str]) -> None:
+    """Append the tree in words, without empty fields: versions of Python differ in those."""
+    if isinstance(node, ast.AST):
+        words.append(type(node).__name__)
+        for name in node._fields:
+            if (value := getattr(node, name, None)) not in (None, []):
+                words.append(name)
+                _spell(value, words)
+        words.append(")")
+    elif isinstance(node, list):
+        for each in node:
+            _spell(each, words)
+        words.append("]")
+    else:
+        words.append(repr(node))
 
 
 class Sources:
@@ -44,7 +103,7 @@ class Sources:
     def __init__(self, read: Callable[[Path], str] = read_text):
         self._read = read
         self._package = Path(next(iter(sys.modules[__name__.partition(".")[0]].__path__)))
-        self._texts: dict[Path, str] = {}
+        self._known: dict[Path, Source] = {}
         self._places: dict[tuple[str, Path], Path | None] = {}
 
     @cached_property
@@ -67,13 +126,13 @@ class Sources:
     def digest(self, laws: Iterable[type]) -> str:
         """12 hex digits of the engine and these laws."""
         files = self.engine.union(*(self.law(kind) for kind in laws))
-        parts = sorted({hashlib.sha256(self._text(file).encode()).hexdigest() for file in files})
+        parts = sorted({self._source(file).digest for file in files})
         return hashlib.sha256("".join(parts).encode()).hexdigest()[:12]
 
-    def _text(self, path: Path) -> str:
-        if path not in self._texts:
-            self._texts[path] = normalised(self._read(path))
-        return self._texts[path]
+    def _source(self, path: Path) -> Source:
+        if path not in self._known:
+            self._known[path] = Source.of(self._read(path))
+        return self._known[path]
 
     def _typed_in(self, kind: type) -> Path:
         """A name for the source of a law that is in no file, such as one in a notebook. Raises BadInput."""
@@ -83,7 +142,7 @@ class Sources:
             expected = "a law in a file, for its source counts in a run's identity"
             raise BadInput(key="mechanisms", value=kind.__qualname__, expected=expected) from error
         path = Path(f"<{kind.__module__}.{kind.__qualname__}>")
-        self._texts[path] = normalised(text)
+        self._known[path] = Source.of(textwrap.dedent(text))
         return path
 
     def _closure(self, start: Iterable[Path]) -> frozenset[Path]:
@@ -92,13 +151,13 @@ class Sources:
         todo = list(start)
         while todo:
             path = todo.pop()
-            if path not in found and not _DRAWS.search(self._text(path)):
+            if path not in found and not self._source(path).draws:
                 found.add(path)
                 todo += self._imports(path)
         return frozenset(found)
 
     def _imports(self, path: Path) -> Iterator[Path]:
-        for module, names in _imported(self._text(path)):
+        for module, names in self._source(path).imports:
             for name in names or ("",):
                 if target := self._target(module, name, path):
                     yield target
@@ -110,9 +169,10 @@ class Sources:
             return path
         if inner := self._module(f"{module}.{name}" if module.strip(".") else module + name, importer):
             return inner
-        if late := re.search(rf'"(\w+)": \[[^\]]*"{re.escape(name)}"', self._text(path)):  # lazy_loader's way
-            return self._module(f".{late[1]}", path) or path
-        for source, names in _imported(self._text(path)):
+        room = self._source(path)
+        if name in room.handed_on:
+            return self._module(f".{room.handed_on[name]}", path) or path
+        for source, names in room.imports:
             if name in names:
                 return self._target(source, name, path) or path
         return path
@@ -143,17 +203,6 @@ class Sources:
             return root if top == importer.relative_to(root).parts[0] else None
         # Of a file beside the law, but not of whatever is installed beside it.
         return None if root.name.endswith("-packages") else root
-
-
-def _imported(text: str) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """Modules that a file imports, each with the names that it takes from it."""
-    text = _TYPING.sub("", text)
-    for module, names in _FROM.findall(text):
-        plain = re.sub(r"#[^\n]*|[()]", " ", names).split(",")
-        yield module, tuple(name.split()[0] for name in plain if name.strip())
-    for modules in _IMPORT.findall(text):
-        for module in modules.split(","):
-            yield module.split()[0], ()
 
 
 @cache
