@@ -120,11 +120,6 @@ def test_every_room_says_what_it_is_for_and_gives_its_public_names():
             assert getattr(loaded, public) is not None
 
 
-def test_files_are_short():
-    long = {m: n for m, path in MODULES.items() if (n := len(path.read_text("utf-8").splitlines())) > 350}
-    assert not long
-
-
 def test_a_model_is_geometry_and_nothing_else():
     for module in (m for m in INSIDE if room(m) in ("models2d", "models3d")):
         assert "mechanisms" not in {room(name) for name in own_imports(module)}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import os
@@ -12,22 +13,58 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+from filelock import FileLock, Timeout
 
 from cutbench.base.errors import BadInput
+
+#: The file by which a process holds a folder of results; the system lets go of it when the process ends.
+LOCK = ".lock"
+_LOCKS: dict[Path, FileLock] = {}
 
 
 @contextmanager
 def replacing(target: Path) -> Iterator[Path]:
     """A temporary path beside ``target`` that takes its place when the block ends well.
 
-    A reader, or a kill half way, never meets half a file. The suffix is kept: writers go by it.
+    A reader, or a kill half way, never meets half a file. The suffix is kept: writers go by it. An OSError,
+    such as that of a full disk, names ``target``.
     """
     draft = target.with_name(f".{target.stem}-{os.getpid()}-{threading.get_ident()}{target.suffix}")
     try:
         yield draft
         os.replace(draft, target)
+    except OSError as error:
+        raise type(error)(error.errno, error.strerror or str(error), str(target)) from error
     finally:
         draft.unlink(missing_ok=True)
+
+
+def file_digest(path: Path) -> str:
+    """64 hex digits of a file's content."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+@contextmanager
+def folder_lock(out_dir: str | Path, wait_s: float = 0.0) -> Iterator[Path]:
+    """Hold ``out_dir``, made if need be, so that no other process writes its results there meanwhile.
+
+    Raises BadInput (``--out``) if it cannot be written to, or another process holds it for longer than
+    ``wait_s``. On a file system without locks nothing is held.
+    """
+    out = check_writable(out_dir)
+    lock = _LOCKS.setdefault(out.resolve(), FileLock(out / LOCK, thread_local=False))
+    try:
+        lock.acquire(timeout=wait_s)
+    except Timeout as error:
+        expected = "another folder, or to wait: another cutbench is at work in this one"
+        raise BadInput("--out", str(out_dir), expected) from error
+    except (OSError, NotImplementedError):
+        pass
+    try:
+        yield out
+    finally:
+        lock.release()
 
 
 def check_writable(out_dir: str | Path) -> Path:

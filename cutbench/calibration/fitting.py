@@ -129,20 +129,53 @@ class _Fitting:
                     profiles.append(made)
                     self.evaluations += count
                 except KeyboardInterrupt:
-                    best.message = INTERRUPTED
+                    self.notes.append(f"The profile of {label} was interrupted.")
+                    break
         status = INTERRUPTED if best.message == INTERRUPTED else "converged" if best.converged else "stopped"
         part, id = self._farthest(best)
         if part > FAR:
             best.message += f", at a misfit of {100 * part:.0f} % of the maximum in '{id}'"
         self.notes += [unrepeated(id) for id, grid in inverse.grids.items() if grid.estimated]
         covariance, estimates = self._estimates(best)
+        if status == INTERRUPTED:
+            # Where a search happens to stand is no estimate.
+            covariance = np.full_like(covariance, np.nan)
+            estimates = tuple(replace(e, sd=math.nan, low=math.nan, high=math.nan) for e in estimates)
+            moved = any(e.moved for e in estimates)
+            reached = (
+                "values are those that it had reached"
+                if moved
+                else "nothing is fitted, values are the start's"
+            )
+            best.message = f"{INTERRUPTED} after {self.evaluations} evaluations, before a minimum: {reached}"
+        compared = self._compared(best.q, status)
+        self.notes += self._at_bounds(estimates, compared)
         return Fit(
             self.campaign, inverse.base(best.q), estimates, fixed, covariance, best.chi2, best.r.size,
-            status, best.message, self._compared(best.q, status), before,
+            status, best.message, compared, before,
             identifiability(best.J, inverse.unknowns), tuple(dict.fromkeys(self.notes)), self.evaluations,
             tuple(self.history), time.perf_counter() - began, inverse, best.q, self.covariance,
             tuple(profiles),
         )  # fmt: skip
+
+    def _at_bounds(self, estimates: Sequence[Estimate], compared: Sequence[ComparedCurve]) -> list[str]:
+        """What bounds do to the fit: starts that lie beyond, and values that are held."""
+        notes, held = [], []
+        for e in estimates:
+            u, show = e.unknown, e.unknown.quantity.show
+            bounds = f"{show(u.low)} to {show(u.high)}"
+            wanted = self.campaign.base.values.get(u.name, u.start)
+            if not u.low <= wanted <= u.high:
+                notes.append(f"{e.label} begins at {show(u.start)}: {show(wanted)} is not within {bounds}.")
+            if e.at_bound:
+                held.append(f"{e.label} ({bounds})")
+        if held:
+            part, id = max((c.rmse / float(np.abs(c.mean).max()), c.experiment.id) for c in compared)
+            notes.append(
+                f"Held by its bounds: {', '.join(held)}. There the fit misses '{id}' by {100 * part:.1f} % of"
+                " its maximum (root mean square)."
+            )
+        return notes
 
     def _whitened(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return self.inverse.whitened(q, self.covariance)

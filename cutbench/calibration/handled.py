@@ -21,7 +21,8 @@ def told(fit: Fit) -> list:
     lines = [("model", fit.case.model.described), ("status", fit.message or fit.status)]
     for e in fit.estimates:
         low, high = (e.unknown.quantity.show(float(f"{v:.3g}")) for v in (e.low, e.high))
-        lines.append((e.label, f"{e.unknown.quantity.show(float(f'{e.value:.4g}'))} ({low} to {high})"))
+        spread = "reached" if np.isnan(e.sd) else f"({low} to {high})"
+        lines.append((e.label, f"{e.unknown.quantity.show(float(f'{e.value:.4g}'))} {spread}"))
     for c in fit.compared:
         part = c.rmse / float(np.abs(c.mean).max())
         did = "fitted" if c.experiment.role == "train" else "predicted"

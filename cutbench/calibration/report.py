@@ -12,6 +12,7 @@ from cutbench.base.files import picked, write_json
 from cutbench.base.versions import versions
 from cutbench.calibration.case_file import write_case
 from cutbench.calibration.fitted import ComparedCurve, Estimate, Fit
+from cutbench.calibration.lm import INTERRUPTED
 
 #: Layout of fit.json.
 SCHEMA = 1
@@ -43,12 +44,12 @@ def summary(fit: Fit) -> str:
         f" reduced {fit.reduced_chi2:.3g}, {fit.evaluations} evaluations, {fit.seconds:.0f} s",
     ]
     worst = max((c.missed for c in fit.compared), default=0.0)
-    if not fit.far and (fit.reduced_chi2 > 2 or worst > AMISS):
+    if fit.status != INTERRUPTED and not fit.far and (fit.reduced_chi2 > 2 or worst > AMISS):
         lines.append(
             "  The model does not describe the data to within their noise: it misses up to"
             f" {100 * worst:.1f} % of a curve's maximum (root mean square); intervals allow for that."
         )
-    lines += ["", "parameters (95 % intervals)"]
+    lines += ["", "parameters, not estimated" if fit.status == INTERRUPTED else "parameters (95 % intervals)"]
     lines += [_parameter(e) for e in fit.estimates]
     lines += [f"  {label:<16} left at its start: {reason}" for label, reason in fit.fixed.items()]
     if pairs := _pairs(fit):
@@ -84,6 +85,8 @@ def summary(fit: Fit) -> str:
 
 def _parameter(e: Estimate) -> str:
     q = e.unknown.quantity
+    if math.isnan(e.sd):
+        return f"  {e.label:<16} {q.show(e.value)} reached   start {q.show(e.unknown.start)}"
     flags = [text for is_so, text in ((e.at_bound, "at a bound"), (not e.moved, "not moved")) if is_so]
     relative = f" ({100 * e.sd / abs(e.value):.2g} %)" if e.value else ""
     return (
@@ -176,16 +179,19 @@ def _profile(fit: Fit, p) -> dict:
 
 
 def write_fit(fit: Fit, folder: Path) -> list[Path]:
-    """``fit.json``, ``fit.png`` and the case file ``fitted.toml`` in ``folder``, each whole or not at all."""
+    """``fit.json``, ``fit.png`` and the case file ``fitted.toml`` in ``folder``, each whole or not at all. A
+    fit that was interrupted has no case file."""
     from cutbench.base.figure_style import save
     from cutbench.calibration.figure import plot_fit
 
-    paths = save(plot_fit(fit), folder / "fit.png")
-    write_json(to_dict(fit), folder / "fit.json")
-    path = fit.campaign.path
-    note = f"Fitted to {path.name if path else 'a campaign'}: {fit.status}"
-    case = write_case(fit.campaign, fit.case, note, remarks(fit), folder / "fitted.toml")
-    return [*paths, folder / "fit.json", case]
+    paths = [write_json(to_dict(fit), folder / "fit.json")]
+    path, case = fit.campaign.path, folder / "fitted.toml"
+    if fit.status == INTERRUPTED:
+        case.unlink(missing_ok=True)
+    else:
+        note = f"Fitted to {path.name if path else 'a campaign'}: {fit.status}"
+        paths.append(write_case(fit.campaign, fit.case, note, remarks(fit), case))
+    return [*paths, *save(plot_fit(fit), folder / "fit.png")]
 
 
 def remarks(fit: Fit) -> dict[str, str]:

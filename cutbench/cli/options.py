@@ -10,7 +10,8 @@ import functools
 import inspect
 import math
 from collections.abc import Callable, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
+from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
     from cutbench.case.case import Case
     from cutbench.run.result import Outcome, Result
 
+#: What the command that runs holds until it ends.
+_held: ContextVar[ExitStack] = ContextVar("held")
+
 
 def exits(command: Callable) -> Callable:
     """Turn what the code raises on purpose into one message and an exit status."""
@@ -34,10 +38,18 @@ def exits(command: Callable) -> Callable:
         from cutbench.base.errors import CutbenchError
 
         try:
-            return command(*args, **kwargs)
+            with ExitStack() as held:
+                _held.set(held)
+                return command(*args, **kwargs)
         except CutbenchError as error:
             typer.echo(f"cutbench: {error}", err=True)
             raise typer.Exit(error.exit_code) from error
+        except OSError as error:
+            file = f"{error.filename}: " if error.filename else ""
+            typer.echo(
+                f"cutbench: {file}{error.strerror or error}; what was written until then stays", err=True
+            )
+            raise typer.Exit(1) from error
         except KeyboardInterrupt as error:
             typer.echo("cutbench: interrupted", err=True)
             raise typer.Exit(130) from error
@@ -185,14 +197,20 @@ def asked(
     material: str, changes: dict[str, object], out: Path | None, *, dim: int, under: str = "runs"
 ) -> tuple[Case, Path]:
     """The case and a folder that can be written to, by default one of its own ``under`` this name."""
-    from cutbench.base.files import check_writable
     from cutbench.case.case import load_case
     from cutbench.case.values import check_driven
 
     case = load_case(material, changes, dim=dim)
     check_driven(case.model)
     doubted(case)
-    return case, check_writable(out if out is not None else Path(under) / f"{slug(case.name)}-{case.id}")
+    return case, folder_of(out if out is not None else Path(under) / f"{slug(case.name)}-{case.id}")
+
+
+def folder_of(out: Path) -> Path:
+    """The folder that a command writes to, made if need be and held until the command ends."""
+    from cutbench.base.files import folder_lock
+
+    return _held.get().enter_context(folder_lock(out))
 
 
 @dataclass(frozen=True)

@@ -27,12 +27,12 @@ def write_discovery(d: Discovery, folder: Path) -> list[Path]:
     at all."""
     paths = [folder / "discovery.json", folder / "discovery.html", folder / "case.toml"]
     write_json(to_dict(d), paths[0])
-    with replacing(paths[1]) as draft:
-        draft.write_text(page(d), encoding="utf-8")
     name = f" of {d.campaign.path.name}" if d.campaign.path else ""
     note = f"Model at the end of a discovery{name}: {verdict_sentence(d)}"
     remarks = {u.name: "fitted" for u in d.final.inverse.unknowns}
     write_case(d.campaign, d.final.case, note, remarks, paths[2])
+    with replacing(paths[1]) as draft:
+        draft.write_text(page(d), encoding="utf-8")
     return paths
 
 

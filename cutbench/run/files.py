@@ -20,13 +20,16 @@ import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.figure_style import save
-from cutbench.base.files import check_writable, plain, replacing, write_json
+from cutbench.base.files import file_digest, folder_lock, plain, replacing, write_json
 from cutbench.run.paraview import write_fields
 from cutbench.run.result import Result, ordered_columns
 from cutbench.run.store.runs import result_of
 
 #: Layout of run.json; raised when a reader of the old one would misread the new one.
 SCHEMA = 1
+
+#: How long a run waits for another process that writes into the same folder.
+WAIT_S = 60.0
 
 #: Pictures of fields; those of an earlier run in the same folder are taken away.
 PICTURES = ("section.png", "cut_plane.png", "front.png", "block.png", "plane_strain.png")
@@ -39,16 +42,22 @@ def write_run(
 
     ``command`` is recorded as the line that made the run (default: this process's command line);
     ``plane`` is the plane-strain run that a block is drawn beside.
-    Files of an earlier run in the same folder are replaced. Raises BadInput if the folder cannot be
-    written to.
+    Files of an earlier run in the same folder are replaced; numbers are written before pictures. Raises
+    BadInput if the folder cannot be written to, or another process writes there for longer than ``WAIT_S``.
     """
+    with folder_lock(out_dir, WAIT_S) as out:
+        return _write_run(result, out, command, plane)
+
+
+def _write_run(result: Result, out: Path, command: str | None, plane: Result | None) -> dict[str, Path]:
     from cutbench.run.figures import plot_curve, plot_section
     from cutbench.run.figures.motion import save_frames
     from cutbench.run.figures.section import spread
 
-    out = check_writable(out_dir)
-    paths = {"curve": out / "curve.csv"}
+    paths = {"curve": out / "curve.csv", "run": out / "run.json"}
     write_curve(result.curve, paths["curve"])
+    record = describe(result, command=command) | {"curve_sha256": file_digest(paths["curve"])}
+    write_json(record, paths["run"])
     if result.sensitivities:
         paths["sensitivities"] = out / "sensitivities.csv"
         slopes = _slopes(result)
@@ -70,9 +79,6 @@ def write_run(
         if out / name not in pictures.values():
             (out / name).unlink(missing_ok=True)
     paths |= pictures | save_frames(result, out)
-    # Last, since it vouches for the rest.
-    paths["run"] = out / "run.json"
-    record = describe(result, command=command)
     record["files"] = sorted(str(path.relative_to(out)) for path in paths.values())
     write_json(record, paths["run"])
     return paths
@@ -165,11 +171,15 @@ def read_curve(path: str | Path) -> dict[str, np.ndarray]:
 def read_run(out_dir: str | Path) -> Result:
     """A run as ``write_run`` left it, without its fields: case, curve, outcome, measures, cost.
 
-    Raises BadInput where the folder holds no run, or run.json cannot be read.
+    Raises BadInput where the folder holds no run, run.json cannot be read, or curve.csv is of another run.
     """
     path = Path(out_dir) / "run.json"
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
+        curve = path.with_name("curve.csv")
+        if record.get("curve_sha256", digest := file_digest(curve)) != digest:
+            expected = "the curve that run.json was written with; this one was changed, or is of another run"
+            raise BadInput(file=str(curve), key="sha256", value=digest[:12], expected=expected)
         return result_of(record, path, record["timings_s"], read_curve(out_dir))
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise BadInput(key="run", value=str(path), expected="the run.json that a run wrote") from error

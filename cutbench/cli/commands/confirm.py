@@ -18,6 +18,7 @@ from cutbench.cli.options import (
     changes,
     computed,
     exits,
+    folder_of,
     in_mm,
     keep,
     seconds,
@@ -58,7 +59,6 @@ def confirm(
     What a block costs is said before it begins. Start the same command again to go on where it stopped.
     """
     from cutbench.base.errors import BadInput
-    from cutbench.base.files import check_writable
     from cutbench.maps import dataset as maps
     from cutbench.maps.cases import remarks
     from cutbench.maps.confirmation import confirm as compare
@@ -76,7 +76,7 @@ def confirm(
     if not chosen:
         expected = "points to compare: the map has none that were computed"
         raise BadInput("--points", str(count), expected)
-    folder = check_writable(out if out is not None else map_.parent / FOLDER)
+    folder = folder_of(out if out is not None else map_.parent / FOLDER)
     done = compare(
         data, chosen, folder, _runner(every_s, limit_s), source=str(map_), changes=asked,
         announce=typer.echo, limit_s=limit_s,

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from cutbench.cli.options import CampaignFile, Refine, Workers, exits, seconds, whole, written
+from cutbench.cli.options import CampaignFile, Refine, Workers, exits, folder_of, seconds, whole, written
 from cutbench.cli.progress import bar
 
 
@@ -29,12 +29,11 @@ def discover(
     ] = None,
 ) -> None:
     """Fit the baseline, show where it fails, name the mechanism that explains it and what it gains."""
-    from cutbench.base.files import check_writable
     from cutbench.data.campaign import load_campaign
 
     loaded = load_campaign(campaign)
     count, limit_s = whole("workers", workers), seconds("--limit", limit, math.inf)
-    folder = check_writable(out)
+    folder = folder_of(out)
 
     from cutbench.discovery import discover as run
     from cutbench.discovery.outcome import INTERRUPTED

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from cutbench.cli.options import CampaignFile, Refine, Workers, exits, whole, written
+from cutbench.cli.options import CampaignFile, Refine, Workers, exits, folder_of, whole, written
 from cutbench.cli.progress import bar
 
 
@@ -25,12 +25,11 @@ def fit(
     refine: Refine = True,
 ) -> None:
     """Fit a campaign's free parameters to all its train experiments, predict its test experiments."""
-    from cutbench.base.files import check_writable
     from cutbench.data.campaign import load_campaign
 
     loaded = load_campaign(campaign)
     count = whole("workers", workers)
-    folder = check_writable(out)
+    folder = folder_of(out)
 
     from cutbench.calibration.fitting import fit as run
     from cutbench.calibration.report import summary, write_fit

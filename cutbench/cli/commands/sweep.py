@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from cutbench.base.threads import leave_cores_to_workers
-from cutbench.cli.options import doubted, exits, whole
+from cutbench.cli.options import doubted, exits, folder_of, whole
 from cutbench.cli.progress import bar
 
 
@@ -36,7 +36,6 @@ def sweep(
 ) -> None:
     """Compute a map; what is finished is never computed twice, so start it again to go on."""
     leave_cores_to_workers()
-    from cutbench.base.files import check_writable
     from cutbench.maps.study import load_study
     from cutbench.maps.sweep import run_study
 
@@ -47,7 +46,7 @@ def sweep(
 
         typer.echo(forecast(plan, store or out / "runs", processes).text())
         return
-    check_writable(out)
+    folder_of(out)
     doubted(plan.base, *plan.cases())
     with bar(plan.title, "runs") as on_progress:
         done = run_study(

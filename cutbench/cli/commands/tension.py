@@ -7,7 +7,20 @@ from typing import Annotated
 
 import typer
 
-from cutbench.cli.options import Element, Out, Sets, Size, Source, With, Without, changes, exits, in_mm, leave
+from cutbench.cli.options import (
+    Element,
+    Out,
+    Sets,
+    Size,
+    Source,
+    With,
+    Without,
+    changes,
+    exits,
+    folder_of,
+    in_mm,
+    leave,
+)
 from cutbench.cli.progress import bar
 from cutbench.cli.show import show, table
 
@@ -30,7 +43,6 @@ def tension(
     out: Out = None,
 ) -> None:
     """Pull a strip of 12 × 30 × 3 mm between clamps: the bulk and cut laws of a cutting test, no blade."""
-    from cutbench.base.files import check_writable
     from cutbench.base.units import parse_quantity
     from cutbench.case.case import load_case
     from cutbench.run.figures.tension import save_tension
@@ -44,7 +56,7 @@ def tension(
         length = NOTCH.check(parse_quantity(raw, "mm", key="--notch"), key="--notch")
     case = strip_case(load_case(material, model, dim=3), asked, notch_mm=length)
     name = f"{case.name}-tension" + ("-notched" if length else "")
-    folder = check_writable(out if out is not None else Path("runs") / f"{name}-{case.id}")
+    folder = folder_of(out if out is not None else Path("runs") / f"{name}-{case.id}")
     with bar(case.name, "mm") as on_progress:
         test = run_tension(case, length, on_progress=on_progress)
     save_tension(test, folder)

@@ -44,7 +44,7 @@ def verify(
     if paper or workers is not None:
         _paper(paper, quick, only, out, list_, workers)
         return
-    from cutbench.run.files import check_writable
+    from cutbench.base.files import check_writable
     from cutbench.verification.reference import references, verify
     from cutbench.verification.reference.report import write
 
@@ -84,8 +84,8 @@ def _paper(
 ) -> None:
     """The claims of the paper, from runs that are kept in ``out`` and computed once."""
     from cutbench.base.errors import BadInput
+    from cutbench.base.files import check_writable
     from cutbench.cli.options import whole
-    from cutbench.run.files import check_writable
     from cutbench.verification.paper.investigation import investigate, select
 
     if not paper:
