@@ -185,7 +185,7 @@ def test_what_is_there_is_not_computed_again_and_ratios_are_at_equal_numerics(da
     run = runner({"2D": 0.5, "like": 0.4, "3D": 0.3}, calls)
     done = confirm(data, points, tmp_path, run, source="map.nc", changes=COARSE, announce=said.append)
     assert calls == ["2D", "like", "3D"] * 2
-    assert done[0].ratio["steady_N"] == pytest.approx(0.7 / 0.6)
+    assert done[0].ratio["onset_mm"] == pytest.approx(1.0)
     assert done[0].ratio["peak_N"] == pytest.approx(1.0)
     # Before each block, and with a number.
     assert len(said) == 2 and all("about" in text for text in said)

@@ -71,6 +71,30 @@ def test_steady_cutting_ends_above_the_base():
     assert m["steady_N"] == pytest.approx(0.6 + 0.4 / 11.65 * (12.8 - 4.35))
 
 
+#: The force of SHARP, with other ways of the cut.
+STEADY = {
+    "a cut as fast as the blade": ([0, 0, 2, 17], 20, True),
+    "no cut": ([0, 0, 0.05, 0.05], 20, False),
+    "a cut that stays behind": ([0, 0, 0.3, 4], 20, False),
+    "a blade that stops within the transition": ([0, 0, 2, 17], 6.5, False),
+    "a blade that stops a thickness behind it": ([0, 0, 2, 17], 8, True),
+}
+
+
+@pytest.mark.parametrize("name", STEADY)
+def test_a_force_is_steady_where_the_cut_advances_with_the_blade_behind_the_transition(name):
+    cut, end, steady = STEADY[name]
+    base = curve([0, 4, 4.35, 20], SHARP["force_N"], cut)
+    upto = resampled(base, [end])
+    ends = upto["displacement_mm"] <= end
+    m = measures({key: values[ends] for key, values in upto.items()}, window_mm=WINDOW)
+    assert math.isfinite(m["steady_N"]) == math.isfinite(m["slope_N_per_mm"]) == steady
+    if steady:
+        assert m["slope_N_per_mm"] == pytest.approx(0.05)
+        # No force behind the transition is below 0.74 N.
+        assert m["steady_N"] > 0.6 + 0.05 * (4.02 + 4 * WINDOW - 4.35)
+
+
 def test_a_monotone_force_has_no_peak_and_no_drop():
     m = measures(curve([0, 10, 20], [0, 2, 3], [0, 8, 18]), window_mm=WINDOW)
     assert math.isnan(m["peak_mm"]) and math.isnan(m["peak_N"])

@@ -70,7 +70,7 @@ def test_tables_have_a_row_each(request, name):
 
 def test_a_run_says_onset_and_peak_in_that_order(result):
     text = repr(result)
-    assert text.index("onset") < text.index("peak") < text.index("steady")
+    assert text.index("onset") < text.index("peak") < text.index("work")
     assert f"{result.measures['peak_N']:.4g} N" in text
 
 

@@ -24,7 +24,7 @@ MEASURES: dict[str, tuple[str, str]] = {
     "peak_mm": ("mm", "blade travel at the first prominent force maximum"),
     "peak_N": ("N", "first prominent force maximum"),
     "max_N": ("N", "largest force"),
-    "steady_N": ("N", "mean force over the last two fifths of a whole run's travel above the base"),
+    "steady_N": ("N", "mean force where the cut advances with the blade, behind the transition"),
     "slope_N_per_mm": ("N/mm", "least-squares slope of the force over the same travel"),
     "energy_mJ": ("mJ", "work done by the blade"),
 }
@@ -62,8 +62,11 @@ BLUR = 0.5
 FRONT = 1 / 14
 #: Forces below this part of the largest one are no base for a relative drop, nor a peak.
 _FLOOR = 0.05
-#: Fall of the force after a peak, relative; and the last part of the travel, which counts as steady.
+#: Fall of the force after a peak, relative; and the last part of the travel, which counts as steady where it
+#: lies behind the transition.
 PROMINENCE, TAIL = 0.05, 0.4
+#: Advance of the cut per travel of the blade between which cutting is steady; it is 1 where nothing changes.
+PACE = (0.75, 1.33)
 
 
 def measures(
@@ -78,9 +81,9 @@ def measures(
 
     ``window_mm`` is the travel over which drop and surge are taken (the blade's thickness);
     the cut has begun when it is longer by ``onset_length_mm`` than at the start; a peak counts when
-    the force falls by ``PROMINENCE`` of it before it rises above it; ``TAIL`` is the last part of
-    the travel that counts as steady, which ends ``CLAMP`` windows above the base of a specimen
-    ``height_mm`` high. What a curve does not have (a peak, an onset) is nan; without an onset there is no
+    the force falls by ``PROMINENCE`` of it before it rises above it. Steady is the last part of the travel,
+    ``TAIL`` or what lies behind the transition, up to ``CLAMP`` windows above the base of a specimen
+    ``height_mm`` high, if it is as long as a window and the cut advances there with the blade. What a curve does not have (a peak, an onset) is nan; without an onset there is no
     transition, so ``drop_rel`` and ``front_speed`` are nan too. One that is not ``whole`` ends with its
     transition: nothing of it is steady, and ``max_N``, ``surge`` and ``energy_mJ`` are those up to there.
 
@@ -99,7 +102,10 @@ def measures(
     peak_mm, peak_N = _first_peak(d, F, least)
     end = min(d[-1], height_mm - CLAMP * window_mm)
     end = end if end > d[0] else d[-1]
-    steady, slope = _steady(d, F, end - TAIL * (end - d[0]), end) if whole else (math.nan, math.nan)
+    start = max(end - TAIL * (end - d[0]), onset + TRANSITION * window_mm)
+    steady, slope = math.nan, math.nan
+    if whole and end - start >= window_mm and _keeps_pace(d, c, start, end):
+        steady, slope = _steady(d, F, start, end)
     return {
         "drop_rel": _drop(d, F, window_mm, onset, least) if math.isfinite(onset) else math.nan,
         "surge": fastest(d, c, window_mm)[1],
@@ -188,6 +194,12 @@ def _blurred(
     spread = np.where(wide, 2 * half, 1.0)
     mean = (integral(places + half) - integral(places - half)) / spread
     return places, np.where(wide, mean, np.interp(places, d, F))
+
+
+def _keeps_pace(d: np.ndarray, c: np.ndarray, start: float, end: float) -> bool:
+    """Whether the cut is as much longer as the blade is deeper, within ``PACE``."""
+    pace = (np.interp(end, d, c) - np.interp(start, d, c)) / (end - start)
+    return bool(PACE[0] <= pace <= PACE[1])
 
 
 def _steady(d: np.ndarray, F: np.ndarray, start: float, end: float) -> tuple[float, float]:
