@@ -204,7 +204,7 @@ def test_groups_far_from_the_known_materials_are_doubted(gelatin, slip):
     "changes",
     [
         {}, {"nu": 0.4999}, {"mu": 1.5}, {"eta_reg": "0 s"}, {"eta_v": "0.001 mm"}, {"tau_W": "0.001 kPa"},
-        {"G": "1 kPa"}, {"cohesion": 0.5}, {"speed": "0.2 mm/s"}, {"with": "gent"},
+        {"G": "3 kPa"}, {"cohesion": 0.7}, {"speed": "0.2 mm/s"}, {"with": "gent"},
     ],
 )  # fmt: skip
 def test_other_materials_are_not(gelatin, changes):

@@ -18,9 +18,9 @@ from cutbench.case import materials
 from cutbench.case.model import PROTOCOL, Model
 from cutbench.case.values import SECTIONS, resolve
 
-#: A group this many times beyond all shipped materials is far. Published soft solids lie within a factor of
-#: ten of them; a wrong unit is off by a thousand, a time scale of another speed by the ratio of the speeds.
-FAR = 20.0
+#: A group this many times beyond all shipped materials is far: what it does there nobody has measured, and a
+#: wrong unit, or a time of another speed, is farther off.
+FAR = 3.0
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,8 @@ class Far:
         span = f"{self.low:.3g}" if self.low == self.high else f"{self.low:.3g} to {self.high:.3g}"
         return (
             f"{self.group} = {self.value:.3g} is {self.times:.2g} times"
-            f" {'above' if self.value > self.high else 'below'} what the known materials have ({span}):"
-            f" look at the units of {', '.join(self.parameters)}{self.advice}"
+            f" {'above' if self.value > self.high else 'below'} what the known materials have ({span})."
+            f" If that is not meant, look at the units of {', '.join(self.parameters)}{self.advice}"
         )
 
 

@@ -83,9 +83,10 @@ def measures(
     the cut has begun when it is longer by ``onset_length_mm`` than at the start; a peak counts when
     the force falls by ``PROMINENCE`` of it before it rises above it. Steady is the last part of the travel,
     ``TAIL`` or what lies behind the transition, up to ``CLAMP`` windows above the base of a specimen
-    ``height_mm`` high, if it is as long as a window and the cut advances there with the blade. What a curve does not have (a peak, an onset) is nan; without an onset there is no
-    transition, so ``drop_rel`` and ``front_speed`` are nan too. One that is not ``whole`` ends with its
-    transition: nothing of it is steady, and ``max_N``, ``surge`` and ``energy_mJ`` are those up to there.
+    ``height_mm`` high, if it is as long as a window and the cut advances there with the blade. What a curve
+    does not have (a peak, an onset) is nan; without an onset there is no transition, so ``drop_rel`` and
+    ``front_speed`` are nan too. One that is not ``whole`` ends with its transition: nothing of it is steady,
+    and ``max_N``, ``surge`` and ``energy_mJ`` are those up to there.
 
     Raises ValueError for arrays of unequal length, values that are not finite, a blade that runs
     backwards, or a window that is not positive.

@@ -44,5 +44,7 @@ def _begin(name: str, file: str | None) -> None:
             f"a name of its own, such as 'my {name}'" if name in names() else "a name, such as 'my gel'"
         )
         raise BadInput("--new", name, expected)
+    if file is None and name.endswith(".toml"):  # a file was meant
+        file, name = name, Path(name).stem
     for line in begin("material", Path(file or f"{slug(name)}.toml"), name=name):
         typer.echo(line)
