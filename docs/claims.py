@@ -1,4 +1,4 @@
-"""What ``verify --paper`` found, on a page of documentation.
+"""What ``python -m studies.paper`` found, on a page of documentation.
 
 ``python docs/claims.py DIR PAGE`` writes it.
 
@@ -16,7 +16,7 @@ from pathlib import Path
 
 from cutbench.base.errors import BadInput
 from cutbench.base.files import replacing
-from cutbench.verification.paper.report import markdown
+from studies.paper.report import markdown
 
 BEGIN, END = "<!-- claims: begin -->", "<!-- claims: end -->"
 PICTURES = ("published-curves.png", "published-changes.png", "published-tips.png")
@@ -35,7 +35,7 @@ def put(found: str | Path, page: str | Path) -> None:
         text = page.read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
         raise BadInput(
-            key="page", value=f"{found}, {page}", expected=f"a folder of verify --paper and a page ({error})"
+            key="page", value=f"{found}, {page}", expected=f"a folder of studies.paper and a page ({error})"
         ) from error
     head, begin, rest = text.partition(BEGIN)
     _, end, tail = rest.partition(END)

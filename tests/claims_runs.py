@@ -7,7 +7,7 @@ import os
 import numpy as np
 
 from cutbench.run.result import Outcome, Result
-from cutbench.verification.paper.observed import COLUMNS
+from studies.paper.observed import COLUMNS
 
 
 def cut(case) -> Result:

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from cutbench.verification.paper import Claim
-    from cutbench.verification.paper.judgement import Judged
     from cutbench.verification.reference import Reference, Verified
 
 
@@ -33,17 +31,8 @@ def verify(
         Path | None, typer.Option(metavar="DIR", help="Write verify.json and verify.md there.")
     ] = None,
     list_: Annotated[bool, typer.Option("--list", help="Show what there is, compute nothing.")] = False,
-    paper: Annotated[
-        bool, typer.Option("--paper", help="Instead: the published model's claims, one by one (needs --out).")
-    ] = False,
-    workers: Annotated[
-        str | None, typer.Option(metavar="N", help="Processes for --paper; default: one a core.")
-    ] = None,
 ) -> None:
     """Compute reference problems and compare with what is known; fails if any check does."""
-    if paper or workers is not None:
-        _paper(paper, quick, only, out, list_, workers)
-        return
     from cutbench.base.files import check_writable
     from cutbench.verification.reference import references, verify
     from cutbench.verification.reference.report import write
@@ -77,62 +66,6 @@ def verify(
         raise typer.Exit(130)
     if failed:
         raise typer.Exit(1)
-
-
-def _paper(
-    paper: bool, quick: bool, only: list[str] | None, out: Path | None, list_: bool, workers: str | None
-) -> None:
-    """The claims of the paper, from runs that are kept in ``out`` and computed once."""
-    from cutbench.base.errors import BadInput
-    from cutbench.base.files import check_writable
-    from cutbench.cli.options import whole
-    from cutbench.verification.paper.investigation import investigate, select
-
-    if not paper:
-        raise BadInput("--workers", workers, "--paper with it")
-    if quick:
-        raise BadInput("--quick", "--paper", "one of the two: claims need whole runs")
-    chosen = select(only or ())
-    if list_:
-        show(_claims(chosen))
-        return
-    if out is None:
-        raise BadInput("--out", "(missing)", "a folder for the runs behind the claims")
-    processes = whole("--workers", workers)
-    check_writable(out)
-    with bar("claims", "runs") as on_progress:
-        try:
-            found = investigate(out, only=only or (), workers=processes, on_progress=on_progress)
-        except KeyboardInterrupt:
-            typer.echo(f"interrupted: runs that ended are kept in {out / 'runs'}", err=True)
-            raise typer.Exit(130) from None
-    show(_verdicts(found.judged))
-    typer.echo(f"{len(found.runner.results)} runs, {found.runner.computed} of them computed now")
-    for path in found.paths:
-        typer.echo(path)
-
-
-def _claims(chosen: Sequence[Claim]) -> Table:
-    rows = [(claim.id, claim.text, ", ".join(claim.asks) or claim.beyond) for claim in chosen]
-    return table(("claim", "what was published", "runs"), rows)
-
-
-def _verdicts(judged: Sequence[Judged]) -> Table:
-    from rich.markup import escape
-
-    from cutbench.verification.paper.judgement import BEYOND
-
-    made = table(("claim", "statement", "the paper", "paper's numerics", "converged", "verdict"))
-    for one in judged:
-        made.add_section()
-        id = one.claim.id
-        for row in one.rows:
-            cells = [row.what, row.findings["paper"].published, *(f.text for f in row.findings.values())]
-            made.add_row(id, *map(escape, cells), row.verdict)
-            id = ""
-        if one.claim.beyond:
-            made.add_row(id, escape(one.claim.beyond), "", "", "", BEYOND)
-    return made
 
 
 def _chosen(known: dict[str, Reference], quick: bool, only: list[str] | None) -> list[Reference]:

@@ -8,10 +8,10 @@ from pathlib import Path
 from cutbench.base.figure_style import COLOURS, DOUBLE_MM, GREY, LINE_COLOURS, LINES, new_figure, style
 from cutbench.base.files import replacing
 from cutbench.run.result import Result
-from cutbench.verification.paper.base import CONVERGED, PAPER
-from cutbench.verification.paper.cases import CHANGES
-from cutbench.verification.paper.judgement import Judged, Scan
-from cutbench.verification.paper.runner import Runner
+from studies.paper.base import CONVERGED, PAPER
+from studies.paper.cases import CHANGES
+from studies.paper.judgement import Judged, Scan
+from studies.paper.runner import Runner
 
 #: The claims whose first run is a material's curve, with what was published of it: travel, mm.
 CURVES = {"C1": ("gelatin", (4.19, 4.19)), "C2": ("elastomer", (1.56, 1.56)), "C3": ("meat", (8.0, 10.0))}

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from cutbench.case.case import Case, load_case
 from cutbench.case.numerics import PAPER_EDGE, PAPER_UPDATES, Numerics
 from cutbench.run.result import Result
-from cutbench.verification.paper.base import BLOCK, CONVERGED, CUT, NOTCH_MM, NOTCHED, PAPER, TENSION, Ask
-from cutbench.verification.paper.reading import end_of_indentation, measure
+from studies.paper.base import BLOCK, CONVERGED, CUT, NOTCH_MM, NOTCHED, PAPER, TENSION, Ask
+from studies.paper.reading import end_of_indentation, measure
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 """Von Mises stress where the cut starts (paper, figure 4a.7-9)."""
 
-from cutbench.verification.paper.base import NEAR_PEAK, Ask, Claim, Finding, near
-from cutbench.verification.paper.c05 import GELATIN
-from cutbench.verification.paper.reading import measure, median_from, observed_at, ratio
+from studies.paper.base import NEAR_PEAK, Ask, Claim, Finding, near
+from studies.paper.c05 import GELATIN
+from studies.paper.reading import measure, median_from, observed_at, ratio
 
 
 def read(runs):

@@ -9,8 +9,8 @@ from cutbench.run.pool.batch import Batch
 from cutbench.run.pool.worker import Run
 from cutbench.run.result import Result
 from cutbench.run.store.runs import Store
-from cutbench.verification.paper.base import BLOCK, CUT, NOTCHED, TENSION
-from cutbench.verification.paper.observed import COLUMNS, notched, observed_run, pulled
+from studies.paper.base import BLOCK, CUT, NOTCHED, TENSION
+from studies.paper.observed import COLUMNS, notched, observed_run, pulled
 
 #: How each kind of test is run; None: as any case is.
 RUNS: dict[str, Run | None] = {CUT: observed_run, BLOCK: None, TENSION: pulled, NOTCHED: notched}

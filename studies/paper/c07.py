@@ -1,8 +1,8 @@
 """Contact pressure before and after gelatin's onset (paper, figure 4b)."""
 
-from cutbench.verification.paper.base import NEAR_PEAK, Ask, Claim, Finding, below, near
-from cutbench.verification.paper.c05 import GELATIN
-from cutbench.verification.paper.reading import end_of_indentation, largest_until, measure, median_from, ratio
+from studies.paper.base import NEAR_PEAK, Ask, Claim, Finding, below, near
+from studies.paper.c05 import GELATIN
+from studies.paper.reading import end_of_indentation, largest_until, measure, median_from, ratio
 
 #: 0.035/0.27 in the paper; a fall to half of the pressure or less is called sharp here.
 SHARP = 0.5

@@ -1,7 +1,7 @@
 """The elastomer without Coulomb friction (paper, supplementary figure on mu = 0)."""
 
-from cutbench.verification.paper.base import Ask, Claim, Finding, at_least, near
-from cutbench.verification.paper.reading import measure, ratio
+from studies.paper.base import Ask, Claim, Finding, at_least, near
+from studies.paper.reading import measure, ratio
 
 #: The fall must grow by this much to be called more abrupt.
 MORE = 0.02

@@ -1,7 +1,7 @@
 """Where the cut starts along the blade (paper, figure 4a)."""
 
-from cutbench.verification.paper.base import BLOCK, Ask, Claim, Finding, at_least, below
-from cutbench.verification.paper.reading import measure
+from studies.paper.base import BLOCK, Ask, Claim, Finding, at_least, below
+from studies.paper.reading import measure
 
 #: Deep enough for the cut to reach the end, mm.
 DEPTH_MM = 5.0

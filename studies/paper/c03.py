@@ -1,7 +1,7 @@
 """Meat's curve: a peak at 8 to 10 mm, a plateau of 12 to 16 N, no drop (paper, figures 2c and 3c)."""
 
-from cutbench.verification.paper.base import Ask, Claim, Finding, below, near
-from cutbench.verification.paper.reading import end_of_indentation, mean_force, measure
+from studies.paper.base import Ask, Claim, Finding, below, near
+from studies.paper.reading import end_of_indentation, mean_force, measure
 
 
 def read(runs):

@@ -1,7 +1,7 @@
 """The calibration table's G_c/δ_c and τ_W in N/m² (paper, table of calibrated parameters)."""
 
-from cutbench.verification.paper.base import Ask, Claim, Finding, near
-from cutbench.verification.paper.reading import end_of_indentation, measure
+from studies.paper.base import Ask, Claim, Finding, near
+from studies.paper.reading import end_of_indentation, measure
 
 #: Gelatin as printed: G_c/δ_c = 75.7 N/m² with δ_c = 0.07 mm, and τ_W = 0.0008 N/m².
 PRINTED = {"G_c": "0.005299 J/m^2", "tau_W": "0.0000008 kPa"}

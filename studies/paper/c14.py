@@ -1,7 +1,7 @@
 """Poisson's ratio a little smaller (paper, footnote on near incompressibility)."""
 
-from cutbench.verification.paper.base import Ask, Claim, Finding, at_least
-from cutbench.verification.paper.reading import force_at, measure, ratio
+from studies.paper.base import Ask, Claim, Finding, at_least
+from studies.paper.reading import force_at, measure, ratio
 
 #: Onset or force must move by this part to be called marked.
 MARKED = 0.05

@@ -6,8 +6,8 @@ import numpy as np
 
 from cutbench.calibration.homogeneous import LoadingHistory
 from cutbench.calibration.homogeneous.separation import traction
-from cutbench.verification.paper.base import Ask, Claim, Finding, at_least, below
-from cutbench.verification.paper.reading import observed, ratio
+from studies.paper.base import Ask, Claim, Finding, at_least, below
+from studies.paper.reading import observed, ratio
 
 #: d is about 1, and the traction has vanished, within this.
 ABOUT = 0.01

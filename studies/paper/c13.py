@@ -5,8 +5,8 @@ the factor by which they are too stiff. In a homogeneous strip they are hardly t
 the tension test stays.
 """
 
-from cutbench.verification.paper.base import CONVERGED, TENSION, Ask, Claim, Finding, near
-from cutbench.verification.paper.reading import force_at, measure, ratio
+from studies.paper.base import CONVERGED, TENSION, Ask, Claim, Finding, near
+from studies.paper.reading import force_at, measure, ratio
 
 #: Indentation is compared here: before any cut, mm.
 AT_MM = 1.0

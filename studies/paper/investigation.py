@@ -11,11 +11,11 @@ from cutbench.base.progress import OnProgress, silent
 from cutbench.base.toml import among
 from cutbench.run.pool.worker import Run
 from cutbench.run.store.runs import Store
-from cutbench.verification.paper import claims
-from cutbench.verification.paper.base import Claim
-from cutbench.verification.paper.judgement import Judged, Scan, calibrate, judge
-from cutbench.verification.paper.report import write
-from cutbench.verification.paper.runner import Runner
+from studies.paper import claims
+from studies.paper.base import Claim
+from studies.paper.judgement import Judged, Scan, calibrate, judge
+from studies.paper.report import write
+from studies.paper.runner import Runner
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def investigate(
     judged = judge(runner, chosen, scans)
     paths = write(judged, scans, runner, folder)
     if figures:
-        from cutbench.verification.paper.figures import draw
+        from studies.paper.figures import draw
 
         paths += draw(judged, scans, runner, folder)
     return Investigation(tuple(judged), scans, runner, tuple(paths))

@@ -1,8 +1,8 @@
 """Gelatin's curve: indentation to about 4 mm, a sharp drop, a linear rise (paper, figures 2a and 3a)."""
 
 from cutbench.run.measures import label
-from cutbench.verification.paper.base import Ask, Claim, Finding, at_least, near
-from cutbench.verification.paper.reading import end_of_indentation, measure
+from studies.paper.base import Ask, Claim, Finding, at_least, near
+from studies.paper.reading import end_of_indentation, measure
 
 #: Rise of the force by adhesion on both sides of the blade, 2 τ_W L, with τ_W = 0.8 kPa and L = 30 mm.
 RISE_N_PER_MM = 0.048

@@ -1,7 +1,7 @@
 """The elastomer's curve: smooth, nearly linear, little or no drop (paper, figures 2b and 3b)."""
 
-from cutbench.verification.paper.base import Ask, Claim, Finding, at_least, below, near
-from cutbench.verification.paper.reading import measure, straightness
+from studies.paper.base import Ask, Claim, Finding, at_least, below, near
+from studies.paper.reading import measure, straightness
 
 #: A curve is nearly linear if a line explains this part of its variance.
 NEARLY_LINEAR = 0.97

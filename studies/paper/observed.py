@@ -12,7 +12,7 @@ import numpy as np
 
 from cutbench.case.case import Case
 from cutbench.run.result import Result, Snapshot
-from cutbench.verification.paper.base import NOTCH_MM
+from studies.paper.base import NOTCH_MM
 
 #: Travel between two looks at the fields, mm.
 EVERY_MM = 0.1

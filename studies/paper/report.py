@@ -10,10 +10,10 @@ from pathlib import Path
 from cutbench.base.files import check_writable, markdown_table, picked, write_json, write_text
 from cutbench.base.versions import versions
 from cutbench.run.result import Result
-from cutbench.verification.paper.base import CONVERGED, NUMERICS, PAPER, Finding
-from cutbench.verification.paper.cases import CHANGES, OPEN
-from cutbench.verification.paper.judgement import BEYOND, VERDICTS, ClaimRow, Judged, Scan
-from cutbench.verification.paper.runner import Runner
+from studies.paper.base import CONVERGED, NUMERICS, PAPER, Finding
+from studies.paper.cases import CHANGES, OPEN
+from studies.paper.judgement import BEYOND, VERDICTS, ClaimRow, Judged, Scan
+from studies.paper.runner import Runner
 
 #: Layout of claims.json; raised when a reader of the old one would misread the new one.
 SCHEMA = 1

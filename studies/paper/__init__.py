@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 
-from cutbench.verification.paper.base import Ask, Claim, Finding
+from studies.paper.base import Ask, Claim, Finding
 
 
 def claims() -> dict[str, Claim]:

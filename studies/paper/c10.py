@@ -1,7 +1,7 @@
 """Coulomb friction against adhesion in steady cutting (paper, section on adhesion)."""
 
-from cutbench.verification.paper.base import Ask, Claim, Finding, below
-from cutbench.verification.paper.reading import measure, ratio, share
+from studies.paper.base import Ask, Claim, Finding, below
+from studies.paper.reading import measure, ratio, share
 
 #: Steady cutting is looked at from here on, mm.
 FROM_MM = 8.0

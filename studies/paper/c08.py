@@ -1,7 +1,7 @@
 """Contact pressure at 13 mm, and where it acts (paper, figure 4c)."""
 
-from cutbench.verification.paper.base import NEAR_PEAK, Ask, Claim, Finding, below, near
-from cutbench.verification.paper.reading import observed_at, ratio
+from studies.paper.base import NEAR_PEAK, Ask, Claim, Finding, below, near
+from studies.paper.reading import observed_at, ratio
 
 COLUMNS = ("peak_MPa", "peak_above_tip_mm", "peak_depth_mm", "behind_MPa")
 AT_MM = 13.0

@@ -1,7 +1,7 @@
 """A block twice as wide (paper, supplementary figure on boundary conditions; an experiment there)."""
 
-from cutbench.verification.paper.base import Ask, Claim, Finding, near
-from cutbench.verification.paper.reading import measure, ratio
+from studies.paper.base import Ask, Claim, Finding, near
+from studies.paper.reading import measure, ratio
 
 
 def read(runs):

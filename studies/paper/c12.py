@@ -1,7 +1,7 @@
 """Notched strips in tension (paper, supplementary figure of tensile tests)."""
 
-from cutbench.verification.paper.base import NOTCHED, TENSION, Ask, Claim, Finding, below
-from cutbench.verification.paper.reading import measure, ratio
+from studies.paper.base import NOTCHED, TENSION, Ask, Claim, Finding, below
+from studies.paper.reading import measure, ratio
 
 #: A strip is as long as this, mm, and is pulled to twice that at the most.
 LONG_MM = 30.0

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from cutbench.case.case import Case
-from cutbench.verification.paper.base import CONVERGED, NUMERICS, PAPER, Claim, Finding
-from cutbench.verification.paper.cases import CHANGES, OPEN, TARGETS, best_tip, case_of, left_open, scan
-from cutbench.verification.paper.runner import Runner
+from studies.paper.base import CONVERGED, NUMERICS, PAPER, Claim, Finding
+from studies.paper.cases import CHANGES, OPEN, TARGETS, best_tip, case_of, left_open, scan
+from studies.paper.runner import Runner
 
 REPRODUCED = "reproduced"
 COARSE = "only with coarse numerics"

@@ -1,7 +1,7 @@
 """What makes the transition abrupt or smooth (paper, section on the stability of the transition)."""
 
-from cutbench.verification.paper.base import Ask, Claim, Finding, at_least
-from cutbench.verification.paper.reading import measure
+from studies.paper.base import Ask, Claim, Finding, at_least
+from studies.paper.reading import measure
 
 #: Far enough for the transition, mm.
 DEPTH = 7.0
