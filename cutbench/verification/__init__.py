@@ -1,4 +1,4 @@
-"""Verification: reference problems with known answers, convergence, the claims of the paper."""
+"""Verification: reference problems with known answers, and convergence."""
 
 import lazy_loader
 
@@ -6,7 +6,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "convergence": ["load_plan"],
-        "paper": ["claims"],
         "reference": ["references"],
     },
 )
