@@ -67,7 +67,7 @@ def test_there_is_something_to_open():
 
 # -- maps ---------------------------------------------------------------------------------------------
 @every_map
-def test_a_map_guides_the_materials_that_lie_on_it_and_says_what_computed_it(copied):
+def test_a_map_guides_the_materials_that_lie_on_it(copied):
     data = load_map(copied)
     told = {}
     for material in ("gelatin", "elastomer", "meat"):
@@ -78,7 +78,7 @@ def test_a_map_guides_the_materials_that_lie_on_it_and_says_what_computed_it(cop
             told[material] = text
     assert told or copied.parent.name.endswith("-grid")  # a part of a box may hold no material
     assert data.attrs["cutbench"] and data.attrs["computation"]
-    assert all(other_writer(data) in text for text in told.values())
+    assert not any(data.attrs["computation"] in text for text in told.values())
 
 
 @every_map

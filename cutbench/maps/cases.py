@@ -45,13 +45,16 @@ def physics_on(data: xr.Dataset) -> Callable[[Mapping[str, float]], Physics]:
 def other_writer(data: xr.Dataset) -> str:
     """What wrote a map, in words, if that was another computation than this process's; else empty."""
     here = computation_here(json.loads(data.attrs["base_case"])["mechanisms"])
-    if data.attrs["computation"] == here:
-        return ""
+    return "" if data.attrs["computation"] == here else computed_by(data)
+
+
+def computed_by(data: xr.Dataset) -> str:
+    """What computed a map, in words."""
     return written_by(data.attrs["cutbench"], data.attrs["computation"])
 
 
 def remarks(data: xr.Dataset) -> list[str]:
-    """What to know of a map before it is used, in sentences."""
+    """What to know of a map before runs computed now are held against it, in sentences."""
     other = other_writer(data)
     return [f"The map is by {other}: it holds for that, and runs computed now are of another."] * bool(other)
 

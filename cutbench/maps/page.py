@@ -20,7 +20,7 @@ from cutbench.base.figure_style import COLOURS
 from cutbench.base.files import replacing
 from cutbench.case.case import Case
 from cutbench.case.physics import Physics
-from cutbench.maps.cases import physics_on, remarks
+from cutbench.maps.cases import computed_by, physics_on
 from cutbench.maps.coordinates import DROPS
 from cutbench.maps.dataset import LABELS, NUMBERS, OUTCOME_FLAGS, axes_of, axis_of, places_of
 from cutbench.maps.line import shown_strips
@@ -89,7 +89,7 @@ def contents(data: xr.Dataset, store: Store | None) -> dict:
     entries = list(dict.fromkeys(name for curve in curves if curve for name in curve["split"]))
     return {
         "title": data.attrs["title"],
-        "by": remarks(data),
+        "by": [f"Computed by {computed_by(data)}."],
         "axes": [_axis(data, name, np.unique(places_of(data)[name])) for name in names],
         "x": names.index(shown[0]),
         "y": names.index(shown[1]) if shown[1] else -1,

@@ -27,9 +27,9 @@ def guide(
     data = load_map(path)
     found = guides.guide(data, material)
     typer.echo(found.text())
-    for note in remarks(data):
-        typer.echo(note)
     if check:
+        for note in remarks(data):
+            typer.echo(note)
         tried = guides.check(data, found, store_of(data, path.parent))
         typer.echo(tried.text())
         if not tried.crosses:

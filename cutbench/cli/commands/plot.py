@@ -56,7 +56,6 @@ def plot(
 
         paths = save(plot_curve(read_run(source)), source / "curve.png")
     elif grid.is_file():
-        from cutbench.maps.cases import remarks
         from cutbench.maps.collapse import save_collapse
         from cutbench.maps.dataset import load_map, store_of
         from cutbench.maps.estimates import save_estimates
@@ -73,7 +72,7 @@ def plot(
         page = save_page(data, Store(runs) if runs.is_dir() else None, grid.parent)
         paths = [*save_phase(data, grid.parent), *pictures, *more, page]
         paths.append(save_findings(data, grid.parent, said))
-        for note in (*findings(data).lines(), *said_of_boundary(data), *said, *remarks(data)):
+        for note in (*findings(data).lines(), *said_of_boundary(data), *said):
             typer.echo(note)
         if against is not None:
             from cutbench.maps.agreement import agreement
