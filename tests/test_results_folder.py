@@ -86,13 +86,26 @@ main()
 """
 
 
+def on_a_full_disk(*words: str) -> subprocess.CompletedProcess:
+    return subprocess.run([sys.executable, "-c", FULL, "20000", *words], capture_output=True, text=True)
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="no limit of a file's size there")
 def test_where_the_disk_is_full_there_is_one_message_and_the_numbers_are_there(tmp_path):
     campaign(tmp_path, "60 kPa")
     out = tmp_path / "out"
-    command = [sys.executable, "-c", FULL, "20000", "fit", str(tmp_path / "campaign.toml"), "--out", str(out)]
-    done = subprocess.run(command, capture_output=True, text=True)
+    done = on_a_full_disk("fit", str(tmp_path / "campaign.toml"), "--out", str(out))
     assert done.returncode == 1 and "Traceback" not in done.stderr
     assert str(out / "fit.png") in done.stderr
     assert json.loads((out / "fit.json").read_text())["status"] == "converged"
     assert {path.name for path in out.iterdir()} == {".lock", "fit.json", "fitted.toml"}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit of a file's size there")
+def test_a_map_that_does_not_fit_on_the_disk_loses_no_run(tmp_path):
+    study, out = tmp_path / "study.toml", tmp_path / "out"
+    study.write_text(STUDY + '[protocol]\ndepth = "0.2 mm"\n[numerics]\nh = "0.7 mm"\n')
+    done = on_a_full_disk("sweep", str(study), "--out", str(out), "--workers", "0")
+    assert done.returncode == 1 and "Traceback" not in done.stderr
+    assert str(out / "map.nc") in done.stderr and not (out / "map.nc").exists()
+    assert len(list((out / "runs").glob("??/*/run.json"))) == 2

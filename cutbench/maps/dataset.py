@@ -292,7 +292,10 @@ def save_map(data: xr.Dataset, folder: Path) -> None:
     # A map of runs that were sought is mostly empty.
     packed = {key: {"zlib": True} for key, v in data.variables.items() if v.ndim and v.dtype.kind in "fi"}
     with replacing(folder / "map.nc") as draft:
-        data.to_netcdf(draft, engine="h5netcdf", encoding=packed)
+        # In memory first: HDF5 does not survive a disk that is full.
+        whole = io.BytesIO()
+        data.to_netcdf(whole, engine="h5netcdf", encoding=packed)
+        draft.write_bytes(whole.getbuffer())
     with replacing(folder / "map.csv") as draft:
         draft.write_text(to_csv(data), encoding="utf-8", newline="")
 

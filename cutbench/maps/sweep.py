@@ -265,6 +265,8 @@ class _Sweep:
                 save_page(data, self.store, self.out)
             save_findings(data, self.out, [self.verdict] if self.verdict else [])
         except OSError as error:
+            if last:
+                raise
             # Someone may have the picture open, or taken the folder away: the runs are what counts.
             warnings.warn(f"the map could not be written: {error}", stacklevel=2)
         return data
