@@ -28,6 +28,9 @@ TIP_PER_ELEMENT = 1 / 20
 #: Largest element in thicknesses of the blade: published meshes have 1.5 to 2.
 ELEMENTS_PER_BLADE = 3.0
 
+#: Longest side of a specimen in its shortest: meshes are as coarse as that one, and a slip of a unit is more.
+SLIMMEST = 500.0
+
 #: Within this many thicknesses of the blade above the base the clamp takes over: in the last one the force
 #: rises to several times its peak, and cutting is no longer steady in any of them.
 CLAMP = 4.0
@@ -274,6 +277,11 @@ def _misfits(
         yield "symmetry", numerics.symmetry, whole
     if incline and numerics.symmetry == "quarter":
         yield "symmetry", "quarter", "'half', 'full' or 'auto' with an inclined blade: its ends are not alike"
+    sides = {name: v[name] for name in ("width", "length", "height")}
+    longest, shortest = max(sides, key=lambda name: sides[name]), min(sides.values())
+    if sides[longest] > SLIMMEST * shortest:
+        slim = f"at most {SLIMMEST:g} times the shortest side of the specimen, {shortest:g} mm"
+        yield longest, f"{sides[longest]:g} mm", slim
     if thickness >= v["width"]:
         thinner = f"a blade thinner than the specimen is wide ({v['width']:g} mm)"
         yield "thickness", f"{thickness:g} mm", thinner
