@@ -192,10 +192,10 @@ BAD = {
     ),
     "unit of the wrong kind": ([toml('time = "s" }', 'time = "mm" }')], "line 20: units.time = 'mm'", "'s'"),
     "unit of no column": ([toml('time = "s" }', 'stress = "MPa" }')], "line 20: units.stress", "one of"),
-    "unit against the header": (
+    "unit that overrules the header, and is wrong": (
         [toml('force = "N", time', 'force = "mN", time')],
-        "slow.csv, line 1: F [N]",
-        "mN",
+        "slow.csv, line 13: force",
+        "a wrong unit",
     ),
     "no unit at all": (
         [toml(', force = "N" }\nspecimen = { length', " }\nspecimen = { length")],

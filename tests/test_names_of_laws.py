@@ -22,7 +22,7 @@ OTHERWISE = {
     "calibration/report.py": {"contact"},
     "data/contact.py": {"contact"},
     "data/conversion.py": {"zero", "force_zero"},
-    "data/recorded.py": {"zero", "force_zero"},
+    "data/kinds.py": {"zero", "force_zero"},
     "maps/__init__.py": {"phase"},
     "maps/page.py": {"beta", "mu", "nu"},
     "solver/step_control.py": {"drift"},

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -40,6 +40,34 @@ def read_toml(path: str | Path) -> tuple[dict, str]:
         ) from error
 
 
+#: What a TOML file is, by a section that no other has, and what takes it.
+_SORTS = {
+    "experiment": ("a campaign of tests, with [[experiment]]", "cutbench data, fit and discover"),
+    "axis": ("a study, with [[axis]]", "cutbench sweep"),
+    "change": ("a study of convergence, with [[change]]", "cutbench converge"),
+    "case": ("a material or a case", "cutbench run2d and guide, and base and material in other files"),
+}
+
+
+def refuse_other(table: Mapping[str, object], path: str | Path, wanted: str) -> None:
+    """Raise BadInput where the ``table`` in a file is not ``wanted``, a key of ``_SORTS``, but another."""
+    sections = {key for key, part in table.items() if isinstance(part, dict)}
+    of_a_case = bool(sections & {"material", "specimen", "blade", "protocol"})
+    there = [sort for sort in _SORTS if sort in table or (sort == "case" and of_a_case)]
+    if there and wanted not in there:
+        (sought, _), (found, takes) = _SORTS[wanted], _SORTS[there[0]]
+        raise BadInput("file", str(path), f"{sought}; this is {found}, for {takes}")
+
+
+def in_short(raw: object) -> str:
+    """What a person wrote, in a message about its key: of a section its keys."""
+    if isinstance(raw, dict):
+        return f"a section with {', '.join(map(str, raw))}"[:60]
+    return (
+        "a list of sections" if isinstance(raw, list) and raw and isinstance(raw[0], dict) else str(raw)[:60]
+    )
+
+
 def line_of(text: str, key: str, section: str | None = None) -> int | None:
     """Line number of ``key`` (below ``[section]`` if given), or of ``[key]``; None if it is not there."""
     name = rf"[\"']?{re.escape(key)}[\"']?"
@@ -57,11 +85,11 @@ def line_of(text: str, key: str, section: str | None = None) -> int | None:
     return elsewhere
 
 
-def nearest(name: str, known: Iterable[str]) -> str | None:
-    """The known name closest to ``name``, or None if none is close."""
+def nearest(name: str, known: Iterable[str], likeness: float = 0.5) -> str | None:
+    """The known name closest to ``name``, or None if none is as close as ``likeness``, of 1."""
     known = list(known)
     lower = {k.lower(): k for k in reversed(known)}
-    close = difflib.get_close_matches(name.lower(), list(lower), n=1, cutoff=0.5)
+    close = difflib.get_close_matches(name.lower(), list(lower), n=1, cutoff=likeness)
     return lower[close[0]] if close else None
 
 

@@ -155,7 +155,7 @@ def parse_quantity(raw: object, unit: str, *, file: str | None = None, key: str 
     if isinstance(raw, (int, float)):
         if unit == "1":
             return float(raw)
-        raise BadInput(key, raw, f"a unit beside the number, such as '{raw:g} {unit}'", file=file)
+        raise BadInput(key, raw, f"a unit beside the number, as in '… {unit}'", file=file)
     try:
         return _value(str(raw), unit)
     except _Unreadable as error:
@@ -185,7 +185,7 @@ def _value(text: str, unit: str) -> float:
     except Exception as error:  # pint raises many kinds for malformed text
         raise _Unreadable from error
     if unit != "1" and quantity.dimensionless and quantity.units == ureg.dimensionless:
-        raise _Unreadable(f"a unit beside the number, such as '{magnitude:g} {unit}'")
+        raise _Unreadable(f"a unit beside the number, as in '… {unit}'")
     try:
         # Through the two factors, so that "7.5 kPa" read in kPa is 7.5 to the last bit.
         if quantity.units == ureg.Unit("" if unit == "1" else unit):

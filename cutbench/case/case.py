@@ -15,7 +15,7 @@ from pathlib import Path
 from types import MappingProxyType, SimpleNamespace
 
 from cutbench.base.errors import BadInput, ComputationFailed
-from cutbench.base.toml import located, read_toml, written
+from cutbench.base.toml import in_short, located, read_toml, refuse_other, written
 from cutbench.case import materials
 from cutbench.case.calibrated import Far, far
 from cutbench.case.computation import computation_of, mesh_digest
@@ -293,11 +293,12 @@ def _load(source: str | Path, seen: tuple[Path, ...], dim: int) -> tuple[_Draft,
     """What a file describes, the file and its text; ``seen`` are the files that led to it by ``base``."""
     path = materials.find(source)
     table, text = read_toml(path)
+    refuse_other(table, path, "case")
     here = path.resolve()
     with located(path, text):
         for key, part in table.items():
             if key not in _TOP:
-                raise BadInput(key=key, value=brief(part), expected=section_hint(key, _TOP))
+                raise BadInput(key=key, value=in_short(part), expected=section_hint(key, _TOP))
             if key in (*SECTIONS, "material", "numerics") and not isinstance(part, dict):
                 raise BadInput(key=key, value=brief(part), expected=f"a section, written [{key}]")
         about = materials.check_about(table.get("material", {}))

@@ -18,7 +18,7 @@ import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.handled import Handled
-from cutbench.base.toml import among, located, one_of, read_toml, written
+from cutbench.base.toml import among, in_short, located, one_of, read_toml, refuse_other, written
 from cutbench.case.case import Case, load_case
 from cutbench.case.model import SETS, Model, mechanism
 from cutbench.case.motion import Polyline, simplified
@@ -224,9 +224,10 @@ def load_campaign(path: str | Path) -> Campaign:
     """The campaign in a TOML file, its data read; every error a person can make is a BadInput."""
     path = Path(path)
     table, text = read_toml(path)
+    refuse_other(table, path, "experiment")
     with located(path, text):
         for key, part in table.items():
-            among(key, key, _TOP, value=str(part)[:60])
+            among(key, key, _TOP, value=in_short(part))
             if key in ("parameters", "numerics", "fit") and not isinstance(part, dict):
                 raise BadInput(key=key, value=str(part)[:60], expected=f"a section, written [{key}]")
         title = table.get("title", path.stem)
@@ -267,11 +268,6 @@ def _check(experiment: Experiment, base: Case) -> None:
         cut_case(experiment, base)
 
 
-def _listed(key: str, raw: object) -> tuple[str, ...]:
-    """A list of names, which may be empty. Raises BadInput."""
-    return () if raw == [] else names(key, raw)
-
-
 def _start(
     table: Mapping, path: Path, text: str, kinds: list[str], sizes: Mapping[str, str]
 ) -> tuple[Case, tuple[str, ...], str | Path | None]:
@@ -307,7 +303,7 @@ def _candidates(table: Mapping, baseline: Model, kinds: list[str]) -> tuple[str,
     raw = table.get("candidates", "all")
     if raw == "all":
         return all_candidates(baseline, kinds)
-    listed = _listed("candidates", raw)
+    listed = () if raw == [] else names("candidates", raw)
     for name in listed:
         mechanism(name, key="candidates")
         if name in baseline.mechanisms:
@@ -333,7 +329,7 @@ def _plan(part: Mapping, baseline: Model, candidates: tuple[str, ...], found: Ma
         among(key, key, ("free", "fixed", "own", "bounds"), value=str(raw)[:60])
         if key == "bounds" and not isinstance(raw, dict):
             raise BadInput(key=key, value=str(raw)[:60], expected="bounds = { G = ['1 kPa', '900 kPa'] }")
-        listed = tuple(raw) if key == "bounds" else _listed(key, raw)
+        listed = tuple(raw) if key == "bounds" or raw == [] else names(key, raw)
         for name in listed:
             among(key, name, known)
         if key != "bounds":

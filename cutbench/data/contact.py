@@ -51,7 +51,8 @@ class Contact:
     """Contact at ``at`` mm of the recorded displacement, known to ``sd``, after so many ``readings``; before
     it the force is ``force``, known to ``force_sd``, later ``largest`` at the most, in ``unit``.
     ``taken_off``: which of ``displacement`` and ``force`` was found and taken off; a force that was given is
-    taken off ``force``, too."""
+    taken off ``force``, too. ``first``: so many readings come before the way out begins, as of a machine that
+    first drives back."""
 
     at: float
     sd: float
@@ -61,6 +62,7 @@ class Contact:
     largest: float
     unit: str = "N"
     taken_off: tuple[str, ...] = ()
+    first: int = 0
 
     def leaves(self, what: str) -> float:
         """How far the ``displacement`` (mm) or ``force`` (N) that was found here and taken off may be wrong,
@@ -177,6 +179,10 @@ def contact_notes(repetitions: Sequence[Repetition]) -> tuple[str, ...]:
         used = "" if moved else ". If that is contact, zero = 'auto' begins there; zero = '0 mm' if it is not"
         said = "contact found at" if moved else "the force rises only from"
         notes.append(f"{said} a recorded displacement of {places}{used}")
+    if early := [(r.name, str(c.first)) for r, c in known if moved and c.first]:
+        notes.append(
+            f"readings before the lowest, with which the way out begins, are left out: {_listed(early)}"
+        )
     airs = [(r, c) for r, c in known if np.isfinite(c.force)]
     if tared or any(abs(c.force) > max(3 * c.force_sd, AMISS * c.largest) for _, c in airs):
         forces = _listed([(r.name, f"{c.force:.3g} ± {c.force_sd:.2g} {c.unit}") for r, c in airs])

@@ -13,9 +13,10 @@ import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.units import parse_quantity
-from cutbench.data.contact import BEFORE, Contact, contact_at, find_contact, late_contact
+from cutbench.data.contact import BEFORE, EARLY, Contact, contact_at, find_contact, late_contact
 from cutbench.data.experiment import HOMOGENEOUS, area_of
-from cutbench.data.repetition import Repetition, first_return
+from cutbench.data.jumps import check_steps
+from cutbench.data.repetition import JITTER, Repetition, first_return
 from cutbench.data.table import Table
 
 AUTO, RETURN = "auto", "return"
@@ -23,31 +24,44 @@ AUTO, RETURN = "auto", "return"
 TAKEN_OFF = {"zero": "displacement", "force_zero": "force"}
 
 
+def titles_of(table: Table, label: str | None) -> dict[str, str]:
+    """What the repetitions in one file are called, by their labels in it."""
+    if table.labels is None:
+        return {"1": "1" if label is None else label}
+    return {name: name if label is None else f"{label}/{name}" for name in dict.fromkeys(table.labels)}
+
+
 def repetitions_of(
-    table: Table, kind: str, label: str | None, written: Mapping, specimen: Mapping[str, float],
-    speed: float | None, factors: Mapping[str, float],
+    table: Table, kind: str, label: str | None, written: Mapping, sizes: Mapping[str, Mapping[str, float]],
+    speed: float | None, factors: Mapping[str, float], zeros: Mapping[str, Mapping[str, object]],
 ) -> list[Repetition]:  # fmt: skip
-    """The repetitions in one file, in internal units."""
+    """The repetitions in one file, in internal units; ``sizes`` and ``zeros`` are of each by its name."""
     names = np.array(table.labels if table.labels is not None else ["1"] * table.lines.size)
     found = []
-    for name in dict.fromkeys(names):
-        title = str(name) if label is None else label if table.labels is None else f"{label}/{name}"
-        file, lines = str(table.path), table.lines[names == name]
+    for name, title in titles_of(table, label).items():
         mine = {role: values[names == name] for role, values in table.columns.items()}
-        here, contact = _begun(mine, _own(written, title), factors, title)
+        lines, files = table.lines[names == name], np.array(table.files, dtype=object)[names == name]
+        if table.clock:
+            mine["time"] = mine["time"] - mine["time"][0]
+        check_steps(mine, files, lines)
+        specimen = sizes[title]
+        own = {**written, **{key: values[title] for key, values in zeros.items()}}
+        here, contact = _begun(mine, own, factors, title)
         x, y = _abscissa(here, kind, specimen, speed), _ordinate(here, kind, specimen)
         if kind in HOMOGENEOUS and written.get("stress", "nominal") == "cauchy":
             y = y / np.where(x > 0, x, np.nan)
         pressure = here.get("pressure")
         if "normal_force" in here:
             pressure = here["normal_force"] / area_of(kind, specimen)
-        keep = _kept(written, kind, x)
-        x, y, lines = x[keep], y[keep], lines[keep]
+        first = contact.first if contact is not None and "zero" in written else 0
+        keep = _kept(written, kind, x, first)
+        x, y, lines, files = x[keep], y[keep], lines[keep], files[keep]
         time, pressure = (None if a is None else a[keep] for a in (here.get("time"), pressure))
         if time is None and speed is not None and not (kind == "cut" and first_return(x) is not None):
             way = np.cumsum(np.append(abs(x[0] - (kind in HOMOGENEOUS)), np.abs(np.diff(x))))
             # Equal abscissas, as coarse sensors give them, need times that differ.
             time = (way + 1e-9 * way[-1] * np.arange(x.size)) / speed
+        file = files[0] if len(set(files)) == 1 else tuple(files)
         found.append(Repetition(x, y, time, title, pressure, file, lines, contact))
     return found
 
@@ -72,18 +86,6 @@ def _ordinate(here: Mapping, kind: str, specimen: Mapping[str, float]) -> np.nda
     return here["force"] if kind == "cut" else here["force"] / area_of(kind, specimen)
 
 
-def _own(written: Mapping, title: str) -> dict:
-    """What is written of one repetition: of zeros by name its own."""
-    found = dict(written)
-    for key in TAKEN_OFF:
-        if isinstance(raw := written.get(key), Mapping):
-            if title not in raw:
-                expected = f"a value for each repetition; none is given for '{title}'"
-                raise BadInput(key=key, value=", ".join(raw), expected=expected)
-            found[key] = raw[title]
-    return found
-
-
 # -- contact ----------------------------------------------------------------------------------------
 def _begun(
     read: Mapping[str, np.ndarray], written: Mapping, factors: Mapping[str, float], title: str
@@ -106,28 +108,41 @@ def _begun(
         off = tuple(what for key, what in TAKEN_OFF.items() if written.get(key) == AUTO)
         given = 0.0 if "force" in off else zeros[load]
         contact = replace(contact, taken_off=off, force=contact.force - given)
-    return {role: factors.get(role, 1.0) * (values - zeros[role]) for role, values in read.items()}, contact
+    here = {role: factors.get(role, 1.0) * (values - zeros[role]) for role, values in read.items()}
+    return here, contact
 
 
 def _outward(
     read: Mapping[str, np.ndarray], factors: Mapping[str, float], load: str
-) -> tuple[np.ndarray, np.ndarray, float, float]:
-    """Displacement and force, both growing on the way out, and what turns each into recorded ones."""
+) -> tuple[int, np.ndarray, np.ndarray, float, float]:
+    """The reading with which the way out begins, displacement and force from there on, both growing on the
+    way out, and what turns each into recorded ones.
+
+    A machine that first drives back, and a first reading from before the test, do not count.
+    """
     signs = [float(np.sign(factors.get(role, 1.0))) for role in ("displacement", load)]
-    way = _way(signs[0] * read["displacement"])
+    way = _way(signs[0] * read["displacement"], read[load])
     sense, pull = (way * sign for sign in signs)
-    return sense * read["displacement"], pull * read[load], sense, pull
+    u = sense * read["displacement"]
+    if u.size < BEFORE:
+        return 0, u, pull * read[load], sense, pull
+    rise = u - np.minimum.accumulate(u) > EARLY * np.ptp(u[1:])
+    ahead = u[: int(np.argmax(rise)) + 1] if rise.any() else u
+    lowest = int(np.argmin(ahead))
+    above = np.flatnonzero(ahead[:lowest] > ahead[lowest] + JITTER * np.ptp(u[1:]))
+    first = int(above[-1]) + 1 if above.size else 0
+    return first, u[first:], pull * read[load][first:], sense, pull
 
 
 def _contact(
     read: Mapping[str, np.ndarray], written: Mapping, factors: Mapping[str, float], load: str, title: str
 ) -> Contact:
-    u, y, sense, pull = _outward(read, factors, load)
+    first, u, y, sense, pull = _outward(read, factors, load)
     zero = written.get("zero", AUTO)
     if zero != AUTO:
         at = parse_quantity(zero, "mm", key="zero")
         if not (u[0] - np.ptp(u) <= sense * at < u.max()):
-            ends = sorted((float(read["displacement"][0]), float(sense * u.max())))
+            ends = sorted((float(sense * u[0]), float(sense * u.max())))
             expected = f"a displacement that was recorded, from {ends[0]:g} to {ends[1]:g} mm"
             raise BadInput(key="zero", value=str(zero), expected=expected)
         found: Contact | str = contact_at(u, y, sense * at)
@@ -142,7 +157,7 @@ def _contact(
             " from contact, or give force_zero where it began at a trigger force"
         )
         raise BadInput(key=key, value=AUTO, expected=expected)
-    return _recorded(found, sense, pull, load)
+    return replace(_recorded(found, sense, pull, load), first=first)
 
 
 def _recorded(found: Contact, sense: float, pull: float, load: str) -> Contact:
@@ -152,14 +167,20 @@ def _recorded(found: Contact, sense: float, pull: float, load: str) -> Contact:
 
 def _noticed(read: Mapping[str, np.ndarray], factors: Mapping[str, float], load: str) -> Contact | None:
     """Travel before contact that nobody spoke of."""
-    u, y, sense, pull = _outward(read, factors, load)
+    _, u, y, sense, pull = _outward(read, factors, load)
     found = late_contact(u, y) if np.isfinite(u).all() and np.isfinite(y).all() else None
     return None if found is None else _recorded(found, sense, pull, load)
 
 
-def _way(x: np.ndarray) -> float:
-    """1 or -1: towards which end the test goes."""
-    return -1.0 if x[np.argmax(np.abs(x - x[0]))] < x[0] else 1.0
+def _way(x: np.ndarray, y: np.ndarray | None = None) -> float:
+    """1 or -1: towards which end the test goes, wherever its first reading is: that of the largest change of
+    ``y``, as a machine may first drive back, or the farther one."""
+    start = float(np.median(x[:3]))
+    most = x[np.argmax(np.abs(x - start))]
+    if y is not None:
+        loaded = x[np.argmax(np.abs(y - np.median(y[:3])))]
+        most = loaded if abs(loaded - start) > JITTER * np.ptp(x) else most
+    return -1.0 if most < start else 1.0
 
 
 def _force_zero(raw: object, load: str, contact: Contact | None) -> float:
@@ -181,15 +202,16 @@ def _force_zero(raw: object, load: str, contact: Contact | None) -> float:
 
 
 # -- from here to there -----------------------------------------------------------------------------
-def _kept(written: Mapping, kind: str, x: np.ndarray) -> np.ndarray:
-    """The readings (k,) that count: from contact on where that is known, from ``from`` up to the first beyond
-    ``until``, which is ``return`` for the farthest. Raises BadInput if none are left."""
+def _kept(written: Mapping, kind: str, x: np.ndarray, first: int) -> np.ndarray:
+    """The readings (k,) that count: from contact on, on the way out that begins with reading ``first``, where
+    that is known, from ``from`` up to the first beyond ``until``, which is ``return`` for the farthest.
+    Raises BadInput if none are left."""
     rest = 1.0 if kind in HOMOGENEOUS else 0.0
-    way = _way(x)
+    way = _way(x[first:])
     out, unit = way * (x - rest), "1" if kind in HOMOGENEOUS else "mm"
     keep = np.arange(x.size)
     if "until" in written:
-        last = int(np.argmax(out)) + 1
+        last = first + int(np.argmax(out[first:])) + 1
         if written["until"] != RETURN:
             beyond = out > way * (parse_quantity(written["until"], unit, key="until") - rest)
             last = int(np.argmax(beyond)) if beyond.any() else x.size
@@ -198,7 +220,7 @@ def _kept(written: Mapping, kind: str, x: np.ndarray) -> np.ndarray:
         reached = out[keep] >= way * (parse_quantity(written["from"], unit, key="from") - rest)
         keep = keep[int(np.argmax(reached)) :] if reached.any() else keep[:0]
     if "zero" in written:
-        keep = keep[out[keep] >= 0]
+        keep = keep[(out[keep] >= 0) & (keep >= first)]
     for key in ("from", "until", "zero"):
         if key in written and keep.size == 0:
             far = f"{x[np.argmax(out)]:.4g}{'' if unit == '1' else ' mm'}"

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import among, one_of
 from cutbench.base.units import parse_quantity
+from cutbench.data.layout import others
 from cutbench.data.table import read_table
 
 CONFIGURATIONS = ("deformed", "reference")
@@ -19,7 +22,20 @@ CONFIGURATIONS = ("deformed", "reference")
 _OFF = 0.1
 #: A grid has at least this part of its places filled; scattered points have next to none.
 _FILLED = 0.2
-_KEYS = ("data", "noise", "configuration", "columns", "units", "shift", "y_down", "travel")
+_KEYS = ("data", "noise", "configuration", "columns", "units", "shift", "y_down", "travel", "valid")
+#: Columns in which correlation programs say whether a point was found, and what they have where it was: VIC
+#: and DICe write -1 where not, others 0 or nothing.
+VALID = {
+    **dict.fromkeys(("sigma", "gamma"), (">=", 0.0)),
+    **dict.fromkeys(("valid", "isvalid", "is valid", "correlation", "correlation coefficient"), (">", 0.0)),
+    **dict.fromkeys(("correlation value", "corr", "corrcoef", "zncc", "ncc"), (">", 0.0)),
+}
+_SIGNS = {">=": np.greater_equal, "<=": np.less_equal, ">": np.greater, "<": np.less, "!=": np.not_equal}
+_RULE = re.compile(r"\s*(\S.*?)\s*(>=|<=|!=|>|<)\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*")
+#: A point that has not moved at all, exactly, was not measured where the plane through so many around it says
+#: that it moved by more than half of what they did, and they by more than this part of the largest: at a
+#: clamp displacements go to 0, and do not fall to it.
+NEAREST, STILL = 8, 0.05
 #: Points of a field that a fit compares, at the most: neighbours say much the same.
 POINTS = 150
 
@@ -34,6 +50,7 @@ class Field:
     u: np.ndarray
     travel_mm: float = math.nan
     configuration: str = "deformed"
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         among("configuration", self.configuration, CONFIGURATIONS)
@@ -74,39 +91,117 @@ def read_fields(
     shift_mm: tuple[float, float] = (0.0, 0.0),
     y_down: bool = False,
     travel_mm: float = math.nan,
+    valid: str | None = None,
 ) -> list[Field]:
     """The fields in a text file, in the order of blade travel: a row a point.
 
-    ``columns`` (default: x, y, u_x, u_y and, if the file has it, travel) and ``units`` as in a campaign.
-    ``y_down``: y and u_y count downwards, as in pictures. ``shift_mm`` is then added to x and y.
-    ``travel_mm`` is the travel of a file without such a column. Raises BadInput for a file that cannot be
-    read, points that are on no grid, or given twice.
+    Parameters
+    ----------
+    path
+        The file. A cell that is empty, nan, -nan(ind), #N/A and the like was not measured.
+    columns, units
+        As in a campaign. By default x, y, u_x, u_y, or X, Y, U, V, and, if the file has it, travel.
+    configuration
+        What x and y are positions in, ``deformed`` or ``reference``.
+    shift_mm, y_down
+        ``y_down``: y and u_y count downwards, as in pictures. ``shift_mm`` is then added to x and y.
+    travel_mm
+        The travel of a file without such a column.
+    valid
+        Which points were measured, such as ``"sigma >= 0"``, or ``"none"`` for all; by default as ``VALID``
+        says of a column that the file has.
+
+    Returns
+    -------
+    list of Field
+        What was not measured is nan in them; their ``notes`` say what was left out.
+
+    Raises
+    ------
+    BadInput
+        For a file that cannot be read, points that are on no grid, or given twice.
     """
     path = Path(path)
-    roles, blanks = ("x", "y", "u_x", "u_y"), ("u_x", "u_y")
-    for role in roles:
-        if columns is not None and role not in columns:
+    asked = {{"u": "u_x", "v": "u_y"}.get(role, role): name for role, name in (columns or {}).items()}
+    for role in ("x", "y", "u_x", "u_y"):
+        if columns is not None and role not in asked:
             raise BadInput(key=f"columns.{role}", value="(missing)", expected=f"the column of {role}")
-    asked = {name: name for name in (*roles, "travel")} if columns is None else columns
-    try:
-        table = read_table(path, asked, units, blanks)
-    except BadInput as error:
-        if columns is not None or error.key != "columns.travel":
-            raise
-        units = {k: v for k, v in (units or {}).items() if k != "travel"}
-        table = read_table(path, {name: name for name in roles}, units, blanks)
+        asked.setdefault(role, role)
+    more = others(path, asked, ["travel", *VALID])
+    if columns is None and "travel" in more:
+        asked["travel"] = more.pop("travel")
+    rule = _rule(more, valid)
+    if rule is not None:
+        asked["valid"] = rule[0]
+    units = {role: unit for role, unit in (units or {}).items() if role in asked}
+    table = read_table(path, asked, units, tuple(asked))
     data = dict(table.columns)
+    notes = list(table.notes)
+    lost = np.zeros(table.lines.size, dtype=bool)
+    if rule is not None:
+        with np.errstate(invalid="ignore"):
+            lost = ~_SIGNS[rule[1]](data["valid"], rule[2])
+        notes += _left_out(path, table.lines[lost], f"{rule[0]} is not {rule[1]} {rule[2]:g}")
+    for role in ("x", "y", "travel"):
+        if role in data and (blank := ~np.isfinite(data[role]) & ~lost).any():
+            expected = f"the {role} of every point in mm; the cell is empty"
+            raise BadInput(
+                file=str(path), line=int(table.lines[np.argmax(blank)]), key=role, value="", expected=expected
+            )
     if y_down:
         data |= {"y": -data["y"], "u_y": -data["u_y"]}
     travels = data["travel"] if "travel" in data else np.full(table.lines.size, travel_mm)
+    placed = np.isfinite(data["x"]) & np.isfinite(data["y"])
     fields = []
-    for travel in np.unique(travels):
-        here = np.isnan(travels) if np.isnan(travel) else travels == travel
+    for travel in np.unique(travels[placed]):
+        here = placed & (np.isnan(travels) if np.isnan(travel) else travels == travel)
         points = np.stack([data["x"][here] + shift_mm[0], data["y"][here] + shift_mm[1]])
         u = np.stack([data["u_x"][here], data["u_y"][here]])
+        u[:, lost[here]] = np.nan
+        still = _still(points, u)
+        u[:, still] = np.nan
+        said = [*notes, *_left_out(path, table.lines[here][still], "both displacements are exactly 0")]
         x, y, field = _gridded(path, points, u, table.lines[here])
-        fields.append(Field(x, y, field, float(travel), configuration))
+        fields.append(Field(x, y, field, float(travel), configuration, tuple(said)))
     return fields
+
+
+def _rule(titles: Mapping[str, str], valid: str | None) -> tuple[str, str, float] | None:
+    """Title, sign and number of what holds where a point was measured; None for all."""
+    if valid is None:
+        return next(((title, *VALID[name]) for name, title in titles.items() if name in VALID), None)
+    if valid.strip() == "none":
+        return None
+    match = _RULE.fullmatch(valid)
+    if match is None:
+        expected = "a column, a sign and a number, such as 'sigma >= 0', or 'none' for all points"
+        raise BadInput(key="valid", value=valid, expected=expected)
+    return match[1], match[2], float(match[3])
+
+
+def _still(points: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Which points (n,) have displacements of exactly 0 amid others that moved."""
+    still = (u == 0).all(axis=0)
+    moved = np.isfinite(u).all(axis=0) & ~still
+    if not still.any() or not moved.any():
+        return still & False
+    _, near = cKDTree(points[:, moved].T).query(
+        points[:, still].T, k=[*range(1, min(NEAREST, moved.sum()) + 1)]
+    )
+    offset = points[:, moved][:, near] - points[:, still][:, :, None]
+    planes = np.linalg.pinv(np.stack([np.ones(near.shape), *offset], axis=-1))[:, 0]
+    around = np.linalg.norm(u[:, moved], axis=0)
+    mean = around[near].mean(axis=1)
+    here = np.linalg.norm((planes * u[:, moved][:, near]).sum(axis=-1), axis=0)
+    still[still] = (here > mean / 2) & (mean > STILL * around.max())
+    return still
+
+
+def _left_out(path: Path, lines: np.ndarray, why: str) -> list[str]:
+    """A note on the points in ``lines`` that were not measured."""
+    if not lines.size:
+        return []
+    return [f"{path.name}: {lines.size} points are left out, from line {lines[0]} on, where {why}"]
 
 
 def _gridded(path: Path, points: np.ndarray, u: np.ndarray, lines: np.ndarray):
@@ -172,6 +267,10 @@ def read_fields_of(table: object, folder: Path) -> tuple[tuple[Field, ...], floa
     shift = table.get("shift", ["0 mm", "0 mm"])
     if not isinstance(shift, list) or len(shift) != 2:
         raise _wrong("fields.shift", shift, "two lengths, such as ['-15 mm', '0 mm']")
+    if not isinstance(table.get("valid", ""), str):
+        raise _wrong(
+            "fields.valid", table["valid"], "what holds of points that were measured, as in 'sigma >= 0'"
+        )
     for key in ("columns", "units"):
         if not isinstance(table.get(key, {}), dict):
             raise _wrong(f"fields.{key}", table[key], f"a table, such as {key} = {{ … }}")
@@ -179,7 +278,7 @@ def read_fields_of(table: object, folder: Path) -> tuple[tuple[Field, ...], floa
     travel = parse_quantity(table["travel"], "mm", key="fields.travel") if "travel" in table else math.nan
     fields = read_fields(
         folder / data, columns=table.get("columns"), units=table.get("units"), configuration=configuration,
-        shift_mm=(right, up), y_down=table.get("y_down", False), travel_mm=travel,
+        shift_mm=(right, up), y_down=table.get("y_down", False), travel_mm=travel, valid=table.get("valid"),
     )  # fmt: skip
     for field in fields:
         if not field.travel_mm > 0:

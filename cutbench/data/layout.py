@@ -6,7 +6,6 @@ specimens side by side, each with columns of its own.
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +13,8 @@ from pathlib import Path
 
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import nearest
-from cutbench.data.titles import UNITS, is_unit, parted, size_of
+from cutbench.data.cells import is_empty, is_missing, is_value, lines_of, split, uncommented, wrong
+from cutbench.data.titles import UNITS, bracketed, is_unit, parted, size_of
 
 LABEL = "repetition"
 #: One column: its name in the header, or its number from 1.
@@ -22,9 +22,11 @@ Column = str | int
 _SEPARATORS = (";", "\t", ",", "|", None)
 #: Lines among which a header is looked for.
 _HEAD = 200
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
-_COMMA_NUMBER = re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?")
-_COMMENT = re.compile(r"\s*(#|//|%)\s*")
+#: Rows in a run that make a table, of which two may stand among results above it: what a test has at least.
+_TABLE = 5
+#: Names of the columns of a displacement field in the files of correlation programs.
+_ALSO = {"u_x": ("ux", "u"), "u_y": ("uy", "v")}
+_UNIT_OF_CLOCKS = re.compile(r"[ymdhs][ymdhs:./ -]*:[ymdhs:.0 ]+", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -49,54 +51,36 @@ class Layout:
         """The columns of one specimen that no other has."""
         return [at[specimen] for at in self.where.values() if len(set(at)) == len(at)]
 
+    @property
+    def read(self) -> list[int]:
+        """The columns that hold numbers."""
+        return [at for role, columns in self.where.items() if role != LABEL for at in columns]
 
-def wrong(path: Path, line: int | None, key: str, value: str, expected: str) -> BadInput:
-    return BadInput(file=str(path), line=line, key=key, value=value, expected=expected)
+    @property
+    def needed(self) -> int:
+        """Cells that a reading has at least."""
+        return max(max(at) for at in self.where.values()) + 1
 
+    def repeats(self, line: str) -> bool:
+        """Whether ``line`` is the header once more."""
+        if self.header < 0 or self.names[0] not in line:
+            return False
+        return split(uncommented(line), self.separator) == list(self.names)
 
-# -- lines and cells --------------------------------------------------------------------------------
-def lines_of(path: Path) -> list[str]:
-    """The lines of a text file, whatever its encoding and line ends. Raises BadInput."""
-    try:
-        raw = path.read_bytes()
-    except FileNotFoundError as error:
-        raise BadInput(key="data", value=str(path), expected="a file that exists") from error
-    except OSError as error:
-        expected = f"a file that can be read ({error.strerror})"
-        raise BadInput(key="data", value=str(path), expected=expected) from error
-    try:
-        text = raw.decode("utf-16" if raw[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
-    except UnicodeDecodeError:
-        text = raw.decode("latin-1")
-    if "\0" in text:
-        raise wrong(path, None, "data", "a binary file", "a text file: export the readings as CSV")
-    if not text.strip():
-        raise wrong(path, None, "data", "an empty file", "a header and readings")
-    return re.split(r"\r\n|\n|\r", text)
-
-
-def split(line: str, separator: str | None) -> list[str]:
-    if separator is None:
-        return line.split()
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
+    def is_text(self, cells: Sequence[str], reading: Sequence[str] | None) -> bool:
+        """Whether a line is no reading but words: none of its cells that are read is a number, or it begins
+        with a word where a ``reading`` begins with a number."""
+        first = next(cell for cell in cells if cell)
+        if not any(map(str.isalnum, "".join(cells))):
+            return True  # a ruled line
+        if is_value(first) or not (first[0].isalpha() or first[0] in "[(<*=\"'"):
+            return False
+        read = [cells[at] for at in self.read if at < len(cells) and cells[at]]
+        if not any(map(is_value, read)):
+            return True
+        return bool(cells[0]) and reading is not None and is_value(reading[0])
 
 
-def is_empty(line: str) -> bool:
-    return not line.strip() or bool(_COMMENT.match(line))
-
-
-def is_number(cell: str) -> bool:
-    return any(number_in(cell, comma) is not None for comma in (False, True))
-
-
-def number_in(cell: str, comma: bool) -> float | None:
-    """The number in ``cell``, with a decimal comma or point; None if it is none."""
-    text = cell.strip().replace("\u2212", "-")
-    good = (_COMMA_NUMBER if comma else _NUMBER).fullmatch(text)
-    return float(text.replace(",", ".")) if good else None
-
-
-# -- columns ----------------------------------------------------------------------------------------
 def find_layout(
     path: Path, lines: list[str], columns: Mapping[str, Column | Sequence[Column]], wide: bool
 ) -> Layout:
@@ -113,12 +97,20 @@ def find_layout(
         header, separator, names = _header(path, lines, asked)
         first = None
     where = _where(path, header, names, asked, wide)
-    body, below = _units_row(lines, header, separator, where)
+    body, below = units_row(lines, header, separator, where)
     if first is not None and header < 0:
         body = first
     count = len(next(iter(where.values())))
     specimens = _specimens(lines, header, separator, names, where) if count > 1 else ("",)
     return Layout(separator, header, names, body, where, below, specimens)
+
+
+def others(path: Path, columns: Mapping[str, Column], names: Sequence[str]) -> dict[str, str]:
+    """The titles of those of ``names`` that stand in the header with ``columns``. Raises BadInput."""
+    if all(isinstance(c, int) for c in columns.values()):
+        return {}
+    titles = _header(path, lines_of(path), columns)[2]
+    return {name: titles[hits[0]] for name in names if (hits := _matches(name, titles))}
 
 
 def _listed(asked: Column | list[Column]) -> list[Column]:
@@ -132,15 +124,16 @@ def _first_row(path: Path, lines: list[str], asked: Mapping, widest: int) -> tup
 
     def is_row(i: int, separator: str | None) -> bool:
         cells = split(lines[i], separator)
-        return len(cells) >= widest and all(is_number(cells[at]) for at in where)
+        return len(cells) >= widest and all(is_value(cells[at]) for at in where)
 
-    # A single row of numbers among lines above the table is none of its rows.
-    for i, after in zip(full, [*full[1:], *full[-1:]], strict=True):
-        if i > _HEAD:
-            break
-        for separator in _SEPARATORS:
-            if is_row(i, separator) and is_row(after, separator):
-                return separator, i
+    # A few rows of numbers among lines above the table are none of its rows.
+    for least in (_TABLE, 2, 1):
+        runs = dict.fromkeys(_SEPARATORS, 0)
+        for k, i in enumerate(full[: _HEAD + _TABLE]):
+            for separator in _SEPARATORS:
+                runs[separator] = runs[separator] + 1 if is_row(i, separator) else 0
+                if runs[separator] == least and (least > 1 or i == full[-1]):
+                    return separator, full[k + 1 - least]
     wanted = f"a file with {widest} columns, numbers in those that are read"
     raise wrong(path, None, "columns", f"column {widest}", wanted)
 
@@ -152,30 +145,44 @@ def _titles(lines: list[str], separator: str | None, first: int, asked: Mapping)
     above = [i for i in range(first - 1, max(first - 6, -1), -1) if not is_empty(lines[i])][:2]
     for i in above:
         cells = split(lines[i], separator)
-        if len(cells) != width or any(map(is_number, cells)):
+        if len(cells) != width or any(is_value(cell) and not is_missing(cell) for cell in cells):
             break
-        if _units_row(lines, i - 1, separator, where)[1] and i == above[0] and len(above) > 1:
+        if units_row(lines, i - 1, separator, where)[1] and i == above[0] and len(above) > 1:
             continue  # the row of units; titles stand above it
         return i, cells
     return -1, [f"column {k + 1}" for k in range(width)]
 
 
 def _header(path: Path, lines: list[str], asked: Mapping) -> tuple[int, str | None, list[str]]:
-    """The line, separator and titles with most of the names that are looked for."""
+    """The line, separator and titles with most of the names that are looked for, above a table if several
+    have as many."""
     named = [(role, c) for role, given in asked.items() for c in _listed(given) if isinstance(c, str)]
-    best: tuple[int, int, str | None, list[str]] | None = None
+    most = 0
+    best: list[tuple[list[int], int, str | None, list[str]]] = []
     for separator in _SEPARATORS:
         for i, line in enumerate(lines[:_HEAD]):
-            names = split(_COMMENT.sub("", line, count=1) if _COMMENT.match(line) else line, separator)
-            known = sum(bool(_matches(name, names)) for _, name in named)
-            if known and (best is None or known > best[0]):
-                best = (known, i, separator, names)
-    if best is None:
+            names = split(uncommented(line), separator)
+            hits = [hit[0] for _, name in named if (hit := _matches(name, names))]
+            if len(hits) > most:
+                most, best = len(hits), []
+            if hits and len(hits) == most:
+                best.append((hits, i, separator, names))
+    if not best:
         names = _likely_header(lines)
         role, name = named[0]
         wanted = f"a column of the file ({', '.join(names[:12])})" + _meant(name, names)
         raise wrong(path, None, f"columns.{role}", name, wanted)
-    return best[1], best[2], best[3]
+
+    headings = {i for _, i, *_ in best}
+
+    def above_a_table(found: tuple) -> bool:
+        at, i, separator, _ = found
+        end = min((k for k in headings if k > i), default=i + 4 * _TABLE)
+        rows = [split(line, separator) for line in lines[i + 1 : end] if not is_empty(line)]
+        return sum(len(r) > max(at) and all(is_value(r[k]) for k in at) for r in rows) >= _TABLE
+
+    found = best[0] if len(best) == 1 else next(filter(above_a_table, best), best[0])
+    return found[1], found[2], found[3]
 
 
 def _where(
@@ -192,6 +199,13 @@ def _where(
         found[role] = []
         for column in _listed(given):
             hits = [column - 1] if isinstance(column, int) else _matches(str(column), names)
+            # Of a strain in % and one in mm the first is a strain.
+            fits = [at for at in hits if parted(names[at], UNITS.get(role))[1] is not None] if names else []
+            fits = [
+                at for at in fits if size_of(parted(names[at])[1] or "", UNITS.get(role, "1")) is not None
+            ]
+            if len(hits) > 1 and len(fits) == 1:
+                hits = fits
             if not hits:
                 known = f"one of the columns {', '.join(seen[:12])}{_meant(str(column), seen)}"
                 raise refused(role, column, known)
@@ -253,6 +267,8 @@ def _matches(name: str, names: Sequence[str]) -> list[int]:
         lambda n: n == name.strip(),
         lambda n: plain(n) == plain(name),
         lambda n: bool(n) and plain(parted(n)[0]) == plain(name),
+        lambda n: bracketed(n) is not None and plain(re.split(r"[\[({<]", n)[0]) == plain(name),
+        lambda n: plain(parted(n)[0]) in _ALSO.get(name, ()),
     )
     for test in tests:
         if hits := [i for i, n in enumerate(names) if test(n)]:
@@ -270,7 +286,7 @@ def _likely_header(lines: list[str]) -> list[str]:
     return [lines[0].strip()]
 
 
-def _units_row(
+def units_row(
     lines: list[str], header: int, separator: str | None, where: Mapping[str, tuple[int, ...]]
 ) -> tuple[int, dict[int, str]]:
     """Where the readings begin, and by column the units in a row of their own below the header."""
@@ -281,10 +297,10 @@ def _units_row(
     cells, found, fits = split(lines[line], separator), {}, False
     for role, columns in where.items():
         for at in columns:
-            if at >= len(cells) or is_number(cells[at]):
+            if at >= len(cells) or (is_value(cells[at]) and not is_missing(cells[at])):
                 return body, {}
             cell = cells[at].strip("[](){}<> ")
-            if role == LABEL or not cell:
+            if role == LABEL or not cell or _UNIT_OF_CLOCKS.fullmatch(cell):
                 continue
             if not is_unit(cell):
                 return body, {}

@@ -6,58 +6,31 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from glob import glob
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from cutbench.base.errors import BadInput
-from cutbench.base.toml import among, located, one_of, written
+from cutbench.base.toml import among, located, nearest, one_of, written
 from cutbench.base.units import parse_quantity
 from cutbench.data.contact import contact_notes
-from cutbench.data.conversion import TAKEN_OFF, repetitions_of
-from cutbench.data.experiment import HOMOGENEOUS, KINDS, ROLES, Experiment, area_of
+from cutbench.data.conversion import TAKEN_OFF, repetitions_of, titles_of
+from cutbench.data.experiment import HOMOGENEOUS, ROLES, Experiment, area_of
 from cutbench.data.fields import read_fields_of
+from cutbench.data.kinds import ABSCISSA, ORDINATE, SIZES, kind_of
 from cutbench.data.layout import LABEL
+from cutbench.data.parts import BLOCKS, arranged, joined
 from cutbench.data.plausible import travel_fits
-from cutbench.data.table import read_table
+from cutbench.data.sizes import by_repetition, need_sizes, own_sizes, part_of, size_notes, written_sizes
+from cutbench.data.table import Table, read_table
 from cutbench.data.titles import UNITS
 
 #: Other names under which a column may be given.
 _ALIASES = {"opening": "displacement", "slip": "displacement", "traction": "stress"}
-#: Columns that give the abscissa and the ordinate, by kind: exactly one of each.
-_ABSCISSA = {
-    **dict.fromkeys(HOMOGENEOUS, ("displacement", "stretch", "strain")),
-    **dict.fromkeys(("cut", "sliding", "separation"), ("displacement",)),
-}
-_ORDINATE = {"cut": ("force",), **dict.fromkeys((*HOMOGENEOUS, "sliding", "separation"), ("force", "stress"))}
-_SPECIMEN = {
-    "cut": ("width", "length", "height", "precut"),
-    **dict.fromkeys(HOMOGENEOUS, ("length", "area", "diameter", "width", "thickness")),
-    "sliding": ("area", "diameter", "length", "width"),
-    "separation": ("area", "diameter", "length", "width"),
-}
-#: What tests are called elsewhere, and what they are here.
-_MEANT = {
-    "cutting": "cut",
-    **dict.fromkeys(("tension", "tensile"), "uniaxial"),
-    **dict.fromkeys(
-        ("compression", "compressive"),
-        "uniaxial, with factors = { displacement = -1, force = -1 } if the machine counts down as positive",
-    ),
-    "biaxial": "equibiaxial",
-    "friction": "sliding",
-    "planar": "pure_shear",
-}
-_EVERY = (
-    "id", "kind", "data", "columns", "units", "factors", "specimen", "speed", "role", "from", "until",
-    "source",
-)  # fmt: skip
-_EXTRA = {
-    "cut": ("blade", "fields", "zero", "force_zero"),
-    **dict.fromkeys(HOMOGENEOUS, ("stress", "zero", "force_zero")),
-    "sliding": ("pressure", "normal_force"),
-    "separation": ("direction", "zero", "force_zero"),
-}
+#: Files of a folder that a message names.
+_THERE = 12
 
 
 @contextmanager
@@ -74,7 +47,8 @@ def _line(text: str, key: str, number: int) -> int | None:
     if number >= len(heads):
         return None
     end = heads[number + 1] if number + 1 < len(heads) else len(lines)
-    section, _, name = key.rpartition(".")
+    section, _, name = key.partition(".")
+    section, name = (section, name.rpartition(".")[2]) if name else ("", section)
 
     def first(word: str, begin: int, stop: int) -> int | None:
         pattern = re.compile(rf"(^|[\s{{,.\[]){re.escape(word)}[\"']?\s*(=|\.|\])")
@@ -94,44 +68,45 @@ def read_experiment(table: Mapping[str, object], folder: Path) -> Experiment:
 
     Raises BadInput; where the fault is in a data file, the error names that file and its line.
     """
-    if (meant := _MEANT.get(str(table.get("kind")).lower())) is not None:
-        raise BadInput(key="kind", value=str(table["kind"]), expected=meant)
-    kind = _choice(table, "kind", KINDS)
-    for key in table:
-        if key not in (*_EVERY, *_EXTRA[kind]):
-            owners = [k for k, keys in _EXTRA.items() if key in keys]
-            expected = one_of(key, (*_EVERY, *_EXTRA[kind]))
-            if owners:
-                expected = f"it in a test of kind {' or '.join(owners)}, not {kind}"
-            raise BadInput(key=key, value=str(table[key])[:60], expected=expected)
+    kind = kind_of(table)
     name = table.get("id")
     name = written("id", name, "a name, such as id = 'slow'", value=_shown(name))
     role = _choice(table, "role", ROLES, "train")
-    specimen = _lengths(table, "specimen", _SPECIMEN[kind])
-    if {"area", "diameter"} <= specimen.keys():
-        expected = "the area or the diameter, not both"
-        raise BadInput(key="specimen.diameter", value=f"{specimen['diameter']:g} mm", expected=expected)
+    sizes = written_sizes(table, "specimen", SIZES[kind], several=kind != "cut")
     columns = _columns(table, kind)
-    _need_specimen(kind, specimen, columns)
-    blade = _lengths(table, "blade", ("thickness", "tip", "edge_radius", "shoulder")) if kind == "cut" else {}
+    need_sizes(kind, sizes, columns)
+    sharp = written_sizes(table, "blade", ("thickness", "tip", "edge_radius", "shoulder") * (kind == "cut"))
+    blade = {key: size for key, size in sharp.items() if isinstance(size, float)}
     if kind == "cut" and "thickness" not in blade:
         raise BadInput(key="blade.thickness", value="(missing)", expected="blade = { thickness = '0.7 mm' }")
-    speed = _speed(table, kind, specimen)
     units, factors = _units(table, columns), _factors(table, columns)
+    blocks = _choice(table, "blocks", BLOCKS) if "blocks" in table else None
+    skip = table.get("skip", [])
+    skip = [skip] if isinstance(skip, str) else skip
+    if not isinstance(skip, list) or not all(isinstance(text, str) and text.strip() for text in skip):
+        expected = "how lines that are no readings begin, such as skip = ['Mean', 'Maximum']"
+        raise BadInput(key="skip", value=str(skip)[:60], expected=expected)
+    tables = [
+        (
+            joined([arranged(read_table(p, columns, units, wide=True, skip=skip), blocks) for p in paths]),
+            label,
+        )
+        for paths, label in _files(table, folder)
+    ]
+    _beside([read for read, _ in tables])
+    titles = [title for read, label in tables for title in titles_of(read, label).values()]
+    for label, count in Counter(titles).items():
+        if count > 1:
+            raise BadInput(key=LABEL, value=label, expected="each repetition in one file only")
+    own, specimen = own_sizes(sizes, titles)
+    speed = _speed(table, kind, specimen)
     pressure = _pressure(table, columns, specimen) if kind == "sliding" else 0.0
-    tables = [(read_table(path, columns, units, wide=True), label) for path, label in _files(table, folder)]
+    zeros = {key: by_repetition(key, table[key], titles) for key in TAKEN_OFF if key in table}
     repetitions = [
         r
         for read, label in tables
-        for r in repetitions_of(read, kind, label, table, specimen, speed, factors)
+        for r in repetitions_of(read, kind, label, table, own, speed, factors, zeros)
     ]
-    for label, count in Counter(r.name for r in repetitions).items():
-        if count > 1:
-            raise BadInput(key=LABEL, value=label, expected="each repetition in one file only")
-    for key in TAKEN_OFF:
-        if isinstance(given := table.get(key), dict):
-            for label, raw in given.items():
-                among(f"{key}.{label}", label, [r.name for r in repetitions], value=str(raw)[:60])
     source = table.get("source", "")
     if not isinstance(source, str):
         raise BadInput(key="source", value=str(source)[:60], expected="a text in quotes")
@@ -141,10 +116,13 @@ def read_experiment(table: Mapping[str, object], folder: Path) -> Experiment:
     for read, _ in tables:
         if len(read.specimens) > 1:
             notes += (f"{read.path.name} holds specimens side by side: {', '.join(read.specimens)}",)
+        notes += read.notes
     notes += contact_notes(repetitions)
+    notes += size_notes(kind, sizes, specimen, all(r.x.max() <= 1.01 for r in repetitions))
     if kind == "sliding" and not pressure and not {"pressure", "normal_force"} & columns.keys():
         notes += ("no pressure given: 0, so that only adhesion resists",)
     fields, noise_mm = read_fields_of(table["fields"], folder) if "fields" in table else ((), 0.0)
+    notes += tuple(dict.fromkeys(note for field in fields for note in field.notes))
     made = Experiment(
         name, kind, tuple(repetitions), role, specimen, blade, speed, pressure,
         _choice(table, "direction", ("opening", "sliding"), "opening") if kind == "separation" else "opening",
@@ -168,29 +146,11 @@ def _choice(table: Mapping, key: str, known: tuple[str, ...], default: str | Non
     return value
 
 
-def _section(table: Mapping, key: str) -> dict:
-    part = table.get(key, {})
-    if not isinstance(part, dict):
-        raise BadInput(key=key, value=str(part)[:60], expected=f"a table, such as {key} = {{ … }}")
-    return part
-
-
-def _lengths(table: Mapping, key: str, known: tuple[str, ...]) -> dict[str, float]:
-    found = {}
-    for name, raw in _section(table, key).items():
-        among(f"{key}.{name}", name, known, value=str(raw)[:60])
-        unit = "mm^2" if name == "area" else "mm"
-        found[name] = parse_quantity(raw, unit, key=f"{key}.{name}")
-        if not (np.isfinite(found[name]) and found[name] > 0):
-            raise BadInput(key=f"{key}.{name}", value=str(raw), expected=f"more than 0 {unit}")
-    return found
-
-
 def _columns(table: Mapping, kind: str) -> dict[str, str | int | list[str | int]]:
     """Column by role, or one for each specimen; without ``columns`` they are looked for by their roles."""
     optional = ("time", LABEL) + (("pressure", "normal_force") if kind == "sliding" else ())
-    known = (*_ABSCISSA[kind], *_ORDINATE[kind], *optional)
-    given = _section(table, "columns")
+    known = (*ABSCISSA[kind], *ORDINATE[kind], *optional)
+    given = part_of(table, "columns")
     found: dict[str, str | int | list[str | int]] = {}
     for key, name in given.items():
         role = _ALIASES.get(key, key) if kind not in ("cut", *HOMOGENEOUS) else key
@@ -207,8 +167,8 @@ def _columns(table: Mapping, kind: str) -> dict[str, str | int | list[str | int]
             expected = f"a column for each specimen, {max(counts.values())} in every list, and no repetition"
             raise BadInput(key=f"columns.{key}", value=str(given[key])[:60], expected=expected)
     if not given:
-        found = {_ABSCISSA[kind][0]: _ABSCISSA[kind][0], _ORDINATE[kind][0]: _ORDINATE[kind][0]}
-    for what, choices in (("x", _ABSCISSA[kind]), ("y", _ORDINATE[kind])):
+        found = {ABSCISSA[kind][0]: ABSCISSA[kind][0], ORDINATE[kind][0]: ORDINATE[kind][0]}
+    for what, choices in (("x", ABSCISSA[kind]), ("y", ORDINATE[kind])):
         named = [role for role in choices if role in found]
         if len(named) > 1:
             expected = f"it or {named[0]}, not both"
@@ -221,20 +181,6 @@ def _columns(table: Mapping, kind: str) -> dict[str, str | int | list[str | int]
 
 def _is_column(name: object) -> bool:
     return bool(name.strip()) if isinstance(name, str) else type(name) is int and name >= 1
-
-
-def _need_specimen(kind: str, specimen: Mapping[str, float], columns: Mapping) -> None:
-    if kind == "cut":
-        needed = ["width", "length", "height"]
-    else:
-        needed = ["length"] if kind in HOMOGENEOUS and "displacement" in columns else []
-        if ("force" in columns or "normal_force" in columns) and area_of(kind, specimen) is None:
-            needed.append("area")
-    for name in needed:
-        if name not in specimen:
-            unit = "mm^2" if name == "area" else "mm"
-            expected = f"specimen = {{ {name} = '… {unit}' }}" + ", or its diameter" * (name == "area")
-            raise BadInput(key=f"specimen.{name}", value="(missing)", expected=expected)
 
 
 def _speed(table: Mapping, kind: str, specimen: Mapping[str, float]) -> float | None:
@@ -260,7 +206,7 @@ def _speed(table: Mapping, kind: str, specimen: Mapping[str, float]) -> float | 
 def _by_role(table: Mapping, section: str, columns: Mapping) -> Iterator[tuple[str, str, object]]:
     """Full key, role of the column and what is written, for each entry of ``section``. Raises BadInput."""
     known = [name for name in columns if name != LABEL]
-    for key, raw in _section(table, section).items():
+    for key, raw in part_of(table, section).items():
         role = _ALIASES[key] if _ALIASES.get(key) in columns else key
         among(f"{section}.{key}", role, known, value=str(raw)[:60])
         yield f"{section}.{key}", role, raw
@@ -302,20 +248,60 @@ def _pressure(table: Mapping, columns: Mapping, specimen: Mapping[str, float]) -
     return value
 
 
-def _files(table: Mapping, folder: Path) -> list[tuple[Path, str | None]]:
-    """Data files, each with the repetition that it is if there are several."""
+def _files(table: Mapping, folder: Path) -> list[tuple[list[Path], str | None]]:
+    """The files of each specimen, one or several that follow one another, and its name if there are several
+    specimens."""
     data = table.get("data")
-    given = data if isinstance(data, list) else [data]
-    listed = [name for name in given if isinstance(name, str) and name.strip()]
-    if not listed or len(listed) < len(given):
-        expected = "a file beside this one, such as data = 'slow.csv'"
-        raise BadInput(key="data", value=_shown(data), expected=expected)
-    if len(set(listed)) < len(listed):
-        raise BadInput(key="data", value=str(listed), expected="each file once")
-    for name in listed:
-        if not (folder / name).is_file():
-            raise BadInput(key="data", value=name, expected=f"a file that exists in {folder}")
-    return [(folder / name, Path(name).stem if len(listed) > 1 else None) for name in listed]
+    entries = data if isinstance(data, list) else [data]
+    found: list[list[str]] = []
+    for entry in entries:
+        parts = entry if isinstance(entry, list) else [entry]
+        if not parts or not all(isinstance(name, str) and name.strip() for name in parts):
+            expected = (
+                "a file beside this one, such as data = 'slow.csv', a list of files, one a specimen, or, for"
+                " files of one specimen that follow one another, data = [['ramp.csv', 'hold.csv']]"
+            )
+            raise BadInput(key="data", value=_shown(data), expected=expected)
+        files = [file for name in parts for file in _matching(str(name), folder)]
+        found += [files] if isinstance(entry, list) else [[file] for file in files]
+    every = [file for files in found for file in files]
+    if len(set(every)) < len(every):
+        raise BadInput(key="data", value=str(every)[:200], expected="each file once")
+    several = len(found) > 1
+    return [([folder / name for name in files], Path(files[0]).stem if several else None) for files in found]
+
+
+def _beside(tables: list[Table]) -> None:
+    """Raise BadInput where a file begins at the travel at which the one before it ends: they follow one
+    another, and are no specimens."""
+    for role in ("displacement", "stretch", "strain"):
+        for one, other in pairwise(tables):
+            if role not in one.columns or one.labels is not None or one.lines.size < 2:
+                continue
+            x, begins = one.columns[role], other.columns[role][0]
+            if abs(begins - x[0]) > 0.5 * np.ptp(x) and abs(begins - x[-1]) < 0.02 * np.ptp(x):
+                names = [read.path.name for read in tables]
+                expected = (
+                    f"data = [{names}], files of one specimen that follow one another: {other.path.name}"
+                    f" begins where {one.path.name} ends; a plain list is a specimen a file"
+                )
+                raise BadInput(key="data", value=str(names)[:60], expected=expected)
+
+
+def _matching(name: str, folder: Path) -> list[str]:
+    """The file called ``name``, or those that match it as a pattern such as cut_*.csv, by their numbers."""
+    if (folder / name).is_file():
+        return [name]
+    found = [file for file in glob(name, root_dir=folder) if (folder / file).is_file()]
+    if not found:
+        there = sorted(path.name for path in folder.iterdir() if path.is_file() and path.suffix != ".toml")
+        shown = ", ".join(there[:_THERE]) + (", …" if len(there) > _THERE else "")
+        guess = nearest(name, there)
+        expected = (
+            f"a file that exists in {folder}" + (f"; there are {shown}" if there else ", which has none")
+        ) + (f"; did you mean '{guess}'?" if guess else "")
+        raise BadInput(key="data", value=name, expected=expected)
+    return sorted(found, key=lambda file: [int(p) if p.isdigit() else p for p in re.split(r"(\d+)", file)])
 
 
 def _same_speed(e: Experiment) -> None:

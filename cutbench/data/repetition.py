@@ -23,8 +23,8 @@ class Repetition:
     """The readings of one specimen: ``x``, ``y`` (n,) as the module says, ``time_s`` (n,) or None.
 
     ``pressure_MPa`` (n,): contact pressure of a sliding test where it was measured. ``lines`` (n,)
-    and ``file`` say where each reading stands; they are for messages alone. ``contact``: where the machine
-    met the specimen, in recorded values, where that was asked for.
+    and ``file``, one for all or one for each, say where each reading stands; they are for messages alone.
+    ``contact``: where the machine met the specimen, in recorded values, where that was asked for.
     """
 
     x: np.ndarray
@@ -32,7 +32,7 @@ class Repetition:
     time_s: np.ndarray | None = None
     name: str = "1"
     pressure_MPa: np.ndarray | None = None
-    file: str | None = None
+    file: str | tuple[str, ...] | None = None
     lines: np.ndarray | None = None
     contact: Contact | None = None
 
@@ -55,7 +55,8 @@ class Repetition:
         place = "" if self.name == "1" else f" in repetition '{self.name}'"
         if at is not None and line is None:
             place += f", reading {at + 1}"
-        return BadInput(file=self.file, line=line, key=key + place, value=value, expected=expected)
+        file = self.file[at or 0] if isinstance(self.file, tuple) else self.file
+        return BadInput(file=file, line=line, key=key + place, value=value, expected=expected)
 
 
 @dataclass(frozen=True, eq=False)

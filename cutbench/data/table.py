@@ -1,56 +1,47 @@
 """Measured readings from text files as machines and spreadsheets write them; the files are only read.
 
-Understood without being told: separators ; tab , | and blanks; decimal commas; any lines above the
-header; comments; units in column names ("F [N]", "Force (mN)", "F / N", "force_N") or in a row below;
-specimens side by side; quotes; UTF-8 with or without BOM, UTF-16, Latin-1; any line ends. Whatever would
-have to be guessed is refused with file, line, column and value.
+Understood by itself: separators ; tab , | and blanks; decimal commas; any lines above the header; comments;
+units in column names ("F [N]", "Force (mN)", "F / N", "force_N") or in a row below; clock times; specimens
+side by side; blocks below each other under repeated headings; lines of words behind the readings; quotes;
+UTF-8 with or without BOM, UTF-16, Latin-1; any line ends. Whatever would have to be guessed is refused with
+file, line, column and value.
 """
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from cutbench.base.errors import BadInput
-from cutbench.data.layout import (
-    LABEL,
-    Column,
-    Layout,
-    find_layout,
-    is_empty,
-    lines_of,
-    number_in,
-    split,
-    wrong,
-)
-from cutbench.data.titles import UNITS, parted, size_of
-
-#: Separators that no number has in it, so that cells beyond the header harm nothing.
-_SAFE = (";", "\t", "|")
+from cutbench.data.cells import is_missing, lines_of, number_in, wrong
+from cutbench.data.clock import is_clock, seconds
+from cutbench.data.layout import LABEL, Column, Layout, find_layout
+from cutbench.data.rows import Row, decimal_comma, rows_of
+from cutbench.data.titles import UNITS, bracketed, meant_unit, parted, size_of
 
 
 @dataclass(frozen=True)
 class Table:
-    """Columns by role, (n,) in mm, N, s, MPa; ``labels`` (n,) of the repetitions; ``lines`` (n,);
-    ``specimens`` that stand side by side, by name."""
+    """Columns by role, (n,) in mm, N, s, MPa; ``labels`` (n,) of the repetitions; ``lines`` (n,) and
+    ``files`` (n,), where each reading stands; ``specimens`` that stand side by side, by name.
+
+    ``blocks`` (n,) count parts below each other, and ``titles`` are what stands above each. ``notes`` say
+    what was passed over or overruled; ``clock``: the times are those of a clock.
+    """
 
     path: Path
     columns: Mapping[str, np.ndarray]
     labels: tuple[str, ...] | None
     lines: np.ndarray
+    files: tuple[str, ...]
     specimens: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class _Rows:
-    """Readings that a file holds: cells, and the number of the line of each row."""
-
-    cells: list[list[str]]
-    lines: list[int]
+    blocks: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
+    titles: tuple[str, ...] = ("",)
+    notes: tuple[str, ...] = ()
+    clock: bool = False
 
 
 def read_table(
@@ -60,120 +51,100 @@ def read_table(
     blanks: Sequence[str] = (),
     *,
     wide: bool = False,
+    skip: Sequence[str] = (),
 ) -> Table:
     """Read the ``columns`` (role -> name in the header, or number from 1) of a text file.
 
-    ``units`` (role -> unit) where the header does not say. In the roles ``blanks`` an empty cell or nan
-    means not measured, and is nan. ``wide``: specimens may stand side by side, each with its columns, under
-    names that all stand several times or in lists of columns; their readings come one after another, labelled
-    by specimen. Raises BadInput for a file that cannot be read, a column that is missing or stands twice, a
-    unit that is missing, wrong or contradicted by the header, and cells that are no numbers.
+    ``units`` (role -> unit) where the header does not say, or is wrong. In the roles ``blanks`` an empty
+    cell, nan, #N/A and the like mean not measured, and are nan. ``wide``: specimens may stand side by side,
+    each with its columns, under names that all stand several times or in lists of columns; their readings
+    come one after another, labelled by specimen. Lines that begin with one of ``skip`` are passed over.
+
+    Raises BadInput for a file that cannot be read, a column that is missing or stands twice, a unit that is
+    missing or wrong, and cells that are no numbers.
     """
     path, units = Path(path), dict(units or {})
     lines = lines_of(path)
     layout = find_layout(path, lines, columns, wide)
-    rows = _rows(path, lines, layout)
-    comma = _decimal_comma(path, layout, rows)
-    read = [role for role in columns if role != LABEL]
-    found: dict[str, list[float]] = {role: [] for role in read}
+    rows, titles, notes = rows_of(path, lines, layout, skip)
+    comma = decimal_comma(path, layout, rows)
+    found: dict[str, list[float]] = {role: [] for role in columns if role != LABEL}
     labels: list[str] = []
-    numbers: list[int] = []
+    ordered: list[Row] = []
+    clock = False
     for k, specimen in enumerate(layout.specimens):
         part = _of_specimen(layout, rows, k)
-        for role in read:
-            factor = _factor(path, layout, role, k, units.get(role))
-            for row, line in zip(part.cells, part.lines, strict=True):
-                text = row[layout.where[role][k]]
-                blank = role in blanks and text.strip().lower() in ("", "nan")
-                value = np.nan if blank else _number(path, layout.title(role, k), text, line, comma)
-                found[role].append(factor * value)
-        numbers += part.lines
-        labels += [specimen] * len(part.lines)
+        for role in found:
+            title, cells = layout.title(role, k), [row.cells[layout.where[role][k]] for row in part]
+            if role == "time" and cells and is_clock(cells[0]):
+                times, at, wanted = seconds(cells, units.get(role))
+                if at is not None:
+                    raise wrong(path, part[at].line, title, cells[at], wanted)
+                clock, found[role] = True, [*found[role], *times]
+                continue
+            factor, note = _factor(path, layout, role, k, units.get(role))
+            notes += [note] if note and note not in notes else []
+            for text, row in zip(cells, part, strict=True):
+                blank = role in blanks and (not text or is_missing(text))
+                found[role].append(
+                    factor * (np.nan if blank else _number(path, title, text, row.line, comma))
+                )
+        ordered += part
+        labels += [specimen] * len(part)
     if LABEL in columns:
-        labels = [row[layout.where[LABEL][0]].strip() for row in rows.cells]
-        for label, line in zip(labels, numbers, strict=True):
-            if not label:
-                wanted = "the name of a repetition in every reading"
-                raise wrong(path, line, layout.title(LABEL), "", wanted)
+        labels = [row.cells[layout.where[LABEL][0]] for row in rows]
+        if "" in labels:
+            wanted = "the name of a repetition in every reading"
+            raise wrong(path, rows[labels.index("")].line, layout.title(LABEL), "", wanted)
     beside = layout.specimens if len(layout.specimens) > 1 else ()
-    values = {role: np.array(read) for role, read in found.items()}
-    named = tuple(labels) if beside or LABEL in columns else None
-    return Table(path, values, named, np.array(numbers, dtype=int), beside)
+    return Table(
+        path,
+        {role: np.array(read) for role, read in found.items()},
+        tuple(labels) if beside or LABEL in columns else None,
+        np.array([row.line for row in ordered], dtype=int),
+        (str(path),) * len(ordered),
+        beside,
+        np.array([row.block for row in ordered], dtype=int),
+        tuple(titles),
+        tuple(notes),
+        clock,
+    )
 
 
-def _factor(path: Path, layout: Layout, role: str, specimen: int, given: str | None) -> float:
-    """From the file's unit of ``role`` to the internal one."""
-    target, title = UNITS[role], layout.title(role, specimen)
-    line = layout.header + 1 if layout.header >= 0 else None
-    written = layout.below.get(layout.where[role][specimen]) or parted(title, target)[1]
-    wanted = "a number without unit, written '1'" if target == "1" else f"a unit such as '{target}'"
-    if given is not None:
-        factor = size_of(given, target)
-        if factor is None:
-            raise BadInput(key=f"units.{role}", value=given, expected=wanted)
-        if written is not None and size_of(written, target) != factor:
-            raise wrong(path, line, title, written, f"the unit that units.{role} gives, '{given}'")
-        return factor
-    if written is None:
-        if target == "1":
-            return 1.0
-        wanted = f"units = {{ {role} = '{target}' }} in the campaign, or a title '{title} [{target}]'"
-        raise wrong(path, line, title, "no unit", wanted)
-    factor = size_of(written, target)
-    if factor is None:
-        raise wrong(path, line, title, written, f"{wanted} for {role}")
-    return factor
-
-
-def _rows(path: Path, lines: list[str], layout: Layout) -> _Rows:
-    found = _Rows([], [])
-    need, width = max(max(at) for at in layout.where.values()) + 1, len(layout.names)
-    for number, line in enumerate(lines[layout.body :], start=layout.body + 1):
-        if is_empty(line):
-            continue
-        try:
-            cells = split(line, layout.separator)
-        except csv.Error as error:
-            raise wrong(path, number, "row", line[:40], f"a row of cells ({error})") from error
-        if not any(cells):
-            continue
-        if len(layout.specimens) > 1 and layout.separator is not None:
-            cells += [""] * (need - len(cells))  # of specimens that have ended
-        if len(cells) < need or (any(cells[max(width, need) :]) and layout.separator not in _SAFE):
-            wanted = f"{width} cells as in the header, not {len(cells)}"
-            if layout.separator == "," and len(cells) > width:
-                wanted += "; decimal commas need another separator, such as a semicolon"
-            raise wrong(path, number, "row", line.strip()[:60], wanted)
-        found.cells.append(cells)
-        found.lines.append(number)
-    if not found.cells:
-        raise wrong(path, layout.body, "data", "no reading below the header", "readings")
-    return found
-
-
-def _of_specimen(layout: Layout, rows: _Rows, specimen: int) -> _Rows:
+def _of_specimen(layout: Layout, rows: list[Row], specimen: int) -> list[Row]:
     """The rows up to the last in which this specimen has a reading."""
     if len(layout.specimens) == 1:
         return rows
     own = layout.own(specimen)
-    last = max((i for i, row in enumerate(rows.cells) if any(row[at] for at in own)), default=-1)
-    return _Rows(rows.cells[: last + 1], rows.lines[: last + 1])
+    last = max((i for i, row in enumerate(rows) if any(row.cells[at] for at in own)), default=-1)
+    return rows[: last + 1]
 
 
-def _decimal_comma(path: Path, layout: Layout, rows: _Rows) -> bool:
-    """Whether numbers are written 1,5. Both 1,5 and 1.5 in one file are refused."""
-    seen: dict[str, tuple[str, int]] = {}
-    read = [at for role, columns in layout.where.items() if role != LABEL for at in columns]
-    for row, line in zip(rows.cells, rows.lines, strict=True):
-        for at in read:
-            for sign in ",.":
-                if sign in row[at]:
-                    seen.setdefault(sign, (row[at], line))
-        if len(seen) == 2:
-            text, last = max(seen.values(), key=lambda item: item[1])
-            wanted = "one decimal sign in all of the file, and no sign between thousands"
-            raise wrong(path, last, "number", text, wanted)
-    return "," in seen
+def _factor(
+    path: Path, layout: Layout, role: str, specimen: int, given: str | None
+) -> tuple[float, str | None]:
+    """From the file's unit of ``role`` to the internal one, and what to know of it: units of the campaign
+    overrule the file's."""
+    target, title = UNITS[role], layout.title(role, specimen)
+    if not target:
+        return 1.0, None
+    written = layout.below.get(layout.where[role][specimen]) or parted(title, target)[1]
+    factor = size_of(written or "", target)
+    if given is not None:
+        if (own := size_of(given, target)) is None:
+            raise BadInput(key=f"units.{role}", value=given, expected=meant_unit(given, target))
+        overruled = f"{path.name}: {title} is read in '{given}', as units.{role} says, not in '{written}'"
+        return own, overruled if written is not None and factor != own else None
+    if factor is not None:
+        return factor, None
+    other = written or bracketed(title)
+    if target == "1" and other is None:
+        return 1.0, None
+    overrules = (
+        f"units = {{ {role} = '{target}' }} in the campaign, or what else it is in, overrules the file"
+    )
+    line = layout.header + 1 if layout.header >= 0 else None
+    raise wrong(path, line, title, other or "no unit", f"{meant_unit(other or '', target)}; {overrules}")
 
 
 def _number(path: Path, title: str, cell: str, line: int, comma: bool) -> float:

@@ -224,11 +224,16 @@ def _estimated(study: Study, estimates: Mapping[tuple[int, ...], BoundaryEstimat
 
 def load_map(path: str | os.PathLike[str]) -> xr.Dataset:
     """A map from ``map.nc``; BadInput if the file is not there or is none."""
+    if not Path(path).is_file():
+        sorts = ("run", "fit", "discovery", "band")
+        there = [what for what in sorts if Path(path).with_name(f"{what}.json").is_file()]
+        found = f"; that folder is of a {there[0]}" if there else ""
+        raise BadInput("map", str(path), f"a map that exists, map.nc in the folder of a sweep{found}")
     try:
         with xr.open_dataset(path, engine="h5netcdf") as file:
             data = file.load()
     except (OSError, ValueError) as error:
-        raise BadInput("map", str(path), f"a map.nc of a sweep ({error})") from error
+        raise BadInput("map", str(path), "a map.nc of a sweep; this file is none, or broken") from error
     if "label" not in data or "plot_x" not in data.attrs:
         raise BadInput("map", str(path), "a map.nc of a sweep, with labels and axes")
     # Maps of before there were modes are grids.

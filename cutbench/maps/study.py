@@ -18,7 +18,7 @@ from typing import TypeVar
 import numpy as np
 
 from cutbench.base.errors import BadInput
-from cutbench.base.toml import among, line_of, located, read_toml, written
+from cutbench.base.toml import among, line_of, located, read_toml, refuse_other, written
 from cutbench.case import materials
 from cutbench.case.case import Case, load_case
 from cutbench.case.model import Model, section_of
@@ -168,6 +168,7 @@ def load_study(path: str | Path) -> Study:
     """The study in a TOML file; every error a person can make in it is a BadInput."""
     path = Path(path)
     table, text = _read(path)
+    refuse_other(table, path, "axis")
     with located(path, text):
         refuse_unknown(table, _TOP)
         title = table.get("title", path.stem)

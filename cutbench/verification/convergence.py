@@ -17,7 +17,7 @@ from pathlib import Path
 from cutbench.base.errors import BadInput
 from cutbench.base.files import check_writable
 from cutbench.base.progress import OnProgress, silent
-from cutbench.base.toml import among, line_of, located, read_toml, written
+from cutbench.base.toml import among, line_of, located, read_toml, refuse_other, written
 from cutbench.case.case import Case, load_case
 from cutbench.run.pool.batch import CUT, Batch
 from cutbench.run.pool.worker import Run
@@ -90,6 +90,7 @@ def load_plan(path: str | Path) -> ConvergencePlan:
     """Read a study of convergence. Raises BadInput with file, line, key, value and what would be right."""
     path = Path(path)
     table, text = read_toml(path)
+    refuse_other(table, path, "change")
     with located(path, text):
         for key in table:
             among(key, key, _TOP, value=str(table[key]))

@@ -13,10 +13,28 @@ from cutbench.cli.progress import bar
 from cutbench.cli.show import show
 
 
+def _named(columns: str | None) -> dict[str, str | int] | None:
+    """Columns by role, from x=X,y=Y,u=U,v=V; a number counts from 1."""
+    from cutbench.base.errors import BadInput
+
+    if columns is None:
+        return None
+    found: dict[str, str | int] = {}
+    for part in columns.split(","):
+        role, sign, name = (text.strip() for text in part.partition("="))
+        if not sign or not name or role not in ("x", "y", "u", "v", "u_x", "u_y", "travel"):
+            expected = "x, y, u, v and travel with their titles or numbers, such as x=X,y=Y,u=U,v=V"
+            raise BadInput("--columns", part.strip(), expected)
+        found[role] = int(name) if name.isdigit() else name
+    return found
+
+
 @exits
 def dic(
     material: Source,
-    fields: Annotated[Path, typer.Argument(metavar="FIELDS.csv", help="Columns x, y, u_x, u_y.")],
+    fields: Annotated[
+        Path, typer.Argument(metavar="FIELDS.csv", help="Columns x, y, u_x, u_y, or as --columns says.")
+    ],
     sets: Sets = None,
     h: Size = None,
     without: Without = None,
@@ -31,6 +49,20 @@ def dic(
     at: Annotated[
         str | None,
         typer.Option("--travel", metavar="MM", help="Blade travel of a file that has no such column."),
+    ] = None,
+    columns: Annotated[
+        str | None, typer.Option(metavar="x=X,y=Y,u=U,v=V", help="Titles or numbers of the columns.")
+    ] = None,
+    unit: Annotated[
+        str | None,
+        typer.Option(metavar="UNIT", help="Of the columns, where their titles have none, or a wrong one."),
+    ] = None,
+    valid: Annotated[
+        str | None,
+        typer.Option(
+            metavar="'COLUMN >= NUMBER'",
+            help="Points that were measured; default: by sigma or a correlation, if there is one. none: all.",
+        ),
     ] = None,
     out: Out = None,
 ) -> None:
@@ -49,8 +81,11 @@ def dic(
     given = math.nan if at is None else parse_quantity(in_mm(at), "mm", key="--travel")
     measured = read_fields(
         fields, configuration="reference" if reference else "deformed", y_down=y_down, shift_mm=(right, up),
-        travel_mm=given,
+        travel_mm=given, columns=_named(columns), valid=valid,
+        units=None if unit is None else dict.fromkeys(("x", "y", "u_x", "u_y", "travel"), unit),
     )  # fmt: skip
+    for note in dict.fromkeys(note for field in measured for note in field.notes):
+        typer.echo(f"note: {note}")
     for mm in (field.travel_mm for field in measured if not field.travel_mm > 0):
         value = "(missing)" if math.isnan(mm) else f"{mm:g} mm"
         expected = "blade travels above 0, as a column 'travel [mm]' or by --travel"
