@@ -56,6 +56,10 @@ FILES = {
         "X [mm],Y [mm],U [mm],V [mm],Sigma",
         lambda x, y, u, v, found: f"{x},{y},{u},{v},0.01" if found else ",,0,0,-1",
     ),
+    "failed and put at 0": (
+        "X [mm],Y [mm],U [mm],V [mm],Sigma",
+        lambda x, y, u, v, found: f"{x},{y},{u},{v},0.01" if found else "0,0,0,0,-1",
+    ),
     "DICe": (
         "x [mm],y [mm],u_x [mm],u_y [mm],SIGMA,GAMMA",
         plain("9,9", lambda f: ",0.004,0.1" if f else ",-1,-1"),

@@ -65,6 +65,13 @@ def test_several_specimens_of_several_files(tmp_path):
     assert {r.x.size for r in e.repetitions} == {70}
 
 
+def test_a_travel_that_was_set_to_zero_between_files_is_noted(tmp_path):
+    files = ramp_and_hold(None)
+    files["hold.txt"] = files["hold.txt"].replace("20.0000\t", "0.0000\t")
+    e = experiment(made.campaign(tmp_path, files, data='[["ramp.txt", "hold.txt"]]'))
+    assert any("20 mm" in note for note in e.notes)
+
+
 def test_a_plain_list_of_such_files_leads_there(tmp_path):
     message = made.refused(
         ["data", str(made.campaign(tmp_path, ramp_and_hold(None), data='["ramp.txt", "hold.txt"]'))]
@@ -104,6 +111,8 @@ def blocks(titles: list[str], starts: list[float], head: str = made.HEAD, first:
         (["", ""], [0, 20], "cycles"),
         (["Specimen 1", "Specimen 2", "Specimen 3"], [0, 0, 0], "specimens"),
         (["Sample A", "Sample B"], [0, 20], "specimens"),
+        (["Test: pull", "Test: pull", "Test: pull"], [0, 20, 40], "cycles"),
+        (["Test: pull", "Test: pull"], [0, 0], "specimens"),
         (["", ""], [0, 0], "specimens"),
         (["left half", "right half"], [0, 0], "specimens"),
     ],
@@ -114,7 +123,7 @@ def test_blocks_are_cycles_or_specimens(tmp_path, titles, starts, how):
     assert sizes == ([40 * len(titles)] if how == "cycles" else [40] * len(titles))
     assert all(np.all(np.diff(r.time_s) > 0) for r in e.repetitions)
     assert any(how in note for note in e.notes)
-    if how == "specimens" and all(titles):
+    if how == "specimens" and all(titles) and len(set(titles)) == len(titles):
         assert [r.name for r in e.repetitions] == titles
 
 

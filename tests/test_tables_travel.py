@@ -98,6 +98,8 @@ MANGLED = {
     "points lost by a locale": (lost, 201),
     "all points lost from one reading on": (scaled(1e4, range(100, 400)), 100),
     "one point lost": (scaled(10, [250]), 250),
+    "the second reading": (scaled(100, [1]), 1),
+    "the last but one": (scaled(-0.1, [398]), 398),
     "one point lost twice": (scaled(100, [150]), 150),
     "points lost for three readings": (scaled(10, [150, 151, 152]), 150),
     "thousands for decimals": (lambda k, u: f"{1000 * u:.0f}" if u < 1 else f"{u:.3f}", 201),

@@ -178,7 +178,7 @@ def _way(x: np.ndarray, y: np.ndarray | None = None) -> float:
     start = float(np.median(x[:3]))
     most = x[np.argmax(np.abs(x - start))]
     if y is not None:
-        loaded = x[np.argmax(np.abs(y - np.median(y[:3])))]
+        loaded = x[1 + np.argmax(np.abs(y[1:] - np.median(y[:3])))]
         most = loaded if abs(loaded - start) > JITTER * np.ptp(x) else most
     return -1.0 if most < start else 1.0
 

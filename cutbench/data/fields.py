@@ -151,13 +151,15 @@ def read_fields(
     if y_down:
         data |= {"y": -data["y"], "u_y": -data["u_y"]}
     travels = data["travel"] if "travel" in data else np.full(table.lines.size, travel_mm)
-    placed = np.isfinite(data["x"]) & np.isfinite(data["y"])
+    placed = ~lost & np.isfinite(data["x"]) & np.isfinite(data["y"])
+    if not placed.any():
+        expected = "points that were found; 'none' takes all for found"
+        raise BadInput(file=str(path), key="valid", value=str(valid or rule), expected=expected)
     fields = []
     for travel in np.unique(travels[placed]):
         here = placed & (np.isnan(travels) if np.isnan(travel) else travels == travel)
         points = np.stack([data["x"][here] + shift_mm[0], data["y"][here] + shift_mm[1]])
         u = np.stack([data["u_x"][here], data["u_y"][here]])
-        u[:, lost[here]] = np.nan
         still = _still(points, u)
         u[:, still] = np.nan
         said = [*notes, *_left_out(path, table.lines[here][still], "both displacements are exactly 0")]

@@ -43,19 +43,22 @@ def check_steps(read: Mapping[str, np.ndarray], files: Sequence[str], lines: np.
 
 
 def _jumps(x: np.ndarray, time: np.ndarray | None) -> Iterator[tuple[int, float, float]]:
-    """Readings that jump, by how many steps, and where they should be."""
+    """Readings that jump, by how many steps, and where they should be, seen from those before or behind."""
     steps = np.abs(np.diff(x))
     if time is not None and np.all(np.diff(time) > 0):
         # Where readings are farther apart in time, they are in travel too.
         steps = np.minimum(steps, steps * np.median(np.diff(time)) / np.diff(time))
-    usual = median_filter(steps, 2 * BEFORE + 1, mode="nearest")
-    for j in map(int, np.flatnonzero((steps > TENS * usual) & (usual > 0))):
-        before = np.diff(x[max(j - BEFORE, 0) : j + 1])
-        if before.size < 2 or abs(before.sum()) < max(ONE_WAY * np.abs(before).sum(), 1e-300):
-            continue
-        step = float(before.mean())
-        later = x[j + 2 : j + 2 + OFF]
-        back = np.abs(later - x[j]) < NEAR * abs(step) * np.arange(2, 2 + later.size)
-        shifted = np.abs(x[j + 1] / POWERS - x[j] - step) < NEAR * abs(step)
-        if steps[j] > TENS * abs(step) and (shifted.any() or back.any()):
-            yield j + 1, steps[j] / abs(step), x[j] + step
+    usual = median_filter(steps, 2 * BEFORE + 1, mode="mirror")
+    wide = (steps > TENS * usual) & (usual > 0)
+    for way in (1, -1):
+        z, size = x[::way], steps[::way]
+        for j in map(int, np.flatnonzero(wide[::way])):
+            before = np.diff(z[max(j - BEFORE, 0) : j + 1])
+            step = float(before.mean()) if before.size > 1 else 0.0
+            if abs(before.sum()) < ONE_WAY * np.abs(before).sum() or size[j] <= TENS * abs(step) or step == 0:
+                continue
+            goes, near, later = z[j] + step, NEAR * abs(step), z[j + 2 : j + 2 + OFF]
+            back = np.abs(later - z[j]) < near * np.arange(2, 2 + later.size)
+            shifted = (np.abs(z[j + 1] / POWERS - goes) < near) & (abs(goes) > NEAR * near) & (way > 0)
+            if shifted.any() or back.any():
+                yield j + 1 if way > 0 else x.size - 2 - j, size[j] / abs(step), goes

@@ -63,9 +63,10 @@ class Layout:
 
     def repeats(self, line: str) -> bool:
         """Whether ``line`` is the header once more."""
-        if self.header < 0 or self.names[0] not in line:
+        if self.header < 0 or not self.names[0].casefold() or self.names[0].casefold() not in line.casefold():
             return False
-        return split(uncommented(line), self.separator) == list(self.names)
+        cells, names = split(uncommented(line), self.separator), list(self.names)
+        return ";".join(cells).rstrip(";").casefold() == ";".join(names).rstrip(";").casefold()
 
     def is_text(self, cells: Sequence[str], reading: Sequence[str] | None) -> bool:
         """Whether a line is no reading but words: none of its cells that are read is a number, or it begins

@@ -17,6 +17,8 @@ CYCLE, SPECIMEN = "cycles", "specimens"
 BLOCKS = (CYCLE, SPECIMEN)
 #: A part that begins within so many steps of where the one before began has a clock of its own.
 _STEPS = 2.0
+#: Travel between files that follow one another, as a part of the way, which is spoken of.
+_APART = 0.05
 
 
 def arranged(table: Table, blocks: str | None = None) -> Table:
@@ -60,13 +62,20 @@ def joined(tables: Sequence[Table]) -> Table:
         titles=tuple(t.path.name for t in tables),
         notes=sum((t.notes for t in tables), ()),
     )
-    return _continued(whole)
+    apart = []
+    for a, b in pairwise(tables):
+        if "displacement" in first.columns:
+            x, begins = a.columns["displacement"], b.columns["displacement"][0]
+            if abs(begins - x[-1]) > _APART * np.ptp(x):
+                gap = f"{abs(begins - x[-1]):.4g} mm"
+                apart.append(f"{b.path.name} begins {gap} from where {a.path.name} ends")
+    return _continued(replace(whole, notes=(*whole.notes, *apart)))
 
 
 def _kind(table: Table) -> tuple[str, str]:
     """What the blocks are, and why."""
     for how, words in ((CYCLE, CYCLES), (SPECIMEN, SPECIMENS)):
-        named = [title for title in table.titles if words.match(title)]
+        named = list(dict.fromkeys(title for title in table.titles if words.match(title)))
         if len(named) >= len(table.titles) - 1:
             return how, f"as '{named[-1]}' says"
     second = np.searchsorted(table.blocks, 1)
