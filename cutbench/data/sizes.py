@@ -122,4 +122,11 @@ def size_notes(
         if most >= limit * least and not (pressed and high != "length"):
             times = f"{most:.4g} mm, is {most / least:.3g} times its {low}, {least:.4g} mm"
             notes.append(f"the specimen's {high}, {times}: is a size in another unit?")
+    if pressed and kind == "uniaxial" and area is not None and "length" in mean:
+        shape = np.sqrt(area / np.pi) / (2 * mean["length"])
+        notes.append(
+            "its ends are taken to slide on the plates. If they hold it, as dry ones do, it is"
+            f" {1 + 2 * shape**2:.3g} times as stiff at small strain, and more as it is pressed (Gent and"
+            " Lindley 1959, 10.1243/PIME_PROC_1959_173_022_02): a lubricant, or another height, tells"
+        )
     return tuple(notes)
