@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 import os
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from cutbench.case.case import Case, load_case
 from cutbench.case.motion import TRANSITION
 from cutbench.maps.dataset import MapRow, row_of
 from cutbench.maps.plan import plan_of
 from cutbench.maps.study import Study
 from cutbench.run.pool.pool import cores
+from cutbench.run.runner import run_case
 from cutbench.run.store.runs import Store
 
-#: Where no such run is in the store: CPU seconds per mm of travel at the default numerics, and the travel
-#: of a run until its transition (``benchmarks/transition.py``).
-S_PER_MM, TRANSITION_MM = 1.3, 6.0
+#: Where no such run is in the store: what a mm of travel takes at default numerics in times of a ``probe``
+#: on this machine, how many times as much with friction and on elements and steps half as large, and the
+#: travel of a run until its transition (``studies/transition.toml``).
+PER_MM, RUBBING, REFINED, TRANSITION_MM = 4.5, 4.0, 5.0, 6.0
 
 
 @dataclass(frozen=True)
 class Forecast:
     """``reused`` runs are in the store; ``first`` are to be computed for certain, ``most`` if a search takes
-    all that it may. A run takes ``seconds``, the mean of ``timed`` in the store (0: a stated rate)."""
+    all that it may. A run takes ``seconds``, the mean of ``timed`` in the store (0: by a short run)."""
 
     reused: int
     first: int
@@ -38,7 +42,7 @@ class Forecast:
     def text(self) -> str:
         """In one sentence."""
         runs = f"{self.first}" if self.first == self.most else f"{self.first} to {self.most}"
-        source = f"the mean of {self.timed} in the store" if self.timed else "a rate of the default numerics"
+        source = f"the mean of {self.timed} in the store" if self.timed else "by a short run here and now"
         hands = f"{self.workers} workers" if self.workers > 1 else "one process"
         most = "" if self.first == self.most else "at most "
         time = f"{self.total_s / 60:.2g} minutes" if self.total_s >= 60 else f"{self.total_s:.2g} s"
@@ -67,10 +71,31 @@ def forecast(study: Study, store: str | os.PathLike[str], workers: int | None = 
         times = [head["seconds"] for head in runs.heads().values()
                  if head["seconds"] and head["numerics"] == alike
                  and head["computation"] == study.base.computation]  # fmt: skip
-    travel = study.base.p.depth
-    if study.base.until == TRANSITION:
-        travel = min(travel, TRANSITION_MM)
     most = plan.most - len(rows) if study.search and missing else len(missing)
-    seconds = sum(times) / len(times) if times else S_PER_MM * travel
+    if times:
+        seconds = sum(times) / len(times)
+    elif not missing:
+        seconds = 0.0
+    else:
+        rates = [_rate(case) for case in plan_of(study).ask({})]
+        finer = min(study.doubtful.runs, most) * (REFINED - 1)
+        seconds = probe() * sum(rates) / len(rates) * (1 + finer / most)
     hands = cores() if workers is None else workers
     return Forecast(len(rows), len(missing), most, seconds, len(times), max(hands, 1))
+
+
+def _rate(case: Case) -> float:
+    """What a run takes, in times of a probe."""
+    travel = min(case.p.depth, TRANSITION_MM) if case.until == TRANSITION else case.p.depth
+    return PER_MM * travel * (RUBBING if case.values.get("mu", 0.0) > 0 else 1.0)
+
+
+def probe() -> float:
+    """Seconds of one core that a short run takes on this machine, once its loops are compiled."""
+    case = load_case("gelatin", {"depth": "0.5 mm", "numerics": "fast"})
+    taken = []
+    for _ in range(3):
+        began = time.process_time()
+        run_case(case)
+        taken.append(time.process_time() - began)
+    return min(taken)
