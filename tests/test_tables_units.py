@@ -7,8 +7,8 @@ import pytest
 import tables_made as made
 
 from cutbench.base.errors import BadInput
+from cutbench.base.spelling import meant_unit, size_of
 from cutbench.data.campaign import load_campaign
-from cutbench.data.titles import meant_unit, size_of
 
 POND = 9.80665e-3
 SPELT = {

@@ -121,11 +121,11 @@ def _outward(
     A machine that first drives back, and a first reading from before the test, do not count.
     """
     signs = [float(np.sign(factors.get(role, 1.0))) for role in ("displacement", load)]
+    if read[load].size < BEFORE:
+        return 0, signs[0] * read["displacement"], signs[1] * read[load], signs[0], signs[1]
     way = _way(signs[0] * read["displacement"], read[load])
     sense, pull = (way * sign for sign in signs)
     u = sense * read["displacement"]
-    if u.size < BEFORE:
-        return 0, u, pull * read[load], sense, pull
     rise = u - np.minimum.accumulate(u) > EARLY * np.ptp(u[1:])
     ahead = u[: int(np.argmax(rise)) + 1] if rise.any() else u
     lowest = int(np.argmin(ahead))

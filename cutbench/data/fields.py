@@ -162,9 +162,9 @@ def read_fields(
         u = np.stack([data["u_x"][here], data["u_y"][here]])
         still = _still(points, u)
         u[:, still] = np.nan
-        said = [*notes, *_left_out(path, table.lines[here][still], "both displacements are exactly 0")]
+        own = [*notes, *_left_out(path, table.lines[here][still], "both displacements are exactly 0")]
         x, y, field = _gridded(path, points, u, table.lines[here])
-        fields.append(Field(x, y, field, float(travel), configuration, tuple(said)))
+        fields.append(Field(x, y, field, float(travel), configuration, tuple(own)))
     return fields
 
 

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cutbench.base.errors import BadInput
+from cutbench.base.spelling import is_unit, size_of
 from cutbench.base.toml import nearest
 from cutbench.data.cells import is_empty, is_missing, is_value, lines_of, split, uncommented, wrong
-from cutbench.data.titles import UNITS, bracketed, is_unit, parted, size_of
+from cutbench.data.titles import UNITS, bracketed, parted
 
 LABEL = "repetition"
 #: One column: its name in the header, or its number from 1.

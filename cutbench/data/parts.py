@@ -33,12 +33,13 @@ def arranged(table: Table, blocks: str | None = None) -> Table:
     how, why = (blocks, "as blocks says") if blocks else _kind(table)
     note = f"{table.path.name} holds {count} blocks below each other, read as {how}, {why}"
     distinct = all(table.titles) and len(set(table.titles)) == count
-    names = table.titles if distinct else tuple(str(k + 1) for k in range(count))
     if how == CYCLE:
+        names = table.titles if distinct else tuple(f"block {k + 1}" for k in range(count))
         return _continued(replace(table, titles=names, notes=(*table.notes, note)))
+    names = table.titles if distinct else tuple(str(k + 1) for k in range(count))
     own = [names[block] for block in table.blocks]
-    if table.labels is not None:  # a column names them, or several stand side by side
-        own = [f"{a}/{b}" if table.specimens else a for a, b in zip(table.labels, own, strict=True)]
+    if table.labels is not None:
+        own = [f"{a}/{b}" for a, b in zip(table.labels, own, strict=True)]
     note += f": {', '.join(dict.fromkeys(own))}"
     return replace(table, labels=tuple(own), titles=("",), notes=(*table.notes, note))
 
@@ -74,6 +75,8 @@ def joined(tables: Sequence[Table]) -> Table:
 
 def _kind(table: Table) -> tuple[str, str]:
     """What the blocks are, and why."""
+    if table.labels is not None and not table.specimens:
+        return CYCLE, "as a column names the specimens"
     for how, words in ((CYCLE, CYCLES), (SPECIMEN, SPECIMENS)):
         named = list(dict.fromkeys(title for title in table.titles if words.match(title)))
         if len(named) >= len(table.titles) - 1:

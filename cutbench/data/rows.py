@@ -71,10 +71,10 @@ def rows_of(
                 raise _no_reading(path, layout, lines, words[0])
         if heads or (words and not heading):
             title = _title(layout, lines[words[-1].line - 1]) if words else ""
-            if rows:
+            if rows and rows[-1].block == len(titles) - 1:
                 titles.append(title)
             else:
-                titles[0] = title or titles[0]
+                titles[-1] = title or titles[-1]
             passed += [word.line for word in words[:-1]]
             words.clear()
         heading = heads
@@ -86,6 +86,7 @@ def rows_of(
         raise _no_reading(path, layout, lines, words[0])
     if not rows:
         raise wrong(path, layout.body, "data", "no reading below the header", "readings")
+    titles = titles[: rows[-1].block + 1]
     passed = sorted(passed + [word.line for word in words])
     if not passed:
         return rows, titles, []

@@ -16,11 +16,12 @@ from pathlib import Path
 import numpy as np
 
 from cutbench.base.errors import BadInput
+from cutbench.base.spelling import meant_unit, size_of
 from cutbench.data.cells import is_missing, lines_of, number_in, wrong
 from cutbench.data.clock import is_clock, seconds
 from cutbench.data.layout import LABEL, Column, Layout, find_layout
 from cutbench.data.rows import Row, decimal_comma, rows_of
-from cutbench.data.titles import UNITS, bracketed, meant_unit, parted, size_of
+from cutbench.data.titles import UNITS, bracketed, parted
 
 
 @dataclass(frozen=True)
@@ -140,11 +141,9 @@ def _factor(
     other = written or bracketed(title)
     if target == "1" and other is None:
         return 1.0, None
-    overrules = (
-        f"units = {{ {role} = '{target}' }} in the campaign, or what else it is in, overrules the file"
-    )
+    instead = f"units = {{ {role} = '{target}' }} in the campaign says it where the file does not, or wrongly"
     line = layout.header + 1 if layout.header >= 0 else None
-    raise wrong(path, line, title, other or "no unit", f"{meant_unit(other or '', target)}; {overrules}")
+    raise wrong(path, line, title, other or "no unit", f"{meant_unit(other or '', target)}; {instead}")
 
 
 def _number(path: Path, title: str, cell: str, line: int, comma: bool) -> float:
