@@ -21,7 +21,7 @@ import math
 import sys
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -127,8 +127,11 @@ def recorded(
     return x[x > 0], F[x > 0]
 
 
-def make(number: int, effect: str, otherwise: int, seed: int, folder: Path) -> Truth:
-    """Compute one campaign and write it into ``folder``. Raises CutbenchError."""
+def make(
+    number: int, effect: str, otherwise: int, seed: int, folder: Path, run: Callable = run_case,
+    repetitions: int = REPETITIONS,
+) -> Truth:  # fmt: skip
+    """Compute one campaign by ``run`` and write it into ``folder``. Raises CutbenchError."""
     rng = np.random.default_rng([seed, number])
     size, scatter = float(rng.uniform(0.6, 1.2)), float(rng.uniform(0.01, 0.04))
     name, choices = OTHERWISE[otherwise]
@@ -137,11 +140,11 @@ def make(number: int, effect: str, otherwise: int, seed: int, folder: Path) -> T
     text += [f'G = "{8 * rng.uniform(0.8, 1.25):.3g} kPa"', f'G_c = "{5 * rng.uniform(0.8, 1.25):.3g} J/m^2"']
     other = np.zeros(0), np.zeros(0)
     for id, speed in SPEEDS.items():
-        curve = run_case(true_case(effect, speed, size, choices)).curve
+        curve = run(true_case(effect, speed, size, choices)).curve
         x = np.linspace(0, DEPTH_MM, READINGS + 1)[1:]
         x, F = recorded(effect, size, x, np.interp(x, curve["displacement_mm"], curve["force_N"]), speed)
         rows = []
-        for r in range(REPETITIONS):
+        for r in range(repetitions):
             mine = F * (1 + scatter * rng.standard_normal()) + NOISE * F.max() * rng.standard_normal(F.size)
             rows += [f"{r},{a:.6g},{b:.6g}" for a, b in zip(x, mine, strict=True)]
         (folder / f"{id}.csv").write_text("\n".join(["rep,u [mm],F [N]", *rows]) + "\n")

@@ -94,17 +94,17 @@ class Prediction:
         return np.nan_to_num(self.slopes[:, [self.names.index(name) for name in names]], posinf=0, neginf=0)
 
 
-def predict(task: Task, kept: Path | None = None) -> Prediction:
-    """``kept``: folder of the runs that were computed before. Raises ComputationFailed for a run that ends
-    short of the readings, or cannot begin."""
+def predict(task: Task, kept: Path | None = None, runs: Callable[..., Ran] = ran) -> Prediction:
+    """``kept``: folder of the runs that were computed before; ``runs`` computes a cut as ``ran`` does. Raises
+    ComputationFailed for a run that ends short of the readings, or cannot begin."""
     try:
-        return _cut(task, kept) if task.experiment.kind == "cut" else _homogeneous(task)
+        return _cut(task, kept, runs) if task.experiment.kind == "cut" else _homogeneous(task)
     except BadInput as error:
         # Also because it comes from another process, which hands on nothing but a message.
         raise ComputationFailed(f"'{task.experiment.id}': {error}") from error
 
 
-def _cut(task: Task, kept: Path | None) -> Prediction:
+def _cut(task: Task, kept: Path | None, runs: Callable[..., Ran]) -> Prediction:
     case, names = task.case, task.names
     rig = {q.name for law in case.model.laws("rig") for q in law.parameters}
     # One step before each field too: between the two the displacements are interpolated.
@@ -116,7 +116,7 @@ def _cut(task: Task, kept: Path | None) -> Prediction:
         result = run_case(case, sensitivities=meshed, snapshots_mm=wanted_mm, added=task.added)
         run, pictures = Ran.of(result), result.snapshots
     else:
-        run = ran(case, meshed, task.added, kept, task.longest)
+        run = runs(case, meshed, task.added, kept, task.longest)
     reached, wanted = run.outcome.reached_mm, float(task.grid.x[-1])
     if run.outcome.kind == "interrupted":
         raise KeyboardInterrupt
@@ -251,10 +251,17 @@ def _homogeneous(task: Task) -> Prediction:
 
 class Predictor:
     """Predictions of several tasks at once, the runs on a pool's processes; they stay in its ``memory``, and
-    in the folder ``kept``. ``check`` is called now and then, and may raise KeyboardInterrupt."""
+    in the folder ``kept``. ``check`` is called now and then, and may raise KeyboardInterrupt. ``runs``
+    computes a cut as ``ran`` does."""
 
-    def __init__(self, pool: TaskPool, kept: str | Path | None = None, check: Callable[[], None] = ALWAYS):
-        self._pool, self.memory, self._check = pool, Memory(), check
+    def __init__(
+        self,
+        pool: TaskPool,
+        kept: str | Path | None = None,
+        check: Callable[[], None] = ALWAYS,
+        runs: Callable[..., Ran] = ran,
+    ):
+        self._pool, self.memory, self._check, self._runs = pool, Memory(), check, runs
         self._kept = None if kept is None else Path(kept)
         self._known: dict[tuple, tuple[Task, Prediction]] = {}
 
@@ -290,10 +297,10 @@ class Predictor:
                 task = tasks[i]
                 self._check()
                 try:
-                    found[i] = predict(task, self._kept)
+                    found[i] = predict(task, self._kept, self._runs)
                 except ComputationFailed as error:
                     found[i] = error
-        for done in self._pool.run((Job(i, predict, (tasks[i], self._kept)) for i in cuts), self._check):
+        for done in self._pool.run((Job(i, predict, (tasks[i], self._kept, self._runs)) for i in cuts), self._check):
             fell_short = done.error if isinstance(done.error, ComputationFailed) else None
             found[done.key] = fell_short or done.result()
         # In their own order, whichever ended first: what is foreseen from them is then the same every time.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -74,10 +75,11 @@ def discover(
     seed: int = 0,
     kept: str | Path | None = None,
     limit_s: float = math.inf,
+    run: Predictor | None = None,
 ) -> Discovery:
     """``on_progress`` has what is done now; how much there is to do is not known. Ctrl-C, or the end of
     ``limit_s`` seconds, once the baseline is fitted ends with what was found until then. Cuts are left in the
-    folder ``kept``, and taken from there if they were computed before.
+    folder ``kept``, and taken from there if they were computed before. ``run`` predicts in place of that.
 
     Raises BadInput, ComputationFailed if the baseline cannot be computed, or not in ``limit_s``, and
     KeyboardInterrupt.
@@ -88,7 +90,8 @@ def discover(
     count = cores() if workers is None else workers
     runs = 3 * sum(e.kind == "cut" for e in campaign.experiments)
     # What the fit has computed, others are foreseen from.
-    with predictor(min(count, runs), kept, Until(due)) as run:
+    ready = predictor(min(count, runs), kept, Until(due)) if run is None else nullcontext(run)
+    with ready as run:
         try:
             fitted, point = _baseline(campaign, run, refine, grid, on_progress)
         except KeyboardInterrupt:
