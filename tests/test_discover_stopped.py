@@ -8,15 +8,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from refusals import refusal
 from typer.testing import CliRunner
 
 from benchmarks.hidden import make
 from cutbench.base.errors import ComputationFailed
 from cutbench.cli.main import app
 from cutbench.data.campaign import Campaign
-from cutbench.discovery import Discovery, discover, rounds, search
+from cutbench.discovery import discover
 from cutbench.discovery.page import write_discovery
-from cutbench.discovery.report import summary
 
 STUDIES = Path(__file__).parents[1] / "studies"
 
@@ -28,91 +28,68 @@ def campaign() -> Campaign:
 
 
 @pytest.fixture(scope="module")
-def whole(campaign) -> Discovery:
-    """All of the search."""
-    return discover(campaign, workers=0)
+def whole(campaign):
+    """All of the search, and how often it says what it does."""
+    told = []
+    return discover(campaign, workers=0, on_progress=lambda *at: told.append(at)), len(told)
 
 
-def stop(*args, **options):
-    raise KeyboardInterrupt
+def ended(campaign, after: int):
+    """The search with Ctrl-C at what it says then; None where that leaves nothing."""
+    left = [after]
+
+    def stop(*at):
+        left[0] -= 1
+        if left[0] <= 0:
+            raise KeyboardInterrupt
+
+    try:
+        return discover(campaign, workers=0, on_progress=stop)
+    except KeyboardInterrupt:
+        return None
 
 
-def later(monkeypatch, module, name, then, count=1):
-    """The function of that ``name`` does ``then`` from its ``count``-th call on, before anything else."""
-    whole, calls = getattr(module, name), []
-
-    def counted(*args, **options):
-        calls.append(1)
-        if len(calls) >= count:
-            then()
-        return whole(*args, **options)
-
-    monkeypatch.setattr(module, name, counted)
+def tried(d) -> set[str]:
+    return {t.name for each in d.rounds for t in each.tried}
 
 
-def test_ctrl_c_in_a_later_round_keeps_what_was_found(campaign, monkeypatch, tmp_path):
-    later(monkeypatch, search, "round_of", stop, count=2)
-    d = search.discover(campaign, workers=0)
-    assert d.stopped == "interrupted" and d.found and d.verdict == "mechanism"
-    write_discovery(d, tmp_path)
-    assert json.loads((tmp_path / "discovery.json").read_text())["status"] == "interrupted"
+def test_ctrl_c_keeps_what_was_found_until_then(campaign, whole, tmp_path):
+    """Before the baseline is fitted there is nothing; then a baseline without a cause; then what was tried."""
+    d, count = whole
+    assert d.stopped == "" and d.verdict == "mechanism"
+    every = [ended(campaign, k) for k in (*range(2, count, 3), count)]
+    stopped = [s for s in every if s is not None]
+    assert every[0] is None and every[-len(stopped) :] == stopped
+    baselines = [s for s in stopped if not tried(s)]
+    assert all(s.verdict == "undecided" and not s.found for s in baselines)
+    found = [s for s in stopped if tried(s)]
+    assert found and all(s.verdict == "mechanism" and set(s.found) <= tried(s) <= tried(d) for s in found)
+    assert found[-1].found == d.found
+    for s in stopped:
+        assert s.stopped and s.first.values == d.first.values
+    write_discovery(found[0], tmp_path)
+    assert json.loads((tmp_path / "discovery.json").read_text())["status"] == found[0].stopped
 
 
-def test_ctrl_c_in_the_first_round_keeps_what_was_tried(campaign, whole, monkeypatch):
-    later(monkeypatch, rounds, "extend", stop, count=2)
-    d = discover(campaign, workers=0)
-    (tried,) = d.rounds[0].tried
-    assert d.stopped and tried.name in {t.name for t in whole.rounds[0].tried}
-    assert d.found == ((tried.name,) if tried.convincing else ())
-    assert d.first.values == whole.first.values
-
-
-@pytest.mark.parametrize("of", ["sense", "extend"])
-def test_ctrl_c_before_anything_was_tried_leaves_the_baseline_and_no_cause(campaign, monkeypatch, of):
-    later(monkeypatch, rounds, of, stop)
-    d = discover(campaign, workers=0)
-    assert d.verdict == "undecided" and not d.found and d.wrong
-    assert "interrupted" in summary(d)
-
-
-@pytest.mark.parametrize("of", ["numerical_causes", "settled", "pruned", "_next"])
-def test_ctrl_c_after_the_first_round_keeps_its_cause(campaign, whole, monkeypatch, of):
-    later(monkeypatch, search, of, stop)
-    d = discover(campaign, workers=0)
-    assert d.verdict == "mechanism" and d.found[0] == whole.found[0]
-
-
-def test_ctrl_c_before_the_baseline_is_fitted_leaves_nothing(campaign, monkeypatch):
-    later(monkeypatch, search, "point_of", stop)
-    with pytest.raises(KeyboardInterrupt):
-        discover(campaign, workers=0)
-
-
-def test_what_does_not_end_in_time_tells_what_was_found(campaign, monkeypatch):
+def test_what_does_not_end_in_time_tells_what_was_found(campaign, whole, monkeypatch):
     now = [0.0]
     monkeypatch.setattr(time, "monotonic", lambda: now[0])
 
-    def wait():
-        now[0] += 70.0
+    def slow(done, total, text):
+        now[0] += 10.0
 
-    later(monkeypatch, rounds, "extend", wait)
-    d = discover(campaign, workers=0, limit_s=100.0)
-    assert d.stopped == "out of time" and len(d.rounds[0].tried) == 1
-    assert "out of time" in summary(d)
-
-
-def test_a_limit_that_is_kept_changes_nothing(campaign, whole):
-    d = discover(campaign, workers=0, limit_s=1e6)
-    assert d.gain == whole.gain and d.stopped == whole.stopped == ""
+    d = discover(campaign, workers=0, limit_s=80.0, on_progress=slow)
+    assert d.stopped and tried(d) < tried(whole[0])
+    kept = discover(campaign, workers=0, limit_s=1e6, on_progress=slow)
+    assert kept.gain == whole[0].gain and kept.stopped == ""
 
 
 def test_a_baseline_that_does_not_end_in_time_is_a_failure(campaign):
-    with pytest.raises(ComputationFailed, match=r"not fitted after 0 s"):
+    with pytest.raises(ComputationFailed):
         discover(campaign, workers=0, limit_s=0.0)
 
 
 @pytest.mark.parametrize("limit", ["soon", "-1 s", "3 mm"])
 def test_a_limit_that_is_no_time_is_refused(limit, tmp_path):
     study = str(STUDIES / "silicone" / "rtv615.toml")
-    said = CliRunner().invoke(app, ["discover", study, "--out", str(tmp_path), "--limit", limit])
-    assert said.exit_code == 2
+    refusal(CliRunner().invoke(app, ["discover", study, "--out", str(tmp_path), "--limit", limit]), "limit")

@@ -5,22 +5,23 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
-import analytic_runs
 import numpy as np
 import pytest
+import runs_by_formula
+from refusals import refused
 from typer.testing import CliRunner
 
-import cutbench.calibration.fitting as fitting
-import cutbench.calibration.kept as kept
-from cutbench.base.errors import BadInput, ComputationFailed
-from cutbench.calibration import survey
+from benchmarks.outside_cuts import make
+from cutbench.base.errors import ComputationFailed
 from cutbench.calibration.fitting import fit
+from cutbench.calibration.prediction import Predictor, predict
 from cutbench.calibration.report import summary, to_dict, write_fit
 from cutbench.case.case import Case, load_case
 from cutbench.cli.main import app
 from cutbench.data.campaign import FitPlan, load_campaign, start_case
 from cutbench.discovery import synthetic
 from cutbench.discovery.synthetic import Noise, Test, campaign
+from cutbench.run.pool.pool import TaskPool
 
 RUBBER = "studies/rubber/treloar.toml"
 
@@ -58,15 +59,6 @@ def test_a_homogeneous_campaign_gives_its_truth_back():
         assert abs(e.value / truth.values[e.label] - 1) < 0.1
         assert not e.at_bound and e.moved
     assert 0.5 < found.reduced_chi2 < 2
-
-
-@pytest.mark.parametrize("offset", [-0.3, 0.0, 0.4])
-def test_a_cut_with_a_wrong_zero_is_made_up_from_contact_on(offset, monkeypatch):
-    monkeypatch.setattr(synthetic, "run_case", analytic_runs.computed)
-    case = load_case("gelatin", {"with": "contact_offset", "offset": f"{offset} mm"})
-    x, y, t = synthetic.clean(case, Test("cut", reach=6.0, readings=50))
-    assert x.size == 50 and x[0] > max(offset, 0.0)
-    assert np.all(np.diff(t) > 0) and np.all(np.isfinite(y))
 
 
 def test_without_noise_it_is_exact():
@@ -135,7 +127,7 @@ def test_a_bound_is_kept_and_said():
     found = fit(made)
     G = found.estimate("G")
     assert G.at_bound and G.value == pytest.approx(0.045)
-    assert "at a bound" in summary(found)
+    assert to_dict(found)["parameters"]["G"]["at_bound"]
 
 
 def test_a_profile_agrees_with_the_interval_where_the_problem_is_nearly_linear():
@@ -146,7 +138,7 @@ def test_a_profile_agrees_with_the_interval_where_the_problem_is_nearly_linear()
     assert profile.low == pytest.approx(G.low, rel=0.01)
     assert profile.high == pytest.approx(G.high, rel=0.01)
     assert profile.rise.min() >= -1e-6
-    with pytest.raises(BadInput, match="profile"):
+    with refused("profile", value="tau_W"):
         fit(made, profile=["tau_W"])
 
 
@@ -172,7 +164,7 @@ def test_the_command_writes_what_it_found(tmp_path):
     found = json.loads((tmp_path / "fit" / "fit.json").read_text(encoding="utf-8"))
     assert found["parameters"]["G"]["unit"] == "kPa"
     assert found["parameters"]["G"]["low"] < 541 < found["parameters"]["G"]["high"]
-    assert found["model"] == "neo_hookean, volumetric"
+    assert {"neo_hookean", "volumetric"} <= set(found["model"].split(", "))
     assert found["experiments"]["equibiaxial"]["role"] == "test"
 
 
@@ -187,37 +179,36 @@ def test_the_command_writes_what_it_found(tmp_path):
 )
 def test_plans_that_are_refused(plan, key):
     _, made = stretching(plan=plan)
-    with pytest.raises(BadInput, match=key):
+    with refused(key):
         fit(made)
 
 
-def test_a_start_that_cannot_be_computed_is_said(monkeypatch):
+def test_a_start_that_cannot_be_computed_is_said():
     _, made = stretching()
 
-    def broken(*args):
+    def broken(tasks):
         raise ComputationFailed("'tension': no answer")
 
-    monkeypatch.setattr("cutbench.calibration.prediction.predict", broken)
-    with pytest.raises(ComputationFailed, match="no answer"):
-        fit(made)
+    with pytest.raises(ComputationFailed) as said:
+        fit(made, run=broken)
+    assert "'tension'" in str(said.value)
 
 
-def test_an_interruption_keeps_what_was_reached(monkeypatch, tmp_path):
+def test_an_interruption_keeps_what_was_reached(tmp_path):
     _, made = stretching(seed=1, role="test")
-    whole, calls = fitting.Inverse.whitened, []
+    calls = []
 
-    def interrupted(*args):
-        calls.append(args)
+    def interrupted(tasks):
+        calls.append(tasks)
         if len(calls) > 5:
             raise KeyboardInterrupt
-        return whole(*args)
+        return [predict(task) for task in tasks]
 
-    monkeypatch.setattr(fitting.Inverse, "whitened", interrupted)
-    found = fit(made)
+    found = fit(made, run=interrupted)
     assert found.status == "interrupted"
     assert [c.experiment.id for c in found.compared] == ["tension"]
     write_fit(found, tmp_path)
-    assert json.loads((tmp_path / "fit.json").read_text(encoding="utf-8"))["status"] == "interrupted"
+    assert json.loads((tmp_path / "fit.json").read_text(encoding="utf-8"))["status"] == found.status
 
 
 #: Cut from the first tenths of a millimetre on, on a mesh for tests.
@@ -234,6 +225,7 @@ SOLID = load_case("gelatin").set(
     stick=80,
     multiplier="none",
     normal="material",  # elements larger than the tip is round
+    element="P1",
 )
 
 
@@ -244,18 +236,33 @@ def cutting(**options):
     return campaign(SOLID, tests[: options.pop("count", 2)], start, plan=plan, **options)
 
 
-@pytest.fixture
-def few_places(monkeypatch):
-    """One or two parameters are known from fewer cuts than the usual five."""
-    monkeypatch.setattr(survey, "PLACES", 8)
+@pytest.mark.parametrize("offset", [-0.3, 0.4])
+def test_a_cut_with_a_wrong_zero_is_made_up_from_contact_on(offset):
+    case = SOLID.set(with_="contact_offset", offset=f"{offset} mm")
+    x, y, t = synthetic.clean(case, Test("cut", reach=1.0, readings=20))
+    assert x.size == 20 and x[0] > max(offset, 0.0)
+    assert np.all(np.diff(t) > 0) and np.all(np.isfinite(y))
 
 
-def test_a_cutting_campaign_gives_its_truth_back(few_places):
-    told = []
-    found = fit(cutting(seed=5), workers=0, refine=False, on_progress=lambda *at: told.append(at))
+def test_a_cutting_campaign_gives_its_truth_back_also_if_it_is_stopped_on_the_way(tmp_path):
+    """What was computed is kept, and is not computed again."""
+    made, told, asked = cutting(seed=5), [], []
+
+    def stops():
+        asked.append(())
+        if len(asked) > 20:
+            raise KeyboardInterrupt
+
+    stopped = fit(made, run=Predictor(TaskPool(0), tmp_path, stops), refine=False)
+    assert stopped.status == "interrupted"
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
+    assert before
+    found = fit(made, workers=0, refine=False, kept=tmp_path, on_progress=lambda *at: told.append(at))
+    runs = {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
+    assert before.items() < runs.items()
     assert found.status == "converged"
-    assert {text.partition(":")[0] for _, _, text in told} == {"work", "rough", "final"}
-    assert [done for done, _, _ in told] == sorted(done for done, _, _ in told)
+    counts = [done for done, _, _ in told]
+    assert counts and counts == sorted(counts)
     for e in found.estimates:
         assert e.low < SOLID.values[e.label] < e.high, e.label
     assert found.estimate("G").value == pytest.approx(SOLID.values["G"], rel=0.06)
@@ -264,29 +271,27 @@ def test_a_cutting_campaign_gives_its_truth_back(few_places):
     data = to_dict(found)
     assert data["experiments"]["slow"]["regimes"]["onset"]["to_mm"] <= 1.0
     assert set(data["parameters"]) == {"G", "G_c"}
+    # A run that cannot be read is computed again, and none of the others.
+    broken, *_ = tmp_path.glob("*.npz")
+    broken.write_bytes(broken.read_bytes()[:100])
+    again = fit(made, workers=0, refine=False, kept=tmp_path)
+    assert [e.value for e in again.estimates] == [e.value for e in found.estimates]
+    after = {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
+    assert {path for path in after if after[path] != runs.get(path)} == {broken}
 
 
-def test_derivatives_that_end_on_the_way_end_no_fit(monkeypatch, few_places):
-    whole = kept.run_case
+def test_derivatives_that_end_on_the_way_end_no_fit(tmp_path):
+    formula = runs_by_formula.Counted()
 
-    def singular(case, **options):
-        made = whole(case, **options)
-        lost = made.curve["displacement_mm"] > 0.6
-        return replace(
-            made, sensitivities={n: np.where(lost, np.nan, s) for n, s in made.sensitivities.items()}
-        )
+    def singular(*asked):
+        made = formula(*asked)
+        lost = made.course[0] > 2.0
+        return replace(made, slopes={n: np.where(lost, np.nan, s) for n, s in made.slopes.items()})
 
-    monkeypatch.setattr(kept, "run_case", singular)
-    made = cutting(count=1, plan=FitPlan(free=("G",)))
-    found = fit(made, workers=0, refine=False)
-    x, known = found.compared[0].x, []
-    for q in (np.zeros(1), found.q):
-        p = found.inverse.predictions(q)["slow"]
-        known.append(np.abs(found.inverse.slopes(made.train[0], p, q)) > 0)
-    # Exact ones, and those from all cuts that were computed.
-    assert known[0][x < 0.5].all() and not known[0][x > 0.7].any()
-    assert known[1].all()
-    assert found.estimate("G").value == pytest.approx(SOLID.values["G"], rel=0.1)
+    truth = make(0, "none", 2, 2, tmp_path, runs_by_formula.run_case, repetitions=1)
+    found = fit(load_campaign(truth.file), run=Predictor(TaskPool(0), runs=singular), refine=False)
+    assert found.status == "converged"
+    assert found.estimate("G").value == pytest.approx(0.008, rel=0.1)
 
 
 @pytest.mark.slow

@@ -10,9 +10,7 @@ import pytest
 from test_candidates import LAW, parameters
 from test_candidates_runs import SMALL
 
-from cutbench.calibration.identifiability import Unknown
 from cutbench.case.case import load_case
-from cutbench.discovery.extending import something
 from cutbench.run.runner import run_case
 
 
@@ -37,6 +35,8 @@ def test_a_cut_by_a_law_of_speed_is_what_the_law_says_that_it_is_like(name):
         "until": "transition",
         "depth": "0.8 mm",
         "eta_reg": "2 s",
+        "element": "P1",
+        "normal": "material",
         "surface_length": "0 mm",
     }
     base = load_case("gelatin", changes, dim=2)
@@ -61,10 +61,3 @@ def test_what_a_law_is_like_is_said_of_what_it_resembles_and_nothing_where_it_is
     assert set(law.like(p)) <= set(law.resembles)
     for name, value in law.like(p).items():
         assert value == getattr(p, name)
-
-
-def test_a_strength_that_is_nothing_begins_as_it_is_typical():
-    g = LAW["maxwell"].parameters[0]
-    u = Unknown(g, 0.4, *g.bounds)
-    assert u.value(something(u, u.q(0.0))) == pytest.approx(g.typical)
-    assert something(u, u.q(0.01)) == u.q(0.01)

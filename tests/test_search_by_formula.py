@@ -11,8 +11,6 @@ from cutbench.data.campaign import load_campaign
 from cutbench.discovery import discover
 from cutbench.run.pool.pool import TaskPool
 
-pytestmark = pytest.mark.slow
-
 #: Runs that a search may take: at four seconds each, seven and a half minutes of two cores.
 MOST = 220
 
@@ -22,7 +20,12 @@ def found_in(file, runs):
 
 
 @pytest.mark.parametrize(
-    "effect", ["toughness by speed", "adhesion by speed", "relaxing modulus", "late zero", "none"]
+    "effect",
+    [
+        *(pytest.param(e, marks=pytest.mark.slow) for e in ("toughness by speed", "adhesion by speed")),
+        *(pytest.param(e, marks=pytest.mark.slow) for e in ("relaxing modulus", "late zero")),
+        "none",
+    ],
 )
 def test_a_search_ends_where_the_data_lead(effect, tmp_path):
     runs, truth = Counted(), make(0, effect, 2, 2, tmp_path, run_case)
@@ -33,6 +36,7 @@ def test_a_search_ends_where_the_data_lead(effect, tmp_path):
     assert runs.count < MOST
 
 
+@pytest.mark.slow
 def test_a_cause_is_found_beside_what_happened_once(tmp_path):
     truth = make(0, "toughness by speed", 2, 2, tmp_path, run_case, repetitions=1)
     file = tmp_path / "fast.csv"
