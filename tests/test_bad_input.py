@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from refusals import refusal
 from typer.testing import CliRunner
 
 from cutbench.cli.main import app
@@ -27,22 +28,18 @@ speed = "0.021 mm/s"
 """
 
 
-def run(*args: object) -> tuple[int, str]:
-    result = CliRunner().invoke(app, [str(a) for a in args])
-    # A traceback would reach the runner as an exception that is not an exit.
-    assert result.exception is None or isinstance(result.exception, SystemExit), repr(result.exception)
-    assert "Traceback" not in result.output
-    return result.exit_code, result.output
+def run(*args: object):
+    return CliRunner().invoke(app, [str(a) for a in args])
 
 
 # What is given besides the material, then what the message must hold: key, value, hint.
 OPTIONS = {
-    "unknown key": (["--set", "eta_rg=0.5 s"], "eta_rg", "0.5 s", "did you mean 'eta_reg'"),
-    "wrong case": (["--set", "g=7 kPa"], "g = ", "7 kPa", "did you mean 'G'"),
-    "unknown numerics": (["--set", "elemnt=P1"], "elemnt", "P1", "did you mean 'element'"),
+    "unknown key": (["--set", "eta_rg=0.5 s"], "eta_rg", "0.5 s", "'eta_reg'"),
+    "wrong case": (["--set", "g=7 kPa"], "g", "7 kPa", "'G'"),
+    "unknown numerics": (["--set", "elemnt=P1"], "elemnt", "P1", "'element'"),
     "wrong unit": (["--set", "G=5 mm"], "G", "5 mm", "kPa"),
     "unknown unit": (["--set", "G=5 kPaa"], "G", "5 kPaa", "kPa"),
-    "bare number": (["--set", "G=7.5"], "G", "7.5", "… kPa"),
+    "bare number": (["--set", "G=7.5"], "G", "7.5", "7.5 kPa"),
     "bare speed": (["--set", "speed=0.021"], "speed", "0.021", "mm/s"),
     "unit on a plain number": (["--set", "nu=0.49 mm"], "nu", "0.49 mm", "without unit"),
     "words": (["--set", "G=soft"], "G", "soft", "1 kPa"),
@@ -74,9 +71,9 @@ OPTIONS = {
     "element size in words": (["--h", "fine"], "h", "fine", "1 mm"),
     "element size in kPa": (["--h", "3 kPa"], "h", "3 kPa", "1 mm"),
     "element size nan": (["--h", "nan"], "h", "nan", "mm <= h"),
-    "element coarser than the blade": (["--h", "2.5"], "h", "2.5 mm", "thickness (0.7 mm), 2.1 mm"),
+    "element coarser than the blade": (["--h", "2.5"], "h", "2.5 mm", "2.1 mm"),
     "tip too sharp for the mesh": (
-        ["--set", "tip=12 mm", "--h", "0.25"], "tip", "12 mm", "h = '0.2 mm' would do"
+        ["--set", "tip=12 mm", "--h", "0.25"], "tip", "12 mm", "'0.2 mm'"
     ),
     "tip of no length": (["--set", "tip=0 mm"], "tip", "0 mm", "0 mm < tip"),
     "blade wider than the block": (["--set", "thickness=40 mm"], "thickness", "40 mm", "30 mm"),
@@ -86,17 +83,17 @@ OPTIONS = {
     "depth zero": (["--depth", "0"], "depth", "0 mm", "0 mm < depth"),
     "depth negative": (["--depth", "-3"], "depth", "-3 mm", "0 mm < depth"),
     "unknown element": (["--element", "Q1"], "element", "Q1", "P2P1"),
-    "unknown normal": (["--normal", "tol"], "normal", "tol", "did you mean 'tool'"),
-    "unknown scheme": (["--set", "scheme=stagered"], "scheme", "stagered", "did you mean 'staggered'"),
+    "unknown normal": (["--normal", "tol"], "normal", "tol", "'tool'"),
+    "unknown scheme": (["--set", "scheme=stagered"], "scheme", "stagered", "'staggered'"),
     "half an augmentation": (["--set", "augmentations=1.5"], "augmentations", "1.5", "whole number"),
     "no tolerance": (["--set", "tolerance=0"], "tolerance", "0", "tolerance <= 0.01"),
-    "steps crossed": (["--set", "step_min=0.5 mm"], "step_min", "0.5 mm", "the largest (0.1 mm)"),
+    "steps crossed": (["--set", "step_min=0.5 mm"], "step_min", "0.5 mm", "0.1 mm"),
     "no such mesh": (["--set", "mesh=/nowhere/block.msh"], "mesh", "/nowhere/block.msh", "can be read"),
-    "unknown mechanism": (["--with", "gentt"], "with", "gentt", "did you mean 'gent'"),
+    "unknown mechanism": (["--with", "gentt"], "with", "gentt", "'gent'"),
     "take out what is not there": (["--without", "viscous"], "without", "viscous", "'viscous_degraded'"),
     "no bulk law": (["--without", "neo_hookean"], "mechanisms", "volumetric", "neo_hookean"),
     "value of what was taken out": (
-        ["--without", "adhesion", "--set", "tau_W=1 kPa"], "tau_W", "1 kPa", "add the mechanism adhesion"
+        ["--without", "adhesion", "--set", "tau_W=1 kPa"], "tau_W", "1 kPa", "adhesion"
     ),
 }  # fmt: skip
 
@@ -104,11 +101,7 @@ OPTIONS = {
 @pytest.mark.parametrize("case", OPTIONS)
 def test_options(case, tmp_path):
     args, key, value, hint = OPTIONS[case]
-    code, said = run("run2d", "gelatin", *args, "--out", tmp_path / "out")
-    assert code == 2
-    for part in (key, value, hint):
-        assert part in said
-    assert len(said.strip().splitlines()) == 1
+    assert value in refusal(run("run2d", "gelatin", *args, "--out", tmp_path / "out"), key, hint=hint)
     assert not (tmp_path / "out").exists(), "refused before anything is written"
 
 
@@ -121,8 +114,8 @@ def changed(old: str, new: str) -> str:
 FILES = {
     "not TOML": (changed('G = "7.5 kPa"', "G = 7.5 kPa"), 2, "TOML", "G = 7.5 kPa", "readable"),
     "key written twice": (changed("nu = 0.49", "nu = 0.49\nnu = 0.4"), 4, "TOML", "nu = 0.4", "readable"),
-    "unknown key": (changed("eta_reg", "eta_ref"), 6, "eta_ref", "2.38 s", "did you mean 'eta_reg'"),
-    "bare number": (changed('"7.5 kPa"', "7.5"), 2, "G", "7.5", "'… kPa'"),
+    "unknown key": (changed("eta_reg", "eta_ref"), 6, "eta_ref", "2.38 s", "'eta_reg'"),
+    "bare number": (changed('"7.5 kPa"', "7.5"), 2, "G", "7.5", "'7.5 kPa'"),
     "wrong unit": (changed('"0.07 mm"', '"0.07 s"'), 5, "delta_c", "0.07 s", "1 mm"),
     "list for a number": (changed('"7.5 kPa"', '["7.5 kPa", "8 kPa"]'), 2, "G", "8 kPa", "1 kPa"),
     "truth for a number": (changed("nu = 0.49", "nu = true"), 3, "nu", "True", "without unit"),
@@ -130,7 +123,7 @@ FILES = {
     "inf": (changed("nu = 0.49", "nu = inf"), 3, "nu", "inf", "nu < 0.5"),
     "negative": (changed('"30 mm"', '"-30 mm"'), 10, "width", "-30 mm", "0 mm < width"),
     "wrong section": (changed("[specimen]", "[blade]"), 10, "width", "30 mm", "[specimen]"),
-    "unknown section": (changed("[protocol]", "[protocl]"), 12, "protocl", "speed", "mean 'protocol'"),
+    "unknown section": (changed("[protocol]", "[protocl]"), 12, "protocl", "speed", "'protocol'"),
     "key outside a section": ('G = "7 kPa"\n' + GOOD, 1, "G", "7 kPa", "[parameters]"),
     "section that is none": ("parameters = 3\n", 1, "parameters", "3", "[parameters]"),
     "missing parameter": (changed('G_c = "5.3 J/m^2"\n', ""), None, "G_c", "(missing)", "stiff_cohesion"),
@@ -141,7 +134,7 @@ FILES = {
     ),
     "mechanisms that are no names": ("mechanisms = [1]\n" + GOOD, 1, "mechanisms", "[1]", "names"),
     "no mechanism": ("mechanisms = []\n" + GOOD, 1, "mechanisms", "[]", "names"),
-    "unknown base": ('base = "gelatine"\n', 1, "base", "gelatine", "did you mean 'gelatin'"),
+    "unknown base": ('base = "gelatine"\n', 1, "base", "gelatine", "'gelatin'"),
     "base that is no name": ("base = 3\n", 1, "base", "3", "name"),
     "base that is this file": ('base = "case.toml"\n', 1, "base", "case.toml", "lead back"),
     "depth beyond the block": (
@@ -151,7 +144,7 @@ FILES = {
         GOOD + '[numerics]\nh = "0.25 mm"\n[blade]\ntip = "12 mm"\n', 17, "tip", "12 mm", "a^2/b"
     ),
     "unknown element": (GOOD + '[numerics]\nelement = "P3"\n', 15, "element", "P3", "P2P1"),
-    "bare element size": (GOOD + "[numerics]\nh = 0.4\n", 15, "h", "0.4", "… mm"),
+    "bare element size": (GOOD + "[numerics]\nh = 0.4\n", 15, "h", "0.4", "0.4 mm"),
     "text for a whole number": (GOOD + '[numerics]\npenalty = "two"\n', 15, "penalty", "two", "number"),
     "mesh that is no path": (GOOD + "[numerics]\nmesh = 3\n", 15, "mesh", "3", "path"),
     "unknown entry about the material": ('[material]\nauthor = "x"\n' + GOOD, 2, "author", "x", "source"),
@@ -164,13 +157,8 @@ def test_files(case, tmp_path):
     text, line, key, value, hint = FILES[case]
     file = tmp_path / "case.toml"
     file.write_text(text, encoding="utf-8")
-    code, said = run("run2d", file, "--out", tmp_path / "out")
-    assert code == 2
-    for part in (str(file), key, value, hint):
-        assert part in said
-    if line is not None:
-        assert f"line {line}:" in said
-    assert len(said.strip().splitlines()) == 1
+    said = refusal(run("run2d", file, "--out", tmp_path / "out"), key, file=file, line=line, hint=hint)
+    assert value in said
 
 
 def test_the_file_that_the_others_spoil_is_good(tmp_path):
@@ -183,58 +171,41 @@ def test_the_file_that_the_others_spoil_is_good(tmp_path):
 def test_bytes_that_are_no_text(tmp_path):
     file = tmp_path / "case.toml"
     file.write_bytes(b'[parameters]\nG = "7 \xff"\n')
-    code, said = run("run2d", file)
-    assert code == 2
-    assert f"{file}, line 2" in said
-    assert "UTF-8" in said
+    refusal(run("run2d", file), "TOML", file=file, line=2, hint="UTF-8")
 
 
 def test_a_bad_base_is_named_by_its_own_file(tmp_path):
     (tmp_path / "base.toml").write_text(changed("nu = 0.49", "nu = 0.6"), encoding="utf-8")
     (tmp_path / "case.toml").write_text('base = "base.toml"\n', encoding="utf-8")
-    code, said = run("run2d", tmp_path / "case.toml")
-    assert code == 2
-    assert f"{tmp_path / 'base.toml'}, line 3: nu = '0.6'" in said
+    refusal(run("run2d", tmp_path / "case.toml"), "nu", value="0.6", file="base.toml", line=3)
 
 
-@pytest.mark.parametrize(
-    ("source", "hint"),
-    [("geltin", "did you mean 'gelatin'"), ("nowhere.toml", "exists"), (".", "not a folder")],
-)
+@pytest.mark.parametrize(("source", "hint"), [("geltin", "'gelatin'"), ("nowhere.toml", ""), (".", "folder")])
 def test_no_such_material(source, hint):
-    code, said = run("run2d", source)
-    assert code == 2
-    assert f"material = '{source}'" in said
-    assert hint in said
+    refusal(run("run2d", source), "material", value=source, hint=hint)
 
 
-def test_unwritable_folder_is_refused_before_the_run(tmp_path, monkeypatch):
+def test_unwritable_folder_is_refused_before_the_run(tmp_path):
     (tmp_path / "file").write_text("in the way", encoding="utf-8")
     out = tmp_path / "file" / "below"
-    code, said = run("run2d", "gelatin", "--out", out)
-    assert code == 2
-    for part in ("--out", str(out), "folder that can be written"):
-        assert part in said
+    refusal(run("run2d", "gelatin", "--out", out), "--out", value=out)
 
 
 @pytest.mark.parametrize(
-    ("args", "parts"),
+    ("args", "key", "hint"),
     [
-        (["materials", "gelatine"], ["material = 'gelatine'", "did you mean 'gelatin'"]),
-        (["mechanisms", "coulom"], ["mechanism = 'coulom'", "did you mean 'coulomb'"]),
-        (["plot", "nowhere"], ["nowhere", "run.json", "map.nc"]),
-        (["sweep", "nowhere.toml", "--out", "maps"], ["nowhere.toml"]),
-        (["sweep", STUDY, "--out", "maps", "--workers", "many"], ["--workers = 'many'", "whole number"]),
-        (["sweep", STUDY, "--out", "maps", "--workers", "-2"], ["--workers = '-2'", "whole number"]),
-        (["run2d"], ["MATERIAL"]),
-        (["run2d", "gelatin", "--sett", "mu=1"], ["--sett"]),
-        (["cut"], ["cut"]),
+        (["materials", "gelatine"], "material", "'gelatin'"),
+        (["mechanisms", "coulom"], "mechanism", "'coulomb'"),
+        (["plot", "nowhere"], "DIR|MAP.nc", "run.json"),
+        (["sweep", "nowhere.toml", "--out", "maps"], "file", ""),
+        (["sweep", STUDY, "--out", "maps", "--workers", "many"], "--workers", ""),
+        (["sweep", STUDY, "--out", "maps", "--workers", "-2"], "--workers", ""),
+        (["run2d"], "MATERIAL", ""),
+        (["run2d", "gelatin", "--sett", "mu=1"], "--sett", ""),
+        (["cut"], "cut", ""),
     ],
 )
-def test_other_commands(args, parts, tmp_path, monkeypatch):
+def test_other_commands(args, key, hint, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    code, said = run(*args)
-    assert code == 2
-    for part in parts:
-        assert part in said
+    refusal(run(*args), key, hint=hint)
     assert list(Path().iterdir()) == [], "nothing was written"

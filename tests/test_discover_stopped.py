@@ -54,7 +54,7 @@ def tried(d) -> set[str]:
 
 
 def test_ctrl_c_keeps_what_was_found_until_then(campaign, whole, tmp_path):
-    """Before the baseline is fitted there is nothing; then a baseline without a cause; then what was tried."""
+    """Before the baseline is fitted that is nothing, then no cause, then what was tried."""
     d, count = whole
     assert d.stopped == "" and d.verdict == "mechanism"
     every = [ended(campaign, k) for k in (*range(2, count, 3), count)]
