@@ -6,10 +6,10 @@ import json
 
 import numpy as np
 import pytest
+from refusals import refused
 from scipy.optimize import brentq
 from typer.testing import CliRunner
 
-from cutbench.base.errors import BadInput
 from cutbench.case.case import load_case
 from cutbench.cli.main import app
 from cutbench.models3d.strip import strip
@@ -89,9 +89,9 @@ def test_a_strip_has_no_blade_and_needs_a_law_to_tear():
     assert all(law.slot == "bulk" for law in whole.model.all)
     assert (whole.p.width, whole.p.height, whole.p.length, whole.p.speed) == (12.0, 30.0, 3.0, 0.03)
     assert {law.slot for law in strip_case(case, notch_mm=2.4).model.all} == {"bulk", "cut"}
-    with pytest.raises(BadInput, match="notch"):
+    with refused("notch", value="2.4 mm"):
         strip_case(whole, notch_mm=2.4)
-    with pytest.raises(BadInput, match="width, 12 mm"):
+    with refused("notch", value="12 mm", hint="12 mm"):
         strip_case(case, notch_mm=12.0)
 
 

@@ -171,7 +171,7 @@ def test_the_file_that_the_others_spoil_is_good(tmp_path):
 def test_bytes_that_are_no_text(tmp_path):
     file = tmp_path / "case.toml"
     file.write_bytes(b'[parameters]\nG = "7 \xff"\n')
-    refusal(run("run2d", file), "TOML", file=file, line=2, hint="UTF-8")
+    refusal(run("run2d", file), "text", file=file, line=2, hint="UTF-8")
 
 
 def test_a_bad_base_is_named_by_its_own_file(tmp_path):

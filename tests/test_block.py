@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import skfem
+from refusals import refused
 
-from cutbench.base.errors import BadInput
 from cutbench.case.numerics import Numerics
 from cutbench.models2d import plane_strain
 from cutbench.models3d.block import PARTS, block, geometry
@@ -116,9 +116,9 @@ def test_symmetry_is_taken_from_the_numerics():
 
 
 def test_what_a_block_cannot_be_is_refused():
-    with pytest.raises(BadInput, match="symmetry"):
+    with refused("symmetry", value="quarter"):
         plane_strain.geometry({"width": 6.0, "height": 6.0, "length": 8.0}, Numerics(symmetry="quarter"))
-    with pytest.raises(BadInput, match="mesh"):
+    with refused("mesh", value="block.msh", hint="mesh"):
         geometry({"width": 6.0, "height": 6.0, "length": 8.0}, Numerics(mesh="block.msh"))
     with pytest.raises(ValueError, match="quarter, half, full"):
         block(quarter(6.0, 6.0, 8.0, 2.0), "eighth")

@@ -9,9 +9,9 @@ from pathlib import Path
 import analytic_runs
 import numpy as np
 import pytest
+from refusals import refused
 from scipy.ndimage import distance_transform_edt
 
-from cutbench.base.errors import BadInput
 from cutbench.maps.agreement import agreement
 from cutbench.maps.boundary import SURE, Seeker, distances, margin, softened
 from cutbench.maps.dataset import LABELS, build_map, load_map, row_of
@@ -312,7 +312,7 @@ def test_a_study_finds_the_boundary_that_its_grid_has(study, tmp_path):
     assert found.map["margin"].dims == ("cohesion", "viscosity") and found.map.sizes["cohesion"] == 65
     csv = (tmp_path / "sought" / "map.csv").read_text().splitlines()
     assert len(csv) == said.runs[0] + 1
-    with pytest.raises(BadInput, match="mode = 'boundary'"):
+    with refused("--against", value="study2", hint="'boundary'"):
         agreement(whole, whole)
 
 

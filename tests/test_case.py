@@ -13,10 +13,10 @@ import pytest
 from coarse_runs import tuned
 from hypothesis import given
 from hypothesis import strategies as st
+from refusals import refused
 
 import cutbench
 from cutbench import run2d
-from cutbench.base.errors import BadInput
 from cutbench.case.case import Case, Numerics, load_case
 from cutbench.case.model import DEFAULT, PAPER, Model
 from cutbench.mechanisms import registry
@@ -158,7 +158,7 @@ def test_the_blade_stops_before_the_clamp_until_its_depth_is_chosen(gelatin):
 
 def test_the_blade_goes_no_further_than_the_base(gelatin):
     assert gelatin.set(depth="21 mm").p.depth == 21
-    with pytest.raises(BadInput, match=r"depth = '21.1 mm'.* at most 21 mm"):
+    with refused("depth", value="21.1 mm"):
         gelatin.set(depth="21.1 mm")
 
 
@@ -170,7 +170,7 @@ def test_the_blade_goes_no_further_than_the_base(gelatin):
     ],
 )
 def test_a_cut_without_a_blade_is_refused(changes):
-    with pytest.raises(BadInput, match=r"mechanisms = 'neo_hookean.*contact"):
+    with refused("mechanisms"):
         run2d("gelatin", **changes)
 
 
@@ -232,7 +232,7 @@ def test_elements_larger_than_the_tip_is_round_are_doubted_along_its_normal(gela
 @pytest.mark.parametrize("name", ["corner", "shallow"])
 def test_sizes_that_are_chosen_are_0_and_no_mesh_is_endless(gelatin, name):
     assert getattr(gelatin.set(**{name: 0}).numerics, name) == 0
-    with pytest.raises(BadInput, match=r"0 or 0\.0"):
+    with refused(name, hint="0.0"):
         gelatin.set(**{name: 1e-4})
 
 
@@ -253,7 +253,7 @@ def test_overrides_as_texts_or_mapping():
 def test_an_override_may_give_what_a_file_leaves_out(tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text('[parameters]\nG = "9 kPa"\ndelta_c = "0.07 mm"\n', encoding="utf-8")
-    with pytest.raises(BadInput, match=r"G_c = '\(missing\)'"):
+    with refused("G_c", value="(missing)"):
         load_case(file)
     assert load_case(file, {"G_c": "5 J/m^2"}).p.G_c == 5e-3
     assert load_case(file, {"cohesion": 10.0}).groups()["(G_c/delta_c)/G"] == pytest.approx(10)
@@ -262,7 +262,7 @@ def test_an_override_may_give_what_a_file_leaves_out(tmp_path):
 def test_a_group_needs_what_it_is_solved_from(tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text("[parameters]\ncohesion = 9.0\n", encoding="utf-8")
-    with pytest.raises(BadInput, match="line 2: cohesion"):
+    with refused("cohesion", value="9.0", line=2):
         load_case(file)
 
 

@@ -13,8 +13,9 @@ from pathlib import Path
 
 import analytic_runs
 import pytest
+from refusals import refused
 
-from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.base.errors import ComputationFailed
 from cutbench.maps.study import load_study
 from cutbench.maps.sweep import run_study
 from cutbench.run.pool.cluster import check_scheduler
@@ -96,14 +97,14 @@ def cluster():
 )
 def test_what_is_no_address_is_refused(scheduler, hint, study, tmp_path):
     pytest.importorskip("distributed")
-    with pytest.raises(BadInput, match="--scheduler") as caught:
+    with refused("--scheduler") as caught:
         run_study(study, tmp_path / "out", scheduler=scheduler)
     assert hint in caught.value.expected
 
 
 def test_without_dask_it_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(BadInput, match=r"cutbench\[dask\]"):
+    with refused("--scheduler", value="local", hint="cutbench[dask]"):
         check_scheduler("local")
 
 

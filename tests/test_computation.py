@@ -11,9 +11,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from refusals import refused
 
 import cutbench
-from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.base.errors import ComputationFailed
 from cutbench.case.case import load_case
 from cutbench.case.computation import Sources, read_text
 from cutbench.mechanisms import registry
@@ -183,5 +184,5 @@ def test_a_law_of_a_user_s_own_counts_with_the_files_beside_it(tmp_path, monkeyp
 def test_a_law_without_a_source_is_refused():
     space = {"__name__": "nowhere"}
     exec("from cutbench.mechanisms.bulk.gent import Gent\nclass MyLaw(Gent):\n    name = 'my_law'\n", space)
-    with pytest.raises(BadInput, match="MyLaw"):
+    with refused("mechanisms", value="MyLaw"):
         digest(laws=(space["MyLaw"],))

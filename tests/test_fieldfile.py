@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cut_files import COARSE, campaign_of, write_readings
+from refusals import refused
 
 from cutbench.base.errors import BadInput
 from cutbench.calibration.fitting import fit
@@ -132,7 +133,7 @@ def test_what_is_no_field_is_refused_by_its_key(folder, section, key):
 def test_a_field_beyond_the_readings_is_refused(folder):
     text = (folder / "dic.csv").read_text().replace(f",{TRAVEL_MM}", ",7.5")
     (folder / "late.csv").write_text(text)
-    with pytest.raises(BadInput, match=r"fields\.travel"):
+    with refused("fields.travel", value="7.5 mm", line=24):
         campaign(folder, FIELDS.replace("dic.csv", "late.csv"))
 
 

@@ -9,11 +9,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import skfem
+from refusals import refused
 from scipy.integrate import quad
 from scipy.optimize import brentq
 from typer.testing import CliRunner
 
-from cutbench.base.errors import BadInput
 from cutbench.case.case import load_case
 from cutbench.case.tuning import PathTuning
 from cutbench.cli.main import app
@@ -272,7 +272,7 @@ def test_a_case_at_rest_has_no_viscosity():
 
 def test_laws_of_time_are_refused():
     case = load_case("gelatin", {"with": "maxwell"})
-    with pytest.raises(BadInput, match="maxwell"):
+    with refused("--follow", value="maxwell", hint="maxwell"):
         timeless(case)
 
 

@@ -7,9 +7,9 @@ import math
 import analytic_runs
 import numpy as np
 import pytest
+from refusals import refused
 from typer.testing import CliRunner
 
-from cutbench.base.errors import BadInput
 from cutbench.case.case import load_case
 from cutbench.cli.main import app
 from cutbench.maps import guidance as guides
@@ -112,17 +112,17 @@ def test_a_check_that_fails_says_so():
 
 def test_a_material_outside_or_without_the_axes_is_refused(data, tmp_path):
     (tmp_path / "hard.toml").write_text('base = "gelatin"\n[parameters]\nG = "2000 kPa"\n')
-    with pytest.raises(BadInput, match="within the map") as caught:
+    with refused("--material") as caught:
         guides.guide(data, str(tmp_path / "hard.toml"))
     assert "cohesion 1 to 30" in caught.value.expected
     (tmp_path / "bare.toml").write_text(
         'base = "gelatin"\nmechanisms = ["neo_hookean", "volumetric", "contact", "smith_ferrante"]\n'
     )
-    with pytest.raises(BadInput, match="viscosity, adhesion"):
+    with refused("--material", hint="viscosity, adhesion"):
         guides.guide(data, str(tmp_path / "bare.toml"))
     empty = map_of(GRID, tmp_path)
     empty["label"][:] = 0
-    with pytest.raises(BadInput, match="at least 4 runs"):
+    with refused("map", value="study"):
         guides.guide(empty, "gelatin")
 
 

@@ -11,6 +11,7 @@ import meshio
 import numpy as np
 import pytest
 from made_up_runs import made_up_curve, made_up_result, made_up_snapshot
+from refusals import refused
 
 from cutbench.base.errors import BadInput
 from cutbench.base.files import check_writable, replacing
@@ -74,7 +75,7 @@ def test_bad_curve_names_file_line_and_key(tmp_path, text, key, line):
 
 
 def test_missing_curve_is_bad_input(tmp_path):
-    with pytest.raises(BadInput, match=r"curve\.csv"):
+    with refused("curve", hint="curve.csv"):
         read_curve(tmp_path)
 
 
@@ -119,7 +120,7 @@ def test_a_run_reads_back(tmp_path, result):
 @pytest.mark.parametrize("text", ["", "{}", '{"case": 3}', "[1]"])
 def test_a_broken_run_json_is_bad_input(tmp_path, text):
     (tmp_path / "run.json").write_text(text)
-    with pytest.raises(BadInput, match=r"run\.json"):
+    with refused("run", hint="run.json"):
         read_run(tmp_path)
 
 
@@ -207,7 +208,7 @@ def test_unwritable_folder_is_refused(tmp_path, kind):
     else:
         path.write_text("")
         path = path / "y" if kind == "below a file" else path
-    with pytest.raises(BadInput, match="--out") as caught:
+    with refused("--out") as caught:
         check_writable(path)
     assert caught.value.exit_code == 2 and str(path) in str(caught.value)
 

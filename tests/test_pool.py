@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pool_jobs as jobs
 import pytest
+from refusals import refused
 from rich.console import Console
 
-from cutbench.base.errors import BadInput
 from cutbench.cli import progress
 from cutbench.run.pool.job import Job
 from cutbench.run.pool.pool import TaskPool
@@ -67,7 +67,7 @@ def test_a_job_that_takes_its_process_down_is_tried_again_then_given_up(tmp_path
 
 
 def test_a_number_of_processes_that_cannot_be_is_refused():
-    with pytest.raises(BadInput, match="workers"):
+    with refused("workers", value="-1"):
         TaskPool(-1)
 
 

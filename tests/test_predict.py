@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from coarse_runs import SOFT
+from refusals import refused
 
-from cutbench.base.errors import BadInput
 from cutbench.case.case import load_case
 from cutbench.run.build import build
 
@@ -82,5 +82,5 @@ def test_a_long_step_is_foreseen_from_further_up():
 
 
 def test_another_word_is_refused():
-    with pytest.raises(BadInput, match="predictor"):
+    with refused("predictor", value="spline"):
         COARSE.set(predictor="spline")

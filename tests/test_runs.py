@@ -11,9 +11,9 @@ import sqlite3
 import numpy as np
 import pytest
 from analytic_runs import computed
+from refusals import refused
 from typer.testing import CliRunner
 
-from cutbench.base.errors import BadInput
 from cutbench.case.case import load_case
 from cutbench.cli.main import app
 from cutbench.maps.sweep import run_study
@@ -232,7 +232,7 @@ def test_conditions_choose(store, text, expected):
 )
 def test_a_condition_that_cannot_be_read_is_refused(store, text, hint):
     known = [k for id, head in store.heads().items() for k in row_of(id, head)]
-    with pytest.raises(BadInput, match=hint):
+    with refused(hint=hint):
         parse_condition(text, known, {"G": "kPa"})
 
 

@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from analytic_runs import fake_run
+from refusals import refused
 
-from cutbench.base.errors import BadInput
 from cutbench.case.case import load_case
 from cutbench.run.result import Outcome
 from cutbench.run.store.runs import Store
@@ -124,7 +124,7 @@ def test_leftovers_of_dead_writers_are_cleared_and_fresh_ones_are_not(store):
 
 def test_a_folder_that_cannot_be_one_is_bad_input(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(BadInput, match="folder that can be written"):
+    with refused("store"):
         Store(tmp_path / "file")
 
 

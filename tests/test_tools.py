@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from coarse_runs import QUICK
 from form_checks import DEFAULT, P, blade, blade_case, check_tangent, space_of
+from refusals import refused
 
 from cutbench.base.errors import BadInput
 from cutbench.case.case import Case, load_case
@@ -131,7 +132,7 @@ def test_both_halves_are_twice_the_half():
 def test_a_bevel_has_its_whole_section_meshed_and_pushes_aside():
     assert geometry_of(made("bevel")).split and not geometry_of(made("wedge")).split
     assert geometry_of(Case(**vars_of(made("bevel"), dim=3))).split
-    with pytest.raises(BadInput, match=r"symmetry = 'half'.*'full' or 'auto'"):
+    with refused("symmetry", value="half", hint="'auto'"):
         made("bevel", symmetry="half")
 
 
@@ -186,7 +187,7 @@ def test_what_cannot_be_is_refused(name):
 @pytest.mark.parametrize("text", ["x,y\n0,0\n", "x_mm,y_mm\n0,zero\n", "x_mm,y_mm\n1,2,3\n", ""])
 def test_a_file_that_is_no_outline_is_named(text, tmp_path):
     (tmp_path / "blade.csv").write_text(text, encoding="utf-8")
-    with pytest.raises(BadInput, match=r"blade\.csv"):
+    with refused("outline"):
         load_case("gelatin", {"with": "measured_outline", "outline": str(tmp_path / "blade.csv")})
 
 
@@ -250,7 +251,7 @@ def test_a_run_begins_with_its_pre_cut():
 
 
 def test_a_pre_cut_as_deep_as_the_specimen_is_refused():
-    with pytest.raises(BadInput, match="precut = '21 mm'"):
+    with refused("precut", value="21 mm"):
         load_case("gelatin", {"precut": "21 mm"})
-    with pytest.raises(BadInput, match="cohesive"):
+    with refused("precut", value="2 mm", hint="cohesive"):
         load_case("gelatin", {"precut": "2 mm", "mechanisms": "neo_hookean, volumetric, contact"})
