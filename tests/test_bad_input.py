@@ -88,7 +88,7 @@ OPTIONS = {
     "half an augmentation": (["--set", "augmentations=1.5"], "augmentations", "1.5", "whole number"),
     "no tolerance": (["--set", "tolerance=0"], "tolerance", "0", "tolerance <= 0.01"),
     "steps crossed": (["--set", "step_min=0.5 mm"], "step_min", "0.5 mm", "0.1 mm"),
-    "no such mesh": (["--set", "mesh=/nowhere/block.msh"], "mesh", "/nowhere/block.msh", "can be read"),
+    "no such mesh": (["--set", "mesh=/nowhere/block.msh"], "mesh", "/nowhere/block.msh", ".msh"),
     "unknown mechanism": (["--with", "gentt"], "with", "gentt", "'gent'"),
     "take out what is not there": (["--without", "viscous"], "without", "viscous", "'viscous_degraded'"),
     "no bulk law": (["--without", "neo_hookean"], "mechanisms", "volumetric", "neo_hookean"),

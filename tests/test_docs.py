@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from refusals import MESSAGE
 from typer.testing import CliRunner
 
 from cutbench.case.case import load_case
@@ -83,7 +84,7 @@ def console(block: Block, folder: Path, where: str) -> None:
         words = shlex.split(command)
         assert words[0] == "cutbench", f"{where}: '{command}' is not run by this test"
         code, said = entered(words, folder)
-        assert code == (2 if "cannot be used" in shown else 0), f"{where}: {command}\n{said}"
+        assert code == (2 if MESSAGE.search(shown) else 0), f"{where}: {command}\n{said}"
         for line in filter(None, map(str.strip, shown.splitlines())):
             assert line in said, f"{where}: {command}\n{said}"
 

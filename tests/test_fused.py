@@ -239,7 +239,7 @@ def test_what_differs_from_numpy_later_on_is_noticed():
 
     reader, x = read(plain), np.ones(3)
     assert [reader(x)[0] for _ in range(5)] == [1, 1, 1, 2, 2]
-    assert reader.left_plain == ["differs from NumPy"]
+    assert len(reader.left_plain) == 1
 
 
 def test_none_of_a_failing_law_is_hidden():

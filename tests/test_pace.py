@@ -82,7 +82,7 @@ def test_the_papers_steps_and_blocks_do_without():
 
 
 def test_a_refused_step_says_why():
-    with pytest.raises(NoConvergence, match=r"damage grew by 1\.10"):
+    with pytest.raises(NoConvergence, match=r"damage .* 1\.10"):
         StepControl(StepRules(damage=0.5), False).check(StepState(0.05), 1.1, 0.0, 0.05)
 
 

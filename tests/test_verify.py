@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 
 import pytest
+from refusals import refusal
 from typer.testing import CliRunner
 
 from cutbench.case.model import DEFAULT, PAPER
@@ -150,7 +151,7 @@ def verified(compute) -> Verified:
 
 def test_what_a_problem_raises_is_its_verdict():
     got = verified(failing)
-    assert got.failure == "FloatingPointError: no way"
+    assert got.failure.startswith("FloatingPointError: ")
     assert len(got.checks) == 1 and not got.passed
 
 
@@ -183,7 +184,8 @@ def test_incomplete_is_not_passed():
     good = verified(lambda: iter([check()]))
     assert describe([good], complete=True)["passed"]
     assert not describe([good], complete=False)["passed"]
-    assert "| force | 2 N | 2.01 N | +0.5 % | 1 % | passed |" in markdown([good])
+    (row,) = (line for line in markdown([good]).splitlines() if line.startswith("| force |"))
+    assert [cell.strip() for cell in row.split("|")[2:-1]] == ["2 N", "2.01 N", "+0.5 %", "1 %", "passed"]
 
 
 def test_problems_are_found_by_being_there():
@@ -212,11 +214,9 @@ def test_list_computes_nothing():
 
 def test_a_problem_that_is_unknown_or_slow_is_refused():
     done = invoke("--only", "cok")
-    assert done.exit_code == 2
-    assert "--only = 'cok' cannot be used" in done.stderr and "cook" in done.stderr
+    refusal(done, "--only", value="cok", hint="cook")
     done = invoke("--quick", "--only", "steady")
-    assert done.exit_code == 2
-    assert "--only = 'steady' cannot be used" in done.stderr
+    refusal(done, "--only", value="steady")
 
 
 def test_a_folder_that_cannot_be_written_to_is_refused_first(tmp_path):
@@ -233,7 +233,7 @@ def test_a_failed_check_is_exit_status_1(monkeypatch, tmp_path):
     monkeypatch.setattr("cutbench.verification.reference.references", one_bad)
     done = invoke("--out", str(tmp_path))
     assert done.exit_code == 1
-    assert "FAILED" in done.stdout and "1 of 2 checks passed" in done.stdout
+    assert "FAILED" in done.stdout and "1 of 2" in done.stdout
     assert json.loads((tmp_path / "verify.json").read_text(encoding="utf-8"))["passed"] is False
 
 
