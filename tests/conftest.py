@@ -1,41 +1,30 @@
 """One thread a process: the suite runs several at once, and threads that wait for each other would spin.
 
-Runs that several files read.
+Laws in NumPy, where a test does not ask for them compiled, and runs that several files read.
 """
 
 import os
-from contextlib import contextmanager
 
 import pytest
 
-from cutbench.base.fused import fused
 from cutbench.base.threads import ONE_THREAD
 
 for name, count in ONE_THREAD.items():
     os.environ.setdefault(name, count)
 
 
-@contextmanager
-def _in_numpy():
-    """Where many different laws are asked a few times each, compiling takes far longer than it saves."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("cutbench.base.fused.COMPILED", False)
-        patch.setattr("cutbench.forms.bulk.COMPILED", False)
-        fused.cache_clear()
-        yield
-    fused.cache_clear()
+def pytest_configure(config):
+    """Many laws are asked a few times each, and compiling them takes far longer than it saves; in the long runs
+    of the slow tests it does not."""
+    if config.option.markexpr == "not slow":
+        os.environ.setdefault("CUTBENCH_FUSED", "0")
 
 
 @pytest.fixture
-def laws_in_numpy():
-    with _in_numpy():
-        yield
-
-
-@pytest.fixture(scope="module")
-def module_in_numpy():
-    with _in_numpy():
-        yield
+def compiled_laws(monkeypatch, tmp_path):
+    """Laws as a user has them, with a place for their machine code in which there is none."""
+    monkeypatch.setenv("CUTBENCH_FUSED", "1")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 
 
 # Coarse runs that several files read; computed once a process, and only where they are asked for.

@@ -61,7 +61,13 @@ def set_up(kind: str) -> str:
 
 def run(args: list[str], folder: Path) -> subprocess.CompletedProcess:
     path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
-    env = {**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1", "PYTHONIOENCODING": "utf-8"}
+    env = {
+        **os.environ,
+        "PYTHONPATH": path,
+        "OMP_NUM_THREADS": "1",
+        "CUTBENCH_COMPILED": "0",
+        "PYTHONIOENCODING": "utf-8",
+    }
     return subprocess.run(
         args, cwd=folder, env=env, capture_output=True, text=True, encoding="utf-8", check=False, timeout=300
     )

@@ -33,8 +33,6 @@ from cutbench.forms.cut import CutForm
 from cutbench.forms.damping import DampingForm
 from cutbench.forms.space import Space
 
-pytestmark = pytest.mark.usefixtures("laws_in_numpy")
-
 
 # -- bulk ----------------------------------------------------------------------------------------
 @spaces

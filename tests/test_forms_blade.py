@@ -28,8 +28,6 @@ from cutbench.case.model import DEFAULT, Model
 from cutbench.forms.base import Step, blend, gather
 from cutbench.forms.cut import CutForm
 
-pytestmark = pytest.mark.usefixtures("laws_in_numpy")
-
 
 @spaces
 @pytest.mark.parametrize("normal", ["tool", "material"])

@@ -138,7 +138,6 @@ def switchable() -> list[str]:
     ]
 
 
-@pytest.mark.usefixtures("laws_in_numpy")
 @pytest.mark.parametrize("name", switchable())
 def test_a_mechanism_that_is_off_changes_nothing_and_has_a_derivative(name):
     case = QUICK.set(depth="0.12 mm", tolerance=1e-9)

@@ -35,7 +35,7 @@ FLUX = {
 
 
 @pytest.fixture(scope="module")
-def quick(tmp_path_factory, module_in_numpy):
+def quick(tmp_path_factory):
     """``cutbench verify --quick`` as a user or a CI runs it, once."""
     out = tmp_path_factory.mktemp("verify")
     done = CliRunner().invoke(app, ["verify", "--quick", "--out", str(out)])
@@ -79,7 +79,6 @@ def test_every_law_of_the_default_and_the_paper_is_covered():
     assert all(concerned(law) for law in FLUX)
 
 
-@pytest.mark.usefixtures("module_in_numpy")
 @pytest.mark.parametrize("name", FLUX)
 def test_one_percent_more_flux_is_noticed(name, monkeypatch):
     law = registry()[name]

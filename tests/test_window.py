@@ -38,7 +38,6 @@ def check_part(form, u, state, step, p=P) -> None:
         np.testing.assert_allclose(value, expected[name], rtol=1e-9, atol=1e-12)
 
 
-@pytest.mark.usefixtures("laws_in_numpy")
 @spaces
 def test_parts_of_bulk_and_damping(dim, order):
     space = space_of(dim, order)
@@ -50,7 +49,6 @@ def test_parts_of_bulk_and_damping(dim, order):
         check_part(form, u, form.evaluate(step.u_old, p, form.start(p), step).state, step, p)
 
 
-@pytest.mark.usefixtures("laws_in_numpy")
 @spaces
 def test_parts_of_the_cut_and_the_blade(dim, order):
     space = space_of(dim, order)

@@ -69,10 +69,19 @@ class Fused:
         return [reading.why for reading in self._known if reading.why]
 
 
-@lru_cache(maxsize=256)
+def fusing() -> bool:
+    """Whether laws are compiled: where numba is, but with ``CUTBENCH_FUSED=0``."""
+    return COMPILED and os.environ.get("CUTBENCH_FUSED") != "0"
+
+
 def fused(plain: Callable[..., Any], axes: int = 1) -> Callable[..., Any]:
     """``plain`` as one compiled loop over points, the last ``axes`` axes of all arrays; else itself."""
-    return Fused(plain, axes, _compiled_source) if COMPILED else plain
+    return _fused(plain, axes) if fusing() else plain
+
+
+@lru_cache(maxsize=256)
+def _fused(plain: Callable[..., Any], axes: int) -> Fused:
+    return Fused(plain, axes, _compiled_source)
 
 
 class _Reading:

@@ -300,7 +300,9 @@ class Predictor:
                     found[i] = predict(task, self._kept, self._runs)
                 except ComputationFailed as error:
                     found[i] = error
-        for done in self._pool.run((Job(i, predict, (tasks[i], self._kept, self._runs)) for i in cuts), self._check):
+        for done in self._pool.run(
+            (Job(i, predict, (tasks[i], self._kept, self._runs)) for i in cuts), self._check
+        ):
             fell_short = done.error if isinstance(done.error, ComputationFailed) else None
             found[done.key] = fell_short or done.result()
         # In their own order, whichever ended first: what is foreseen from them is then the same every time.

@@ -8,8 +8,7 @@ import numpy as np
 from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Delaunay, cKDTree
 
-from cutbench.base.compiled import COMPILED
-from cutbench.base.fused import fused
+from cutbench.base.fused import fused, fusing
 from cutbench.forms.base import Form, Local, add_states, component_major, gather, same
 from cutbench.forms.elements import deformed, pushed, stresses, tangents
 from cutbench.forms.space import Volume
@@ -127,7 +126,7 @@ class BulkForm(Form):
     def _summed(self, k: Kinematics, p, at, w: np.ndarray, tangent: bool) -> list[np.ndarray]:
         """Factors of all isotropic laws together, times the weights ``w``, each (nq, ne)."""
         given = self._isotropic, p, at, w.ravel(), tangent
-        found = fused(_factors)(k.F, k.j, *given) if COMPILED else _factors_of(k, *given)
+        found = fused(_factors)(k.F, k.j, *given) if fusing() else _factors_of(k, *given)
         return [factor.reshape(w.shape) for factor in found]
 
     def _project(self, P: np.ndarray) -> np.ndarray:

@@ -18,9 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from cutbench.base.compiled import COMPILED
 from cutbench.base.formula import Formula
-from cutbench.base.fused import compiled_functions, is_kept, mark
+from cutbench.base.fused import compiled_functions, fusing, is_kept, mark
 from cutbench.base.graph import symbolic
 from cutbench.base.symbols import leaf
 from cutbench.mechanisms.base import STEP
@@ -112,7 +111,7 @@ class March:
     def of(cls, stress: Callable[..., Any], laws: tuple, mode: Any, p: SimpleNamespace,
            state: Mapping[str, np.ndarray], count: int) -> March | None:  # fmt: skip
         """``stress(mode, laws, stretch, b, p, state, dt)`` answers P₁₁, P₃₃ and the new state."""
-        if not COMPILED:
+        if not fusing():
             return None
         shapes = {name: value.shape[:-1] for name, value in state.items()}
         names = sorted(name for name, value in vars(p).items() if _is_number(value, count))
