@@ -181,7 +181,7 @@ BAD = {
     "unit of no column": ([toml('time = "s" }', 'stress = "MPa" }')],
         "campaign.toml", 20, "units.stress", "MPa", "displacement"),
     "unit against the header": ([toml('force = "N", time', 'force = "mN", time')],
-        "slow.csv", 1, "F [N]", "N", "mN"),
+        "slow.csv", 13, "force", None, "a wrong unit"),
     "no unit at all": ([toml(', force = "N" }\nspecimen = { length', " }\nspecimen = { length")],
         "pull.csv", 1, "load", "no unit", "'N'"),
     "zero factor": ([toml('role = "test"', "factors = { force = 0 }")],

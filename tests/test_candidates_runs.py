@@ -24,7 +24,6 @@ from cutbench.run.build import build
 from cutbench.run.fields import snapshot
 from cutbench.run.runner import run_case
 
-
 LAW = registry()
 CANDIDATES = [name for name, law in LAW.items() if law.off and name not in (*DEFAULT, "viscous")]
 

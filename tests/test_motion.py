@@ -20,7 +20,6 @@ from cutbench.run.checkpoint import Checkpoint
 from cutbench.run.runner import run_case
 from cutbench.run.sensitivity import extended
 
-
 SPEED = 0.02  # mm/s
 CASE = load_case(
     "gelatin",
