@@ -18,7 +18,7 @@ _CLOCK = re.compile(
 
 def is_clock(cell: str) -> bool:
     """Whether ``cell`` is a time as a clock shows it."""
-    return _CLOCK.fullmatch(cell.strip()) is not None
+    return ":" in cell and _CLOCK.fullmatch(cell.strip()) is not None
 
 
 def seconds(cells: Sequence[str], unit: str | None = None) -> tuple[np.ndarray, int | None, str]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from cutbench.base.errors import BadInput
@@ -52,12 +53,12 @@ class Layout:
         """The columns of one specimen that no other has."""
         return [at[specimen] for at in self.where.values() if len(set(at)) == len(at)]
 
-    @property
+    @cached_property
     def read(self) -> list[int]:
         """The columns that hold numbers."""
         return [at for role, columns in self.where.items() if role != LABEL for at in columns]
 
-    @property
+    @cached_property
     def needed(self) -> int:
         """Cells that a reading has at least."""
         return max(max(at) for at in self.where.values()) + 1
@@ -73,6 +74,8 @@ class Layout:
         """Whether a line is no reading but words: none of its cells that are read is a number, or it begins
         with a word where a ``reading`` begins with a number."""
         first = next(cell for cell in cells if cell)
+        if first[0].isdigit():
+            return False
         if not any(map(str.isalnum, "".join(cells))):
             return True  # a ruled line
         if is_value(first) or not (first[0].isalpha() or first[0] in "[(<*=\"'"):

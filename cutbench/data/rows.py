@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 from cutbench.base.errors import BadInput
 from cutbench.data.cells import is_empty, split, wrong
-from cutbench.data.clock import is_clock
 from cutbench.data.layout import LABEL, Layout, units_row
 
 #: Separators that no number has in it, so that cells beyond the header harm nothing.
@@ -60,7 +59,7 @@ def rows_of(
             row = Row([] if is_empty(line) else _cells(path, layout, line, number), number)
             if not any(row.cells):
                 continue
-            if line.strip().startswith(tuple(skip)):
+            if skip and line.strip().startswith(tuple(skip)):
                 passed.append(number)
                 continue
             short = bool(words) and len(row.cells) < layout.needed
@@ -81,7 +80,7 @@ def rows_of(
         if not heads:
             if fault := _width(layout, row.cells):
                 raise wrong(path, row.line, "row", line.strip()[:60], fault)
-            rows.append(row._replace(block=len(titles) - 1))
+            rows.append(Row(row.cells, number, len(titles) - 1))
     if not rows and words:
         raise _no_reading(path, layout, lines, words[0])
     if not rows:
@@ -136,20 +135,20 @@ def _no_reading(path: Path, layout: Layout, lines: list[str], row: Row) -> BadIn
 
 def decimal_comma(path: Path, layout: Layout, rows: list[Row]) -> bool:
     """Whether numbers are written 1,5. Both 1,5 and 1.5 in one file, and 1,234 beside 987, are refused."""
-    first: dict[str, Row] = {}
+    first: dict[str, tuple[int, str]] = {}
     wanted = "one decimal sign in all of the file, and no sign between thousands"
     for at in layout.read:
-        column = [row._replace(cells=[row.cells[at]]) for row in rows if not is_clock(row.cells[at])]
-        signed = [row for row in column if "," in row.cells[0] or "." in row.cells[0]]
-        for row in signed:
-            sign = "," if "," in row.cells[0] else "."
-            first[sign] = min(first.get(sign, row), row, key=lambda one: one.line)
+        column = [(row.line, row.cells[at]) for row in rows if ":" not in row.cells[at]]
+        signed = [(line, text) for line, text in column if "," in text or "." in text]
+        for sign in ",.":
+            here = next(((line, text) for line, text in signed if sign in text), None)
+            first |= {sign: min(first.get(sign, here), here)} if here else {}
         # All have three digits behind the sign; all others are whole, below a thousand, and not only small.
-        whole = [text for row in column if (text := row.cells[0].lstrip("+-")).isdigit()]
-        alike = all(_THOUSANDS.fullmatch(row.cells[0]) for row in signed)
-        if signed and alike and max(map(len, whole), default=0) == 3:
-            raise wrong(path, signed[0].line, "number", signed[0].cells[0], wanted)
+        if signed and all(_THOUSANDS.fullmatch(text) for _, text in signed):
+            whole = [len(text.lstrip("+-")) for _, text in column if text.lstrip("+-").isdigit()]
+            if max(whole, default=0) == 3:
+                raise wrong(path, signed[0][0], "number", signed[0][1], wanted)
     if len(first) == 2:
-        row = max(first.values(), key=lambda one: one.line)
-        raise wrong(path, row.line, "number", row.cells[0], wanted)
+        line, text = max(first.values())
+        raise wrong(path, line, "number", text, wanted)
     return "," in first
