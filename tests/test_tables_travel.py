@@ -99,6 +99,7 @@ MANGLED = {
     "all points lost from one reading on": (scaled(1e4, range(100, 400)), 100),
     "one point lost": (scaled(10, [250]), 250),
     "the second reading": (scaled(100, [1]), 1),
+    "the last": (scaled(10, [399]), 399),
     "the last but one": (scaled(-0.1, [398]), 398),
     "one point lost twice": (scaled(100, [150]), 150),
     "points lost for three readings": (scaled(10, [150, 151, 152]), 150),
@@ -134,8 +135,7 @@ def test_a_sign_between_thousands_beside_whole_numbers(tmp_path):
 
 def test_a_time_that_jumps_is_refused(tmp_path):
     values = made.readings(n=100)
-    values[60, 0] *= 10
-    values[61:, 0] += 600
+    values[60:, 0] *= 10
     message = made.refused(["data", str(made.campaign(tmp_path, table(values)))])
     assert "time" in message and "data.csv, line 62" in message
 
@@ -182,6 +182,16 @@ def noisy():
     return np.arange(300) / 10.0, u
 
 
+def decades():
+    t = np.concatenate([np.linspace(0.1, 10, 100), [100, 1000, 10000, 100000, 200000]])
+    return t, np.concatenate([np.linspace(0.1, 10, 100), np.linspace(10, 10.001, 5)])
+
+
+def levels_that_creep():
+    u = np.concatenate([np.linspace(a, a * 1.02, 40) for a in (0.1, 1.0, 10.0)])
+    return np.arange(u.size) / 10.0, u
+
+
 def tap():
     u = np.zeros(100) + 2e-4 * np.random.default_rng(6).standard_normal(100)
     u[50:52] = 4.0
@@ -200,6 +210,8 @@ def tap():
         coarse_sensor,
         log_spaced,
         noisy,
+        decades,
+        levels_that_creep,
         tap,
     ],
 )

@@ -2,7 +2,8 @@
 
 A jump is a step many times as large as those before it, which go one way: what rests, as before the step of a
 relaxation, has no pace to be measured against. It is refused where it ends a power of ten from where the
-readings were going, or where the next are back; a step that stays may be the test's own.
+readings were going, at a pace so many times theirs, or where the next are back; another step that stays may
+be the test's own.
 """
 
 from __future__ import annotations
@@ -33,7 +34,8 @@ def check_steps(read: Mapping[str, np.ndarray], files: Sequence[str], lines: np.
         if role not in read or read[role].size < 2 * BEFORE:
             continue
         for at, times, goes in _jumps(read[role], read.get("time") if role != "time" else None):
-            if role != "time" or read[role][at] > goes:  # a time that runs back is another fault
+            # A time that runs back is another fault, and a last one may be late.
+            if role != "time" or (read[role][at] > goes and at < read[role].size - 1):
                 expected = (
                     f"about {goes:.6g}, where the readings before it go: this is {times:.2g} of their steps."
                     " Was a decimal point lost, or is a sign between thousands taken for one?"
@@ -59,6 +61,8 @@ def _jumps(x: np.ndarray, time: np.ndarray | None) -> Iterator[tuple[int, float,
                 continue
             goes, near, later = z[j] + step, NEAR * abs(step), z[j + 2 : j + 2 + OFF]
             back = np.abs(later - z[j]) < near * np.arange(2, 2 + later.size)
-            shifted = (np.abs(z[j + 1] / POWERS - goes) < near) & (abs(goes) > NEAR * near) & (way > 0)
+            pace = abs(z[j + 2] - z[j + 1]) / abs(step) / POWERS if later.size else np.ones(POWERS.size)
+            shifted = (np.abs(z[j + 1] / POWERS - goes) < near) & (pace < NEAR) & (pace > 1 / NEAR)
+            shifted &= (abs(goes) > NEAR * near) & (way > 0)
             if shifted.any() or back.any():
                 yield j + 1 if way > 0 else x.size - 2 - j, size[j] / abs(step), goes
