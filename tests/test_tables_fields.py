@@ -106,6 +106,7 @@ def test_what_was_found_can_be_written(tmp_path):
     check(read_fields(path, travel_mm=1.0, valid="quality > 0.5")[0], noted=True)
     path.write_text(written(*FILES["DICe"]), encoding="utf-8")
     assert np.isfinite(read_fields(path, travel_mm=1.0, valid="none")[0].u).all()
+    check(read_fields(path, travel_mm=1.0, valid="5 >= 0")[0], noted=True)
     for rule in ("quality", "quality = 0.5", "> 0.5", "quality > half"):
         with pytest.raises(BadInput) as wrong:
             read_fields(path, travel_mm=1.0, valid=rule)

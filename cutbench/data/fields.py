@@ -26,7 +26,7 @@ _KEYS = ("data", "noise", "configuration", "columns", "units", "shift", "y_down"
 #: Columns in which correlation programs say whether a point was found, and what they have where it was: VIC
 #: and DICe write -1 where not, others 0 or nothing.
 VALID = {
-    **dict.fromkeys(("sigma", "gamma"), (">=", 0.0)),
+    "sigma": (">=", 0.0),
     **dict.fromkeys(("valid", "isvalid", "is valid", "correlation", "correlation coefficient"), (">", 0.0)),
     **dict.fromkeys(("correlation value", "corr", "corrcoef", "zncc", "ncc"), (">", 0.0)),
 }
@@ -168,7 +168,7 @@ def read_fields(
     return fields
 
 
-def _rule(titles: Mapping[str, str], valid: str | None) -> tuple[str, str, float] | None:
+def _rule(titles: Mapping[str, str], valid: str | None) -> tuple[str | int, str, float] | None:
     """Title, sign and number of what holds where a point was measured; None for all."""
     if valid is None:
         return next(((title, *VALID[name]) for name, title in titles.items() if name in VALID), None)
@@ -178,7 +178,7 @@ def _rule(titles: Mapping[str, str], valid: str | None) -> tuple[str, str, float
     if match is None:
         expected = "a column, a sign and a number, such as 'sigma >= 0', or 'none' for all points"
         raise BadInput(key="valid", value=valid, expected=expected)
-    return match[1], match[2], float(match[3])
+    return int(match[1]) if match[1].isdigit() else match[1], match[2], float(match[3])
 
 
 def _still(points: np.ndarray, u: np.ndarray) -> np.ndarray:
