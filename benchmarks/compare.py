@@ -316,13 +316,13 @@ def options(argv: Sequence[str] | None) -> argparse.Namespace:
     return asked
 
 
-def main(argv: Sequence[str] | None = None) -> int:
+def main(argv: Sequence[str] | None = None, jobs: Sequence[Job] = JOBS) -> int:
     asked = options(argv)
     found = []
     with tempfile.TemporaryDirectory(prefix="compare-") as name:
         folder = Path(name)
         with files_of(asked.old) as old, files_of(asked.new) as new:
-            for job in JOBS:
+            for job in jobs:
                 if asked.only is None or job.name in asked.only:
                     print(f"{job.name}: {job.command} ...", file=sys.stderr, flush=True)
                     found.append(compare(job, (old, new), folder / "jobs", asked.tolerance))

@@ -17,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 from benchmarks.tools import check_json, facts
@@ -54,6 +55,10 @@ def start(study: Path, out: Path) -> subprocess.Popen:
     return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
+#: How a sweep of a study into a folder begins.
+Begin = Callable[[Path, Path], subprocess.Popen]
+
+
 def workers_of(pid: int) -> list[int]:
     """Processes below ``pid`` that compute (multiprocessing's tracker is left alone)."""
     below, found = [pid], []
@@ -77,7 +82,9 @@ def entries(out: Path) -> dict[str, tuple[int, int]]:
     return found
 
 
-def disturbed(study: Path, out: Path, kills: int, chance: random.Random, pause: float) -> dict:
+def disturbed(
+    study: Path, out: Path, kills: int, chance: random.Random, pause: float, begin: Begin = start
+) -> dict:
     """Kill ``kills`` times, about every ``pause`` seconds; then let it end."""
     killed = {"sweep": 0, "worker": 0}
     finished: dict[str, tuple[int, int]] = {}
@@ -89,7 +96,7 @@ def disturbed(study: Path, out: Path, kills: int, chance: random.Random, pause: 
         rewritten.update(k for k in finished.keys() & now.keys() if finished[k] != now[k])
         finished.update(now)
 
-    process = start(study, out)
+    process = begin(study, out)
     while sum(killed.values()) < kills:
         time.sleep(chance.uniform(0.3, 2 * pause))
         compare()
@@ -105,7 +112,7 @@ def disturbed(study: Path, out: Path, kills: int, chance: random.Random, pause: 
         if kind == "sweep":
             process.wait()
             compare()
-            process = start(study, out)
+            process = begin(study, out)
     code = process.wait()
     compare()
     return {
@@ -117,7 +124,7 @@ def disturbed(study: Path, out: Path, kills: int, chance: random.Random, pause: 
     }
 
 
-def main(argv: list[str] | None = None) -> int:
+def main(argv: list[str] | None = None, text: str = STUDY, begin: Begin = start) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.kills", description=__doc__.splitlines()[0])
     parser.add_argument("--kills", type=int, default=10)
     parser.add_argument("--seed", type=int, default=0)
@@ -130,10 +137,10 @@ def main(argv: list[str] | None = None) -> int:
         return 2
     with tempfile.TemporaryDirectory() as folder:
         study = Path(folder) / "study.toml"
-        study.write_text(STUDY, encoding="utf-8")
+        study.write_text(text, encoding="utf-8")
         peace, war = Path(folder) / "peace", Path(folder) / "war"
-        start(study, peace).wait()
-        found = disturbed(study, war, asked.kills, random.Random(asked.seed), asked.pause)
+        begin(study, peace).wait()
+        found = disturbed(study, war, asked.kills, random.Random(asked.seed), asked.pause, begin)
         found["same_map"] = (peace / "map.csv").read_bytes() == (war / "map.csv").read_bytes()
         found["all_runs"] = len(entries(peace))
     good = (

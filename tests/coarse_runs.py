@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from cutbench.case.case import load_case
-from cutbench.mechanisms.blade._tool import distance
+from cutbench.mechanisms import registry
 from cutbench.run.runner import run_case
 
 COARSE = load_case("gelatin").set(h="0.6 mm", corner=0.0625, shallow=1.0, step="0.1 mm")
@@ -69,6 +69,6 @@ def seen_by_blade(face, p, travel):
     """Gap (m,) and its gradient (2, m) at a face's points. Beyond the mid-plane the gap goes on linearly."""
     x, y = face["x"][:, 0], face["x"][:, 1] - (p.height + p.tip - travel)
     over = np.minimum(x, 0)
-    g, n, H = distance(x - over, y, p.thickness / 2, p.tip)
+    g, n, H = registry()["contact"].distance(x - over, y + p.tip, p)
     n[1] += over * H[0, 1]
     return g + over * n[0], n

@@ -4,6 +4,7 @@ Laws in NumPy, where a test does not ask for them compiled, and runs that severa
 """
 
 import os
+from importlib import import_module
 
 import pytest
 
@@ -14,8 +15,8 @@ for name, count in ONE_THREAD.items():
 
 
 def pytest_configure(config):
-    """Many laws are asked a few times each, and compiling them takes far longer than it saves; in the long runs
-    of the slow tests it does not."""
+    """Many laws are asked a few times each, and compiling them takes far longer than it saves; in the long
+    runs of the slow tests it does not."""
     if config.option.markexpr == "not slow":
         os.environ.setdefault("CUTBENCH_FUSED", "0")
 
@@ -25,6 +26,61 @@ def compiled_laws(monkeypatch, tmp_path):
     """Laws as a user has them, with a place for their machine code in which there is none."""
     monkeypatch.setenv("CUTBENCH_FUSED", "1")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+
+# Places at which a test puts something of its own where the package has none to give it; there are no others.
+@pytest.fixture
+def runs_by(monkeypatch):
+    """Calling it with a function makes that what computes runs in this process."""
+    return lambda run: monkeypatch.setattr("cutbench.run.runner.run_case", run)
+
+
+@pytest.fixture
+def newton_by(monkeypatch):
+    """Calling it with a function makes that what solves a step, with Newton's method or instead of it."""
+    return lambda newton: monkeypatch.setattr("cutbench.solver.held.newton", newton)
+
+
+@pytest.fixture
+def other_code(monkeypatch):
+    """Calling it gives this process another computation, as if a file of the engine had changed."""
+
+    def change(computation):
+        for module in ("case", "computation"):
+            monkeypatch.setattr(f"cutbench.case.{module}.computation_of", lambda model: computation)
+
+    return change
+
+
+@pytest.fixture
+def law_of(monkeypatch, tmp_path):
+    """Calling it with a slot, a name and a text makes that text a law of the slot's folder."""
+    from cutbench import mechanisms
+
+    def take_up(slot, name, text):
+        (tmp_path / "laws").mkdir()
+        (tmp_path / "laws" / f"{name}.py").write_text(text, encoding="utf-8")
+        folder = import_module(f"cutbench.mechanisms.{slot}")
+        monkeypatch.setattr(folder, "__path__", [*folder.__path__, str(tmp_path / "laws")])
+        mechanisms.registry.cache_clear()
+        return name
+
+    yield take_up
+    monkeypatch.undo()
+    mechanisms.registry.cache_clear()
+
+
+@pytest.fixture
+def benchmarks_of(monkeypatch):
+    """Calling it with a folder makes that the repository whose runs benchmarks compare."""
+    from benchmarks import __main__ as bench
+    from benchmarks import tools
+
+    def change(folder):
+        for module in (tools, bench):
+            monkeypatch.setattr(module, "ROOT", folder)
+
+    return change
 
 
 # Coarse runs that several files read; computed once a process, and only where they are asked for.

@@ -13,7 +13,6 @@ from typer.testing import CliRunner
 
 from cutbench.base.errors import BadInput
 from cutbench.cli.main import app
-from cutbench.maps import confirmation
 from cutbench.maps import dataset as maps
 from cutbench.maps.boundary import margin
 from cutbench.maps.confirmation import alike, confirm, expected_s, least_certain, marked, solid
@@ -23,7 +22,6 @@ from cutbench.maps.phase import draw_phase, save_phase
 from cutbench.maps.study import load_study
 from cutbench.run.files import write_run
 from cutbench.run.result import Outcome, Result
-from cutbench.solver.problem import Timer
 
 STUDY = """
 title = "small"
@@ -157,15 +155,7 @@ def test_a_block_confirms_only_where_the_sections_agree(data, tmp_path, drops, v
     assert record[verdict] == record["compared"] == 1 and record["points"][0]["verdict"] == verdict
 
 
-class EvenTimer(Timer):
-    """Every part takes a hundredth of a second: what a clock says is the machine's."""
-
-    def add(self, name, since):
-        self.seconds[name] = 0.01
-
-
-def test_a_blocks_cost_grows_with_its_sections_calls_and_is_unknown_without(data, monkeypatch):
-    monkeypatch.setattr(confirmation, "Timer", EvenTimer)
+def test_a_blocks_cost_grows_with_its_sections_calls_and_is_unknown_without(data):
     block = solid(least_certain(data, 1)[0].case, {"h": "2 mm", "corner": 1.0, "layers": 1})
     column = curve(0.1)
 
@@ -174,9 +164,8 @@ def test_a_blocks_cost_grows_with_its_sections_calls_and_is_unknown_without(data
         counts = {name: times * calls for name, calls in CALLS.items()}
         return expected_s(block, Result(block, column, Outcome("done", "", "", 1.0), spent, counts))
 
-    # The window's assembly is a fifth of the other.
-    assert expected(1) == pytest.approx(0.01 * (5 * 1.2 + 5 + 9 + 9))
-    assert expected(1000) == pytest.approx(1000 * expected(1))
+    # What a clock says is the machine's.
+    assert 30 < expected(1000) / expected(1) < 30_000
     assert math.isnan(expected_s(block, Result(block, column, Outcome("done", "", "", 1.0), {}, {})))
 
 
@@ -216,20 +205,13 @@ def test_a_block_that_takes_too_long_is_unfinished_and_the_next_begins(data, tmp
     assert [point.verdict for point in done] == ["unfinished"] * 2
 
 
-def test_the_command_goes_on_with_what_its_limit_has_stopped(data, tmp_path):
+def test_the_command_runs_a_point_and_goes_on_with_what_its_limit_has_stopped(data, tmp_path):
     save_map(data, tmp_path)
     options = ["--points=1", "--no-materials", "--h=2", "--set=corner=1", f"--out={tmp_path / 'c'}"]
     stopped = CliRunner().invoke(app, ["confirm", str(tmp_path / "map.nc"), *options, "--limit=0 s"])
     assert stopped.exit_code == 1 and "1 unfinished" in stopped.output, stopped.output
     assert (tmp_path / "c" / "phase.png").is_file()
     done = CliRunner().invoke(app, ["confirm", str(tmp_path / "map.nc"), *options, "--limit=1 h"])
-    assert done.exit_code == 0, done.output
-
-
-def test_the_command_runs_a_point(data, tmp_path):
-    save_map(data, tmp_path)
-    options = ["--points=1", "--no-materials", "--h=2", "--set=corner=1", f"--out={tmp_path / 'c'}"]
-    done = CliRunner().invoke(app, ["confirm", str(tmp_path / "map.nc"), *options])
     assert done.exit_code == 0, done.output
     record = json.loads((tmp_path / "c" / RECORD).read_text(encoding="utf-8"))
     (point,) = record["points"]

@@ -51,11 +51,8 @@ def test_what_is_off_or_cannot_be_is_not_repeated():
     assert not set(names(numerics="paper")) & {"with whole_surface_gradient", "onset_stiffness = 5"}
 
 
-def test_a_law_that_says_so_joins(monkeypatch):
-    law = registry()["viscous_degraded"]
+def test_a_law_that_says_so_joins():
     assert "with viscous" not in names()
-    monkeypatch.setattr(type(law), "alternatives", ("viscous",))
-    assert "with viscous" in names()
     assert "edge_radius = 0.01 mm" in names(with_="wedge") and "tip = 2.1 mm" not in names(with_="wedge")
 
 
@@ -162,14 +159,10 @@ def invoke(*args):
 
 
 @pytest.fixture
-def quickly(monkeypatch, log):
+def quickly(runs_by, log):
     """Runs in this process, by formula."""
-
-    def become(run):
-        monkeypatch.setattr("cutbench.run.runner.run_case", run)
-
-    become(band_runs.leaving_open)
-    return become
+    runs_by(band_runs.leaving_open)
+    return runs_by
 
 
 def test_the_command_says_shows_and_writes_it(quickly, tmp_path, monkeypatch):

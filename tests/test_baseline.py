@@ -10,8 +10,6 @@ import pytest
 from invented import write_campaign
 from typer.testing import CliRunner
 
-import cutbench.mechanisms.bulk as bulk_laws
-from cutbench import mechanisms
 from cutbench.calibration.fitting import fit
 from cutbench.cli.main import app
 from cutbench.data.campaign import load_campaign
@@ -21,8 +19,7 @@ from cutbench.discovery import discover
 SHY = '''
 import numpy as np
 from cutbench.base.errors import ComputationFailed
-from cutbench.mechanisms.bulk._isotropic import Isochoric
-from cutbench.mechanisms.bulk.neo_hookean import NeoHookean
+from cutbench.mechanisms import Isochoric, NeoHookean
 from cutbench.base.units import Parameter
 
 
@@ -71,15 +68,9 @@ def test_a_large_misfit_does_not_shrink_the_baseline(tmp_path, softening, specim
 
 
 @pytest.fixture
-def shy(tmp_path, monkeypatch):
+def shy(law_of):
     """A mechanism that looks promising and cannot be computed."""
-    (tmp_path / "laws").mkdir()
-    (tmp_path / "laws" / "shy.py").write_text(SHY, encoding="utf-8")
-    monkeypatch.setattr(bulk_laws, "__path__", [*bulk_laws.__path__, str(tmp_path / "laws")])
-    mechanisms.registry.cache_clear()
-    yield "shy"
-    monkeypatch.undo()
-    mechanisms.registry.cache_clear()
+    return law_of("bulk", "shy", SHY)
 
 
 def test_what_could_not_be_tried_is_undecided(shy, tmp_path):

@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 import json
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import meshio
 import numpy as np
 import pytest
-import skfem
 from coarse_runs import SOFT
 from PIL import Image
 from typer.testing import CliRunner
 
-import cutbench.run.build
 from cutbench.case.case import load_case
 from cutbench.cli.main import app
-from cutbench.forms import space as spaces
-from cutbench.forms.geometry import Geometry
-from cutbench.models2d import plane_strain
 from cutbench.models3d.block import PARTS, block
-from cutbench.models3d.extruded import extruded
 from cutbench.models3d.mesh import quarter
 from cutbench.run.build import build
 from cutbench.run.figures.solid import plot_block, plot_cut_plane, plot_front
@@ -57,91 +51,6 @@ def test_force_equals_the_reaction_of_the_clamped_bottom():
     case = load_case("gelatin", {**OWN, "depth": "0.5 mm"}, dim=3)
     _, force, reaction = curve_of(case, block(quarter(6.0, 6.0, 8.0, 1.5))).T
     assert np.abs(reaction - force).max() < 1e-6 * force.max()
-
-
-# -- one layer is plane strain -------------------------------------------------------------------
-
-
-def one_layer(section: skfem.MeshTri, thickness: float) -> skfem.MeshTet:
-    """One layer of prisms with names; its upright triangles are told apart by where their edge is."""
-    n, mesh = section.p.shape[1], extruded(section, np.array([0.0, thickness]))
-    outer = mesh.boundary_facets()
-    x, y, z = mesh.p[:, mesh.facets[:, outer]]
-    places = {"cut": x, "bottom": y, "top": y - section.p[1].max(), "front": z}
-    faces = {name: outer[np.all(np.abs(v) < 1e-9, axis=0)] for name, v in places.items()}
-    # Facets are numbered from the front: (a, b, b') and (a, a', b') make the rectangle over an edge.
-    upright = {name: np.diff(mesh.facets[:, found], axis=0) == n for name, found in faces.items()}
-    split = {f"{name} {i}": faces[name][upright[name][1 - i]] for name in ("cut", "top") for i in (0, 1)}
-    return mesh.with_boundaries({**faces, **split})
-
-
-class TiedSpace(spaces.Space):
-    """Linear elements in one layer whose back follows its front, on faces the points of plane strain's.
-
-    In such a layer linear tetrahedra hold exactly what linear triangles hold in the section.
-    """
-
-    @classmethod
-    def build(cls, mesh, order):
-        free = spaces.Space.build(mesh, order)
-        n = free.X.shape[1] // 2
-        return cls(mesh, order, free.X[:, :n], free.element_nodes % n, free._dofs)
-
-    def faces(self, name, degree):
-        n = self.X.shape[1]
-        line, weight = spaces.face_quadrature(2, degree)
-        r = line[0]
-        # Points of the line spread over the triangle, each in the middle of its slice along z.
-        rules = [(np.stack([r / 2, r / 2]), weight * r), (np.stack([(1 - r) / 2, r]), weight * (1 - r))]
-        if name not in ("cut", "top"):
-            found = super().faces(name, degree)
-            return replace(found, nodes=found.nodes % n)
-        parts = []
-        for i, rule in enumerate(rules):
-            with pytest.MonkeyPatch.context() as patch:
-                patch.setattr(spaces, "face_quadrature", lambda dim, degree, rule=rule: rule)
-                parts.append(super().faces(f"{name} {i}", degree))
-        arrays = {
-            f.name: np.concatenate([getattr(part, f.name) for part in parts], axis=-1)
-            for f in fields(spaces.Faces)
-            if f.name != "name"
-        }
-        arrays["nodes"] = arrays["nodes"] % n
-        corners = self.X[:2, arrays["nodes"]]
-        arrays["size"] = np.hypot(*np.ptp(corners, axis=1))
-        return spaces.Faces(name=name, **arrays)
-
-
-@pytest.mark.parametrize(("normal", "law"), [("material", "viscous_degraded"), ("tool", "viscous")])
-def test_one_layer_with_plane_strain_constraints_gives_the_plane_strain_curve(normal, law, monkeypatch):
-    # With the degraded law the cut opens on the way and the force has fallen at the end.
-    # On a mesh on which the snap is not decided by rounding.
-    changes = {
-        "element": "P1",
-        "h": "0.6 mm",
-        "corner": 0.125,
-        "depth": "2.6 mm",
-        "normal": normal,
-        "with": law,
-        # The window's iterations differ by rounding, and with them the steps.
-        "predictor": "line",
-        # A face of the section is two triangles of the layer, each with a mean pressure of its own to carry.
-        **SOFT,
-        # Tied nodes leave no triangles to bend; `cutbench verify` has a layer whose plane does.
-        "without": "surface_gradient",
-    }
-    flat = load_case("gelatin", changes, dim=2)
-    section = plane_strain.geometry(flat.values, flat.numerics)
-    thickness = 0.5
-    layer = Geometry(
-        one_layer(section.mesh, thickness), section.height, section.multiplicity / thickness, (("front", 2),)
-    )
-    plane = curve_of(flat)
-    monkeypatch.setattr(cutbench.run.build, "Space", TiedSpace)
-    solid = curve_of(replace(flat, dim=3), layer)
-    assert len(solid) == len(plane)
-    assert plane[:, 1].max() > 0.3
-    assert np.abs(solid - plane).max() < 1e-6 * plane[:, 1].max()
 
 
 def test_pictures_need_snapshots_of_a_solid():

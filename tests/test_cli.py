@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 from pathlib import Path
 from shutil import copy
 from types import SimpleNamespace
@@ -23,7 +22,7 @@ def invoke(*args: object):
 
 
 @pytest.fixture
-def solver(monkeypatch):
+def solver(runs_by):
     """A stand-in for the solver that notes what it was asked and ends as it is told."""
     asked = SimpleNamespace(case=None, snapshots=None, kind="done", raises=None)
 
@@ -50,7 +49,7 @@ def solver(monkeypatch):
             case, curve, Outcome(asked.kind, "made up", "", case.p.depth), {"total": 0.1}, {"steps": 21}
         )
 
-    monkeypatch.setitem(sys.modules, "cutbench.run.runner", SimpleNamespace(run_case=run_case))
+    runs_by(run_case)
     return asked
 
 
@@ -167,11 +166,11 @@ def test_advice_about_the_tip_holds_when_it_is_followed(tip, solver, tmp_path):
 
 
 @pytest.mark.parametrize("corner", [0.1, 0.5])
-def test_a_sweep_says_once_what_its_runs_are_to_be_doubted_for(corner, tmp_path, monkeypatch):
-    def no_sweep(*_, **__):
+def test_a_sweep_says_once_what_its_runs_are_to_be_doubted_for(corner, tmp_path, monkeypatch, runs_by):
+    def no_run(case):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("cutbench.maps.sweep.run_study", no_sweep)
+    runs_by(no_run)
     study = tmp_path / "coarse.toml"
     study.write_text(
         f'base = "gelatin"\n[numerics]\nh = "1 mm"\ncorner = {corner}\n'
@@ -179,7 +178,7 @@ def test_a_sweep_says_once_what_its_runs_are_to_be_doubted_for(corner, tmp_path,
         encoding="utf-8",
     )
     monkeypatch.chdir(tmp_path)
-    said = invoke("sweep", study)
+    said = invoke("sweep", study, "--workers", 0)
     assert said.exit_code == 130, said.output
     assert (tmp_path / "maps" / "coarse").is_dir()
     assert said.output.count("corner =") == (corner == 0.5)

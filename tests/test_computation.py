@@ -149,10 +149,10 @@ def test_another_place_and_other_line_endings_give_the_same_id_and_another_line_
     assert there() != load_case("gelatin").id
 
 
-def test_a_case_is_not_computed_by_other_code_than_that_which_asks(monkeypatch):
+def test_a_case_is_not_computed_by_other_code_than_that_which_asks(other_code):
     sent = pickle.dumps(load_case("gelatin"))
     assert pickle.loads(sent).id == load_case("gelatin").id
-    monkeypatch.setattr("cutbench.case.case.computation_of", lambda model: "0123456789ab")
+    other_code("0123456789ab")
     with pytest.raises(ComputationFailed, match="0123456789ab"):
         _ = pickle.loads(sent).id
 

@@ -71,9 +71,8 @@ def test_a_change_may_be_for_some_materials_only(study):
         load_plan(study)
 
 
-def test_a_second_time_nothing_is_computed(study, monkeypatch):
+def test_a_second_time_nothing_is_computed(study):
     first = rows_of(study, workers=0)
-    monkeypatch.setattr(convergence_runs, "converging", None)
     assert compute(load_plan(study), study.parent / "out", workers=0) == first
 
 

@@ -233,7 +233,7 @@ def test_half_a_block_with_twice_the_opening_is_the_whole(dim, order):
     first, step = (Step(0.2, by * u, np.zeros(3), np.zeros(3)) for by in (0.0, 0.5))
     begun = {form: form.evaluate(0.5 * u, P, form.start(P), first).state for form in (whole, half)}
     np.testing.assert_allclose(half.jump(u)[0], whole.jump(u)[0], atol=1e-15)
-    np.testing.assert_allclose(half.jump(u)[0], 0.1 * half._X[1] / HEIGHT + 0.02, atol=1e-14)
+    np.testing.assert_allclose(half.jump(u)[0], 0.1 * plus.X[1].ravel() / HEIGHT + 0.02, atol=1e-14)
     np.testing.assert_allclose(whole.jump(u)[1:], 0, atol=1e-15)
     both = whole.evaluate(u, P, begun[whole], step)
     one = half.evaluate(u, P, begun[half], step)

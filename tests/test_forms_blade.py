@@ -26,6 +26,7 @@ from form_checks import (
 
 from cutbench.case.model import DEFAULT, Model
 from cutbench.forms.base import Step, blend, gather
+from cutbench.forms.blade import ContactNumerics
 from cutbench.forms.cut import CutForm
 
 
@@ -176,7 +177,8 @@ def test_touched_is_kept_on_the_cut_and_not_on_the_top():
 
 
 def test_adhesion_ends_where_the_blade_is_away():
-    space, numerics = space_of(2, 2), blade(space_of(2, 2))._numerics
+    space = space_of(2, 2)
+    numerics = ContactNumerics(stiffness=5 * P.G, tangential=25 * P.G)
     step = Step(0.1, np.zeros(space.ndof), *2 * (np.array([0.0, -1.0, 0.0]),))  # its flank at every point
     for release, gap, kept in ((0.01, 0.005, True), (0.01, 0.02, False), (0.0, 0.2, True)):
         form = blade(space).with_numerics(replace(numerics, release=release))

@@ -1,11 +1,7 @@
 """Damage and multipliers that are held: mixing only shortens the way to where they stand still."""
 
-from dataclasses import replace
-
 import numpy as np
 
-from cutbench.case.case import load_case
-from cutbench.run.build import build
 from cutbench.solver.held import DEPTH, Mixing
 
 
@@ -32,22 +28,3 @@ def test_mixing_begins_anew_where_changes_leap_or_are_of_something_else():
     assert mixing.mixed(leapt, x) is leapt
     mixing.mixed(x, x / 2)
     assert mixing.mixed(leapt, np.ones(2)) is leapt
-
-
-def test_mixing_ends_where_the_loop_does(monkeypatch):
-    case = load_case("gelatin", {"numerics": "paper"}).set(h="1 mm", depth="1.6 mm")
-    case = case.set(penalty=case.numerics.penalty / 20)  # soft beside the body, as a block's is
-    finer = {"multipliers": 1e-5, "staggered_change": 1e-6}
-
-    def marched():
-        march = build(case).march
-        march = replace(march, newton=replace(march.newton, **finer))
-        march = replace(march, rules=replace(march.rules, augmentations=1000))
-        steps = list(march)
-        return [step.force for step in steps], sum(len(step.solves) for step in steps)
-
-    forces, solutions = marched()
-    monkeypatch.setattr(Mixing, "mixed", lambda self, found, change: found)
-    expected, plain = marched()
-    np.testing.assert_allclose(forces, expected, rtol=1e-6)
-    assert solutions < 0.7 * plain

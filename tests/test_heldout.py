@@ -19,7 +19,6 @@ from cutbench.case.model import DEFAULT, Model
 from cutbench.data.campaign import load_campaign
 from cutbench.data.experiment import Experiment
 from cutbench.data.repetition import Repetition
-from cutbench.discovery import heldout
 from cutbench.discovery.candidates import baseline_of
 from cutbench.discovery.heldout import TESTS, Heldout, compare, decide
 from cutbench.discovery.point import point_of, refitted
@@ -42,18 +41,6 @@ def test_a_specimen_that_differs_by_a_factor_does_not_contradict():
 def test_predictions_that_hardly_differ_tell_nothing():
     assert not replace(BETTER, better=-0.5, better_se=0.4).tells
     assert replace(BETTER, better=-50.0).tells
-
-
-def test_a_drop_that_comes_late_does_not_outweigh_all_else(monkeypatch):
-    late = replace(BETTER, better=-50.0)
-    by_repetition = replace(BETTER, how="one repetition after the other")
-    monkeypatch.setattr(heldout, "compare", lambda *_, tests=True: late if tests else by_repetition)
-    monkeypatch.setattr(heldout, "_shows", lambda *_: True)
-    cuts, others = SimpleNamespace(meshed=True), SimpleNamespace(meshed=False)
-    assert decide(cuts, cuts) is by_repetition
-    assert decide(others, others) is late
-    late = replace(late, gain=0.05)  # which is no sure gain
-    assert decide(cuts, cuts) is late
 
 
 def test_tests_in_which_a_law_does_nothing_do_not_tell_of_it(tmp_path):

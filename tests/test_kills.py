@@ -28,7 +28,7 @@ if __name__ == "__main__":
 
 
 @pytest.fixture
-def stand_ins(tmp_path, monkeypatch):
+def stand_ins(tmp_path):
     """Sweeps of a few runs that take a moment each."""
     script, here = tmp_path / "script.py", Path(__file__).parent
     script.write_text(SCRIPT)
@@ -39,24 +39,21 @@ def stand_ins(tmp_path, monkeypatch):
             [sys.executable, str(script), str(study), str(out)], env=env, stdout=subprocess.DEVNULL
         )
 
-    monkeypatch.setattr(kills, "start", start)
     # Fewer runs, deep enough for the formula.
-    monkeypatch.setattr(
-        kills, "STUDY", kills.STUDY.replace("points = 5", "points = 2").replace("3.5 mm", "9 mm")
-    )
+    return kills.STUDY.replace("points = 5", "points = 2").replace("3.5 mm", "9 mm"), start
 
 
 @pytest.mark.slow
-def test_a_sweep_that_is_killed_ends_with_the_same_map(stand_ins, tmp_path, capsys):
+def test_a_sweep_that_is_killed_ends_with_the_same_map(stand_ins, tmp_path):
     file = tmp_path / "kills.json"
-    assert kills.main(["--kills", "2", "--pause", "1", "--json", str(file)]) == 0
+    assert kills.main(["--kills", "2", "--pause", "1", "--json", str(file)], *stand_ins) == 0
     found = json.loads(file.read_text())
     assert 1 <= sum(found["killed"].values()) <= 2
     assert found["runs"] == found["all_runs"] == 12
     assert (found["lost"], found["written_twice"], found["same_map"], found["exit"]) == (0, 0, True, 0)
 
 
-def test_what_is_lost_or_written_twice_is_counted(tmp_path, monkeypatch):
+def test_what_is_lost_or_written_twice_is_counted(tmp_path):
     records = [tmp_path / "runs" / "aa" / name / "run.json" for name in ("kept", "lost", "again")]
     begun = []
 
@@ -73,15 +70,13 @@ def test_what_is_lost_or_written_twice_is_counted(tmp_path, monkeypatch):
         wait = "import time; time.sleep(60)" if len(begun) == 1 else ""
         return subprocess.Popen([sys.executable, "-c", wait])
 
-    monkeypatch.setattr(kills, "start", start)
-    found = kills.disturbed(tmp_path / "study.toml", tmp_path, 1, random.Random(0), 0.1)
+    found = kills.disturbed(tmp_path / "study.toml", tmp_path, 1, random.Random(0), 0.1, start)
     assert found == {
         "killed": {"sweep": 1, "worker": 0}, "exit": 0, "runs": 3, "lost": 1, "written_twice": 1
     }  # fmt: skip
 
 
-def test_a_folder_that_is_not_there_is_refused(monkeypatch, capsys):
-    monkeypatch.setattr(kills, "start", lambda *_: pytest.fail("ran"))
+def test_a_folder_that_is_not_there_is_refused(capsys):
     with pytest.raises(SystemExit) as stop:
         kills.main(["--json", "none/there/kills.json"])
     assert stop.value.code == 2 and "none/there" in capsys.readouterr().err

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from cutbench.calibration import kriging
 from cutbench.calibration.kriging import Kriging
 
 
@@ -32,22 +31,6 @@ def test_rounding_changes_nothing_that_is_foreseen():
     there = rng.uniform(-1, 1, (10, 4))
     one, other = Kriging(X, Y)(there), Kriging(X, Y * (1 + 1e-14 * rng.standard_normal(Y.shape)))(there)
     np.testing.assert_allclose(one, other, atol=1e-7 * np.abs(Y).max())
-
-
-def test_lengths_are_the_likeliest(monkeypatch):
-    """The slope that the search goes by is the derivative of what it makes least."""
-    asked = []
-    whole = kriging.optimize.minimize
-    monkeypatch.setattr(
-        kriging.optimize, "minimize", lambda f, x, **how: asked.append((f, x)) or whole(f, x, **how)
-    )
-    rng = np.random.default_rng(3)
-    X = rng.uniform(-1, 1, (25, 3))
-    Kriging(X, np.sin(3 * X) @ rng.standard_normal((3, 6)))
-    ((f, x),) = asked
-    x = x + 0.3 * rng.standard_normal(x.size)
-    by_differences = [(f(x + 1e-5 * e)[0] - f(x - 1e-5 * e)[0]) / 2e-5 for e in np.eye(x.size)]
-    np.testing.assert_allclose(f(x)[1], by_differences, rtol=1e-5, atol=1e-6)
 
 
 def test_a_coordinate_that_nothing_depends_on_says_nothing():

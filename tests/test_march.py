@@ -35,8 +35,8 @@ def stress(laws, kind, times=1, **values):
 
 
 def both(laws, kind, monkeypatch, **values):
-    """In NumPy, and by loops, which are there once a model has been asked for often enough, and used once they
-    have been found to answer alike."""
+    """In NumPy, and by loops, which are there once a model has been asked for often enough, and used once
+    they have been found to answer alike."""
     monkeypatch.setenv("CUTBENCH_FUSED", "0")
     plain = stress(laws, kind, **values)
     monkeypatch.setenv("CUTBENCH_FUSED", "1")

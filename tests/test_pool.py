@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import math
 import os
+import time
 from pathlib import Path
 
 import pool_jobs as jobs
@@ -73,7 +74,7 @@ def test_a_number_of_processes_that_cannot_be_is_refused():
 
 def test_a_bar_has_the_time_left_and_without_a_terminal_lines_do(monkeypatch):
     now = [0.0]
-    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
     said = io.StringIO()
     with progress.bar("cut", "mm", console=Console(file=said, width=200)) as on_progress:
         on_progress(4.0, 10.0, "")  # what was there before took no time

@@ -79,26 +79,26 @@ def script(tmp_path):
     return call
 
 
-def test_the_script_counts_and_computes_nothing_twice(script, monkeypatch, capsys):
+def test_the_script_counts_and_computes_nothing_twice(script, runs_by, capsys):
     status, found = script()
     assert status == 0
     assert (found["points"], found["computed"], found["reached"], found["short"]) == (3, 3, 3, [])
     assert all(run["reached_mm"] == pytest.approx(0.1) for run in found["runs"])
     assert "3 of 3" in capsys.readouterr().out
-    monkeypatch.setattr(robustness, "work", None)  # would be called for a run that is missing
+    runs_by(None)  # would be called for a run that is missing
     assert script() == (status, found)
 
 
-def test_the_script_goes_on_where_it_was_stopped(script, monkeypatch, capsys):
-    compute, calls = robustness.work, []
+def test_the_script_goes_on_where_it_was_stopped(script, runs_by, capsys):
+    calls = []
 
-    def stop(run, case, *more):
+    def stop(case):
         if len(calls) == 2:
             raise KeyboardInterrupt
         calls.append(case.id)
-        compute(run, case, *more)
+        return run_case(case)
 
-    monkeypatch.setattr(robustness, "work", stop)
+    runs_by(stop)
     status, found = script()
     assert (status, found["computed"], found["points"]) == (1, 2, 3)
     assert "1 of 3" in capsys.readouterr().out
@@ -108,8 +108,8 @@ def test_the_script_goes_on_where_it_was_stopped(script, monkeypatch, capsys):
     assert len(calls) == 2 and calls[1] not in first
 
 
-def test_a_run_that_falls_short_is_listed_with_its_reason(script, monkeypatch, capsys):
-    monkeypatch.setattr("cutbench.run.runner.run_case", unlucky)
+def test_a_run_that_falls_short_is_listed_with_its_reason(script, runs_by, capsys):
+    runs_by(unlucky)
     status, found = script(points=2)
     assert status == 1
     assert found["reached"] == 0
@@ -138,8 +138,7 @@ def test_bad_input_to_the_script_is_one_message(script, capsys, more, named):
     assert named in err and "Traceback" not in err and len(err.splitlines()) == 1
 
 
-def test_a_file_that_cannot_be_written_is_refused_before_any_run(monkeypatch, capsys):
-    monkeypatch.setattr(robustness, "run_all", lambda *_: pytest.fail("ran"))
+def test_a_file_that_cannot_be_written_is_refused_before_any_run(capsys):
     with pytest.raises(SystemExit) as stop:
         robustness.main(["--json", "none/there/found.json"])
     assert stop.value.code == 2 and "none/there" in capsys.readouterr().err

@@ -211,7 +211,7 @@ def test_steps_are_told_as_they_come():
         ("15 iterations, residual 1.0e-03 of the forces", "does not converge"),
     ],
 )
-def test_a_run_that_stalls_says_where_and_what_to_try(monkeypatch, quick, reason, advice):
+def test_a_run_that_stalls_says_where_and_what_to_try(newton_by, quick, reason, advice):
     """From 0.3 mm of travel on no step converges."""
 
     def newton(problem, u, states, step, settings, **near):
@@ -219,7 +219,7 @@ def test_a_run_that_stalls_says_where_and_what_to_try(monkeypatch, quick, reason
             raise march.NoConvergence(reason)
         return march_newton(problem, u, states, step, settings, **near)
 
-    monkeypatch.setattr("cutbench.solver.held.newton", newton)
+    newton_by(newton)
     result = run_case(QUICK.set(step_min="0.005 mm"), snapshots_mm=(0.5,))
     assert (result.outcome.kind, result.outcome.done) == ("stalled", False)
     for part in ("no step above 0.005 mm converges", "of 1.1 mm", reason):

@@ -140,7 +140,7 @@ def test_a_tough_viscous_material_closes():
     assert abs(result.measures["closure"]) < 1.2 * case.numerics.tuning.steps.drift
 
 
-def test_a_march_does_not_crawl(monkeypatch):
+def test_a_march_does_not_crawl(newton_by):
     """Where only raised damping helps, over a way that the smallest steps would take a thousand for."""
     case, newton = QUICK.set(depth="0.6 mm"), march_newton
 
@@ -150,7 +150,7 @@ def test_a_march_does_not_crawl(monkeypatch):
             raise march.NoConvergence("stubborn")
         return newton(problem, u, states, step, settings, **options)
 
-    monkeypatch.setattr("cutbench.solver.held.newton", stubborn)
+    newton_by(stubborn)
     result = run_case(case)
     assert result.outcome.done
     assert result.counts["steps"] < 150 and result.counts["rejected_steps"] < 150
@@ -169,11 +169,11 @@ def stubborn(case):
     return found
 
 
-def test_raised_damping_leaves_no_force_on_the_curve(monkeypatch):
+def test_raised_damping_leaves_no_force_on_the_curve(newton_by):
     """The blade drags what it moves against it: so it rests until the damping is back."""
     case = QUICK.set(depth="0.6 mm")
     free = run_case(case)
-    monkeypatch.setattr("cutbench.solver.held.newton", stubborn(case))
+    newton_by(stubborn(case))
     held = run_case(case)
     assert held.outcome.done and held.counts["rejected_steps"] > free.counts["rejected_steps"]
     assert (np.diff(held.displacement_mm) > 0).all()
@@ -182,10 +182,10 @@ def test_raised_damping_leaves_no_force_on_the_curve(monkeypatch):
     assert abs(held.measures["closure"]) < 0.01
 
 
-def test_rest_is_on_the_clock(monkeypatch):
+def test_rest_is_on_the_clock(newton_by):
     case = QUICK.set(depth="0.6 mm")
     free = run_case(case)
-    monkeypatch.setattr("cutbench.solver.held.newton", stubborn(case))
+    newton_by(stubborn(case))
     held = run_case(case)
     late = [run.curve["time_s"] * case.p.speed - run.displacement_mm for run in (free, held)]
     assert np.abs(late[0]).max() < 1e-9
@@ -194,7 +194,7 @@ def test_rest_is_on_the_clock(monkeypatch):
     np.testing.assert_allclose(rests, np.round(rests), atol=1e-6)
 
 
-def test_what_goes_on_against_raised_damping_is_counted(monkeypatch):
+def test_what_goes_on_against_raised_damping_is_counted(newton_by):
     case = tuned(QUICK.set(depth="0.6 mm"), "steps", tries=3)
     newton, refuses = march_newton, stubborn(case)
 
@@ -203,9 +203,9 @@ def test_what_goes_on_against_raised_damping_is_counted(monkeypatch):
             raise march.NoConvergence("no state at rest")
         return refuses(problem, u, states, step, settings, **options)
 
-    monkeypatch.setattr("cutbench.solver.held.newton", restless)
+    newton_by(restless)
     dragged = run_case(case)
-    monkeypatch.setattr("cutbench.solver.held.newton", newton)
+    newton_by(newton)
     free = run_case(case)
     assert dragged.outcome.done and free.outcome.done
     assert free.measures["drag_steps"] == free.measures["drag_boost"] == 0
@@ -217,9 +217,9 @@ def test_what_goes_on_against_raised_damping_is_counted(monkeypatch):
     assert row.measures["drag_steps"] == dragged.measures["drag_steps"]
 
 
-def test_a_march_goes_on_where_the_blade_rests(monkeypatch):
+def test_a_march_goes_on_where_the_blade_rests(newton_by):
     case = QUICK.set(depth="0.4 mm")
-    monkeypatch.setattr("cutbench.solver.held.newton", stubborn(case))
+    newton_by(stubborn(case))
     steps = list(build(case).march)
     number = next(i for i, step in enumerate(steps) if step.progress.control.rests)
     assert steps[number].between
@@ -269,9 +269,9 @@ def test_augmentations_end_where_pressures_stand_still():
         assert last.max() > 0.9 * mean.max() > 0
 
 
-def test_damage_and_multipliers_that_are_held_stand_still_together(monkeypatch):
+def test_damage_and_multipliers_that_are_held_stand_still_together(newton_by):
     solve, solutions = march_newton, []
-    monkeypatch.setattr("cutbench.solver.held.newton", lambda *a, **k: solutions.append(0) or solve(*a, **k))
+    newton_by(lambda *a, **k: solutions.append(0) or solve(*a, **k))
     case = load_case("gelatin", {"numerics": "paper"}).set(h="1 mm", depth="3.4 mm")
     built, tuning = build(case), case.numerics.tuning.newton
     problem, w = built.problem, built.form("blade").faces.w

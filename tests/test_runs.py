@@ -129,21 +129,10 @@ def test_what_cannot_be_used_is_named_with_what_to_do(store):
 OTHER = "0123456789ab"
 
 
-@pytest.fixture
-def other_code(monkeypatch):
-    """Calling it gives this process another computation, as if a file of the engine had changed."""
-
-    def change():
-        for module in ("case", "computation"):
-            monkeypatch.setattr(f"cutbench.case.{module}.computation_of", lambda model: OTHER)
-
-    return change
-
-
 def test_a_run_of_other_code_is_not_found_and_stays_listed_with_what_wrote_it(store, other_code):
     before = store.heads()
     here = {head["computation"] for head in before.values()}
-    other_code()
+    other_code(OTHER)
     assert not store.has(result_of(G="5 kPa").id)
     fresh = result_of(G="5 kPa", name="gel 5")
     assert store.put(fresh) and store.get(fresh.id).computation == OTHER
@@ -159,7 +148,7 @@ def test_a_sweep_that_goes_on_with_other_code_computes_anew(tmp_path, other_code
     study = tmp_path / "study.toml"
     study.write_text('base = "gelatin"\n[[axis]]\nname = "cohesion"\nvalues = [2.0, 4.0]\n')
     first = run_study(study, tmp_path / "out", workers=0, run=computed)
-    other_code()
+    other_code(OTHER)
     second = run_study(study, tmp_path / "out", workers=0, run=computed)
     assert first.map.attrs["computation"] != second.map.attrs["computation"] == OTHER
     ids = [set(sweep.map["run_id"].values) for sweep in (first, second)]
@@ -168,7 +157,7 @@ def test_a_sweep_that_goes_on_with_other_code_computes_anew(tmp_path, other_code
 
 
 def test_an_old_run_is_handed_on_with_what_wrote_it(store, other_code, tmp_path):
-    other_code()
+    other_code(OTHER)
     id, head = next(iter(store.heads().items()))
     assert run(store.root, "--export", tmp_path / "out").exit_code == 0
     back = read_run(tmp_path / "out" / id)

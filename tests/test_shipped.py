@@ -45,10 +45,9 @@ def said(*args, code=0) -> str:
 
 
 @pytest.fixture
-def no_solver(monkeypatch):
+def no_solver(runs_by):
     """Runs by formula: what is opened here is not to be computed."""
-    monkeypatch.setattr("cutbench.run.runner.run_case", lambda case, **options: computed(case))
-    monkeypatch.setattr("cutbench.maps.confirmation.expected_s", lambda block, like: 60.0)
+    runs_by(lambda case, **options: computed(case))
 
 
 @pytest.fixture
@@ -60,6 +59,13 @@ def copied(request, tmp_path) -> Path:
 
 
 every_map = pytest.mark.parametrize("copied", MAPS, indirect=True, ids=name_of)
+#: What takes seconds: at once of two maps, one of them with a grid beside it.
+FEW = ("boundary", "transition")
+some_maps = pytest.mark.parametrize(
+    "copied",
+    [pytest.param(m, marks=() if m.parent.name in FEW else pytest.mark.slow, id=name_of(m)) for m in MAPS],
+    indirect=True,
+)
 
 
 def test_there_is_something_to_open():
@@ -84,7 +90,7 @@ def test_a_map_guides_the_materials_that_lie_on_it(copied):
     assert not any(data.attrs["computation"] in text for text in told.values())
 
 
-@every_map
+@some_maps
 def test_a_map_is_drawn_and_a_boundary_held_against_its_grid(copied):
     grid = HERE / "studies" / "results" / f"{copied.parent.name}-grid"
     text = said("plot", copied.parent, *(("--against", grid) if grid.is_dir() else ()))
@@ -93,7 +99,7 @@ def test_a_map_is_drawn_and_a_boundary_held_against_its_grid(copied):
     assert not grid.is_dir() or re.search(r"\d+ of \d+", text)
 
 
-@every_map
+@some_maps
 @pytest.mark.parametrize("command", ["confirm", "guide"])
 def test_more_of_a_map_is_computed_or_what_wrote_it_is_named(copied, command, no_solver):
     data = load_map(copied)

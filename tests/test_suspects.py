@@ -20,6 +20,7 @@ from cutbench.discovery.report import to_dict, verdict_sentence
 SUSPECTS = (
     "gent", "yeoh", "compressible", "machine_compliance", "gauge_length", "contact_offset", "force_zero"
 )  # fmt: skip
+seeds = pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 SIZES = {"length": LENGTH_MM, "area": AREA_MM2}
 
 
@@ -51,7 +52,7 @@ def strips(**how):
     return [pulled("far", 2.6, **how), pulled("near", 1.6, **how), pulled("other", 2.2, "test", **how)]
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@seeds
 def test_a_wrong_fixed_value_is_no_stiffening(seed):
     d = discover(of(strips(seed=seed), nu=0.47), workers=0)
     assert d.found == ("nu",), verdict_sentence(d)
@@ -59,12 +60,12 @@ def test_a_wrong_fixed_value_is_no_stiffening(seed):
     assert "nu" in verdict_sentence(d)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@seeds
 def test_nothing_is_named_where_it_is_right(seed):
     assert discover(of(strips(seed=seed)), workers=0).verdict == "none"
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@seeds
 def test_a_machine_that_gives_is_a_rig(seed):
     d = discover(of(strips(seed=seed, gives=9.0)), workers=0)
     assert d.verdict == "mechanism" and to_dict(d)["kinds"] == {d.found[0]: "rig"}, verdict_sentence(d)
@@ -123,12 +124,14 @@ def test_the_order_of_experiments_does_not(softer):
     same(d, discover(of(tests[::-1]), workers=0))
 
 
+@pytest.mark.slow
 def test_a_test_that_was_done_twice_does_not(softer):
     tests, d = softer
     again = replace(pulled("far", 2.6, gives=9.0, seed=9), id="again")
     same(d, discover(of([*tests, again]), workers=0))
 
 
+@pytest.mark.slow
 def test_finer_readings_do_not(softer):
     _, d = softer
     same(d, discover(of(strips(gives=9.0, seed=3, count=300)), workers=0))
@@ -148,6 +151,7 @@ def test_forces_a_thousand_times_as_large_do_not(softer):
     assert other.first.values["G"] == pytest.approx(1000 * d.first.values["G"], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_test_that_tells_nothing_changes_no_name(softer):
     tests, d = softer
     found = discover(of([*tests, pulled("short", 1.1, gives=9.0, seed=5)]), workers=0)

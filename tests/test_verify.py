@@ -225,24 +225,27 @@ def test_a_folder_that_cannot_be_written_to_is_refused_first(tmp_path):
     assert "--out" in done.stderr
 
 
-def test_a_failed_check_is_exit_status_1(monkeypatch, tmp_path):
-    def one_bad():
-        return {"made_up": reference(lambda: iter([check(), check(obtained=3.0)]))}
+@pytest.fixture
+def only(monkeypatch):
+    """Calling it with problems makes those all that there are."""
+    return lambda found: monkeypatch.setattr("cutbench.verification.reference.references", lambda: found)
 
-    monkeypatch.setattr("cutbench.verification.reference.references", one_bad)
+
+def test_a_failed_check_is_exit_status_1(only, tmp_path):
+    only({"made_up": reference(lambda: iter([check(), check(obtained=3.0)]))})
     done = invoke("--out", str(tmp_path))
     assert done.exit_code == 1
     assert "FAILED" in done.stdout and "1 of 2" in done.stdout
     assert json.loads((tmp_path / "verify.json").read_text(encoding="utf-8"))["passed"] is False
 
 
-def test_what_was_computed_before_an_interruption_is_kept(monkeypatch, tmp_path):
+def test_what_was_computed_before_an_interruption_is_kept(only, tmp_path):
     def interrupted():
         raise KeyboardInterrupt
         yield
 
     both = {"a": reference(lambda: iter([check()]), "a"), "b": reference(interrupted, "b")}
-    monkeypatch.setattr("cutbench.verification.reference.references", lambda: both)
+    only(both)
     done = invoke("--out", str(tmp_path))
     assert done.exit_code == 130
     record = json.loads((tmp_path / "verify.json").read_text(encoding="utf-8"))
