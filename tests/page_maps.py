@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from unittest import mock
 
 import analytic_runs
 import numpy as np
 
-import cutbench.maps.sweep as sweep
 from cutbench.maps.study import load_study
+from cutbench.maps.sweep import run_study
 
 TITLE = "Cohesion </script> & viscosity"
 GRID = f"""title = "{TITLE}"
@@ -51,6 +50,5 @@ def split_run(case):
 def swept(folder: Path, text: str, run=split_run) -> Path:
     """``folder`` with the map and the page of a study of stand-in runs, and no pictures."""
     (folder / "study.toml").write_text(text, encoding="utf-8")
-    with mock.patch.multiple(sweep, save_phase=lambda *_: [], save_estimates=lambda *_: ([], "")):
-        sweep.run_study(load_study(folder / "study.toml"), folder, workers=0, run=run)
+    run_study(load_study(folder / "study.toml"), folder, workers=0, run=run, pictures=False)
     return folder

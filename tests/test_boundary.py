@@ -288,7 +288,9 @@ def study(tmp_path):
 
 def test_a_study_finds_the_boundary_that_its_grid_has(study, tmp_path):
     """The same two axes as a search and as a grid of 33 x 33 runs: the product's own comparison."""
-    found = run_study(study(STUDY), tmp_path / "sought", workers=0, run=analytic_runs.computed)
+    found = run_study(
+        study(STUDY), tmp_path / "sought", workers=0, run=analytic_runs.computed, pictures=False
+    )
     ticks = 'points = 33\nscale = "log"'
     grid = study(STUDY.replace('mode = "boundary"\n', "").replace('scale = "log"', ticks))
     whole = build_map(
@@ -318,12 +320,12 @@ def test_a_study_finds_the_boundary_that_its_grid_has(study, tmp_path):
 
 def test_levels_are_searched_side_by_side_and_a_second_sweep_computes_nothing(study, tmp_path):
     text = STUDY + '[[axis]]\nname = "adhesion"\nvalues = [0.0, 0.187]\n[boundary]\nruns = 60\n'
-    first = run_study(study(text), tmp_path / "out", workers=0, run=analytic_runs.computed)
+    first = run_study(study(text), tmp_path / "out", workers=0, run=analytic_runs.computed, pictures=False)
     counts = (first.map["run_id"] != "").sum(["cohesion", "viscosity"]).values
     assert (counts <= 60).all() and counts.sum() == first.status.total
     drop = analytic_runs.drop_of(first.map and study(text).case_at([5.0, 1.0, 0.187]))
     assert (first.map["margin"].sel(adhesion=0.187).interp(cohesion=5.0, viscosity=1.0) < 0) == (drop < 0.1)
-    again = run_study(study(text), tmp_path / "out", workers=0, run=failing)
+    again = run_study(study(text), tmp_path / "out", workers=0, run=failing, pictures=False)
     assert again.status.reused == again.status.total == first.status.total
     assert again.map.equals(first.map)
 

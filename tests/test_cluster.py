@@ -119,10 +119,12 @@ def test_a_worker_that_does_not_see_the_store_sends_the_run_back(study, slow_log
 @pytest.mark.slow
 def test_a_local_cluster_gives_the_same_map_and_computes_each_run_once(study, slow_log, tmp_path):
     pytest.importorskip("distributed")
-    done = run_study(study, tmp_path / "out", workers=2, scheduler="local", run=analytic_runs.fake_run)
+    done = run_study(
+        study, tmp_path / "out", workers=2, scheduler="local", run=analytic_runs.fake_run, pictures=False
+    )
     ids = slow_log.read_text().split()
     assert done.complete and sorted(ids) == sorted(case.id for case in study.cases())
-    here = run_study(study, tmp_path / "here", workers=0, run=analytic_runs.computed)
+    here = run_study(study, tmp_path / "here", workers=0, run=analytic_runs.computed, pictures=False)
     assert done.map.equals(here.map)
 
 
@@ -155,7 +157,7 @@ def test_one_of_two_local_dask_workers_is_killed_and_nothing_is_lost(study, slow
             os.kill(workers[0], signal.SIGKILL)
 
     done = run_study(
-        study, tmp_path / "out", workers=2, scheduler="local", run=analytic_runs.fake_run,
+        study, tmp_path / "out", workers=2, scheduler="local", run=analytic_runs.fake_run, pictures=False,
         on_progress=on_progress,
     )  # fmt: skip
     assert len(killed) == 1 and done.complete and done.status.failed == 0
@@ -163,7 +165,7 @@ def test_one_of_two_local_dask_workers_is_killed_and_nothing_is_lost(study, slow
     assert set(ids) == {case.id for case in study.cases()}
     assert not set(ids[len(begun) :]) & kept, "a finished run was begun again"
     assert len(ids) - len(set(ids)) <= 1, "only the run that was lost may be computed again"
-    here = run_study(study, tmp_path / "here", workers=0, run=analytic_runs.computed)
+    here = run_study(study, tmp_path / "here", workers=0, run=analytic_runs.computed, pictures=False)
     assert done.map.equals(here.map)
 
 
@@ -184,13 +186,14 @@ def test_workers_come_and_go_and_lost_runs_are_done_again(study, slow_log, tmp_p
         tmp_path / "out",
         scheduler=cluster.address,
         run=analytic_runs.fake_run,
+        pictures=False,
         on_progress=on_progress,
     )
     assert len(killed) == 3 and done.complete and done.status.failed == 0
     ids = slow_log.read_text().split()
     assert set(ids) == {case.id for case in study.cases()}
     assert len(ids) - len(set(ids)) <= 3, "only a run that was lost with its worker may be computed again"
-    here = run_study(study, tmp_path / "here", workers=0, run=analytic_runs.computed)
+    here = run_study(study, tmp_path / "here", workers=0, run=analytic_runs.computed, pictures=False)
     assert done.map.equals(here.map)
 
 
@@ -213,12 +216,13 @@ def test_a_lost_scheduler_loses_no_finished_run(study, slow_log, tmp_path, clust
             tmp_path / "out",
             scheduler=cluster.address,
             run=analytic_runs.fake_run,
+            pictures=False,
             on_progress=on_progress,
         )
     time.sleep(0.5)
     kept = {result.case.id for result in Store(tmp_path / "out" / "runs")}
     assert len(kept) >= after
     begun = slow_log.read_text().split()
-    done = run_study(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run)
+    done = run_study(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run, pictures=False)
     again = slow_log.read_text().split()[len(begun) :]
     assert done.complete and not set(again) & kept

@@ -73,7 +73,7 @@ def test_a_search_has_its_first_look_and_a_limit_and_goes_on_from_the_store(writ
         Store(store).put(timed_run(case))
     later = forecast(study, store, 4)
     assert later.reused == 6 and 1 <= later.first <= 4 and later.most == 18
-    run_study(study, tmp_path / "out", workers=0, run=timed_run, store=store)
+    run_study(study, tmp_path / "out", workers=0, run=timed_run, pictures=False, store=store)
     done = forecast(study, store, 4)
     assert done.first == done.most == 0 and done.reused == len(list(store.glob("??/*")))
 

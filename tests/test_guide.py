@@ -141,7 +141,7 @@ def test_a_switch_is_taken_as_the_material_has_it(tmp_path):
 def test_the_command_says_it_and_checks_it(tmp_path, runs_by):
     path = tmp_path / "study.toml"
     path.write_text(GRID.replace("[0.0, 0.0106, 0.06, 0.187, 0.5]", "[0.0, 0.0106]"))
-    run_study(path, tmp_path / "out", workers=0, run=analytic_runs.computed)
+    run_study(path, tmp_path / "out", workers=0, run=analytic_runs.computed, pictures=False)
     runs_by(analytic_runs.computed)
     out = CliRunner().invoke(app, ["guide", str(tmp_path / "out"), "--material", "gelatin", "--check"])
     assert out.exit_code == 0, out.output

@@ -21,9 +21,8 @@ import sys
 from analytic_runs import fake_run
 
 if __name__ == "__main__":
-    from cutbench.maps import sweep
-    sweep.save_phase, sweep.save_estimates, sweep.save_page = lambda *_: [None], lambda *_: ([], ""), print
-    sweep.run_study(sys.argv[1], sys.argv[2], workers=2, run=fake_run)
+    from cutbench.maps.sweep import run_study
+    run_study(sys.argv[1], sys.argv[2], workers=2, run=fake_run, pictures=False)
 """
 
 

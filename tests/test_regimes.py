@@ -71,7 +71,7 @@ def failing_at_rest(case) -> Result:
 def swept(tmp_path, text=STUDY, run=jumping):
     path = tmp_path / "study.toml"
     path.write_text(text)
-    return run_study(load_study(path), tmp_path / "out", workers=0, run=run)
+    return run_study(load_study(path), tmp_path / "out", workers=0, run=run, pictures=False)
 
 
 def kinds_of(data):

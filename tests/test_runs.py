@@ -147,9 +147,9 @@ def test_a_run_of_other_code_is_not_found_and_stays_listed_with_what_wrote_it(st
 def test_a_sweep_that_goes_on_with_other_code_computes_anew(tmp_path, other_code):
     study = tmp_path / "study.toml"
     study.write_text('base = "gelatin"\n[[axis]]\nname = "cohesion"\nvalues = [2.0, 4.0]\n')
-    first = run_study(study, tmp_path / "out", workers=0, run=computed)
+    first = run_study(study, tmp_path / "out", workers=0, run=computed, pictures=False)
     other_code(OTHER)
-    second = run_study(study, tmp_path / "out", workers=0, run=computed)
+    second = run_study(study, tmp_path / "out", workers=0, run=computed, pictures=False)
     assert first.map.attrs["computation"] != second.map.attrs["computation"] == OTHER
     ids = [set(sweep.map["run_id"].values) for sweep in (first, second)]
     assert second.status.reused == 0 and not ids[0] & ids[1]

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from functools import partial
 from pathlib import Path
 
 import analytic_runs
@@ -21,7 +22,6 @@ from refusals import refused
 from rich.console import Console
 
 from cutbench.cli.progress import bar
-from cutbench.maps import sweep as sweep_module
 from cutbench.maps.cases import case_on
 from cutbench.maps.dataset import LABELS, load_map
 from cutbench.maps.study import load_study
@@ -39,16 +39,8 @@ def study(tmp_path):
     return load_study(path)
 
 
-@pytest.fixture
-def plain(monkeypatch):
-    """Sweeps that draw no pictures: for what is computed, kept and done again."""
-    undrawn(monkeypatch.setattr)
-
-
-def undrawn(replace) -> None:
-    replace(sweep_module, "save_phase", lambda data, out: [(out / "phase.png").touch()])
-    replace(sweep_module, "save_estimates", lambda data, out: ([], ""))
-    replace(sweep_module, "save_page", lambda data, store, out: None)
+#: For what is computed, kept and done again.
+undrawn = partial(run_study, pictures=False)
 
 
 def computed(log) -> Counter:
@@ -87,7 +79,7 @@ def test_the_map_holds_what_the_curves_say(study, log, tmp_path):
     assert float(rows[0]["cohesion"]) == 1.0 and rows[0]["run_id"] == study.grid[0].id
 
 
-def test_marked_materials_and_case_files_have_runs_of_their_own(study, plain, log, tmp_path):
+def test_marked_materials_and_case_files_have_runs_of_their_own(study, log, tmp_path):
     (tmp_path / "my").mkdir()
     (tmp_path / "my" / "soft.toml").write_text(
         'base = "gelatin"\n[parameters]\nG = "5 kPa"\nmu = 0.2\n[protocol]\ndepth = "9 mm"\n'
@@ -98,7 +90,7 @@ def test_marked_materials_and_case_files_have_runs_of_their_own(study, plain, lo
     assert elastomer.differs == "μ = 0.35" and soft.differs == "μ = 0.2" and soft.name == "soft"
     assert soft.case.p.depth == 9 and soft.case.numerics == study.base.numerics
     assert soft.at["cohesion"] == pytest.approx(1.5 * 10.1, rel=0.01)
-    sweep = run_study(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run)
+    sweep = undrawn(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run)
     assert sweep.status.total == 26 and computed(log).keys() >= {elastomer.case.id, soft.case.id}
     data = load_map(sweep.out / "map.nc")
     for mark in study.marks():
@@ -112,16 +104,16 @@ def test_marked_materials_and_case_files_have_runs_of_their_own(study, plain, lo
     assert rows[-1]["run_id"] == soft.case.id
 
 
-def test_a_second_sweep_computes_nothing_and_draws_the_same(plain, study, log, tmp_path):
-    first = run_study(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run)
+def test_a_second_sweep_computes_nothing_and_draws_the_same(study, log, tmp_path):
+    first = undrawn(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run)
     content = (first.out / "map.csv").read_bytes()
-    second = run_study(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run)
+    second = undrawn(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run)
     assert max(computed(log).values()) == 1
     assert second.status.reused == 24 and (second.out / "map.csv").read_bytes() == content
 
 
-def test_failed_runs_are_kept_out_of_the_labels_and_done_again_only_when_asked(plain, study, log, tmp_path):
-    first = run_study(study, tmp_path / "out", workers=0, run=analytic_runs.unlucky_run)
+def test_failed_runs_are_kept_out_of_the_labels_and_done_again_only_when_asked(study, log, tmp_path):
+    first = undrawn(study, tmp_path / "out", workers=0, run=analytic_runs.unlucky_run)
     unlucky = {case.id for case in study.grid if int(case.id, 16) % 3 == 0}
     assert 0 < len(unlucky) < 24 and first.status.failed == len(unlucky)
     for index, case in study.points():
@@ -129,25 +121,25 @@ def test_failed_runs_are_kept_out_of_the_labels_and_done_again_only_when_asked(p
         assert (LABELS[first.map["label"].values[index]] == "not_computed") == bad
         assert np.isnan(first.map["drop_rel"].values[index]) == bad
         assert ("singular" in first.map["message"].values[index]) == bad
-    run_study(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run)
+    undrawn(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run)
     assert max(computed(log).values()) == 1
-    third = run_study(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run, retry_failed=True)
+    third = undrawn(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run, retry_failed=True)
     assert {id for id, n in computed(log).items() if n == 2} == unlucky
     assert third.status.failed == 0 and (third.map["label"].values > 0).all()
 
 
-def test_ctrl_c_keeps_what_is_done(plain, study, log, tmp_path):
-    stopped = run_study(study, tmp_path / "out", workers=0, run=analytic_runs.stopped_run)
+def test_ctrl_c_keeps_what_is_done(study, log, tmp_path):
+    stopped = undrawn(study, tmp_path / "out", workers=0, run=analytic_runs.stopped_run)
     assert stopped.interrupted and not stopped.complete and stopped.status.finished == 2
     assert int((stopped.map["outcome"].values > 0).sum()) == 2
-    assert (stopped.out / "phase.png").exists()
-    again = run_study(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run)
+    assert (stopped.out / "map.csv").exists()
+    again = undrawn(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run)
     assert again.complete and max(computed(log).values()) == 1
 
 
-def test_workers_that_die_do_not_end_the_sweep(plain, study, log, tmp_path):
+def test_workers_that_die_do_not_end_the_sweep(study, log, tmp_path):
     """One run kills its process each time, another once; the rest pays nothing for it."""
-    sweep = run_study(study, tmp_path / "out", workers=2, run=analytic_runs.deadly_run)
+    sweep = undrawn(study, tmp_path / "out", workers=2, run=analytic_runs.deadly_run)
     assert sweep.complete and not sweep.interrupted
     lost = sweep.map["message"].str.contains("process died 3 times")
     m = sweep.map
@@ -157,7 +149,7 @@ def test_workers_that_die_do_not_end_the_sweep(plain, study, log, tmp_path):
     assert bool((np.isfinite(sweep.map["drop_rel"]) == ~expected).all())
     # Each of the four deaths takes at most two others along.
     assert sum(n for id, n in computed(log).items()) <= 22 + 2 + 3 + 4 * 2
-    again = run_study(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run)
+    again = undrawn(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run)
     assert again.status.failed == 0, "a kill says nothing of the case: the next sweep tries it again"
 
 
@@ -172,7 +164,7 @@ if __name__ == "__main__":
     from test_sweep import undrawn
     from cutbench.maps.sweep import run_study
     undrawn(setattr)
-    sweep = run_study(sys.argv[1], sys.argv[2], workers=2, run=fake_run, first_picture_s=0.5)
+    sweep = undrawn(sys.argv[1], sys.argv[2], workers=2, run=fake_run, first_picture_s=0.5)
     print("interrupted" if sweep.interrupted else "complete", sweep.status.finished, flush=True)
 """
 
@@ -204,14 +196,12 @@ def wait_for(condition, seconds=120):
         time.sleep(0.05)
 
 
-def test_killed_half_way_it_loses_no_finished_run_and_ends_with_the_same_map(
-    plain, start, study, log, tmp_path
-):
-    whole = run_study(study, tmp_path / "whole", workers=0, run=analytic_runs.fake_run)
+def test_killed_half_way_it_loses_no_finished_run_and_ends_with_the_same_map(start, study, log, tmp_path):
+    whole = undrawn(study, tmp_path / "whole", workers=0, run=analytic_runs.fake_run)
     log.write_text("")
     out = tmp_path / "out"
     process = start(out, 0.2)
-    wait_for(lambda: len(log.read_text().split()) >= 12 and (out / "phase.png").exists())
+    wait_for(lambda: len(log.read_text().split()) >= 12 and (out / "map.nc").exists())
     process.kill()  # the sweep alone: its workers must notice by themselves
     process.wait()
     time.sleep(1.0)
@@ -241,19 +231,17 @@ def test_ctrl_c_on_a_pool_ends_cleanly_with_a_map(start, log, tmp_path):
     assert int((data["outcome"].values > 0).sum()) == int(said[1])
 
 
-def test_workers_compute_with_one_thread_and_the_caller_keeps_its_own(
-    plain, study, log, tmp_path, monkeypatch
-):
+def test_workers_compute_with_one_thread_and_the_caller_keeps_its_own(study, log, tmp_path, monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "7")
-    run_study(study, tmp_path / "out", workers=1, run=analytic_runs.threads_run)
+    undrawn(study, tmp_path / "out", workers=1, run=analytic_runs.threads_run)
     assert {line.split("=")[1] for line in log.read_text().split()} == {"1"}
     assert os.environ["OMP_NUM_THREADS"] == "7"
 
 
-def test_the_bar_shows_runs_failures_and_time_left(plain, study, log, tmp_path):
+def test_the_bar_shows_runs_failures_and_time_left(study, log, tmp_path):
     console = Console(record=True, force_terminal=True, width=120, file=io.StringIO())
     with bar("map", "runs", console=console) as on_progress:
-        run_study(study, tmp_path / "out", workers=0, run=analytic_runs.unlucky_run, on_progress=on_progress)
+        undrawn(study, tmp_path / "out", workers=0, run=analytic_runs.unlucky_run, on_progress=on_progress)
     text = console.export_text()
     assert "24 of 24 runs" in text and "failed" in text and "left" in text
 
@@ -344,11 +332,11 @@ mechanism = "adhesion"
         ("one-at-a-time", "values = [1.0, 5.0, 30.0]", "", 5),
     ],
 )
-def test_runs_that_do_not_lie_on_a_grid_make_a_map_of_points(plain, tmp_path, log, mode, range_, rest, count):
+def test_runs_that_do_not_lie_on_a_grid_make_a_map_of_points(tmp_path, log, mode, range_, rest, count):
     path = tmp_path / "study.toml"
     path.write_text(SAMPLE.format(mode=mode, range=range_, rest=rest))
     study = load_study(path)
-    sweep = run_study(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run)
+    sweep = undrawn(study, tmp_path / "out", workers=0, run=analytic_runs.fake_run)
     data = load_map(sweep.out / "map.nc")
     assert data["label"].dims == ("point",) and data.sizes["point"] == count == sweep.status.total
     for k, (_, case) in enumerate(study.points()):
@@ -365,8 +353,8 @@ def test_runs_that_do_not_lie_on_a_grid_make_a_map_of_points(plain, tmp_path, lo
     )
 
 
-def test_a_store_can_be_shared_by_sweeps(plain, study, log, tmp_path):
-    run_study(study, tmp_path / "a", workers=0, run=analytic_runs.fake_run, store=tmp_path / "store")
-    second = run_study(study, tmp_path / "b", workers=0, run=analytic_runs.fake_run, store=tmp_path / "store")
+def test_a_store_can_be_shared_by_sweeps(study, log, tmp_path):
+    undrawn(study, tmp_path / "a", workers=0, run=analytic_runs.fake_run, store=tmp_path / "store")
+    second = undrawn(study, tmp_path / "b", workers=0, run=analytic_runs.fake_run, store=tmp_path / "store")
     assert second.status.reused == 24 and max(computed(log).values()) == 1
     assert not (tmp_path / "b" / "runs").exists()

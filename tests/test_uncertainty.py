@@ -93,8 +93,8 @@ def test_the_nearest_are_taken_from_every_panel():
 
 def test_a_sweep_repeats_what_is_near_and_calls_it_undecided(study, tmp_path):
     out = tmp_path / "out"
-    plain = run_study(study(""), tmp_path / "plain", workers=0, run=halved).map
-    sweep = run_study(study(), out, workers=0, run=halved)
+    plain = run_study(study(""), tmp_path / "plain", workers=0, run=halved, pictures=False).map
+    sweep = run_study(study(), out, workers=0, run=halved, pictures=False)
     data = load_map(out / "map.nc")
     strips = strips_of(data)
     assert strips[NUMERICS].runs == 4 and strips[MODEL].runs == 2
@@ -109,14 +109,14 @@ def test_a_sweep_repeats_what_is_near_and_calls_it_undecided(study, tmp_path):
     assert (names[~open_] == before[~open_]).all() and np.isfinite(data["refined_ratio"].values).sum() == 4
     assert "undecided" in to_csv(data) and "refined_ratio" in to_csv(data).splitlines()[0]
     # Once more: all is in the store.
-    again = run_study(study(), out, workers=0, run=halved)
+    again = run_study(study(), out, workers=0, run=halved, pictures=False)
     assert again.status.reused == again.status.total == sweep.status.total
     assert again.map["label"].equals(sweep.map["label"])
     assert draw_phase(data).axes
 
 
 def test_guide_is_undecided_within_the_strip_and_says_why(study, tmp_path):
-    data = run_study(study(), tmp_path / "out", workers=0, run=halved).map
+    data = run_study(study(), tmp_path / "out", workers=0, run=halved, pictures=False).map
     near = int(np.nanargmin(np.abs(np.log(data["drop_rel"].values / 0.1 * 1.2))))
     index = np.unravel_index(near, data["drop_rel"].shape)
     at = {name: float(data[name].values[i]) for name, i in zip(data["drop_rel"].dims, index, strict=True)}

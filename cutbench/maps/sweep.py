@@ -104,12 +104,14 @@ def run_study(
     scheduler: str | None = None,
     first_picture_s: float = 15.0,
     picture_every_s: float = 60.0,
+    pictures: bool = True,
 ) -> Sweep:
     """Run what is missing of ``study`` on ``workers`` processes (default: one a core; 0: in this one).
 
     Writes ``map.nc``, ``map.csv``, ``summary.txt``, ``phase.png`` and ``phase.svg`` into ``out``, first
     after ``first_picture_s``, then every ``picture_every_s`` and at the end, then also ``map.html`` and
-    ``estimates.png``; runs go into ``store`` (default ``out/runs``).
+    ``estimates.png``; runs go into ``store`` (default ``out/runs``). Without ``pictures`` there are none but
+    those of the page.
     ``scheduler`` is the address of a Dask scheduler whose workers compute, or ``"local"``.
     ``on_progress`` counts the runs asked for so far. Runs that fell short are not repeated unless
     ``retry_failed``. Ctrl-C ends the sweep with what is done: the returned ``Sweep``
@@ -125,14 +127,14 @@ def run_study(
     except OSError as error:
         raise BadInput("out", str(out), f"a folder that can be written ({error.strerror})") from error
     sweep = _Sweep(study, out, Store(store or out / "runs"), run, on_progress, retry_failed)
-    sweep.pace = (first_picture_s, picture_every_s)
+    sweep.pace, sweep.pictures = (first_picture_s, picture_every_s), pictures
     return sweep.go(TaskPool(workers, scheduler), scheduler in (None, "local"))
 
 
 class _Sweep:
     """The state of one sweep: what is there, what is missing, when the next picture is due."""
 
-    pace = (25.0, 60.0)
+    pace, pictures = (25.0, 60.0), True
 
     def __init__(
         self,
@@ -258,10 +260,12 @@ class _Sweep:
         data.attrs["store"] = path_from(self.store.root, self.out)
         try:
             save_map(data, self.out)
-            save_phase(data, self.out)
-            if last:
+            if self.pictures:
+                save_phase(data, self.out)
+            if last and self.pictures:
                 words = save_estimates(data, self.out)[1], save_collapse(data, self.out)[1]
                 self.verdict = " ".join(filter(None, words))
+            if last:
                 save_page(data, self.store, self.out)
             save_findings(data, self.out, [self.verdict] if self.verdict else [])
         except OSError as error:
