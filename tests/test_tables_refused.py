@@ -43,6 +43,12 @@ BAD = {
         {},
         ("data.csv, line 1", "Hz", "units = { force"),
     ),
+    "an unknown unit in a row of its own": (
+        GOOD.replace(made.HEAD, "Time,Extension,Load\n(s),(mm),(Nn)"),
+        "",
+        {},
+        ("data.csv, line 1", "Load = 'Nn'", "units"),
+    ),
     "a unit in pixels": (GOOD.replace("(mm)", "(px)"), "", {}, ("data.csv, line 1", "px", "mm")),
     "mn in the campaign": (
         GOOD,

@@ -32,7 +32,7 @@ def seconds(cells: Sequence[str], unit: str | None = None) -> tuple[np.ndarray, 
         if (match := _CLOCK.fullmatch(cell.strip())) is None:
             return found, k, "a time such as 12:03:04.5 in every reading"
         day, first, second, third, part, half = match.groups()
-        if third is None and unit is None and part is None:
+        if third is None and part is None and unit not in ("min", "h"):
             return (
                 found,
                 k,

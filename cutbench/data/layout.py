@@ -13,7 +13,7 @@ from functools import cached_property
 from pathlib import Path
 
 from cutbench.base.errors import BadInput
-from cutbench.base.spelling import is_unit, size_of
+from cutbench.base.spelling import size_of
 from cutbench.base.toml import nearest
 from cutbench.data.cells import is_empty, is_missing, is_value, lines_of, split, uncommented, wrong
 from cutbench.data.titles import UNITS, bracketed, parted
@@ -307,8 +307,6 @@ def units_row(
             cell = cells[at].strip("[](){}<> ")
             if role == LABEL or not cell or _UNIT_OF_CLOCKS.fullmatch(cell):
                 continue
-            if not is_unit(cell):
-                return body, {}
             found[at] = cell
             fits |= size_of(cell, UNITS.get(role, "1")) is not None
     return (line + 1, found) if fits else (body, {})
