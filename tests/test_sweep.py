@@ -161,10 +161,10 @@ from analytic_runs import fake_run
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 if __name__ == "__main__":
-    from test_sweep import undrawn
     from cutbench.maps.sweep import run_study
-    undrawn(setattr)
-    sweep = undrawn(sys.argv[1], sys.argv[2], workers=2, run=fake_run, first_picture_s=0.5)
+    sweep = run_study(
+        sys.argv[1], sys.argv[2], workers=2, run=fake_run, first_picture_s=0.5, pictures=False
+    )
     print("interrupted" if sweep.interrupted else "complete", sweep.status.finished, flush=True)
 """
 
