@@ -38,7 +38,13 @@ def beside(case):
     return run_case(case, sensitivities=("G", "G_c"), added=asked)
 
 
-@pytest.mark.parametrize("name", LAWS)
+#: One for each place that a law has; the others are of the same places.
+FIRST = ("maxwell2", "mullins", "rate_toughness", "blunt_tip", "coulomb_saturating", "stiff_skin")
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=() if n in FIRST else pytest.mark.slow) for n in LAWS]
+)
 def test_beside_a_run_is_what_a_run_with_the_law_says(case, beside, name):
     by = beside.by_added[list(LAWS).index(name)]
     own = run_case(extended(case, [name]), sensitivities=LAWS[name])
@@ -56,6 +62,7 @@ def test_the_runs_own_derivatives_stay(case, beside):
     assert alone.by_added == []
 
 
+@pytest.mark.slow  # tests/test_remesh.py has the derivatives of a run by its own laws
 def test_from_mesh_to_mesh():
     case = load_case("gelatin").set(
         h="0.12 mm", shallow=1, corner=0.5, around=1.0, step="0.1 mm", thickness="0.4 mm", delta_c="0.1 mm",

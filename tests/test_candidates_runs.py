@@ -90,7 +90,17 @@ def test_off_is_absent_to_the_bit(names):
             assert np.array_equal(run.curve[key], column), key
 
 
-@pytest.mark.parametrize("name", [name for name in CANDIDATES if LAW[name].role != "softening"])
+def of_each_class() -> list:
+    """All candidates that a run can show, the first of each slot and family at once and the others slowly."""
+    seen, found = set(), []
+    for name in (name for name in CANDIDATES if LAW[name].role != "softening"):
+        kind = LAW[name].slot, LAW[name].family
+        found.append(pytest.param(name, marks=pytest.mark.slow if kind in seen else ()))
+        seen.add(kind)
+    return found
+
+
+@pytest.mark.parametrize("name", of_each_class())
 def test_on_it_shows_and_the_ledger_closes(name):
     base, run = baseline(), run_case(extended(baseline().case, name, on=True))
     assert run.outcome.done, run.outcome

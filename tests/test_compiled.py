@@ -34,7 +34,7 @@ def both(tmp_path_factory):
     script, found = Path(__file__).parent / "numbers_of_a_run.py", []
     for switch in ("1", "0"):
         out = tmp_path_factory.mktemp("numbers") / f"{switch}.npz"
-        env = os.environ | {"CUTBENCH_COMPILED": switch}
+        env = os.environ | {"CUTBENCH_COMPILED": switch, "CUTBENCH_FUSED": "1"}
         subprocess.run([sys.executable, str(script), str(out)], check=True, env=env)
         with np.load(out) as kept:
             found.append({name: kept[name] for name in kept.files})

@@ -145,6 +145,7 @@ def test_a_free_end_gives_way_a_little():
     assert 0.8 < free[-1] / held[-1] < 0.95
 
 
+@pytest.mark.slow
 def test_few_layers_do():
     small = {**SMALL, "depth": "0.3 mm"}
     few, more = (forces(solid_of({**small, "layers": n}, (("middle", 2),)))[1][-1] for n in (1, 3))

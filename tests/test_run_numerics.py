@@ -107,6 +107,7 @@ def test_the_staggered_scheme_tends_to_the_monolithic_one():
     assert 15 / 4 * near < 1.2 * far < 1.2 * 0.005
 
 
+@pytest.mark.slow
 def test_errors_of_the_ledger_do_not_add_up():
     """Beyond a part of the work, steps that would add to what is open are held tighter."""
     # A run whose steps leave enough open to be held.

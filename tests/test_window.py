@@ -192,7 +192,9 @@ SHORT = {**BOND, "step": "0.04 mm", "depth": "0.5 mm"}
 MIXED = {"element": "P2P1", "mu": 0.0, "step": "0.02 mm", "depth": "0.7 mm"}
 
 
-@pytest.mark.parametrize("changes", [{"step": "0.04 mm"}, MIXED, SHORT])
+@pytest.mark.parametrize(
+    "changes", [{"step": "0.04 mm"}, *(pytest.param(c, marks=pytest.mark.slow) for c in (MIXED, SHORT))]
+)
 def test_it_finds_the_same_curve_with_fewer_factorizations_of_the_whole(changes):
     case = BRIEF.set(**changes)
     front = run_case(case)
