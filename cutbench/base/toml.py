@@ -60,7 +60,9 @@ def refuse_other(table: Mapping[str, object], path: str | Path, wanted: str) -> 
 
 
 def in_short(raw: object) -> str:
-    """What a person wrote, in a message about its key: of a section its keys."""
+    """What a person wrote, in a message about its key: of a section its keys; nothing is missing."""
+    if raw is None:
+        return "(missing)"
     if isinstance(raw, dict):
         return f"a section with {', '.join(map(str, raw))}"[:60]
     return (

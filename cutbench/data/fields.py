@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from cutbench.base.errors import BadInput
-from cutbench.base.toml import among, one_of
+from cutbench.base.toml import among, in_short, one_of
 from cutbench.base.units import parse_quantity
 from cutbench.data.layout import others
 from cutbench.data.table import read_table
@@ -304,4 +304,4 @@ def thinned(field: Field, points: int = POINTS) -> Field:
 
 
 def _wrong(key: str, value: object, expected: str) -> BadInput:
-    return BadInput(key=key, value="(missing)" if value is None else str(value)[:60], expected=expected)
+    return BadInput(key=key, value=in_short(value), expected=expected)

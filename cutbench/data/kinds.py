@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 
 from cutbench.base.errors import BadInput
-from cutbench.base.toml import nearest, one_of
+from cutbench.base.toml import in_short, nearest, one_of
 from cutbench.data.experiment import HOMOGENEOUS, KINDS
 
 #: Columns that give the abscissa and the ordinate, by kind: exactly one of each.
@@ -69,16 +69,14 @@ def kind_of(table: Mapping[str, object]) -> str:
     """The kind of the experiment that ``table`` describes. Raises BadInput, also for keys of other kinds."""
     kind = table.get("kind")
     if not isinstance(kind, str) or kind not in KINDS:
-        raise BadInput(
-            key="kind", value="(missing)" if kind is None else str(kind)[:60], expected=_instead(kind)
-        )
+        raise BadInput(key="kind", value=in_short(kind), expected=_instead(kind))
     for key in table:
         if key not in (*_EVERY, *_EXTRA[kind]):
             owners = [k for k, keys in _EXTRA.items() if key in keys]
             expected = one_of(key, (*_EVERY, *_EXTRA[kind]))
             if owners:
                 expected = f"it in a test of kind {' or '.join(owners)}, not {kind}"
-            raise BadInput(key=key, value=str(table[key])[:60], expected=expected)
+            raise BadInput(key=key, value=in_short(table[key]), expected=expected)
     return kind
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from cutbench.base.errors import BadInput
-from cutbench.base.toml import among, located, nearest, one_of, written
+from cutbench.base.toml import among, in_short, located, nearest, one_of, written
 from cutbench.base.units import parse_quantity
 from cutbench.data.contact import contact_notes
 from cutbench.data.conversion import TAKEN_OFF, repetitions_of, titles_of
@@ -70,7 +70,7 @@ def read_experiment(table: Mapping[str, object], folder: Path) -> Experiment:
     """
     kind = kind_of(table)
     name = table.get("id")
-    name = written("id", name, "a name, such as id = 'slow'", value=_shown(name))
+    name = written("id", name, "a name, such as id = 'slow'", value=in_short(name))
     role = _choice(table, "role", ROLES, "train")
     sizes = written_sizes(table, "specimen", SIZES[kind], several=kind != "cut")
     columns = _columns(table, kind)
@@ -135,14 +135,10 @@ def read_experiment(table: Mapping[str, object], folder: Path) -> Experiment:
 
 
 # -- what a person wrote ----------------------------------------------------------------------------
-def _shown(value: object) -> str:
-    return "(missing)" if value is None else str(value)[:60]
-
-
 def _choice(table: Mapping, key: str, known: tuple[str, ...], default: str | None = None) -> str:
     value = table.get(key, default)
     if value not in known or not isinstance(value, str):
-        raise BadInput(key=key, value=_shown(value), expected=one_of(str(value), known))
+        raise BadInput(key=key, value=in_short(value), expected=one_of(str(value), known))
     return value
 
 
@@ -261,7 +257,7 @@ def _files(table: Mapping, folder: Path) -> list[tuple[list[Path], str | None]]:
                 "a file beside this one, such as data = 'slow.csv', a list of files, one a specimen, or, for"
                 " files of one specimen that follow one another, data = [['ramp.csv', 'hold.csv']]"
             )
-            raise BadInput(key="data", value=_shown(data), expected=expected)
+            raise BadInput(key="data", value=in_short(data), expected=expected)
         files = [file for name in parts for file in _matching(str(name), folder)]
         found += [files] if isinstance(entry, list) else [[file] for file in files]
     every = [file for files in found for file in files]

@@ -15,8 +15,8 @@ from cutbench.data.experiment import HOMOGENEOUS, area_of
 Size = float | list[float] | dict[str, float]
 #: Strips are not often longer than wide by this, nor blocks that are cut in any way: a cm for a mm is.
 SLENDER, BLOCK = 10.0, 6.0
-#: The same over the root of the area, which the small thickness of a strip is part of, and for wide strips.
-SLENDER_BY_AREA, WIDE = 25.0, 25.0
+#: The same of any strip over the root of its area, which its small thickness is part of, or over its length.
+WIDE = 25.0
 #: A block that is pressed buckles where it is higher by more than this.
 BUCKLES = 3.0
 
@@ -109,17 +109,22 @@ def size_notes(
         used = "each reading by its own specimen's; what else depends on them is computed with their means"
         notes.append(f"{' and '.join(several)} by repetition: {used}")
     sides = {key: mean[key] for key in ("length", "width", "height", "diameter") if key in mean}
-    limit, pressed = BLOCK if kind == "cut" else SLENDER, pressed and kind in HOMOGENEOUS
+    limit = BLOCK
     if kind in HOMOGENEOUS:
         area = area_of(kind, mean)
         if len(sides) == 1 and area is not None:
-            sides, limit = {**sides, "root of the area": area**0.5}, SLENDER_BY_AREA
+            sides["root of the area"] = area**0.5
+        longest = sides.get("length") == max(sides.values(), default=0.0)
         limit = (
-            BUCKLES if pressed else limit if sides.get("length") == max(sides.values(), default=0) else WIDE
+            BUCKLES
+            if pressed and longest
+            else SLENDER
+            if longest and "root of the area" not in sides
+            else WIDE
         )
     if len(sides) > 1:
         (low, least), *_, (high, most) = sorted(sides.items(), key=lambda item: item[1])
-        if most >= limit * least and not (pressed and high != "length"):
+        if most >= limit * least:
             times = f"{most:.4g} mm, is {most / least:.3g} times its {low}, {least:.4g} mm"
             notes.append(f"the specimen's {high}, {times}: is a size in another unit?")
     if pressed and kind == "uniaxial" and area is not None and "length" in mean:
