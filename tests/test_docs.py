@@ -28,14 +28,6 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 #: What computes for more than some seconds says so in a comment.
 SLOW = "<!-- slow -->"
-#: And these, whose commands and calls other tests make of smaller cases.
-LONG = (
-    "tutorials/own-law.md",
-    "how-to/pictures.md",
-    "how-to/maps.md",
-    "how-to/solid.md",
-    "explanation/fit.md",
-)
 TEXTS = [ROOT / "CONTRIBUTING.md", *PAGES]
 SET_UP = re.compile(r"<!-- set-up: (\w+) -->\s*$")
 KINDS = {"python", "console", "toml"}
@@ -43,10 +35,6 @@ KINDS = {"python", "console", "toml"}
 
 def named(page: Path) -> str:
     return page.relative_to(ROOT).as_posix()
-
-
-def takes_long(page: Path) -> bool:
-    return SLOW in page.read_text("utf-8") or named(page).endswith(LONG)
 
 
 class Block(NamedTuple):
@@ -122,7 +110,7 @@ def written_in(page: Path, line: int):
 @pytest.mark.parametrize(
     "page",
     [
-        pytest.param(page, id=named(page), marks=pytest.mark.slow if takes_long(page) else ())
+        pytest.param(page, id=named(page), marks=pytest.mark.slow if SLOW in page.read_text("utf-8") else ())
         for page in PAGES
         if "\n```" in page.read_text("utf-8")
     ],
