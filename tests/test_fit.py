@@ -280,6 +280,7 @@ def test_a_cutting_campaign_gives_its_truth_back_also_if_it_is_stopped_on_the_wa
     assert {path for path in after if after[path] != runs.get(path)} == {broken}
 
 
+@pytest.mark.slow
 def test_derivatives_that_end_on_the_way_end_no_fit(tmp_path):
     formula = runs_by_formula.Counted()
 

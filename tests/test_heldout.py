@@ -89,7 +89,8 @@ def test_a_compliance_needs_no_run_of_its_own(strength):
 
 
 @pytest.mark.parametrize(("effect", "family", "shown"), [
-    ("gent", "bulk", True), ("adhesion_speed", "blade law", True), ("none", "bulk", False),
+    ("gent", "bulk", True), ("none", "bulk", False),
+    pytest.param("adhesion_speed", "blade law", True, marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_what_is_left_of_an_effect_is_beyond_the_free_parameters(effect, family, shown):
     hidden = make(3, effect, family, True, 11)

@@ -182,6 +182,7 @@ values = ["5 J/m^2", "6 J/m^2"]
 """
 
 
+@pytest.mark.slow
 def test_workers_of_a_sweep_know_them(page_law, tmp_path):
     (tmp_path / "study.toml").write_text(STUDY)
     done = cli(

@@ -54,6 +54,7 @@ def test_what_comes_next_may_depend_on_what_has_ended(workers):
         assert [done.result() for done in pool.run([Job(0, jobs.double, (4,))])] == [8], "used again"
 
 
+@pytest.mark.slow  # tests/test_sweep.py asks the same of a sweep
 def test_a_job_that_takes_its_process_down_is_tried_again_then_given_up(tmp_path):
     asked = [
         Job("once", jobs.deadly, (str(tmp_path / "once"), 1)),

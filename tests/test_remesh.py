@@ -123,6 +123,7 @@ def test_a_state_on_the_same_mesh_is_itself(case):
         assert np.mean(np.abs(carried["blade"][name] - was) > 1e-6 * max(np.abs(was).max(), 1)) < 0.05
 
 
+@pytest.mark.slow
 def test_a_blade_without_friction_is_carried(case):
     """Its laws' shares of the shear are those of none."""
     alone = case.set(without=["adhesion", "coulomb"], depth="1.4 mm")

@@ -7,6 +7,7 @@ import json
 import multiprocessing
 import shutil
 import sqlite3
+import time
 
 import numpy as np
 import pytest
@@ -100,6 +101,7 @@ def test_several_processes_write_at_once(tmp_path):
     store = Store(tmp_path / "runs")
     while any(writer.is_alive() for writer in writers):
         assert set(store.heads()) <= {folder.name for folder in store.root.glob("??/*")}
+        time.sleep(0.1)
     for writer in writers:
         writer.join()
         assert writer.exitcode == 0
