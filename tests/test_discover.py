@@ -298,3 +298,24 @@ def test_without_candidates_a_failing_baseline_is_undecided(gent, tmp_path):
 def test_a_cut_without_an_effect_is_left_alone():
     _, d = found("none", "cut", many=False, number=1)
     assert d.verdict == "none"
+
+
+def test_what_depends_on_time_is_not_asked_of_tests_without_a_clock(tmp_path):
+    stretch = np.linspace(1.02, 1.5, 30)
+    stress = 0.08 * (stretch - stretch**-2) * (1 + (stretch**2 + 2 / stretch - 3))
+    rows = [f"{x:.4f},{y:.6f}" for x, y in zip(stretch, stress, strict=True)]
+    for head, clock in ('columns = { stretch = "x", stress = "y [MPa]" }', False), (
+        'columns = { stretch = "x", stress = "y [MPa]" }\nspeed = "0.01 1/s"', True
+    ):  # fmt: skip
+        (tmp_path / "pull.csv").write_text("\n".join(["x,y [MPa]", *rows]))
+        path = tmp_path / "campaign.toml"
+        path.write_text(
+            'baseline = ["neo_hookean", "volumetric"]\ncandidates = ["fung", "maxwell", "power_law"]\n'
+            '[parameters]\nG = "80 kPa"\nnu = 0.4999\n[fit]\nfree = ["G"]\n'
+            f'[[experiment]]\nid = "pull"\nkind = "uniaxial"\ndata = "pull.csv"\n{head}\n'
+        )
+        found = discover(load_campaign(path), workers=0)
+        timed = {"maxwell", "power_law"}
+        assert (timed <= set(found.rounds[0].left_out)) == (not clock)
+        assert any("maxwell" in note for note in found.notes) == (not clock)
+        assert "fung" not in found.rounds[0].left_out

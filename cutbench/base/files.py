@@ -9,7 +9,7 @@ import os
 import tempfile
 import threading
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,7 @@ from filelock import FileLock, Timeout
 
 from cutbench.base.errors import BadInput
 
-#: The file by which a process holds a folder of results; the system lets go of it when the process ends.
+#: The file by which a process holds a folder of results; where the process is killed the system lets go of it.
 LOCK = ".lock"
 _LOCKS: dict[Path, FileLock] = {}
 
@@ -64,6 +64,9 @@ def folder_lock(out_dir: str | Path, wait_s: float = 0.0) -> Iterator[Path]:
     try:
         yield out
     finally:
+        if lock.lock_counter == 1:
+            with suppress(OSError):
+                (out / LOCK).unlink()
         lock.release()
 
 

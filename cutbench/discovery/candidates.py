@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cutbench.base.errors import BadInput
-from cutbench.base.units import Parameter, ureg
+from cutbench.base.units import Parameter, powers_of, ureg
 from cutbench.calibration.inverse import Inverse
 from cutbench.calibration.looked_for import visible
 from cutbench.case.case import Case
@@ -31,6 +31,8 @@ ALONE, TOGETHER = 5, 4
 ORDER = ("reading", "rig", "parameter", "mechanism")
 #: Slot of a candidate that is a parameter.
 FIXED = "parameter"
+#: Why a law with a time in its parameters is not asked of tests that have none.
+CLOCKLESS = "no fitted test has a time or a speed"
 #: Around the typical value, where no scale of the tests is known.
 AROUND = (1.0, 0.2, 5.0, 0.04, 25.0)
 
@@ -75,7 +77,7 @@ def candidates(
     """The campaign's candidates that ``base`` can take up beside what ``inverse`` looks for, and why the
     others cannot; parameters are asked of tests without a mesh. ``one_a_class``: with cuts."""
     campaign, left_out = inverse.campaign, {}
-    found = _held(inverse, base)
+    found, clock = _held(inverse, base), any(e.timed or e.speed for e in inverse.campaign.train)
     for name in campaign.candidates:
         m = registry()[name]
         if name in base.mechanisms:
@@ -85,6 +87,9 @@ def candidates(
         if not any(asked.seen_by(e) for e in campaign.train):
             mute = m.slot == "rig" and any(e.kind in kinds or not kinds for e in campaign.train)
             left_out[name] = "no fitted test " + ("gives its length and area" if mute else "shows it")
+            continue
+        if not clock and any(powers_of(q.unit)[1] for q in m.parameters):
+            left_out[name] = CLOCKLESS
             continue
         try:
             _model, new = base.model.extended(name)

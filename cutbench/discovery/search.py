@@ -18,7 +18,7 @@ from cutbench.calibration.fitting import fit
 from cutbench.calibration.inverse import GRID
 from cutbench.calibration.prediction import Predictor, predictor
 from cutbench.data.campaign import Campaign
-from cutbench.discovery.candidates import Candidate, baseline_of, family_of
+from cutbench.discovery.candidates import CLOCKLESS, Candidate, baseline_of, family_of
 from cutbench.discovery.causes import Cause, pruned
 from cutbench.discovery.clean import clean_gain
 from cutbench.discovery.event import events
@@ -116,6 +116,8 @@ def discover(
                 text = f"Not asked: {_why(due)}."
     how = [f"Ended early ({stopped}): what was found stands, what else there may be was not asked."]
     own = [note for each in rounds for note in each.own]
+    timed = ", ".join(name for name, why in rounds[0].left_out.items() if why == CLOCKLESS)
+    own += [f"What depends on time is not asked ({timed}): {CLOCKLESS}."] if timed else []
     notes = (*(how if stopped else []), *once, *own, *search.fitted.notes, *rounds[0].point.trouble)
     return Discovery(
         campaign, search.fitted, verdict, tuple(causes), tuple(rounds), point, gain,
