@@ -141,7 +141,7 @@ def test_other_elements_and_files_are_refused(tmp_path):
     with refused("mesh", value="cells: triangle"):
         geometry(VALUES, Numerics(mesh=str(path)))
     path.write_text("nothing")
-    with refused("mesh", value="block.vtu", hint="block.vtu"):
+    with refused("mesh", value="block.vtu"):
         geometry(VALUES, Numerics(mesh=str(path)))
 
 

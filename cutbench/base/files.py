@@ -17,7 +17,7 @@ from filelock import FileLock, Timeout
 
 from cutbench.base.errors import BadInput
 
-#: The file by which a process holds a folder of results; where the process is killed the system lets go of it.
+#: The file by which a process holds a folder of results; the system lets go of it where one is killed.
 LOCK = ".lock"
 _LOCKS: dict[Path, FileLock] = {}
 
