@@ -87,7 +87,10 @@ def forecast(study: Study, store: str | os.PathLike[str], workers: int | None = 
 def _rate(case: Case) -> float:
     """What a run takes, in times of a probe."""
     travel = min(case.p.depth, TRANSITION_MM) if case.until == TRANSITION else case.p.depth
-    return PER_MM * travel * (RUBBING if case.values.get("mu", 0.0) > 0 else 1.0)
+    rubs = any(
+        case.values[q.name] > 0 for law in case.model.all if law.role == "friction" for q in law.parameters
+    )
+    return PER_MM * travel * (RUBBING if rubs else 1.0)
 
 
 def probe() -> float:
