@@ -205,6 +205,7 @@ def test_a_block_that_takes_too_long_is_unfinished_and_the_next_begins(data, tmp
     assert [point.verdict for point in done] == ["unfinished"] * 2
 
 
+@pytest.mark.slow
 def test_the_command_runs_a_point_and_goes_on_with_what_its_limit_has_stopped(data, tmp_path):
     save_map(data, tmp_path)
     options = ["--points=1", "--no-materials", "--h=2", "--set=corner=1", f"--out={tmp_path / 'c'}"]

@@ -155,6 +155,7 @@ def forces(**changes):
     return np.array(found)
 
 
+@pytest.mark.slow
 def test_a_tilt_needs_the_full_block_and_does_not_know_left_from_right():
     assert build(load_case("gelatin", {**SMALL, "tilt": "2 deg", "h": "1.5 mm"}, dim=3)).geometry.split
     straight, left, right = forces(), forces(tilt="2 deg"), forces(tilt="-2 deg")
@@ -179,6 +180,7 @@ def test_a_shorter_blade_meets_less_of_the_block():
         load_case("gelatin", {**SMALL, "overhang": "-4 mm"}, dim=3)
 
 
+@pytest.mark.slow
 def test_an_inclined_blade_needs_both_ends_and_begins_at_the_low_one():
     straight, none = forces(), forces(incline="0 deg")
     assert np.array_equal(straight, none)

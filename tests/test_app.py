@@ -206,6 +206,7 @@ def test_a_run_grows_in_the_page_and_is_kept(page, server):
     assert not [entry for entry in page.get_log("browser") if entry["level"] == "SEVERE"]
 
 
+@pytest.mark.slow
 @NEEDED
 def test_a_run_can_be_stopped(page):
     page.find_element(By.ID, "start").click()

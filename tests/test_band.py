@@ -130,6 +130,7 @@ def test_files_hold_it_and_a_second_time_nothing_is_computed(log, tmp_path):
     assert again.ranges == first.ranges and len(log.read_text().splitlines()) == count
 
 
+@pytest.mark.slow
 def test_processes_give_the_same(log, tmp_path):
     assert made(log, out=tmp_path, workers=2).ranges == made(log).ranges
 

@@ -91,6 +91,7 @@ def test_without_a_candidate_a_failing_baseline_is_undecided(tmp_path):
     assert discover(load_campaign(write_campaign(tmp_path, head=head)), workers=0).verdict == "undecided"
 
 
+@pytest.mark.slow
 def test_values_far_from_those_of_the_material_are_tried(tmp_path):
     """What readings can be of is asked of the material, not of values that a fit tries."""
     head = """baseline = ["neo_hookean"]

@@ -107,6 +107,7 @@ def command(*args):
     return subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.slow
 def test_the_quick_command_prints_and_writes(tmp_path):
     done = command("--quick", "--materials", "gelatin", "--json", str(tmp_path / "b.json"))
     assert done.returncode == 0, done.stderr

@@ -352,7 +352,11 @@ def call(*words: str) -> subprocess.CompletedProcess:
 
 @pytest.mark.parametrize(
     ("args", "named"),
-    [([], "--out"), (["--only", "C99", "--out", "x"], "C99"), (["--workers", "two"], "two")],
+    [
+        (["--only", "C99", "--out", "x"], "C99"),
+        pytest.param([], "--out", marks=pytest.mark.slow),
+        pytest.param(["--workers", "two"], "two", marks=pytest.mark.slow),
+    ],
 )
 def test_bad_input_is_one_message(args, named):
     done = call(*args)

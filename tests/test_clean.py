@@ -35,6 +35,7 @@ def evidence(rng, scatter=0.05, repetitions=3, tests=2, noise=0.005, before=1.3,
     return Evidence(made, fits, {"uniaxial": Factors(scatter**2, dof)}), true
 
 
+@pytest.mark.slow
 def test_it_holds_the_true_gain_as_often_as_it_says():
     found = []
     for seed in range(40):

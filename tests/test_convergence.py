@@ -76,6 +76,7 @@ def test_a_second_time_nothing_is_computed(study):
     assert compute(load_plan(study), study.parent / "out", workers=0) == first
 
 
+@pytest.mark.slow
 def test_processes_give_the_same(study):
     assert rows_of(study, workers=2) == rows_of(study, workers=0)
 

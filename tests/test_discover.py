@@ -41,7 +41,8 @@ def gent():
     ("effect", "family"),
     [pytest.param("compact_cohesion", "cut law", marks=pytest.mark.slow),
      pytest.param("rate_toughness", "cut law", marks=pytest.mark.slow),
-     ("adhesion_speed", "blade law"), pytest.param("adhesion_wear", "blade law", marks=pytest.mark.slow),
+     pytest.param("adhesion_speed", "blade law", marks=pytest.mark.slow),
+     pytest.param("adhesion_wear", "blade law", marks=pytest.mark.slow),
      pytest.param("coulomb_saturating", "blade law", marks=pytest.mark.slow)],
 )  # fmt: skip
 def test_it_names_what_was_hidden(effect, family):
@@ -145,6 +146,7 @@ class WaningAdhesion(Blade):
 '''
 
 
+@pytest.mark.slow
 def test_a_new_mechanism_is_a_candidate_without_a_line_changed(law_of):
     """A file in the folder of its slot, found by being there."""
     law_of("blade", "waning_adhesion", WANING)

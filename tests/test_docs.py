@@ -142,6 +142,7 @@ def test_blocks_run(page, tmp_path):
             assert comment in done.stdout
 
 
+@pytest.mark.slow
 def test_the_law_of_the_tutorial_is_neo_hooke_where_it_does_not_stiffen(tmp_path):
     page = ROOT / "docs" / "tutorials" / "own-law.md"
     (law,) = [b.text for b in blocks(page) if b.text.startswith("# file: my_laws/demiray.py")]

@@ -77,6 +77,7 @@ def test_of_a_precut_it_is_what_is_cut_beyond_it():
     assert found.outcome.reached_mm >= found.measures["onset_mm"] + 3.5 - 1e-9
 
 
+@pytest.mark.slow
 def test_its_progress_ends_where_it_does_and_the_last_state_is_shown():
     seen = []
     found = run_case(SHORT, on_progress=lambda *said: seen.append(said[:2]), snapshots_mm=(1.0, 4.9))
@@ -88,7 +89,7 @@ def test_its_progress_ends_where_it_does_and_the_last_state_is_shown():
     )
 
 
-@pytest.mark.parametrize("at", [0.5, 2.0, 99.0])
+@pytest.mark.parametrize("at", [*(pytest.param(at, marks=pytest.mark.slow) for at in (0.5, 99.0)), 2.0])
 def test_one_that_was_interrupted_ends_at_the_same_place(at, tmp_path):
     last = run().outcome.reached_mm
 
@@ -159,6 +160,7 @@ def test_what_cannot_be_is_refused_by_its_line(part, said, tmp_path):
     assert (error.value.key, error.value.line) == ("until", 3) and said in error.value.expected
 
 
+@pytest.mark.slow
 def test_the_command_line_has_it_and_says_it_at_last(tmp_path):
     values = {**{k: SHORT.shown()[k] for k in ("G_c", "tip", "mu")}, "element": "P1", "step": "0.2 mm"}
     sets = [f"--set={key}={value}" for key, value in (values | SOFT).items()]

@@ -152,6 +152,7 @@ def test_few_layers_do():
     assert few == pytest.approx(more, rel=0.015)
 
 
+@pytest.mark.slow
 def test_a_half_is_two_quarters():
     quarter, half = (
         forces(build(load_case("gelatin", {**SMALL, "layers": 1, "symmetry": part}, dim=3)))[1]

@@ -93,6 +93,7 @@ def campaign(folder, fields: str):
     )
 
 
+@pytest.mark.slow
 def test_a_field_tells_what_the_force_does_not(folder):
     alone = fit(campaign(folder, ""), workers=0)
     seen = campaign(folder, FIELDS)

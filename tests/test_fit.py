@@ -244,6 +244,7 @@ def test_a_cut_with_a_wrong_zero_is_made_up_from_contact_on(offset):
     assert np.all(np.diff(t) > 0) and np.all(np.isfinite(y))
 
 
+@pytest.mark.slow
 def test_a_cutting_campaign_gives_its_truth_back_also_if_it_is_stopped_on_the_way(tmp_path):
     """What was computed is kept, and is not computed again."""
     made, told, asked = cutting(seed=5), [], []

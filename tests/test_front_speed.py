@@ -84,6 +84,7 @@ def test_nothing_is_freed_without_a_cut():
     assert math.isnan(freed_rel(CASE, ledger(d, 0 * d, snap=0 * d), math.nan))
 
 
+@pytest.mark.slow
 def test_viscosity_holds_the_front_back_and_takes_what_a_jump_would_free():
     case = COARSE.set(element="P1", cohesion=0.5, depth="6 mm", until="transition")
     slow, fast = (run_case(case.set(viscosity=v)).measures for v in (20, 0.01))

@@ -43,6 +43,7 @@ def test_predictions_that_hardly_differ_tell_nothing():
     assert replace(BETTER, better=-50.0).tells
 
 
+@pytest.mark.slow
 def test_tests_in_which_a_law_does_nothing_do_not_tell_of_it(tmp_path):
     # Softening, and softer specimens in the tests, none of which goes back.
     campaign = load_campaign(outside.make(36, ("Zuniga-Beatty",), 20261130, tmp_path).file)
@@ -67,7 +68,7 @@ def test_a_driven_machine_does_not_go_back():
     assert model.shown(course + 1e-30j, SimpleNamespace()).shape == (3, 5)
 
 
-@pytest.mark.parametrize("strength", [0.02, 0.4])
+@pytest.mark.parametrize("strength", [0.02, pytest.param(0.4, marks=pytest.mark.slow)])
 def test_a_compliance_needs_no_run_of_its_own(strength):
     small = {
         "G_c": "0.3 J/m^2", "mu": 0.1, "eta_reg": "8 s", "tip": "2 mm", "width": "8 mm", "height": "5 mm",

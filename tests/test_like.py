@@ -25,6 +25,7 @@ def test_adhesion_by_blade_speed_is_an_adhesion_as_much_stronger():
     np.testing.assert_allclose(sum(mine), LAW["adhesion"].strength(np.zeros(3), stronger, {}, at))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["speed_toughness", "speed_modulus"])
 def test_a_cut_by_a_law_of_speed_is_what_the_law_says_that_it_is_like(name):
     """Viscosity and all, until it drops."""

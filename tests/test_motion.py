@@ -139,6 +139,7 @@ def test_without_relaxation_a_frictionless_block_gives_all_back():
     assert np.ptp(r.force_N[rest]) < 2e-3 * r.force_N.max()
 
 
+@pytest.mark.slow
 def test_derivatives_hold_through_hold_and_return():
     case = CASE.set(motion=THERE, tolerance=1e-11)
     steps = 28 * [0.1]  # of the clock; they meet the corners

@@ -104,6 +104,7 @@ def test_a_campaign_to_start_from_is_fitted():
     assert done.exit_code == 0 and "converged" in done.output
 
 
+@pytest.mark.slow
 def test_quiet_says_what_was_found_and_loud_the_counters():
     words = ("run2d", "gelatin", "--depth", "0.2", "--h", "0.7", "--out", "out")
     plain, quiet, loud = call(*words), call(*words, "-q"), call(*words, "-v")

@@ -60,6 +60,7 @@ def test_the_cohesive_law_of_the_page_costs_the_work_of_separation_and_damages(p
     assert damage[-1] == 1 and np.all(np.diff(damage) >= 0)
 
 
+@pytest.mark.slow
 def test_the_cohesive_law_of_the_page_cuts(page_law):
     said = python(
         "import cutbench\n"
@@ -198,6 +199,7 @@ def test_workers_of_a_sweep_know_them(page_law, tmp_path):
     assert missing.returncode == 2 and "nowhere" in missing.stderr
 
 
+@pytest.mark.slow
 def test_a_case_takes_its_laws_along(page_law, tmp_path):
     make = (
         "import pickle, cutbench\n"

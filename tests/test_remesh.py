@@ -86,6 +86,7 @@ def test_followed_meshes_change_little(case, followed):
     assert abs(followed.measures["closure"] - alone.measures["closure"]) < 0.01
 
 
+@pytest.mark.slow
 def test_what_a_new_mesh_adds_is_what_its_rest_gives_back(case):
     # Without what resists gradients: on larger elements that stores more in balance too.
     case = case.set(with_="smith_ferrante", without="surface_gradient")
@@ -151,6 +152,7 @@ def test_internal_variables_are_carried_on_straight_lines():
     np.testing.assert_allclose(found[..., inner], field(new)[..., inner], atol=0.02)
 
 
+@pytest.mark.slow
 def test_derivatives_go_on_from_mesh_to_mesh(case):
     """dF/dη along marches of the same steps on the same meshes, against a difference."""
     case = case.set(depth="1.5 mm")
@@ -185,6 +187,7 @@ def test_derivatives_go_on_from_mesh_to_mesh(case):
     assert np.median(off) < 1e-4 and np.quantile(off, 0.9) < 0.01
 
 
+@pytest.mark.slow
 def test_a_killed_run_goes_on_on_its_mesh(case, followed, tmp_path):
     def stop(done, total, text):
         if done > 1.7:

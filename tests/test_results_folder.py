@@ -101,6 +101,7 @@ def test_where_the_disk_is_full_there_is_one_message_and_the_numbers_are_there(t
     assert {path.name for path in out.iterdir()} == {"fit.json", "fitted.toml"}
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no limit of a file's size there")
 def test_a_map_that_does_not_fit_on_the_disk_loses_no_run(tmp_path):
     study, out = tmp_path / "study.toml", tmp_path / "out"

@@ -125,6 +125,7 @@ def test_the_snap_viscosity_is_small_while_nothing_snaps(pressed):
     assert force_at(without, 1.5) == pytest.approx(force_at(pressed, 1.5), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_snap_is_damped_over_a_short_way():
     """Damping raised over a longer one would be a force on the blade: a false peak and a false drop."""
     snapping = run_case(COARSE.set(depth="4 mm", normal="material", with_="smith_ferrante", **SOFT))

@@ -81,6 +81,7 @@ def test_a_carried_multiplier_does_what_repeated_ones_do(pressed):
     assert abs(carried.curve["closure"][-1]) < 0.01
 
 
+@pytest.mark.slow
 def test_the_staggered_scheme_tends_to_the_monolithic_one():
     """Damage that lags is repeated until it stands still; viscosity then sees it at a step's end."""
     # Viscous enough that the cut grows steadily: in a snap, what a step meets depends on the step.
@@ -130,6 +131,7 @@ def test_errors_of_the_ledger_do_not_add_up():
     assert most[0] < 0.6 * most[1]
 
 
+@pytest.mark.slow
 def test_a_tough_viscous_material_closes():
     """Each step of its cutting leaves something open, and always to the same side."""
     case = load_case("meat").set(
@@ -250,6 +252,7 @@ def deepest(case):
     return found
 
 
+@pytest.mark.slow
 def test_augmentation_reduces_the_penetration():
     case = PRESSED.set(depth="0.3 mm", normal="tool", penalty=20, multiplier="none")
     penalty, once, thrice = (deepest(case.set(augmentations=n)) for n in (0, 1, 3))

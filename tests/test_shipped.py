@@ -115,6 +115,7 @@ def test_more_of_a_map_is_computed_or_what_wrote_it_is_named(copied, command, no
         assert not (copied.parent / "runs").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", RECORDS, ids=name_of)
 def test_points_in_three_dimensions_lie_on_their_map_and_are_drawn_in_it(path, tmp_path):
     record, folder = json.loads(path.read_text(encoding="utf-8")), path.parents[1]

@@ -72,6 +72,7 @@ def test_a_machine_that_gives_is_a_rig(seed):
     assert "machine_compliance" in d.rounds[0].group
 
 
+@pytest.mark.slow
 def test_stiffening_is_no_machine():
     d = discover(of(strips(stiffening=0.1)), workers=0)
     assert d.verdict == "mechanism" and d.found[0] in ("gent", "yeoh"), verdict_sentence(d)
@@ -119,6 +120,7 @@ def same(d, other) -> None:
     assert other.gain.gain == pytest.approx(d.gain.gain, abs=0.05)
 
 
+@pytest.mark.slow
 def test_the_order_of_experiments_does_not(softer):
     tests, d = softer
     same(d, discover(of(tests[::-1]), workers=0))
@@ -137,6 +139,7 @@ def test_finer_readings_do_not(softer):
     same(d, discover(of(strips(gives=9.0, seed=3, count=300)), workers=0))
 
 
+@pytest.mark.slow
 def test_forces_a_thousand_times_as_large_do_not(softer):
     tests, d = softer
     larger = [replace(e, repetitions=tuple(replace(r, y=1000 * r.y) for r in e.repetitions)) for e in tests]

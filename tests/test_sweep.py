@@ -137,6 +137,7 @@ def test_ctrl_c_keeps_what_is_done(study, log, tmp_path):
     assert again.complete and max(computed(log).values()) == 1
 
 
+@pytest.mark.slow
 def test_workers_that_die_do_not_end_the_sweep(study, log, tmp_path):
     """One run kills its process each time, another once; the rest pays nothing for it."""
     sweep = undrawn(study, tmp_path / "out", workers=2, run=analytic_runs.deadly_run)
