@@ -170,6 +170,7 @@ def test_a_tilt_needs_the_full_block_and_does_not_know_left_from_right():
         load_case("gelatin", {"tilt": "2 deg"})
 
 
+@pytest.mark.slow
 def test_a_shorter_blade_meets_less_of_the_block():
     whole, longer, short = forces(), forces(overhang="3 mm"), forces(overhang="-2 mm")
     assert longer == pytest.approx(whole, rel=1e-12)

@@ -44,6 +44,7 @@ def uniaxial(stretch, G, nu):
     return cauchy(stretch, side)[0] * side**2
 
 
+@pytest.mark.slow
 def test_a_slender_strip_is_in_uniaxial_tension():
     base = load_case("elastomer", dim=3)
     changes = {"width": "1 mm", "length": "1 mm", "height": "60 mm", "h": "0.5 mm", "depth": "12 mm"}

@@ -318,6 +318,7 @@ def test_a_study_finds_the_boundary_that_its_grid_has(study, tmp_path):
         agreement(whole, whole)
 
 
+@pytest.mark.slow
 def test_levels_are_searched_side_by_side_and_a_second_sweep_computes_nothing(study, tmp_path):
     text = STUDY + '[[axis]]\nname = "adhesion"\nvalues = [0.0, 0.187]\n[boundary]\nruns = 60\n'
     first = run_study(study(text), tmp_path / "out", workers=0, run=analytic_runs.computed, pictures=False)

@@ -96,6 +96,7 @@ def test_an_interrupted_run_goes_on_and_ends_on_the_same_curve(tmp_path, dim, h,
             assert again.measures[name] == pytest.approx(value, rel=1e-4, abs=1e-9, nan_ok=True), name
 
 
+@pytest.mark.slow
 def test_a_killed_process_goes_on(tmp_path):
     """Killed without a chance to clean up, after its first checkpoint."""
     out = tmp_path / "run"

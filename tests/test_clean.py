@@ -47,6 +47,7 @@ def test_it_holds_the_true_gain_as_often_as_it_says():
     assert np.median([abs(gain.value - true) for gain, true in found]) < 0.05
 
 
+@pytest.mark.slow
 def test_it_is_near_as_often_as_it_says():
     near, chances = 0, []
     for seed in range(30):

@@ -117,6 +117,7 @@ def test_bad_input_is_refused_before_any_run(args):
     assert stop.value.code == 2
 
 
+@pytest.mark.slow
 def test_the_campaign_that_it_makes_is_read(tmp_path):
     job = next(job for job in JOBS if job.name == "fit")
     for name, text in job.files.items():

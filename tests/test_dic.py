@@ -281,6 +281,7 @@ def run():
     return run_case(load_case("elastomer", CHANGES), snapshots_mm=[1.0])
 
 
+@pytest.mark.slow
 def test_a_run_beside_itself(run, tmp_path):
     (snapshot,) = run.snapshots
     field = sample(snapshot, empty(np.linspace(-12, 12, 25), np.linspace(10, 20, 11)))

@@ -68,6 +68,7 @@ def test_without_a_cut_it_goes_to_its_depth():
     assert "0.5 mm" in found.sentence()
 
 
+@pytest.mark.slow
 def test_of_a_precut_it_is_what_is_cut_beyond_it():
     found = run(SHORT.set(precut="1 mm"))
     cut = found.curve["cut_length_mm"]

@@ -138,6 +138,7 @@ def test_between_two_planes_of_symmetry_it_is_the_section_to_rounding(layers, sy
     assert off < 1e-8
 
 
+@pytest.mark.slow
 def test_a_free_end_gives_way_a_little():
     values = {**SMALL, "layers": 1}
     held = forces(solid_of(values, (("middle", 2), ("end", 2))))[1]

@@ -68,6 +68,7 @@ def test_a_driven_machine_does_not_go_back():
     assert model.shown(course + 1e-30j, SimpleNamespace()).shape == (3, 5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strength", [0.02, pytest.param(0.4, marks=pytest.mark.slow)])
 def test_a_compliance_needs_no_run_of_its_own(strength):
     small = {

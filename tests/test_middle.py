@@ -68,6 +68,7 @@ def test_what_is_cut_before_is_not_the_run_s():
     assert 0.1 < found["front_start_mm"] <= found["front_half_mm"] <= last
 
 
+@pytest.mark.slow
 def test_a_run_that_goes_on_has_all_of_its_middle(tmp_path):
     case = load_case("gelatin", {**SMALL, "layers": 1}, dim=3)
     whole = run_case(case).curve["middle_force_N"]
@@ -83,6 +84,7 @@ def test_a_run_that_goes_on_has_all_of_its_middle(tmp_path):
     assert second.curve["middle_force_N"] == pytest.approx(whole, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_what_the_ends_take_away_fades_along_the_blade_as_in_a_bar_held_by_its_base():
     """Shear lag: with E = 2 (1 + ν) G along the blade, and the top free, in proportion to cosh(k z), with
     k = π/(2 H) · √(G/E)."""

@@ -231,6 +231,7 @@ def test_a_package_offers_laws_by_an_entry_point(page_law, tmp_path):
     assert said.strip() == "True"
 
 
+@pytest.mark.slow
 def test_a_law_brings_its_group_and_its_lever(tmp_path):
     (tmp_path / "my_laws").mkdir()
     (tmp_path / "my_laws" / "sticky.py").write_text(

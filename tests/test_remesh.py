@@ -100,6 +100,7 @@ def test_what_a_new_mesh_adds_is_what_its_rest_gives_back(case):
     assert sum(rest.work.values()) == pytest.approx(-rest.added, rel=0.1)
 
 
+@pytest.mark.slow
 def test_what_new_meshes_add_is_in_the_ledger(case, followed):
     assert followed.ledger[-1] == TRANSFER
     added = [step.added for step in RemeshedMarch(case)]

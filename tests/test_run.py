@@ -255,6 +255,7 @@ def test_twice_the_length_takes_twice_the_force(quick):
         np.testing.assert_allclose(double.curve[name], factor * column, rtol=1e-12, err_msg=name)
 
 
+@pytest.mark.slow
 def test_speed_counts_only_with_the_viscous_time(quick):
     fast = run_case(QUICK.set(speed="0.21 mm/s", eta_reg="0.238 s"))
     # The length of a step follows from what the one before has left open: differences of nearly equal works.

@@ -71,6 +71,7 @@ def test_normals_and_gaps_are_choices_that_matter_little_before_the_cut(pressed)
         assert other == pytest.approx(force_at(pressed, 1.5), rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_carried_multiplier_does_what_repeated_ones_do(pressed):
     """Material gives way by what the pressure changes in a step, not by all of it: no loop is needed."""
     bare = PRESSED.set(**SOFT)

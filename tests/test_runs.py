@@ -93,6 +93,7 @@ def write_some(root, n):
         store.put(result_of(G=f"{5 + n + 0.1 * k:.6g} kPa"))
 
 
+@pytest.mark.slow
 def test_several_processes_write_at_once(tmp_path):
     context = multiprocessing.get_context("spawn")
     writers = [context.Process(target=write_some, args=(tmp_path / "runs", n)) for n in range(2)]

@@ -59,8 +59,8 @@ def copied(request, tmp_path) -> Path:
 
 
 every_map = pytest.mark.parametrize("copied", MAPS, indirect=True, ids=name_of)
-#: What takes seconds: at once of two maps, one of them with a grid beside it.
-FEW = ("boundary", "transition")
+#: What takes seconds: at once of one map.
+FEW = ("transition",)
 some_maps = pytest.mark.parametrize(
     "copied",
     [pytest.param(m, marks=() if m.parent.name in FEW else pytest.mark.slow, id=name_of(m)) for m in MAPS],

@@ -221,6 +221,7 @@ def test_killed_half_way_it_loses_no_finished_run_and_ends_with_the_same_map(sta
     assert a.equals(b)
 
 
+@pytest.mark.slow
 def test_ctrl_c_on_a_pool_ends_cleanly_with_a_map(start, log, tmp_path):
     out = tmp_path / "out"
     process = start(out, 0.2)

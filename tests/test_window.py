@@ -192,6 +192,7 @@ SHORT = {**BOND, "step": "0.04 mm", "depth": "0.5 mm"}
 MIXED = {"element": "P2P1", "mu": 0.0, "step": "0.02 mm", "depth": "0.7 mm"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changes", [{"step": "0.04 mm"}, *(pytest.param(c, marks=pytest.mark.slow) for c in (MIXED, SHORT))]
 )

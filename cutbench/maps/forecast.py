@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from cutbench.case.case import Case, load_case
@@ -93,6 +94,7 @@ def _rate(case: Case) -> float:
     return PER_MM * travel * (RUBBING if rubs else 1.0)
 
 
+@cache
 def probe() -> float:
     """Seconds of one core that a short run takes on this machine, once its loops are compiled."""
     case = load_case("gelatin", {"depth": "0.5 mm", "numerics": "fast"})
