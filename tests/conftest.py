@@ -4,7 +4,11 @@ Laws in NumPy, where a test does not ask for them compiled, and runs that severa
 """
 
 import os
+import subprocess
+import sys
+import tempfile
 from importlib import import_module
+from pathlib import Path
 
 import pytest
 
@@ -19,6 +23,11 @@ def pytest_configure(config):
     runs of the slow tests it does not."""
     if config.option.markexpr == "not slow":
         os.environ.setdefault("CUTBENCH_FUSED", "0")
+    if getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput"):
+        # Loops are compiled once on a machine, and not by each of several processes at a time.
+        script = Path(__file__).with_name("numbers_of_a_run.py")
+        with tempfile.TemporaryDirectory() as folder:
+            subprocess.run([sys.executable, str(script), f"{folder}/numbers.npz"], check=False)
 
 
 @pytest.fixture

@@ -91,6 +91,7 @@ speed = "0.5 mm/s"
     assert (shown["speed"], shown["depth"], case.numerics.h_mm) == ("0.5 mm/s", "6 mm", 0.5)
 
 
+@pytest.mark.slow
 def test_from_an_exported_file_to_what_a_map_begins_from(tmp_path, monkeypatch):
     """All that a user does and sees, from a texture analyser's file on."""
     monkeypatch.chdir(tmp_path)

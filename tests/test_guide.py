@@ -138,6 +138,7 @@ def test_a_switch_is_taken_as_the_material_has_it(tmp_path):
     assert "tau_W" in without.still["coating"]
 
 
+@pytest.mark.slow
 def test_the_command_says_it_and_checks_it(tmp_path, runs_by):
     path = tmp_path / "study.toml"
     path.write_text(GRID.replace("[0.0, 0.0106, 0.06, 0.187, 0.5]", "[0.0, 0.0106]"))

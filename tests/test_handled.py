@@ -98,6 +98,7 @@ def test_a_run_as_a_dataset_has_units(result):
     assert {"displacement", "time"} <= set(data.coords)
 
 
+@pytest.mark.slow
 def test_what_is_saved_can_be_loaded(result, found, tmp_path):
     again = cutbench.load(result.save(tmp_path / "run"))
     assert again.id == result.id

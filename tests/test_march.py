@@ -59,7 +59,7 @@ MAXWELL, VOLUME = ("neo_hookean", "volumetric", "maxwell"), "volumetric"
         (MAXWELL, "uniaxial"),
         pytest.param(("fung", VOLUME, "maxwell2"), "equibiaxial", marks=pytest.mark.slow),
         pytest.param(("yeoh", VOLUME, "mullins"), "uniaxial", marks=pytest.mark.slow),
-        (("neo_hookean", VOLUME, "maxwell", "mullins"), "pure_shear"),
+        pytest.param(("neo_hookean", VOLUME, "maxwell", "mullins"), "pure_shear", marks=pytest.mark.slow),
         pytest.param(("gent", VOLUME, "power_law"), "pure_shear", marks=pytest.mark.slow),
         pytest.param(("gent", VOLUME, "power_law"), "uniaxial", marks=pytest.mark.slow),
     ],

@@ -72,6 +72,7 @@ def followed(case):
     return run_case(case)
 
 
+@pytest.mark.slow
 def test_followed_meshes_change_little(case, followed):
     alone = run_case(case.set(around=0))
     assert followed.outcome.done

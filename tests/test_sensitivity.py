@@ -72,10 +72,11 @@ def test_derivatives_are_those_of_central_differences():
             7 * [LENGTH],
             marks=pytest.mark.slow,
         ),
-        (  # The cut opens in the last tenth.
+        pytest.param(  # The cut opens in the last tenth.
             {"normal": "tool", "gap": "ellipse", "depth": "1.1 mm"},
             ("G", "nu", "G_c", "tip", "mu"),
             9 * [2 * LENGTH] + 8 * [LENGTH / 2],
+            marks=pytest.mark.slow,
         ),
         ({"multiplier": "carried", "depth": "0.5 mm"}, ("G", "tip", "tau_W"), 5 * [2 * LENGTH]),
         (

@@ -65,6 +65,7 @@ def test_nothing_is_named_where_it_is_right(seed):
     assert discover(of(strips(seed=seed)), workers=0).verdict == "none"
 
 
+@pytest.mark.slow
 @seeds
 def test_a_machine_that_gives_is_a_rig(seed):
     d = discover(of(strips(seed=seed, gives=9.0)), workers=0)

@@ -197,6 +197,7 @@ def wait_for(condition, seconds=120):
         time.sleep(0.05)
 
 
+@pytest.mark.slow
 def test_killed_half_way_it_loses_no_finished_run_and_ends_with_the_same_map(start, study, log, tmp_path):
     whole = undrawn(study, tmp_path / "whole", workers=0, run=analytic_runs.fake_run)
     log.write_text("")
@@ -221,7 +222,6 @@ def test_killed_half_way_it_loses_no_finished_run_and_ends_with_the_same_map(sta
     assert a.equals(b)
 
 
-@pytest.mark.slow
 def test_ctrl_c_on_a_pool_ends_cleanly_with_a_map(start, log, tmp_path):
     out = tmp_path / "out"
     process = start(out, 0.2)

@@ -115,7 +115,9 @@ def made(name: str, **changes) -> Case:
     return QUICK.set(**CASES[name]).set(**{"depth": "0.6 mm", **changes})
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.slow if n == "wire" else ()) for n in CASES]
+)
 def test_a_blade_of_each_profile_cuts(name):
     result = run_case(made(name, depth="1.4 mm"))
     assert result.outcome.done, str(result.outcome)
