@@ -74,6 +74,7 @@ def test_ctrl_c_keeps_what_was_found_until_then(campaign, whole, tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_what_does_not_end_in_time_tells_what_was_found(campaign, whole, monkeypatch):
     now = [0.0]
     monkeypatch.setattr(time, "monotonic", lambda: now[0])

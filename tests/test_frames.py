@@ -67,6 +67,7 @@ def series(folder, kind):
     return [(float(s.get("timestep")), meshio.read(folder / s.get("file"))) for s in sets]
 
 
+@pytest.mark.slow
 def test_a_run_has_so_many_frames_of_rising_travel_and_no_less_to_say(run):
     result, _ = run
     travel = [s.displacement_mm for s in result.frames]

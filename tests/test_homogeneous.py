@@ -214,7 +214,7 @@ CYCLE = 1 + np.interp(CYCLE_T, [0, 20, 40, 60, 90, 120], [0, 0.8, 0.8, 0.1, 1.2,
 #: Kind, mechanisms beside neo-Hooke.
 DIFFERENTIATED = [
     ("uniaxial", ("volumetric",)),
-    ("equibiaxial", ("volumetric", "maxwell2")),
+    pytest.param("equibiaxial", ("volumetric", "maxwell2"), marks=pytest.mark.slow),
     ("pure_shear", ("volumetric", "maxwell", "mullins")),
     ("uniaxial", ("compressible", "yeoh")),
     ("sliding", ("coulomb", "adhesion", "adhesion_speed", "adhesion_wear")),

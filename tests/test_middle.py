@@ -32,7 +32,9 @@ def curves(case, **geometry):
     return np.array(force), front.middle.columns()["middle_force_N"]
 
 
-@pytest.mark.parametrize("symmetry", ["quarter", "half", pytest.param("full", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "symmetry", ["quarter", *(pytest.param(s, marks=pytest.mark.slow) for s in ("half", "full"))]
+)
 def test_where_nothing_varies_along_the_blade_the_middle_is_the_whole(symmetry):
     case = load_case("gelatin", {**SMALL, "symmetry": symmetry, "layers": 1}, dim=3)
     ends = (("middle", 2), ("end", 2)) if symmetry == "quarter" else (("end", 2),)

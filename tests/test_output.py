@@ -125,6 +125,7 @@ def test_a_broken_run_json_is_bad_input(tmp_path, text):
         read_run(tmp_path)
 
 
+@pytest.mark.slow
 def test_a_second_run_in_the_folder_leaves_no_fields_of_the_first(tmp_path, result):
     write_run(result, tmp_path)
     write_run(replace_snapshots(result, result.snapshots[:1]), tmp_path)

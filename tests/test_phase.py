@@ -222,6 +222,7 @@ tolerance = "1/8"
 """
 
 
+@pytest.mark.slow
 def test_a_boundary_that_was_sought_has_panels_of_its_third_axis_and_each_run_on_one(tmp_path):
     path = tmp_path / "study.toml"
     path.write_text(SEARCH)

@@ -77,7 +77,10 @@ def test_the_cut_opens_from_the_top(cutting):
     assert cut["opening_mm"].max() <= CUTTING.p.thickness + 0.05
 
 
-@pytest.mark.parametrize("case", [PRESSED.set(normal="tool", mu=0.3), BRIEF.set(normal="tool")])
+@pytest.mark.parametrize(
+    "case",
+    [PRESSED.set(normal="tool", mu=0.3), pytest.param(BRIEF.set(normal="tool"), marks=pytest.mark.slow)],
+)
 def test_tractions_on_the_faces_add_up_to_the_force(case):
     """Pressure along the blade's normal and shear, summed over the faces by hand."""
     result = run_case(case, snapshots_mm=(case.p.depth,))

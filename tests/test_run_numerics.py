@@ -45,7 +45,7 @@ def test_half_and_full_block_agree():
     assert virgin.counts["degrees_of_freedom"] > 1.9 * half.counts["degrees_of_freedom"]
 
 
-@pytest.mark.parametrize("normal", ["tool", "material"])
+@pytest.mark.parametrize("normal", ["tool", pytest.param("material", marks=pytest.mark.slow)])
 def test_elements_from_stiff_to_soft(normal):
     """While nothing is cut, a richer space is softer: linear triangles lock at ν = 0.49."""
     case = PRESSED.set(normal=normal, depth="1 mm")

@@ -84,7 +84,7 @@ def test_derivatives_are_those_of_central_differences():
             ("G", "G_c", "tip", "mu"),
             6 * [LENGTH],
         ),
-        (
+        pytest.param(
             {
                 "with_": ["surface_tension", "bending_skin", "film"],
                 "gamma_s": "200 mN/m",
@@ -94,6 +94,7 @@ def test_derivatives_are_those_of_central_differences():
             },
             ("gamma_s", "skin_bending", "film_bending"),
             10 * [LENGTH],
+            marks=pytest.mark.slow,
         ),
     ],
     ids=["mixed, augmented", "tool's normal", "carried", "no damping", "surfaces"],

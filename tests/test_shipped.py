@@ -100,7 +100,7 @@ def test_a_map_is_drawn_and_a_boundary_held_against_its_grid(copied):
 
 
 @some_maps
-@pytest.mark.parametrize("command", ["confirm", "guide"])
+@pytest.mark.parametrize("command", [pytest.param("confirm", marks=pytest.mark.slow), "guide"])
 def test_more_of_a_map_is_computed_or_what_wrote_it_is_named(copied, command, no_solver):
     data = load_map(copied)
     asks = {

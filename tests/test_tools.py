@@ -239,6 +239,7 @@ def at_rest(built):
     return Step(1.0, u, np.zeros(3), np.zeros(3))
 
 
+@pytest.mark.slow
 def test_a_run_begins_with_its_pre_cut():
     whole, cut = run_case(QUICK), run_case(PRECUT)
     assert cut.outcome.done

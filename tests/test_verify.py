@@ -93,7 +93,9 @@ def test_every_law_of_the_default_and_the_paper_is_covered():
     assert all(concerned(law) for law in FLUX)
 
 
-@pytest.mark.parametrize("name", FLUX)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.slow if n == "stiff_cohesion" else ()) for n in FLUX]
+)
 def test_one_percent_more_flux_is_noticed(name, monkeypatch):
     law = registry()[name]
     first = concerned(name)[0]
