@@ -19,7 +19,6 @@ from cutbench.base.errors import BadInput
 
 #: The file by which a process holds a folder of results; the system lets go of it where one is killed.
 LOCK = ".lock"
-_LOCKS: dict[Path, FileLock] = {}
 
 
 @contextmanager
@@ -34,7 +33,8 @@ def replacing(target: Path) -> Iterator[Path]:
         yield draft
         os.replace(draft, target)
     except OSError as error:
-        raise type(error)(error.errno, error.strerror or str(error), str(target)) from error
+        error.filename = str(target)
+        raise
     finally:
         draft.unlink(missing_ok=True)
 
@@ -53,7 +53,7 @@ def folder_lock(out_dir: str | Path, wait_s: float = 0.0) -> Iterator[Path]:
     ``wait_s``. On a file system without locks nothing is held.
     """
     out = check_writable(out_dir)
-    lock = _LOCKS.setdefault(out.resolve(), FileLock(out / LOCK, thread_local=False))
+    lock = FileLock(out.resolve() / LOCK, thread_local=False, is_singleton=True)
     try:
         lock.acquire(timeout=wait_s)
     except Timeout as error:

@@ -44,6 +44,8 @@ def exits(command: Callable) -> Callable:
         except CutbenchError as error:
             typer.echo(f"cutbench: {error}", err=True)
             raise typer.Exit(error.exit_code) from error
+        except BrokenPipeError:
+            raise  # whoever read has gone: nobody is there to be told
         except OSError as error:
             file = f"{error.filename}: " if error.filename else ""
             typer.echo(

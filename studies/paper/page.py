@@ -1,6 +1,6 @@
 """What ``python -m studies.paper`` found, on a page of documentation.
 
-``python docs/claims.py DIR PAGE`` writes it.
+``python -m studies.paper.page DIR PAGE`` writes it, from the project's folder.
 
 Between the page's two marks stand the tables of DIR's claims.json, without links to runs that a reader has
 not; claims.json and the pictures are copied into docs/figures.
@@ -41,7 +41,7 @@ def put(found: str | Path, page: str | Path) -> None:
     _, end, tail = rest.partition(END)
     if not (begin and end):
         raise BadInput(file=str(page), key="marks", value="(missing)", expected=f"{BEGIN} and {END} in it")
-    figures = Path(__file__).with_name("figures")
+    figures = Path(__file__).parents[2] / "docs" / "figures"
     figures.mkdir(exist_ok=True)
     with replacing(figures / "claims.json") as draft:
         draft.write_text(
