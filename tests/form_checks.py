@@ -79,7 +79,7 @@ def check_tangent(space, form, u, state, step, p=P, rtol: float = 1e-10) -> None
     assert K.nnz and np.abs(K.data).max() > 0
 
     def residual(at):
-        return total(pattern, form, form.evaluate(at, p, state, step, tangent=False))
+        return total(pattern, form, form.evaluate(at, p, state, step))
 
     for seed in range(3):
         v = np.random.default_rng(seed).normal(size=space.ndof)
@@ -117,7 +117,7 @@ def blade_case(space, form, p=P):
     state = form.start(p)
     for past in (displacement(space, 2, 0.03), u_old):
         before = Step(0.2, displacement(space, 3), step.centre_old, step.centre_old)
-        state = form.augment(form.touch(form.evaluate(past, p, state, before, tangent=False).state))
+        state = form.augment(form.touch(form.evaluate(past, p, state, before).state))
     return u_old + 0.025 * np.random.default_rng(4).standard_normal(u_old.size), state, step
 
 

@@ -97,7 +97,7 @@ def test_compiled_loops_and_numpy_answer_the_same(dim, order, normal, names):
         u, state, step = blade_case(space, form, p)
         u = u + 0.02 * np.random.default_rng(seed).standard_normal(u.size)
         state["touched"] = np.random.default_rng(seed).integers(0, 2, state["touched"].shape).astype(float)
-        real, other = (form.evaluate(v, p, state, step, tangent=False) for v in (u, u + 0j))
+        real, other = (form.evaluate(v, p, state, step) for v in (u, u + 0j))
         assert other.vector.dtype == complex and real.vector.any()
         answers = {"vector": (real.vector, other.vector)} | {
             k: (v, other.state[k]) for k, v in real.state.items()

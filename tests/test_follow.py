@@ -61,9 +61,9 @@ class Spring(BladeForm):
     def touch(self, state, step=None):
         return state
 
-    def evaluate(self, u, p, state, step, tangent=True):
+    def evaluate(self, u, p, state, step):
         pull = SPRING / self.dofs.shape[1] * (-step.centre[1] - u[self.dofs])
-        stiffness = np.full((1, *self.dofs.shape), SPRING / self.dofs.shape[1]) if tangent else None
+        stiffness = np.full((1, *self.dofs.shape), SPRING / self.dofs.shape[1])
         return Local(-pull, stiffness, {"pull": np.real(pull)})
 
     def force(self, state):

@@ -55,7 +55,7 @@ def test_patch(dim, order):
     expected[:dim, :dim] += GRADIENT[:dim, :dim]
     np.testing.assert_allclose(F, np.broadcast_to(expected[:, :, None], F.shape), atol=1e-13)
     pattern = assembled(space, form)
-    R = total(pattern, form, form.evaluate(u, P, {}, None, tangent=False)).reshape(-1, dim)
+    R = total(pattern, form, form.evaluate(u, P, {}, None)).reshape(-1, dim)
     edge = np.zeros(space.X.shape[1], bool)
     for i, end in enumerate([SIZE, HEIGHT, LENGTH][:dim]):
         edge |= (space.X[i] < 1e-9) | (space.X[i] > end - 1e-9)
@@ -81,7 +81,7 @@ def test_rigid_motion_costs_nothing(dim, order):
     volume = form.volume.w.sum()
     for name, value in form.energies(u, P, {}).items():
         assert abs(value) < 1e-13 * P.G * volume, name
-    R = total(assembled(space, form), form, form.evaluate(u, P, {}, None, tangent=False))
+    R = total(assembled(space, form), form, form.evaluate(u, P, {}, None))
     assert np.abs(R).max() < 1e-12 * P.G * volume
     assert form.smallest_volume_ratio(u) == pytest.approx(1, abs=1e-13)
 
@@ -177,7 +177,7 @@ def test_a_rate_term_that_fades_is_of_second_order():
         dt, state, worst = 1.0 / count, form.start(P), 0.0
         for i in range(count):
             step = Step(dt, u(i * dt), none, none, ratio=1.0 if i else 0.0)
-            state = form.evaluate(u((i + 1) * dt), P, state, step, tangent=False).state
+            state = form.evaluate(u((i + 1) * dt), P, state, step).state
             t = (i + 1) * dt
             exact = P.G_c / P.delta_c * P.eta_reg * np.exp(-width(t) / P.delta_c) * (1 + 2 * t)
             found = state["tractions"][viscous, 0]

@@ -109,7 +109,7 @@ def test_a_blade_that_comes_down_is_pushed_up(dim, order):
     assert local.state["pressure"].max() > 0
     far = c + np.array([0.0, 5.0, 0.0])
     away = form.evaluate(np.zeros(space.ndof), P, form.start(P), Step(1.0, np.zeros(space.ndof), far, far))
-    assert not away.vector.any() and not away.matrix.any()
+    assert not away.vector.any() and away.matrix is None
 
 
 @spaces
@@ -144,7 +144,7 @@ def test_a_blade_law_that_is_off_is_absent_to_the_bit(dim, order, absent, value)
     for model in (Model(DEFAULT), Model(DEFAULT).without(absent)):
         form = blade(space, names=model.mechanisms)
         step = step_between(space)
-        past = form.evaluate(displacement(space, 1, 0.03), off, form.start(off), step, tangent=False)
+        past = form.evaluate(displacement(space, 1, 0.03), off, form.start(off), step)
         got.append(form.evaluate(displacement(space), off, form.touch(past.state), step))
     assert got[0].vector.any()
     assert np.array_equal(got[0].vector, got[1].vector)

@@ -48,7 +48,7 @@ def bent(mesh_type, seed: int = 0):
 
 
 def assembled(form, pattern, u, p, tangent=True):
-    local = form.evaluate(u, p, form.start(p), step_from(0 * u.real), tangent)
+    local = form.evaluate(u, p, form.start(p), step_from(0 * u.real))
     data = np.zeros(pattern.indices.size)
     if tangent:
         pattern.add(data, form.name, local.matrix)
@@ -112,7 +112,7 @@ def test_quadratic_law_gives_the_perturbed_lagrangian():
     phi = form.phi
     w = form.volume.w
     expected = phi.T @ (((J - 1 - form.pressure(u) / kappa).reshape(w.shape)) * w)
-    np.testing.assert_allclose(form.evaluate(u, p, {}, step_from(u), False).vector[-3:], expected, atol=1e-14)
+    np.testing.assert_allclose(form.evaluate(u, p, {}, step_from(u)).vector[-3:], expected, atol=1e-14)
     mass = np.einsum("qv,qe,qx->vxe", phi, w, phi) / kappa
     np.testing.assert_allclose(form.evaluate(u, p, {}, step_from(u)).matrix[-3:, -3:], -mass, rtol=1e-12)
 
@@ -136,9 +136,9 @@ def test_a_pressure_that_no_volume_carries_gives_nan_not_nonsense():
     p = SimpleNamespace(G=1.0, nu=0.4)
     form = MixedVolumetric(QUADRATIC, space, 2, 2.0)
     u[space.ndof :] = -1.5 * QUADRATIC.kappa(p)
-    assert np.isnan(form.evaluate(u, p, {}, step_from(u), False).vector[-3:]).all()
+    assert np.isnan(form.evaluate(u, p, {}, step_from(u)).vector[-3:]).all()
     u[space.ndof :] = -0.9 * QUADRATIC.kappa(p)
-    assert np.isfinite(form.evaluate(u, p, {}, step_from(u), False).vector).all()
+    assert np.isfinite(form.evaluate(u, p, {}, step_from(u)).vector).all()
 
 
 def test_linear_displacements_are_refused():

@@ -40,7 +40,7 @@ def test_forces_are_the_energys_derivative_and_tangents_theirs(dim, order, name,
         state, step = begun(form, space, 0.3), step_between(space)
         found, v = form.evaluate(u, P, state, step), np.random.default_rng(1).normal(size=u.size)
         local = np.take(v, form.dofs)
-        slope = form.evaluate(u + 1j * STEP * v, P, state, step, tangent=False).vector.imag / STEP
+        slope = form.evaluate(u + 1j * STEP * v, P, state, step).vector.imag / STEP
         size = np.abs(found.vector).max() * np.abs(v).max()
         np.testing.assert_allclose(np.einsum("ijn,jn->in", found.matrix, local), slope, atol=1e-10 * size)
         h = 1e-6
@@ -63,7 +63,7 @@ def test_energy_does_not_see_rotations_nor_forces_push_the_whole(dim, order, nam
     cut = 1.0 if part == "half" else 0.3
     assert energy(found, space, again, cut) == pytest.approx(energy(found, space, u, cut), rel=1e-11)
     for form in found:
-        force = form.evaluate(u, P, begun(form, space, cut), step_between(space), tangent=False).vector
+        force = form.evaluate(u, P, begun(form, space, cut), step_between(space)).vector
         total = force.reshape(dim, -1).sum(axis=1)
         assert np.abs(total).max() < 1e-11 * np.abs(force).max()
 
@@ -87,7 +87,7 @@ def test_a_flat_surface_is_stretched_for_nothing(dim, order, name, part):
     for form in forms(space, geometry, name):
         state = begun(form, space, 0.0)
         assert form.stored(u, P, state) < 1e-24 * scale + 1e-28
-        force = form.evaluate(u, P, state, step_between(space), tangent=False).vector
+        force = form.evaluate(u, P, state, step_between(space)).vector
         assert np.abs(force).max() < 1e-12
 
 
@@ -160,7 +160,7 @@ def test_a_whole_top_pulls_nowhere_at_the_cut_plane_a_cut_one_does(dim, order, p
     for damage in (0.0, 1.0):
         force = np.zeros(space.ndof)
         for form in found:
-            local = form.evaluate(u, P, begun(form, space, damage), step_between(space), tangent=False).vector
+            local = form.evaluate(u, P, begun(form, space, damage), step_between(space)).vector
             np.add.at(force, form.dofs, local)
         pulls.append(-force.reshape(-1, dim)[at_edge, 0].sum())
     # In space it pulls at the edge by γ per deformed length.
@@ -175,9 +175,7 @@ def test_a_whole_block_is_at_rest(dim, order, part):
     space, geometry = piece(dim, order, part, 3)
     force = np.zeros(space.ndof)
     for form in forms(space, geometry, *LAWS):
-        local = form.evaluate(
-            0 * force, P, begun(form, space, 0.0), step_between(space), tangent=False
-        ).vector
+        local = form.evaluate(0 * force, P, begun(form, space, 0.0), step_between(space)).vector
         np.add.at(force, form.dofs, local)
     assert np.abs(force).max() < 1e-14
 

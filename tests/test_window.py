@@ -92,7 +92,7 @@ def test_the_window_is_in_balance_and_the_rest_stays():
     assert np.ptp(X[1, moved]) < 8 * BRIEF.p.thickness and np.abs(X[0, moved]).max() < 3 * BRIEF.p.thickness
 
     def residual(u):
-        out = problem.evaluate(u, states, step, tangent=False).residual
+        out = problem.evaluate(u, states, step).residual
         out[problem.fixed] = 0.0
         return np.abs(out.reshape(-1, 2)[moved]).max()
 
@@ -175,7 +175,7 @@ def test_a_window_that_is_nearly_solved_will_do():
         return window.solved(straight, before.u, states, step, march.newton)
 
     def relative_residual(u):
-        e = problem.evaluate(u, states, step, tangent=False)
+        e = problem.evaluate(u, states, step)
         return np.linalg.norm(e.residual[problem.free]) / e.scale
 
     with pytest.raises(NoConvergence, match="2 iterations") as error:

@@ -48,8 +48,10 @@ class Fused:
     def __call__(self, *given: Any) -> Any:
         if under_way():  # of what calls it
             return self.plain(*given)
-        for reading in self._known:
+        for k, reading in enumerate(self._known):
             if (found := reading.answer(given)) is not _MISS:
+                if k:  # it is asked for again, most likely
+                    self._known.insert(0, self._known.pop(k))
                 return found
         if len(self._formulas) < FORMULAS:
             reading = _Reading(self.plain, given, self._axes, self._loops)
@@ -109,7 +111,7 @@ class _Reading:
             numbers, arrays, build = formula.numbers, formula.arrays, formula.build
         except Exception as error:  # whatever NumPy, a law or a compiler says to symbols
             self.why = f"{type(error).__name__}: {error}"
-        self._lead = [self._leading[k] for k in arrays]
+        self._lead = [(self._leading[k], math.prod(self._leading[k])) for k in arrays]
         listed = [", ".join(self._places[k] for k in some) for some in (numbers, arrays)]
         code = [
             f"def gather({', '.join(f'a{k}' for k in range(len(given)))}):",
@@ -179,11 +181,12 @@ class _Reading:
         for x in arrays:
             if x.dtype != kind:
                 kind = _COMPLEX
-        for x, lead in zip(arrays, self._lead, strict=True):
+        for x, (lead, rows) in zip(arrays, self._lead, strict=True):
             if x.shape != lead + shape:
                 return _MISS
-            x = np.ascontiguousarray(x, kind).reshape(math.prod(lead), -1)
-            inputs.append(x if x.flags.writeable else x.copy())
+            if x.dtype != kind or not x.flags.carray:  # compiled loops are of one kind of arrays
+                x = np.array(x, kind, order="C")
+            inputs.append(x if x.ndim == 2 else x.reshape(rows, -1))
         if kind is not _FLOAT:
             q = q.astype(kind)
         out = np.empty((self._rows, inputs[0].shape[1]), kind)

@@ -91,7 +91,7 @@ class Numerics:
     """Bulk viscosity over G, times the speed; it carries a run through jumps."""
     self_contact: str = _one_of("on", "off")
     """Whether a section's surface beside the blade is kept from passing through itself."""
-    tolerance: float = _within(1e-8, 1e-14, 1e-2)
+    tolerance: float = _within(1e-7, 1e-14, 1e-2)
     """Newton's residual relative to the forces in balance."""
     symmetry: str = _one_of("auto", "quarter", "half", "full")
     """Part of the block that is meshed; auto: the smallest that will do."""

@@ -100,9 +100,6 @@ class NewtonTuning:
     factorization."""
     chord: float = 0.5
     """As long as each of them leaves less than this: a new factorization costs as much as three."""
-    nearly: float = 0.02
-    """A full step from below this part of the forces is likely to be followed by such: no tangent is
-    assembled on the way."""
     smallest_ratio: float = 0.25
     """Part of the last step's smallest volume ratio below which a state is not tried."""
     multipliers: float = 1e-3

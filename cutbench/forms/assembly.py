@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sp
 
 from cutbench.base.compiled import COMPILED, compiled
+from cutbench.forms.base import Packed, upper
 
 #: Of places in arrays: short, and never negative, or what NumPy counts with.
 _PLACE = np.uint32 if COMPILED else np.intp
@@ -28,6 +29,20 @@ class Block:
 
     vectors: np.ndarray
     matrices: np.ndarray
+    behind: int
+    _packed: dict = field(default_factory=dict, init=False, repr=False)
+
+    def packed(self, local: Packed) -> tuple[np.ndarray, np.ndarray]:
+        """Places of the entries of ``local``, and of those opposite them, behind the last for a diagonal."""
+        key = local.dim, local.nn
+        if key not in self._packed:
+            rows, columns = upper(*key)
+            nd = local.dim * local.nn
+            table = self.matrices.reshape(nd, nd, -1)
+            one, other = table[rows, columns], table[columns, rows]
+            other[rows == columns] = self.behind
+            self._packed[key] = one.ravel(), other.ravel()
+        return self._packed[key]
 
 
 class Pattern:
@@ -66,7 +81,7 @@ class Pattern:
         self.blocks: dict[str, Block] = {}
         for name, dofs in dof_tables.items():
             matrices = placed[which[name]] if name in which else np.zeros(0, _PLACE)
-            self.blocks[name] = Block(dofs.astype(_PLACE).ravel(), matrices)
+            self.blocks[name] = Block(dofs.astype(_PLACE).ravel(), matrices, self.indices.size)
 
     def _hold(self, rows: np.ndarray, indices: np.ndarray, indptr: np.ndarray) -> None:
         self._rows = rows
@@ -96,8 +111,9 @@ class Pattern:
         more._hold(np.insert(self._rows, at, rows), np.insert(self.indices, at, columns), indptr)
         held = {id(block.matrices): block.matrices for block in self.blocks.values()}
         placed = {key: moved[matrices] for key, matrices in held.items()}
-        more.blocks = {k: replace(b, matrices=placed[id(b.matrices)]) for k, b in self.blocks.items()}
-        more.blocks[name] = replace(self.blocks[name], matrices=more._placed(couples))
+        size = more.indices.size
+        more.blocks = {k: Block(b.vectors, placed[id(b.matrices)], size) for k, b in self.blocks.items()}
+        more.blocks[name] = Block(self.blocks[name].vectors, more._placed(couples), size)
         return more, moved[:-1]
 
     @property
@@ -110,7 +126,7 @@ class Pattern:
         _scatter(out, self.blocks[name].vectors, local.ravel())
         return out
 
-    def add(self, data: np.ndarray, name: str, local: np.ndarray) -> None:
+    def add(self, data: np.ndarray, name: str, local: np.ndarray | Packed) -> None:
         """Add local matrices (nd, nd, n) to the CSR values ``data``."""
         data += self.matrices({name: local})
 
@@ -119,17 +135,24 @@ class Pattern:
         but for the unknowns ``apart``."""
         total = np.zeros(self.ndof, dtype=np.result_type(*locals_.values()))
         one, scale = np.empty_like(total), 0.0
-        by = _plain_weighed if np.iscomplexobj(total) else _weighed
+        by = _plain_weighed if total.dtype.kind == "c" else _weighed
         for name, local in locals_.items():
             scale += by(total, one, self.blocks[name].vectors, local.ravel(), apart)
         return total, scale
 
-    def matrices(self, locals_: dict[str, np.ndarray], begin: np.ndarray | float = 0.0) -> np.ndarray:
+    def matrices(
+        self, locals_: dict[str, np.ndarray | Packed], begin: np.ndarray | float = 0.0
+    ) -> np.ndarray:
         """CSR values of the sum of several blocks' local matrices, and of the values ``begin``."""
         data = np.empty(self.indices.size + 1)
         data[:-1], data[-1] = begin, 0.0
         for name, local in locals_.items():
-            _scatter(data, self.blocks[name].matrices, local.ravel())
+            block = self.blocks[name]
+            if isinstance(local, Packed):
+                one, other = block.packed(local)
+                _scatter_both(data, one, other, local.entries.ravel())
+            else:
+                _scatter(data, block.matrices, local.ravel())
         return data[:-1]
 
     def csr(self, data: np.ndarray) -> sp.csr_matrix:
@@ -171,6 +194,18 @@ def _scatter(out, places, values):
     """Add ``values`` to ``out`` at ``places``, which may repeat."""
     for k in range(places.size):
         out[places[k]] += values[k]
+
+
+def _plain_scatter_both(out, one, other, values):
+    _plain_scatter(out, one, values)
+    _plain_scatter(out, other, values)
+
+
+@compiled(_plain_scatter_both)
+def _scatter_both(out, one, other, values):
+    for k in range(one.size):
+        out[one[k]] += values[k]
+        out[other[k]] += values[k]
 
 
 def _plain_weighed(total, one, places, values, apart):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -47,14 +47,50 @@ class Step:
 AT_REST = Step(1.0, np.zeros(0), np.zeros(3), np.zeros(3))
 
 
+@lru_cache
+def upper(dim: int, nn: int) -> tuple[np.ndarray, np.ndarray]:
+    """Local rows and columns of what ``Packed`` keeps of matrices on ``nn`` nodes: for components i ≤ k of
+    both all pairs of nodes a, b, but for i = k those with a ≤ b."""
+    some, every = np.triu_indices(nn), np.indices((nn, nn)).reshape(2, -1)
+    blocks = [(i, k, some if i == k else every) for i in range(dim) for k in range(i, dim)]
+    rows, columns = zip(*((i * nn + a, k * nn + b) for i, k, (a, b) in blocks), strict=True)
+    return np.concatenate(rows), np.concatenate(columns)
+
+
+@dataclass(frozen=True)
+class Packed:
+    """Symmetric local matrices of ``dim`` components on ``nn`` nodes by their ``entries`` (m, n) at
+    ``upper(dim, nn)``."""
+
+    dim: int
+    nn: int
+    entries: np.ndarray
+
+    def whole(self) -> np.ndarray:
+        """All of them (nd, nd, n)."""
+        (rows, columns), nd = upper(self.dim, self.nn), self.dim * self.nn
+        out = np.empty((nd, nd, self.entries.shape[1]))
+        out[rows, columns] = out[columns, rows] = self.entries
+        return out
+
+
 @dataclass
 class Local:
-    """What a form returns: local vectors (nd, n), matrices (nd, nd, n) or None, and the new state, or what
-    finds it: of most evaluations it is not asked for."""
+    """What a form returns: local vectors (nd, n); its tangent, local matrices (nd, nd, n) or None; and the
+    new state. Of the last two what finds them will do: of most evaluations they are not asked for."""
 
     vector: np.ndarray
-    matrix: np.ndarray | None
+    slope: np.ndarray | Packed | Callable[[], np.ndarray | Packed | None] | None
     found: dict[str, Any] | Callable[[], dict[str, Any]] = field(default_factory=dict)
+
+    @cached_property
+    def tangent(self) -> np.ndarray | Packed | None:
+        return self.slope() if callable(self.slope) else self.slope
+
+    @property
+    def matrix(self) -> np.ndarray | None:
+        """The tangent as whole matrices."""
+        return self.tangent.whole() if isinstance(self.tangent, Packed) else self.tangent
 
     @cached_property
     def state(self) -> dict[str, Any]:
@@ -77,7 +113,7 @@ class Form:
         """Whether it is switched off at ``p``: it has no matrix then, and couples no unknowns."""
         return False
 
-    def evaluate(self, u: np.ndarray, p, state: dict, step: Step, tangent: bool = True) -> Local:
+    def evaluate(self, u: np.ndarray, p, state: dict, step: Step) -> Local:
         """Residual contribution at displacements u; nothing is stored."""
         raise NotImplementedError
 
@@ -121,7 +157,7 @@ def component_major(nodes: np.ndarray, dim: int) -> np.ndarray:
 
 def gather(u: np.ndarray, places: np.ndarray, dim: int) -> np.ndarray:
     """Values (dim, nn, n) at the nodes of each element or face, from its numbers by ``component_major``."""
-    return np.take(u, places).reshape(dim, len(places) // dim, -1)
+    return u.take(places).reshape(dim, len(places) // dim, -1)
 
 
 def _plain_blend(N: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -155,7 +191,7 @@ def same(one, other):
 
 def spread(matrices: np.ndarray, local: np.ndarray) -> np.ndarray:
     """Local ``matrices`` (nn, nn, n) times each component of local vectors (c·nn, n), real or complex."""
-    return (_plain_spread if np.iscomplexobj(local) else _spread)(matrices, local)
+    return (_plain_spread if local.dtype.kind == "c" else _spread)(matrices, local)
 
 
 def _plain_spread(matrices, local):

@@ -8,12 +8,14 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
+from operator import is_
 
 import numpy as np
 
 from cutbench.base.fused import fused
 from cutbench.forms.base import AT_REST, Form, Local, Step, blend, component_major, gather
-from cutbench.forms.gap import ToolGap
+from cutbench.forms.gap import Approach, Met, ToolGap
+from cutbench.forms.gap import met as points_met
 from cutbench.forms.normals import cross, inward, unit
 from cutbench.forms.pressed import Contact, Found, Sliding, pressed, sandwich
 from cutbench.forms.sliding import Strengths
@@ -67,6 +69,7 @@ class BladeForm(Form):
         self.symmetric = not self._material and not self.frictions
         self._strengths, self._pressure = Strengths(self.frictions), fused(self.tool.pressure)
         self._place: _Place | None = None
+        self._last: _Begun | None = None
         if self._material:
             along = np.einsum("dqf,df->qf", cross(list(faces.tangents[:, :, None])), faces.normal)
             self._sign = np.sign(along)
@@ -75,6 +78,7 @@ class BladeForm(Form):
         """The same faces and laws with other stiffnesses, which may be complex."""
         other = copy(self)
         other._numerics, other._place, other._strengths = numerics, None, Strengths(self.frictions)
+        other._last = None
         other._stiffness, other._tangential = self._stiffnesses(numerics)
         return other
 
@@ -148,26 +152,33 @@ class BladeForm(Form):
             self._place = _Place(self.faces.some(near), self.dofs[:, near], near, stiffness, stick)
         return self._place
 
-    def evaluate(self, u, p, state, step, tangent=True):
-        dim, (nd, nf) = self.dim, self.dofs.shape
-        # Any of these may carry a complex step.
-        given = (u, step.u_old, step.centre, step.dt, self._stiffness, *state.values(), *vars(p).values())
-        kind = np.result_type(float, *given)
-        real = kind.kind != "c"
-        old = {name: np.ascontiguousarray(state[name], kind) for name in ("touched", "shear", "slid")}
-        met = self._gap.met(u, p, old["touched"], step, self.dofs, real)
-        vector, matrix = np.zeros((nd, nf), kind), np.zeros((nd, nd, nf) if tangent else (0, 0, 0), kind)
+    def _begun(self, kind: np.dtype, p, state: dict, step: Step) -> _Begun:
+        """From one evaluation of a step to the next the same."""
+        if self._last is None or not self._last.holds(kind, p, state, step):
+            # Any of these may carry a complex step.
+            given = (step.u_old, step.centre, step.dt, self._stiffness, *state.values(), *vars(p).values())
+            whole = np.result_type(float, kind, *given)
+            touched, shear = (np.ascontiguousarray(state[name], whole) for name in ("touched", "shear"))
+            approach = self._gap.approach(p, touched, step, self.dofs, whole.kind != "c")
+            self._last = _Begun((kind, p, state, step), whole, touched, shear, approach)
+        return self._last
+
+    def evaluate(self, u, p, state, step):
+        dim, (nd, nf), begun = self.dim, self.dofs.shape, self._begun(u.dtype, p, state, step)
+        kind, real = begun.kind, begun.kind.kind != "c"
+        met = Met(*points_met(u if real else np.asarray(u, kind), *begun.approach))
+        vector = np.zeros((nd, nf), kind)
         if met.near.size == 0:
-            return Local(vector, matrix if tangent else None, lambda: self._ended(state, kind))
+            return Local(vector, None, lambda: self._ended(state, kind))
         place = self._at(met.near)
         g, gradient, H = self._gap.of(*met[:4], p)
-        n, dn = (gradient, H) if self._gap.unit_gradient else unit(gradient, H, tangent)
+        n, dn = (gradient, H) if self._gap.unit_gradient else unit(gradient, H)
         multiplier = state["multiplier"].take(met.near, axis=1).ravel()
         t_N, dp = self._pressure(g, multiplier, place.stiffness, p)
-        push, turn = self._inward(u, place, tangent) if self._material else (n, ())
+        push, turn = self._inward(u, place) if self._material else (n, ())
         parts, by_rate = np.zeros((0, 0)), np.zeros(0)
         if self.frictions:
-            parts, by_rate = self._strengths.at(place, n, met.slip, p, state, step, tangent)
+            parts, by_rate = self._strengths.at(place, n, met.slip, p, state, step, real)
         f = place.faces
         slip, stick = met.slip, place.stick
         if not real:
@@ -177,14 +188,19 @@ class BladeForm(Form):
             )
         axes, turns = tuple(range(dim)), not self._material
         contact = Contact(axes, met.near, f.N, f.w, g, gradient, n, dn, push, turns, t_N, dp)
-        known = old["shear"], old["touched"], np.real(self._numerics.release)
+        known = begun.shear, begun.touched, np.real(self._numerics.release)
         slides = Sliding(slip, stick, parts, by_rate, kind.type(step.dt), *known)
-        pressed(contact, slides, Found.of(vector, matrix))
-        if tangent:
+        pressed(contact, slides, Found.of(vector))
+
+        def slopes() -> np.ndarray:
+            matrix = np.zeros((nd, nd, nf))
+            pressed(contact, slides, Found.of(np.zeros((nd, nf)), matrix))
             for dt, dN in zip(turn, f.dN, strict=False):
                 K = sandwich(dt * (t_N.reshape(f.w.shape) * f.w), f.N[:, :, None] * dN[:, None])
                 matrix[:, :, met.near] -= K.reshape(nd, nd, -1)
-        return Local(vector, matrix if tangent else None, lambda: self._ended(state, kind, (contact, slides)))
+            return matrix
+
+        return Local(vector, slopes, lambda: self._ended(state, kind, (contact, slides)))
 
     def _ended(self, state: dict, kind: np.dtype, known: tuple[Contact, Sliding] | None = None) -> dict:
         """The new state, of which all but what is ``known`` is away from the blade."""
@@ -198,11 +214,11 @@ class BladeForm(Form):
         new = {**state, **new}
         return new if kind.kind != "c" else {k: v.astype(complex, copy=False) for k, v in new.items()}
 
-    def _inward(self, u, place: _Place, tangent: bool) -> tuple[np.ndarray, Sequence[np.ndarray]]:
+    def _inward(self, u, place: _Place) -> tuple[np.ndarray, Sequence[np.ndarray]]:
         """The material's normal (dim, N), and its derivative by each tangent of the moved faces."""
         f, U = place.faces, gather(u, place.dofs, self.dim)
         slopes = [f.tangents[s][:, None] + blend(f.dN[s], U) for s in range(self.dim - 1)]
-        push, turn = inward(slopes, self._sign[:, place.near], tangent)
+        push, turn = inward(slopes, self._sign[:, place.near])
         return push.reshape(self.dim, -1), turn
 
     def gap_of_nodes(self, X, u, state, p, step) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -223,8 +239,14 @@ class BladeForm(Form):
         return -((state["normal_traction"] + state["shear"]) * self.faces.w).sum(axis=(1, 2))
 
     def work(self, u, p, old, new, step):
-        f, dim = self.faces, self.dim
-        slip = blend(f.N, gather(u - step.u_old, self.dofs, dim))
+        # What carried nothing at either end takes up nothing.
+        carries = (old["pressure"] != 0) | (new["pressure"] != 0)
+        if self.frictions:
+            carries = carries | ((old["shear"] != 0) | (new["shear"] != 0)).any(axis=0)
+        near, dim = np.flatnonzero(carries.any(axis=0)), self.dim
+        N, X, w, dofs = (a.take(near, axis=-1) for a in (self.faces.N, self.faces.X, self.faces.w, self.dofs))
+        old, new = ({name: value.take(near, axis=-1) for name, value in s.items()} for s in (old, new))
+        slip = blend(N, gather(u - step.u_old, dofs, dim))
         slip = slip - (step.centre - step.centre_old)[:dim, None, None]
 
         def mean(key):
@@ -233,23 +255,32 @@ class BladeForm(Form):
         if self._gap.unit_gradient and not self._material:
             # t_N ∇g·ds is t_N dg. The mean of two tractions does not turn with what slides round the tip
             # within a step, and contact would seem to take energy.
-            pressure = mean("pressure")
-            near = np.flatnonzero((pressure != 0).any(axis=0))
-            part, w = f.some(near), f.w[:, near]
-            ends = ((step.u_old, step.centre_old), (u, step.centre))
             before, after = (
-                self._gap.at(part.X + blend(part.N, gather(at, self.dofs[:, near], dim)), near, p, centre)[
-                    0
-                ].reshape(w.shape)
-                for at, centre in ends
+                self._gap.at(X + blend(N, gather(at, dofs, dim)), near, p, centre)[0].reshape(w.shape)
+                for at, centre in ((step.u_old, step.centre_old), (u, step.centre))
             )
-            out = {self.tool.name: -float((pressure[:, near] * (after - before) * w).sum())}
+            out = {self.tool.name: -float((mean("pressure") * (after - before) * w).sum())}
         else:
-            out = {self.tool.name: -float((mean("normal_traction") * slip * f.w).sum())}
+            out = {self.tool.name: -float((mean("normal_traction") * slip * w).sum())}
         for i, law in enumerate(self.frictions):
             part = (old["shares"][i] * old["shear"] + new["shares"][i] * new["shear"]) / 2
-            out[law.name] = -float((part * slip * f.w).sum())
+            out[law.name] = -float((part * slip * w).sum())
         return out
+
+
+@dataclass(frozen=True)
+class _Begun:
+    """A step as its evaluations begin: what it was ``made_of``, the ``kind`` of its numbers, Θ and shear."""
+
+    made_of: tuple
+    kind: np.dtype
+    touched: np.ndarray
+    shear: np.ndarray
+    approach: Approach
+
+    def holds(self, *made_of) -> bool:
+        """States, steps and parameters are never changed in place."""
+        return all(map(is_, self.made_of, made_of))
 
 
 @dataclass(frozen=True)

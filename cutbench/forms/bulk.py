@@ -9,8 +9,8 @@ from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Delaunay, cKDTree
 
 from cutbench.base.fused import fused, fusing
-from cutbench.forms.base import Form, Local, add_states, component_major, gather, same
-from cutbench.forms.elements import deformed, pushed, stresses, tangents
+from cutbench.forms.base import Form, Local, Packed, add_states, component_major, gather, same, upper
+from cutbench.forms.elements import deformed, flattened, pushed, stresses, tangents
 from cutbench.forms.space import Volume
 from cutbench.mechanisms.base import Bulk, Points
 from cutbench.mechanisms.bulk._isotropic import Isochoric, Isotropic, Kinematics, Volumetric
@@ -31,10 +31,17 @@ class BulkForm(Form):
         nq, dim, nn = volume.dphi.shape
         self.dofs = self._places = component_major(volume.nodes, dim)
         self._gradient = volume.dphi.reshape(nq * dim, nn)
-        # Products of reference gradients: one matrix for all elements.
+        # Products of reference gradients: one matrix for all elements; of a symmetric block half of it.
         pair = np.einsum("qma,qnb->abqmn", volume.dphi, volume.dphi)
-        self._pairs = np.ascontiguousarray(pair.reshape(nn, nn, nq * dim * dim))
+        (a, b), (m, n) = np.triu_indices(nn), np.triu_indices(dim)
+        half = pair[a, b][:, :, m, n] + np.where(m < n, pair[a, b][:, :, n, m], 0.0)
+        # Some rows at a time: of large products BLAS begins threads, which cost more than they save.
+        rows = nn + 1 if nn % 2 == 0 else nn
+        half = np.ascontiguousarray(half.reshape(-1, rows, nq * m.size))
+        self._pairs = pair.reshape(nn, nn, -1), half
+        self._factors = fused(_factors) if fusing() else None
         self._last: list[tuple[np.ndarray, Kinematics]] = []
+        self._weighed: tuple = (None, None)
         X = np.zeros((3, volume.w.size))
         X[:dim] = volume.X.reshape(dim, -1)
         self._X, self._depth = X, height - X[1]
@@ -59,7 +66,11 @@ class BulkForm(Form):
 
     def weights(self, p) -> np.ndarray:
         """Quadrature weights times the skins' factor (nq, ne)."""
-        return self.volume.w * self._stiffness(p) if self.skins else self.volume.w
+        if not self.skins:
+            return self.volume.w
+        if self._weighed[0] is not p:  # parameters are never changed in place
+            self._weighed = p, self.volume.w * self._stiffness(p)
+        return self._weighed[1]
 
     def start(self, p):
         return add_states(*(law.start(self.volume.w.size, p) for law in self.laws))
@@ -104,29 +115,32 @@ class BulkForm(Form):
         F[2, 2] = 1.0
         return F
 
-    def evaluate(self, u, p, state, step, tangent=True):
+    def evaluate(self, u, p, state, step):
         k, at, w = self._kinematics(u), self.points(step), self.weights(p)
         vector: np.ndarray = np.zeros(())
-        matrix = vector
         if self._isotropic:
-            s, c, *factors = self._summed(k, p, at, w, tangent)
-            vector = self._project(stresses(k, [s, c], self.volume.jinv))
-            if tangent:
-                matrix = self._sandwich(tangents(k, factors, self.volume.jinv))
+            vector = self._project(stresses(k, self._summed(k, p, at, w, False), self.volume.jinv))
         parts = []
         for law in self._others:
-            whole = self._padded(k.F)
-            P, new = fused(law.stress)(whole, p, state, at)
+            P, new = fused(law.stress)(self._padded(k.F), p, state, at)
             vector = vector + self._vector(P, w)
             parts.append(new)
-            if tangent:
-                matrix = matrix + self._matrix(fused(law.tangent)(whole, p, state, at, self.dim), w)
-        return Local(vector, matrix if tangent else None, add_states(*parts))
+        return Local(vector, lambda: self._slopes(k, p, state, at, w), add_states(*parts))
+
+    def _slopes(self, k: Kinematics, p, state, at, w: np.ndarray) -> Packed:
+        entries: np.ndarray = np.zeros(())
+        if self._isotropic:
+            entries = self._sandwich(tangents(k, self._summed(k, p, at, w, True), self.volume.jinv))
+        for law in self._others:
+            found = fused(law.tangent)(self._padded(k.F), p, state, at, self.dim)
+            entries = entries + self._entries(found, w)
+        return Packed(self.dim, self.volume.nodes.shape[0], entries)
 
     def _summed(self, k: Kinematics, p, at, w: np.ndarray, tangent: bool) -> list[np.ndarray]:
-        """Factors of all isotropic laws together, times the weights ``w``, each (nq, ne)."""
+        """Factors of the stresses, or of their ``tangent``, of all isotropic laws together, times the weights
+        ``w``, each (nq, ne)."""
         given = self._isotropic, p, at, w.ravel(), tangent
-        found = fused(_factors)(k.F, k.j, *given) if fusing() else _factors_of(k, *given)
+        found = self._factors(k.F, k.j, *given) if self._factors else _factors_of(k, *given)
         return [factor.reshape(w.shape) for factor in found]
 
     def _project(self, P: np.ndarray) -> np.ndarray:
@@ -135,32 +149,33 @@ class BulkForm(Form):
         return np.matmul(self._gradient.T, P.reshape(self.dim, -1, ne)).reshape(-1, ne)
 
     def _sandwich(self, blocks) -> np.ndarray:
-        """Element matrices of pushed tangents times weights: i, k ≥ i, (nq, dim, dim, ne)."""
-        v, dim = self.volume, self.dim
-        ne, nn = v.w.shape[1], v.nodes.shape[0]
-        out = np.empty((dim, nn, dim, nn, ne))
+        """What ``Packed`` keeps of element matrices, of pushed ``tangents`` times weights."""
+        ne, (every, half) = self.volume.w.shape[1], self._pairs
+        out = np.empty((upper(self.dim, self.volume.nodes.shape[0])[0].size, ne))
+        at = 0
         for i, k, block in blocks:
-            block = block.reshape(-1, ne)
-            np.matmul(self._pairs, block, out=out[i, :, k])
-            if k > i:
-                out[k, :, i] = out[i, :, k].transpose(1, 0, 2)
-        return out.reshape(dim * nn, dim * nn, ne)
+            pairs = half if i == k else every
+            end = at + pairs.shape[0] * pairs.shape[1]
+            np.matmul(pairs, block.reshape(-1, ne), out=out[at:end].reshape(*pairs.shape[:2], ne))
+            at = end
+        return out
 
     def _vector(self, P: np.ndarray, w: np.ndarray) -> np.ndarray:
         """Nodal forces (dim·nn, ne) of a first Piola stress (3, 3, nq·ne) with weights (nq, ne)."""
         dim = self.dim
         return self._project(pushed(P[:dim, :dim], self.volume.jinv) * w[:, None])
 
-    def _matrix(self, A: np.ndarray, w: np.ndarray) -> np.ndarray:
-        """Element matrices (dim·nn, dim·nn, ne) of a tangent dP/dF (dim, dim, dim, dim, nq·ne)."""
+    def _entries(self, A: np.ndarray, w: np.ndarray) -> np.ndarray:
+        """The same of a tangent dP/dF (dim, dim, dim, dim, nq·ne) and weights (nq, ne)."""
         v, dim = self.volume, self.dim
         A = A.reshape(dim, dim, dim, dim, *v.w.shape)
         weighted = v.jinv[:, :, None] * w  # (m, j, q, e)
-        return self._sandwich(
+        blocks = (
             (i, k, np.einsum("qjne,mjqe->qmne", np.einsum("jlqe,nle->qjne", A[i, :, k], v.jinv), weighted))
             for i in range(dim)
             for k in range(i, dim)
         )
+        return self._sandwich(flattened(blocks))
 
     def smallest_volume_ratio(self, u: np.ndarray) -> float:
         """min J over the quadrature points: an inverted element shows here."""
@@ -207,10 +222,8 @@ def _factors(F, j, *given) -> list[np.ndarray]:
 
 
 def _factors_of(k: Kinematics, laws, p, at, w, tangent: bool) -> list[np.ndarray]:
-    """Of stresses, with ``tangent`` of their derivatives too, of all ``laws`` together, times w (N,)."""
-    every = [
-        law.stress_factors(k, p, at) + (law.tangent_factors(k, p, at) if tangent else ()) for law in laws
-    ]
+    """Of stresses, or of their ``tangent``, of all ``laws`` together, times w (N,)."""
+    every = [(law.tangent_factors if tangent else law.stress_factors)(k, p, at) for law in laws]
     return [np.multiply(sum(values), w) for values in zip(*every, strict=True)]
 
 

@@ -61,7 +61,9 @@ class CutForm(Form):
         X = np.zeros((3, nq * nf))
         X[:dim] = plus.X.reshape(dim, -1)
         self._X, self._depth = X, height - X[1]
+        self._answers_of, self._traction_of = fused(answers), fused(traction)
         self._began: tuple = (None, None)
+        self._weighed: tuple = (None, None)
 
     def part(self, columns):
         minus = None if self._minus is None else self._minus.some(columns)
@@ -109,27 +111,30 @@ class CutForm(Form):
 
     def _weights(self, p, at) -> np.ndarray:
         """Quadrature weights times this side's share and the skins' factor (nq, nf)."""
-        w = self._w
-        for skin in self.skins:
-            w = w * np.broadcast_to(skin.toughness(p, at), w.size).reshape(w.shape)
-        return w
+        if self._weighed[0] is not p:  # parameters are never changed in place
+            w = self._w
+            for skin in self.skins:
+                w = w * np.broadcast_to(skin.toughness(p, at), w.size).reshape(w.shape)
+            self._weighed = p, w
+        return self._weighed[1]
 
     def _answers(self, components: int, jump, p, state, at, step):
         given = self.laws, components, jump, p, state, at, *_ends(step)
-        T, new, D, by_jump = fused(answers)(*given)
+        T, new, D, by_jump = self._answers_of(*given)
         kept = {name: state[name] for name in ("means", "rate")} if step.rests else {}
         return T, {**new, **kept, "tractions": T}, D, by_jump
 
-    def evaluate(self, u, p, state, step, tangent=True):
+    def evaluate(self, u, p, state, step):
         jump, at = self.jump(u), self.points(step)
-        if tangent:
-            T, new, D, _ = self._answers(self._frame.shape[0], jump, p, state, at, step)
-            total = T.sum(axis=0)
-            vector, matrix = self._forces(total, D, self._weights(p, at))
-            return Local(vector, matrix, new)
-        total = fused(traction)(self.laws, jump, p, state, at, *_ends(step))
-        vector, _ = self._forces(total, np.zeros((0, 0, 0), total.dtype), self._weights(p, at))
-        return Local(vector, None, lambda: self._answers(0, jump, p, state, at, step)[1])
+        w = self._weights(p, at)
+        total = self._traction_of(self.laws, jump, p, state, at, *_ends(step))
+        vector, _ = self._forces(total, np.zeros((0, 0, 0), total.dtype), w)
+
+        def slopes() -> np.ndarray:
+            D = self._answers(self._frame.shape[0], jump, p, state, at, step)[2]
+            return self._forces(total, D, w)[1]
+
+        return Local(vector, slopes, lambda: self._answers(0, jump, p, state, at, step)[1])
 
     def ended(self, u, p, state, step: Step) -> dict:
         """The state alone of what ``evaluate`` answers."""

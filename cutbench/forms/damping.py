@@ -48,10 +48,9 @@ class DampingForm(Form):
     def start(self, p):
         return {"force": np.zeros(self.dofs.shape)}
 
-    def evaluate(self, u, p, state, step, tangent=True):
-        du = np.take(self.factor(step) * (u - step.u_old), self.dofs)
-        force = spread(self._laplace, du)
-        return Local(force, self.factor(step) * self.unit_matrix if tangent else None, {"force": force})
+    def evaluate(self, u, p, state, step):
+        force = spread(self._laplace, (self.factor(step) * (u - step.u_old)).take(self.dofs))
+        return Local(force, lambda: self.factor(step) * self.unit_matrix, {"force": force})
 
     def work(self, u, p, old, new, step):
         # The mean of both ends, as everywhere in the ledger: the last step's force was in its balance.

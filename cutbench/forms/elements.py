@@ -18,7 +18,7 @@ _BLOCKS = {dim: tuple((i, k) for i in range(dim) for k in range(i, dim)) for dim
 
 def deformed(G: np.ndarray, jinv: np.ndarray) -> Kinematics:
     """From gradients by reference coordinates G (dim, nq, dim, ne), and ``jinv`` (dim, dim, ne) of these."""
-    if COMPILED and np.isrealobj(G):
+    if COMPILED and G.dtype.kind == "f":
         return Kinematics(*(_deformed if len(jinv) == 2 else _deformed_solid)(G, jinv))
     F = np.einsum("iqme,mje->ijqe", G, jinv)
     for i in range(len(F)):
@@ -34,7 +34,7 @@ def pushed(T: np.ndarray, jinv: np.ndarray) -> np.ndarray:
 def stresses(k: Kinematics, factors: Iterable[np.ndarray], jinv: np.ndarray) -> np.ndarray:
     """P = s F + c cof F, pushed (dim, nq, dim, ne), of factors s and c (nq, ne)."""
     s, c = factors
-    if COMPILED and np.isrealobj(k.F) and np.isrealobj(s) and np.isrealobj(c):
+    if COMPILED and k.F.dtype.kind == s.dtype.kind == c.dtype.kind == "f":
         return (_stresses if len(jinv) == 2 else _stresses_solid)(k.F, s, c, jinv)
     return s[:, None] * pushed(k.F, jinv) + c[:, None] * pushed(k.C, jinv)
 
@@ -42,12 +42,21 @@ def stresses(k: Kinematics, factors: Iterable[np.ndarray], jinv: np.ndarray) -> 
 def tangents(
     k: Kinematics, factors: Iterable[np.ndarray], jinv: np.ndarray
 ) -> Iterable[tuple[int, int, np.ndarray]]:
-    """i, k ≥ i and dP_iJ/dF_kL, pushed (nq, dim, dim, ne), of factors ff, fc, cc, swap, one (nq, ne)."""
+    """i, k ≥ i and dP_iJ/dF_kL, pushed, of factors ff, fc, cc, swap, one (nq, ne): (nq, dim², ne) in the order
+    of J and L, where i = k (nq, dim (dim + 1)/2, ne) of J ≤ L alone."""
     if COMPILED:
         blocks = (_tangents if len(jinv) == 2 else _tangents_solid)(k.F, *factors, jinv)
-        return ((i, j, A) for (i, j), A in zip(_BLOCKS[len(jinv)], blocks, strict=True))
+        yield from ((i, j, A) for (i, j), A in zip(_BLOCKS[len(jinv)], blocks, strict=True))
+        return
     metric = np.einsum("mje,nje->mne", jinv, jinv)
-    return tangent_blocks(tuple(factors), pushed(k.F, jinv), pushed(k.C, jinv), metric)
+    yield from flattened(tangent_blocks(tuple(factors), pushed(k.F, jinv), pushed(k.C, jinv), metric))
+
+
+def flattened(blocks: Iterable) -> Iterable[tuple[int, int, np.ndarray]]:
+    """Blocks i, k ≥ i, (nq, dim, dim, ne) as those of ``tangents``."""
+    for i, k, A in blocks:
+        J, L = np.triu_indices(A.shape[1]) if i == k else np.indices(A.shape[1:3]).reshape(2, -1)
+        yield i, k, A[:, J, L]
 
 
 @compiled()
@@ -87,9 +96,8 @@ def _stresses(F, s, c, jinv):
 
 @compiled()
 def _tangents(F, ff, fc, cc, swap, one, jinv):
-    """dP_iJ/dF_kL of i ≤ k, pushed (3, nq, 2, 2, ne)."""
     nq, ne = ff.shape
-    A = np.empty((3, nq, 2, 2, ne))
+    A, B, C = np.empty((nq, 3, ne)), np.empty((nq, 4, ne)), np.empty((nq, 3, ne))
     for q in range(nq):
         for e in range(ne):
             n = q * ne + e
@@ -106,19 +114,17 @@ def _tangents(F, ff, fc, cc, swap, one, jinv):
             y00, y01 = by_fc * f00 + by_cc * c00, by_fc * f01 + by_cc * c01
             y10, y11 = by_fc * f10 + by_cc * c10, by_fc * f11 + by_cc * c11
             z00, z01, z10, z11 = by_swap * c00, by_swap * c01, by_swap * c10, by_swap * c11
-            A[0, q, 0, 0, e] = f00 * x00 + c00 * (y00 + z00) + by_one * m00
-            A[0, q, 0, 1, e] = f00 * x01 + c00 * (y01 + z01) + by_one * m01
-            A[0, q, 1, 0, e] = f01 * x00 + c01 * (y00 + z00) + by_one * m01
-            A[0, q, 1, 1, e] = f01 * x01 + c01 * (y01 + z01) + by_one * m11
-            A[1, q, 0, 0, e] = f00 * x10 + c00 * y10 + c10 * z00
-            A[1, q, 0, 1, e] = f00 * x11 + c00 * y11 + c10 * z01
-            A[1, q, 1, 0, e] = f01 * x10 + c01 * y10 + c11 * z00
-            A[1, q, 1, 1, e] = f01 * x11 + c01 * y11 + c11 * z01
-            A[2, q, 0, 0, e] = f10 * x10 + c10 * (y10 + z10) + by_one * m00
-            A[2, q, 0, 1, e] = f10 * x11 + c10 * (y11 + z11) + by_one * m01
-            A[2, q, 1, 0, e] = f11 * x10 + c11 * (y10 + z10) + by_one * m01
-            A[2, q, 1, 1, e] = f11 * x11 + c11 * (y11 + z11) + by_one * m11
-    return A
+            A[q, 0, e] = f00 * x00 + c00 * (y00 + z00) + by_one * m00
+            A[q, 1, e] = f00 * x01 + c00 * (y01 + z01) + by_one * m01
+            A[q, 2, e] = f01 * x01 + c01 * (y01 + z01) + by_one * m11
+            B[q, 0, e] = f00 * x10 + c00 * y10 + c10 * z00
+            B[q, 1, e] = f00 * x11 + c00 * y11 + c10 * z01
+            B[q, 2, e] = f01 * x10 + c01 * y10 + c11 * z00
+            B[q, 3, e] = f01 * x11 + c01 * y11 + c11 * z01
+            C[q, 0, e] = f10 * x10 + c10 * (y10 + z10) + by_one * m00
+            C[q, 1, e] = f10 * x11 + c10 * (y11 + z11) + by_one * m01
+            C[q, 2, e] = f11 * x11 + c11 * (y11 + z11) + by_one * m11
+    return A, B, C
 
 
 @compiled()
@@ -161,9 +167,9 @@ def _stresses_solid(F, s, c, jinv):
 
 @compiled()
 def _tangents_solid(F, ff, fc, cc, swap, one, jinv):
-    """dP_iJ/dF_kL of i ≤ k, pushed (6, nq, 3, 3, ne)."""
     nq, ne = ff.shape
-    A, f, c = np.empty((6, nq, 3, 3, ne)), np.empty((3, 3)), np.empty((3, 3))
+    own, other = np.empty((3, nq, 6, ne)), np.empty((3, nq, 9, ne))
+    f, c = np.empty((3, 3)), np.empty((3, 3))
     for q in range(nq):
         for e in range(ne):
             n = q * ne + e
@@ -180,14 +186,18 @@ def _tangents_solid(F, ff, fc, cc, swap, one, jinv):
             block = 0
             for i in range(3):
                 for k in range(i, 3):
+                    at = 0
                     for M in range(3):
-                        for N in range(3):
+                        for N in range(M if i == k else 0, 3):
                             by_f = by_ff * f[k, N] + by_fc * c[k, N]
                             by_c = by_fc * f[k, N] + by_cc * c[k, N]
                             part = f[i, M] * by_f + c[i, M] * by_c + by_swap * c[k, M] * c[i, N]
                             if i == k:
                                 metric = jinv[M, 0, e] * jinv[N, 0, e] + jinv[M, 1, e] * jinv[N, 1, e]
                                 part += by_one * (metric + jinv[M, 2, e] * jinv[N, 2, e])
-                            A[block, q, M, N, e] = part
-                    block += 1
-    return A
+                                own[i, q, at, e] = part
+                            else:
+                                other[block, q, at, e] = part
+                            at += 1
+                    block += i != k
+    return own[0], other[0], other[1], own[1], other[2], own[2]

@@ -60,6 +60,24 @@ class Met(NamedTuple):
     slip: np.ndarray
 
 
+class Approach(NamedTuple):
+    """What ``met`` asks of a step besides the displacements: those at its start, the blade's way, where its
+    apex ends, how it lies and how far it reaches; which faces carry shear, how far they reached before
+    loading, their unknowns, shape functions, places and flanks."""
+
+    u_old: np.ndarray
+    way: tuple
+    apex: np.ndarray
+    lie: Lie
+    extent: tuple[float, float, float]
+    held: np.ndarray
+    reached: np.ndarray
+    dofs: np.ndarray
+    N: np.ndarray
+    X: np.ndarray
+    flank: np.ndarray
+
+
 def reach(X: np.ndarray, lie: Lie) -> np.ndarray:
     """How far the columns of X (dim, n, faces) reach in the frame of a blade: left, right, down and up
     (4, faces)."""
@@ -155,7 +173,6 @@ class ToolGap:
         on_plane = np.abs(middle) < 1e-9 * height
         self._flank = np.sign(np.where(on_plane, -faces.normal[0], middle))
         self._shape = (*(q.name for q in tool.parameters), *tool.reads)
-        self._touched: tuple[Any, np.ndarray] = (None, np.zeros(0, bool))
         self._turned: tuple[Any, np.ndarray] = (None, np.zeros((4, 0)))
         self._extent: tuple[Any, tuple[float, float, float]] = (None, (0.0, 0.0, 0.0))
 
@@ -167,23 +184,16 @@ class ToolGap:
             self._extent = shape, (float(least), float(most), float(top))
         return self._extent[1]
 
-    def met(self, u, p, touched, step, dofs, real: bool) -> Met:
-        """The points near the blade, for displacements ``u``; ``real`` unless anything is complex."""
-        dim, faces = self._dim, self._faces
-        kind = float if real else complex
+    def approach(self, p, touched, step, dofs, real: bool) -> Approach:
+        """What ``met`` asks of a step besides the displacements; ``real`` unless anything is complex."""
+        dim, faces, kind = self._dim, self._faces, float if real else complex
         moved = (step.centre - step.centre_old)[:dim]
         place = Lie.of(p) if dim == 3 else STRAIGHT
         lie = Lie(*(complex(each) if kind is complex else float(np.real(each)) for each in place))
-        u, u_old, centre = (np.asarray(each, kind) for each in (u, step.u_old, step.centre))
-        given = u, u_old, tuple(map(kind, moved)), centre, lie, self.extent(p)
-        places = self._held(touched), self._reached(lie), dofs
-        return Met(*met(*given, *places, faces.N, faces.X, self._flank))
-
-    def _held(self, touched: np.ndarray) -> np.ndarray:
-        """Which faces (nf,) carry shear. States are never changed in place."""
-        if self._touched[0] is not touched:
-            self._touched = touched, touched.real.max(axis=0) > 0
-        return self._touched[1]
+        u_old, centre = (np.asarray(each, kind) for each in (step.u_old, step.centre))
+        held = touched.real.max(axis=0) > 0
+        given = u_old, tuple(map(kind, moved)), centre, lie, self.extent(p)
+        return Approach(*given, held, self._reached(lie), dofs, faces.N, faces.X, self._flank)
 
     def _reached(self, lie: Lie) -> np.ndarray:
         """``reach`` of the faces before loading."""

@@ -16,7 +16,7 @@ from copy import copy
 
 import numpy as np
 
-from cutbench.forms.base import Local
+from cutbench.forms.base import Local, Packed
 from cutbench.forms.bulk import BulkForm
 from cutbench.forms.space import Space
 from cutbench.mechanisms.base import STEP
@@ -63,27 +63,29 @@ class MixedVolumetric(BulkForm):
         """The pressure's part of the first Piola stress, p̂ cof F (3, 3, nq·ne), MPa."""
         return self.pressure(u) * cofactor(self.deformation(u))
 
-    def evaluate(self, u, p, state, step, tangent=True):
+    def evaluate(self, u, p, state, step):
         F, pressure = self.deformation(u), self.pressure(u)
         C = cofactor(F)
         # A skin scales U, so its derivative at J̄ is p̂ over the factor.
         factor = self._stiffness(p).ravel() if self.skins else 1.0
         volume, slope = self._volume_at(pressure / factor, p)
-        nq, ne = self.volume.w.shape
-        w = self.volume.w
+        (nq, ne), w = self.volume.w.shape, self.volume.w
         gap = (det(F) - volume).reshape(nq, ne)
         vector = np.concatenate([self._vector(pressure * C, w), self.phi.T @ (gap * w)])
-        matrix = None
-        if tangent:
+
+        def slopes() -> np.ndarray:
             nu, nd = self._vector_size, self.dofs.shape[0]
             matrix = np.empty((nd, nd, ne))
-            matrix[:nu, :nu] = self._matrix(pressure * _cofactor_slope(F, self.dim), w)
+            entries = self._entries(pressure * _cofactor_slope(F, self.dim), w)
+            matrix[:nu, :nu] = Packed(self.dim, self.volume.nodes.shape[0], entries).whole()
             for v in range(self.phi.shape[1]):
                 column = self._vector(np.repeat(self.phi[:, v], ne) * C, w)
                 matrix[:nu, nu + v] = matrix[nu + v, :nu] = column
             compliance = w / (factor * slope).reshape(nq, ne)  # dJ̄/dp̂ = 1/U''
             matrix[nu:, nu:] = -np.einsum("qv,qe,qx->vxe", self.phi, compliance, self.phi)
-        return Local(vector, matrix, state)
+            return matrix
+
+        return Local(vector, slopes, state)
 
     def energies(self, u, p, state) -> dict[str, float]:
         """∫ p̂ (J − J̄) + U(J̄) dV under the law's name.

@@ -11,25 +11,20 @@ from collections.abc import Sequence
 import numpy as np
 
 
-def unit(n: np.ndarray, H: np.ndarray, tangent: bool = True) -> tuple[np.ndarray, np.ndarray]:
-    """Unit normal and its derivative (unless ``tangent``, H itself) for a gap whose gradient may not have
-    length 1."""
+def unit(n: np.ndarray, H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normal and its derivative for a gap whose gradient may not have length 1."""
     size = np.sqrt((n * n).sum(axis=0))
     e = n / size
-    if not tangent:
-        return e, H
     He = np.einsum("ik...,k...->i...", H, e)
     return e, (H - e[:, None] * He[None]) / size
 
 
-def inward(slopes: Sequence[np.ndarray], sign: np.ndarray, tangent: bool):
+def inward(slopes: Sequence[np.ndarray], sign: np.ndarray):
     """Inward material normal (dim, q, f) to the tangents ``slopes`` of the moved faces, and its derivative by
     each of them (dim, dim, q, f)."""
     c = cross(slopes) * sign
     size = np.sqrt((c * c).sum(axis=0))
     n = c / size
-    if not tangent:
-        return -n, ()
     scale = sign / size
     turn = []
     for dc in _cross_slopes(slopes):

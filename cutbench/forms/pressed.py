@@ -3,6 +3,7 @@ return mapping of friction and adhesion."""
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -63,10 +64,15 @@ class Found(NamedTuple):
     def of(cls, vector=None, matrix=None, **states: np.ndarray) -> Found:
         """Of what is given."""
         kind = next(iter(states.values()), vector).dtype
-        dims = dict(zip(cls._fields, (2, 3, 2, 2, 3, 3, 3, 2, 2), strict=True))
-        given = {"vector": vector, "matrix": matrix, **states}
-        empty = {name: np.zeros(dims[name] * (0,), kind) for name in dims if given.get(name) is None}
-        return cls(**{**given, **empty})
+        acts = {"vector": vector, "matrix": matrix}
+        given = {name: array for name, array in acts.items() if array is not None}
+        return nothing(kind)._replace(**given, **states)
+
+
+@lru_cache
+def nothing(kind: np.dtype) -> Found:
+    """Where nothing is filled in, for numbers of one kind."""
+    return Found(*(np.zeros(dim * (0,), kind) for dim in (2, 3, 2, 2, 3, 3, 3, 2, 2)))
 
 
 @shared

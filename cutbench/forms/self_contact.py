@@ -101,21 +101,21 @@ class SelfContactForm(Form):
         """κ in MPa."""
         return self._tuning.stiffness * sum(law.shear_modulus(p) for law in self._laws)
 
-    def evaluate(self, u, p, state, step, tangent=True):
-        tangent = tangent and self.couples.size > 0
-        found = [
-            line.barrier(line.moved(u), known, tangent)
-            for line, known in zip(self._lines, self._known, strict=True)
-        ]
-        forces = np.concatenate([force.ravel() for _, force, _ in found])[:, None]
-        if not forces.any():
-            return Local(forces, None, {})
-        kappa, matrix = self.stiffness(p), None
-        if tangent:
-            blocks = [block for *_, block in found]
-            matrix = blocks[0] if len(blocks) == 1 else np.concatenate(blocks, axis=2)
-            matrix *= np.real(kappa)
-        return Local(kappa * forces, matrix, {})
+    def evaluate(self, u, p, state, step):
+        moved = [line.moved(u) for line in self._lines]
+        if not any(line.meeting(x).size for line, x in zip(self._lines, moved, strict=True)):
+            return Local(np.zeros(self.dofs.shape, moved[0].dtype), None, {})
+        none = np.zeros(0, int)
+        found = [line.barrier(x, none, False)[1].ravel() for line, x in zip(self._lines, moved, strict=True)]
+        return Local(self.stiffness(p) * np.concatenate(found)[:, None], lambda: self._slopes(u, p), {})
+
+    def _slopes(self, u, p) -> np.ndarray | None:
+        """Tangents (6, 6, n) of the ``couples``."""
+        if not self.couples.size:
+            return None
+        known = zip(self._lines, self._known, strict=True)
+        blocks = [line.barrier(line.moved(u), pairs, True)[2] for line, pairs in known]
+        return np.real(self.stiffness(p)) * np.concatenate(blocks, axis=2)
 
     def stored(self, u, p, state):
         """Stored energy in mJ per mm of length."""
@@ -150,7 +150,7 @@ class _Line:
         return cls(nodes, np.ascontiguousarray(X), places, length, reach)
 
     def moved(self, u: np.ndarray) -> np.ndarray:
-        return self.X + np.take(u, self.places)
+        return self.X + u.take(self.places)
 
     def pairs(self, x: np.ndarray, times: float) -> np.ndarray:
         """Codes of points and segments, none of them with itself, that may be nearer than so many d̂."""

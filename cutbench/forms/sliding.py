@@ -8,6 +8,7 @@ within a step, and runs with Coulomb friction get through onsets at which they s
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import is_
 from typing import Any
 
 import numpy as np
@@ -45,7 +46,7 @@ class Strengths:
         """
         known = tuple(state[key] for key in ("foreseen", "touched", "slid"))
         given = (place, p, step.dt, *known)
-        if len(given) == len(self._given) and all(a is b for a, b in zip(given, self._given, strict=True)):
+        if len(given) == len(self._given) and all(map(is_, given, self._given)):
             return self._parts, np.zeros(0)
         t_N, touched, slid = (np.take(value, place.near, axis=-1).ravel() for value in known)
         t_N = np.where(np.real(t_N) > 0, t_N, 0.0)

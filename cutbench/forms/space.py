@@ -31,9 +31,9 @@ CELLS = {(2, 1): "triangle", (2, 2): "triangle6", (3, 1): "tetra", (3, 2): "tetr
 
 #: Part of the way to the middle of its element by which a node is moved to find it.
 INWARD = 1e-6
-#: Elements among which a point is looked for, by their centres; and how far outside, in units of an element,
-#: it may be.
-NEAREST, OUTSIDE = 16, 1e-6
+#: Elements among which a point is looked for, by their centres, before all of them; and how far outside, in
+#: units of an element, it may be.
+NEAREST, OUTSIDE = (3, 12), 1e-6
 
 #: Arrays of ``Faces`` that have one column a face.
 FACE_ARRAYS = ("nodes", "N", "dN", "w", "X", "normal", "tangents", "size", "cell")
@@ -151,14 +151,19 @@ class Space:
         that is in no element.
         """
         centres, origin, jinv = self._finder
-        points = np.ascontiguousarray(points)
-        count = origin.shape[1]
-        near = np.atleast_2d(centres.query(points.T, min(NEAREST, count))[1].T)
-        element, xi, depth = _deepest(points, np.ascontiguousarray(near), origin, jinv)
+        points, count = np.ascontiguousarray(points), origin.shape[1]
+        (dim, n), left = points.shape, np.arange(points.shape[1])
+        element, xi, depth = np.zeros(n, int), np.zeros((dim, n)), np.full(n, -np.inf)
         # Beside a large element there are many small ones, with nearer centres.
-        for i in np.flatnonzero(depth < -OUTSIDE):
-            found = _deepest(np.ascontiguousarray(points[:, [i]]), np.arange(count)[:, None], origin, jinv)
-            element[i], xi[:, i], depth[i] = (a[..., 0] for a in found)
+        for few in (*NEAREST, count):
+            some = np.ascontiguousarray(points[:, left])
+            near = centres.query(some.T, range(1, min(few, count) + 1))[1] if few < count else None
+            near = np.tile(np.arange(count), (left.size, 1)) if near is None else near
+            found = _deepest(some, np.ascontiguousarray(near.T), origin, jinv)
+            element[left], xi[:, left], depth[left] = found
+            left = left[found[2] < -OUTSIDE]
+            if left.size == 0:
+                break
         if depth.min(initial=0.0) < -OUTSIDE:
             raise ValueError("a point is in no element")
         shape, nodes = KINDS[self.dim, self.order](), self.element_nodes[:, element]

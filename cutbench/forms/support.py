@@ -44,10 +44,10 @@ class SupportForm(Form):
             out[t, t] = -c * self._mass
         return out
 
-    def evaluate(self, u, p, state, step, tangent=True):
+    def evaluate(self, u, p, state, step):
         matrix = self._matrix(self.law.compliance(p))
         vector = np.einsum("abf,bf->af", matrix, u[self.dofs])
-        return Local(vector, np.real(matrix) if tangent else None, {})
+        return Local(vector, np.real(matrix), {})
 
     def energy(self, u, p) -> float:
         """∫ λ·u_t − c/2 λ·λ dA, which is what the layer stores."""

@@ -68,6 +68,15 @@ class SurfaceForm(Form):
         """Derivative (nd, columns) of Σ there · energies by U."""
         raise NotImplementedError
 
+    def slopes(self, U: np.ndarray, there: np.ndarray) -> np.ndarray:
+        """Derivative (nd, nd, columns) of ``forces`` by U, both real."""
+        found = np.empty((len(U), *U.shape))
+        for k in range(len(U)):
+            probe = U.astype(complex)
+            probe[k] += 1j * STEP
+            found[:, k] = self.forces(probe, there).imag / STEP
+        return found
+
     def idle(self, p):
         return bool(np.real(self.coefficient(p)) == 0)
 
@@ -94,18 +103,12 @@ class SurfaceForm(Form):
         return {name: at_ours(value) for name, value in state.items()}
 
     # -- evaluation --------------------------------------------------------------------------------
-    def evaluate(self, u, p, state, step, tangent=True):
-        c, U, there = self.coefficient(p), np.take(u, self.dofs), state["there"]
+    def evaluate(self, u, p, state, step):
+        c, U, there = self.coefficient(p), u.take(self.dofs), state["there"]
         if c == 0:
-            return Local(np.zeros_like(U), None, dict(state))
-        matrix = None
-        if tangent and not self.idle(p):
-            matrix = np.empty((self.dofs.shape[0], *self.dofs.shape))
-            for k in range(self.dofs.shape[0]):
-                probe = U.astype(complex)
-                probe[k] += 1j * STEP
-                matrix[:, k] = np.real(c) * self.forces(probe, there).imag / STEP
-        return Local(c * self.forces(U, there), matrix, dict(state))
+            return Local(np.zeros_like(U), None, state)
+        slope = None if np.real(c) == 0 else lambda: np.real(c) * self.slopes(U, np.real(there))
+        return Local(c * self.forces(U, there), slope, state)
 
     def stored(self, u, p, state):
         return float(self.coefficient(p) * (state["there"] @ self.energies(np.take(u, self.dofs))))

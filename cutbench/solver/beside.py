@@ -46,4 +46,4 @@ class Beside:
     def ended(self, u: np.ndarray, states: Mapping[str, dict], step: Step) -> None:
         """The step is accepted that found ``u`` from ``states``, as ``begun`` gave them."""
         for name, form in self.forms.items():
-            self.states[name] = form.evaluate(u, self.p, states[name], step, tangent=False).state
+            self.states[name] = form.evaluate(u, self.p, states[name], step).state

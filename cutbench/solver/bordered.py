@@ -109,7 +109,7 @@ class Bordered:
         moving = replace(step, centre=step.centre - 1j * STEP * np.array([0.0, 1.0, 0.0]))
         out = np.zeros(self._problem.ndof)
         for form in self._problem.blades:
-            local = form.evaluate(u, self._problem.p, states[form.name], moving, False)
+            local = form.evaluate(u, self._problem.p, states[form.name], moving)
             out += self._problem.pattern.vector(form.name, local.vector).imag / STEP
         return out
 

@@ -74,7 +74,7 @@ class Held:
                 change = np.abs(grown["damage"] - held["damage"]).max(initial=0.0)
                 still, calm = still and change < settings.staggered_change, calm or change < CALM
             if still and exact:
-                return u, found if cut is None else self._problem.evaluate(u, states, step, tangent=False)
+                return u, found if cut is None else self._problem.evaluate(u, states, step)
             exact, states, held, last, place = exact or still, after, grown, place, u
             if cut is not None and calm:
                 states, place = self._mixed(after, u, moved, u - last)
@@ -90,7 +90,7 @@ class Held:
         if not exact:
             enough = max(settings.staggered_tolerance, settings.tolerance)
             if calm:
-                left = problem.relative_residual(problem.evaluate(u, begun, step, tangent=False))
+                left = problem.relative_residual(problem.evaluate(u, begun, step))
                 enough = max(enough, PART * left)
             settings = replace(settings, tolerance=enough)
         u, found, iterations = newton(problem, u, begun, step, settings, near=near)

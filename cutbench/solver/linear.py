@@ -27,8 +27,7 @@ def available() -> tuple[str, ...]:
 
 
 #: Mean number of entries in a row below which an ordering by minimum degree leaves less to factorize than
-#: nested dissection: sections have some 22 with quadratic elements, solids 40 and more. Not for symmetric
-#: matrices, whose indefinite ones it may leave with bad pivots.
+#: nested dissection: sections have some 22 with quadratic elements, solids 40 and more.
 FLAT = 30
 
 #: Largest residual of a solution, relative to the right-hand side. A singular matrix leaves 1 or more.
@@ -66,27 +65,29 @@ class Pardiso:
     def __init__(self, indptr, indices, n, symmetric):
         self._pattern = (indices.astype(np.int32), indptr.astype(np.int32))
         self._n, self._symmetric, self._solver = n, symmetric, None
-        self._ordering = 0 if not symmetric and indices.size < FLAT * n else 2
+        entries = (2 * indices.size - n) if symmetric else indices.size
+        self._ordering = 0 if entries < FLAT * n else 2
+        self._data = np.zeros(0)
+        self._matrices: tuple = ()
 
     def refactor(self, data: np.ndarray) -> None:
-        matrix = sp.csr_matrix((data, *self._pattern), shape=(self._n, self._n))
-        self._A, self._mirror = matrix, sp.triu(matrix, 1).T if self._symmetric else None
+        self._data, self._matrices = data, ()
         try:
             if self._solver is None:
                 # iparm starts at zero with the first entry set: ordering by minimum degree or METIS, pivots
                 # perturbed by 1e-8 (symmetric) or 1e-13, no refinement: the solution is checked. Scaling and
                 # matching are for matrices with unknowns that do not resist themselves; they take a fifth of
                 # the time.
-                able = not self._symmetric and matrix.diagonal().min(initial=np.inf) > 0
-                match = 0 if able else 1
+                matrix = sp.csr_matrix((data, *self._pattern), shape=(self._n, self._n))
+                match = 0 if matrix.diagonal().min(initial=np.inf) > 0 else 1
                 perturbed = 8 if self._symmetric else 13
                 iparms = {
                     0: 1, 1: self._ordering, 7: 0, 9: perturbed, 10: match, 12: match, 20: 1, 34: 1,
                 }  # fmt: skip
                 kind = _mkl.MTYPE_REAL_SYM_INDEF if self._symmetric else _mkl.MTYPE_REAL_NONSYM
-                self._solver = _mkl.PardisoSolver(matrix, kind, iparms=iparms)
+                self._solver = _analyzed(matrix, kind, iparms)
             else:
-                self._solver.refactor(data)
+                self._solver.refactor_values(data)
         except RuntimeError as error:
             self._solver = None
             raise SingularMatrix(str(error)) from error
@@ -97,7 +98,23 @@ class Pardiso:
         return self._solver.solve(np.ascontiguousarray(b))
 
     def solve(self, b: np.ndarray) -> np.ndarray:
-        return _checked(self._A, self.back(b), b, self._mirror)
+        if not self._matrices:
+            A = sp.csr_matrix((self._data, *self._pattern), shape=(self._n, self._n))
+            self._matrices = A, sp.triu(A, 1).T if self._symmetric else None
+        A, mirror = self._matrices
+        return _checked(A, self.back(b), b, mirror)
+
+
+def _analyzed(matrix: sp.csr_matrix, kind: int, iparms: dict[int, int]):
+    """PARDISO with the ``matrix`` factorized. The package's own front end looks at each row of it in Python,
+    which takes three times as long as PARDISO."""
+    solver = _mkl._PardisoSolver(kind, 0)
+    for index, value in iparms.items():
+        solver.set_iparm(index, value)
+    indptr, indices = (np.asarray(a, np.int64) for a in (matrix.indptr, matrix.indices))
+    solver.set_pattern(ia=indptr, ja=indices, n=matrix.shape[0])
+    solver.factor(matrix.data)
+    return solver
 
 
 class SuperLU:

@@ -57,27 +57,21 @@ def newton(
         if strict:
             raise BadGuess("the predicted state has inverted elements, or passes through itself")
         u = on_the_way(problem, step.u_old, u, floor)
-    current = problem.evaluate(u, states, step, tangent=not near)
+    current = problem.evaluate(u, states, step)
     size = norm(current)
     if near:
         u, current, size = _chords(problem, u, current, size, states, step, settings, learns=True)
     wrong = size > settings.far * current.scale and problem.metric is not None
     shift, history = Shift(settings.relax, settings.cautious if wrong else 0.0), []
     nearest = (np.inf, u)
-    # A tangent is assembled on the way only where a full step is likely to stand.
-    eager = True
     for iteration in range(settings.iterations + 1):
         if size <= settings.tolerance * current.scale:
             return u, current, iteration
         if iteration == settings.iterations:
             break
-        if current.data is None:
-            current = problem.evaluate(u, states, step)
         du, alpha = _direction(problem, u, current, settings, shift, floor)
         before, base = size, (u, current)
-        wants = eager and (size > settings.nearly * current.scale or shift.now > 0)
-        u, current = _search(problem, u, du, alpha, current, states, step, settings, floor, wants)
-        eager = np.array_equal(u, base[0] + alpha * du)
+        u, current = _search(problem, u, du, alpha, current, states, step, settings, floor)
         size = norm(current)
         if shift.now == 0 and settings.tolerance * current.scale < size < settings.close * before:
             u, current, size = _chords(problem, u, current, size, states, step, settings)
@@ -142,14 +136,12 @@ def _chords(problem, u, current, size, states, step, settings, learns=False):
         trial_u = u + du
         if problem.room(u, du) < 1:
             break
-        trial = problem.evaluate(trial_u, states, step, tangent=False)
+        trial = problem.evaluate(trial_u, states, step)
         r = problem.out_of_balance(trial)
         if not r < settings.chord * size:
             break
         u, current, size = trial_u, trial, r
     # The scale may have fallen below what the goal was set by: then Newton's method goes on from here.
-    if current.data is None and size > settings.tolerance * current.scale:
-        current = problem.evaluate(u, states, step)
     return u, current, size
 
 
@@ -214,20 +206,20 @@ def _direction(problem, u, current, settings, shift, floor):
 
 def _shorter(problem, u, du, alpha, states, step):
     for part in (0.5, 0.25, 0.1):
-        yield part * alpha, problem.evaluate(u + part * alpha * du, states, step, tangent=False)
+        yield part * alpha, problem.evaluate(u + part * alpha * du, states, step)
 
 
-def _search(problem, u, du, alpha, current, states, step, settings, floor, eager):
+def _search(problem, u, du, alpha, current, states, step, settings, floor):
     """Along ``du``, find where the work of the residual on it has fallen well below its start.
 
     This is the energy line search of Matthies and Strang (1979): where contact and damage switch, a
     full step can jump between two branches for ever; the residual's norm need not tell. The evaluation that
-    is returned has a tangent if ``eager`` and the full step stands.
+    is returned has no tangent: the last ones are not asked for theirs.
     """
     free, moving = problem.free, problem.displacements
     direction = du[free]
     start = float(direction @ current.residual[free])
-    e = problem.evaluate(u + alpha * du, states, step, tangent=eager)
+    e = problem.evaluate(u + alpha * du, states, step)
     if start >= 0:  # not a descent direction: an indefinite tangent, the full step is as good as any
         return u + alpha * du, e
     low, s_low, high, s_high = 0.0, start, alpha, float(direction @ e.residual[free])
@@ -241,7 +233,7 @@ def _search(problem, u, du, alpha, current, states, step, settings, floor, eager
             break
         low, s_low = high, s_high
         high *= 2
-        e = problem.evaluate(u + high * du, states, step, tangent=False)
+        e = problem.evaluate(u + high * du, states, step)
         s_high = float(direction @ e.residual[free])
         if s_high <= 0 or s_high < best[0]:
             best = (abs(s_high), high, e)
@@ -250,7 +242,7 @@ def _search(problem, u, du, alpha, current, states, step, settings, floor, eager
             break
         trial = high - s_high * (high - low) / (s_high - s_low)
         trial = min(max(trial, low + 0.1 * (high - low)), high - 0.1 * (high - low))
-        e = problem.evaluate(u + trial * du, states, step, tangent=False)
+        e = problem.evaluate(u + trial * du, states, step)
         s = float(direction @ e.residual[free])
         if abs(s) < best[0]:
             best = (abs(s), trial, e)

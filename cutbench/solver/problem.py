@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,9 @@ from cutbench.forms.damping import DampingForm
 from cutbench.forms.self_contact import SelfContactForm
 from cutbench.forms.surface import SurfaceForm
 from cutbench.solver.iterative import solver_for
+
+#: Of numbers that are not finite nothing is said.
+QUIET = partial(np.errstate, invalid="ignore", divide="ignore", over="ignore")
 
 
 @dataclass
@@ -40,12 +44,17 @@ class Timer:
 
 @dataclass
 class Evaluation:
-    """Residual (ndof,), CSR values or None, the size of the forces in balance, and the forms' answers."""
+    """Residual (ndof,), the size of the forces in balance, and the forms' answers; what finds the tangent."""
 
     residual: np.ndarray
-    data: np.ndarray | None
     scale: float
     answers: dict[str, Local]
+    slopes: Callable[[dict[str, Local]], np.ndarray]
+
+    @cached_property
+    def data(self) -> np.ndarray:
+        """CSR values of the tangent, of the problem's pattern as it is when they are first asked for."""
+        return self.slopes(self.answers)
 
     @cached_property
     def states(self) -> dict[str, dict]:
@@ -55,7 +64,7 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class Asked:
-    """What ``form`` was asked for last without a tangent, and its answer."""
+    """What ``form`` was asked for last, and its answer."""
 
     form: Form
     u: np.ndarray
@@ -182,40 +191,36 @@ class Problem:
                 total[name] = total.get(name, 0.0) + value
         return total
 
-    def evaluate(
-        self, u: np.ndarray, states: dict[str, dict], step: Step, tangent: bool = True, p=None
-    ) -> Evaluation:
-        begin, damping = time.perf_counter(), self.damping
+    def evaluate(self, u: np.ndarray, states: dict[str, dict], step: Step, p=None) -> Evaluation:
+        begin = time.perf_counter()
         p = self.p if p is None else p
-        if tangent:
-            self.learn(u)
         # A trial state may have inverted elements; the caller sees that it is not finite.
-        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            # Damping's matrix is a multiple of the metric, which stands assembled already.
-            answers = {
-                form.name: self._answer(form, u, p, states[form.name], step, tangent and form is not damping)
-                for form in self.forms
-            }
+        with QUIET():
+            answers = {form.name: self._answer(form, u, p, states[form.name], step) for form in self.forms}
             vectors = {name: local.vector for name, local in answers.items()}
-            matrices = {n: local.matrix for n, local in answers.items() if local.matrix is not None}
             residual, scale = self.pattern.balance(vectors, self.apart)
-            data = None
-            if tangent:
-                damped: np.ndarray | float = 0.0
-                if damping is not None and self.metric is not None:
-                    damped = damping.factor(step) * self.metric
-                data = self.pattern.matrices(matrices, damped)
-        self.timer.add("assembly" if tangent else "residual", begin)
-        return Evaluation(residual, data, scale, answers)
+        self.timer.add("residual", begin)
+        return Evaluation(residual, scale, answers, partial(self._assembled, u, step))
 
-    def _answer(self, form: Form, u: np.ndarray, p, state: dict, step: Step, tangent: bool) -> Local:
+    def _assembled(self, u: np.ndarray, step: Step, answers: dict[str, Local]) -> np.ndarray:
+        begin, damped = time.perf_counter(), np.zeros(1)
+        self.learn(u)
+        # Damping's matrix is a multiple of the metric, which stands assembled already.
+        if self.damping is not None and self.metric is not None:
+            damped = self.damping.factor(step) * self.metric
+        with QUIET():
+            found = {name: a.tangent for name, a in answers.items() if name != "damping"}
+            data = self.pattern.matrices({n: each for n, each in found.items() if each is not None}, damped)
+        self.timer.add("assembly", begin)
+        return data
+
+    def _answer(self, form: Form, u: np.ndarray, p, state: dict, step: Step) -> Local:
         """Of one form: where damage and multipliers are taken anew, no other form's answer changes."""
         last = self._asked_last.get(form.name)
-        if last is not None and not tangent and last.again(form, u, p, state, step):
+        if last is not None and last.again(form, u, p, state, step):
             return last.answer
-        answer = form.evaluate(u, p, state, step, tangent)
-        if not tangent:
-            self._asked_last[form.name] = Asked(form, u, p, state, step, answer)
+        answer = form.evaluate(u, p, state, step)
+        self._asked_last[form.name] = Asked(form, u, p, state, step, answer)
         return answer
 
     def out_of_balance(self, found: Evaluation) -> float:
@@ -231,7 +236,7 @@ class Problem:
         """The same at ``u``; infinite where that is not ``sound``."""
         if not self.sound(u, floor):
             return np.inf
-        return self.relative_residual(self.evaluate(u, states, step, tangent=False))
+        return self.relative_residual(self.evaluate(u, states, step))
 
     def factorize(self, data: np.ndarray) -> None:
         begin = time.perf_counter()

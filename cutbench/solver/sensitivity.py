@@ -186,16 +186,16 @@ class Sensitivities:
         pattern = problem.pattern
         data = np.zeros(pattern.indices.size)
         for form in self._stateless:
-            local = form.evaluate(u, problem.p, {}, step, True)
-            if local.matrix is not None:
-                pattern.add(data, form.name, local.matrix)
+            local = form.evaluate(u, problem.p, {}, step)
+            if local.tangent is not None:
+                pattern.add(data, form.name, local.tangent)
         if problem.damping is not None and problem.metric is not None:
             data += problem.damping.factor(step) * problem.metric
         volume = pattern.csr(data.copy())
         for form in self._stateful:
-            local = form.evaluate(u, problem.p, states[form.name], step, True)
-            if local.matrix is not None:
-                pattern.add(data, form.name, local.matrix)
+            local = form.evaluate(u, problem.p, states[form.name], step)
+            if local.tangent is not None:
+                pattern.add(data, form.name, local.tangent)
         self._solver.refactor(data)
         return volume + sp.triu(volume, 1).T if problem.symmetric else volume
 
@@ -219,12 +219,12 @@ class Sensitivities:
         if direction.volume:
             # What an added law has there is linear in its strength: its histories' rates do not matter.
             for form in (direction.seen(form) for form in self._stateless):
-                local = form.evaluate(u, direction.p, states[form.name], moving, False)
+                local = form.evaluate(u, direction.p, states[form.name], moving)
                 trial.rest += self._problem.pattern.vector(form.name, local.vector).imag / STEP
         known = {form.name for form in self._problem.forms}
         for form in () if beside is None else beside.forms.values():
             if form.name not in known:
-                local = form.evaluate(u, direction.p, states[form.name], moving, False)
+                local = form.evaluate(u, direction.p, states[form.name], moving)
                 np.add.at(trial.rest, form.dofs, np.imag(local.vector) / STEP)
         if (damping := self._problem.damping) is not None:
             trial.rest += self._damped(damping.factor(step), direction, u, old, step, moving)
@@ -264,7 +264,7 @@ class _Trial:
     def _change(self, u):
         residual, rates = np.zeros(self.problem.ndof), {}
         for form in self.forms:
-            local = form.evaluate(u, self.direction.p, self.states[form.name], self.step, False)
+            local = form.evaluate(u, self.direction.p, self.states[form.name], self.step)
             residual += self.problem.pattern.vector(form.name, local.vector).imag / STEP
             rates[form.name] = {
                 key: value.imag / STEP

@@ -45,7 +45,6 @@ def lowest_eigenvalue(problem: Problem, point: PathPoint, of: int = 4) -> float:
         values = values[np.isfinite(values)]  # L does not see a body that moves as a whole
         nearest = values[np.argsort(abs(values))[:of]]
         return float(np.real(nearest).min()) if nearest.size else np.nan
-    assert current.data is not None, "it is evaluated with its tangent"
     try:
         problem.factorize(current.data)
         inverted = spla.LinearOperator((free.size, free.size), inverse, dtype=float)

@@ -99,7 +99,7 @@ class DeadLoad(Form):
         b = density(volume.X.reshape(dim, -1)).reshape(dim, nq, ne)
         return cls(volume.nodes, np.einsum("qa,dqe,qe->dae", volume.phi, b, volume.w))
 
-    def evaluate(self, u, p, state, step, tangent=True):
+    def evaluate(self, u, p, state, step):
         return Local(-self.loaded * self._vector + 0 * u[0], None, {})
 
 

@@ -32,7 +32,7 @@ class Interface:
         right[np.unique(self.form.faces.nodes)] = True  # of the nodes at x = 0 those of the right piece
         u = (right * np.array([[opening], [sliding]])).T.ravel()
         step = stay(self.u, dt)
-        local = self.form.evaluate(u, self.p, self.state, step, tangent=False)
+        local = self.form.evaluate(u, self.p, self.state, step)
         work = self.form.work(u, self.p, self.state, local.state, step)
         self.state, self.u = local.state, u
         plus = self.form.faces.nodes.shape[0]

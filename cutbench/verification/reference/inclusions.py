@@ -131,7 +131,7 @@ def fixed_point(problem: Problem, cut: CutForm, u, states: dict, step, right):
     for _ in range(200):
         still = replace(step, damage_held=True)
         u, result = solve(problem, u, {**states, "cohesion": held}, still)
-        new = problem.evaluate(u, states, step, tangent=False).states["cohesion"]
+        new = problem.evaluate(u, states, step).states["cohesion"]
         change = np.sqrt(w @ (new["damage"] - held["damage"]) ** 2) / w.sum()
         held = new
         if change < STANDSTILL:

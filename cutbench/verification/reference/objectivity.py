@@ -44,7 +44,7 @@ def compute() -> Iterator[Check]:
             turned = u.copy()
             turned[: space.ndof] = (Q @ (X + u[: space.ndof].reshape(-1, dim).T) + shift - X).T.ravel()
             step = stay(np.zeros(ndof))
-            R, S = (problem.evaluate(v, problem.start(), step, tangent=False).residual for v in (u, turned))
+            R, S = (problem.evaluate(v, problem.start(), step).residual for v in (u, turned))
             forces = Q @ R[: space.ndof].reshape(-1, dim).T
             off = np.abs(S[: space.ndof].reshape(-1, dim).T - forces).max() / np.abs(forces).max()
             stored = [sum(sum(form.energies(v, p, {}).values()) for form in forms) for v in (u, turned)]
