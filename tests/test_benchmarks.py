@@ -17,8 +17,7 @@ import pytest
 from benchmarks import __main__ as bench
 from benchmarks import one_run, page, peer, tools, transition
 from cutbench.base.threads import ONE_THREAD
-from cutbench.case.case import Case, load_case
-from cutbench.maps.study import load_study
+from cutbench.case.case import load_case
 from cutbench.run.build import build
 from cutbench.run.runner import run_case
 
@@ -87,19 +86,22 @@ def test_the_peers_problem_has_its_size_and_laws(changes):
     assert case.numerics.energy_step == default.energy_step < 1
 
 
-def test_points_of_the_transition_lie_in_the_maps_box():
+def test_points_of_the_transition_lie_in_their_box():
     jobs = transition.jobs(5, seed=3)
     assert jobs == transition.jobs(5, seed=3) != transition.jobs(5, seed=4)
-    assert {job["case"]["until"] for job in jobs} == {"transition"}
-    p = [Case.from_dict(job["case"]).p for job in jobs]
+    cases = [load_case(job["material"], job["changes"]) for job in jobs]
+    assert {case.until for case in cases} == {"transition"}
+    p = [case.p for case in cases]
     values = {
         "cohesion": [q.G_c / q.delta_c / q.G for q in p],
         "viscosity": [q.eta_reg * q.speed / q.delta_c for q in p],
         "adhesion": [q.tau_W / (q.G_c / q.delta_c) for q in p],
+        "mu": [q.mu for q in p],
+        "tip": [q.tip for q in p],
     }
-    for axis in load_study(transition.STUDY).axes:
-        low, high = axis.values[0] * (1 - 1e-5), axis.values[-1] * (1 + 1e-5)
-        assert len(set(values[axis.name])) == 5 and all(low <= value <= high for value in values[axis.name])
+    for side in transition.BOX:
+        low, high = side.low * (1 - 1e-5), side.high * (1 + 1e-5)
+        assert len(set(values[side.name])) == 5 and all(low <= value <= high for value in values[side.name])
 
 
 def command(*args):

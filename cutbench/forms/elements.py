@@ -42,8 +42,8 @@ def stresses(k: Kinematics, factors: Iterable[np.ndarray], jinv: np.ndarray) -> 
 def tangents(
     k: Kinematics, factors: Iterable[np.ndarray], jinv: np.ndarray
 ) -> Iterable[tuple[int, int, np.ndarray]]:
-    """i, k ≥ i and dP_iJ/dF_kL, pushed, of factors ff, fc, cc, swap, one (nq, ne): (nq, dim², ne) in the order
-    of J and L, where i = k (nq, dim (dim + 1)/2, ne) of J ≤ L alone."""
+    """i, k ≥ i and dP_iJ/dF_kL, pushed, of factors ff, fc, cc, swap, one (nq, ne): (nq, dim², ne) by J and L,
+    where i = k (nq, dim (dim + 1)/2, ne) of J ≤ L alone."""
     if COMPILED:
         blocks = (_tangents if len(jinv) == 2 else _tangents_solid)(k.F, *factors, jinv)
         yield from ((i, j, A) for (i, j), A in zip(_BLOCKS[len(jinv)], blocks, strict=True))
