@@ -44,6 +44,14 @@ def test_before_the_cut_has_begun_damage_grows_by_less_in_a_step():
         control.check(now, 0.0, 0.0, 0.05, nascent=growth)
 
 
+def test_what_breaks_in_a_jump_is_not_damped_for_that():
+    """However short steps are, the front breaks an element at once: then they are taken as they are."""
+    control = StepControl(StepRules(damage=0.1), True)
+    control.check(StepState(control.rules.finest), 0.9, 0.0, 0.05)
+    with pytest.raises(NoConvergence, match="damage grew"):
+        control.check(StepState(2 * control.rules.finest), 0.9, 0.0, 0.05)
+
+
 def test_what_grows_exponentially_is_followed():
     """A step is a part of the way over which damage grows e times faster, however little it grows."""
     rules = StepRules(largest=1.0, damage=1.0)

@@ -122,7 +122,8 @@ class StepControl:
         rules, size = self.rules, now.size
         if rules.paper:
             return
-        if self._strained(growth, nascent, 2) and size > 4 * rules.smallest:
+        # A jump of the front breaks as much in a step of any length: shorter ones would end in damping.
+        if self._strained(growth, nascent, 2) and size > rules.finest:
             raise NoConvergence(f"damage grew by {max(growth, nascent):.2f}")
         able = self.damped and now.damping_factor < rules.jump_damping
         # Where errors add up, it is their mean over some steps that has to be small.
