@@ -62,6 +62,21 @@ def test_what_is_carried_is_one_pressure_a_face_and_its_force(dim, order):
     np.testing.assert_allclose((w * carried).sum(axis=0), (w * new["pressure"]).sum(axis=0), atol=1e-15)
 
 
+@pytest.mark.parametrize("carried", [True, False])
+def test_shear_that_grows_evenly_is_foreseen_where_it_is_carried(carried):
+    numerics = ContactNumerics(stiffness=5 * P.G, tangential=25 * P.G, carried=carried)
+    form = blade(space_of(2, 2)).with_numerics(numerics)
+    rests, goes = (Step(0.2, np.zeros(0), np.zeros(3), np.zeros(3), ratio=r, rests=r == 0) for r in (0, 0.5))
+    state = form.start(P)
+    shear = np.random.default_rng(1).normal(size=state["shear"].shape)
+    state = form.begun({**state, "shear": shear}, goes)
+    # What a blade at rest does between two steps is no part of how the shear grows.
+    state = form.begun({**state, "shear": 2 * shear}, rests)
+    begun = form.begun({**state, "shear": 3 * shear}, goes)
+    np.testing.assert_allclose(begun["foreseen_shear"], (4 if carried else 3) * shear)
+    np.testing.assert_array_equal(begun["shear"], 3 * shear)
+
+
 @spaces
 def test_some_points_stick_and_some_slip(dim, order):
     """The tangents above are tested on both branches of the return mapping."""

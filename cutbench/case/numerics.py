@@ -54,7 +54,7 @@ class Numerics:
     """Signed distance to the blade, or the paper's number times half the blade's thickness."""
     penalty: float = _within(64000.0, 1e-3, 1e6)
     """Contact stiffness, in G per mm of penetration."""
-    stick: float = _within(25600.0, 1e-3, 1e6)
+    stick: float = _within(1600.0, 1e-3, 1e6)
     """Stiffness of sticking, in G per mm of slip."""
     release_mm: float = _within(0.001, 0.0, 10.0)
     """A face of the cut that had touched the blade keeps its adhesion up to this gap; 0: for ever, as in the
@@ -64,7 +64,8 @@ class Numerics:
     closing: float = _within(5000.0, 0.0, 1e6)
     """Pressure at which the closed cut plane would overlap by δ_c, in G."""
     multiplier: str = _one_of("carried", "none")
-    """A step begins with the contact pressure foreseen from the last two, or with none."""
+    """A step begins with the contact pressure and shear foreseen from the last two, or with no pressure and
+    the last shear."""
     augmentations: int = _within(0, 0, 50)
     """Uzawa updates a step at the most, until pressures stand still; each costs a solution and lessens the
     penetration."""
@@ -176,7 +177,7 @@ _TETRAHEDRA = Numerics(
     multiplier="none",
 )
 #: Where a preset for first looks differs, in sections: larger elements and a contact four times as soft.
-_FAST: dict[str, Any] = {**_COARSE, "penalty": 16000.0, "stick": 6400.0}
+_FAST: dict[str, Any] = {**_COARSE, "penalty": 16000.0, "stick": 400.0}
 
 
 def defaults(dim: int) -> Numerics:

@@ -100,7 +100,8 @@ class BladeForm(Form):
         nq, nf = self.faces.w.shape
         names = ("multiplier", "pressure", "earlier", "foreseen", "touched", "slid", "active")
         scalars = dict.fromkeys(names, np.zeros((nq, nf)))
-        vectors = {name: np.zeros((self.dim, nq, nf)) for name in ("normal_traction", "shear")}
+        names = ("normal_traction", "shear", "earlier_shear", "foreseen_shear")
+        vectors = {name: np.zeros((self.dim, nq, nf)) for name in names}
         return {**scalars, **vectors, "shares": np.zeros((len(self.frictions), nq, nf))}
 
     def carried(self, other, state, p):
@@ -122,15 +123,19 @@ class BladeForm(Form):
         return {**self.begun(state, step), "touched": np.maximum(now, self._keeps * state["touched"])}
 
     def begun(self, state: dict, step: Step = AT_REST) -> dict:
-        """With the pressure ``foreseen`` for ``step`` from the last two: it is the strength of friction, and,
-        where pressures are carried, the multiplier, so that material gives way by what it errs by. ``state``
-        or its derivatives.
+        """With the pressure and the shear ``foreseen`` for ``step`` from the last two. That pressure is the
+        strength of friction. Where pressures are carried it is the multiplier, and shear begins with what is
+        foreseen of it: then material gives way, and slips where it sticks, by what that errs by. ``state`` or
+        its derivatives.
         """
-        now, earlier = state["pressure"], state["earlier"]
-        foreseen = step.foreseen(now, earlier)
-        begun = {**state, "foreseen": foreseen, "earlier": earlier if step.rests else now}
+        pressure, shear = state["pressure"], state["shear"]
+        foreseen = step.foreseen(pressure, state["earlier"])
+        begun = {**state, "foreseen": foreseen, "foreseen_shear": shear}
+        if not step.rests:
+            begun |= {"earlier": pressure, "earlier_shear": shear}
         if self._numerics.carried:
             begun["multiplier"] = self.augment({"pressure": foreseen})["multiplier"]
+            begun["foreseen_shear"] = step.foreseen(shear, state["earlier_shear"])
         return begun
 
     def augment(self, state: dict) -> dict:
@@ -158,7 +163,7 @@ class BladeForm(Form):
             # Any of these may carry a complex step.
             given = (step.u_old, step.centre, step.dt, self._stiffness, *state.values(), *vars(p).values())
             whole = np.result_type(float, kind, *given)
-            touched, shear = (np.ascontiguousarray(state[name], whole) for name in ("touched", "shear"))
+            touched, shear = (np.ascontiguousarray(state[name], whole) for name in ("touched", "foreseen_shear"))
             approach = self._gap.approach(p, touched, step, self.dofs, whole.kind != "c")
             self._last = _Begun((kind, p, state, step), whole, touched, shear, approach)
         return self._last

@@ -34,7 +34,8 @@ class Contact(NamedTuple):
 
 class Sliding(NamedTuple):
     """Way (dim, N) past the blade, stiffness (N,) against it, the laws' shares (laws, N) of the strength, the
-    derivative of that by the rate, empty where it has none; ``shear`` (dim, nq, nf) of the last step."""
+    derivative of that by the rate, empty where it has none; the ``shear`` (dim, nq, nf) that the step begins
+    with."""
 
     slip: np.ndarray
     stick: np.ndarray
@@ -92,9 +93,9 @@ def way(axes, n, slip):
 def returned(axes, n, dn, shear, slip, stick, strength, by_rate, dt, traction, D, tangent, rated):
     """Return mapping at one point (compiled), or at many along the last axis of all.
 
-    ``shear`` of the last step and ``slip`` (dim,) past the blade, whose normal n has the derivative dn;
-    ``stick`` in MPa/mm. Fills ``traction`` (dim,) and, with ``tangent``, its derivative D (dim, dim), where
-    ``rated`` with that of the strength ``by_rate``. The way slid is the answer.
+    ``shear`` that the step begins with and ``slip`` (dim,) past the blade, whose normal n has the derivative
+    dn; ``stick`` in MPa/mm. Fills ``traction`` (dim,) and, with ``tangent``, its derivative D (dim, dim),
+    where ``rated`` with that of the strength ``by_rate``. The way slid is the answer.
     """
     dim = len(axes)
     pulled, along = n[0] * (shear[0] - stick * slip[0]), n[0] * slip[0]
