@@ -226,7 +226,7 @@ def _search(problem, u, du, alpha, current, states, step, settings, floor):
     best = (abs(s_high), alpha, e)
     largest = np.abs(du[moving]).max()
     # Sliding down a long slope (a snap under way): go on while the forces still push.
-    while s_high < -settings.slack * abs(start) and 2 * high * largest <= settings.reach:
+    while s_high < (settings.slack - 1) * abs(start) and 2 * high * largest <= settings.reach:
         if problem.bulk.smallest_volume_ratio(u + 2 * high * du) <= floor:
             break
         if problem.room(u, 2 * high * du) < 1:
