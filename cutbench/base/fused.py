@@ -35,13 +35,11 @@ _MISS = object()
 
 
 class Fused:
-    """``plain`` as a compiled loop; the last ``axes`` axes of arrays run over points.
+    """``plain`` as a compiled loop; the last axis of arrays runs over points. ``loops`` makes a function of
+    its source."""
 
-    ``loops`` makes a function of its source.
-    """
-
-    def __init__(self, plain: Callable[..., Any], axes: int, loops: Callable[[str], Callable[..., None]]):
-        self.plain, self._axes, self._loops = plain, axes, loops
+    def __init__(self, plain: Callable[..., Any], loops: Callable[[str], Callable[..., None]]):
+        self.plain, self._loops = plain, loops
         self._known: list[_Reading] = []
         self._formulas: set[str] = set()
 
@@ -54,7 +52,7 @@ class Fused:
                     self._known.insert(0, self._known.pop(k))
                 return found
         if len(self._formulas) < FORMULAS:
-            reading = _Reading(self.plain, given, self._axes, self._loops)
+            reading = _Reading(self.plain, given, self._loops)
             self._known.insert(0, reading)
             del self._known[MOST:]
             self._formulas.add(reading.source)
@@ -63,7 +61,7 @@ class Fused:
         return self.plain(*given)
 
     def __reduce__(self):
-        return fused, (self.plain, self._axes)
+        return fused, (self.plain,)
 
     @property
     def left_plain(self) -> list[str]:
@@ -76,34 +74,34 @@ def fusing() -> bool:
     return COMPILED and os.environ.get("CUTBENCH_FUSED") != "0"
 
 
-def fused(plain: Callable[..., Any], axes: int = 1) -> Callable[..., Any]:
-    """``plain`` as one compiled loop over points, the last ``axes`` axes of all arrays; else itself."""
-    return _fused(plain, axes) if fusing() else plain
+def fused(plain: Callable[..., Any]) -> Callable[..., Any]:
+    """``plain`` as one compiled loop over points, the last axis of all arrays; else itself."""
+    return _fused(plain) if fusing() else plain
 
 
 @lru_cache(maxsize=256)
-def _fused(plain: Callable[..., Any], axes: int) -> Fused:
-    return Fused(plain, axes, _compiled_source)
+def _fused(plain: Callable[..., Any]) -> Fused:
+    return Fused(plain, _compiled_source)
 
 
 class _Reading:
     """A function read for arguments of one kind."""
 
-    def __init__(self, plain, given: tuple, axes: int, loops: Callable[[str], Callable[..., None]]):
-        self._plain, self._axes, self.why, self.source, self.calls = plain, axes, "", "", 0
+    def __init__(self, plain, given: tuple, loops: Callable[[str], Callable[..., None]]):
+        self._plain, self.why, self.source, self.calls = plain, "", "", 0
         self._guards: list[str] = []
         self._objects: dict[str, Any] = {"array": np.array}
         self._places: list[str] = []
         self._leading: list[tuple[int, ...]] = []
-        first = next((x for x in given if isinstance(x, np.ndarray) and x.ndim >= axes), None)
-        self._shape = None if first is None else first.shape[first.ndim - axes :]
+        first = next((x for x in given if isinstance(x, np.ndarray) and x.ndim), None)
+        self._points = None if first is None else first.shape[-1]
         numbers, arrays, build = [], [], "None"
         try:
             if (owner := getattr(plain, "__self__", None)) is not None:
                 self._keeps(owner, self._object(owner))
             with symbolic():
                 read = [self._read(x, f"a{k}") for k, x in enumerate(given)]
-                formula = Formula(plain(*read), (2,) * axes, self._object)
+                formula = Formula(plain(*read), (2,), self._object)
             if not formula.arrays:
                 raise TypeError("an answer that depends on no points")
             self.source = formula.source
@@ -132,9 +130,8 @@ class _Reading:
         if isinstance(x, (float, complex, np.inexact)) or (isinstance(x, np.ndarray) and x.ndim == 0):
             return self._leaf(place, None)
         if isinstance(x, np.ndarray):
-            split = x.ndim - self._axes
-            if x.dtype in (_FLOAT, _COMPLEX) and x.shape[max(split, 0) :] == self._shape:
-                return self._leaf(place, x.shape[:split])
+            if x.dtype in (_FLOAT, _COMPLEX) and x.shape[-1] == self._points:
+                return self._leaf(place, x.shape[:-1])
             return Unread()
         if isinstance(x, dict):
             self._guards.append(f"{place}.keys() == {self._object(dict.fromkeys(x).keys())}")
@@ -163,7 +160,7 @@ class _Reading:
     def _leaf(self, place: str, leading: tuple[int, ...] | None) -> Any:
         self._places.append(place)
         self._leading.append(leading or ())
-        return leaf(len(self._places) - 1, leading, (2,) * self._axes)
+        return leaf(len(self._places) - 1, leading, (2,))
 
     def answer(self, given: tuple) -> Any:
         """What the function answers; ``_MISS`` where it was not read for such arguments."""
@@ -176,7 +173,7 @@ class _Reading:
         if self.why:
             return self._plain(*given)
         q, arrays = found
-        shape = arrays[0].shape[arrays[0].ndim - self._axes :]
+        shape = arrays[0].shape[-1:]
         kind, inputs = q.dtype, []
         for x in arrays:
             if x.dtype != kind:

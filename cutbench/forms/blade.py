@@ -100,8 +100,8 @@ class BladeForm(Form):
         nq, nf = self.faces.w.shape
         names = ("multiplier", "pressure", "earlier", "foreseen", "touched", "slid", "active")
         scalars = dict.fromkeys(names, np.zeros((nq, nf)))
-        names = ("normal_traction", "shear", "earlier_shear", "foreseen_shear")
-        vectors = {name: np.zeros((self.dim, nq, nf)) for name in names}
+        shears = ("shear", "earlier_shear", "foreseen_shear")
+        vectors = {name: np.zeros((self.dim, nq, nf)) for name in ("normal_traction", *shears)}
         return {**scalars, **vectors, "shares": np.zeros((len(self.frictions), nq, nf))}
 
     def carried(self, other, state, p):
@@ -163,7 +163,9 @@ class BladeForm(Form):
             # Any of these may carry a complex step.
             given = (step.u_old, step.centre, step.dt, self._stiffness, *state.values(), *vars(p).values())
             whole = np.result_type(float, kind, *given)
-            touched, shear = (np.ascontiguousarray(state[name], whole) for name in ("touched", "foreseen_shear"))
+            touched, shear = (
+                np.ascontiguousarray(state[name], whole) for name in ("touched", "foreseen_shear")
+            )
             approach = self._gap.approach(p, touched, step, self.dofs, whole.kind != "c")
             self._last = _Begun((kind, p, state, step), whole, touched, shear, approach)
         return self._last

@@ -64,19 +64,16 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class Asked:
-    """What ``form`` was asked for last, and its answer."""
+    """What was asked for last, with each form's state and answer."""
 
-    form: Form
     u: np.ndarray
     p: Any
-    state: dict
-    step: Step
-    answer: Local
+    step: Step | None
+    answers: dict[Form, tuple[dict, Local]] = field(default_factory=dict)
 
-    def again(self, form: Form, u: np.ndarray, p, state: dict, step: Step) -> bool:
-        """States, steps and parameters are never changed in place."""
-        known = self.form is form and self.p is p and self.state is state and self.step is step
-        return known and self.u.dtype == u.dtype and bool(same(self.u, u))
+    def again(self, u: np.ndarray, p, step: Step) -> bool:
+        """Steps and parameters are never changed in place."""
+        return self.p is p and self.step is step and self.u.dtype == u.dtype and bool(same(self.u, u))
 
 
 class Problem:
@@ -107,7 +104,7 @@ class Problem:
         start = time.perf_counter()
         self.self_contact = next((form for form in forms if isinstance(form, SelfContactForm)), None)
         self._asked = solver, modes
-        self._asked_last: dict[str, Asked] = {}
+        self._last = Asked(np.zeros(0), None, None)
         self._arrange()
         self.free = self.pattern.free
         #: The same as a mask (ndof,).
@@ -196,7 +193,14 @@ class Problem:
         p = self.p if p is None else p
         # A trial state may have inverted elements; the caller sees that it is not finite.
         with QUIET():
-            answers = {form.name: self._answer(form, u, p, states[form.name], step) for form in self.forms}
+            last = self._last if self._last.again(u, p, step) else Asked(u, p, step)
+            for form in self.forms:
+                # Where damage and multipliers are taken anew, no other form's answer changes.
+                state, known = states[form.name], last.answers.get(form)
+                if known is None or known[0] is not state:
+                    last.answers[form] = state, form.evaluate(u, p, state, step)
+            self._last = last
+            answers = {form.name: last.answers[form][1] for form in self.forms}
             vectors = {name: local.vector for name, local in answers.items()}
             residual, scale = self.pattern.balance(vectors, self.apart)
         self.timer.add("residual", begin)
@@ -213,15 +217,6 @@ class Problem:
             data = self.pattern.matrices({n: each for n, each in found.items() if each is not None}, damped)
         self.timer.add("assembly", begin)
         return data
-
-    def _answer(self, form: Form, u: np.ndarray, p, state: dict, step: Step) -> Local:
-        """Of one form: where damage and multipliers are taken anew, no other form's answer changes."""
-        last = self._asked_last.get(form.name)
-        if last is not None and last.again(form, u, p, state, step):
-            return last.answer
-        answer = form.evaluate(u, p, state, step)
-        self._asked_last[form.name] = Asked(form, u, p, state, step, answer)
-        return answer
 
     def out_of_balance(self, found: Evaluation) -> float:
         """Length of the residual on the free degrees of freedom, N; infinite where it is not finite."""
