@@ -144,10 +144,11 @@ class _Matrix:
     """The current matrix of a pattern; symmetric ones are given by their upper triangle."""
 
     def __init__(self, indptr, indices, n: int, symmetric: bool):
-        self._pattern, self._n, self._symmetric = (indices, indptr), n, symmetric
+        self._A = sp.csr_matrix((np.zeros(indices.size), indices, indptr), shape=(n, n))
+        self._symmetric = symmetric
 
     def set(self, data: np.ndarray) -> None:
-        self._A = sp.csr_matrix((data, *self._pattern), shape=(self._n, self._n))
+        self._A.data = data
         self._mirror = sp.triu(self._A, 1).T.tocsr() if self._symmetric else None
 
     def __matmul__(self, x: np.ndarray) -> np.ndarray:
