@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from cutbench.case.mesh_sizes import wanted
+from cutbench.case.mesh_sizes import on_plane, wanted
+from cutbench.case.numerics import Numerics
 from cutbench.case.tuning import MeshTuning
+from cutbench.models2d.plane_strain import geometry
 from cutbench.models2d.section import half_block
 from cutbench.models3d.mesh import quarter
 
-H, RIM = 0.5, 2.0
+H, RIM, THICKNESS = 0.5, 2.0, 0.7
 GRADING, ON_RIM = MeshTuning.grading, MeshTuning.on_rim
 
 
@@ -31,6 +35,23 @@ def test_the_rim_is_finer_than_the_cut_plane_and_sizes_grow_from_its_edge():
 def test_shallow_elements_are_those_of_the_rim():
     size = wanted(np.array([0.0, 1.0]), np.zeros(2), H, shallow=0.25, surge=3.0, rim=RIM)
     assert size == pytest.approx(ON_RIM * H / 4)
+
+
+def test_elements_on_the_cut_plane_are_as_much_smaller_as_the_edge_is_sharper():
+    def tallest(radius, h):
+        n = replace(Numerics(), h_mm=h)
+        assert on_plane(n, THICKNESS, radius) <= h
+        values = {"width": 30.0, "height": 21.0, "length": 30.0, "thickness": THICKNESS}
+        mesh = geometry(values, n, radius).mesh
+        faces = mesh.p[1, mesh.facets[:, mesh.boundaries["cut"]]]
+        return np.ptp(faces, axis=0).max()
+
+    blunt, h = THICKNESS / MeshTuning.sharp, 0.25
+    # Sizes are halves of one another, and a half more than asked for is taken.
+    asked = {blunt: h, 10 * blunt: h, blunt / 2: h / 2, blunt / 5: h / 5}
+    for radius, size in asked.items():
+        assert 0.6 * size < tallest(radius, h) <= 1.5 * size
+    assert tallest(blunt / 2, h / 2) == pytest.approx(tallest(blunt / 2, h) / 2)
 
 
 @pytest.mark.parametrize("dim", [2, 3])

@@ -25,6 +25,11 @@ def under_tip(numerics: Numerics, thickness: float, radius: float) -> float:
     return size if numerics.corner else min(size, max(radius / tuning.edge[0], tuning.edge[1] * h))
 
 
+def on_plane(numerics: Numerics, thickness: float, radius: float) -> float:
+    """Size of a section's elements on the cut plane below where it surges, for such a blade, in mm."""
+    return numerics.h_mm * min(1.0, numerics.tuning.mesh.sharp * radius / thickness)
+
+
 def near_blade(numerics: Numerics, thickness: float, radius: float) -> dict[str, Any]:
     """Arguments of ``wanted``, by the choices of ``numerics``, for a blade so thick with an edge of that
     ``radius``, both in mm."""
@@ -50,20 +55,21 @@ def wanted(
     rim: float = 0.0,
     tuning: MeshTuning = STANDARD,
     outside: np.ndarray | float = 0.0,
+    largest: float = np.inf,
 ) -> np.ndarray:
     """Size of the elements that are ``nearest`` to the cut plane and ``deep`` below the top, all lengths.
 
     On the cut plane ``h`` times ``shallow`` down to ``surge``, from there in proportion to the depth, ``h``
-    at the most; and ``corner`` under the blade, down to ``reach``. Away from each it grows by
-    ``tuning.grading`` times the distance; so it does where they are that far ``outside`` of what is to be
-    fine, above or below.
+    or what is ``largest`` there at the most; and ``corner`` under the blade, down to ``reach``. Away from
+    each it grows by ``tuning.grading`` times the distance; so it does where they are that far ``outside`` of
+    what is to be fine, above or below.
     And in any case ``tuning.on_rim`` times ``h`` times ``shallow`` on the top, out to ``rim`` and a quarter
     of that down.
     """
     grading = tuning.grading
     beside = np.hypot(np.maximum(nearest - rim, 0), np.maximum(deep - rim / 4, 0))
     nearest = np.hypot(nearest, outside)
-    own = h * np.clip(shallow * deep / surge, shallow, 1.0)
+    own = np.minimum(h * np.clip(shallow * deep / surge, shallow, 1.0), largest)
     size = own + grading * np.maximum(nearest - own, 0)
     if rim > 0:
         size = np.minimum(size, tuning.on_rim * h * shallow + grading * beside)

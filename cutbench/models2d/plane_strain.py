@@ -6,7 +6,7 @@ import numpy as np
 import skfem
 
 from cutbench.base.errors import BadInput
-from cutbench.case.mesh_sizes import near_blade
+from cutbench.case.mesh_sizes import near_blade, on_plane
 from cutbench.forms.geometry import Geometry
 from cutbench.models2d.section import half_block
 from cutbench.models2d.usermesh import read_mesh
@@ -32,6 +32,7 @@ def geometry(
         return Geometry(mesh, height, 2 * length)
     reach = numerics.tuning.mesh.reach * values["thickness"] / 2
     sizes = {"slender": numerics.slender, **near_blade(numerics, values["thickness"], radius)}
+    sizes["largest"] = on_plane(numerics, values["thickness"], radius)
     mesh = half_block(values["width"], height, numerics.h_mm, reach=reach, fine=fine, kept=kept, **sizes)
     if numerics.symmetry == "full":
         return Geometry(mirrored(mesh), height, length, split=True)

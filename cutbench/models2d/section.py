@@ -31,11 +31,13 @@ def half_block(
     tuning: MeshTuning = STANDARD,
     fine: tuple[float, float] = (0.0, np.inf),
     kept: np.ndarray | None = None,
+    largest: float = np.inf,
 ) -> skfem.MeshTri:
     """Right half of the block, 0 ≤ x ≤ width/2, with faces "cut", "top", "bottom", "side".
 
     Element edges on the cut plane are the largest H/(n 2^k) not above ``h``. Where the cut surges, down to
-    ``surge``, they are ``shallow`` times as tall, and grow with depth from there. Under the blade, from
+    ``surge``, they are ``shallow`` times as tall, and grow with depth from there, to what is ``largest`` at
+    the most. Under the blade, from
     where the top face meets the cut plane down to ``reach``, they shrink to ``corner``: there the tip indents
     before anything is cut, and the cut begins. On the top they are smaller than where the cut surges, out to
     ``rim``, until the front has left, and as long as something is kept there.
@@ -63,7 +65,8 @@ def half_block(
     mesh = skfem.MeshTri(mesh.p * np.array([[-1.0], [1.0]]), mesh.t)
     edge = height / ny / 2**levels
     corner = edge if corner is None else min(corner, edge)
-    for _ in range(levels + int(np.ceil(np.log2(edge / min(corner, shallow * edge)) - 1e-9))):
+    smallest = min(corner, shallow * edge, largest)
+    for _ in range(levels + int(np.ceil(np.log2(edge / smallest) - 1e-9))):
         corners = mesh.p[:, mesh.t]
         size = np.ptp(corners, axis=1).max(axis=0)
         nearest, deep = corners[0].min(axis=0), height - corners[1].max(axis=0)
@@ -72,7 +75,7 @@ def half_block(
             outside = np.minimum(outside, _away(corners, kept_at))
         most = wanted(
             nearest, deep, h, corner=corner, reach=reach, shallow=shallow, surge=surge, rim=rim,
-            tuning=tuning, outside=outside,
+            tuning=tuning, outside=outside, largest=largest,
         )  # fmt: skip
         marked = np.flatnonzero(size > 1.5 * most)
         if marked.size == 0:
