@@ -25,6 +25,12 @@ def test_where_errors_add_up_their_mean_counts():
             control.check(now, 0.1, defect, limit)
 
 
+def test_a_blade_at_rest_may_leave_as_much_open_as_in_its_largest_step():
+    control = StepControl(StepRules(defect=0.1), True)
+    rest, large, small = (control.allowed(size, 1.0, 0.1, 1.0, 0.1) for size in (0.0, 0.1, 0.01))
+    assert rest == large > small
+
+
 def test_the_next_step_is_shorter_where_the_cut_hastens():
     sizes = []
     for growth in (0.3, 0.9):

@@ -106,10 +106,11 @@ class StepControl:
         self, size: float, spent: float, left: float, spent_before: float, left_before: float
     ) -> float:
         """Part of the blade's work over the largest step that one of this ``size`` may leave open: less where
-        it adds to what the ledger has left open so far, and that is too much already."""
+        it adds to what the ledger has left open so far, and that is too much already. At rest, size 0, it is
+        as for the largest step: no shorter one closes better there, and damping worse."""
         rules = self.rules
         drifts = left * left_before > 0 and abs(left_before + left) > rules.drift * (spent_before + spent)
-        own = max(size, rules.finest) / rules.largest
+        own = max(size or rules.largest, rules.finest) / rules.largest
         return min(rules.defect / 4, 2 * rules.drift * own) if drifts else rules.defect
 
     def check(
