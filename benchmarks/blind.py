@@ -15,8 +15,9 @@ import math
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -40,7 +41,8 @@ SURE = 5.0
 @dataclass(frozen=True)
 class Answer:
     """What a search said, whoever searched. ``groups``: by cause, the names that the data cannot tell from
-    it. ``stated``: the gain on curves without noise, its lower and its upper end. ``grids``, ``before``,
+    it. ``stated``: the gain on curves without noise, its lower and its upper end. ``intervals``:
+    by parameter of the baseline, the ends of its 95 % interval, internal units. ``grids``, ``before``,
     ``after``: by predicted test its readings, and the ordinates (m,) of the baseline and the final model."""
 
     verdict: str
@@ -50,6 +52,7 @@ class Answer:
     grids: Mapping[str, Averaged]
     before: Mapping[str, np.ndarray]
     after: Mapping[str, np.ndarray]
+    intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, d: Discovery) -> Answer:
@@ -57,7 +60,8 @@ class Answer:
         both = d.first.tests.keys() & d.final.tests.keys()
         stated = (d.clean.value, d.clean.low, d.clean.high) if d.clean else None
         grids = {id: d.first.inverse.grids[id] for id in both}
-        return cls(d.verdict, d.found, groups, stated, grids, d.first.tests, d.final.tests)
+        intervals = {e.label: (e.low, e.high) for e in d.fit.estimates}
+        return cls(d.verdict, d.found, groups, stated, grids, d.first.tests, d.final.tests, intervals)
 
 
 def judge(truth: Truth, a: Answer) -> dict:
@@ -86,6 +90,11 @@ def judge(truth: Truth, a: Answer) -> dict:
         "both": planned.sort == "two" and all(named & {*names} for names in planned.classes),
         "stated_gain": a.stated and a.stated[0], "stated_between": a.stated and list(a.stated[1:]),
         "measured_gain": _gain(truth, a) if a.found else None,
+        # Where something is hidden, the baseline's values are not the true ones.
+        "values": {
+            name: [truth.values[name], *ends] for name, ends in a.intervals.items()
+            if name in truth.values and planned.sort == "none"
+        },
     }  # fmt: skip
 
 
@@ -133,7 +142,7 @@ def summary(rows: Sequence[Mapping]) -> dict[str, str]:
     two = [r for r in by["two"] if r["misfit"] >= SHOWN[0]]
     stated = [r for r in rows if r["stated_gain"] is not None and r["measured_gain"] is not None]
 
-    def part(some: Sequence[Mapping], test: Callable[[Mapping], object]) -> str:
+    def part(some: Sequence, test: Callable[[Any], object]) -> str:
         return f"{sum(bool(test(r)) for r in some)} of {len(some)}"
 
     def spread(key: str, form: str) -> str:
@@ -151,6 +160,9 @@ def summary(rows: Sequence[Mapping]) -> dict[str, str]:
         "two causes: one of them first or in its group": part(two, lambda r: r["right"]),
         "gain on clean predicted curves within the stated 90 % interval": part(
             stated, lambda r: r["stated_between"][0] <= r["measured_gain"] <= r["stated_between"][1]
+        ),
+        "nothing hidden: true values within their 95 % intervals": part(
+            [v for r in rows for v in r["values"].values()], lambda v: v[1] <= v[0] <= v[2]
         ),
         "searches that ended early, or failed": part(rows, lambda r: r["ended"]),
         "runs, median and largest": spread("runs", ".0f"),

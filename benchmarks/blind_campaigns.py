@@ -34,6 +34,7 @@ from cutbench.discovery.candidates import family_of
 from cutbench.run.runner import run_case
 
 Run = Callable[[Case], Any]
+Made = tuple[list[str], dict[str, float], list["Curve"]]
 Clean = tuple[np.ndarray | None, np.ndarray, np.ndarray]
 
 FAMILIES = ("homogeneous", "cut", "mixed")
@@ -148,7 +149,8 @@ class Truth:
     without noise and of a specimen like the mean of all; None for a time that is not recorded.
     ``misfit``: what the fit's parameters cannot take up of the fitted curves, in standard deviations of a
     reading's noise, as a root mean square. ``shown``: the same in standard deviations of all readings
-    together, with the scatter between specimens.
+    together, with the scatter between specimens. ``values``: of the parameters that a fit looks for, in
+    internal units.
     """
 
     planned: Planned
@@ -159,6 +161,7 @@ class Truth:
     noise: float
     misfit: float
     shown: float
+    values: Mapping[str, float] = field(default_factory=dict)
 
 
 def _as_it_is(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -267,11 +270,11 @@ def make(
     specimens = specimens or drawn
     scatter, noise = float(rng.uniform(*SCATTER)), float(rng.choice(NOISES))
     if planned.family != "homogeneous":
-        head, curves = _cuts(planned, rng, truths, run)
+        head, values, curves = _cuts(planned, rng, truths, run)
     elif planned.how[0] == BY_OTHERS:
-        head, curves = _by_formula(planned.effects, noise, rng)
+        head, values, curves = _by_formula(planned.effects, noise, rng)
     else:
-        head, curves = _by_law(planned, noise, rng)
+        head, values, curves = _by_law(planned, noise, rng)
     folder.mkdir(parents=True, exist_ok=True)
     text = [f'title = "{planned.family} {planned.number}"', *head]
     for curve in curves:
@@ -281,7 +284,7 @@ def make(
     clean = {c.id: c.clean for c in curves}
     train = [c for c in curves if c.role == "train"]
     return Truth(planned, file, clean, specimens, scatter, noise, missed(train) / noise,
-                 shown(train, specimens, scatter, noise))  # fmt: skip
+                 shown(train, specimens, scatter, noise), values)  # fmt: skip
 
 
 def _written(
@@ -337,10 +340,8 @@ def _left(curves: Sequence[Curve], roots: Sequence[np.ndarray]) -> np.ndarray:
 
 
 # -- homogeneous tests by formulas ------------------------------------------------------------------
-def _by_formula(
-    effects: tuple[str, ...], noise: float, rng: np.random.Generator
-) -> tuple[list[str], list[Curve]]:
-    """The campaign's head, and four tests of a body, of which the last two are predicted."""
+def _by_formula(effects: tuple[str, ...], noise: float, rng: np.random.Generator) -> Made:
+    """The campaign's head, the true values, and four tests of a body, of which the last two are predicted."""
     strange = effects if effects and effects[0] in ALIEN else ()
     modes = MODES[int(rng.integers(len(MODES)))]
     far = rng.uniform(1.7, 2.6)
@@ -361,7 +362,7 @@ def _by_formula(
             break
     head = ['material = "elastomer"', 'baseline = ["neo_hookean", "volumetric"]', "[parameters]"]
     head.append(f'G = "{1e3 * body.G * rng.uniform(0.7, 1.4):.3g} kPa"')
-    return [*head, f"nu = {body.stated_nu:.4f}"], curves
+    return [*head, f"nu = {body.stated_nu:.4f}"], {"G": body.G}, curves
 
 
 def _pulled(
@@ -446,11 +447,11 @@ def _quarter(n: int) -> np.ndarray:
     return 4 * np.arange(n) // n
 
 
-def _by_law(planned: Planned, noise: float, rng: np.random.Generator) -> tuple[list[str], list[Curve]]:
-    """The campaign's head, and its tests."""
+def _by_law(planned: Planned, noise: float, rng: np.random.Generator) -> Made:
+    """The campaign's head, the true values, and its tests."""
     (shows, conditions), effect = planned.how, planned.effects[0] if planned.effects else ""
     tests = _tests(effect, shows, conditions == SEVERAL, rng)
-    head, base = _start(shows, [t.kind for t in tests], rng)
+    head, values, base = _start(shows, [t.kind for t in tests], rng)
     plain = {t.id: t.curve(base) for t in tests}
     wanted = noise * math.exp(rng.uniform(*np.log(BY_LAW)))
 
@@ -461,7 +462,7 @@ def _by_law(planned: Planned, noise: float, rng: np.random.Generator) -> tuple[l
         return missed([c for c in made if c.role == "train"])
 
     if not effect:
-        return head, curves(plain)
+        return head, values, curves(plain)
     if effect in ALIEN:
         how = {"size": 1.0, "waves": rng.uniform(2, 5), "phase": rng.uniform(0, 6)}
 
@@ -469,8 +470,8 @@ def _by_law(planned: Planned, noise: float, rng: np.random.Generator) -> tuple[l
             sized = {**how, "size": size}
             return curves({t.id: plain[t.id] * alien(effect, _gone(t.way()[0]), sized) for t in tests})
 
-        return head, at(min(wanted / max(size_of(at(0.01)), 1e-9) * 0.01, 0.4))
-    return head, _as_strong(_stronger(effect, base, tests, curves, rng), size_of, wanted)
+        return head, values, at(min(wanted / max(size_of(at(0.01)), 1e-9) * 0.01, 0.4))
+    return head, values, _as_strong(_stronger(effect, base, tests, curves, rng), size_of, wanted)
 
 
 def _as_strong(
@@ -527,8 +528,11 @@ def _stronger(
     return at
 
 
-def _start(shows: str, kinds: Sequence[str], rng: np.random.Generator) -> tuple[list[str], Case]:
-    """The campaign's head, and the case without an effect, whose values are others than the start's."""
+def _start(
+    shows: str, kinds: Sequence[str], rng: np.random.Generator
+) -> tuple[list[str], dict[str, float], Case]:
+    """The campaign's head, the true values, which are others than the start's, and the case without an
+    effect."""
     laws, values = {
         "bulk": (["neo_hookean", "volumetric"], {"G": f"{rng.uniform(100, 600):.4g} kPa"}),
         "joint": (["neo_hookean", "volumetric", "stiff_cohesion"],
@@ -544,7 +548,7 @@ def _start(shows: str, kinds: Sequence[str], rng: np.random.Generator) -> tuple[
         away = 1.0 if name in fixed else rng.uniform(0.8, 1.25)
         value = f"{float(number) * away:.4g}"
         head.append(f'{name} = "{value} {unit}"' if unit else f"{name} = {value}")
-    return head, base
+    return head, {name: base.values[name] for name in values}, base
 
 
 def _law_curve(t: _Test, y: np.ndarray, plain: np.ndarray) -> Curve:
@@ -673,10 +677,9 @@ def computed(case: Case, truths: Path | None, run: Run) -> tuple[np.ndarray, np.
     return x, F
 
 
-def _cuts(
-    planned: Planned, rng: np.random.Generator, truths: Path | None, run: Run
-) -> tuple[list[str], list[Curve]]:
-    """The campaign's head, four cuts of which the last is predicted, and what is beside them."""
+def _cuts(planned: Planned, rng: np.random.Generator, truths: Path | None, run: Run) -> Made:
+    """The campaign's head, the true values, four cuts of which the last is predicted, and what is beside
+    them."""
     numerics, blade, *beside = planned.how
     choices = dict(OTHERWISE)[numerics]
     for attempt in range(3):
@@ -695,7 +698,8 @@ def _cuts(
         head.append(f"baseline = {laws}".replace("'", '"'))
     head += ["[parameters]", f'G = "{gel.G * rng.uniform(0.8, 1.25):.3g} kPa"']
     head.append(f'G_c = "{gel.toughness * rng.uniform(0.8, 1.25):.3g} J/m^2"')
-    return head, [*(_beside(gel, kind) for kind in beside), *curves]
+    values = {"G": 1e-3 * gel.G, "G_c": 1e-3 * gel.toughness, "tau_W": 1e-3 * gel.adhesion}
+    return head, values, [*(_beside(gel, kind) for kind in beside), *curves]
 
 
 def _cut(

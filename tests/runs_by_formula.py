@@ -70,4 +70,5 @@ def _slope(case: Case, name: str) -> np.ndarray:
 def run_case(case: Case) -> SimpleNamespace:
     """Stands in for ``cutbench.run.run_case`` where a truth is computed: not quite the same formula."""
     (x, force, _), _ = course(case)
-    return SimpleNamespace(curve={"displacement_mm": 1.01 * x, "force_N": force * (1 + 0.01 * x)})
+    curve = {"displacement_mm": 1.01 * x, "force_N": force * (1 + 0.01 * x)}
+    return SimpleNamespace(curve=curve, outcome=SimpleNamespace(done=True))

@@ -7,11 +7,11 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+import blind_cases
 import pytest
 from refusals import refusal
 from typer.testing import CliRunner
 
-from benchmarks.hidden import make
 from cutbench.base.errors import ComputationFailed
 from cutbench.cli.main import app
 from cutbench.data.campaign import Campaign
@@ -24,7 +24,7 @@ STUDIES = Path(__file__).parents[1] / "studies"
 @pytest.fixture(scope="module")
 def campaign() -> Campaign:
     """In which gent is hidden; of three formulas that are asked."""
-    return replace(make(3, "gent", "bulk", False, 11).campaign, candidates=("gent", "yeoh", "maxwell"))
+    return replace(blind_cases.campaign("gent", "bulk", False), candidates=("gent", "yeoh", "maxwell"))
 
 
 @pytest.fixture(scope="module")

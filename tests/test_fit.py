@@ -11,7 +11,7 @@ import runs_by_formula
 from refusals import refused
 from typer.testing import CliRunner
 
-from benchmarks.outside_cuts import make
+from benchmarks.blind_campaigns import Planned, make
 from cutbench.base.errors import ComputationFailed
 from cutbench.calibration.fitting import fit
 from cutbench.calibration.prediction import Predictor, predict
@@ -290,10 +290,11 @@ def test_derivatives_that_end_on_the_way_end_no_fit(tmp_path):
         lost = made.course[0] > 2.0
         return replace(made, slopes={n: np.where(lost, np.nan, s) for n, s in made.slopes.items()})
 
-    truth = make(0, "none", 2, 2, tmp_path, runs_by_formula.run_case, repetitions=1)
+    planned = Planned(0, "cut", (), ("cohesion as printed", "ellipse"))
+    truth = make(planned, 2, tmp_path, run=runs_by_formula.run_case, specimens=1)
     found = fit(load_campaign(truth.file), run=Predictor(TaskPool(0), runs=singular), refine=False)
     assert found.status == "converged"
-    assert found.estimate("G").value == pytest.approx(0.008, rel=0.1)
+    assert found.estimate("G").value == pytest.approx(truth.values["G"], rel=0.1)
 
 
 @pytest.mark.slow

@@ -8,9 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks import outside
-from benchmarks.discovery import SHOWN, left_over
-from benchmarks.hidden import make
+from benchmarks.blind_campaigns import Planned, make
 from cutbench.calibration.fitting import fit
 from cutbench.calibration.identifiability import Unknown
 from cutbench.calibration.prediction import Task, predict, predictor, recorded
@@ -24,6 +22,7 @@ from cutbench.discovery.heldout import TESTS, Heldout, compare, decide
 from cutbench.discovery.point import point_of, refitted
 from cutbench.mechanisms import registry
 
+SOFTENING = Planned(22, "homogeneous", ("Zuniga-Beatty",), ("formula", "several conditions"))
 BETTER = Heldout(TESTS, 50.0, 10.0, 0.3, 0.1, 2.0, 1.4, 0.5, "N", 0.4)
 
 
@@ -46,7 +45,7 @@ def test_predictions_that_hardly_differ_tell_nothing():
 @pytest.mark.slow
 def test_tests_in_which_a_law_does_nothing_do_not_tell_of_it(tmp_path):
     # Softening, and softer specimens in the tests, none of which goes back.
-    campaign = load_campaign(outside.make(36, ("Zuniga-Beatty",), 20261130, tmp_path).file)
+    campaign = load_campaign(make(SOFTENING, 5, tmp_path, specimens=3).file)
     with predictor(0) as run:
         before = point_of(fit(baseline_of(campaign), run=run), run)
         model, off = before.case.model.extended("steep_mullins")
@@ -88,17 +87,3 @@ def test_a_compliance_needs_no_run_of_its_own(strength):
     assert recorded(task, found, compliance=strength) == pytest.approx(expected, rel=1e-12)
     assert recorded(task, found) == pytest.approx(found.y, rel=1e-12)
     assert np.abs(expected - found.y).max() > 1e-3 * found.y.max()
-
-
-@pytest.mark.parametrize(("effect", "family", "shown"), [
-    ("gent", "bulk", True), ("none", "bulk", False),
-    pytest.param("adhesion_speed", "blade law", True, marks=pytest.mark.slow),
-])  # fmt: skip
-def test_what_is_left_of_an_effect_is_beyond_the_free_parameters(effect, family, shown):
-    hidden = make(3, effect, family, True, 11)
-    with predictor(0) as run:
-        point = point_of(fit(hidden.campaign, workers=0), run)
-        assert (left_over(point, hidden.clean) > SHOWN) == shown
-        # A factor of all curves is what the stiffness or the friction can take up.
-        more = {k: (x, 1.01 * y, t) for k, (x, y, t) in hidden.clean.items()}
-        assert left_over(point, more) == pytest.approx(left_over(point, hidden.clean), rel=0.2, abs=0.5)
