@@ -12,10 +12,10 @@ import pytest
 from refusals import refused
 from scipy.ndimage import distance_transform_edt
 
+from cutbench.emulator.process import GaussianProcess, Kernel
 from cutbench.maps.agreement import agreement
-from cutbench.maps.boundary import SURE, Seeker, distances, margin, softened
+from cutbench.maps.boundary import SURE, Seeker, distances, margin, margins_between, softened
 from cutbench.maps.dataset import LABELS, build_map, load_map, row_of
-from cutbench.maps.emulator import Emulator, Kernel, cost
 from cutbench.maps.study import load_study
 from cutbench.maps.sweep import run_study
 
@@ -209,27 +209,14 @@ def test_distances_count_from_between_the_regimes():
     assert np.isinf(distances(~np.zeros((2, 2), dtype=bool))).all()
 
 
-def test_the_likelihood_has_the_gradient_it_says():
+def test_the_sign_of_a_margin_is_taken_for_certain():
     rng = np.random.default_rng(0)
-    x = rng.random((20, 2))
-    y = np.tanh(3 * (x[:, 0] - x[:, 1] ** 2))
-    gaps = [(x[:, k][:, None] - x[:, k]) ** 2 for k in range(2)]
-    at = np.log([0.8, 0.4, 0.7, 1e-3])
-    slope = cost(at, gaps, y)[1]
-    for k in range(4):
-        step = np.zeros(4)
-        step[k] = 1e-5
-        difference = (cost(at + step, gaps, y)[0] - cost(at - step, gaps, y)[0]) / 2e-5
-        assert slope[k] == pytest.approx(difference, rel=1e-5)
-
-
-def test_an_emulator_goes_through_its_values_and_is_unsure_between_them():
-    x = np.array([[0.0], [0.5], [1.0]])
-    emulator = Emulator(x, np.array([-1.0, 0.2, 1.0]), Kernel(1.0, (0.3,), 1e-6))
-    np.testing.assert_allclose(emulator.mean(x), [-1.0, 0.2, 1.0], atol=1e-4)
-    assert emulator.spread(x).max() < 5e-3 < emulator.spread(np.array([[0.25]]))[0]
-    with pytest.raises(ValueError, match="one"):
-        Emulator(np.zeros((0, 2)), np.zeros(0))
+    x = rng.random((40, 2))
+    y = np.tanh(3 * (x[:, 0] - 0.5)) + 0.3 * rng.standard_normal(40)
+    rough = Kernel((0.8, 0.8), 0.3)
+    smooth = GaussianProcess(x, y, kernel=rough, trend="none")
+    assert ((smooth.mean(x) >= 0) != (y >= 0)).any()
+    assert ((margins_between(x, y, rough).mean(x) >= 0) == (y >= 0)).all()
 
 
 @pytest.mark.parametrize("adhesion", [0.0, 0.0106, 0.187])

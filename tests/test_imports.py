@@ -22,6 +22,7 @@ ROOMS = (
     "models2d",
     "models3d",
     "run",
+    "emulator",
     "maps",
     "data",
     "calibration",

@@ -144,6 +144,14 @@ def powers_of(unit: str) -> tuple[float, float]:
     return mass, time + 2 * mass
 
 
+def dimensions_of(unit: str) -> tuple[float, float, float]:
+    """Powers of force, length and time in ``unit``, where these are all there is: 1, -1 and 0 of J/m^2."""
+    if unit in ("1", "deg"):
+        return 0.0, 0.0, 0.0
+    force, time = powers_of(unit)
+    return force, float(ureg.Unit(unit).dimensionality.get("[length]", 0)) - force, time
+
+
 def parse_quantity(raw: object, unit: str, *, file: str | None = None, key: str = "") -> float:
     """Value of ``raw`` in ``unit``. ``"1"`` stands for a dimensionless number.
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from cutbench.maps.emulator import Emulator, Kernel
+from cutbench.emulator.process import GaussianProcess, Kernel
 from cutbench.maps.sampling import coarse_to_fine
 
 #: Two-sided 95 % of a normal distribution: what "sure" means.
@@ -28,6 +28,10 @@ _REFIT = 1.1
 _PROBES = 4
 #: Steepest rise of the margin, over the whole of an axis, that is taken as it is.
 STEEPEST = 14.0
+#: Length along which margins are expected to change, in parts of the box, and bounds of their size.
+EXPECTED, SIZES = 0.5, (0.2, 3.0)
+#: So often at most margins on the wrong side of zero are given less freedom.
+_SIGN_ROUNDS = 4
 #: Lattices larger than this are judged, and asked for, at every second point only.
 _DENSE = 8000
 
@@ -97,19 +101,19 @@ class Seeker:
         room = min(self._batch, self._runs - len(self._asked))
         if room <= 0:
             return []
-        emulator = self._emulator(known, stand_ins=True)
-        if emulator is None:
+        process = self._between(known, stand_ins=True)
+        if process is None:
             return []
         judged = self._judged
-        mean = emulator.mean(self._places[judged])
-        spread = emulator.spread(self._places[judged])
+        mean = process.mean(self._places[judged])
+        spread = process.spread(self._places[judged])
         away = self._away(mean)
         doubt = SURE * spread - np.abs(mean)
         free = ~np.isin(judged, self._asked)
         if ((doubt > 0) & (away > 1)).any():
             self._clean, self._expected = 0, {}
             pool = np.flatnonzero((doubt > 0) & free)
-            chosen = self._spread_out(emulator, pool, mean, spread, room)
+            chosen = self._spread_out(process, pool, mean, spread, room)
             return self._hand_out(judged[chosen])
         # It seems known. A process may be too sure of itself: try both sides of the boundary where
         # runs are far, and stop when they hold no surprise.
@@ -124,7 +128,7 @@ class Seeker:
             return []
         near = (away > 0.6) & (away < 1.3) if np.isfinite(away).any() else np.ones(len(judged), dtype=bool)
         pool = np.flatnonzero(near & free)
-        chosen = self._spread_out(emulator, pool, 0 * mean, spread, room)
+        chosen = self._spread_out(process, pool, 0 * mean, spread, room)
         self._expected = {int(judged[k]): bool(mean[k] >= 0) for k in chosen}
         return self._hand_out(judged[chosen])
 
@@ -134,18 +138,18 @@ class Seeker:
         May be asked at any moment: the search goes on as if it had not been.
         """
         before = self._kernel, self._fitted
-        emulator = self._emulator(known, stand_ins=False)
+        process = self._between(known, stand_ins=False)
         self._kernel, self._fitted = before
-        if emulator is None:
+        if process is None:
             flat = np.zeros(self.shape)
             return BoundaryEstimate(flat, flat + 1, np.ones(self.shape, dtype=bool))
-        mean = emulator.mean(self._places)
-        spread = emulator.spread(self._places)
+        mean = process.mean(self._places)
+        spread = process.spread(self._places)
         away = distances(mean.reshape(self.shape) >= 0).ravel() / 2
         unsure = (SURE * spread > np.abs(mean)) & (away > 1)
         return BoundaryEstimate(*(part.reshape(self.shape) for part in (mean, spread, unsure)))
 
-    def _emulator(self, known: Mapping[Index, float], *, stand_ins: bool) -> Emulator | None:
+    def _between(self, known: Mapping[Index, float], *, stand_ins: bool) -> GaussianProcess | None:
         """Through the margins; ``stand_ins``: and at runs that failed, or were not cut, through what is
         expected there, so that the search does not ask for their neighbours again and again."""
         good = [(i, m) for i, m in known.items() if not math.isnan(m)]
@@ -156,37 +160,37 @@ class Seeker:
         values = softened(at, np.array([m for _, m in good]))
         if self._kernel is None or len(good) > _REFIT * self._fitted:
             self._fitted = len(good)
-            emulator = Emulator(at, values)
-            self._kernel = emulator.kernel
+            process = margins_between(at, values)
+            self._kernel = process.kernel
         else:
-            emulator = Emulator(at, values, self._kernel)
+            process = margins_between(at, values, self._kernel)
         failed = sorted(i for i, m in known.items() if math.isnan(m))
         if not (stand_ins and failed):
-            return emulator
+            return process
         there = self._places[self._flat(np.array(failed))]
-        return Emulator(
-            np.concatenate([at, there]), np.concatenate([values, emulator.mean(there)]), self._kernel
+        return margins_between(
+            np.concatenate([at, there]), np.concatenate([values, process.mean(there)]), self._kernel
         )
 
     def _spread_out(
-        self, emulator: Emulator, pool: np.ndarray, mean: np.ndarray, spread: np.ndarray, count: int
+        self, process: GaussianProcess, pool: np.ndarray, mean: np.ndarray, spread: np.ndarray, count: int
     ) -> list[int]:
         """``count`` of ``pool``, each the most doubtful once those before it are known."""
         if pool.size > 3000:
             pool = pool[np.argsort(np.abs(mean[pool]) - SURE * spread[pool], kind="stable")[:3000]]
-        kernel = emulator.kernel
+        kernel = process.kernel
         at = self._places[self._judged[pool]]
-        data = emulator.influence(at)
-        left = (spread[pool] / kernel.amplitude) ** 2
+        data = process.influence(at)
+        left = (spread[pool] / process.size) ** 2
         chosen: list[int] = []
         open_ = np.ones(pool.size, dtype=bool)
         for _ in range(min(count, pool.size)):
-            score = SURE * kernel.amplitude * np.sqrt(np.maximum(left, 0)) - np.abs(mean[pool])
+            score = SURE * process.size * np.sqrt(np.maximum(left, 0)) - np.abs(mean[pool])
             k = int(np.argmax(np.where(open_, score, -np.inf)))
             open_[k] = False
             chosen.append(int(pool[k]))
             shared = kernel.correlation(at, at[k : k + 1])[:, 0] - data.T @ data[:, k]
-            alone = max(left[k], 0) + kernel.scatter + 1e-9
+            alone = max(left[k], 0) + kernel.nugget + 1e-9
             data = np.vstack([data, shared / math.sqrt(alone)])
             left = left - shared**2 / alone
         return chosen
@@ -202,6 +206,32 @@ class Seeker:
     def _hand_out(self, flat: np.ndarray) -> list[Index]:
         self._asked += [int(i) for i in flat]
         return [tuple(map(int, self._index[i])) for i in flat]
+
+
+def margins_between(x: np.ndarray, y: np.ndarray, kernel: Kernel | None = None) -> GaussianProcess:
+    """The process through margins, far from which nothing is known.
+
+    The sign of a margin is taken for certain, whatever differs from run to run: where margins jump, a
+    process that smooths would else put runs on the wrong side of zero.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n, d)
+        Places in the unit box.
+    y : ndarray, shape (n,)
+        Margins.
+    kernel : Kernel, optional
+        The likeliest unless given.
+    """
+    made = GaussianProcess(x, y, kernel=kernel, lengths=(EXPECTED,) * x.shape[1], trend="none", sizes=SIZES)
+    noise = np.full(y.size, made.kernel.nugget)
+    for _ in range(_SIGN_ROUNDS):
+        wrong = (made.mean(x) >= 0) != (y >= 0)
+        if not wrong.any():
+            break
+        noise[wrong] = np.minimum(noise[wrong], 1e-3) / 100
+        made = GaussianProcess(x, y, kernel=made.kernel, noise=noise, trend="none", sizes=(made.size,) * 2)
+    return made
 
 
 def softened(at: np.ndarray, margins: np.ndarray) -> np.ndarray:

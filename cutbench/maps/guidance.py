@@ -1,7 +1,7 @@
 """From a map to a decision: a material's regime, how far the other is, and which change gets it there.
 
 The margins of a map's runs are put through the same Gaussian process that seeks boundaries
-(``cutbench.maps.emulator``); a change of a material is a path over the map's axes, followed until the
+(``cutbench.emulator``); a change of a material is a path over the map's axes, followed until the
 process says that it has crossed.
 """
 
@@ -19,10 +19,9 @@ from cutbench.base.errors import BadInput
 from cutbench.case.case import Case, load_case
 from cutbench.case.model import levers
 from cutbench.maps.axes import Axis, places, values_on
-from cutbench.maps.boundary import SURE, margin, softened
+from cutbench.maps.boundary import SURE, margin, margins_between, softened
 from cutbench.maps.cases import case_on, physics_on
 from cutbench.maps.dataset import LABELS, MapRow, axes_of, axis_of, places_of, regime_of, row_of
-from cutbench.maps.emulator import Emulator
 from cutbench.maps.uncertainty import MODEL, NUMERICS, ratio, reach, strips_of, undecided
 from cutbench.run.measures import ABRUPT, SMOOTH, UNCUT, UNDECIDED
 from cutbench.run.result import Result
@@ -132,7 +131,7 @@ class Reader:
             nearest = np.argsort(np.abs(y), kind="stable")
             chosen = np.sort(np.concatenate([nearest[: _MOST // 2], nearest[_MOST // 2 :: 7][: _MOST // 2]]))
             x, y = x[chosen], y[chosen]
-        self._emulator = Emulator(x, softened(x, y))
+        self._between = margins_between(x, softened(x, y))
 
     def inside(self, at: dict[str, float]) -> bool:
         """Whether a place is on the map."""
@@ -141,7 +140,7 @@ class Reader:
     def margin(self, at: list[dict[str, float]]) -> tuple[np.ndarray, np.ndarray]:
         """Margin and its standard deviation (n,) at places by axis name."""
         x = np.array([[float(self._of[a.name](np.array(p[a.name]))) for a in self.free] for p in at])
-        return self._emulator.mean(x), self._emulator.spread(x)
+        return self._between.mean(x), self._between.spread(x)
 
 
 def margins_of(data: xr.Dataset) -> np.ndarray:

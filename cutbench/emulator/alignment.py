@@ -1,0 +1,181 @@
+"""Curves of cuts, laid over each other with the beginnings of their cuts at one place.
+
+A force rises until the cut begins, and drops: between two curves that drop at different depths lies one that
+drops at a depth between, not half of each. So curves are aligned (registration: Ramsay & Li 1998,
+10.1111/1467-9868.00129): until the cut begins along parts of the way to it, from then on along the travel
+beyond. Where it begins, what is before and what is beyond are a process each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutbench.emulator.process import GaussianProcess
+
+#: A part of the usual largest force: a force below counts as it is, one above by its logarithm.
+SMALL = 0.05
+#: A cut that did not begin begins beyond its end by this part, at the least.
+BEYOND = 0.01
+#: More curves than coordinates, beside the trend, before a process says anything.
+SPARE = 3
+#: Places that differ by less are one.
+SAME = 1e-9
+#: Groups of curves that reach equally far beyond their onsets.
+REACHES = 6
+
+
+@dataclass(frozen=True)
+class Course:
+    """A computed curve: travel ``x`` (n,), ``force`` (n,), and where the cut begins, ``onset``; nan where it
+    does not."""
+
+    x: np.ndarray
+    force: np.ndarray
+    onset: float
+
+
+class AlignedCurves:
+    """Curves at places, and what lies between them.
+
+    Parameters
+    ----------
+    X : ndarray, shape (n, d)
+        Places.
+    courses : sequence of Course
+        One at each; in whatever units, the same for all.
+    x : ndarray, shape (k,)
+        Travels, ascending from 0, at which curves are said.
+
+    Raises
+    ------
+    ValueError
+        If there are too few places for their dimension.
+    """
+
+    def __init__(self, X: np.ndarray, courses: Sequence[Course], x: np.ndarray):
+        if len(X) < X.shape[1] + 1 + SPARE:
+            raise ValueError(f"{len(X)} curves are too few for {X.shape[1]} coordinates")
+        self.x, self.X, self.courses = x, X, courses
+        self.small = SMALL * float(np.median([np.abs(c.force).max() for c in courses]))
+        begun = np.isfinite([c.onset for c in courses])
+        self._onset, at = _onsets(X, courses, begun, x[-1])
+        #: Parts of the way to the onset, and the travel beyond it.
+        self.part, self.beyond = np.linspace(0, 1, x.size), np.linspace(0, x[-1], x.size)
+        rising = np.array([_read(self.part[1:] * o, c) for o, c in zip(at, courses, strict=True)])
+        self._before = _Curves(X, np.arcsinh(rising / self.small))
+        self._after: _Curves | None = None
+        if self._onset is not None:
+            after = [_read(self.beyond + o, c) for o, c, b in zip(at, courses, begun, strict=True) if b]
+            self._after = _Curves(X[begun], np.arcsinh(np.array(after) / self.small))
+
+    def mean(self, places: np.ndarray) -> np.ndarray:
+        """Forces (p, k) that are smooth in the places (p, d)."""
+        at = self.onset(places)
+        rising = self._force(self._before.mean(places))
+        rising = np.concatenate([np.zeros((len(places), 1)), rising], axis=1)
+        found = np.stack([np.interp(self.x, self.part * o, f) for o, f in zip(at, rising, strict=True)])
+        if self._after is not None and (at < self.x[-1]).any():
+            after = self._force(self._after.mean(places))
+            for i, o in enumerate(at):
+                there = self.x > o
+                found[i, there] = np.interp(self.x[there] - o, self.beyond, after[i])
+        return found
+
+    def onset(self, places: np.ndarray) -> np.ndarray:
+        """Travels (p,) at which the cuts begin at places (p, d); the last where none begins."""
+        if self._onset is None:
+            return np.full(len(places), self.x[-1])
+        return np.exp(np.clip(self._onset.mean(places), -50, 50))
+
+    def computed(self, place: np.ndarray) -> np.ndarray | None:
+        """The force (k,) of the run at a place (d,); None where there is none."""
+        same = np.flatnonzero(np.abs(self.X - place).max(axis=1, initial=0.0) <= SAME)
+        return _read(self.x, self.courses[same[0]]) if same.size else None
+
+    def root(self, place: np.ndarray, runs: bool = True) -> np.ndarray:
+        """Root (k, r) of the error's covariance at a place (d,): of what a run there would give, or of the
+        smooth part."""
+        (o,), (force,) = self.onset(place[None]), self.mean(place[None])
+        beyond = self.x > o
+        parts = [_over(self.part[1:] * o, self._before.root(place, runs), np.where(beyond, np.nan, self.x))]
+        slope = np.gradient(force, self.x)
+        if self._onset is not None:
+            if beyond.any():
+                after = np.where(beyond, self.x, np.nan)
+                parts.append(_over(self.beyond + o, self._after.root(place, runs), after))
+            # A shift of the onset takes along what is beyond, and stretches what is before.
+            shift = self._onset.spread(place[None], runs)[0] * np.minimum(self.x, o)
+            parts.append((slope * shift / np.hypot(force, self.small))[:, None])
+        return np.hypot(force, self.small)[:, None] * np.hstack(parts)
+
+    def _force(self, values: np.ndarray) -> np.ndarray:
+        return np.sinh(np.clip(values, -50, 50)) * self.small
+
+
+def _onsets(
+    X: np.ndarray, courses: Sequence[Course], begun: np.ndarray, end: float
+) -> tuple[GaussianProcess | None, np.ndarray]:
+    """The process of the onset's logarithm, None where too few cuts begin; and all onsets (n,)."""
+    if begun.sum() < X.shape[1] + 1 + SPARE:
+        return None, np.full(len(X), end)
+    values = np.log([c.onset if b else np.nan for c, b in zip(courses, begun, strict=True)])
+    last = np.log([(1 + BEYOND) * c.x[-1] for c in courses])
+    process = GaussianProcess(X[begun], values[begun])
+    for _ in range(2 if not begun.all() else 0):
+        values[~begun] = np.maximum(process.mean(X[~begun]), last[~begun])
+        process = GaussianProcess(X, values)
+    return process, np.exp(values)
+
+
+class _Curves:
+    """A process of curves ``Y`` (n, m) that may end early, in nan: a value is said from the curves that reach
+    it, and as the last one that enough of them reach."""
+
+    def __init__(self, X: np.ndarray, Y: np.ndarray):
+        count = np.isfinite(Y).sum(axis=0)
+        few = X.shape[1] + 1 + SPARE
+        last = int(np.flatnonzero(count >= min(few, count[0])).max()) + 1
+        self.size = Y.shape[1]
+        levels = np.unique(np.linspace(count[0], count[last - 1], REACHES).astype(int))[::-1]
+        self.blocks: list[tuple[slice, GaussianProcess]] = []
+        first, kernel = 0, None
+        for level in levels:
+            stop = int(np.flatnonzero(count[:last] >= level).max()) + 1
+            if stop <= first:
+                continue
+            rows = np.isfinite(Y[:, stop - 1])
+            made = GaussianProcess(X[rows], Y[rows, first:stop], kernel=kernel)
+            kernel = kernel or made.kernel
+            self.blocks.append((slice(first, stop), made))
+            first = stop
+
+    def mean(self, places: np.ndarray) -> np.ndarray:
+        """(p, m)."""
+        found = np.concatenate([made.mean(places) for _, made in self.blocks], axis=1)
+        return np.pad(found, ((0, 0), (0, self.size - found.shape[1])), mode="edge")
+
+    def root(self, place: np.ndarray, runs: bool) -> np.ndarray:
+        """(m, r); blocks err each by itself."""
+        parts = [made.shapes * made.spread(place[None], runs)[0] for _, made in self.blocks]
+        root = np.zeros((self.size, sum(part.shape[1] for part in parts)))
+        column = 0
+        for (where, _), part in zip(self.blocks, parts, strict=True):
+            root[where, column : column + part.shape[1]] = part
+            column += part.shape[1]
+        end = self.blocks[-1][0].stop
+        root[end:] = root[end - 1]
+        return root
+
+
+def _read(at: np.ndarray, c: Course) -> np.ndarray:
+    """The curve at travels, nan beyond its end."""
+    return np.where(at <= c.x[-1] * (1 + 1e-9), np.interp(at, c.x, c.force), np.nan)
+
+
+def _over(way: np.ndarray, root: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """``root`` (n, r), along ``way`` (n,), at the travels ``at`` (k,); 0 where these are nan."""
+    read = np.stack([np.interp(at, way, column) for column in root.T], axis=1)
+    return np.where(np.isnan(at)[:, None], 0.0, read)

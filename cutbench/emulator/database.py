@@ -1,0 +1,228 @@
+"""The cuts that were computed, and the emulator that they make."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+
+from cutbench.base.errors import BadInput
+from cutbench.case.case import Case
+from cutbench.case.model import Model
+from cutbench.emulator.alignment import SPARE, AlignedCurves, Course
+from cutbench.emulator.groups import Coordinate, Groups, same
+
+#: Travels at which curves are said.
+PLACES = 80
+
+
+@dataclass(frozen=True)
+class Run:
+    """A computed cut: its case, travel ``x`` (n,) in mm, ``force`` (n,) in N, and where its cut begins."""
+
+    case: Case
+    x: np.ndarray
+    force: np.ndarray
+    onset_mm: float = math.nan
+
+
+@dataclass
+class RunDatabase:
+    """All cuts that are known, in whatever order they were computed."""
+
+    runs: list[Run] = field(default_factory=list)
+
+    def add(self, case: Case, course: np.ndarray, onset_mm: float = math.nan) -> None:
+        """Take up a run.
+
+        Parameters
+        ----------
+        case : Case
+            What was computed.
+        course : ndarray, shape (2, n) or (3, n)
+            Travel in mm and force in N.
+        onset_mm : float
+            Where the cut begins; nan where it does not.
+        """
+        if course.shape[1] > 1 and Groups.of(case) is not None:
+            self.runs.append(Run(case, course[0], course[1], onset_mm))
+
+    def emulator(self, cases: Sequence[Case], free: Collection[str]) -> CutEmulator | None:
+        """What cuts like ``cases`` give with any values of the parameters that are ``free``.
+
+        Parameters
+        ----------
+        cases : sequence of Case
+            One of each test: of the same model, at the test's speed and depth, with its sizes and blade.
+        free : collection of str
+            Parameters whose values will differ from those of the cases.
+
+        Returns
+        -------
+        CutEmulator or None
+            None where too few runs are known.
+        """
+        try:
+            return CutEmulator(self.runs, cases, free)
+        except ValueError:
+            return None
+
+
+class CutEmulator:
+    """Forces of cuts that were not computed, from those that were; see ``RunDatabase.emulator``.
+
+    Raises
+    ------
+    ValueError
+        If too few runs are known, or their values do not tell what a free parameter does.
+    """
+
+    def __init__(self, runs: Sequence[Run], cases: Sequence[Case], free: Collection[str]):
+        first = cases[0]
+        groups = Groups.of(first)
+        if groups is None or any(c.mechanisms != first.mechanisms for c in cases):
+            raise ValueError("no units")
+        self.groups, self.model = groups, first.model
+        may_differ = (groups.loose | {*free}) & {*groups.powers}
+        ends = [c.values["depth"] / groups.length(c.values) for c in cases]
+        asked = [groups.reduced(c.values) for c in cases]
+        known: list[tuple[Run, dict[str, float], Mapping[str, float]]] = []
+        for run in runs:
+            values = _seen_as(run.case, first)
+            if values is None or run.x[-1] / groups.length(values) < min(ends) * (1 - 1e-9):
+                continue
+            seen = groups.reduced(values)
+            fixed = (n for n in seen if n not in may_differ)
+            if all(any(same(seen[n], a[n]) for a in asked) for n in fixed):
+                known.append((run, seen, values))
+        self.coordinates, columns = self._columns(may_differ, asked, [seen for _, seen, _ in known], first)
+        if len(known) < len(self.coordinates) + 1 + SPARE:
+            raise ValueError("too few runs")
+        courses = [
+            Course(run.x / groups.length(v), run.force / groups.force(v), run.onset_mm / groups.length(v))
+            for run, _, v in known
+        ]
+        self.x = np.linspace(0.0, max(ends), PLACES + 1)
+        self.curves = AlignedCurves(np.stack(columns, axis=1), courses, self.x)
+
+    @staticmethod
+    def _columns(
+        may_differ: Collection[str],
+        asked: Sequence[Mapping[str, float]],
+        known: Sequence[Mapping[str, float]],
+        case: Case,
+    ) -> tuple[list[Coordinate], list[np.ndarray]]:
+        """The coordinates along which cuts differ, and those of the known runs (n,) along each."""
+        groups, parameters = Groups.of(case), case.model.parameters()
+        assert groups is not None, "asked before"
+        coordinates: list[Coordinate] = []
+        columns: list[np.ndarray] = []
+        for name in (n for n in asked[0] if n in may_differ):
+            coordinate = Coordinate.of(parameters[name], groups, case.values)
+            column = coordinate.of_values(np.array([seen[name] for seen in known]))
+            has, there = np.isfinite(column), coordinate.of_values(np.array([a[name] for a in asked]))
+            column = np.where(has, column, np.mean(column[has]) if has.any() else there[0])
+            every = np.append(column, there)
+            if np.ptp(every) <= 1e-9 * max(np.abs(every).max(), 1.0):
+                continue
+            if np.ptp(column) == 0:
+                raise ValueError(f"no run tells what {name} does")
+            if not any(_straight(column, other) for other in columns):
+                coordinates.append(coordinate)
+                columns.append(column)
+        return coordinates, columns
+
+    @property
+    def count(self) -> int:
+        """How many runs it knows."""
+        return len(self.curves.courses)
+
+    def travel(self, values: Mapping[str, float]) -> np.ndarray:
+        """Travels (k,) in mm at which the forces of a cut with ``values`` are said."""
+        return self.x * self.groups.length(values)
+
+    def forces(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:
+        """Forces of cuts.
+
+        Parameters
+        ----------
+        each : sequence of mapping
+            Of p cuts all values, internal units.
+
+        Returns
+        -------
+        ndarray, shape (p, k)
+            N, at ``travel``; smooth in the values.
+        """
+        return self.curves.mean(self._places(each)) * self._units(each)[:, None]
+
+    def computed(self, values: Mapping[str, float]) -> np.ndarray | None:
+        """The force (k,) of the run with these values; None if there is none."""
+        found = self.curves.computed(self._places([values])[0])
+        return None if found is None else found * self._units([values])[0]
+
+    def slopes(self, values: Mapping[str, float], names: Sequence[str]) -> np.ndarray:
+        """Derivatives (k, len(names)) of the forces by parameters, internal units: differences over a step
+        that is short beside the distance of runs."""
+        known, moved, changes = self.model.parameters(), [], []
+        for name in names:
+            q = known[name]
+            size = max(abs(values[name]), 1e-3 * abs(q.typical * q.factor)) or 1.0
+            low, high = (float(np.clip(values[name] + s * 1e-3 * size, *q.bounds)) for s in (-1, 1))
+            moved += [{**values, name: low}, {**values, name: high}]
+            changes.append(high - low)
+        if not names:
+            return np.zeros((self.x.size, 0))
+        forces = self.forces(moved)
+        return ((forces[1::2] - forces[::2]) / np.array(changes)[:, None]).T
+
+    def root(self, values: Mapping[str, float], runs: bool = True) -> np.ndarray:
+        """Root (k, r), in N, of the covariance of what a run with these values would have and is not said; of
+        the smooth part alone without ``runs``. It is 0 where there is such a run."""
+        place = self._places([values])[0]
+        if runs and self.curves.computed(place) is not None:
+            return np.zeros((self.x.size, 1))
+        return self.curves.root(place, runs) * self._units([values])[0]
+
+    def onset_mm(self, values: Mapping[str, float]) -> float:
+        """Where the cut begins; beyond the depth where it does not."""
+        return float(self.curves.onset(self._places([values]))[0] * self.groups.length(values))
+
+    def _places(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:
+        reduced = [self.groups.reduced(values) for values in each]
+        columns = [c.of_values(np.array([r[c.name] for r in reduced])) for c in self.coordinates]
+        return np.stack(columns, axis=1) if columns else np.zeros((len(each), 0))
+
+    def _units(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:
+        return np.array([self.groups.force(values) for values in each])
+
+
+def _straight(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether two columns (n,) change together in proportion, so that one says all of the other."""
+    a, b = one - one.mean(), other - other.mean()
+    return bool(abs(a @ b) >= (1 - 1e-9) * np.linalg.norm(a) * np.linalg.norm(b))
+
+
+@lru_cache
+def _grows(mechanisms: tuple[str, ...], wanted: tuple[str, ...]) -> bool:
+    """Whether the model of ``mechanisms`` is the one that is ``wanted`` with some of its laws switched off,
+    or in place of what is a special case of them; whatever their rigs."""
+    mine, other = (Model(names).unrigged for names in (mechanisms, wanted))
+    try:
+        grown, _ = mine.extended(*(name for name in other.mechanisms if name not in mine.mechanisms))
+    except BadInput:
+        return False
+    return {*grown.mechanisms} == {*other.mechanisms}
+
+
+def _seen_as(run: Case, wanted: Case) -> dict[str, float] | None:
+    """The values of a run as one of the model of ``wanted``, nan where they have no effect; None if it is
+    none, or was computed otherwise."""
+    alike = all(getattr(run, name) == getattr(wanted, name) for name in ("dim", "numerics", "outline"))
+    if not alike or run.motion or not _grows(run.mechanisms, wanted.mechanisms):
+        return None
+    new = {n: q for n, q in wanted.model.parameters().items() if n not in run.values}
+    return {**run.values, **{n: math.nan if q.off is None else q.off_value for n, q in new.items()}}
