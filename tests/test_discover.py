@@ -185,6 +185,15 @@ def test_discovery_json_has_its_keys(gent, tmp_path):
     assert {"experiment", "from_mm", "to_mm", "bias_N", "z"} <= wrong.keys() and abs(wrong["z"]) > 3
 
 
+@pytest.mark.parametrize(("p", "significant"), [(0.004, True), (0.007, False), (0.2, False)])
+def test_the_page_calls_a_remainder_what_the_report_does(gent, p, significant):
+    _, d = gent
+    *before, last = d.rounds
+    left = replace(d, rounds=(*before, replace(last, scores=replace(last.scores, p_residual=p))))
+    assert ("Nothing beyond" in page(left)) != significant
+    assert to_dict(left)["residual"]["extended"]["significant"] == significant
+
+
 def test_the_page_stands_alone(gent):
     _, d = gent
     text = page(d)

@@ -11,7 +11,15 @@ from cutbench.base.files import replacing, write_json
 from cutbench.calibration.case_file import write_case
 from cutbench.discovery.figures import curves, ranking, svg
 from cutbench.discovery.outcome import Discovery
-from cutbench.discovery.report import GAIN, called, estimates, gain_sentence, to_dict, verdict_sentence
+from cutbench.discovery.report import (
+    GAIN,
+    called,
+    estimates,
+    gain_sentence,
+    remains,
+    to_dict,
+    verdict_sentence,
+)
 from cutbench.discovery.where import Section
 
 _SAID = {
@@ -140,7 +148,7 @@ def _numerical(d: Discovery) -> str:
 
 def _remains(d: Discovery) -> str:
     last = d.rounds[-1].scores
-    nothing = last.p_residual >= 0.01
+    nothing = not remains(d)
     return (
         f"<p>{'Nothing beyond' if nothing else 'More than'} the scatter: χ² = {last.chi2:.0f}, data that the"
         f" model describes have {last.expected:.0f} on average.</p>"

@@ -64,7 +64,7 @@ def verdict_sentence(d: Discovery) -> str:
     first = d.telling.accepted or ""
     others = [n for n in d.telling.group if family_of(n) != family_of(first) and n not in d.found]
     physics = any(cause_of(n) == "mechanism" for n in d.found)
-    part = "A part of what" if _remains(d) and d.rest > PART else "What"
+    part = "A part of what" if remains(d) and d.rest > PART else "What"
     text = f"{part} the baseline {'lacks' if physics else 'gets wrong'} is {names}"
     if others:
         it = called(first) if len(d.found) > 1 else "it"
@@ -72,7 +72,7 @@ def verdict_sentence(d: Discovery) -> str:
     return " ".join([text + ".", *(meaning(n) for n in d.found), *_shares(d)])
 
 
-def _remains(d: Discovery) -> bool:
+def remains(d: Discovery) -> bool:
     """Whether what was found leaves more than scatter."""
     return d.rounds[-1].scores.p_residual < CHANCE
 
@@ -83,7 +83,7 @@ def _shares(d: Discovery) -> list[str]:
     if len(d.causes) > 1:
         each = [f"{c.name} {c.alone.percent}" for c in d.causes if c.alone is not None]
         words.append(f"Beside the others each gains on held-out data: {', '.join(each)}.")
-    if _remains(d):
+    if remains(d):
         id, part = max(d.final.misfit.items(), key=lambda item: item[1])
         words.append(
             f"{100 * d.rest:.0f} % of what was wrong remains, in '{id}' {100 * part:.2g} % of its maximum."
