@@ -70,13 +70,12 @@ def measured(
     count: int, seed: int, peer_s: float | None, older: Path | None = None, **changes: object
 ) -> dict:
     """Run them, one after the other, in ``older`` files beside. RuntimeError where a process crashes."""
-    todo = jobs(count, seed, **changes)
-    sides = [timed(todo)] if older is None else [timed(todo), timed(todo, older)]
     runs: list[dict] = []
     beside: list[dict] = []
-    for k, (run, *others) in enumerate(zip(*sides, strict=True)):
-        runs.append(run)
-        beside += others
+    for k, job in enumerate(jobs(count, seed, **changes)):
+        runs += timed([job])
+        others = [] if older is None else list(timed([job], older))
+        run, beside = runs[-1], beside + others
         text = "".join(f", {other['cpu_s']:.1f} s older" for other in others)
         print(f"{k + 1}/{count}: {run['cpu_s']:.1f} s{text}, {run['message']}", file=sys.stderr, flush=True)
     found = {**summary(runs, peer_s), "seed": seed, "runs": runs}

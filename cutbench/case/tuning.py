@@ -73,7 +73,7 @@ class StepTuning:
 class NewtonTuning:
     """Newton's method, its regularisation and its line search. Lengths in mm."""
 
-    stagnant: float = 1e-7
+    stagnant: float = 1e-6
     """Residual that is accepted where rounding keeps it from falling further."""
     iterations: int = 60
     """At the most: a step that needs more is cheaper in two."""

@@ -294,6 +294,11 @@ class March:
             return self.window.solved(straight, last, states, step, self.newton)
         except BadGuess:
             return straight
+        except NoConvergence:
+            # The whole may yield where a part does not. A shorter step is cheaper, where there is one.
+            if abs(step.centre[1] - step.centre_old[1]) > self.rules.finest:
+                raise
+            return None
         finally:
             self.problem.timer.add("window", began)
 
