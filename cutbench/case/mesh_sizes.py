@@ -26,8 +26,10 @@ def under_tip(numerics: Numerics, thickness: float, radius: float) -> float:
 
 
 def on_plane(numerics: Numerics, thickness: float, radius: float) -> float:
-    """Size of a section's elements on the cut plane below where it surges, for such a blade, in mm."""
-    return numerics.h_mm * min(1.0, numerics.tuning.mesh.sharp * radius / thickness)
+    """Size of a section's elements on the cut plane at the most, mm, for a blade so thick with an edge of
+    that ``radius``: ``h`` where sizes there were chosen."""
+    sharp = 1.0 if numerics.shallow else min(1.0, numerics.tuning.mesh.sharp * radius / thickness)
+    return numerics.h_mm * sharp
 
 
 def near_blade(numerics: Numerics, thickness: float, radius: float) -> dict[str, Any]:

@@ -236,10 +236,10 @@ class MeshTuning:
     """And so many of them at least to the radius of the blade's edge, which bends the surface over as short a
     way, but not below this part of h."""
     sharp: float = 6.0
-    """Elements of a section are h on the cut plane under an edge as round as the thickness over this, as the
-    default's is, and under a sharper one smaller by as much. With h, gelatin's steady force under a wedge
-    with an edge of 50 µm is 5 % too large, and a step in six is refused, for the front jumps from element to
-    element."""
+    """Where no size is chosen on the cut plane, elements of a section are h there under an edge as round as
+    the thickness over this, as the default's is, and under a sharper one smaller by as much. With h,
+    gelatin's steady force under a wedge with an edge of 50 µm is 5 % too large, and a step in six is refused,
+    for the front jumps from element to element."""
     shallow: tuple[float, float] = (1 / 4, 1 / 11.2)
     """The same where the cut surges."""
     reach: float = 6 / 7
