@@ -149,7 +149,8 @@ def dimensions_of(unit: str) -> tuple[float, float, float]:
     if unit in ("1", "deg"):
         return 0.0, 0.0, 0.0
     force, time = powers_of(unit)
-    return force, float(ureg.Unit(unit).dimensionality.get("[length]", 0)) - force, time
+    powers: Mapping[str, Any] = ureg.Unit(unit).dimensionality
+    return force, float(powers.get("[length]", 0)) - force, time
 
 
 def parse_quantity(raw: object, unit: str, *, file: str | None = None, key: str = "") -> float:

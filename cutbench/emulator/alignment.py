@@ -103,7 +103,7 @@ class AlignedCurves:
         parts = [_over(self.part[1:] * o, self._before.root(place, runs), np.where(beyond, np.nan, self.x))]
         slope = np.gradient(force, self.x)
         if self._onset is not None:
-            if beyond.any():
+            if beyond.any() and self._after is not None:
                 after = np.where(beyond, self.x, np.nan)
                 parts.append(_over(self.beyond + o, self._after.root(place, runs), after))
             # A shift of the onset takes along what is beyond, and stretches what is before.

@@ -20,6 +20,7 @@ from cutbench.case.case import Case
 from cutbench.forms.space import Space
 from cutbench.run.build import ORDER, Built, build, geometry_of
 from cutbench.solver.march import Accepted, Progress
+from cutbench.solver.problem import QUIET
 
 
 def lengths(case: Case) -> tuple[float, float]:
@@ -153,7 +154,8 @@ def _misfits(old: Space, new: Space, u: np.ndarray, most: float) -> np.ndarray:
 def _stored(built: Built, u: np.ndarray, states: dict[str, dict]) -> float:
     """Energy of a state, of the meshed part."""
     problem = built.problem
-    return sum(form.stored(u, problem.p, states[form.name]) for form in problem.forms)
+    with QUIET():  # a new mesh may hold the state with elements inside out, and is not taken then
+        return sum(form.stored(u, problem.p, states[form.name]) for form in problem.forms)
 
 
 @dataclass(frozen=True)
