@@ -85,11 +85,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--json", type=Path, metavar="FILE")
     asked = parser.parse_args(argv)
     check_json(parser, asked.json)
-    runs, rows = [], []
+    runs: list[dict] = []
+    rows = []
     for run in timed(list(jobs(asked.refined))):
-        base = run if run["told"]["numerics"] == "defaults" else base  # noqa: F821
         runs.append(run)
-        rows.append(row(run, base))
+        rows.append(row(run, next(r for r in reversed(runs) if r["told"]["numerics"] == "defaults")))
         print("  ".join(rows[-1]), run["message"], file=sys.stderr, flush=True)
     print(table(rows, COLUMNS, left=4))
     if asked.json is not None:

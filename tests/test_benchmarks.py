@@ -15,7 +15,7 @@ from types import SimpleNamespace
 import pytest
 
 from benchmarks import __main__ as bench
-from benchmarks import one_run, page, peer, tools, transition
+from benchmarks import edges, one_run, page, peer, tools, transition
 from cutbench.base.threads import ONE_THREAD
 from cutbench.case.case import load_case
 from cutbench.run.build import build
@@ -103,6 +103,22 @@ def test_points_of_the_transition_lie_in_their_box():
     for side in transition.BOX:
         low, high = side.low * (1 - 1e-5), side.high * (1 + 1e-5)
         assert len(set(values[side.name])) == 5 and all(low <= value <= high for value in values[side.name])
+
+
+def test_sharp_blades_are_those_that_are_named_and_finer_numerics_are_finer():
+    jobs = list(edges.jobs(refined=True))
+    cases = [load_case(job["material"], job["changes"]) for job in jobs]
+    for k in range(0, len(cases), 4):
+        base, elements, steps, damage = (case.numerics for case in cases[k : k + 4])
+        assert "wedge" in cases[k].mechanisms and cases[k].values["edge_radius"] in (0.05, 0.02)
+        assert elements.h_mm == base.h_mm / 2 and steps.step_mm == base.step_mm / 2
+        assert damage.damage_step == pytest.approx(base.damage_step / 3)
+    cohesions = {round(case.groups()["(G_c/delta_c)/G"], 3) for case in cases if case.name == "meat"}
+    assert {30.0, 40.0} < cohesions and len(cohesions) == 3
+    record = {"material": "meat", "cpu_s": 1.0, "steps": 3, "rejected_steps": 0, "closure": 0.0,
+              "onset_mm": 2.0, "peak_N": None, "drop_rel": 0.1, "told": jobs[1]["told"]}  # fmt: skip
+    moved = edges.row(record, {**record, "onset_mm": 1.0, "drop_rel": 0.2})
+    assert moved[-3:] == ["+100.0%", "", "-0.100"]
 
 
 def command(*args):

@@ -185,7 +185,7 @@ class BladeForm(Form):
         push, turn = self._inward(u, place) if self._material else (n, ())
         parts, by_rate = np.zeros((0, 0)), np.zeros(0)
         if self.frictions:
-            parts, by_rate = self._strengths.at(place, n, met.slip, p, state, step, real)
+            parts, _ = self._strengths.at(place, n, met.slip, p, state, step, False)
         f = place.faces
         slip, stick = met.slip, place.stick
         if not real:
@@ -200,8 +200,10 @@ class BladeForm(Form):
         pressed(contact, slides, Found.of(vector))
 
         def slopes() -> np.ndarray:
-            matrix = np.zeros((nd, nd, nf))
-            pressed(contact, slides, Found.of(np.zeros((nd, nf)), matrix))
+            matrix, rated = np.zeros((nd, nd, nf)), by_rate
+            if self.frictions:
+                _, rated = self._strengths.at(place, n, met.slip, p, state, step, True)
+            pressed(contact, slides._replace(by_rate=rated), Found.of(np.zeros((nd, nf)), matrix))
             for dt, dN in zip(turn, f.dN, strict=False):
                 K = sandwich(dt * (t_N.reshape(f.w.shape) * f.w), f.N[:, :, None] * dN[:, None])
                 matrix[:, :, met.near] -= K.reshape(nd, nd, -1)

@@ -32,8 +32,6 @@ CORRECTION = 0.1
 #: Unknowns of a solid above which keeping a factorization gains anything; above which the symmetric part's,
 #: which PARDISO has in three fifths of the time and half of the memory, makes up for its iterations.
 SMALL, LARGE = 5_000, 15_000
-#: Unknowns of a section above which its symmetric part is factorized in place of the whole.
-FEW = 500
 #: Iterations after which a kept factorization is older than it is worth, in one solution; and in all of them
 #: together what a new one costs, which would need one in each.
 OLD, WORTH = 5, 25
@@ -52,7 +50,7 @@ def solver_for(name: str, indptr, indices, n: int, symmetric: bool, modes: np.nd
     factorizations (``kept``). The iterative ones have methods ``direction`` and ``correction`` beside
     ``solve``, less exact and cheaper. Raises BadInput for ``multigrid`` without PyAMG.
     """
-    if name in ("auto", "pardiso") and modes is None and not symmetric and n > FEW:
+    if name in ("auto", "pardiso") and modes is None and not symmetric:
         with suppress(ValueError, SingularMatrix):  # what has another pattern than its transpose; no PARDISO
             return Halved(indptr, indices, n)
     if name == "auto" and modes is not None and n > SMALL:

@@ -87,7 +87,8 @@ class Pardiso:
                 kind = _mkl.MTYPE_REAL_SYM_INDEF if self._symmetric else _mkl.MTYPE_REAL_NONSYM
                 self._solver = _analyzed(matrix, kind, iparms)
             else:
-                self._solver.refactor_values(data)
+                again = "refactor_values" if hasattr(self._solver, "refactor_values") else "refactor"
+                getattr(self._solver, again)(data)
         except RuntimeError as error:
             self._solver = None
             raise SingularMatrix(str(error)) from error
@@ -108,6 +109,8 @@ class Pardiso:
 def _analyzed(matrix: sp.csr_matrix, kind: int, iparms: dict[int, int]):
     """PARDISO with the ``matrix`` factorized. The package's own front end looks at each row of it in Python,
     which takes three times as long as PARDISO."""
+    if not hasattr(_mkl, "_PardisoSolver"):  # it is the package's own affair what stands behind
+        return _mkl.PardisoSolver(matrix, kind, iparms=iparms)
     solver = _mkl._PardisoSolver(kind, 0)
     for index, value in iparms.items():
         solver.set_iparm(index, value)
