@@ -38,9 +38,10 @@ class StepTuning:
     gentle: float = 0.03
     """Below this step, where Newton's method fails, a snap has begun."""
     finest: float = 5e-3
-    """Below this step growth of damage refuses none, nor does a window that does not converge by itself, and
-    one whose energy does not close is taken where damping has been raised in vain. Refused further down, what jumps was damped: under a wedge with an edge
-    of 50 µm gelatin's drop was then 0.25 with a ``damage_step`` of 0.1, and 0.45 with 0.7."""
+    """Below this step growth of damage refuses none, nor does a front that is not found by itself, and one
+    whose energy does not close is taken where damping has been raised in vain. Refused further down, what
+    jumps was damped: under a wedge with an edge of 50 µm gelatin's drop was then 0.25 with a ``damage_step``
+    of 0.1, and 0.45 with 0.7."""
     patience: int = 40
     """Refused steps after which shorter ones are not tried, but damping: a crawl at the smallest step costs a
     thousand steps a tenth of a millimetre."""

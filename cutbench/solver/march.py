@@ -284,8 +284,8 @@ class March:
         return left < as_before
 
     def _improved(self, straight, known, last, states, step) -> np.ndarray | None:
-        """A better prediction than ``straight``: what is ``known``, or what the front's own solution says. None
-        where the last state is better to begin from."""
+        """A better prediction than ``straight``: what is ``known``, or what the front's own solution says.
+        None where the last state is better to begin from."""
         if known is not None:
             return known
         if straight is None or self.window is None:
