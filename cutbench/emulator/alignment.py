@@ -90,10 +90,10 @@ class AlignedCurves:
             return np.full(len(places), self.x[-1])
         return np.exp(np.clip(self._onset.mean(places), -50, 50))
 
-    def computed(self, place: np.ndarray) -> np.ndarray | None:
-        """The force (k,) of the run at a place (d,); None where there is none."""
+    def computed(self, place: np.ndarray) -> Course | None:
+        """The run at a place (d,); None where there is none."""
         same = np.flatnonzero(np.abs(self.X - place).max(axis=1, initial=0.0) <= SAME)
-        return _read(self.x, self.courses[same[0]]) if same.size else None
+        return self.courses[same[0]] if same.size else None
 
     def root(self, place: np.ndarray, runs: bool = True) -> np.ndarray:
         """Root (k, r) of the error's covariance at a place (d,): of what a run there would give, or of the

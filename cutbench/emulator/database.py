@@ -159,10 +159,12 @@ class CutEmulator:
         """
         return self.curves.mean(self._places(each)) * self._units(each)[:, None]
 
-    def computed(self, values: Mapping[str, float]) -> np.ndarray | None:
-        """The force (k,) of the run with these values; None if there is none."""
+    def computed(self, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray] | None:
+        """Travel (n,) in mm and force (n,) in N of the run with these values; None if there is none."""
         found = self.curves.computed(self._places([values])[0])
-        return None if found is None else found * self._units([values])[0]
+        if found is None:
+            return None
+        return found.x * self.groups.length(values), found.force * self._units([values])[0]
 
     def slopes(self, values: Mapping[str, float], names: Sequence[str]) -> np.ndarray:
         """Derivatives (k, len(names)) of the forces by parameters, internal units: differences over a step

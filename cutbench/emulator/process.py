@@ -178,7 +178,7 @@ class GaussianProcess:
     def shapes(self) -> np.ndarray:
         """Root (m, k) of the covariance among the values of a curve, far from all places."""
         found, vectors = np.linalg.eigh(self._fit.between)
-        kept = found > max(1e-6 * found[-1], 0.0)
+        kept = found > max(1e-4 * found[-1], 0.0)
         return vectors[:, kept] * np.sqrt(found[kept])
 
     def influence(self, at: np.ndarray) -> np.ndarray:
