@@ -42,8 +42,10 @@ class DesignSettings:
         Places of the box that are looked at with the emulator.
     starts : int
         The best of them, from which a maximum is looked for.
-    rounds : int
-        So often at most cuts are computed at the place that was found.
+    near : float
+        Half of the box's side where a place is near already.
+    rounds, again : int
+        So often at most cuts are computed at the place that was found; ``again`` from a place that is near.
     gained : float
         It is found when the log posterior grows by less, where cuts were computed.
     """
@@ -54,7 +56,9 @@ class DesignSettings:
     each: int = 4
     places: int = 256
     starts: int = 3
+    near: float = 0.3
     rounds: int = 8
+    again: int = 3
     gained: float = 0.5
 
 
@@ -153,10 +157,16 @@ def estimate(
     q = np.zeros(len(posterior.parameters)) if start is None else start
     if not cuts:
         return _best(posterior, [q, *_elsewhere(posterior, q)])
-    q, low, high = _box(posterior, q, start is not None)
-    _design(posterior, cuts, q, low, high, on_progress)
-    found = _best(posterior, _places(posterior, q, low, high))
-    for turn in range(DESIGN.rounds):
+    if start is None:
+        q, low, high = _box(posterior, q)
+        _design(posterior, cuts, q, low, high, on_progress)
+        found = _best(posterior, _places(posterior, q, low, high))
+    else:
+        low, high = _beside(posterior, q)
+        if not said(posterior, q):
+            _design(posterior, cuts, q, low, high, on_progress, part=0.4)
+        found = _best(posterior, [q])
+    for turn in range(DESIGN.rounds if start is None else DESIGN.again):
         on_progress(
             turn,
             DESIGN.rounds,
@@ -169,7 +179,8 @@ def estimate(
             half = (high - low) / 4
             low, high = np.minimum(low, found.q - half), np.maximum(high, found.q + half)
             _design(posterior, cuts, found.q, found.q - half, found.q + half, on_progress, part=0.4)
-        again = _best(posterior, [found.q, *_places(posterior, found.q, low, high)])
+        elsewhere = _places(posterior, found.q, low, high) if start is None else []
+        again = _best(posterior, [found.q, *elsewhere])
         if not edge.any() and again.log_posterior - exact.log_posterior < DESIGN.gained:
             break
         found = again
@@ -182,11 +193,30 @@ def estimate(
     return exact
 
 
-def _box(posterior: Posterior, q: np.ndarray, near: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _beside(posterior: Posterior, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A small box about a place that is near already; a strength from off to twice what is proposed."""
+    low, high = posterior.bounds
+    half = np.full(q.size, DESIGN.near)
+    for k, u in enumerate(posterior.parameters):
+        if not u.logarithmic:
+            half[k] = max(abs(q[k] - posterior.centres[k]), 0.5 * DESIGN.near)
+    return np.maximum(q - half, low), np.minimum(q + half, high)
+
+
+def said(posterior: Posterior, q: np.ndarray) -> bool:
+    """Whether enough cuts are known for the model to say anything."""
+    try:
+        posterior.evaluate(q)
+    except NotKnown:
+        return False
+    return True
+
+
+def _box(posterior: Posterior, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Where cuts are worth computing, as far as tests that have a formula say: a place, and the ends."""
     half = np.full(q.size, DESIGN.reach)
     exact = tuple(e for e in posterior.tests if e.kind != "cut")
-    if exact and not near:
+    if exact:
         campaign = posterior.predictions.campaign
         alone = replace(campaign, experiments=exact)
         p = posterior.predictions

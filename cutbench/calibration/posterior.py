@@ -40,12 +40,15 @@ class EstimationSettings:
         So many steps at most are made with one covariance, and so often at most it is found anew.
     still : float
         They are found when no parameter moves by more than this part of its own standard deviation.
+    absurd : float
+        A prediction that is so many times the largest reading counts as none.
     """
 
     broad: float = 3.0
     steps: int = 8
     turns: int = 8
     still: float = 0.1
+    absurd: float = 1e4
 
 
 SETTINGS = EstimationSettings()
@@ -141,6 +144,9 @@ class Posterior:
             mine = self.mine[e.id]
             names = tuple(dict.fromkeys(self.parameters[k].name for k in mine))
             p = self.predictions.predict(e, self.values(e, q), names)
+            largest = SETTINGS.absurd * np.abs(self.predictions.grids[e.id].mean).max()
+            if not (np.isfinite(p.slopes).all() and np.abs(p.y).max() < largest):
+                raise ComputationFailed(f"'{e.id}': what is predicted makes no sense")
             mesh = self.mesh_error(e, p.y)
             y[e.id] = p.y + mesh.shift
             error[e.id] = p.root @ p.root.T + mesh.covariance

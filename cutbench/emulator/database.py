@@ -6,6 +6,7 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from cutbench.case.case import Case
 from cutbench.case.model import Model
 from cutbench.emulator.alignment import SPARE, AlignedCurves, Course
 from cutbench.emulator.groups import Coordinate, Groups, same
+from cutbench.mechanisms.base import Mechanism
 
 #: Travels at which curves are said.
 PLACES = 80
@@ -34,6 +36,7 @@ class RunDatabase:
     """All cuts that are known, in whatever order they were computed."""
 
     runs: list[Run] = field(default_factory=list)
+    _curves: dict[tuple, AlignedCurves] = field(default_factory=dict)
 
     def add(self, case: Case, course: np.ndarray, onset_mm: float = math.nan) -> None:
         """Take up a run.
@@ -66,13 +69,14 @@ class RunDatabase:
             None where too few runs are known.
         """
         try:
-            return CutEmulator(self.runs, cases, free)
+            return CutEmulator(self.runs, cases, free, self._curves)
         except ValueError:
             return None
 
 
 class CutEmulator:
-    """Forces of cuts that were not computed, from those that were; see ``RunDatabase.emulator``.
+    """Forces of cuts that were not computed, from those that were; see ``RunDatabase.emulator``. Models that
+    differ in what is no part of a cut have the same ``curves``.
 
     Raises
     ------
@@ -80,22 +84,31 @@ class CutEmulator:
         If too few runs are known, or their values do not tell what a free parameter does.
     """
 
-    def __init__(self, runs: Sequence[Run], cases: Sequence[Case], free: Collection[str]):
+    def __init__(
+        self,
+        runs: Sequence[Run],
+        cases: Sequence[Case],
+        free: Collection[str],
+        curves: dict[tuple, AlignedCurves] | None = None,
+    ):
         first = cases[0]
         groups = Groups.of(first)
         if groups is None or any(c.mechanisms != first.mechanisms for c in cases):
             raise ValueError("no units")
         self.groups, self.model = groups, first.model
-        may_differ = (groups.loose | {*free}) & {*groups.powers}
+        # A law that does what another value does is that value: it is no coordinate.
+        self._equal = [law for law in first.model.all if type(law).like is not Mechanism.like]
+        other_words = {q.name for law in self._equal for q in law.parameters}
+        may_differ = (groups.loose | {*free}) & {*groups.powers} - other_words
         ends = [c.values["depth"] / groups.length(c.values) for c in cases]
-        asked = [groups.reduced(c.values) for c in cases]
+        asked = [groups.reduced(self._plain(c.values)) for c in cases]
         known: list[tuple[Run, dict[str, float], Mapping[str, float]]] = []
         for run in runs:
             values = _seen_as(run.case, first)
             if values is None or run.x[-1] / groups.length(values) < min(ends) * (1 - 1e-9):
                 continue
-            seen = groups.reduced(values)
-            fixed = (n for n in seen if n not in may_differ)
+            seen = groups.reduced(values := self._plain(values))
+            fixed = (n for n in seen if n not in may_differ | other_words)
             if all(any(same(seen[n], a[n]) for a in asked) for n in fixed):
                 known.append((run, seen, values))
         self.coordinates, columns = self._columns(may_differ, asked, [seen for _, seen, _ in known], first)
@@ -106,7 +119,11 @@ class CutEmulator:
             for run, _, v in known
         ]
         self.x = np.linspace(0.0, max(ends), PLACES + 1)
-        self.curves = AlignedCurves(np.stack(columns, axis=1), courses, self.x)
+        made, X = {} if curves is None else curves, np.stack(columns, axis=1)
+        key = tuple(c.name for c in self.coordinates), X.tobytes(), float(self.x[-1])
+        if key not in made:
+            made[key] = AlignedCurves(X, courses, self.x)
+        self.curves = made[key]
 
     @staticmethod
     def _columns(
@@ -134,6 +151,16 @@ class CutEmulator:
                 coordinates.append(coordinate)
                 columns.append(column)
         return coordinates, columns
+
+    def _plain(self, values: Mapping[str, float]) -> Mapping[str, float]:
+        """``values`` as a model without the laws that do what another value does has them."""
+        for law in self._equal:
+            on = any(
+                q.off is not None and values.get(q.name, q.off_value) != q.off_value for q in law.parameters
+            )
+            if on:
+                values = {**values, **law.like(SimpleNamespace(**values))}
+        return values
 
     @property
     def count(self) -> int:
@@ -194,12 +221,12 @@ class CutEmulator:
         return float(self.curves.onset(self._places([values]))[0] * self.groups.length(values))
 
     def _places(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:
-        reduced = [self.groups.reduced(values) for values in each]
+        reduced = [self.groups.reduced(self._plain(values)) for values in each]
         columns = [c.of_values(np.array([r[c.name] for r in reduced])) for c in self.coordinates]
         return np.stack(columns, axis=1) if columns else np.zeros((len(each), 0))
 
     def _units(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:
-        return np.array([self.groups.force(values) for values in each])
+        return np.array([self.groups.force(self._plain(values)) for values in each])
 
 
 def _straight(one: np.ndarray, other: np.ndarray) -> bool:
