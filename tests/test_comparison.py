@@ -64,3 +64,8 @@ def test_candidates_of_one_class_are_a_group_and_the_evidence_orders_them():
     evidence = [c.evidence for c in step.compared]
     assert evidence == sorted(evidence, reverse=True)
     assert all(c.convincing for c in step.group)
+
+
+def test_a_strength_without_an_upper_bound_is_fitted():
+    found = compared("viscous_degraded", "joint", False)
+    assert found.verdict == "mechanism" and family_of(found.found[0].name) == family_of("viscous_degraded")

@@ -367,7 +367,7 @@ def _extended(null: Estimated, s: Score) -> tuple[Posterior, np.ndarray]:
     fixed = post.predictions.campaign.plan.fixed
     new, centres, widths, start = [], [], [], []
     for q, strength in zip(c.strengths, s.strengths, strict=True):
-        low, high = (np.clip(b, -1e300, 1e300) for b in q.bounds)
+        low, high = q.bounds
         value = float(np.clip(q.off_value + strength, low, high))
         u = Unknown(q, value if c.slot == FIXED else q.off_value, low, high)
         new.append(u)
