@@ -56,12 +56,19 @@ class Answer:
 
     @classmethod
     def of(cls, d: Discovery) -> Answer:
-        groups = tuple(tuple({*r.group, r.accepted}) for r in d.rounds if r.accepted)
-        both = d.first.tests.keys() & d.final.tests.keys()
+        grids, before, after = {}, {}, {}
+        for e in d.campaign.test:
+            try:
+                pair = [fitted.predicted(e).y for fitted in (d.first, d.final) if fitted is not None]
+            except ComputationFailed:
+                continue
+            if len(pair) == 2:
+                before[e.id], after[e.id] = pair
+                grids[e.id] = d.first.posterior.predictions.grids[e.id]
         stated = (d.clean.value, d.clean.low, d.clean.high) if d.clean else None
-        grids = {id: d.first.inverse.grids[id] for id in both}
         intervals = {e.label: (e.low, e.high) for e in d.fit.estimates}
-        return cls(d.verdict, d.found, groups, stated, grids, d.first.tests, d.final.tests, intervals)
+        groups = tuple(f.group for f in d.found)
+        return cls(d.verdict, d.names, groups, stated, grids, before, after, intervals)
 
 
 def judge(truth: Truth, a: Answer) -> dict:
@@ -128,7 +135,7 @@ def searched(truth: Truth, folder: Path, workers: int, limit_s: float, on_progre
         said = {**judge(truth, nothing), "ended": str(error)}
     return {
         **about, **said, "seconds": time.perf_counter() - began, "cpu_s": sum(os.times()[:4]) - cpu,
-        "runs": len({file.name.partition("-")[0] for file in folder.glob("*.npz")}),
+        "runs": len(list(folder.glob("??/*"))),
     }  # fmt: skip
 
 

@@ -15,8 +15,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "base.errors": ["BadInput", "ComputationFailed", "CutbenchError"],
-        "calibration.fitted": ["Fit"],
-        "calibration.fitting": ["fit"],
+        "calibration.fitting": ["Fit", "fit"],
         "case.case": ["Case", "known_materials", "load_case"],
         "case.model": ["DEFAULT", "PAPER", "Model"],
         "case.numerics": ["Numerics"],

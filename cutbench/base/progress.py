@@ -66,8 +66,12 @@ class Clock:
         if text == COMPILING:
             self._first = None
             return ""
-        since, before = self._first = self._first or (now, done)
-        if not math.isfinite(total) or done <= before:
+        if not math.isfinite(done + total):
+            return ""
+        if self._first is None or done < self._first[1]:  # another part has begun
+            self._first = now, done
+        since, before = self._first
+        if done == before:
             return ""
         return duration((now - since) / (done - before) * max(total - done, 0.0))
 

@@ -1,6 +1,8 @@
-"""Calibration: what a model says an experiment reads, how much each reading counts, the best parameters.
+"""Calibration: what a model says a test reads, how much each reading counts, the most probable parameters.
 
-``homogeneous`` computes tests that need no mesh through the mechanism files of the runs.
+``prediction`` answers for any test, ``posterior`` has the one likelihood of all of them, ``estimation`` finds
+its maximum, and ``fitting`` says it with intervals. ``homogeneous`` computes tests that need no mesh through the
+mechanism files of the runs.
 """
 
 import lazy_loader
@@ -8,8 +10,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "fitted": ["Fit"],
-        "fitting": ["fit"],
+        "fitting": ["Fit", "fit"],
         "identifiability": ["Identifiability", "identifiability"],
         "report": ["summary", "write_fit"],
     },

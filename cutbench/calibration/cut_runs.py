@@ -1,35 +1,170 @@
-"""Cuts that are computed for a fit or a search, and the database of the emulator that they make."""
+"""Cuts that a fit or a search computes, in the store of runs, and the database of the emulator that they make.
+
+A search that was stopped goes on from its store, and so does a fit; the runs of a sweep in the same store count
+as well. What a rig does to the record is no part of a run.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import hashlib
+import json
+import zipfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.base.files import replacing
 from cutbench.base.progress import ALWAYS
-from cutbench.calibration.kept import Ran, ran
 from cutbench.case.case import Case
+from cutbench.data.experiment import Experiment
+from cutbench.data.field_comparison import at_travel, sample, sampled_slopes
 from cutbench.emulator import RunDatabase
 from cutbench.run.pool.job import Job
 from cutbench.run.pool.pool import TaskPool
+from cutbench.run.result import Outcome, Result
+from cutbench.run.runner import run_case
 from cutbench.run.sensitivity import Added
+from cutbench.run.store.runs import Store
 
-Compute = Callable[..., Ran]
+COURSE = ("displacement_mm", "force_N", "time_s")
+_UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile)
+Derivatives = tuple[Mapping[str, np.ndarray], Sequence[Mapping[str, np.ndarray]]]
+
+
+@dataclass(frozen=True)
+class ComputedCut:
+    """What a fit needs of a run.
+
+    Attributes
+    ----------
+    course : ndarray, shape (3, n)
+        Travel in mm, force in N and time in s.
+    outcome : Outcome
+        How it ended.
+    onset_mm : float
+        Where the cut begins; nan where it does not.
+    slopes : mapping
+        By name, derivatives (n,) of the force, internal units.
+    by_added : sequence of mapping
+        The same by the strengths of laws that the run lacks.
+    fields, field_slopes : ndarray, shape (f,), (f, k)
+        Displacements in mm at the places of measured fields, and their derivatives by ``slopes``' names.
+    """
+
+    course: np.ndarray
+    outcome: Outcome
+    onset_mm: float
+    slopes: Mapping[str, np.ndarray] = field(default_factory=dict)
+    by_added: Sequence[Mapping[str, np.ndarray]] = ()
+    fields: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    field_slopes: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+
+    @classmethod
+    def of(cls, result: Result) -> ComputedCut:
+        """Of a run, without fields."""
+        course = np.stack([result.curve[name] for name in COURSE])
+        onset = result.measures.get("onset_mm", float("nan"))
+        return cls(course, result.outcome, onset, result.sensitivities, result.by_added)
+
+
+def without_rig(case: Case) -> Case:
+    """``case`` without its rig: what the specimen and the blade do is the same."""
+    rig = {q.name for law in case.model.laws("rig") for q in law.parameters}
+    if not rig:
+        return case
+    values = {name: value for name, value in case.values.items() if name not in rig}
+    return replace(case, mechanisms=case.model.unrigged.mechanisms, values=values)
+
+
+def compute_cut(
+    case: Case, names: Sequence[str], added: Sequence[Added], folder: Path | None
+) -> ComputedCut:
+    """The run of ``case`` with derivatives, out of the store in ``folder`` or computed and left there. Raises
+    BadInput, ComputationFailed."""
+    store = None if folder is None else Store(folder)
+    keys = [*names, *(_key(each) for each in added)]
+    if store is not None and (old := store.get(case.id)) is not None:
+        found = ComputedCut.of(old)
+        if not keys:
+            return found
+        if (known := _derivatives(store.path(case.id), names, added)) is not None:
+            return replace(found, slopes=known[0], by_added=known[1])
+    result = run_case(case, sensitivities=names, added=added)
+    if store is not None and store.put(result, replace=bool(keys)) and keys:
+        _keep(store.path(case.id), result, added)
+    return ComputedCut.of(result)
+
+
+def _key(added: Added) -> str:
+    return "-".join([without_rig(added.case).id, *sorted(added.names)])
+
+
+def _derivatives(home: Path, names: Sequence[str], added: Sequence[Added]) -> Derivatives | None:
+    """Those that lie in an entry of the store, where they have all that is asked for."""
+    for path in sorted(home.glob("derivatives-*.npz")):
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                by_name = {name: data[f"by {name}"] for name in names}
+                keys = [_key(each) for each in added]
+                by_added = [
+                    {name: data[f"{key} by {name}"] for name in each.names}
+                    for key, each in zip(keys, added, strict=True)
+                ]
+                return by_name, by_added
+        except _UNREADABLE:
+            continue
+    return None
+
+
+def _keep(home: Path, result: Result, added: Sequence[Added]) -> None:
+    arrays = {f"by {name}": values for name, values in result.sensitivities.items()}
+    for each, by in zip(added, result.by_added, strict=True):
+        arrays |= {f"{_key(each)} by {name}": values for name, values in by.items()}
+    digest = hashlib.sha256(json.dumps(sorted(arrays)).encode()).hexdigest()[:8]
+    with replacing(home / f"derivatives-{digest}.npz") as draft:
+        np.savez_compressed(draft, **arrays)  # type: ignore[arg-type]
+
+
+def compute_fields(case: Case, names: Sequence[str], e: Experiment) -> ComputedCut:
+    """The run of ``case`` with the displacement fields of a test, and their derivatives by ``names``.
+
+    Pictures are not stored. One step before each field is kept too: between the two, displacements are
+    interpolated. Raises BadInput, ComputationFailed.
+    """
+    asked = [f.travel_mm for f in e.fields]
+    wanted = sorted({max(mm - back, 0.0) for mm in asked for back in (case.numerics.step_mm, 0.0)})
+    result = run_case(case, sensitivities=names, snapshots_mm=wanted)
+    u, by = [], []
+    for measured in e.fields:
+        picture = at_travel(result.snapshots, measured.travel_mm)
+        there = np.full(measured.u.size, np.nan) if picture is None else sample(picture, measured).u.ravel()
+        slopes = np.zeros((measured.u.size, len(names)))
+        if picture is not None:
+            slopes = sampled_slopes(picture, measured, names).reshape(measured.u.size, -1)
+        u.append(there)
+        by.append(slopes)
+    return replace(ComputedCut.of(result), fields=np.concatenate(u), field_slopes=np.concatenate(by))
+
+
+Compute = Callable[[Case, Sequence[str], Sequence[Added], Path | None], ComputedCut]
 
 
 class CutRuns:
-    """Computes cuts on a pool's processes and remembers them.
+    """Computes cuts on a pool's processes, and remembers them.
 
     Parameters
     ----------
     pool : TaskPool
         Where they are computed.
     folder : Path, optional
-        What was computed before lies there, and what is computed now is left there.
+        The store of runs: what is there is not computed again.
     check : callable
         Called now and then; may raise KeyboardInterrupt.
     compute : callable
-        Computes a cut as ``cutbench.calibration.kept.ran`` does.
+        Computes a cut as ``compute_cut`` does.
 
     Attributes
     ----------
@@ -46,15 +181,26 @@ class CutRuns:
         pool: TaskPool,
         folder: Path | None = None,
         check: Callable[[], None] = ALWAYS,
-        compute: Compute = ran,
+        compute: Compute = compute_cut,
     ):
         self.database, self.count, self.failed = RunDatabase(), 0, dict[str, str]()
         self._pool, self._folder, self._check, self._compute = pool, folder, check, compute
-        self._known: dict[str, tuple[tuple[str, ...], tuple[Added, ...], Ran]] = {}
+        self._known: dict[str, tuple[tuple[str, ...], tuple[str, ...], ComputedCut]] = {}
+        self.on_run: Callable[[], None] = lambda: None
+        if folder is not None and folder.is_dir():
+            for result in Store(folder):
+                # Another version's run is of another computation, and has another id.
+                if result.outcome.done and result.case.id == result.id:
+                    self._take(result.case, ComputedCut.of(result))
+
+    def known(self, case: Case) -> ComputedCut | None:
+        """The run of ``case``; None where it was not computed."""
+        found = self._known.get(case.id)
+        return None if found is None else found[2]
 
     def __call__(
         self, cases: Sequence[Case], names: Sequence[str] = (), added: Sequence[Added] = ()
-    ) -> list[Ran | None]:
+    ) -> list[ComputedCut | None]:
         """Compute cuts.
 
         Parameters
@@ -70,17 +216,36 @@ class CutRuns:
         -------
         list
             In the order of the cases; None for one that falls short, whose reason is in ``failed``.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            If it is stopped.
         """
-        jobs, wanted = [], {}
+        keys, wanted = tuple(_key(each) for each in added), dict[str, Case]()
         for case in cases:
             known = self._known.get(case.id)
-            if known is None or not ({*names} <= {*known[0]} and len(added) <= len(known[1])):
+            if known is None or not ({*names} <= {*known[0]} and keys == known[1][: len(keys)]):
                 wanted.setdefault(case.id, case)
-        asked = tuple(names), tuple(added)
-        jobs = [Job(id, _computed, (case, *asked, self._folder, self._compute)) for id, case in wanted.items()
-                if id not in self.failed]  # fmt: skip
+        self._run(
+            wanted, [Job(id, self._compute, (case, tuple(names), tuple(added), self._folder))
+                     for id, case in wanted.items() if id not in self.failed], keys,
+        )  # fmt: skip
+        return [self.known(case) for case in cases]
+
+    def with_fields(self, case: Case, names: Sequence[str], e: Experiment) -> ComputedCut | None:
+        """The run of a test whose displacement fields were measured, with these."""
+        known = self._known.get(case.id)
+        if known is None or not known[2].fields.size or not {*names} <= {*known[0]}:
+            self._run({case.id: case}, [Job(case.id, compute_fields, (case, tuple(names), e))], ())
+        return self.known(case)
+
+    def _run(self, wanted: Mapping[str, Case], jobs: Sequence[Job], keys: tuple[str, ...]) -> None:
         self.count += len(jobs)
-        done = {each.key: each for each in self._pool.run(iter(jobs), self._check)}
+        done = {}
+        for each in self._pool.run(iter(jobs), self._check):
+            done[each.key] = each
+            self.on_run()
         # In their own order, whichever ended first: what is said from them is then the same every time.
         for job in jobs:
             try:
@@ -93,13 +258,9 @@ class CutRuns:
             if not found.outcome.done:
                 self.failed[str(job.key)] = str(found.outcome)
                 continue
-            if str(job.key) not in self._known:
-                self.database.add(wanted[str(job.key)], found.course, found.onset_mm)
-            self._known[str(job.key)] = *asked, found
-        return [self._known[c.id][2] if c.id in self._known else None for c in cases]
+            self._take(wanted[str(job.key)], found, keys)
 
-
-def _computed(
-    case: Case, names: Sequence[str], added: Sequence[Added], folder: Path | None, compute: Compute
-) -> Ran:
-    return compute(case, names, added, folder)
+    def _take(self, case: Case, found: ComputedCut, keys: tuple[str, ...] = ()) -> None:
+        if case.id not in self._known:
+            self.database.add(case, found.course, found.onset_mm)
+        self._known[case.id] = tuple(found.slopes), keys, found

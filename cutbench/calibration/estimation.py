@@ -2,15 +2,15 @@
 
 Tests that have a formula are asked first, and say where cuts are worth computing. Cuts fill that box; the
 emulator says what all others would give, so that the best place is looked for everywhere in it, and from
-there by derivatives. A cut is computed at the place that was found, told to the emulator, and the place
-looked for again, until what was predicted and what is computed agree.
+there by derivatives. Cuts are computed at the place that was found, and about it as far as it may still be
+off, told to the emulator, and the place looked for again, until what was predicted and what is computed agree.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.stats import qmc
@@ -18,54 +18,28 @@ from scipy.stats import qmc
 from cutbench.base.errors import ComputationFailed
 from cutbench.base.progress import OnProgress, silent
 from cutbench.calibration import mesh_error
-from cutbench.calibration.identifiability import worth_it
-from cutbench.calibration.posterior import Estimated, MeshError, Posterior
-from cutbench.calibration.predict import NotKnown, Predictions
+from cutbench.calibration.cut_runs import ComputedCut, CutRuns
+from cutbench.calibration.identifiability import identifiable
+from cutbench.calibration.mesh_error import field_block
+from cutbench.calibration.posterior import Estimated, LinearFields, MeshError, Posterior
+from cutbench.calibration.prediction import STEEPEST, NotKnown
+from cutbench.calibration.settings import SETTINGS
 from cutbench.data.covariance import Covariance
+from cutbench.data.discrepancy import misfit
 from cutbench.data.experiment import Experiment
+from cutbench.data.fields import laid_out
+
+#: Places of the box that are looked at with the emulator, and the best of them, from which a maximum is looked
+#: for; so many starts has a model whose tests all have formulas.
+PLACES, STARTS = 256, 3
+#: So often at most cuts are computed at the best place where a place is near already.
+NEAR = 3
+#: Half of the sides of a box about a place that other tests, or another model's fit, say: so many standard
+#: deviations of theirs, between a sixth and the box without them.
+DEVIATIONS, LEAST = 2.5, 0.15
 
 
-@dataclass(frozen=True)
-class DesignSettings:
-    """How many cuts a fit computes, and where.
-
-    Attributes
-    ----------
-    reach : float
-        Half of the box's side before any test says more, as a logarithm or in units of the start: a factor of
-        two and a half, as far as a person's guess may be off.
-    deviations : float
-        Half of it where tests with a formula do, in standard deviations.
-    first, each : int
-        Cuts of the first design: so many, and so many more for each parameter.
-    places : int
-        Places of the box that are looked at with the emulator.
-    starts : int
-        The best of them, from which a maximum is looked for.
-    near : float
-        Half of the box's side where a place is near already.
-    rounds, again : int
-        So often at most cuts are computed at the place that was found; ``again`` from a place that is near.
-    gained : float
-        It is found when the log posterior grows by less, where cuts were computed.
-    """
-
-    reach: float = 0.9
-    deviations: float = 2.5
-    first: int = 6
-    each: int = 4
-    places: int = 256
-    starts: int = 3
-    near: float = 0.3
-    rounds: int = 8
-    again: int = 3
-    gained: float = 0.5
-
-
-DESIGN = DesignSettings()
-
-
-def choose(posterior: Posterior, asked: Sequence[str] = ()) -> tuple[Posterior, dict[str, str]]:
+def choose(posterior: Posterior, asked: Sequence[str] = ()) -> tuple[Posterior, dict[str, str], np.ndarray]:
     """Leave at their start the parameters that the data do not tell there.
 
     Parameters
@@ -81,57 +55,64 @@ def choose(posterior: Posterior, asked: Sequence[str] = ()) -> tuple[Posterior, 
         With the others.
     dict
         By label, why a parameter was left.
+    ndarray, shape (M, k)
+        Whitened derivatives of all readings at the start, by all parameters.
     """
     J, residual, y = {}, {}, {}
+    q, cuts = np.zeros(len(posterior.parameters)), posterior.runs_wanted
+    exact = dict(zip([e.id for e in cuts], _exact(posterior, cuts, q), strict=True))
     for e in posterior.tests:
-        J[e.id], y[e.id] = _derivatives(posterior, e)
+        if e.id in exact:
+            y[e.id], J[e.id] = exact[e.id]
+        else:
+            at = posterior.evaluate(q, [e])
+            y[e.id], J[e.id] = at.y[e.id], at.J[e.id]
         residual[e.id] = y[e.id] - posterior.predictions.grids[e.id].mean
     kinds = {e.id: e.kind for e in posterior.tests}
     error = {e.id: posterior.mesh_error(e, y[e.id]).covariance for e in posterior.tests}
-    w = Covariance.of(posterior.predictions.grids, kinds, y, error)
-    kept, why = worth_it(w.white(J), posterior.parameters, asked)
-    return _only(posterior, kept), why
+    white = Covariance.of(posterior.predictions.grids, kinds, y, error).white(J)
+    kept, why = identifiable(white, posterior.parameters, asked)
+    return _only(posterior, kept), why, white
 
 
 def _only(posterior: Posterior, kept: Sequence[int]) -> Posterior:
     parameters = tuple(posterior.parameters[k] for k in kept)
-    p = posterior.predictions
-    made = Predictions(p.campaign, p.base, p.grids, p.runs, [u.name for u in parameters])
+    made = posterior.predictions.with_free([u.name for u in parameters])
     prior = {"widths": posterior.widths[kept], "centres": posterior.centres[kept]}
     return replace(posterior, predictions=made, parameters=parameters, **prior)
 
 
-def _derivatives(posterior: Posterior, e: Experiment) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives (m, k) of a test at the start, and the test (m,): of a cut by the exact ones of a run."""
-    p, q = posterior.predictions, np.zeros(len(posterior.parameters))
-    if e.kind != "cut":
-        at = posterior.evaluate(q, [e])
-        return at.J[e.id], at.y[e.id]
-    mine = [posterior.parameters[k] for k in posterior.mine[e.id]]
-    case = p.case(e, posterior.values(e, q))
-    (run,) = p.runs([case], [u.name for u in mine if u.name in case.values])
-    if run is None:
-        raise ComputationFailed(f"'{e.id}': {p.runs.failed[case.id]}")
-    y, J = p.read(e, posterior.values(e, q), run.course), np.zeros((p.grids[e.id].mean.size, q.size))
-    for k, u in enumerate(posterior.parameters):
-        if u in mine and u.name in run.slopes:
-            course = run.course.copy()
-            slope = np.nan_to_num(run.slopes[u.name])
-            # Derivatives beyond the onset are those of a stair; they count no more than the force itself.
-            slope = np.clip(slope * u.slope(0.0), -6 * y.max(), 6 * y.max())
-            course[1] = slope
-            J[:, k] = p.read(e, {}, course)
-    return J, y
+def _exact(
+    posterior: Posterior, cuts: Sequence[Experiment], q: np.ndarray
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Of each cut the readings (m,) and their derivatives (m, k) by the exact ones of its own run."""
+    p, found = posterior.predictions, []
+    cases = [p.case(e, posterior.values(e, q)) for e in cuts]
+    names = [u.name for u in posterior.parameters if all(u.name in case.values for case in cases)]
+    runs = p.runs(cases, tuple(dict.fromkeys(names)))
+    for e, case, run in zip(cuts, cases, runs, strict=True):
+        if run is None:
+            raise ComputationFailed(f"'{e.id}': {p.runs.failed[case.id]}")
+        values = posterior.values(e, q)
+        y, J = p.read(e, values, run.course), np.zeros((p.grids[e.id].mean.size, q.size))
+        for k in posterior.mine[e.id]:
+            u = posterior.parameters[k]
+            slope = run.slopes.get(u.name, np.zeros(run.course.shape[1]))
+            most = {u.name: STEEPEST * float(np.abs(run.course[1]).max()) / abs(u.slope(0.0))}
+            J[:, k] = p.read_slopes(e, values, run.course, {u.name: slope}, most)[:, 0] * u.slope(0.0)
+        found.append((y, J))
+    return found
 
 
-def estimate(
+def estimates(
     posterior: Posterior,
     start: np.ndarray | None = None,
     *,
     refine: bool = True,
+    rounds: int | None = None,
     on_progress: OnProgress = silent,
-) -> Estimated:
-    """The most probable parameters.
+) -> Iterator[Estimated]:
+    """The most probable parameters, better and better: the last one is what was looked for.
 
     Parameters
     ----------
@@ -141,103 +122,170 @@ def estimate(
         Scaled parameters near which they are expected; without, they are looked for in the whole box.
     refine : bool
         Whether the error of a cut's mesh is measured at the end.
+    rounds : int, optional
+        So often at most cuts are computed at the best place.
     on_progress : callable
-        Told what is done.
+        Told how many cuts were computed of how many there will be, and what is known.
 
-    Returns
-    -------
+    Yields
+    ------
     Estimated
+        At places where all fitted cuts were computed.
 
     Raises
     ------
     ComputationFailed
         If a test cannot be computed anywhere near.
     """
-    cuts = [e for e in posterior.tests if e.kind == "cut"]
+    cuts = posterior.runs_wanted
     q = np.zeros(len(posterior.parameters)) if start is None else start
     if not cuts:
-        return _best(posterior, [q, *_elsewhere(posterior, q)])
+        yield _best(posterior, [q] if start is not None else [q, *_others(q)])
+        return
+    runs, count = posterior.predictions.runs, SETTINGS.first + SETTINGS.each * q.size
+    told = _Progress(runs, on_progress, count + len(cuts) * (2 + 4 * refine))
     if start is None:
         q, low, high = _box(posterior, q)
-        _design(posterior, cuts, q, low, high, on_progress)
+        told.text = f"computing {count} cuts that fill the box"
+        _fill(posterior, cuts, q, low, high, count)
         found = _best(posterior, _places(posterior, q, low, high))
     else:
         low, high = _beside(posterior, q)
         if not said(posterior, q):
-            _design(posterior, cuts, q, low, high, on_progress, part=0.4)
+            told.text = "computing cuts about the place that is expected"
+            _fill(posterior, cuts, q, low, high, count // 2)
         found = _best(posterior, [q])
-    for turn in range(DESIGN.rounds if start is None else DESIGN.again):
-        on_progress(
-            turn,
-            DESIGN.rounds,
-            f"computing the cuts at the best place, log posterior {found.log_posterior:.1f}",
-        )
-        _compute(posterior, cuts, [found.q] * len(cuts))
-        exact = Estimated(posterior, at := posterior.evaluate(found.q), posterior.covariance(at))
+    settled = False
+    for turn in range(rounds or (SETTINGS.rounds if start is None else NEAR)):
+        told.text, told.left = missed_by(found), len(cuts) * (2 + 4 * refine)
+        if start is None:
+            _compute(posterior, *_about(posterior, cuts, found, low, high, turn))
+        else:
+            _compute(posterior, cuts, [found.q] * len(cuts))
+        at = posterior.evaluate(found.q)
+        exact = Estimated(posterior, at, posterior.covariance(at))
+        yield exact
         edge = (found.q < low + 0.02 * (high - low)) | (found.q > high - 0.02 * (high - low))
-        if edge.any():
-            half = (high - low) / 4
-            low, high = np.minimum(low, found.q - half), np.maximum(high, found.q + half)
-            _design(posterior, cuts, found.q, found.q - half, found.q + half, on_progress, part=0.4)
-        elsewhere = _places(posterior, found.q, low, high) if start is None else []
-        again = _best(posterior, [found.q, *elsewhere])
-        if not edge.any() and again.log_posterior - exact.log_posterior < DESIGN.gained:
+        half = np.where(edge, (high - low) / 2, 0.0)
+        low, high = np.minimum(low, found.q - half), np.maximum(high, found.q + half)
+        places = _places(posterior, found.q, low, high) if start is None else []
+        again = _best(posterior, [found.q, *places])
+        if settled := not edge.any() and again.log_posterior - exact.log_posterior < SETTINGS.gained:
             break
         found = again
     if refine:
-        posterior = replace(posterior, mesh=_mesh_errors(posterior, cuts, exact.q))
-        again = posterior.maximum(exact.q)
-        _compute(posterior, cuts, [again.q] * len(cuts))
-        at = posterior.evaluate(again.q)
-        return Estimated(posterior, at, posterior.covariance(at))
-    return exact
+        told.text = "measuring the error of the mesh on finer ones"
+        exact = _refined(posterior, cuts, exact)
+    yield replace(exact, settled=settled)
 
 
-def _beside(posterior: Posterior, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A small box about a place that is near already; a strength from off to twice what is proposed."""
-    low, high = posterior.bounds
-    half = np.full(q.size, DESIGN.near)
-    for k, u in enumerate(posterior.parameters):
-        if not u.logarithmic:
-            half[k] = max(abs(q[k] - posterior.centres[k]), 0.5 * DESIGN.near)
-    return np.maximum(q - half, low), np.minimum(q + half, high)
+def missed_by(found: Estimated) -> str:
+    """What a model misses most, in a sentence."""
+    part, id = max((misfit(found.w, id, r), id) for id, r in found.at.residual.items())
+    grid, r = found.w.grids[id], found.at.residual[id]
+    far = np.flatnonzero(np.abs(r) > np.abs(r).max() / 2)
+    e = found.posterior.predictions.campaign.experiment(id)
+    unit = "" if e.x_unit == "1" else f" {e.x_unit}"
+    return f"the model misses '{id}' by {100 * part:.0f} % of its maximum, most from {grid.x[far[0]]:.2g}{unit} on"
+
+
+class _Progress:
+    """Tells of each cut that is computed, with how many there will be."""
+
+    def __init__(self, runs: CutRuns, on_progress: OnProgress, left: int):
+        self.text, self._done, self._on_progress, self.left = "", 0, on_progress, left
+        runs.on_run = self._told
+
+    def _told(self) -> None:
+        self._done, self.left = self._done + 1, max(self.left - 1, 1)
+        self._on_progress(self._done, self._done + self.left, self.text)
+
+
+def estimate(
+    posterior: Posterior,
+    start: np.ndarray | None = None,
+    *,
+    refine: bool = True,
+    rounds: int | None = None,
+    on_progress: OnProgress = silent,
+) -> Estimated:
+    """The last of ``estimates``."""
+    *_, found = estimates(posterior, start, refine=refine, rounds=rounds, on_progress=on_progress)
+    return found
+
+
+def _others(q: np.ndarray) -> list[np.ndarray]:
+    """Other starts of what has a formula."""
+    rows = qmc.Sobol(q.size, seed=0).random(4)[1:]
+    return [q + SETTINGS.reach * (2 * row - 1) for row in rows]
+
+
+def _best(posterior: Posterior, starts: Sequence[np.ndarray]) -> Estimated:
+    found, why = [], "nothing to start from"
+    for q in starts:
+        try:
+            found.append(posterior.maximum(q))
+        except ComputationFailed as error:
+            why = str(error)
+    if not found:
+        raise ComputationFailed(why)
+    return max(found, key=lambda each: each.log_posterior)
 
 
 def said(posterior: Posterior, q: np.ndarray) -> bool:
-    """Whether enough cuts are known for the model to say anything."""
+    """Whether enough cuts are known for the emulator to say what all tests read."""
     try:
-        posterior.evaluate(q)
+        for e in posterior.runs_wanted:
+            posterior.predictions.predict(e, posterior.values(e, q))
     except NotKnown:
         return False
     return True
 
 
+def _beside(posterior: Posterior, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A small box about a place that is near already; a strength from off to twice what is proposed."""
+    low, high = posterior.bounds
+    half = np.full(q.size, 2 * LEAST)
+    for k, u in enumerate(posterior.parameters):
+        if not u.logarithmic:
+            half[k] = max(abs(q[k] - posterior.centres[k]), LEAST)
+    return np.maximum(q - half, low), np.minimum(q + half, high)
+
+
 def _box(posterior: Posterior, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Where cuts are worth computing, as far as tests that have a formula say: a place, and the ends."""
-    half = np.full(q.size, DESIGN.reach)
-    exact = tuple(e for e in posterior.tests if e.kind != "cut")
+    half, low, high = np.full(q.size, SETTINGS.reach), *posterior.bounds
+    exact = tuple(e for e in posterior.tests if e not in posterior.runs_wanted)
     if exact:
-        campaign = posterior.predictions.campaign
-        alone = replace(campaign, experiments=exact)
         p = posterior.predictions
-        predictions = Predictions(alone, p.base, p.grids, p.runs, p.free)
-        some = Posterior(predictions, posterior.parameters, np.full(q.size, DESIGN.reach), q)
+        alone = replace(p.campaign, experiments=exact)
+        some = Posterior(p.of(alone), posterior.parameters, half.copy(), q)
         told = some.maximum(q)
-        q, half = told.q, np.minimum(half, DESIGN.deviations * np.sqrt(np.diag(told.covariance)))
-        half = np.maximum(half, 0.15)
-    low, high = posterior.bounds
+        q, half = told.q, np.clip(DEVIATIONS * np.sqrt(np.diag(told.covariance)), LEAST, half)
     return q, np.maximum(q - half, low), np.minimum(q + half, high)
 
 
-def _design(posterior, cuts, q, low, high, on_progress: OnProgress, part: float = 1.0) -> None:
+def _fill(
+    posterior: Posterior, cuts: Sequence[Experiment], q: np.ndarray, low: np.ndarray, high: np.ndarray,
+    count: int,
+) -> None:  # fmt: skip
     """Cuts that fill the box, by turns of each test, and those in its middle."""
-    count = round(part * (DESIGN.first + DESIGN.each * q.size))
-    runs = posterior.predictions.runs
-    made = qmc.Sobol(q.size, seed=len(runs.database.runs)).random_base2(math.ceil(math.log2(count)))[:count]
-    places = [*(low + (high - low) * row for row in made)]
+    seed = len(posterior.predictions.runs.database.runs)
+    made = qmc.Sobol(q.size, seed=seed).random_base2(math.ceil(math.log2(count)))[:count]
+    places = [low + (high - low) * row for row in made]
     tests = [cuts[i % len(cuts)] for i in range(count)]
-    on_progress(0, count, f"computing {count} cuts that fill the box")
     _compute(posterior, [*cuts, *tests], [q] * len(cuts) + places)
+
+
+def _about(
+    posterior: Posterior, cuts: Sequence[Experiment], found: Estimated, low: np.ndarray, high: np.ndarray,
+    turn: int,
+) -> tuple[list[Experiment], list[np.ndarray]]:  # fmt: skip
+    """All cuts at the best place, and as many about it as far as it may be off, each in another test."""
+    rng = np.random.default_rng(turn)
+    root = np.linalg.cholesky(found.covariance + 1e-12 * np.eye(found.q.size))
+    draws = [np.clip(found.q + root @ rng.standard_normal(found.q.size), low, high) for _ in cuts]
+    return [*cuts, *cuts], [found.q] * len(cuts) + draws
 
 
 def _compute(posterior: Posterior, tests: Sequence[Experiment], places: Sequence[np.ndarray]) -> None:
@@ -249,40 +297,22 @@ def _compute(posterior: Posterior, tests: Sequence[Experiment], places: Sequence
 
 def _places(posterior: Posterior, q: np.ndarray, low: np.ndarray, high: np.ndarray) -> list[np.ndarray]:
     """The best places of the box by the emulator."""
-    rows = low + (high - low) * qmc.Sobol(q.size, seed=0).random(DESIGN.places)
-    worth = []
-    for row in rows:
-        try:
-            at = posterior.evaluate(row)
-        except (ComputationFailed, NotKnown):
-            worth.append(-np.inf)
-            continue
-        worth.append(Estimated(posterior, at, posterior.covariance(at)).log_posterior)
-    order = np.argsort(worth)[::-1]
-    return [rows[i] for i in order[: DESIGN.starts]]
+    rows = low + (high - low) * qmc.Sobol(q.size, seed=0).random(PLACES)
+    worth = [_worth(posterior, row) for row in rows]
+    return [rows[i] for i in np.argsort(worth)[::-1][:STARTS]]
 
 
-def _elsewhere(posterior: Posterior, q: np.ndarray) -> list[np.ndarray]:
-    """Other starts of what has a formula."""
-    rows = qmc.Sobol(q.size, seed=0).random(4)[1:]
-    return [q + DESIGN.reach * (2 * row - 1) for row in rows]
+def _worth(posterior: Posterior, q: np.ndarray) -> float:
+    try:
+        at = posterior.evaluate(q, differentiate=False)
+    except ComputationFailed:
+        return -math.inf
+    return Estimated(posterior, at, posterior.noise(at)).log_posterior
 
 
-def _best(posterior: Posterior, starts: Sequence[np.ndarray]) -> Estimated:
-    found, why = [], "nothing to start from"
-    for q in starts:
-        try:
-            found.append(posterior.maximum(q))
-        except (ComputationFailed, NotKnown) as error:
-            why = str(error)
-    if not found:
-        raise ComputationFailed(why)
-    return max(found, key=lambda each: each.log_posterior)
-
-
-def _mesh_errors(posterior: Posterior, cuts: Sequence[Experiment], q: np.ndarray) -> dict[str, MeshError]:
-    """Of each cut, from one on a finer mesh."""
-    p, found = posterior.predictions, {}
+def _refined(posterior: Posterior, cuts: Sequence[Experiment], found: Estimated) -> Estimated:
+    """With the error of each cut's mesh, from one on a finer mesh, and with the fields that were measured."""
+    p, q, mesh, fields = posterior.predictions, found.q, {}, {}
     coarse = [p.case(e, posterior.values(e, q)) for e in cuts]
     fine = p.runs([mesh_error.finer(case) for case in coarse])
     for e, plain, better in zip(cuts, p.runs(coarse), fine, strict=True):
@@ -290,5 +320,30 @@ def _mesh_errors(posterior: Posterior, cuts: Sequence[Experiment], q: np.ndarray
             continue
         values, x = posterior.values(e, q), p.grids[e.id].along
         y, exact = p.read(e, values, plain.course), p.read(e, values, better.course)
-        found[e.id] = MeshError(mesh_error.correction(x, y, exact), mesh_error.measured_error(x, y, exact))
-    return found
+        shift, error = mesh_error.correction(x, y, exact), mesh_error.measured_error(x, y, exact)
+        mesh[e.id] = MeshError(shift, error, exact - y)
+    for e, case in zip(cuts, coarse, strict=True):
+        names = [posterior.parameters[k].name for k in posterior.mine[e.id]]
+        names = [name for name in dict.fromkeys(names) if name in case.values]
+        if e.fields and (run := p.runs.with_fields(case, names, e)) is not None:
+            fields[e.id] = _linear(posterior, e, run, names, q)
+    posterior = replace(posterior, mesh=mesh, fields=fields)
+    again = posterior.maximum(q)
+    _compute(posterior, cuts, [again.q] * len(cuts))
+    at = posterior.evaluate(again.q)
+    return Estimated(posterior, at, posterior.covariance(at))
+
+
+def _linear(
+    posterior: Posterior, e: Experiment, run: ComputedCut, names: Sequence[str], q: np.ndarray
+) -> LinearFields:
+    J = np.zeros((run.fields.size, q.size))
+    for k in posterior.mine[e.id]:
+        u = posterior.parameters[k]
+        if u.name in names:
+            J[:, k] = run.field_slopes[:, names.index(u.name)] * u.slope(q[k])
+    block, measured = field_block(e, run.fields), laid_out(e.fields)
+    known = np.isfinite(measured) & np.isfinite(run.fields)
+    return LinearFields(
+        q, np.where(known, run.fields - measured, 0.0), np.where(known[:, None], np.nan_to_num(J), 0.0), block
+    )

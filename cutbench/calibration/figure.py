@@ -20,7 +20,7 @@ from cutbench.base.figure_style import (
 )
 
 if TYPE_CHECKING:
-    from cutbench.calibration.fitted import ComparedCurve, Fit
+    from cutbench.calibration.fitting import ComparedCurve, Fit
 
 #: Shades of the regimes, so that neighbours differ in grey print too.
 _SHADES = {"indentation": "#FFFFFF", "onset": "#E6E6E6", "transition": "#F5F5F5", "steady": "#FFFFFF"}

@@ -1,11 +1,9 @@
-"""Calibration: the parameters of one model from all experiments of a campaign at once.
+"""Fit: the parameters of one model from all tests of a campaign at once, with intervals.
 
-Gauss–Newton steps with Marquardt's damping on exact sensitivities; residuals whitened by the measured
-covariance of the mean curves, by the computation's own error, which is measured on a finer mesh on the way,
-and by what the model cannot describe, which is estimated by turns with the parameters. Intervals come from
-(JᵀC⁻¹J)⁻¹ with Student's t: what stems from the scatter between R specimens is known with R − 1 degrees of
-freedom, and the parts are combined after Welch (1947, 10.1093/biomet/34.1-2.28) and Satterthwaite (1946,
-10.2307/3002019).
+The most probable values come from ``cutbench.calibration.estimation``, with noise, scatter of specimens, what
+the model misses and the error of the computation in one covariance. Intervals come from (JᵀC⁻¹J)⁻¹ with
+Student's t: what stems from the scatter between R specimens is known with R − 1 degrees of freedom, and the
+parts are combined after Welch (1947, 10.1093/biomet/34.1-2.28) and Satterthwaite (1946, 10.2307/3002019).
 """
 
 from __future__ import annotations
@@ -14,46 +12,263 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from scipy import stats
 
 from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.base.handled import Handled
 from cutbench.base.notebook import watched
-from cutbench.base.progress import OnProgress, silent
+from cutbench.base.progress import OnProgress, Until, silent
 from cutbench.base.toml import one_of
-from cutbench.calibration import by_work, lm, survey
-from cutbench.calibration.fitted import FAR, LEVEL, ComparedCurve, Estimate, Fit, beside
-from cutbench.calibration.identifiability import Unknown, identifiability, information_inverse, worth_it
-from cutbench.calibration.inverse import GRID, Inverse, field_note
-from cutbench.calibration.lm import INTERRUPTED
-from cutbench.calibration.looked_for import unknowns
-from cutbench.calibration.prediction import Predictor, predictor
-from cutbench.calibration.profiled import profiled
-from cutbench.calibration.sparing import Sparing
+from cutbench.calibration.cut_runs import CutRuns
+from cutbench.calibration.estimation import choose, estimates
+from cutbench.calibration.identifiability import Identifiability, correlations, identifiability
+from cutbench.calibration.parameters import FreeParameter, free_parameters
+from cutbench.calibration.posterior import Estimated, Posterior
+from cutbench.calibration.prediction import Predictions
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
-from cutbench.data.covariance import Covariance
-from cutbench.data.discrepancy import allowing, independent, likeliest, likelihood, misfit, missed
-from cutbench.data.repetition import Averaged, unrepeated
-from cutbench.run.pool.pool import cores
+from cutbench.data.discrepancy import independent, missed
+from cutbench.data.experiment import Experiment
+from cutbench.data.fields import laid_out
+from cutbench.data.repetition import unrepeated
+from cutbench.run.measures import TRANSITION
+from cutbench.run.pool.pool import TaskPool, cores
 
-#: First with guessed weights, as far as it pays or is foreseen; then with measured ones.
-ROUGH = lm.Settings(promise=0.5, failures=2)
-FINAL = lm.Settings(promise=0.2, failures=2)
-#: Tests without a mesh cost next to nothing and have no jags.
-SMOOTH = lm.Settings(promise=1e-8, jags=1.0, evaluations=100, failures=10)
-#: Weights are made again if a computed curve has moved by this part of its maximum since (root mean square),
-#: so often at the most; of tests without a mesh until nothing moves.
-AGAIN, ROUNDS = 0.05, 3
-STILL, ROUNDS_SMOOTH = 1e-3, 12
-#: What misses more than this part of a curve's maximum is wrong: a twentieth of χ² pays for no derivatives.
-WRONG, PAYS = 0.02, 0.05
-#: A model that misses a curve by more than this part of its maximum is fitted from other starts, too, so many
-#: and so far away in q, and the report says so. With a mesh, only the likeliest of them is gone on from.
-STARTS, AWAY, AWAY_MESHED = 3, 1.5, 0.7
+#: Values on which each test is compared.
+GRID = 40
+#: Parts of a cut, in the order in which they come.
+REGIMES = ("indentation", "onset", "transition", "steady")
+#: A model that misses more than this part of a curve's maximum is far from the data.
+FAR = 0.05
+#: Of intervals.
+LEVEL = 0.95
+#: How a fit ends.
+CONVERGED, STOPPED, INTERRUPTED, LATE = "converged", "stopped", "interrupted", "out of time"
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One parameter after the fit.
+
+    Attributes
+    ----------
+    parameter : FreeParameter
+        Which.
+    value, low, high, sd : float
+        Its value, the ends of its 95 % interval, and its standard deviation, internal units.
+    dof : float
+        Degrees of freedom of the standard deviation.
+    at_bound, moved : bool
+        Whether it lies at a bound, and elsewhere than it began.
+    """
+
+    parameter: FreeParameter
+    value: float
+    low: float
+    high: float
+    sd: float
+    dof: float
+    at_bound: bool
+    moved: bool
+
+    @property
+    def label(self) -> str:
+        """``G_c``, or ``tau_W[slow]`` for one test's own."""
+        return self.parameter.label
+
+
+@dataclass(frozen=True)
+class ComparedCurve:
+    """One test beside the fit, on its grid.
+
+    Attributes
+    ----------
+    experiment : Experiment
+        The test.
+    x, mean, sd : ndarray, shape (m,)
+        Abscissa, measured mean, and the standard deviation of measurement and computation together.
+    fitted : ndarray, shape (m,)
+        The computed curve, corrected for its mesh.
+    onset_mm, thickness_mm : float
+        Where the cut begins, and how thick the blade is; nan where there is none.
+    discrepancy : ndarray, shape (m,), optional
+        Measured less computed: what the model cannot describe of a fitted test, as far as readings tell it
+        from noise.
+    """
+
+    experiment: Experiment
+    x: np.ndarray
+    mean: np.ndarray
+    sd: np.ndarray
+    fitted: np.ndarray
+    onset_mm: float
+    thickness_mm: float
+    discrepancy: np.ndarray | None = None
+
+    @property
+    def missed(self) -> float:
+        """Root mean square of the discrepancy, as a part of the largest value."""
+        return 0.0 if self.discrepancy is None else _rms(self.discrepancy) / float(np.abs(self.mean).max())
+
+    @property
+    def residual(self) -> np.ndarray:
+        """Measured less computed."""
+        return self.mean - self.fitted
+
+    @property
+    def rmse(self) -> float:
+        """Its root mean square."""
+        return _rms(self.residual)
+
+    def regimes(self) -> dict[str, np.ndarray]:
+        """Which grid values (m,) lie in which regime of a cut, by the onset that was computed.
+
+        ``onset`` is one blade thickness before it, ``transition`` four after it. Regimes without a value
+        are left out; a test that is no cut has none.
+        """
+        w = self.thickness_mm
+        if math.isnan(w):
+            return {}
+        onset = self.onset_mm if math.isfinite(self.onset_mm) else math.inf
+        edges = (-math.inf, onset - w, onset, onset + TRANSITION * w, math.inf)
+        masks = {
+            name: (self.x > low) & (self.x <= high)
+            for name, low, high in zip(REGIMES, edges[:-1], edges[1:], strict=True)
+        }
+        return {name: mask for name, mask in masks.items() if mask.any()}
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+@dataclass(frozen=True)
+class Profile:
+    """The profile likelihood of one parameter.
+
+    Attributes
+    ----------
+    label : str
+        Which.
+    values, rise : ndarray, shape (n,)
+        Values, internal units, and how far twice the log posterior falls from its maximum there, all other
+        parameters fitted again.
+    low, high : float
+        Where it has fallen as far as at the ends of an interval; nan where that was not tried.
+    """
+
+    label: str
+    values: np.ndarray
+    rise: np.ndarray
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, repr=False)
+class Fit(Handled):
+    """A fitted model.
+
+    Attributes
+    ----------
+    campaign : Campaign
+        The tests.
+    estimated : Estimated or None
+        The posterior at its maximum; None where a fit was stopped before it had any.
+    case : Case
+        The model with the fitted values.
+    estimates : tuple of Estimate
+        The fitted parameters.
+    fixed : mapping
+        By label, why a parameter was left at its start.
+    covariance : ndarray, shape (k, k)
+        Of the scaled parameters; nan where nothing was estimated.
+    status, message : str
+        ``converged``, ``stopped``, ``interrupted`` or ``out of time``, and more of that.
+    compared : tuple of ComparedCurve
+        Each test beside its computed curve.
+    before, after : Identifiability
+        What the data can tell, at the start and at the end.
+    notes : tuple of str
+        What else a person should know.
+    runs : int
+        Cuts that were computed.
+    seconds : float
+        How long it took.
+    profiles : tuple of Profile
+        Those that were asked for.
+    """
+
+    handled_in: ClassVar[str] = "cutbench.calibration.display"
+
+    campaign: Campaign
+    estimated: Estimated | None
+    case: Case
+    estimates: tuple[Estimate, ...]
+    fixed: Mapping[str, str]
+    covariance: np.ndarray
+    status: str
+    message: str
+    compared: tuple[ComparedCurve, ...]
+    before: Identifiability
+    after: Identifiability
+    notes: tuple[str, ...]
+    runs: int
+    seconds: float
+    profiles: tuple[Profile, ...] = field(default=())
+
+    @property
+    def done(self) -> bool:
+        """Whether it came to its end."""
+        return self.status in (CONVERGED, STOPPED)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """By label, in internal units."""
+        return {e.label: e.value for e in self.estimates}
+
+    @property
+    def correlation(self) -> np.ndarray:
+        """(k, k)."""
+        return correlations(self.covariance)
+
+    @property
+    def readings(self) -> int:
+        """How many values are compared."""
+        return sum(c.x.size for c in self.compared if c.experiment.role == "train")
+
+    @property
+    def chi2(self) -> float:
+        """Square of the whitened residuals; nan where nothing was estimated."""
+        return math.nan if self.estimated is None else self.estimated.chi2
+
+    @property
+    def reduced_chi2(self) -> float:
+        """Over the degrees of freedom."""
+        return self.chi2 / max(self.readings - len(self.estimates), 1)
+
+    @property
+    def far(self) -> str:
+        """That no parameters bring the model near the data, and how near; empty where some do."""
+        off, id = max(((c.missed, c.experiment.id) for c in self.compared), default=(0.0, ""))
+        if off <= FAR:
+            return ""
+        return (
+            f"No parameters that were tried bring this model near the data: it misses {100 * off:.0f} % of"
+            f" the maximum of '{id}' (root mean square). Estimates are those of a wrong model."
+        )
+
+    def estimate(self, label: str) -> Estimate:
+        """The estimate of one parameter. Raises BadInput for a label that was not fitted."""
+        for e in self.estimates:
+            if e.label == label:
+                return e
+        labels = [e.label for e in self.estimates]
+        raise BadInput("parameter", label, one_of(label, labels))
 
 
 @watched("")
@@ -64,320 +279,299 @@ def fit(
     refine: bool = True,
     profile: Sequence[str] = (),
     on_progress: OnProgress = silent,
-    grid: int = GRID,
-    run: Predictor | None = None,
-    looked_for: Sequence[Unknown] | None = None,
-    start: Case | None = None,
-    grids: Mapping[str, Averaged] | None = None,
-    near: bool = False,
+    limit_s: float = math.inf,
     kept: str | Path | None = None,
+    runs: CutRuns | None = None,
 ) -> Fit:
-    """Fit what ``campaign.plan`` leaves free to all train experiments; predict the test experiments.
+    """Fit what the campaign leaves free to all its train tests, and predict the others.
 
-    ``workers`` processes compute the cuts (default: one a core; 0: this process), or those of ``run``; the
-    folder ``kept`` has what was computed before, and gets the rest. ``refine``: measure the computation's
-    own error. ``profile``: labels whose profile likelihood is computed, at several fits each. ``on_progress``
-    has the evaluations of all stages. Ctrl-C ends with what is there. ``looked_for`` in place of what the
-    plan says, from the values of ``start``, a case of another model perhaps; ``grids`` where known; ``near``
-    the minimum already. Raises BadInput, and ComputationFailed if the start cannot be computed.
+    Parameters
+    ----------
+    campaign : Campaign
+        The tests, the model, and what is free.
+    workers : int, optional
+        Processes that compute cuts; one a core unless given, 0 for this one.
+    refine : bool
+        Whether the error of a cut's mesh is measured.
+    profile : sequence of str
+        Labels whose profile likelihood is computed.
+    on_progress : callable
+        Told what was computed, what is left, and what is known. Ctrl-C ends with what is there.
+    limit_s : float
+        So does this time, in seconds.
+    kept : path, optional
+        Store of runs: what is there is not computed again, and the rest is left there.
+    runs : CutRuns, optional
+        Computes cuts in place of ``workers`` and ``kept``.
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    BadInput
+        If a name cannot be fitted.
+    ComputationFailed
+        If the tests cannot be computed.
     """
-    began = time.perf_counter()
-    chosen = looked_for is None and campaign.plan.free is None
-    looked_for = unknowns(campaign) if looked_for is None else looked_for
+    began, parameters = time.perf_counter(), free_parameters(campaign)
     for label in profile:
-        if label not in (known := [u.label for u in looked_for]):
+        if label not in (known := [u.label for u in parameters]):
             raise BadInput("profile", label, one_of(label, known))
-    count = min(cores() if workers is None else workers, sum(e.kind == "cut" for e in campaign.experiments))
-    with predictor(count, kept) if run is None else nullcontext(run) as run:
-        inverse = Inverse(campaign, looked_for, run, grid, start=start, grids=grids)
-        return _Fitting(campaign, inverse, on_progress, refine).go(profile, began, chosen, not start, near)
+    with runs_for(campaign, workers, kept, limit_s, runs) as ready:
+        fitting = Fitting(campaign, ready, parameters, on_progress, refine)
+        fitting.go(due=time.monotonic() + limit_s)
+        return fitting.result(began, profile)
 
 
-class _Fitting:
-    def __init__(self, campaign: Campaign, inverse: Inverse, on_progress: OnProgress, refine: bool):
-        self.campaign, self.inverse, self.refine, self._on_progress = campaign, inverse, refine, on_progress
-        self.notes = campaign.all_notes()
-        self.evaluations = 0
-        self.history: list[float] = []
-        self.covariance: Covariance
+class _Ready:
+    """Processes and the runs that they compute, for as long as the block."""
 
-    def go(self, profile: Sequence[str], began: float, choose: bool, anywhere: bool, near: bool) -> Fit:
-        inverse = self.inverse
-        q = np.zeros(len(inverse.unknowns))
-        self.smooth = not any(e.kind == "cut" for e in self.campaign.train)
-        self.covariance = inverse.guessed(q)
-        J = self._whitened(q)[1]
-        before = identifiability(J, inverse.unknowns)
-        fixed: dict[str, str] = {}
-        if choose:
-            kept, fixed = worth_it(J, inverse.unknowns, self.campaign.plan.own)
-            inverse = self.inverse = inverse.only(kept)
-            q = np.zeros(len(kept))
-        best = self._from(q, near)
-        looked = not self.smooth and survey.Survey(self.inverse, [q]).problem.able
-        if anywhere and not looked and best.message != INTERRUPTED and self._farthest(best)[0] > FAR:
-            best = self._elsewhere(best)
-        profiles = []
-        for label in profile:
-            if label in fixed:
-                self.notes.append(f"No profile of {label}: it was left at its start.")
-            elif best.message != INTERRUPTED:
-                try:
-                    covariance = information_inverse(best.J)
-                    dof = self._degrees_of_freedom(best, covariance)
-                    made, count = profiled(self.inverse, self._whitened, label, best, covariance, dof)
-                    profiles.append(made)
-                    self.evaluations += count
-                except KeyboardInterrupt:
-                    self.notes.append(f"The profile of {label} was interrupted.")
-                    break
-        status = INTERRUPTED if best.message == INTERRUPTED else "converged" if best.converged else "stopped"
-        part, id = self._farthest(best)
-        if part > FAR:
-            best.message += f", at a misfit of {100 * part:.0f} % of the maximum in '{id}'"
-        self.notes += [unrepeated(id) for id, grid in inverse.grids.items() if grid.estimated]
-        covariance, estimates = self._estimates(best)
-        if status == INTERRUPTED:
-            # Where a search happens to stand is no estimate.
-            covariance = np.full_like(covariance, np.nan)
-            estimates = tuple(replace(e, sd=math.nan, low=math.nan, high=math.nan) for e in estimates)
-            moved = any(e.moved for e in estimates)
-            reached = (
-                "values are those that it had reached"
-                if moved
-                else "nothing is fitted, values are the start's"
-            )
-            best.message = f"{INTERRUPTED} after {self.evaluations} evaluations, before a minimum: {reached}"
-        compared = self._compared(best.q, status)
-        self.notes += self._at_bounds(estimates, compared)
+    def __init__(self, workers: int, kept: Path | None, check: Until):
+        self._pool, self._kept, self._check = TaskPool(workers if workers > 1 else 0), kept, check
+
+    def __enter__(self) -> CutRuns:
+        return CutRuns(self._pool.__enter__(), self._kept, self._check)
+
+    def __exit__(self, *error: object) -> None:
+        self._pool.__exit__(*error)
+
+
+def runs_for(
+    campaign: Campaign, workers: int | None, kept: str | Path | None, limit_s: float, runs: CutRuns | None
+) -> nullcontext[CutRuns] | _Ready:
+    """A context with what computes a campaign's cuts: ``runs``, or new processes until ``limit_s``."""
+    if runs is not None:
+        return nullcontext(runs)
+    cuts = any(e.kind == "cut" for e in campaign.experiments)
+    count = (cores() if workers is None else workers) if cuts else 0
+    return _Ready(count, None if kept is None else Path(kept), Until(time.monotonic() + limit_s))
+
+
+class Fitting:
+    """A fit under way: what is known until now is a result at any time."""
+
+    def __init__(
+        self,
+        campaign: Campaign,
+        runs: CutRuns,
+        parameters: Sequence[FreeParameter],
+        on_progress: OnProgress = silent,
+        refine: bool = True,
+    ):
+        self.campaign, self.runs, self.refine, self._on_progress = campaign, runs, refine, on_progress
+        grids = {e.id: e.on_grid(GRID) for e in campaign.experiments}
+        names = [u.name for u in parameters]
+        self.posterior = Posterior.of(Predictions(campaign, campaign.base, grids, runs, names), parameters)
+        self.best: Estimated | None = None
+        self.status, self.fixed = INTERRUPTED, dict[str, str]()
+        self.before = identifiability(np.zeros((0, len(parameters))), parameters)
+
+    def go(self, due: float = math.inf) -> None:
+        """Estimate until it is found, or stopped. Raises ComputationFailed."""
+        parameters = self.posterior.parameters
+        try:
+            some, fixed, white = choose(self.posterior, self.campaign.plan.own)
+            self.before = identifiability(white, parameters)
+            if self.campaign.plan.free is None:
+                self.posterior, self.fixed = some, fixed
+            for found in estimates(self.posterior, refine=self.refine, on_progress=self._on_progress):
+                self.best = found
+            self.status = CONVERGED if self.best is not None and self.best.settled else STOPPED
+        except KeyboardInterrupt:
+            self.status = LATE if time.monotonic() >= due else INTERRUPTED
+
+    def result(self, began: float, profile: Sequence[str] = ()) -> Fit:
+        """What is known."""
+        posterior = self.posterior if self.best is None else self.best.posterior
+        done, notes = self.status in (CONVERGED, STOPPED), list(self.campaign.all_notes())
+        covariance, found = _estimates(posterior, self.best, done)
+        values = _shared(posterior, np.zeros(len(posterior.parameters)) if self.best is None else self.best.q)
+        base = posterior.predictions.base
+        compared = _compared(posterior, self.best, notes, done)
+        notes += _at_bounds(posterior, found, compared)
+        notes += [unrepeated(id) for id, grid in posterior.predictions.grids.items() if grid.estimated]
+        profiles: list[Profile] = []
+        for label in profile if done else ():
+            if label in self.fixed:
+                notes.append(f"No profile of {label}: it was left at its start.")
+                continue
+            try:
+                profiles.append(_profiled(self.best, label, self._on_progress))
+            except KeyboardInterrupt:
+                notes.append(f"The profile of {label} was interrupted.")
+                break
+        after = self.before if self.best is None else identifiability(self.best.white_J, posterior.parameters)
         return Fit(
-            self.campaign, inverse.base(best.q), estimates, fixed, covariance, best.chi2, best.r.size,
-            status, best.message, compared, before,
-            identifiability(best.J, inverse.unknowns), tuple(dict.fromkeys(self.notes)), self.evaluations,
-            tuple(self.history), time.perf_counter() - began, inverse, best.q, self.covariance,
-            tuple(profiles),
+            self.campaign, self.best, replace(base, values={**base.values, **values}), found, self.fixed,
+            covariance, self.status, self._message(compared), compared, self.before, after,
+            tuple(dict.fromkeys(notes)), self.runs.count, time.perf_counter() - began, tuple(profiles),
         )  # fmt: skip
 
-    def _at_bounds(self, estimates: Sequence[Estimate], compared: Sequence[ComparedCurve]) -> list[str]:
-        """What bounds do to the fit: starts that lie beyond, and values that are held."""
-        notes, held = [], []
-        for e in estimates:
-            u, show = e.unknown, e.unknown.quantity.show
-            bounds = f"{show(u.low)} to {show(u.high)}"
-            wanted = self.campaign.base.values.get(u.name, u.start)
-            if not u.low <= wanted <= u.high:
-                notes.append(f"{e.label} begins at {show(u.start)}: {show(wanted)} is not within {bounds}.")
-            if e.at_bound:
-                held.append(f"{e.label} ({bounds})")
-        if held:
-            part, id = max((c.rmse / float(np.abs(c.mean).max()), c.experiment.id) for c in compared)
-            notes.append(
-                f"Held by its bounds: {', '.join(held)}. There the fit misses '{id}' by {100 * part:.1f} % of"
-                " its maximum (root mean square)."
-            )
-        return notes
+    def _message(self, compared: Sequence[ComparedCurve]) -> str:
+        if self.status in (INTERRUPTED, LATE):
+            reached = (
+                "nothing is fitted, values are the start's" if self.best is None
+                else "values are those that it had reached"
+            )  # fmt: skip
+            return f"{self.status} after {self.runs.count} cuts, before a maximum: {reached}"
+        off, id = max(((c.missed, c.experiment.id) for c in compared), default=(0.0, ""))
+        return self.status + (f", at a misfit of {100 * off:.0f} % of the maximum in '{id}'" * (off > FAR))
 
-    def _whitened(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return self.inverse.whitened(q, self.covariance)
 
-    def _told(self, stage: str) -> OnProgress:
-        def on_progress(done: float, total: float, text: str) -> None:
-            self._on_progress(self.evaluations + done, math.nan, f"{stage}: {text}")
+def _shared(posterior: Posterior, q: np.ndarray) -> dict[str, float]:
+    """Values by name; the mean where each test has its own."""
+    found: dict[str, list[float]] = {}
+    for u, x in zip(posterior.parameters, q, strict=True):
+        found.setdefault(u.name, []).append(u.value(x))
+    return {name: float(np.mean(values)) for name, values in found.items()}
 
-        return on_progress
 
-    def _minimise(self, stage: str, q: np.ndarray, settings: lm.Settings) -> lm.Minimum:
-        low, high = self.inverse.bounds
-        on_progress = self._told(stage)
-        if not self.smooth and (look := survey.Survey(self.inverse, [q])).problem.able:
-            settings = replace(settings, evaluations=0) if settings is ROUGH else settings
-            best = look.minimum(self.covariance, q, settings, on_progress)
-            self.evaluations += look.evaluations
-            self.history += best.history
-            return best
-        problem = self.inverse if self.smooth else Sparing(self.inverse)
+def _estimates(
+    posterior: Posterior, best: Estimated | None, done: bool
+) -> tuple[np.ndarray, tuple[Estimate, ...]]:
+    k = len(posterior.parameters)
+    q = np.zeros(k) if best is None else best.q
+    if best is None or not done:  # where a search happens to stand is no estimate
+        nan = [
+            Estimate(u, u.value(x), math.nan, math.nan, math.nan, math.nan, False, abs(x) > 1e-6)
+            for u, x in zip(posterior.parameters, q, strict=True)
+        ]
+        return np.full((k, k), np.nan), tuple(nan)
+    covariance, found, inside = best.covariance, [], posterior.inside(q)
+    dof, (low, _) = _degrees_of_freedom(best), posterior.bounds
+    for i, u in enumerate(posterior.parameters):
+        sd = float(np.sqrt(covariance[i, i]))
+        reach = float(stats.t.ppf((1 + LEVEL) / 2, dof[i])) * sd
+        down = u.value(q[i] - reach) if u.logarithmic else u.value(max(q[i] - reach, low[i]))
+        spread = down, u.value(q[i] + reach), sd * u.slope(q[i]), float(dof[i])
+        found.append(Estimate(u, u.value(q[i]), *spread, not bool(inside[i]), bool(abs(q[i]) > 1e-6)))
+    return covariance, tuple(found)
 
-        def residual(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            return problem.whitened(q, self.covariance)
 
-        while True:
-            best = lm.minimise(residual, q, low, high, settings, on_progress, first=self._whitened(q))
-            self.evaluations += best.evaluations
-            self.history += best.history
-            if self.smooth or best.message == INTERRUPTED or np.array_equal(best.q, q):
-                return best
-            # What ends by derivatives that were only updated goes on from those that are there, unless it
-            # gained no more than noise, or next to nothing where it is wrong: then it ends with those.
-            wrong = self._farthest(best)[0] > WRONG
-            q, enough = best.q, max(best.excess, PAYS * best.chi2 if wrong else 0.0)
-            if best.history[0] - best.chi2 <= enough:
-                there, none = self._whitened(q), replace(settings, evaluations=0)
-                last = lm.minimise(residual, q, low, high, none, first=there)
-                return replace(last, converged=best.converged, message=best.message)
+def _degrees_of_freedom(best: Estimated) -> np.ndarray:
+    """Welch and Satterthwaite's (k,): of the factors, of each test's other scatter, of the rest."""
+    covariance, J, w = best.covariance, best.white_J, best.w
+    gain = covariance @ J.T
+    rest, factors = np.diag(covariance).copy(), w.factors
+    by_factor = {kind: np.zeros(rest.size) for kind in factors}
+    parts: list[tuple[np.ndarray, float]] = []
+    first = 0
+    for id, block in w.tests.items():
+        mine = gain[:, first : (first := first + len(block.total))]
+        by_factor[w.kinds[id]] += block.share(mine, block.by_factor)
+        parts.append((block.share(mine, block.other), block.dof))
+        if np.any(block.discrepancy):
+            parts.append((block.share(mine, block.discrepancy), independent(block)))
+    parts += [(by_factor[kind], pooled.dof) for kind, pooled in factors.items()]
+    uncertain = np.zeros(rest.size)
+    for part, dof in parts:
+        if dof > 0:
+            rest -= part
+            uncertain += part**2 / dof
+    uncertain += np.clip(rest, 0, None) ** 2 / max(J.shape[0] - rest.size, 1)
+    return np.maximum(np.diag(covariance) ** 2 / np.maximum(uncertain, 1e-300), 1.0)
 
-    def _from(self, q: np.ndarray, is_near: bool = False) -> lm.Minimum:
-        """The minimum that is reached from ``q``: with guessed weights or by the work, as far as it pays;
-        then with measured ones."""
-        if self.smooth:
-            self._weigh(self.inverse.guessed(q), q)
-            best = self._minimise("rough", q, ROUGH)
-            near = by_work.Nearby(best.q, self.inverse, 0, best.message == INTERRUPTED)
-        elif is_near:
-            near = by_work.Nearby(q, self.inverse, 0)
-        else:
-            near = survey.nearby(self.inverse, q, self._told("work"))
-        self.evaluations += near.evaluations
-        return self._stopped(near) if near.interrupted else self._with_measured_error(near, is_near)
 
-    def _stopped(self, near: by_work.Nearby) -> lm.Minimum:
-        """What is there after an interruption."""
-        self.inverse, still = near.inverse, np.zeros(near.q.size)
-        r, J = self._whitened(near.q)
-        return lm.Minimum(near.q, r, J, False, INTERRUPTED, 0, outstanding=still)
-
-    def _weigh(self, noise: Covariance, q: np.ndarray) -> None:
-        """Take ``noise`` and what the model misses at ``q`` for the covariance."""
-        self.covariance = allowing(noise, *self.inverse.residuals_inside(q, noise))
-
-    def _with_measured_error(self, near: by_work.Nearby, is_near: bool = False) -> lm.Minimum:
-        """The final stage: weights are made where the first one ended, and again if it moved far; beside what
-        a model misses by more than ``FAR`` an error of the computation weighs little."""
-        inverse, at = self.inverse, near.q
-        notes: list[str] = []
-        best: lm.Minimum | None = None
-        settings, still, rounds = (SMOOTH, STILL, ROUNDS_SMOOTH) if self.smooth else (FINAL, AGAIN, ROUNDS)
-        for _ in range(rounds):
-            try:
-                if not (self.smooth or is_near or best):
-                    # What the mesh does is measured where the forces agree, not where the works do.
-                    self._weigh(inverse.guessed(at), at)
-                    best = self._minimise("rough", at, ROUGH)
-                    at = best.q
-                if best is not None and best.message == INTERRUPTED:
-                    break
-                noise, notes = inverse.measured(at) if self.refine else (inverse.guessed(at), [])
-                self._weigh(noise, at)
-                best = self._minimise("final", at, settings)
-            except KeyboardInterrupt:
-                best = best or self._stopped(near)
-                best.message = INTERRUPTED
-            if best.message == INTERRUPTED:
-                break
-            moved, at = self._moved(at, best.q), best.q
-            if moved < still or (not self.smooth and self._farthest(best)[0] > FAR):
-                break
-        self.notes += [note for note in notes if note not in self.notes]
-        assert best is not None, "there is a round at least"
-        return best
-
-    def _moved(self, q: np.ndarray, there: np.ndarray) -> float:
-        """How far from ``q`` it is: the parameters, or with a mesh a curve, as a part of its maximum."""
-        if self.smooth:
-            return float(np.abs(there - q).max(initial=0.0))
-        before, after = self.inverse.predictions(q), self.inverse.predictions(there)
-        largest = {id: np.abs(grid.mean).max() for id, grid in self.inverse.grids.items()}
-        return max(
-            float(np.sqrt(np.mean((p.y - before[id].y) ** 2)) / largest[id]) for id, p in after.items()
+def _compared(
+    posterior: Posterior, best: Estimated | None, notes: list[str], done: bool
+) -> tuple[ComparedCurve, ...]:
+    """Each test beside its curve, as far as that is known; tests that are predicted are computed now."""
+    p, found = posterior.predictions, []
+    q = np.zeros(len(posterior.parameters)) if best is None else best.q
+    for e in p.campaign.experiments:
+        values = posterior.values(e, q)
+        try:
+            if done:
+                p.compute(e, values)
+            at = best.at if best is not None and e.id in best.at.y else posterior.evaluate(q, [e])
+        except ComputationFailed as error:
+            verb = "predicted" if e.role == "test" else "computed"
+            notes.append(f"'{e.id}' could not be {verb}: {error}")
+            continue
+        grid, fitted = p.grids[e.id], e.id in (best.w.tests if best else ())
+        sd, gap = grid.deviation, None
+        if best is not None and fitted:
+            block = best.w.tests[e.id]
+            sd, gap = block.deviation, missed(block, at.residual[e.id])
+        found.append(
+            ComparedCurve(e, grid.x, grid.mean, sd, at.y[e.id], at.onset_mm[e.id], p.thickness_mm(e), gap)
         )
+        if e.id in posterior.mesh:
+            change = _rms(posterior.mesh[e.id].change) / float(np.abs(at.y[e.id]).max())
+            notes.append(
+                f"'{e.id}': finer numerics change the computed curve by {100 * change:.1f} % of its"
+                " maximum (root mean square); the fit allows for that."
+            )
+        if e.fields and e.id in posterior.fields:
+            notes.append(_field_note(e, posterior.fields[e.id].residual))
+    return tuple(found)
 
-    def _elsewhere(self, best: lm.Minimum) -> lm.Minimum:
-        """The likeliest of several minima: ``best`` and what is reached from other starts."""
-        (low, high), most, weights = self.inverse.bounds, self._likelihood(best), self.covariance
-        away = AWAY if self.smooth else AWAY_MESHED
-        parts = 2 * stats.qmc.Halton(best.q.size, seed=0).random(STARTS) - 1
-        starts = [np.clip(best.q + away * part, low, high) for part in parts]
-        for start in starts if self.smooth else self._promising(starts, best.q):
+
+def _field_note(e: Experiment, residual: np.ndarray) -> str:
+    """How near computed displacement fields of a test are to the measured ones, in a sentence."""
+    known = residual != 0
+    if not known.any():
+        return f"'{e.id}': none of the places of its fields lies in the computed body."
+    fields = f"{len(e.fields)} field{'s' * (len(e.fields) > 1)}"
+    return (
+        f"'{e.id}': of {known.sum()} displacements in {fields} the fit is off by {_rms(residual[known]):.3g} mm"
+        f" (root mean square), where {_rms(laid_out(e.fields)[known]):.3g} mm were measured and"
+        f" {e.field_noise_mm:g} mm are noise."
+    )
+
+
+def _at_bounds(
+    posterior: Posterior, found: Sequence[Estimate], compared: Sequence[ComparedCurve]
+) -> list[str]:
+    """What bounds do to the fit: starts that lie beyond, and values that are held."""
+    notes, held, base = [], [], posterior.predictions.base
+    for e in found:
+        u, show = e.parameter, e.parameter.quantity.show
+        bounds, wanted = f"{show(u.low)} to {show(u.high)}", base.values.get(u.name, u.start)
+        if not u.low <= wanted <= u.high:
+            notes.append(f"{e.label} begins at {show(u.start)}: {show(wanted)} is not within {bounds}.")
+        if e.at_bound:
+            held.append(f"{e.label} ({bounds})")
+    if held and compared:
+        part, id = max((c.rmse / float(np.abs(c.mean).max()), c.experiment.id) for c in compared)
+        notes.append(
+            f"Held by its bounds: {', '.join(held)}. There the fit misses '{id}' by {100 * part:.1f} % of"
+            " its maximum (root mean square)."
+        )
+    return notes
+
+
+def _profiled(best: Estimated, label: str, on_progress: OnProgress) -> Profile:
+    """Along one parameter, on each side until the log posterior has fallen as far as at the ends of an
+    interval, or three values are tried. Raises KeyboardInterrupt."""
+    posterior = best.posterior
+    k = [u.label for u in posterior.parameters].index(label)
+    u, (low, high) = posterior.parameters[k], posterior.bounds
+    t, sd = float(stats.t.ppf((1 + LEVEL) / 2, _degrees_of_freedom(best)[k])), best.covariance[k, k] ** 0.5
+    points, ends = [(best.q[k], 0.0)], {-1: math.nan, 1: math.nan}
+    for side in (-1, 1):
+        way, before = t * sd, (best.q[k], 0.0)
+        for _ in range(3):
+            q = float(np.clip(best.q[k] + side * way, low[k], high[k]))
+            on_progress(math.nan, math.nan, f"profile of {label}")
             try:
-                other = self._from(start)
+                risen = 2 * (best.log_posterior - _held(best, k, q))
             except ComputationFailed:
-                continue
-            if other.message == INTERRUPTED:
                 break
-            if self._likelihood(other) > most + 1e-3:
-                best, most, weights = other, self._likelihood(other), self.covariance
-        self.covariance = weights
-        return best
+            points.append((q, risen))
+            if risen >= t**2:  # the root of χ² is close to linear
+                a, b = math.sqrt(max(before[1], 0.0)), math.sqrt(risen)
+                ends[side] = u.value(before[0] + (q - before[0]) * (t - a) / (b - a))
+                break
+            before, way = (q, risen), way * min(1.15 * t / max(math.sqrt(max(risen, 0.0)), t / 3), 3.0)
+    points.sort()
+    values = np.array([u.value(q) for q, _ in points])
+    return Profile(label, values, np.array([risen for _, risen in points]), ends[-1], ends[1])
 
-    def _promising(self, starts: Sequence[np.ndarray], q: np.ndarray) -> list[np.ndarray]:
-        """The likeliest of ``starts``, if it is likelier than ``q``: each costs one evaluation."""
-        noise, ranked, problem = self.covariance.noise, [], Sparing(self.inverse)
-        for start in (q, *starts):
-            try:
-                ranked.append((likeliest(noise, problem.residuals(start, noise)[0]), start))
-            except ComputationFailed:
-                continue
-            except KeyboardInterrupt:
-                return []
-        self.evaluations += len(starts)
-        _, start = max(ranked, key=lambda each: each[0])
-        return [] if start is q else [start]
 
-    def _likelihood(self, best: lm.Minimum) -> float:
-        return likelihood(self.covariance, self.inverse.residuals(best.q, self.covariance)[0])
-
-    def _farthest(self, best: lm.Minimum) -> tuple[float, str]:
-        """Largest part of a curve's maximum that the model misses (root mean square), and of which test."""
-        residual = self.inverse.residuals(best.q, self.covariance)[0]
-        return max((misfit(self.covariance, id, residual[id]), id) for id in self.covariance.tests)
-
-    # -- intervals -------------------------------------------------------------------------------
-    def _estimates(self, best: lm.Minimum) -> tuple[np.ndarray, tuple[Estimate, ...]]:
-        covariance = information_inverse(best.J)
-        dof = self._degrees_of_freedom(best, covariance)
-        low, _ = self.inverse.bounds
-        # Where the model does not describe the data, what is wrong with it counts as noise.
-        covariance = covariance * best.excess
-        # What was left to do: next to nothing, or what the jags of the computed curves hide.
-        covariance = covariance + np.outer(best.outstanding, best.outstanding)
-        found, inside = [], self.inverse.inside(best.q)
-        for k, u in enumerate(self.inverse.unknowns):
-            q, sd = best.q[k], float(np.sqrt(covariance[k, k]))
-            reach = stats.t.ppf((1 + LEVEL) / 2, dof[k]) * sd
-            down = u.value(q - reach) if u.logarithmic else u.value(max(q - reach, low[k]))
-            at_bound, moved = not bool(inside[k]), bool(abs(q) > 1e-6)
-            spread = down, u.value(q + reach), sd * u.slope(q), float(dof[k])
-            found.append(Estimate(u, u.value(q), *spread, at_bound, moved))
-        return covariance, tuple(found)
-
-    def _degrees_of_freedom(self, best: lm.Minimum, covariance: np.ndarray) -> np.ndarray:
-        """Welch and Satterthwaite's (k,): of the factors, of each test's other scatter, of the rest."""
-        gain = covariance @ best.J.T
-        rest, factors = np.diag(covariance).copy(), self.covariance.factors
-        by_factor = {kind: np.zeros(rest.size) for kind in factors}
-        parts: list[tuple[np.ndarray, float]] = []
-        first = 0
-        for e in self.campaign.train:
-            block = self.covariance.tests[e.id]
-            mine = gain[:, first : (first := first + len(block.total))]
-            by_factor[e.kind] += block.share(mine, block.by_factor)
-            parts.append((block.share(mine, block.other), block.dof))
-            if np.any(block.discrepancy):
-                parts.append((block.share(mine, block.discrepancy), independent(block)))
-        parts += [(by_factor[kind], pooled.dof) for kind, pooled in factors.items()]
-        uncertain = np.zeros(rest.size)
-        for part, dof in parts:
-            if dof > 0:
-                rest -= part
-                uncertain += part**2 / dof
-        uncertain += np.clip(rest, 0, None) ** 2 / max(best.r.size - best.q.size, 1)
-        return np.maximum(np.diag(covariance) ** 2 / np.maximum(uncertain, 1e-300), 1.0)
-
-    # -- beside the data -------------------------------------------------------------------------
-    def _compared(self, q: np.ndarray, status: str) -> tuple[ComparedCurve, ...]:
-        inverse, found = self.inverse, self.inverse.predictions(q)
-        sides = {}
-        for e in self.campaign.train:
-            block, p = self.covariance.tests[e.id], found[e.id]
-            sides[e.id] = beside(e, inverse, p, p.y + block.shift, block.deviation, q)
-            gap = missed(block, sides[e.id].fitted - sides[e.id].mean)
-            sides[e.id] = replace(sides[e.id], discrepancy=gap)
-            self.notes += [field_note(e, p, "fit")] if e.fields else []
-        for e in () if status == INTERRUPTED else self.campaign.test:
-            try:
-                (p,) = inverse.predicted(q, [e], fine=self.refine)
-            except (ComputationFailed, BadInput) as error:
-                self.notes.append(f"'{e.id}' could not be predicted: {error}")
-                continue
-            sides[e.id] = beside(e, inverse, p, p.y, inverse.grids[e.id].deviation, q)
-            self.notes += [field_note(e, p, "prediction")] if e.fields else []
-        return tuple(sides[e.id] for e in self.campaign.experiments if e.id in sides)
+def _held(best: Estimated, k: int, q: float) -> float:
+    """The largest log posterior with one parameter held at ``q``."""
+    start = best.q + best.covariance[:, k] / best.covariance[k, k] * (q - best.q[k])
+    return replace(best.posterior, held={k: q}).maximum(start).log_posterior

@@ -3,7 +3,7 @@
 With J (m, k) the derivatives of all readings by the scaled parameters q, whitened by the covariance of the
 readings, the information is JᵀJ. A singular value s of J is the reciprocal of a standard deviation: along
 its right singular vector q is known to 1/s. A parameter with an open lower bound at 0 is scaled as its
-logarithm, so that 0.1 is ten per cent of it; another in units of ``Unknown.scale``.
+logarithm, so that 0.1 is ten per cent of it; another in units of ``FreeParameter.scale``.
 """
 
 from __future__ import annotations
@@ -14,76 +14,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutbench.base.units import Parameter
+from cutbench.calibration.parameters import FreeParameter
 
 #: Standard deviation along a direction of q beyond which the data do not tell: half of the value.
 BLIND = 0.5
 #: Components of a direction that count, relative to its largest.
 PART = 0.25
-#: A value that may not be its bound keeps this part of its size away from it.
-INSIDE = 1e-6
 #: A column this much smaller than the largest is no sensitivity at all.
 NOTHING = 1e-9
 #: A parameter that a fit may choose is left at its start where the data know it worse than this.
 HOPELESS = 3.0
-
-
-@dataclass(frozen=True)
-class Unknown:
-    """A parameter that is looked for: of all experiments, or (``experiment``) of one.
-
-    ``start``, ``low``, ``high`` in internal units; ``low``/``high`` may be infinite.
-    """
-
-    quantity: Parameter
-    start: float
-    low: float
-    high: float
-    experiment: str | None = None
-
-    @property
-    def name(self) -> str:
-        return self.quantity.name
-
-    @property
-    def label(self) -> str:
-        """``G_c``, or ``tau_W[slow]`` for one experiment's own."""
-        return self.name if self.experiment is None else f"{self.name}[{self.experiment}]"
-
-    @property
-    def logarithmic(self) -> bool:
-        return self.quantity.low == 0 and self.quantity.open_low and self.start > 0
-
-    @property
-    def scale(self) -> float:
-        """What one unit of q is, where q is not a logarithm."""
-        return max(abs(self.start), 0.1 * abs(self.quantity.typical * self.quantity.factor)) or 1.0
-
-    def value(self, q: float) -> float:
-        """The parameter (internal units) at q, within its bounds, and off those that are open."""
-        raw = self.start * math.exp(min(q, 200.0)) if self.logarithmic else self.start + self.scale * q
-        low, high, quantity = self.low, self.high, self.quantity
-        if quantity.open_low and low == quantity.bounds[0]:
-            low += INSIDE * self.scale
-        if quantity.open_high and high == quantity.bounds[1]:
-            high -= INSIDE * self.scale
-        return min(max(raw, low), high)
-
-    def slope(self, q: float) -> float:
-        """d value/dq."""
-        return self.start * math.exp(q) if self.logarithmic else self.scale
-
-    def q(self, value: float) -> float:
-        if self.logarithmic:
-            return math.log(value / self.start) if value > 0 else -math.inf
-        return (value - self.start) / self.scale
-
-    @property
-    def reach(self) -> tuple[float, float]:
-        """Bounds of q; of a logarithm never more than a factor of 1000 either way."""
-        low, high = self.q(self.low), self.q(self.high)
-        wide = math.log(1e3) if self.logarithmic else math.inf
-        return max(low, -wide), min(high, wide)
 
 
 @dataclass(frozen=True)
@@ -102,9 +42,9 @@ class Identifiability:
     sentences: tuple[str, ...]
 
 
-def identifiability(J: np.ndarray, unknowns: Sequence[Unknown]) -> Identifiability:
+def identifiability(J: np.ndarray, parameters: Sequence[FreeParameter]) -> Identifiability:
     """For whitened derivatives ``J`` (m, k) by q."""
-    labels = tuple(u.label for u in unknowns)
+    labels = tuple(u.label for u in parameters)
     size = np.linalg.norm(J, axis=0)
     blind = size <= NOTHING * max(size.max(initial=0.0), 1e-300)
     _, s, Vt = _decomposed(J)
@@ -117,7 +57,7 @@ def identifiability(J: np.ndarray, unknowns: Sequence[Unknown]) -> Identifiabili
         sd = 1 / value if value > 0 else math.inf
         if sd <= BLIND or blind[int(np.argmax(np.abs(v)))]:
             continue
-        sentences.append(_sentence(v, sd, unknowns))
+        sentences.append(_sentence(v, sd, parameters))
     return Identifiability(labels, s, alone, joint, correlations(covariance), tuple(sentences))
 
 
@@ -141,45 +81,45 @@ def correlations(covariance: np.ndarray) -> np.ndarray:
     return covariance / np.outer(d, d)
 
 
-def _sentence(v: np.ndarray, sd: float, unknowns: Sequence[Unknown]) -> str:
+def _sentence(v: np.ndarray, sd: float, parameters: Sequence[FreeParameter]) -> str:
     """What it means that the data know q only to ``sd`` along ``v``."""
     largest = int(np.argmax(np.abs(v)))
     parts = [i for i in np.argsort(-np.abs(v)) if abs(v[i]) >= PART * abs(v[largest])]
-    how = "at all" if sd > 10 else f"to better than {_amount(unknowns[largest], sd)}"
+    how = "at all" if sd > 10 else f"to better than {_amount(parameters[largest], sd)}"
     if len(parts) == 1:
-        return f"These data do not determine {unknowns[largest].label} {how}."
+        return f"These data do not determine {parameters[largest].label} {how}."
     # A change that all the noise hides: one standard deviation, or a tenth of the largest where more.
     shown = v / abs(v[largest]) * min(sd * abs(v[largest]), 0.1) * np.sign(v[largest])
     moves = [
-        f"{'raising' if shown[i] > 0 else 'lowering'} {unknowns[i].label} by"
-        f" {_amount(unknowns[i], abs(shown[i]))}"
+        f"{'raising' if shown[i] > 0 else 'lowering'} {parameters[i].label} by"
+        f" {_amount(parameters[i], abs(shown[i]))}"
         for i in parts
     ]
-    *names, last = (unknowns[i].label for i in parts)
+    *names, last = (parameters[i].label for i in parts)
     apart = f"{names[0]} from {last}" if len(names) == 1 else f"{', '.join(names)} and {last}"
     change = f"{moves[0]} while {' and '.join(moves[1:])}"
     return f"These data cannot separate {apart}: {change} changes the readings by less than their noise."
 
 
-def _amount(u: Unknown, dq: float) -> str:
+def _amount(u: FreeParameter, dq: float) -> str:
     return f"{100 * dq:.0f} %" if u.logarithmic else u.quantity.show(dq * u.scale)
 
 
-def worth_it(
-    J: np.ndarray, looked_for: Sequence[Unknown], asked: Sequence[str]
+def identifiable(
+    J: np.ndarray, parameters: Sequence[FreeParameter], asked: Sequence[str]
 ) -> tuple[list[int], dict[str, str]]:
-    """Numbers of the unknowns that the data can tell, and why the others stay where they are.
+    """Numbers of the parameters that the data can tell, and why the others stay where they are.
 
     The worst leaves first: what it was confounded with may then be known well. ``asked`` names stay.
     """
-    kept, fixed = list(range(len(looked_for))), {}
+    kept, fixed = list(range(len(parameters))), {}
     while len(kept) > 1:
-        said = identifiability(J[:, kept], [looked_for[i] for i in kept])
-        may_go = [i for i in range(len(kept)) if looked_for[kept[i]].name not in asked]
+        said = identifiability(J[:, kept], [parameters[i] for i in kept])
+        may_go = [i for i in range(len(kept)) if parameters[kept[i]].name not in asked]
         worst = max(may_go, key=lambda i: said.joint[i], default=None)
         if worst is None or said.joint[worst] <= HOPELESS:
             break
-        u, alone = looked_for[kept.pop(worst)], said.alone[worst]
+        u, alone = parameters[kept.pop(worst)], said.alone[worst]
         fixed[u.label] = (
             "no reading depends on it" if not np.isfinite(alone)
             else "the data do not determine it" if alone > HOPELESS

@@ -11,47 +11,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from cutbench.base.errors import ComputationFailed
-from cutbench.calibration.identifiability import Unknown
-from cutbench.calibration.looked_for import visible
 from cutbench.calibration.mesh_error import guessed_error
-from cutbench.calibration.predict import Predictions
-from cutbench.data.covariance import Covariance
+from cutbench.calibration.parameters import FreeParameter, visible
+from cutbench.calibration.prediction import NotKnown, Predicted, Predictions
+from cutbench.calibration.settings import SETTINGS
+from cutbench.case.case import Case
+from cutbench.data.covariance import Block, Covariance
 from cutbench.data.discrepancy import allowing, likelihood
 from cutbench.data.experiment import Experiment
 
-
-@dataclass(frozen=True)
-class EstimationSettings:
-    """What an estimate rests on beside the data.
-
-    Attributes
-    ----------
-    broad : float
-        Standard deviation beforehand of a parameter of the baseline, as a logarithm or in units of its start:
-        a factor of twenty either way, so that only what the data do not tell feels it.
-    steps, turns : int
-        So many steps at most are made with one covariance, and so often at most it is found anew.
-    still : float
-        They are found when no parameter moves by more than this part of its own standard deviation.
-    absurd : float
-        A prediction that is so many times the largest reading counts as none.
-    """
-
-    broad: float = 3.0
-    steps: int = 8
-    turns: int = 8
-    still: float = 0.1
-    absurd: float = 1e4
-
-
-SETTINGS = EstimationSettings()
+#: A prediction that is so many times the largest reading counts as none.
+ABSURD = 1e4
+#: A parameter is at a bound that is nearer than this.
+AT_BOUND = 1e-6
+#: So many steps at most are made with one covariance, and so often at most it is found anew, until no parameter
+#: moves by more than this part of its own standard deviation.
+STEPS, TURNS, STILL = 8, 8, 0.1
 
 
 @dataclass(frozen=True)
@@ -64,14 +46,28 @@ class Evaluated:
     residual: Mapping[str, np.ndarray]
     J: Mapping[str, np.ndarray]
     error: Mapping[str, np.ndarray]
+    onset_mm: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class LinearFields:
+    """Displacement fields of one cut about a place ``q`` (k,): computed less measured ``residual`` (f,), its
+    derivatives ``J`` (f, k) by the scaled parameters, and the covariance of the measured ones."""
+
+    q: np.ndarray
+    residual: np.ndarray
+    J: np.ndarray
+    block: Block
 
 
 @dataclass(frozen=True)
 class MeshError:
-    """Of one cut: what is added to the computed curve (m,), and the covariance (m, m) of what is missing."""
+    """Of one cut: what is added to the computed curve (m,), the covariance (m, m) of what is missing, and what
+    finer numerics change (m,)."""
 
     shift: np.ndarray
     covariance: np.ndarray
+    change: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -82,22 +78,28 @@ class Posterior:
     ----------
     predictions : Predictions
         What the model says.
-    parameters : tuple of Unknown
+    parameters : tuple of FreeParameter
         What is looked for. One with an ``experiment`` is that test's own.
     widths, centres : ndarray, shape (k,)
         Standard deviations and means beforehand of the scaled parameters.
     mesh : mapping
         By id, the error of the mesh of a cut.
+    fields : mapping
+        By id, the displacement fields of a cut.
+    held : mapping
+        By number, scaled parameters that stay where they are.
     """
 
     predictions: Predictions
-    parameters: tuple[Unknown, ...]
+    parameters: tuple[FreeParameter, ...]
     widths: np.ndarray
     centres: np.ndarray
     mesh: Mapping[str, MeshError] = field(default_factory=dict)
+    fields: Mapping[str, LinearFields] = field(default_factory=dict)
+    held: Mapping[int, float] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, predictions: Predictions, parameters: Sequence[Unknown]) -> Posterior:
+    def of(cls, predictions: Predictions, parameters: Sequence[FreeParameter]) -> Posterior:
         """Of a baseline, whose parameters may be anything beforehand."""
         size = len(parameters)
         return cls(predictions, tuple(parameters), np.full(size, SETTINGS.broad), np.zeros(size))
@@ -107,10 +109,17 @@ class Posterior:
         """Those that are fitted."""
         return self.predictions.campaign.train
 
+    @property
+    def runs_wanted(self) -> list[Experiment]:
+        """Those of them that are known from runs."""
+        return [e for e in self.tests if self.predictions.needs_runs(e)]
+
     @cached_property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Of the scaled parameters (k,) each."""
         reach = np.array([u.reach for u in self.parameters]).reshape(-1, 2)
+        for k, q in self.held.items():
+            reach[k] = q - AT_BOUND, q + AT_BOUND
         return reach[:, 0], reach[:, 1]
 
     @cached_property
@@ -137,33 +146,45 @@ class Posterior:
             found[name] = float(np.mean(mine or [v for _, v in all_]))
         return found
 
-    def evaluate(self, q: np.ndarray, tests: Sequence[Experiment] | None = None) -> Evaluated:
-        """All fitted tests at the scaled parameters ``q`` (k,). Raises NotKnown, ComputationFailed."""
-        y, residual, J, error = {}, {}, {}, {}
+    def evaluate(
+        self, q: np.ndarray, tests: Sequence[Experiment] | None = None, differentiate: bool = True
+    ) -> Evaluated:
+        """All fitted tests at the scaled parameters ``q`` (k,), with derivatives or without. Raises NotKnown,
+        ComputationFailed."""
+        y, residual, J, error, onset = {}, {}, {}, {}, {}
         for e in self.tests if tests is None else tests:
-            mine = self.mine[e.id]
+            mine = self.mine[e.id] if differentiate else []
             names = tuple(dict.fromkeys(self.parameters[k].name for k in mine))
-            p = self.predictions.predict(e, self.values(e, q), names)
-            largest = SETTINGS.absurd * np.abs(self.predictions.grids[e.id].mean).max()
-            if not (np.isfinite(p.slopes).all() and np.abs(p.y).max() < largest):
-                raise ComputationFailed(f"'{e.id}': what is predicted makes no sense")
+            p = self.predicted(e, self.values(e, q), names)
             mesh = self.mesh_error(e, p.y)
-            y[e.id] = p.y + mesh.shift
+            y[e.id], onset[e.id] = p.y + mesh.shift, p.onset_mm
             error[e.id] = p.root @ p.root.T + mesh.covariance
             residual[e.id] = y[e.id] - self.predictions.grids[e.id].mean
             J[e.id] = np.zeros((p.y.size, len(self.parameters)))
             for k in mine:
                 u = self.parameters[k]
                 J[e.id][:, k] = p.slopes[:, names.index(u.name)] * u.slope(q[k])
-        return Evaluated(q, y, residual, J, error)
+        return Evaluated(q, y, residual, J, error, onset)
+
+    def predicted(self, e: Experiment, values: Mapping[str, float], names: Sequence[str]) -> Predicted:
+        """What a test reads. Raises NotKnown, ComputationFailed."""
+        try:
+            p = self.predictions.predict(e, values, names)
+        except NotKnown:  # a cut that was computed says itself what it gives
+            p = self.predictions.computed(e, values, names)
+        largest = ABSURD * np.abs(self.predictions.grids[e.id].mean).max()
+        if not (np.isfinite(p.slopes).all() and np.isfinite(p.root).all() and np.abs(p.y).max() < largest):
+            raise ComputationFailed(f"'{e.id}': what is predicted makes no sense")
+        return p
 
     def mesh_error(self, e: Experiment, y: np.ndarray) -> MeshError:
         """What is known of the mesh's error, or guessed before it was measured; none of what has no mesh."""
         if e.id in self.mesh:
             return self.mesh[e.id]
-        if e.kind == "cut":
-            return MeshError(np.zeros(y.size), guessed_error(self.predictions.grids[e.id].along, y))
-        return MeshError(np.zeros(y.size), np.zeros((y.size, y.size)))
+        if self.predictions.needs_runs(e):
+            guess = guessed_error(self.predictions.grids[e.id].along, y)
+            return MeshError(np.zeros(y.size), guess, np.zeros(y.size))
+        return MeshError(np.zeros(y.size), np.zeros((y.size, y.size)), np.zeros(y.size))
 
     def noise(self, at: Evaluated) -> Covariance:
         """Of all readings, with the error of what is predicted, without a discrepancy."""
@@ -171,8 +192,15 @@ class Posterior:
         return Covariance.of(self.predictions.grids, kinds, at.y, at.error)
 
     def covariance(self, at: Evaluated) -> Covariance:
-        """The same with each test's likeliest discrepancy."""
-        return allowing(self.noise(at), at.residual, at.J)
+        """The same with each test's likeliest discrepancy. A parameter at a bound takes up nothing that is
+        beyond it."""
+        inside = self.inside(at.q)
+        return allowing(self.noise(at), at.residual, {id: J * inside for id, J in at.J.items()})
+
+    def inside(self, q: np.ndarray) -> np.ndarray:
+        """Which of ``q`` (k,) no bound holds."""
+        low, high = self.bounds
+        return (q - low > AT_BOUND) & (high - q > AT_BOUND)
 
     def log_prior(self, q: np.ndarray) -> float:
         """Logarithm of the density of ``q`` beforehand."""
@@ -183,9 +211,15 @@ class Posterior:
         )
 
     def whitened(self, at: Evaluated, w: Covariance) -> tuple[np.ndarray, np.ndarray]:
-        """Residuals (M,) and derivatives (M, k), with a row a parameter for what is expected beforehand."""
+        """Residuals (M,) and derivatives (M, k): of the tests, of their fields, and a row a parameter for what
+        is expected beforehand."""
         r, J = w.white(at.residual), w.white(at.J)
-        return np.append(r, (at.q - self.centres) / self.widths), np.vstack([J, np.diag(1 / self.widths)])
+        more = [
+            (f.block.white(f.residual + f.J @ (at.q - f.q)), f.block.white(f.J)) for f in self.fields.values()
+        ]
+        before = (at.q - self.centres) / self.widths, np.diag(1 / self.widths)
+        rows, columns = zip((r, J), *more, before, strict=True)
+        return np.concatenate(rows), np.vstack(columns)
 
     def maximum(self, q: np.ndarray) -> Estimated:
         """The most probable parameters near ``q`` (k,). Raises NotKnown, ComputationFailed."""
@@ -198,8 +232,8 @@ class Posterior:
             return known[x.tobytes()]
 
         at = evaluated(_within(np.clip(q, low, high), low, high))
-        size = sum(y.size for y in at.y.values()) + q.size
-        for _ in range(SETTINGS.turns):
+        size = sum(y.size for y in at.y.values()) + sum(f.residual.size for f in self.fields.values()) + q.size
+        for _ in range(TURNS):
             w, before = self.covariance(at), at.q
 
             def white(x: np.ndarray, w: Covariance = w) -> tuple[np.ndarray, np.ndarray]:
@@ -210,13 +244,13 @@ class Posterior:
 
             found = least_squares(
                 lambda x: white(x)[0], before, lambda x: white(x)[1], bounds=(low, high), x_scale="jac",
-                max_nfev=SETTINGS.steps, xtol=1e-4, ftol=1e-4,
+                max_nfev=STEPS, xtol=1e-4, ftol=1e-4,
             )  # fmt: skip
             at = evaluated(_within(found.x, low, high))
             precision = np.linalg.norm(self.whitened(at, w)[1], axis=0)
-            if np.all(np.abs(at.q - before) * precision <= SETTINGS.still):
-                break
-        return Estimated(self, at, self.covariance(at))
+            if np.all(np.abs(at.q - before) * precision <= STILL):
+                return Estimated(self, at, self.covariance(at))
+        return Estimated(self, at, self.covariance(at), settled=False)
 
 
 def _within(q: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -227,11 +261,24 @@ def _within(q: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Estimated:
-    """The most probable parameters of a model: where, and the covariance of the readings there."""
+    """The most probable parameters of a model.
+
+    Attributes
+    ----------
+    posterior : Posterior
+        Of which it is the maximum.
+    at : Evaluated
+        All fitted tests there.
+    w : Covariance
+        Of the readings, with the likeliest discrepancies.
+    settled : bool
+        Whether nothing more is gained from there, as far as that is known.
+    """
 
     posterior: Posterior
     at: Evaluated
     w: Covariance
+    settled: bool = True
 
     @property
     def q(self) -> np.ndarray:
@@ -241,18 +288,29 @@ class Estimated:
     @property
     def log_likelihood(self) -> float:
         """But for a constant."""
-        return 0.5 * likelihood(self.w, self.at.residual)
+        fields = (f.block.white(f.residual + f.J @ (self.q - f.q)) for f in self.posterior.fields.values())
+        return 0.5 * (likelihood(self.w, self.at.residual) - sum(float(r @ r) for r in fields))
 
     @property
     def log_posterior(self) -> float:
         """Of likelihood and prior, but for a constant."""
         return self.log_likelihood + self.posterior.log_prior(self.q)
 
+    @property
+    def chi2(self) -> float:
+        """Square of the tests' whitened residuals."""
+        r = self.w.white(self.at.residual)
+        return float(r @ r)
+
+    @cached_property
+    def white_J(self) -> np.ndarray:
+        """Whitened derivatives (M, k), with what is expected beforehand last."""
+        return self.posterior.whitened(self.at, self.w)[1]
+
     @cached_property
     def covariance(self) -> np.ndarray:
         """(k, k) of the scaled parameters, afterwards."""
-        J = self.posterior.whitened(self.at, self.w)[1]
-        return np.linalg.inv(J.T @ J)
+        return np.linalg.inv(self.white_J.T @ self.white_J)
 
     @property
     def log_evidence(self) -> float:
@@ -263,3 +321,22 @@ class Estimated:
     def values(self) -> dict[str, float]:
         """By label, internal units."""
         return {u.label: u.value(x) for u, x in zip(self.posterior.parameters, self.q, strict=True)}
+
+    @property
+    def case(self) -> Case:
+        """The model with the values found; the mean where each test has its own."""
+        found: dict[str, list[float]] = {}
+        for u, x in zip(self.posterior.parameters, self.q, strict=True):
+            found.setdefault(u.name, []).append(u.value(x))
+        base = self.posterior.predictions.base
+        return replace(base, values={**base.values, **{n: float(np.mean(v)) for n, v in found.items()}})
+
+    def predicted(self, e: Experiment) -> Predicted:
+        """What the model says of any test, with derivatives by its free parameters. Raises
+        ComputationFailed."""
+        names = tuple(dict.fromkeys(self.posterior.parameters[k].name for k in self.posterior.mine[e.id]))
+        return self.posterior.predicted(e, self.posterior.values(e, self.q), names)
+
+    def scaled_slopes(self, e: Experiment) -> np.ndarray:
+        """Derivatives (m, k) of any test by the scaled parameters. Raises ComputationFailed."""
+        return self.posterior.evaluate(self.q, [e]).J[e.id]

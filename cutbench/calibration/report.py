@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import combinations
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,8 @@ import numpy as np
 from cutbench.base.files import picked, write_json
 from cutbench.base.versions import versions
 from cutbench.calibration.case_file import write_case
-from cutbench.calibration.fitted import ComparedCurve, Estimate, Fit
-from cutbench.calibration.lm import INTERRUPTED
+from cutbench.calibration.fitting import ComparedCurve, Estimate, Fit
+from cutbench.calibration.settings import SETTINGS
 
 #: Layout of fit.json.
 SCHEMA = 1
@@ -41,15 +42,15 @@ def summary(fit: Fit) -> str:
         f"  model: {fit.case.model.described}",
         f"  {fit.status}: {fit.message}" if fit.message != fit.status else f"  {fit.status}",
         f"  {fit.readings} values, {k} parameter{'s' if k != 1 else ''}, chi2 = {fit.chi2:.4g},"
-        f" reduced {fit.reduced_chi2:.3g}, {fit.evaluations} evaluations, {fit.seconds:.0f} s",
+        f" reduced {fit.reduced_chi2:.3g}, {fit.runs} cuts computed, {fit.seconds:.0f} s",
     ]
     worst = max((c.missed for c in fit.compared), default=0.0)
-    if fit.status != INTERRUPTED and not fit.far and (fit.reduced_chi2 > 2 or worst > AMISS):
+    if fit.done and not fit.far and (fit.reduced_chi2 > 2 or worst > AMISS):
         lines.append(
             "  The model does not describe the data to within their noise: it misses up to"
             f" {100 * worst:.1f} % of a curve's maximum (root mean square); intervals allow for that."
         )
-    lines += ["", "parameters, not estimated" if fit.status == INTERRUPTED else "parameters (95 % intervals)"]
+    lines += ["", "parameters (95 % intervals)" if fit.done else "parameters, not estimated"]
     lines += [_parameter(e) for e in fit.estimates]
     lines += [f"  {label:<16} left at its start: {reason}" for label, reason in fit.fixed.items()]
     if pairs := _pairs(fit):
@@ -70,7 +71,7 @@ def summary(fit: Fit) -> str:
             for name, v in by_regime(c).items()
         ]
     for profile in fit.profiles:
-        q = fit.estimate(profile.label).unknown.quantity
+        q = fit.estimate(profile.label).parameter.quantity
         ends = [
             q.show(v) if math.isfinite(v) else "beyond what was tried" for v in (profile.low, profile.high)
         ]
@@ -84,14 +85,14 @@ def summary(fit: Fit) -> str:
 
 
 def _parameter(e: Estimate) -> str:
-    q = e.unknown.quantity
+    q = e.parameter.quantity
     if math.isnan(e.sd):
-        return f"  {e.label:<16} {q.show(e.value)} reached   start {q.show(e.unknown.start)}"
+        return f"  {e.label:<16} {q.show(e.value)} reached   start {q.show(e.parameter.start)}"
     flags = [text for is_so, text in ((e.at_bound, "at a bound"), (not e.moved, "not moved")) if is_so]
     relative = f" ({100 * e.sd / abs(e.value):.2g} %)" if e.value else ""
     return (
         f"  {e.label:<16} {q.show(e.value)} +/- {q.show(e.sd)}{relative}"
-        f"   [{q.show(e.low)}, {q.show(e.high)}]   start {q.show(e.unknown.start)}"
+        f"   [{q.show(e.low)}, {q.show(e.high)}]   start {q.show(e.parameter.start)}"
         + "".join(f"   {flag}" for flag in flags)
     )
 
@@ -106,12 +107,12 @@ def to_dict(fit: Fit) -> dict:
     """Plain data with units; the arrays of the curves included."""
     parameters = {}
     for e in fit.estimates:
-        q = e.unknown.quantity
+        q = e.parameter.quantity
         parameters[e.label] = {
             **{key: getattr(e, key) / q.factor for key in ("value", "low", "high", "sd")},
-            "start": e.unknown.start / q.factor,
+            "start": e.parameter.start / q.factor,
             "unit": q.unit,
-            "experiment": e.unknown.experiment,
+            "experiment": e.parameter.experiment,
             "degrees_of_freedom": e.dof,
             "at_bound": e.at_bound,
             "moved": e.moved,
@@ -140,8 +141,8 @@ def to_dict(fit: Fit) -> dict:
             for when, said in (("before", fit.before), ("after", fit.after))
         },
         "notes": list(fit.notes),
-        "evaluations": fit.evaluations,
-        "chi2_history": list(fit.history),
+        "cuts_computed": fit.runs,
+        "settings": asdict(SETTINGS),
         "seconds": fit.seconds,
         "case": fit.case.to_dict(),
         "versions": versions(),
@@ -172,7 +173,7 @@ def _experiment(c: ComparedCurve) -> dict:
 
 
 def _profile(fit: Fit, p) -> dict:
-    q = fit.estimate(p.label).unknown.quantity
+    q = fit.estimate(p.label).parameter.quantity
     ends = {key: getattr(p, key) / q.factor for key in ("low", "high")}
     return {"parameter": p.label, "unit": q.unit, "values": (p.values / q.factor).tolist(),
             "chi2_rise": p.rise.tolist(), **ends}  # fmt: skip
@@ -180,27 +181,27 @@ def _profile(fit: Fit, p) -> dict:
 
 def write_fit(fit: Fit, folder: Path) -> list[Path]:
     """``fit.json``, ``fit.png`` and the case file ``fitted.toml`` in ``folder``, each whole or not at all. A
-    fit that was interrupted has no case file."""
+    fit that was stopped before its end has no case file."""
     from cutbench.base.figure_style import save
     from cutbench.calibration.figure import plot_fit
 
     paths = [write_json(to_dict(fit), folder / "fit.json")]
     path, case = fit.campaign.path, folder / "fitted.toml"
-    if fit.status == INTERRUPTED:
+    if not fit.done:
         case.unlink(missing_ok=True)
     else:
         note = f"Fitted to {path.name if path else 'a campaign'}: {fit.status}"
         paths.append(write_case(fit.campaign, fit.case, note, remarks(fit), case))
-    return [*paths, *save(plot_fit(fit), folder / "fit.png")]
+    return [*paths, *(save(plot_fit(fit), folder / "fit.png") if fit.compared else [])]
 
 
 def remarks(fit: Fit) -> dict[str, str]:
     """What is known of each fitted value, by name."""
     found: dict[str, str] = {}
     for e in fit.estimates:
-        if e.unknown.experiment is not None:
-            found[e.unknown.name] = "mean of one value for each experiment"
+        if e.parameter.experiment is not None:
+            found[e.parameter.name] = "mean of one value for each experiment"
         else:
-            q = e.unknown.quantity
-            found[e.unknown.name] = f"fitted, 95 %: {q.show(e.low)} to {q.show(e.high)}"
+            q = e.parameter.quantity
+            found[e.parameter.name] = f"fitted, 95 %: {q.show(e.low)} to {q.show(e.high)}"
     return found

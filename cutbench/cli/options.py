@@ -161,6 +161,11 @@ FrameCount = Annotated[
 Workers = Annotated[
     str | None, typer.Option(metavar="N", help="Processes; default: one a core; 0: this one.")
 ]
+Limit = Annotated[
+    str | None,
+    typer.Option(metavar="TIME", help="No longer than this, in s or with a unit: '10 min'; what is known then"
+                 " is told."),
+]  # fmt: skip
 Refine = Annotated[
     bool, typer.Option(help="Measure the error of the computation on a finer mesh on the way.")
 ]

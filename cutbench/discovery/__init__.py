@@ -1,12 +1,16 @@
-"""Discovery: what a model gets wrong of measured data, which mechanism explains it, what it gains.
+"""Discovery: what a model gets wrong of measured curves, which cause explains it, and what naming it gains.
 
-from cutbench.discovery import discover
-found = discover(load_campaign("campaign.toml"))
-print(found.verdict, found.found)
+``search`` fits the baseline and compares it with models that have one more cause (``comparison``):
+``candidates`` says which there are, ``screening`` and ``score`` which of them promise anything.
 """
 
-from cutbench.discovery.outcome import Discovery
-from cutbench.discovery.report import gain_sentence, verdict_sentence
-from cutbench.discovery.search import discover
+import lazy_loader
 
-__all__ = ["Discovery", "discover", "gain_sentence", "verdict_sentence"]
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "search": ["Discovery", "discover"],
+        "page": ["write_discovery"],
+        "report": ["summary"],
+    },
+)

@@ -10,15 +10,14 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.units import Parameter, powers_of, ureg
-from cutbench.calibration.inverse import Inverse
-from cutbench.calibration.looked_for import visible
+from cutbench.calibration.parameters import visible
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
 from cutbench.data.experiment import SLOTS, Experiment
@@ -72,12 +71,27 @@ class Candidate:
 
 
 def candidates(
-    inverse: Inverse, base: Case, one_a_class: bool = True
+    campaign: Campaign, base: Case, estimated: Collection[str]
 ) -> tuple[list[Candidate], dict[str, str]]:
-    """The campaign's candidates that ``base`` can take up beside what ``inverse`` looks for, and why the
-    others cannot; parameters are asked of tests without a mesh. ``one_a_class``: with cuts."""
-    campaign, left_out = inverse.campaign, {}
-    found, clock = _held(inverse, base), any(e.timed or e.speed for e in inverse.campaign.train)
+    """What may explain what a model gets wrong.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The tests, and the mechanisms that are asked for.
+    base : Case
+        The model.
+    estimated : collection of str
+        Parameters that are fitted already.
+
+    Returns
+    -------
+    list of Candidate
+    dict
+        By name, why another mechanism is left out.
+    """
+    found, left_out = _held(campaign, base, estimated), dict[str, str]()
+    clock = any(e.timed or e.speed for e in campaign.train)
     for name in campaign.candidates:
         m = registry()[name]
         if name in base.mechanisms:
@@ -97,27 +111,16 @@ def candidates(
         except BadInput as error:
             left_out[name] = f"cannot be added: {error.expected}"
             continue
-        own = [q for q in m.parameters if q.name in new]
-        strengths = tuple(q for q in own if q.off is not None and q.name not in campaign.plan.fixed)
+        own = [q for q in m.parameters if q.name in new and q.name not in campaign.plan.fixed]
+        strengths = tuple(q for q in own if q.off is not None)
         if not strengths:
             left_out[name] = "its parameters are fixed by the campaign"
             continue
-        shapes = tuple(q for q in own if q.off is None and q.name not in campaign.plan.fixed)
-        grid = _grid(shapes, campaign, base)
-        found.append(replace(asked, strengths=strengths, shapes=shapes, grid=grid))
-    if one_a_class and any(e.kind == "cut" for e in campaign.train):
-        found = _one_a_class(found, left_out)
+        shapes = tuple(q for q in own if q.off is None)
+        found.append(
+            replace(asked, strengths=strengths, shapes=shapes, grid=_grid(shapes, campaign, base))
+        )
     return found, left_out
-
-
-def _one_a_class(found: Sequence[Candidate], left_out: dict[str, str]) -> list[Candidate]:
-    """Of the specimen's and the blade's laws the one with the fewest parameters in each class: a cut with all
-    formulas of a class costs several times as much, and tells none of them from another."""
-    chosen: dict[str, Candidate] = {}
-    for c in sorted(found, key=lambda c: (len(c.parameters), c.name)):
-        if c.slot not in ("rig", FIXED) and (first := chosen.setdefault(family_of(c.name), c)) is not c:
-            left_out[c.name] = f"{first.name} is tried for its class, {family_of(c.name)}"
-    return [c for c in found if c.slot in ("rig", FIXED) or c in chosen.values()]
 
 
 def baseline_of(campaign: Campaign) -> Campaign:
@@ -140,19 +143,16 @@ def family_of(name: str) -> str:
     return name if law is None else law.family or law.title
 
 
-def _held(inverse: Inverse, base: Case) -> list[Candidate]:
-    """Parameters that tests without a mesh feel and no fit looks for, but for those that the campaign names
-    as fixed; none where nothing is a candidate."""
-    if not inverse.campaign.candidates:
-        return []
-    train = [e for e in inverse.campaign.train if e.kind != "cut"]
+def _held(campaign: Campaign, base: Case, estimated: Collection[str]) -> list[Candidate]:
+    """Parameters that tests feel and no fit looks for, but for those that the campaign names as fixed; none
+    where nothing is a candidate."""
+    found, known = [], {*estimated, *campaign.plan.fixed}
     # What a cause that was found brings along has been fitted, or left where the data do not determine it.
-    own = inverse.campaign.base.model.parameters()
-    sought, found = {u.name for u in inverse.unknowns}, []
-    for name, q in ((n, base.model.parameters()[n]) for n in differentiable(base.model)):
-        kinds = tuple(dict.fromkeys(e.kind for e in train if name in visible(e, base)))
-        known = name in sought or name in inverse.campaign.plan.fixed
-        if known or name not in own or not kinds or len(train) < len(inverse.campaign.train):
+    own, given = campaign.base.model.parameters(), {n for e in campaign.train for n in (*e.blade, *e.specimen)}
+    for name in differentiable(base.model) if campaign.candidates else ():
+        q = base.model.parameters()[name]
+        kinds = tuple(dict.fromkeys(e.kind for e in campaign.train if name in visible(e, base)))
+        if name in known or name in given or name not in own or name == "speed" or not kinds:
             continue
         held = replace(q, off=base.values[name] / q.factor)
         found.append(Candidate(name, q.doc, FIXED, (held,), (), ({},), "parameter", kinds))

@@ -4,78 +4,37 @@ M₀ is the baseline, M_c the same with one candidate: a law, a rig, an error of
 that was held. All are fitted by the same likelihood (``cutbench.calibration.posterior``), and compared by
 Laplace's marginal likelihoods (Kass & Raftery 1995, 10.1080/01621459.1995.10476572). How large a gain chance
 makes, with the best of all candidates and shapes picked afterwards, comes from draws of data without effect
-(``cutbench.discovery.score``). Causes are added one by one, the best two sets being carried on, and each is
-taken out again where the others do without it.
+(``cutbench.discovery.score``). Causes are added one by one, and each is taken out again where the others do
+without it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from types import SimpleNamespace
 
 import numpy as np
 
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.progress import OnProgress, silent
 from cutbench.calibration.estimation import estimate, said
-from cutbench.calibration.homogeneous import scan
-from cutbench.calibration.identifiability import Unknown
+from cutbench.calibration.parameters import FreeParameter
 from cutbench.calibration.posterior import Estimated, Posterior
-from cutbench.calibration.predict import NotKnown, Predictions
-from cutbench.data.campaign import Campaign
+from cutbench.calibration.settings import SETTINGS
 from cutbench.data.discrepancy import missed
-from cutbench.data.experiment import Experiment
 from cutbench.discovery.candidates import FIXED, ORDER, Candidate, candidates, family_of
-from cutbench.discovery.columns import Column, Sensed
+from cutbench.discovery.held_out import HeldOut, held_out
 from cutbench.discovery.score import Score, Scores, score
+from cutbench.discovery.screening import Column, sensitivities
 from cutbench.mechanisms import registry
 from cutbench.mechanisms.base import Mechanism
-from cutbench.run.sensitivity import Added, extended
+from cutbench.run.sensitivity import extended
 
-
-@dataclass(frozen=True)
-class Rules:
-    """What a decision rests on. All numbers of a search beside those of the estimates.
-
-    Attributes
-    ----------
-    chance : float
-        Probability of naming anything where nothing is wrong.
-    undecided : float
-        Logarithm of the evidence ratio up to which two models count as equally good: 20 to 1, Kass and
-        Raftery's "strong".
-    share : float
-        Part of what the baseline misses beyond noise that a cause must explain, and of what is left that a
-        later one must.
-    rest : float
-        Part of what the baseline misses, as a root mean square, of which no cause is looked for: no specimen
-        follows a formula.
-    strength, shape : float
-        Standard deviations beforehand: of a strength in units of what is typical, and of a shape, as a
-        logarithm.
-    tried : int
-        Candidates that are fitted in a round, beside those that are no laws.
-    computed : int
-        Models of a round at whose best places cuts are computed.
-    most : int
-        Causes at most.
-    """
-
-    chance: float = 0.005
-    undecided: float = 3.0
-    share: float = 0.3
-    rest: float = 0.06
-    strength: float = 3.0
-    shape: float = 2.3
-    tried: int = 6
-    computed: int = 2
-    most: int = 4
-
-
-RULES = Rules()
+#: What else a model may fail with that a person could not have known.
+_FAILS = (ComputationFailed, BadInput, np.linalg.LinAlgError)
+#: Another explanation of the same readings is tried with so many shapes.
+SHAPES = 3
 
 
 @dataclass(frozen=True)
@@ -94,8 +53,10 @@ class Compared:
         Probability that chance alone makes any candidate gain as much.
     share : float
         Part of what the model misses beyond noise that it explains.
-    gain : float or None
-        Fall of the root mean square error of the predicted tests; None without any.
+    held_out : HeldOut
+        How both predict what was not fitted.
+    significant : bool
+        Whether the model without it misses more, as a whole, than chance makes.
     """
 
     candidate: Candidate
@@ -103,7 +64,8 @@ class Compared:
     evidence: float
     p: float
     share: float
-    gain: float | None
+    held_out: HeldOut
+    significant: bool
 
     @property
     def name(self) -> str:
@@ -111,32 +73,66 @@ class Compared:
         return self.candidate.name
 
     @property
+    def doubts(self) -> tuple[str, ...]:
+        """Why it may not be named; nothing where it may."""
+        found = []
+        if self.p >= SETTINGS.chance:
+            found.append(f"chance alone gains as much in {100 * self.p:.2g} % of such data")
+        if self.evidence <= 0:
+            found.append("the evidence is for the model without it")
+        if self.significant and self.share < SETTINGS.share:
+            found.append(f"it explains {100 * max(self.share, 0):.0f} % of what is missed")
+        if not self.held_out.better:
+            found.append("it predicts what was not fitted no better")
+        return tuple(found)
+
+    @property
     def convincing(self) -> bool:
         """Whether it may be named."""
-        better = self.gain is None or self.gain > 0
-        return self.p < RULES.chance and self.evidence > 0 and self.share >= RULES.share and better
+        return not self.doubts
 
 
 @dataclass(frozen=True)
 class Step:
-    """One round: the model that it began with, and all that was compared, the best first."""
+    """One round of the comparison.
+
+    Attributes
+    ----------
+    null : Estimated
+        The model that it began with.
+    scores : Scores
+        Of all candidates.
+    compared : tuple of Compared
+        What was fitted, the most probable first.
+    left_out, failed : mapping
+        By name, why candidates do not apply, or could not be tried.
+    """
 
     null: Estimated
     scores: Scores
     compared: tuple[Compared, ...]
+    left_out: Mapping[str, str]
+    failed: Mapping[str, str]
 
-    @cached_property
+    @property
     def group(self) -> tuple[Compared, ...]:
         """What the evidence cannot tell from the best that convinces; in the order of kinds."""
         good = [c for c in self.compared if c.convincing]
         if not good:
             return ()
         first = good[0]
-        alike = [c for c in good if first.evidence - c.evidence <= max(RULES.undecided, _apart(first, c))]
+        alike = [
+            c for c in good if first.evidence - c.evidence <= max(SETTINGS.undecided, apart(first, c))
+        ]
         return tuple(sorted(alike, key=lambda c: (ORDER.index(c.candidate.cause), -c.evidence)))
 
+    @property
+    def significant(self) -> bool:
+        """Whether the model misses more than chance makes."""
+        return self.scores.p_residual < SETTINGS.chance
 
-def _apart(one: Compared, other: Compared) -> float:
+
+def apart(one: Compared, other: Compared) -> float:
     """The standard error of the difference of two log likelihoods: how far apart their predictions are."""
     w = one.fitted.w
     d = {id: one.fitted.at.y[id] - other.fitted.at.y[id] for id in w.tests}
@@ -144,18 +140,37 @@ def _apart(one: Compared, other: Compared) -> float:
 
 
 @dataclass(frozen=True)
+class Found:
+    """A cause that was found: ``compared`` in its ``step``."""
+
+    compared: Compared
+    step: Step
+
+    @property
+    def name(self) -> str:
+        """The candidate's."""
+        return self.compared.name
+
+    @property
+    def group(self) -> tuple[str, ...]:
+        """Names of what the data cannot tell from it, itself first."""
+        return tuple(dict.fromkeys([self.name, *(c.name for c in self.step.group)]))
+
+
+@dataclass(frozen=True)
 class Comparison:
-    """All that was compared: the baseline, the rounds, and what was found, in its order."""
+    """All that was compared until now: the rounds, what was found, in its order, and the model with all of
+    it."""
 
-    baseline: Estimated
     steps: tuple[Step, ...]
-    found: tuple[Compared, ...]
+    found: tuple[Found, ...]
     final: Estimated
-    verdict: str
 
 
-def compare_models(baseline: Estimated, *, seed: int = 0, on_progress: OnProgress = silent) -> Comparison:
-    """Look for causes of what a fitted baseline misses.
+def comparisons(
+    baseline: Estimated, *, seed: int = 0, on_progress: OnProgress = silent
+) -> Iterator[Comparison]:
+    """Look for causes of what a fitted baseline misses, one after the other.
 
     Parameters
     ----------
@@ -166,72 +181,98 @@ def compare_models(baseline: Estimated, *, seed: int = 0, on_progress: OnProgres
     on_progress : callable
         Told what is done.
 
-    Returns
-    -------
+    Yields
+    ------
     Comparison
+        After each round; the last one is what was looked for.
     """
-    null, steps, found = baseline, [], []
-    whole = _missed(baseline)
-    while len(found) < RULES.most:
-        on_progress(len(found), RULES.most, f"looking for a cause beside {[c.name for c in found]}")
-        step = _step(null, seed)
+    null, steps, found = baseline, list[Step](), list[Found]()
+    whole = missed_square(baseline)
+    while len(found) < SETTINGS.most:
+        beside = f" beside {' and '.join(f.name for f in found)}" if found else ""
+        on_progress(math.nan, math.nan, f"looking for a cause{beside}")
+        step = step_from(null, seed, on_progress)
         steps.append(step)
-        left = _missed(null)
-        if found and left < RULES.rest**2 * whole:
+        yield Comparison(tuple(steps), tuple(found), null)
+        best = step.group[0] if step.group else None
+        if best is None or (found and not _worth_a_name(step, best, whole)):
             break
-        if not step.group:
-            break
-        best = _named(step.group)
-        found.append(best)
+        found.append(Found(best, step))
         null = best.fitted
-    found, null = _without_idle(baseline, found, null)
-    wrong = steps[0].scores.p_residual < RULES.chance
-    verdict = "mechanism" if found else "unexplained" if wrong else "none"
-    return Comparison(baseline, tuple(steps), tuple(found), null, verdict)
+    found, null = _without_idle(baseline, found, null, on_progress)
+    yield Comparison(tuple(steps), tuple(found), null)
 
 
-def _named(group: Sequence[Compared]) -> Compared:
-    """The one of a group that is added: of its first kind, the most probable."""
-    return group[0]
+def _worth_a_name(step: Step, best: Compared, whole: float) -> bool:
+    """Whether a later cause is more than the error of a formula that was found: what it is found in is more
+    than chance, and more than a trifle or told by tests that were not fitted."""
+    more = missed_square(step.null) >= SETTINGS.trifle**2 * whole
+    return step.significant and (more or best.held_out.much)
 
 
-def _step(null: Estimated, seed: int) -> Step:
+def step_from(null: Estimated, seed: int, on_progress: OnProgress = silent) -> Step:
     """One formula of each class first, the one that promises most; then the others of the class that the
     evidence prefers."""
     campaign = null.posterior.predictions.campaign
-    asked = SimpleNamespace(campaign=campaign, unknowns=null.posterior.parameters)
-    chosen = _of_classes(candidates(asked, _case(null), one_a_class=False)[0], campaign)
-    scores = score(_sensed(null, chosen), null.w.noise, null.at.residual, seed=seed)
+    chosen, left_out = candidates(campaign, null.case, {u.name for u in null.posterior.parameters})
+    chosen = _of_classes(chosen, null.posterior, left_out)
+    sensed = sensitivities(null, chosen)
+    scores = score(sensed, null.w.noise, null.at.residual, seed=seed)
+    failed = {c.name: "it has no answer at off" for c in chosen} if not sensed.columns else {}
+    known = {s.name for s in scores.scores}
+    failed |= {c.name: "it has no answer at off" for c in chosen if c.name not in known}
     first: dict[str, Score] = {}
     for s in scores.scores:
         first.setdefault(family_of(s.name), s)
-    laws = [s for s in first.values() if s.column.candidate.cause == "mechanism"][: RULES.tried]
+    laws = [s for s in first.values() if s.column.candidate.cause == "mechanism"][: SETTINGS.tried]
     others = [s for s in scores.scores if s.column.candidate.cause != "mechanism"]
-    compared = [_compared(null, s, scores) for s in [*others, *laws] if s.gain > RULES.undecided]
-    best = max((c for c in compared if c is not None), key=lambda c: c.evidence, default=None)
+    compared: list[Compared] = []
+
+    def compare(asked: Sequence[Score]) -> None:
+        for number, s in enumerate(asked):
+            on_progress(number, len(asked), f"fitting the model with {s.name}")
+            fitted = _fitted(null, s, scores)
+            if fitted is not None:
+                compared.append(_beside(null, s.column.candidate, fitted, scores))
+            elif s.name not in failed:
+                failed[s.name] = "the model with it has no answer"
+
+    compare([s for s in [*others, *laws] if s.gain > SETTINGS.undecided])
+    best = max(compared, key=lambda c: c.evidence, default=None)
     if best is not None and best.evidence > 0:
-        done = {c.name for c in compared if c is not None}
-        alike = [s for s in scores.scores if family_of(s.name) == family_of(best.name) and s.name not in done]
-        compared += [_compared(null, s, scores) for s in alike]
-    found = sorted((c for c in compared if c is not None), key=lambda c: (-c.evidence, c.name))
-    if any(e.kind == "cut" for e in campaign.train):
-        found = [*(_computed(null, c, scores) for c in found[: RULES.computed]), *found[RULES.computed :]]
-    return Step(null, scores, tuple(sorted(found, key=lambda c: (-c.evidence, c.name))))
+        done = {c.name for c in compared}
+        compare([s for s in scores.scores if family_of(s.name) == family_of(best.name) and s.name not in done])
+    compared.sort(key=lambda c: (-c.evidence, c.name))
+    if null.posterior.runs_wanted:
+        compared = _with_runs(null, compared, scores, on_progress)
+    return Step(null, scores, tuple(compared), left_out, failed)
 
 
-def _computed(null: Estimated, c: Compared, scores: Scores) -> Compared:
-    """The same with cuts computed at its best place, and as it is where they cannot be."""
-    try:
-        fitted = estimate(c.fitted.posterior, c.fitted.q, refine=False)
-    except (ComputationFailed, NotKnown):
-        return c
-    return _beside(null, c.candidate, fitted, scores)
+def _with_runs(
+    null: Estimated, compared: list[Compared], scores: Scores, on_progress: OnProgress
+) -> list[Compared]:
+    """The best of them with cuts computed at their best places: while one that was not may be the best."""
+    open_ = [c for c in compared if c.evidence > 0]
+    done: list[Compared] = []
+    for c in open_[: SETTINGS.computed]:
+        if done and max(d.evidence for d in done) - c.evidence > 2 * SETTINGS.undecided:
+            break
+        on_progress(math.nan, math.nan, f"computing cuts of the model with {c.name}")
+        fitted = _estimated(c.fitted.posterior, c.fitted.q, on_progress)
+        done.append(c if fitted is None else _beside(null, c.candidate, fitted, scores))
+    rest = [c for c in compared if c.name not in {d.name for d in done}]
+    # What was not computed rests on the emulator alone, and is not named before what was.
+    best = max((d.evidence for d in done), default=math.inf)
+    rest = [replace(c, evidence=min(c.evidence, best)) for c in rest]
+    return sorted([*done, *rest], key=lambda c: (-c.evidence, c.name not in {d.name for d in done}, c.name))
 
 
-def _of_classes(chosen: Sequence[Candidate], campaign: Campaign) -> list[Candidate]:
-    """All of them where tests have formulas; of laws that take cuts of their own the simplest of each class,
+def _of_classes(
+    chosen: Sequence[Candidate], posterior: Posterior, left_out: dict[str, str]
+) -> list[Candidate]:
+    """All of them where tests have formulas; of laws that take runs of their own the simplest of each class,
     beside those that do what another value does."""
-    if all(e.kind != "cut" for e in campaign.train):
+    if not posterior.runs_wanted:
         return list(chosen)
     laws, found = registry(), []
     simplest: dict[str, Candidate] = {}
@@ -239,162 +280,23 @@ def _of_classes(chosen: Sequence[Candidate], campaign: Campaign) -> list[Candida
         simplest.setdefault(family_of(c.name), c)
     for c in chosen:
         equal = c.name in laws and type(laws[c.name]).like is not Mechanism.like
-        if c.slot in ("rig", FIXED) or equal or simplest[family_of(c.name)] is c:
+        if c.slot in ("rig", FIXED) or equal or (first := simplest[family_of(c.name)]) is c:
             found.append(c)
+        else:
+            left_out[c.name] = f"{first.name} is tried for its class, {family_of(c.name)}"
     return found
-
-
-def _compared(null: Estimated, s: Score, scores: Scores) -> Compared | None:
-    """The model with a candidate beside the one without; None where it has no answer."""
-    fitted = _fitted(null, s, scores)
-    return None if fitted is None else _beside(null, s.column.candidate, fitted, scores)
 
 
 def _beside(null: Estimated, candidate: Candidate, fitted: Estimated, scores: Scores) -> Compared:
     gain = 2 * (fitted.log_likelihood - null.log_likelihood)
-    share = 1 - _missed(fitted) / max(_missed(null), 1e-300)
+    share = 1 - missed_square(fitted) / max(missed_square(null), 1e-300)
     p = scores.p_any(candidate.name, max(gain, 0.0))
-    evidence = fitted.log_evidence - null.log_evidence
-    return Compared(candidate, fitted, evidence, p, share, _gain(null, fitted))
+    evidence = float(fitted.log_evidence - null.log_evidence)
+    significant = scores.p_residual < SETTINGS.chance
+    return Compared(candidate, fitted, evidence, p, share, held_out(null, fitted), significant)
 
 
-def _case(fitted: Estimated):
-    """The model's case with the values found."""
-    post = fitted.posterior
-    values = {**post.predictions.base.values, **post.values(post.tests[0], fitted.q)}
-    return replace(post.predictions.base, values=values)
-
-
-def _sensed(null: Estimated, chosen: Sequence[Candidate]) -> Sensed:
-    """What each candidate would change first: derivatives of all readings at off."""
-    post, parts = null.posterior, {}
-    for c in chosen:
-        seen = [e for e in post.tests if c.seen_by(e)]
-        for e in (e for e in seen if e.kind != "cut"):
-            parts.update({(c.name, k, e.id): by for k, by in enumerate(_by_formula(null, e, c))})
-        for k in range(len(c.grid)) if any(e.kind == "cut" for e in seen) else ():
-            parts.update(_by_emulator(null, c, k, [e for e in seen if e.kind == "cut"]))
-    parts.update(
-        _by_runs(null, [c for c in chosen if (c.name, len(c.grid) // 2) not in {k[:2] for k in parts}])
-    )
-    columns = []
-    for c in chosen:
-        nothing = {id: np.zeros((y.size, len(c.strengths))) for id, y in null.at.y.items()}
-        for k, shapes in enumerate(c.grid):
-            if all((c.name, k, e.id) in parts for e in post.tests if c.seen_by(e)):
-                by = {id: np.nan_to_num(parts.get((c.name, k, id), none)) for id, none in nothing.items()}
-                columns.append(Column(c, shapes, by))
-    return Sensed(dict(null.at.y), dict(null.at.J), columns)
-
-
-def _by_formula(null: Estimated, e: Experiment, c: Candidate) -> list[np.ndarray]:
-    """Derivatives (m, p) of a test with a formula by a candidate's strengths, with each of its shapes; none
-    where they are not known."""
-    post = null.posterior
-    case, strengths = post.predictions.case(e, post.values(e, null.q)), [s.name for s in c.strengths]
-    try:
-        more = extended(case, c.added) if c.added else case
-        return list(scan(e, more.model, more.p, strengths, c.grid, post.predictions.grids[e.id]))
-    except (ComputationFailed, BadInput):
-        return []
-
-
-def _by_emulator(
-    null: Estimated, c: Candidate, k: int, cuts: Sequence[Experiment]
-) -> dict[tuple[str, int, str], np.ndarray]:
-    """The same of cuts, where those that are known say it: what a machine does to the record, and what
-    another value of a parameter does."""
-    post, p = null.posterior, null.posterior.predictions
-    try:
-        base = extended(_case(null), c.added, c.grid[k]) if c.added else _case(null)
-        names = [u.name for u in post.parameters]
-        more = Predictions(p.campaign, base, p.grids, p.runs, [*names, *(q.name for q in c.parameters)])
-        strengths = [s.name for s in c.strengths]
-        return {(c.name, k, e.id): more.predict(e, post.values(e, null.q), strengths).slopes for e in cuts}
-    except (NotKnown, BadInput, ComputationFailed):
-        return {}
-
-
-def _by_runs(null: Estimated, asked: Sequence[Candidate]) -> dict[tuple[str, int, str], np.ndarray]:
-    """The same by the exact derivatives of the cuts at the place that was found, with shapes in the middle of
-    their grids. Beyond the onset they are those of a stair, and count no more than the force itself."""
-    post, p, parts = null.posterior, null.posterior.predictions, {}
-    cuts = [e for e in post.tests if e.kind == "cut" and any(c.seen_by(e) for c in asked)]
-    for e in cuts:
-        case = p.case(e, post.values(e, null.q))
-        beside = []
-        for c in asked:
-            with suppress(BadInput):
-                more = extended(case, c.added, c.grid[len(c.grid) // 2])
-                if (added := Added(more, tuple(s.name for s in c.strengths))).beside(case):
-                    beside.append((c, added))
-        (run,) = p.runs([case], (), [added for _, added in beside])
-        if run is None:
-            continue
-        y = null.at.y[e.id]
-        for (c, _), by in zip(beside, run.by_added, strict=True):
-            columns = []
-            for s in c.strengths:
-                size = max(abs(s.typical * s.factor), 1e-12)
-                most = 2 * np.abs(y).max() / size
-                course = run.course.copy()
-                course[1] = np.clip(np.nan_to_num(by[s.name]), -most, most)
-                columns.append(p.read(e, {}, course))
-            parts[c.name, len(c.grid) // 2, e.id] = np.stack(columns, axis=1)
-    return parts
-
-
-def _fitted(null: Estimated, s: Score, scores: Scores) -> Estimated | None:
-    """The model with a candidate, from the steps that its scores propose."""
-    best: Estimated | None = None
-    for each in [s, *scores.others.get(s.name, [])[:2]]:
-        try:
-            posterior, q = _extended(null, each)
-            # What the emulator says of a model is enough to rank it; cuts are computed for the best.
-            found = posterior.maximum(q) if said(posterior, q) else estimate(posterior, q, refine=False)
-        except (ComputationFailed, BadInput, NotKnown, np.linalg.LinAlgError):
-            continue
-        if best is None or found.log_posterior > best.log_posterior:
-            best = found
-    return best
-
-
-def _extended(null: Estimated, s: Score) -> tuple[Posterior, np.ndarray]:
-    """The posterior of the model with a candidate, and the place that a score proposes."""
-    post, c, base = null.posterior, s.column.candidate, _case(null)
-    case = extended(base, c.added, s.column.shapes) if c.added else base
-    case = replace(case, values={**case.values, **s.column.shapes})
-    fixed = post.predictions.campaign.plan.fixed
-    new, centres, widths, start = [], [], [], []
-    for q, strength in zip(c.strengths, s.strengths, strict=True):
-        low, high = q.bounds
-        value = float(np.clip(q.off_value + strength, low, high))
-        u = Unknown(q, value if c.slot == FIXED else q.off_value, low, high)
-        new.append(u)
-        typical = max(abs(q.typical * q.factor), 1e-12)
-        centres.append(u.q(q.off_value))
-        widths.append(RULES.strength * typical / u.slope(0.0) if c.slot != FIXED else 1.0)
-        start.append(u.q(value))
-    for q in (q for q in c.shapes if q.name not in fixed):
-        u = Unknown(q, case.values[q.name], *q.bounds)
-        new.append(u)
-        centres.append(0.0)
-        widths.append(
-            RULES.shape if u.logarithmic else RULES.shape * abs(q.typical * q.factor or 1) / u.scale
-        )
-        start.append(0.0)
-    p = post.predictions
-    parameters = (*post.parameters, *new)
-    made = Predictions(p.campaign, case, p.grids, p.runs, [u.name for u in parameters])
-    posterior = replace(
-        post, predictions=made, parameters=parameters, widths=np.append(post.widths, widths),
-        centres=np.append(post.centres, centres),
-    )  # fmt: skip
-    limit = np.clip(s.free, -1.0, 1.0)
-    return posterior, np.append(null.q + limit, start)
-
-
-def _missed(fitted: Estimated) -> float:
+def missed_square(fitted: Estimated) -> float:
     """Square of what a model misses beyond noise, as a part of each curve's largest value; mean of all."""
     w, total = fitted.w, 0.0
     for id, block in w.tests.items():
@@ -403,65 +305,89 @@ def _missed(fitted: Estimated) -> float:
     return total / len(w.tests)
 
 
-def _gain(before: Estimated, after: Estimated) -> float | None:
-    """Fall of the root mean square error of the predicted tests, each test's own factor between specimens
-    taken out of both; None where there are none, or where they do not tell the two apart."""
-    errors, apart = np.zeros(2), 0.0
-    for e in before.posterior.predictions.campaign.test:
-        each = []
-        for k, fitted in enumerate((before, after)):
-            try:
-                y = predicted(fitted, e)
-            except (ComputationFailed, NotKnown):
-                return None
-            mean = fitted.posterior.predictions.grids[e.id].mean
-            y = y * (y @ mean) / max(float(y @ y), 1e-300)
-            each.append(y / np.abs(mean).max())
-            errors[k] += float(np.mean((y - mean) ** 2) / np.abs(mean).max() ** 2)
-        apart += float(np.mean((each[0] - each[1]) ** 2))
-    # Where the two say the same, they are not told apart by what they say.
-    return float(1 - np.sqrt(errors[1] / errors[0])) if apart > 0.01 * errors[0] else None
+def _fitted(null: Estimated, s: Score, scores: Scores) -> Estimated | None:
+    """The model with a candidate, from the steps that its scores propose; None where it has no answer."""
+    best: Estimated | None = None
+    for each in [s, *scores.others.get(s.name, [])[: SHAPES - 1]]:
+        try:
+            posterior, q = _extended(null, each)
+            # What the emulator says of a model is enough to rank it; cuts are computed for the best.
+            found = (
+                posterior.maximum(q) if said(posterior, q)
+                else estimate(posterior, q, refine=False, rounds=1)
+            )  # fmt: skip
+        except _FAILS:
+            continue
+        if best is None or found.log_posterior > best.log_posterior:
+            best = found
+    return best
 
 
-def predicted(fitted: Estimated, e: Experiment) -> np.ndarray:
-    """What a fitted model says of any test (m,)."""
-    post = fitted.posterior
-    return post.predictions.predict(e, post.values(e, fitted.q)).y
+def _estimated(posterior: Posterior, q: np.ndarray, on_progress: OnProgress = silent) -> Estimated | None:
+    """The fit from a place that is near already; None where it has no answer."""
+    try:
+        return estimate(posterior, q, refine=False, on_progress=on_progress)
+    except _FAILS:
+        return None
+
+
+def _extended(null: Estimated, s: Score) -> tuple[Posterior, np.ndarray]:
+    """The posterior of the model with a candidate, and the place that a score proposes."""
+    post, c, base = null.posterior, s.column.candidate, null.case
+    case = extended(base, c.added, s.column.shapes) if c.added else base
+    case = replace(case, values={**case.values, **s.column.shapes})
+    new, centres, widths, start = [], [], [], []
+    for q, strength in zip(c.strengths, s.strengths, strict=True):
+        low, high = q.bounds
+        value = float(np.clip(q.off_value + strength, low, high))
+        u = FreeParameter(q, value if c.slot == FIXED else q.off_value, low, high)
+        new.append(u)
+        typical = max(abs(q.typical * q.factor), 1e-12)
+        centres.append(u.q(q.off_value))
+        widths.append(SETTINGS.strength * typical / u.slope(0.0) if c.slot != FIXED else 1.0)
+        start.append(u.q(value))
+    for q in c.shapes:
+        u = FreeParameter(q, case.values[q.name], *q.bounds)
+        new.append(u)
+        centres.append(0.0)
+        size = 1.0 if u.logarithmic else abs(q.typical * q.factor or 1) / u.scale
+        widths.append(SETTINGS.shape * size)
+        start.append(0.0)
+    parameters = (*post.parameters, *new)
+    made = post.predictions.extended(case, [u.name for u in parameters])
+    posterior = replace(
+        post, predictions=made, parameters=parameters, widths=np.append(post.widths, widths),
+        centres=np.append(post.centres, centres), fields={},
+    )  # fmt: skip
+    return posterior, np.append(null.q + np.clip(s.free, -1.0, 1.0), start)
 
 
 def _without_idle(
-    baseline: Estimated, found: list[Compared], last: Estimated
-) -> tuple[list[Compared], Estimated]:
+    baseline: Estimated, found: list[Found], last: Estimated, on_progress: OnProgress
+) -> tuple[list[Found], Estimated]:
     """Take out causes, the first ones, that the others do without (backward elimination)."""
     kept = list(found)
     for each in found[:-1]:
-        rest = [c for c in kept if c is not each]
-        fitted = baseline
-        for c in rest:
-            again = _again(fitted, c, last)
+        on_progress(math.nan, math.nan, f"the model without {each.name}")
+        rest, fitted = [f for f in kept if f is not each], baseline
+        for f in rest:
+            again = _again(fitted, f.compared.candidate, last)
             if again is None:
                 break
             fitted = again
         else:
-            if fitted.log_evidence > last.log_evidence - RULES.undecided:
+            if fitted.log_evidence > last.log_evidence - SETTINGS.undecided:
                 kept, last = rest, fitted
     return kept, last
 
 
-def _again(null: Estimated, c: Compared, last: Estimated) -> Estimated | None:
+def _again(null: Estimated, c: Candidate, last: Estimated) -> Estimated | None:
     """The model with a cause that was found beside others, from its values there."""
     values = last.values()
-    strengths = np.array([values[q.name] - q.off_value for q in c.candidate.strengths])
-    shapes = {q.name: values[q.name] for q in c.candidate.shapes if q.name in values}
-    column = Column(c.candidate, shapes, {})
-    s = Score(column, 0.0, strengths, np.zeros(null.q.size), np.zeros(0))
+    strengths = np.array([values[q.name] - q.off_value for q in c.strengths])
+    shapes = {q.name: values[q.name] for q in c.shapes if q.name in values}
+    s = Score(Column(c, shapes, {}), 0.0, strengths, np.zeros(null.q.size), np.zeros(0))
     try:
-        posterior, q = _extended(null, s)
-        return estimate(posterior, q, refine=False)
-    except (ComputationFailed, BadInput, NotKnown, np.linalg.LinAlgError):
+        return _estimated(*_extended(null, s))
+    except _FAILS:
         return None
-
-
-def summary(c: Comparison) -> Mapping[str, object]:
-    """The verdict in short."""
-    return {"verdict": c.verdict, "found": [f.name for f in c.found]}

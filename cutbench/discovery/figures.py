@@ -11,39 +11,43 @@ from matplotlib.figure import Figure
 
 from cutbench.base.figure_style import COLOURS, DOUBLE_MM, GREY, legend_below, new_figure, style
 from cutbench.calibration.figure import panels
+from cutbench.base.errors import ComputationFailed
+from cutbench.calibration.fitting import ComparedCurve
+from cutbench.calibration.posterior import Estimated
 from cutbench.data.experiment import Experiment
-from cutbench.discovery.heldout import expected
-from cutbench.discovery.outcome import Discovery
-from cutbench.discovery.point import Point
+from cutbench.discovery.search import Discovery
 
 BASE, MORE = "Baseline", "Extended model"
 
 
 def curves(d: Discovery) -> Figure:
     """A column for each experiment (three side by side at most): curves above, what is left over below."""
-    shown = [e for e in d.campaign.experiments if e.id in _curves(d.first)]
+    shown = d.fit.compared
     with style():
         figure, axes = panels(len(shown), 14, 1.5)
-        for (top, bottom), e in zip(axes, shown, strict=True):
-            _experiment(top, bottom, d, e)
+        for (top, bottom), c in zip(axes, shown, strict=True):
+            _experiment(top, bottom, d, c)
         legend_below(figure, figure.axes, 4)
     return figure
 
 
-def _curves(p: Point) -> dict[str, np.ndarray]:
-    return {**p.tests, **p.y}
+def _curve(fitted: Estimated | None, e: Experiment) -> np.ndarray | None:
+    if fitted is None or e.id in fitted.at.y:
+        return None if fitted is None else fitted.at.y[e.id]
+    try:
+        return fitted.predicted(e).y
+    except ComputationFailed:
+        return None
 
 
-def _experiment(top, bottom, d: Discovery, e: Experiment) -> None:
-    grid = d.first.inverse.grids[e.id]
+def _experiment(top, bottom, d: Discovery, c: ComparedCurve) -> None:
+    e = c.experiment
     scale, unit = (1.0, "N") if e.y_unit == "N" else (1e3, "kPa")
-    x, label = grid.x, f"{e.x_name}" + ("" if e.x_unit == "1" else f" ({e.x_unit})")
-    if not e.monotone and grid.time_s is not None:
-        x, label = grid.time_s, "time (s)"
-    block = d.first.w.tests.get(e.id) or expected(d.first, e)
-    sd = scale * block.deviation
-    mean = scale * grid.mean
-    base, more = scale * _curves(d.first)[e.id], _curves(d.final).get(e.id) if d.found else None
+    x, label = c.x, f"{e.x_name}" + ("" if e.x_unit == "1" else f" ({e.x_unit})")
+    if not e.monotone and (times := e.on_grid(c.x.size).time_s) is not None:
+        x, label = times, "time (s)"
+    sd, mean, base = scale * c.sd, scale * c.mean, scale * c.fitted
+    more = _curve(d.final, e) if d.found else None
     top.fill_between(x, mean - 2 * sd, mean + 2 * sd, color=COLOURS["sky"], alpha=0.5, lw=0,
                      label="Measured mean ± 2 standard deviations")  # fmt: skip
     top.plot(x, mean, ".", color=COLOURS["black"], ms=2.5, label="Measured mean")
@@ -65,23 +69,23 @@ def _experiment(top, bottom, d: Discovery, e: Experiment) -> None:
 def ranking(d: Discovery) -> Figure | None:
     """What each candidate explains of what is wrong, and its gain on held-out data with its standard
     error."""
-    r = d.telling
-    if not r.tried:
+    step = d.telling
+    if step is None or not step.compared:
         return None
-    names = [t.name for t in r.tried]
+    names, group = [c.name for c in step.compared], [c.name for c in step.group]
     with style():
         figure = new_figure(DOUBLE_MM, 22 + 7 * len(names))
         left, right = figure.subplots(1, 2, sharey=True)
         y = np.arange(len(names))[::-1]
         colours = [
-            COLOURS["blue"] if n == r.accepted else COLOURS["sky"] if n in r.group else GREY for n in names
+            COLOURS["blue"] if n in d.names else COLOURS["sky"] if n in group else GREY for n in names
         ]
-        left.barh(y, [100 * min(max(t.share, 0), 1.1) for t in r.tried], color=colours, height=0.6)
+        left.barh(y, [100 * min(max(c.share, 0), 1.1) for c in step.compared], color=colours, height=0.6)
         left.set_yticks(y, names)
         left.set_xlabel("Explains of what is wrong (%)")
-        gains = [100 * max(t.heldout.gain, -1.0) for t in r.tried]
-        right.barh(y, gains, xerr=[100 * t.heldout.gain_se for t in r.tried], color=colours, height=0.6,
-                   error_kw={"lw": 0.8, "capsize": 2})  # fmt: skip
+        gains = [100 * max(c.held_out.gain, -1.0) for c in step.compared]
+        errors = [min(100 * c.held_out.gain_se, 100.0) for c in step.compared]
+        right.barh(y, gains, xerr=errors, color=colours, height=0.6, error_kw={"lw": 0.8, "capsize": 2})
         right.axvline(0, color=COLOURS["black"], lw=0.6)
         right.set_xlabel("Fall of the error on held-out data (%)")
         right.set_xlim(left=min(0, *gains) - 5, right=max(100, right.get_xlim()[1]))

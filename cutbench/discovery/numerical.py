@@ -7,52 +7,82 @@ it leaves open (``cutbench.calibration.mesh_error``); what is scored here is wha
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from cutbench.base.errors import BadInput, ComputationFailed
-from cutbench.base.progress import OnProgress
 from cutbench.base.units import Parameter
-from cutbench.calibration.mesh_error import ADDED
-from cutbench.calibration.prediction import Predictor, Task
+from cutbench.calibration.posterior import Estimated
+from cutbench.calibration.settings import SETTINGS
 from cutbench.case.case import Case
+from cutbench.data.discrepancy import allowing
 from cutbench.discovery.candidates import Candidate
-from cutbench.discovery.columns import Column, Sensed
-from cutbench.discovery.outcome import CHANCE, SHARE, NumericalCauses, Round
-from cutbench.discovery.point import Point
-from cutbench.discovery.score import score
-from cutbench.discovery.yardstick import Yardstick
+from cutbench.discovery.comparison import Step, missed_square
+from cutbench.discovery.score import Score, score
+from cutbench.discovery.screening import Column, Sensitivities
 
-#: By chance so often, a numerical choice is named where no candidate convinces: it is to be settled before
-#: physics is looked for, and naming it wrongly costs a finer run.
-LIKELY = 0.05
-#: Name, what it is, and the choices that differ.
+#: Name, and what it is.
 CHOICES = {
     "element size and step": "elements and steps about half as large",
     "contact normal": "another direction of the contact pressure",
 }
 
 
-def numerical_columns(point: Point, run: Predictor) -> tuple[list[Column], dict[str, str]]:
-    """A column for each numerical choice of the cuts, and why others are missing; none without a mesh."""
-    cuts = [e for e in point.campaign.train if e.kind == "cut"]
-    if not cuts:
-        return [], {}
-    columns = []
-    by = {e.id: point.w.tests[e.id].shift / ADDED for e in cuts}
-    if any(np.any(v) for v in by.values()):
-        columns.append(_column("element size and step", by, point))
-    name = "contact normal"
-    try:
-        cases = [_turned(point.inverse.case(e, point.q)) for e in cuts]
-        answers = run([Task(e, c, point.inverse.grids[e.id]) for e, c in zip(cuts, cases, strict=True)])
-    except (ComputationFailed, BadInput) as error:
-        return columns, {name: str(error)}
-    moved = {e.id: p.y + point.w.tests[e.id].shift for e, p in zip(cuts, answers, strict=True)}
-    columns.append(_column(name, {id: y - point.y[id] for id, y in moved.items()}, point))
-    return columns, {}
+@dataclass(frozen=True)
+class NumericalCauses:
+    """What numerical choices would explain.
+
+    Attributes
+    ----------
+    scores : tuple of Score
+        Of each choice, the best first.
+    shares : mapping
+        By name, the part of what the baseline misses that it would explain.
+    explains : str or None
+        Name of one that explains as much as any candidate that convinces.
+    missing : mapping
+        What could not be computed, and why.
+    """
+
+    scores: tuple[Score, ...] = ()
+    shares: Mapping[str, float] = field(default_factory=dict)
+    explains: str | None = None
+    missing: Mapping[str, str] = field(default_factory=dict)
+
+
+def numerical_causes(step: Step, seed: int) -> NumericalCauses:
+    """Of tests that are known from runs, where the baseline fails."""
+    null = step.null
+    if not null.posterior.runs_wanted or not (step.significant or step.group):
+        return NumericalCauses()
+    columns, missing = _columns(null)
+    if not columns:
+        return NumericalCauses(missing=missing)
+    sensed = Sensitivities(null.at.y, null.at.J, columns)
+    scores = score(sensed, null.w.noise, null.at.residual, seed=seed)
+    shares = {s.name: max(1 - _left(null, sensed, s) / missed_square(null), 0.0) for s in scores.scores}
+    best = scores.scores[0]
+    rival = max((2 * (c.fitted.log_likelihood - null.log_likelihood) for c in step.group), default=0.0)
+    enough = best.p < SETTINGS.chance and shares[best.name] >= SETTINGS.share and best.gain >= rival
+    return NumericalCauses(tuple(scores.scores), shares, best.name if enough else None, missing)
+
+
+def _columns(null: Estimated) -> tuple[list[Column], dict[str, str]]:
+    """A column for each numerical choice of the cuts, and why others are missing."""
+    post, p, columns = null.posterior, null.posterior.predictions, []
+    by = {id: mesh.change for id, mesh in post.mesh.items()}
+    if any(np.any(change) for change in by.values()):
+        columns.append(_column("element size and step", by, null))
+    name, by = "contact normal", {}
+    cuts = [(e, p.case(e, post.values(e, null.q))) for e in post.runs_wanted]
+    plain, turned = p.runs([case for _, case in cuts]), p.runs([_turned(case) for _, case in cuts])
+    for (e, case), one, other in zip(cuts, plain, turned, strict=True):
+        if one is None or other is None:
+            return columns, {name: p.runs.failed.get((case if one is None else _turned(case)).id, "")}
+        values = post.values(e, null.q)
+        by[e.id] = p.read(e, values, other.course) - p.read(e, values, one.course)
+    return [*columns, _column(name, by, null)], {}
 
 
 def _turned(case: Case) -> Case:
@@ -60,27 +90,17 @@ def _turned(case: Case) -> Case:
     return case.set(normal="tool" if case.numerics.normal == "material" else "material")
 
 
-def _column(name: str, by: Mapping[str, np.ndarray], point: Point) -> Column:
+def _column(name: str, by: Mapping[str, np.ndarray], null: Estimated) -> Column:
     share = Parameter("share", "1", "s", "part of the change that is taken", off=0.0)
     c = Candidate(name, CHOICES[name], "numerics", (share,), (), ({},))
-    return Column(c, {}, {id: by.get(id, np.zeros(y.size))[:, None] for id, y in point.y.items()})
+    return Column(c, {}, {id: by.get(id, np.zeros(y.size))[:, None] for id, y in null.at.y.items()})
 
 
-def numerical_causes(this: Round, run: Predictor, seed: int, on_progress: OnProgress) -> NumericalCauses:
-    """Of cuts whose baseline fails: what another mesh, element or normal would change."""
-    promising = any(t.p_any < CHANCE for t in this.tried)
-    if this.scores.p_residual > CHANCE and not promising:
-        return NumericalCauses()
-    columns, missing = numerical_columns(this.point, run)
-    if not columns:
-        return NumericalCauses(missing=missing)
-    on_progress(math.nan, math.nan, "numerical causes: " + ", ".join(c.candidate.name for c in columns))
-    sensed = Sensed(dict(this.point.y), dict(this.point.J), columns)
-    scores = score(sensed, this.point.w.noise, this.point.residual, seed=seed)
-    wrong = Yardstick(this.point, scores.expected)
-    shares = {s.name: max(1 - wrong.after(sensed, s), 0.0) for s in scores.scores}
-    best = scores.scores[0]
-    rival = max((t.gain for t in this.tried), default=0.0)
-    chance = CHANCE if any(t.convincing for t in this.tried) else LIKELY
-    explains = best.name if best.p < chance and shares[best.name] >= SHARE and best.gain >= rival else None
-    return NumericalCauses(tuple(scores.scores), shares, explains, missing)
+def _left(null: Estimated, sensed: Sensitivities, s: Score) -> float:
+    """What is missed after the score's step."""
+    residual = {
+        id: r + sensed.J[id] @ s.free + s.column.by[id] @ s.strengths for id, r in null.at.residual.items()
+    }
+    w = allowing(null.w.noise, residual, null.at.J)
+    at = Estimated(null.posterior, type(null.at)(null.q, null.at.y, residual, null.at.J, null.at.error), w)
+    return missed_square(at)

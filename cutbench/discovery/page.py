@@ -10,17 +10,17 @@ from pathlib import Path
 from cutbench.base.files import replacing, write_json
 from cutbench.calibration.case_file import write_case
 from cutbench.discovery.figures import curves, ranking, svg
-from cutbench.discovery.outcome import Discovery
 from cutbench.discovery.report import (
     GAIN,
     called,
     estimates,
     gain_sentence,
-    remains,
     to_dict,
     verdict_sentence,
 )
-from cutbench.discovery.where import Section
+from cutbench.discovery.report import ranking as ranked
+from cutbench.discovery.search import Discovery
+from cutbench.discovery.sections import Section
 
 _SAID = {
     "mechanism": "A mechanism was found",
@@ -37,8 +37,11 @@ def write_discovery(d: Discovery, folder: Path) -> list[Path]:
     write_json(to_dict(d), paths[0])
     name = f" of {d.campaign.path.name}" if d.campaign.path else ""
     note = f"Model at the end of a discovery{name}: {verdict_sentence(d)}"
-    remarks = {u.name: "fitted" for u in d.final.inverse.unknowns}
-    write_case(d.campaign, d.final.case, note, remarks, paths[2])
+    if d.final is None or not d.fit.done:
+        paths.pop().unlink(missing_ok=True)
+    else:
+        remarks = {u.name: "fitted" for u in d.final.posterior.parameters}
+        write_case(d.campaign, d.final.case, note, remarks, paths[2])
     with replacing(paths[1]) as draft:
         draft.write_text(page(d), encoding="utf-8")
     return paths
@@ -53,9 +56,9 @@ def page(d: Discovery) -> str:
         "VERDICT": _SAID[d.verdict],
         "CLASS": d.verdict,
         "SENTENCE": _text(verdict_sentence(d)),
-        "MODEL": _text(d.first.case.model.described),
+        "MODEL": _text(d.fit.case.model.described),
         "GAIN": _text(gain_sentence(d)),
-        "CURVES": svg(curves(d), "curves"),
+        "CURVES": svg(curves(d), "curves") if d.fit.compared else "<p>Nothing was computed.</p>",
         "CAPTION": _caption(d),
         "WRONG": _sections(d.wrong, "Nowhere by more than three standard deviations."),
         "RANKING": (svg(rank, "ranking") if rank is not None else "") + _ranking(d),
@@ -106,36 +109,37 @@ def _sections(found: Sequence[Section], none: str) -> str:
 
 
 def _ranking(d: Discovery) -> str:
-    r, rows = d.telling, []
-    if not r.scores.scores:
-        return "<p>No candidate was left to try.</p>"
-    marks = dict.fromkeys(r.group if len(r.group) > 1 else (), "not told apart") | {r.accepted: "added"}
-    for s, t in r.candidates:
-        fitted = ["", "", ""]
-        if t is not None:
-            values = ", ".join(f"{q.symbol} = {q.show(float(f'{v:.3g}'))}" for q, v, _ in estimates(t))
-            fitted = [f"{100 * t.share:.0f} %", t.heldout.percent, values]
-        rows.append([called(s.name), f"{s.z:.1f}", *fitted, marks.get(s.name, "")])
-    head = ["score (standard deviations)", "explains", "gain on held-out data", "fitted values", ""]
-    return _table(["candidate", *head], rows)
+    step, rows = d.telling, []
+    if step is None or not step.scores.scores:
+        return "<p>No candidate was tried.</p>"
+    group = [c.name for c in step.group]
+    marks = dict.fromkeys(group if len(group) > 1 else (), "not told apart")
+    for s, c in ranked(step):
+        fitted = ["", "", "", ""]
+        if c is not None:
+            values = ", ".join(f"{q.symbol} = {q.show(float(f'{v:.3g}'))}" for q, v, _ in estimates(c))
+            fitted = [f"{c.evidence:+.1f}", f"{100 * c.share:.0f} %", c.held_out.percent, values]
+        said = "added" if s.name in d.names else marks.get(s.name, "; ".join(c.doubts) if c else "")
+        rows.append([called(s.name), f"{s.z:.1f}", *fitted, said])
+    head = ["score (standard deviations)", "log evidence", "explains", "gain on held-out data", "fitted values"]
+    return _table(["candidate", *head, ""], rows)
 
 
 def _found(d: Discovery) -> str:
     items = []
-    for name in d.found:
-        t = next(t for r in d.rounds for t in r.tried if r.accepted == name == t.name)
+    for f in d.found:
         values = ", ".join(
             f"{q.symbol} = {q.show(float(f'{v:.3g}'))}"
             + (f" ± {q.show(float(f'{sd:.2g}'))}" if sd < 10 * abs(v) else ", not determined by these data")
             + f" ({q.doc})"
-            for q, v, sd in estimates(t)
+            for q, v, sd in estimates(f.compared)
         )
-        items.append(f"<li><b>{_text(called(name))}</b>: {_text(values)}.</li>")
+        items.append(f"<li><b>{_text(called(f.name))}</b>: {_text(values)}.</li>")
     return f"<ul>{''.join(items)}</ul>" if items else ""
 
 
 def _numerical(d: Discovery) -> str:
-    if not d.first.meshed:
+    if not any(e.kind == "cut" for e in d.campaign.train):
         return "<p>These tests are computed without a mesh.</p>"
     if not d.numerics.scores:
         return "<p>Not asked: the baseline does not fail.</p>"
@@ -147,18 +151,21 @@ def _numerical(d: Discovery) -> str:
 
 
 def _remains(d: Discovery) -> str:
-    last = d.rounds[-1].scores
-    nothing = not remains(d)
+    if not d.steps:
+        return "<p>Not asked.</p>"
+    last = d.steps[-1].scores
     return (
-        f"<p>{'Nothing beyond' if nothing else 'More than'} the scatter: χ² = {last.chi2:.0f}, data that the"
+        f"<p>{'More than' if d.remains else 'Nothing beyond'} the scatter: χ² = {last.chi2:.0f}, data that the"
         f" model describes have {last.expected:.0f} on average.</p>"
-    ) + ("" if nothing else _sections(d.left, "No single section stands out."))
+    ) + (_sections(d.left, "No single section stands out.") if d.remains else "")
 
 
 def _errors(gain: dict) -> str:
     rows = []
-    for key, words in (("train", "fitted tests"), ("heldout", f"held out: {gain['heldout']['how']}")):
-        g = gain[key]
+    for key, words in (("train", "fitted tests"), ("heldout", "held out")):
+        if (g := gain[key]) is None:
+            continue
         unit = "of the maximum" if g["unit"] == "1" else g["unit"]
+        words += f": {g['how']}" if "how" in g else ""
         rows.append([words, *(f"{g[k]:.3g} {unit}" for k in GAIN[:3])])
     return _table(["root mean square error", "baseline", "extended model", "scatter and noise alone"], rows)

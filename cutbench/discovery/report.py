@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 
 import numpy as np
 
 from cutbench.base.units import Parameter
 from cutbench.base.versions import versions
+from cutbench.calibration.posterior import Estimated
+from cutbench.calibration.settings import SETTINGS
+from cutbench.data.discrepancy import misfit
 from cutbench.discovery.candidates import cause_of, family_of
-from cutbench.discovery.causes import Cause
-from cutbench.discovery.heldout import compare
-from cutbench.discovery.outcome import CHANCE, Discovery, Round, Tried
-from cutbench.discovery.point import Point
+from cutbench.discovery.comparison import Compared, Found, Step
 from cutbench.discovery.score import Score
-from cutbench.discovery.where import Section
+from cutbench.discovery.search import Discovery
+from cutbench.discovery.sections import Section
 from cutbench.mechanisms import registry
 
-SCHEMA = 1
+SCHEMA = 2
 #: 95 % of a normal distribution lie within so many standard deviations.
 WIDE = 1.96
 #: Where more than this part of what was wrong remains, what was found is said to be a part of it.
@@ -38,57 +40,59 @@ def called(name: str) -> str:
 def verdict_sentence(d: Discovery) -> str:
     """The sentence that names the cause, or says that there is none to name."""
     if d.verdict == "none":
-        but = ", but for what happened once in a cut" if d.once else ""
-        return f"The baseline describes the tests to within their scatter{but}: nothing needs to be added."
-    names, worst = " and ".join(called(n) for n in d.found), d.wrong[0]
-    place = f"'{worst.experiment.id}', {_place(worst)}"
-    if d.verdict == "unexplained" and d.numerics.explains:
+        return "The baseline describes the tests to within their scatter: nothing needs to be added."
+    if not d.steps:
+        return f"The baseline is not fitted to its end ({d.stopped}): no cause was looked for."
+    place = f"'{d.wrong[0].experiment.id}', {place_of(d.wrong[0])}"
+    if d.numerics.explains:
         return (
             f"The baseline is wrong (most in {place}), and a numerical choice, {d.numerics.explains},"
             " explains that as well as any mechanism: no physical cause can be named before that is settled."
         )
     if d.verdict == "undecided":
-        part = f"{names[0].upper()}{names[1:]} explains a part of that; " if d.found else ""
         early = {"the search ended early": d.stopped} if d.stopped else {}
         why = early | {called(name): reason for name, reason in d.not_tried.items()}
         reasons = "; ".join(": ".join(each) for each in why.items())
         return (
-            f"The baseline is wrong beyond the scatter (most in {place}). {part}the cause is undecided, since"
+            f"The baseline is wrong beyond the scatter (most in {place}). The cause is undecided, since"
             f" candidates could not be tried: {reasons or 'there were none'}."
         )
     if d.verdict == "unexplained":
         return (
             f"The baseline is wrong beyond the scatter (most in {place}), and none of the candidates explains"
-            " it: the cause is unexplained."
+            f" it: the cause is unexplained.{_nearest(d)}"
         )
-    first = d.telling.accepted or ""
-    others = [n for n in d.telling.group if family_of(n) != family_of(first) and n not in d.found]
-    physics = any(cause_of(n) == "mechanism" for n in d.found)
-    part = "A part of what" if remains(d) and d.rest > PART else "What"
-    text = f"{part} the baseline {'lacks' if physics else 'gets wrong'} is {names}"
-    if others:
-        it = called(first) if len(d.found) > 1 else "it"
-        text += f"; these data cannot tell {it} from {' or '.join(called(n) for n in others)}"
-    return " ".join([text + ".", *(meaning(n) for n in d.found), *_shares(d)])
+    physics = any(cause_of(n) == "mechanism" for n in d.names)
+    part = "A part of what" if d.remains and d.rest > PART else "What"
+    names = " and ".join(called(n) for n in d.names)
+    words = [f"{part} the baseline {'lacks' if physics else 'gets wrong'} is {names}{_others(d)}."]
+    words += [meaning(n) for n in d.names]
+    if d.remains and d.final is not None:
+        id, missed = max(misfits(d.final).items(), key=lambda item: item[1])
+        rest = f"{100 * d.rest:.0f} % of what was wrong remains"
+        words.append(f"{rest}, in '{id}' {100 * missed:.2g} % of its maximum.")
+    return " ".join(words)
 
 
-def remains(d: Discovery) -> bool:
-    """Whether what was found leaves more than scatter."""
-    return d.rounds[-1].scores.p_residual < CHANCE
+def _others(d: Discovery) -> str:
+    """What the data cannot tell from the first cause, of other classes."""
+    first = d.found[0]
+    others = [n for n in first.group if family_of(n) != family_of(first.name) and n not in d.names]
+    if not others:
+        return ""
+    it = called(first.name) if len(d.found) > 1 else "it"
+    return f"; these data cannot tell {it} from {' or '.join(called(n) for n in others)}"
 
 
-def _shares(d: Discovery) -> list[str]:
-    """Of several causes what each gains; what is left of what was wrong, where that is more than scatter."""
-    words = []
-    if len(d.causes) > 1:
-        each = [f"{c.name} {c.alone.percent}" for c in d.causes if c.alone is not None]
-        words.append(f"Beside the others each gains on held-out data: {', '.join(each)}.")
-    if remains(d):
-        id, part = max(d.final.misfit.items(), key=lambda item: item[1])
-        words.append(
-            f"{100 * d.rest:.0f} % of what was wrong remains, in '{id}' {100 * part:.2g} % of its maximum."
-        )
-    return words
+def _nearest(d: Discovery) -> str:
+    """Which candidate came nearest, and why it is not named."""
+    best = next(iter(d.steps[0].compared), None)
+    return "" if best is None else f" Nearest came {called(best.name)}: {'; '.join(best.doubts)}."
+
+
+def misfits(fitted: Estimated) -> dict[str, float]:
+    """What a model misses of each curve, as a part of its largest value (root mean square), by id."""
+    return {id: misfit(fitted.w, id, r) for id, r in fitted.at.residual.items()}
 
 
 def meaning(name: str) -> str:
@@ -100,9 +104,9 @@ def meaning(name: str) -> str:
 
 def gain_sentence(d: Discovery) -> str:
     """What the extension gains on data that it was not fitted to."""
-    if d.gain is None:
+    if d.held_out is None or not d.found:
         return ""
-    g = d.gain
+    g = d.held_out
     where = "experiments that were not fitted" if g.how.startswith("test") else f"held-out data ({g.how})"
     unit = "of the maximum" if g.unit == "1" else g.unit
     return (
@@ -112,13 +116,11 @@ def gain_sentence(d: Discovery) -> str:
 
 
 def _clean(d: Discovery) -> str:
-    if d.clean is not None:
-        return f" Without noise and scatter of specimens it would fall by {d.clean.text}."
-    beyond = math.nan if d.gain is None else d.gain.beyond_scatter
-    return "" if math.isnan(beyond) else f" Of what is beyond it, {100 * beyond:.0f} % goes."
+    return "" if d.clean is None else f" Without noise and scatter of specimens it would fall by {d.clean.text}."
 
 
-def _place(s: Section) -> str:
+def place_of(s: Section) -> str:
+    """Where a section lies."""
     regime = f"{s.regime}, " if s.regime else ""
     return f"{regime}{s.experiment.x_name} {s.range}"
 
@@ -128,7 +130,7 @@ def summary(d: Discovery) -> str:
     lines = [
         d.campaign.title,
         *([d.fit.far] if d.fit.far else []),
-        f"baseline: {d.first.case.model.described}",
+        f"baseline: {d.fit.case.model.described}",
         f"verdict: {d.verdict}",
         verdict_sentence(d),
     ]
@@ -138,67 +140,76 @@ def summary(d: Discovery) -> str:
     if wrong:
         lines += ["", "where the baseline is wrong (measured less computed)"]
         lines += [
-            f"  {s.experiment.id}: {_place(s)}: {s.bias:+.3g} {s.experiment.y_unit}, z = {s.z:+.1f}"
+            f"  {s.experiment.id}: {place_of(s)}: {s.bias:+.3g} {s.experiment.y_unit}, z = {s.z:+.1f}"
             for s in wrong
         ]
     if d.numerics.scores:
         lines += ["", "numerical causes"]
-        lines += [f"  {s.name}: z = {s.z:.1f}, would explain {100 * max(d.numerics.shares[s.name], 0):.0f} %"
+        lines += [f"  {s.name}: z = {s.z:.1f}, would explain {100 * d.numerics.shares[s.name]:.0f} %"
                   for s in d.numerics.scores]  # fmt: skip
-    for number, r in enumerate(d.rounds, 1):
-        if r.scores.scores:
-            lines += ["", f"candidates, round {number}: score z, part explained, gain on held-out data"]
-            lines += ["  " + _line(s, t, r.accepted) for s, t in r.candidates[:10]]
+    for number, step in enumerate(d.steps, 1):
+        if step.scores.scores:
+            lines += ["", f"candidates, round {number}: score z, log evidence, explained, gain on held-out data"]
+            lines += ["  " + _line(s, c, d.names) for s, c in ranking(step)[:10]]
     lines += ["", f"next experiment: {d.next_experiment}"]
     if d.notes:
         lines += ["", "notes", *(f"  {note}" for note in d.notes)]
     return "\n".join(lines)
 
 
-def _line(s: Score, t: Tried | None, accepted: str | None) -> str:
+def _line(s: Score, c: Compared | None, found: tuple[str, ...]) -> str:
     text = f"{s.name:<20} z = {s.z:4.1f}"
-    if t is None:
+    if c is None:
         return text
-    values = ", ".join(f"{q.symbol} = {q.show(v)}" for q, v, _ in estimates(t))
-    mark = " <- added" if accepted == s.name else ""
-    return f"{text}  {100 * t.share:4.0f} %  {t.heldout.percent}  {values}{mark}"
+    values = ", ".join(f"{q.symbol} = {q.show(v)}" for q, v, _ in estimates(c))
+    mark = " <- added" if s.name in found else ""
+    return f"{text} {c.evidence:+6.1f} {100 * c.share:4.0f} %  {c.held_out.percent}  {values}{mark}"
 
 
-def estimates(t: Tried) -> list[tuple[Parameter, float, float]]:
-    """Parameters of the candidate with values and standard deviations, internal units; inf: not
-    determined."""
-    c, point = t.score.column.candidate, t.point
-    deviations = point.deviations() * math.sqrt(max(point.chi2 / max(point.r.size - point.q.size, 1), 1.0))
+def ranking(step: Step) -> list[tuple[Score, Compared | None]]:
+    """What was fitted, the most probable first, then the other candidates by their score."""
+    scored, fitted = {s.name: s for s in step.scores.scores}, [c.name for c in step.compared]
+    rest = [(s, None) for s in step.scores.scores if s.name not in fitted]
+    return [*((scored[c.name], c) for c in step.compared), *rest]
+
+
+def estimates(c: Compared) -> list[tuple[Parameter, float, float]]:
+    """Parameters of the candidate with values and standard deviations, internal units; inf: held."""
+    fitted = c.fitted
+    sd = np.sqrt(np.diag(fitted.covariance))
     known = {
-        u.name: (u.value(x), sd * abs(u.slope(x)))
-        for u, x, sd in zip(point.inverse.unknowns, point.q, deviations, strict=True)
+        u.name: (u.value(x), s * abs(u.slope(x)))
+        for u, x, s in zip(fitted.posterior.parameters, fitted.q, sd, strict=True)
     }
-    return [(q, *known.get(q.name, (point.case.values[q.name], math.inf))) for q in c.parameters]
+    return [(q, *known.get(q.name, (fitted.case.values[q.name], math.inf))) for q in c.candidate.parameters]
 
 
 def to_dict(d: Discovery) -> dict:
     """Plain data with units."""
-    explains = d.numerics.shares
+    telling = d.telling
     return {
         "schema": SCHEMA,
         "title": d.campaign.title,
         "status": d.stopped or "complete",
         "verdict": d.verdict,
-        "found": list(d.found),
-        "causes": [_cause(c) for c in d.causes],
+        "found": list(d.names),
+        "causes": [_cause(f) for f in d.found],
         "remains_of_what_was_wrong": d.rest,
-        "misfit": {"baseline": dict(d.first.misfit), "extended": dict(d.final.misfit)},
-        "kinds": {name: cause_of(name) for name in d.found},
+        "misfit": {
+            name: {} if fitted is None else misfits(fitted)
+            for name, fitted in (("baseline", d.first), ("extended", d.final))
+        },
+        "kinds": {name: cause_of(name) for name in d.names},
         "sentence": verdict_sentence(d),
         "gain_sentence": gain_sentence(d),
-        "ranking": [_ranked(s, t, d.telling) for s, t in _ranking(d.telling)],
+        "ranking": [] if telling is None else [_ranked(s, c, d.names) for s, c in ranking(telling)],
         "not_tried": d.not_tried,
         "confounded": [list(group) for group in d.groups],
         "where_wrong": [_section(s) for s in d.wrong if s.wrong],
         "remains": [_section(s) for s in d.left if s.wrong],
         "gain": {
             "train": _train(d),
-            "heldout": _fields(d.gain or compare(d.first, d.final), *GAIN),
+            "heldout": None if d.held_out is None else _fields(d.held_out, *GAIN),
             "clean": None if d.clean is None else _fields(d.clean, "value", "low", "high", "near"),
         },
         "next_experiment": d.next_experiment,
@@ -207,78 +218,66 @@ def to_dict(d: Discovery) -> dict:
             for p in d.proposed
         ],
         "numerical": [
-            {"cause": s.name, "what": s.column.candidate.title, "score_z": s.z, "explains": explains[s.name]}
+            {"cause": s.name, "what": s.column.candidate.title, "score_z": s.z,
+             "explains": d.numerics.shares[s.name]}
             for s in d.numerics.scores
         ],
         "numerical_not_computed": dict(d.numerics.missing),
-        "residual": {"baseline": _residual(d.rounds[0]), "extended": _residual(d.rounds[-1])},
+        "residual": {
+            name: _residual(d.steps[i]) if d.steps else None for name, i in (("baseline", 0), ("extended", -1))
+        },
         "baseline": _model(d.first),
         "extended": _model(d.final),
-        "rounds": [_round(r) for r in d.rounds],
+        "rounds": [_round(step, d) for step in d.steps],
         "bias_is": "measured less computed",
+        "cuts_computed": d.fit.runs if d.first is None else d.first.posterior.predictions.runs.count,
+        "settings": asdict(SETTINGS),
         "seconds": d.seconds,
         "notes": list(d.notes),
-        "case": d.final.case.to_dict(),
+        "case": (d.fit.case if d.final is None else d.final.case).to_dict(),
         "versions": versions(),
-    }
-
-
-def _cause(c: Cause) -> dict:
-    """Name, kind, and what the model gains by it beside the others."""
-    alone = {} if c.alone is None else _fields(c.alone, *GAIN)
-    return {
-        "name": c.name, "title": c.candidate.title, "kind": c.candidate.cause, "class": family_of(c.name),
-        "beside_the_others": alone,
     }  # fmt: skip
 
 
-def _ranking(r: Round) -> list[tuple[Score, Tried | None]]:
-    """The accepted one, the other fitted candidates, then the others by their score."""
-    return sorted(r.candidates, key=lambda pair: pair[0].name != r.accepted)
+def _cause(f: Found) -> dict:
+    """Name, kind, and what the model gained by it."""
+    c = f.compared
+    return {
+        "name": f.name, "title": c.candidate.title, "kind": c.candidate.cause, "class": family_of(f.name),
+        "log_evidence": c.evidence, "explains": c.share, "gain": _fields(c.held_out, *GAIN),
+    }  # fmt: skip
 
 
-def _ranked(s: Score, t: Tried | None, r: Round) -> dict:
-    entry = {
-        "mechanism": s.name,
-        "title": s.column.candidate.title,
-        "kind": s.column.candidate.cause,
-        "score_z": s.z,
-        "fitted": t is not None,
-    }
-    if t is None:
-        c = s.column.candidate
-        values = dict(zip([q.name for q in c.strengths], s.strengths, strict=True))
-        shown = {q.name: _value(q, q.off_value + values[q.name], math.inf) for q in c.strengths}
+def _ranked(s: Score, c: Compared | None, found: tuple[str, ...]) -> dict:
+    candidate = s.column.candidate
+    entry = {"mechanism": s.name, "title": candidate.title, "kind": candidate.cause, "score_z": s.z,
+             "fitted": c is not None}  # fmt: skip
+    if c is None:
+        values = dict(zip([q.name for q in candidate.strengths], s.strengths, strict=True))
+        shown = {q.name: _value(q, q.off_value + values[q.name], math.inf) for q in candidate.strengths}
         return {**entry, "parameters": shown, "gain_heldout": None, "gain_se": None}
     return {
         **entry,
-        "parameters": {q.name: _value(q, v, sd) for q, v, sd in estimates(t)},
-        "gain_heldout": t.heldout.gain,
-        "gain_se": t.heldout.gain_se,
-        "heldout": t.heldout.how,
-        "likelihood_gain_heldout": t.heldout.better,
-        "likelihood_gain_se": t.heldout.better_se,
-        "explains": t.share,
-        "chance": t.p_any,
-        "chi2_above_best": t.behind,
-        "chi2_above_best_se": t.behind_se,
-        "shapes_determined": not t.shapes_open,
-        "accepted": r.accepted == s.name,
+        "parameters": {q.name: _value(q, v, sd) for q, v, sd in estimates(c)},
+        "gain_heldout": c.held_out.gain,
+        "gain_se": c.held_out.gain_se,
+        "heldout": c.held_out.how,
+        "log_evidence": c.evidence,
+        "explains": c.share,
+        "chance": c.p,
+        "doubts": list(c.doubts),
+        "accepted": s.name in found,
     }
 
 
 def _value(q: Parameter, v: float, sd: float) -> dict:
     low, high = (-math.inf if q.low is None else q.low, math.inf if q.high is None else q.high)
-    value = v / q.factor
-    reach = WIDE * sd / q.factor
+    value, reach = v / q.factor, WIDE * sd / q.factor
     near = 1e-6 * max(abs(value), abs(q.typical) * 1e-3)
     return {
-        "value": value,
-        "unit": q.unit,
-        "low": max(value - reach, low),
-        "high": min(value + reach, high),
+        "value": value, "unit": q.unit, "low": max(value - reach, low), "high": min(value + reach, high),
         "at_bound": bool(value - low < near or high - value < near),
-    }
+    }  # fmt: skip
 
 
 def _section(s: Section) -> dict:
@@ -303,48 +302,49 @@ def _fields(one: object, *names: str) -> dict:
     return {name: getattr(one, name) for name in names}
 
 
-def _train(d: Discovery) -> dict:
+def _train(d: Discovery) -> dict | None:
     """Root mean square errors of the fitted tests before and after, and what scatter and noise make."""
+    if d.first is None or d.final is None:
+        return None
     units = {e.y_unit for e in d.campaign.train}
-    relative = len(units) > 1
-    sums, count = np.zeros(3), 0
-    for e in d.campaign.train:
-        grid = d.first.inverse.grids[e.id]
-        scale = float(np.abs(grid.mean).max()) if relative else 1.0
-        sd = d.first.w.tests[e.id].deviation
-        parts = (d.first.residual[e.id] ** 2, d.final.residual[e.id] ** 2, sd**2)
+    relative, sums, count = len(units) > 1, np.zeros(3), 0
+    for id, block in d.first.w.tests.items():
+        scale = float(np.abs(d.first.w.grids[id].mean).max()) if relative else 1.0
+        parts = d.first.at.residual[id] ** 2, d.final.at.residual[id] ** 2, block.deviation**2
         sums += [p.sum() / scale**2 for p in parts]
-        count += grid.x.size
+        count += block.deviation.size
     errors = dict(zip(GAIN[:3], np.sqrt(sums / count), strict=True))
     return {**errors, "unit": "1" if relative else units.pop()}
 
 
-def _residual(r: Round) -> dict:
-    s = r.scores
+def _residual(step: Step) -> dict:
+    s = step.scores
     return {
         "chi2": s.chi2, "expected_chi2": s.expected, "degrees_of_freedom": s.dof, "chance": s.p_residual,
-        "significant": s.p_residual < CHANCE,
+        "significant": step.significant,
     }  # fmt: skip
 
 
-def _model(p: Point) -> dict:
-    deviations = p.deviations()
+def _model(fitted: Estimated | None) -> dict | None:
+    if fitted is None:
+        return None
+    sd, model = np.sqrt(np.diag(fitted.covariance)), fitted.case.model
     parameters = {
-        u.label: {"value": u.value(x) / u.quantity.factor, "sd": sd * abs(u.slope(x)) / u.quantity.factor,
+        u.label: {"value": u.value(x) / u.quantity.factor, "sd": s * abs(u.slope(x)) / u.quantity.factor,
                   "unit": u.quantity.unit}
-        for u, x, sd in zip(p.inverse.unknowns, p.q, deviations, strict=True)
+        for u, x, s in zip(fitted.posterior.parameters, fitted.q, sd, strict=True)
     }  # fmt: skip
-    model = p.case.model
     return {"model": model.described, "mechanisms": list(model.mechanisms), "parameters": parameters}
 
 
-def _round(r: Round) -> dict:
+def _round(step: Step, d: Discovery) -> dict:
+    taken = next((f.name for f in d.found if f.step is step), None)
     return {
-        "mechanisms": list(r.point.case.mechanisms),
-        "accepted": r.accepted,
-        "cannot_be_told_apart": list(r.group),
-        "residual": _residual(r),
-        "candidates": [_ranked(s, t, r) for s, t in r.candidates],
-        "left_out": dict(r.left_out),
-        "not_tried": dict(r.failed),
+        "mechanisms": list(step.null.case.mechanisms),
+        "accepted": taken,
+        "cannot_be_told_apart": [c.name for c in step.group],
+        "residual": _residual(step),
+        "candidates": [_ranked(s, c, d.names) for s, c in ranking(step)],
+        "left_out": dict(step.left_out),
+        "not_tried": dict(step.failed),
     }

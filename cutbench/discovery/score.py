@@ -21,7 +21,7 @@ from scipy import linalg, optimize, stats
 
 from cutbench.data.covariance import Covariance
 from cutbench.data.discrepancy import Discrepancies, allowing
-from cutbench.discovery.columns import Column, Sensed
+from cutbench.discovery.screening import Column, Sensitivities
 
 #: Draws without effect.
 DRAWS = 240
@@ -86,11 +86,11 @@ def deviations(p: float) -> float:
 
 
 def score(
-    sensed: Sensed, w: Covariance, residual: Mapping[str, np.ndarray], draws: int = DRAWS, seed: int = 0
+    sensitivities: Sensitivities, w: Covariance, residual: Mapping[str, np.ndarray], draws: int = DRAWS, seed: int = 0
 ) -> Scores:
     """``residual`` (m,) by id, computed less measured; ``w``: the noise alone. The order of tests does not
     matter."""
-    stacked = _Stack(sensed)
+    stacked = _Stack(sensitivities)
     chi2, found = stacked.scored(w, residual)
     mine: dict[str, list[int]] = {}
     for i, s in enumerate(found):
@@ -131,11 +131,11 @@ def tail(draws: np.ndarray, value: float) -> float:
 class _Stack:
     """All columns side by side, so that one triangular solve whitens them."""
 
-    def __init__(self, sensed: Sensed):
-        self.columns = sensed.columns
-        self.k = next(iter(sensed.J.values())).shape[1]
-        self.all = {id: np.hstack([J, *(c.by[id] for c in self.columns)]) for id, J in sensed.J.items()}
-        self.dof = sum(y.size for y in sensed.y.values()) - self.k
+    def __init__(self, sensitivities: Sensitivities):
+        self.columns = sensitivities.columns
+        self.k = next(iter(sensitivities.J.values())).shape[1]
+        self.all = {id: np.hstack([J, *(c.by[id] for c in self.columns)]) for id, J in sensitivities.J.items()}
+        self.dof = sum(y.size for y in sensitivities.y.values()) - self.k
 
     def scored(self, w: Covariance, residual: Mapping[str, np.ndarray]) -> tuple[float, list[Score]]:
         """χ² of the residual freed of the free parameters, and each column's score."""

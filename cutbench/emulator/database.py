@@ -23,7 +23,8 @@ PLACES = 80
 
 @dataclass(frozen=True)
 class Run:
-    """A computed cut: its case, travel ``x`` (n,) in mm, ``force`` (n,) in N, and where its cut begins."""
+    """A computed cut: its case, travel ``x`` (n,) in mm, ``force`` (n,) in N, and where its cut begins. Of a
+    blade that holds or returns, ``x`` is the time times its speed."""
 
     case: Case
     x: np.ndarray
@@ -45,13 +46,15 @@ class RunDatabase:
         ----------
         case : Case
             What was computed.
-        course : ndarray, shape (2, n) or (3, n)
-            Travel in mm and force in N.
+        course : ndarray, shape (3, n)
+            Travel in mm, force in N and time in s.
         onset_mm : float
             Where the cut begins; nan where it does not.
         """
         if course.shape[1] > 1 and Groups.of(case) is not None:
-            self.runs.append(Run(case, course[0], course[1], onset_mm))
+            x = course[2] * case.values["speed"] if case.motion else course[0]
+            # Where the blade goes back, curves are laid over each other by the time alone.
+            self.runs.append(Run(case, x, course[1], math.nan if case.motion else onset_mm))
 
     def emulator(self, cases: Sequence[Case], free: Collection[str]) -> CutEmulator | None:
         """What cuts like ``cases`` give with any values of the parameters that are ``free``.
@@ -93,14 +96,15 @@ class CutEmulator:
     ):
         first = cases[0]
         groups = Groups.of(first)
-        if groups is None or any(c.mechanisms != first.mechanisms for c in cases):
+        alike = all((c.mechanisms, c.motion) == (first.mechanisms, first.motion) for c in cases)
+        if groups is None or not alike:
             raise ValueError("no units")
         self.groups, self.model = groups, first.model
         # A law that does what another value does is that value: it is no coordinate.
         self._equal = [law for law in first.model.all if type(law).like is not Mechanism.like]
         other_words = {q.name for law in self._equal for q in law.parameters}
         may_differ = (groups.loose | {*free}) & {*groups.powers} - other_words
-        ends = [c.values["depth"] / groups.length(c.values) for c in cases]
+        ends = [_end(c) / groups.length(c.values) for c in cases]
         asked = [groups.reduced(self._plain(c.values)) for c in cases]
         known: list[tuple[Run, dict[str, float], Mapping[str, float]]] = []
         for run in runs:
@@ -168,7 +172,8 @@ class CutEmulator:
         return len(self.curves.courses)
 
     def travel(self, values: Mapping[str, float]) -> np.ndarray:
-        """Travels (k,) in mm at which the forces of a cut with ``values`` are said."""
+        """Travels (k,) in mm at which the forces of a cut with ``values`` are said; of a blade that holds or
+        returns, times times its speed."""
         return self.x * self.groups.length(values)
 
     def forces(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:
@@ -247,11 +252,17 @@ def _grows(mechanisms: tuple[str, ...], wanted: tuple[str, ...]) -> bool:
     return {*grown.mechanisms} == {*other.mechanisms}
 
 
+def _end(case: Case) -> float:
+    """Where it ends, mm: its depth, or its duration times its speed."""
+    return case.motion[-1][0] * case.values["speed"] if case.motion else case.values["depth"]
+
+
 def _seen_as(run: Case, wanted: Case) -> dict[str, float] | None:
     """The values of a run as one of the model of ``wanted``, nan where they have no effect; None if it is
     none, or was computed otherwise."""
-    alike = all(getattr(run, name) == getattr(wanted, name) for name in ("dim", "numerics", "outline"))
-    if not alike or run.motion or not _grows(run.mechanisms, wanted.mechanisms):
+    fixed = ("dim", "numerics", "outline", "motion")
+    alike = all(getattr(run, name) == getattr(wanted, name) for name in fixed)
+    if not alike or not _grows(run.mechanisms, wanted.mechanisms):
         return None
     new = {n: q for n, q in wanted.model.parameters().items() if n not in run.values}
     return {**run.values, **{n: math.nan if q.off is None else q.off_value for n, q in new.items()}}

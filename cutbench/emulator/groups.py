@@ -43,7 +43,7 @@ class Groups:
         powers, values = _powers(case.mechanisms), case.values
         stress = [n for n, (force, length, time) in powers.items() if (force, length, time) == (1, -2, 0)]
         modulus = next((n for n in stress if values[n] > 0), None)
-        if modulus is None or case.motion or not (values["speed"] > 0 and values.get("thickness", 0) > 0):
+        if modulus is None or not (values["speed"] > 0 and values.get("thickness", 0) > 0):
             return None
         plane = case.dim == 2
         return cls(modulus, {n: p for n, p in powers.items() if not (plane and n == "width")}, plane)

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from cutbench.cli.options import CampaignFile, Refine, Workers, exits, folder_of, seconds, whole, written
+from cutbench.cli.options import CampaignFile, Limit, Refine, Workers, exits, folder_of, seconds, whole, written
 from cutbench.cli.progress import bar
 
 
@@ -21,12 +21,7 @@ def discover(
     ] = Path("discovery"),
     workers: Workers = None,
     refine: Refine = True,
-    limit: Annotated[
-        str | None,
-        typer.Option(
-            metavar="TIME", help="No longer than this, in s or with a unit: '10 min'; what was found is told."
-        ),
-    ] = None,
+    limit: Limit = None,
 ) -> None:
     """Fit the baseline, show where it fails, name the mechanism that explains it and what it gains."""
     from cutbench.data.campaign import load_campaign
@@ -36,7 +31,7 @@ def discover(
     folder = folder_of(out)
 
     from cutbench.discovery import discover as run
-    from cutbench.discovery.outcome import INTERRUPTED
+    from cutbench.calibration.fitting import INTERRUPTED
     from cutbench.discovery.page import write_discovery
     from cutbench.discovery.report import summary
 

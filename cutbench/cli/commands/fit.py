@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from cutbench.cli.options import CampaignFile, Refine, Workers, exits, folder_of, whole, written
+from cutbench.cli.options import CampaignFile, Limit, Refine, Workers, exits, folder_of, seconds, whole, written
 from cutbench.cli.progress import bar
 
 
@@ -23,12 +24,13 @@ def fit(
         typer.Option(metavar="NAME", help="Profile likelihood of a parameter, at several fits; repeatable."),
     ] = None,
     refine: Refine = True,
+    limit: Limit = None,
 ) -> None:
     """Fit a campaign's free parameters to all its train experiments, predict its test experiments."""
     from cutbench.data.campaign import load_campaign
 
     loaded = load_campaign(campaign)
-    count = whole("workers", workers)
+    count, limit_s = whole("workers", workers), seconds("--limit", limit, math.inf)
     folder = folder_of(out)
 
     from cutbench.calibration.fitting import fit as run
@@ -37,7 +39,7 @@ def fit(
     with bar("fit") as on_progress:
         found = run(
             loaded, workers=count, refine=refine, profile=tuple(profile or ()), on_progress=on_progress,
-            kept=folder / "runs",
+            kept=folder / "runs", limit_s=limit_s,
         )  # fmt: skip
     paths = write_fit(found, folder)
     typer.echo(summary(found))

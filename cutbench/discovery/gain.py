@@ -21,13 +21,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag, cho_factor, cho_solve, cholesky
 
-from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.base.errors import ComputationFailed
 from cutbench.calibration.identifiability import information_inverse
-from cutbench.calibration.prediction import Task
+from cutbench.calibration.posterior import Estimated
 from cutbench.data.covariance import Block, Factors, matern, sound
 from cutbench.data.discrepancy import LENGTH, SIZES
 from cutbench.data.repetition import Averaged
-from cutbench.discovery.point import Point
 
 #: Draws; the part of them that an interval holds.
 DRAWS, LEVEL = 1000, 0.9
@@ -90,34 +89,48 @@ class Evidence:
     factors: dict[str, Factors]
 
 
-def clean_gain(before: Point, after: Point, seed: int = 0) -> CleanGain | None:
-    """None where there is no test experiment that both predict."""
+def clean_gain(before: Estimated, after: Estimated, seed: int = 0) -> CleanGain | None:
+    """The gain on the clean curves of the tests that are predicted.
+
+    Parameters
+    ----------
+    before, after : Estimated
+        The baseline and the extended model.
+    seed : int
+        Of the draws.
+
+    Returns
+    -------
+    CleanGain or None
+        None where there is no such test that both predict.
+    """
     evidence = gathered(before, after)
     return None if evidence is None else drawn(evidence, np.random.default_rng(seed))
 
 
-def gathered(before: Point, after: Point) -> Evidence | None:
-    campaign, inverse = after.campaign, after.inverse
+def gathered(before: Estimated, after: Estimated) -> Evidence | None:
+    """What is known of the clean curves; None without any."""
+    p = after.posterior.predictions
     grids: dict[str, list[Averaged]] = {}
-    for e in campaign.experiments:
-        grids.setdefault(e.kind, []).append(inverse.grids[e.id])
+    for e in p.campaign.experiments:
+        grids.setdefault(e.kind, []).append(p.grids[e.id])
     factors = {kind: Factors.of(of_kind).usual for kind, of_kind in grids.items()}
-    both = [e for e in campaign.test if e.id in before.tests and e.id in after.tests and e.kind != "cut"]
-    relative = len({e.y_unit for e in both}) > 1
+    relative = len({e.y_unit for e in p.campaign.test}) > 1
     tests, train = [], []
-    for e in both:
-        grid, y = inverse.grids[e.id], after.tests[e.id]
+    for e in p.campaign.test:
+        grid = p.grids[e.id]
         try:
-            (p,) = inverse.run([Task(e, inverse.case(e, after.q), grid, inverse.names(e))])
-        except (ComputationFailed, BadInput):
+            y, one, J = after.predicted(e), before.predicted(e).y, after.scaled_slopes(e)
+        except ComputationFailed:
             continue
-        rest = Block.of(grid, Factors(), y).total
+        rest = Block.of(grid, Factors(), y.y).total + y.root @ y.root.T
         size = float(np.abs(grid.mean).max()) if relative else 1.0
-        tests.append(_known(grid, before.tests[e.id], y, inverse.slopes(e, p, after.q), rest, e.kind, size))
-    for e in campaign.train if tests else ():
-        grid, y, w = inverse.grids[e.id], after.y[e.id], after.w.tests[e.id]
-        J = after.J_inside[e.id]
-        train.append(_known(grid, before.y[e.id], y, J, w.total - w.by_factor, e.kind, 1.0))
+        tests.append(_known(grid, one, y.y, J, rest, e.kind, size))
+    inside = after.posterior.inside(after.q)
+    for e in after.posterior.tests if tests else ():
+        grid, y, w = p.grids[e.id], after.at.y[e.id], after.w.tests[e.id]
+        J = after.at.J[e.id] * inside
+        train.append(_known(grid, before.at.y[e.id], y, J, w.total - w.by_factor, e.kind, 1.0))
     return Evidence(tests, train, factors) if tests else None
 
 

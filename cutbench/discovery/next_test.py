@@ -2,8 +2,7 @@
 
 Each proposal changes one thing about a test of the campaign: speed, hold, unloading, reach, kind; of a cut
 width, tip, lubricant. What the two fitted models say of it differs by d; with scatter and noise as in the
-tests there are, |L⁻¹ d| standard errors would be seen. Cuts are taken to first order, from the derivatives
-of one run for each proposal.
+tests there are, |L⁻¹ d| standard errors would be seen. Cuts take a run of each model for each proposal.
 """
 
 from __future__ import annotations
@@ -16,13 +15,10 @@ from scipy.linalg import cholesky, solve_triangular
 
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.calibration.homogeneous import LoadingHistory, respond
-from cutbench.calibration.prediction import Predictor, Task
+from cutbench.calibration.posterior import Estimated
 from cutbench.data.covariance import deviating
 from cutbench.data.experiment import HOMOGENEOUS, Experiment
 from cutbench.discovery.candidates import duration
-from cutbench.discovery.point import Point
-from cutbench.discovery.score import Score
-from cutbench.run.sensitivity import extended
 
 READINGS = 40
 #: From so many standard errors on a further test is worth its trouble.
@@ -44,11 +40,21 @@ class Proposal:
     part: float
 
 
-def proposals(point: Point, first: Point, second: Point) -> list[Proposal]:
-    """For two models fitted to the same tests without a mesh; the one that tells most comes first."""
-    found = []
-    # One experiment of each kind without a mesh.
-    for e in {e.kind: e for e in point.campaign.train if e.kind != "cut"}.values():
+def next_tests(first: Estimated, second: Estimated) -> list[Proposal]:
+    """Tests that would tell two fitted models apart, the one that tells most first.
+
+    Parameters
+    ----------
+    first, second : Estimated
+        Fitted to the same tests.
+
+    Returns
+    -------
+    list of Proposal
+    """
+    found, tests = [], first.posterior.tests
+    # One test of each kind that has a formula.
+    for e in {e.kind: e for e in tests if not first.posterior.predictions.needs_runs(e)}.values():
         known = 0.0
         for text, kind, history in _histories(e):
             try:
@@ -56,12 +62,41 @@ def proposals(point: Point, first: Point, second: Point) -> list[Proposal]:
                 a, b = (respond(kind, history, c.model, c.p, direction=e.direction) for c in cases)
             except (ComputationFailed, BadInput):
                 continue
-            made = _judged(point, e, text, a, b, np.arange(a.size, dtype=float))
+            made = _judged(first, e, text, a, b, np.arange(a.size, dtype=float))
             if text is None:
                 known = made.apart
             elif made.apart > MORE * known:
                 found.append(made)
+    for e in first.posterior.runs_wanted[:1]:
+        found += _cuts(first, second, e)
     return sorted(found, key=lambda p: -p.apart)
+
+
+def _cuts(first: Estimated, second: Estimated, e: Experiment) -> list[Proposal]:
+    """The same for cuts like ``e``."""
+    cases = [f.posterior.predictions.case(e, f.posterior.values(e, f.q)) for f in (first, second)]
+    changes: dict[str, dict[str, float]] = {}
+    for q in cases[0].model.parameters().values():
+        if q.trial and cases[0].values[q.name]:
+            text, factor = q.trial
+            changes.setdefault(f"'{e.id}' {text}", {})[q.name] = factor
+    grid, found, runs = first.posterior.predictions.grids[e.id], [], first.posterior.predictions.runs
+    for text, factors in changes.items():
+        try:
+            there = [
+                replace(c, values={**c.values, **{n: f * c.values[n] for n, f in factors.items()}}) for c in cases
+            ]
+        except BadInput:
+            continue
+        computed = runs(there)
+        if any(run is None for run in computed):
+            continue
+        y = [
+            f.posterior.predictions.read(e, f.posterior.values(e, f.q), run.course)
+            for f, run in zip((first, second), computed, strict=True)
+        ]
+        found.append(_judged(first, e, text, *y, grid.x))
+    return found
 
 
 def _histories(e: Experiment):
@@ -96,46 +131,16 @@ def _histories(e: Experiment):
             yield f"{name} to a stretch of {x[-1]:.2g}", kind, history(x, t)
 
 
-def _judged(point: Point, e: Experiment, text: str, a: np.ndarray, b: np.ndarray, x: np.ndarray) -> Proposal:
-    grid = point.inverse.grids[e.id]
+def _judged(
+    fitted: Estimated, e: Experiment, text: str | None, a: np.ndarray, b: np.ndarray, x: np.ndarray
+) -> Proposal:
+    grid = fitted.posterior.predictions.grids[e.id]
     noise = float(np.median(grid.reading) / np.abs(grid.mean).max())
     count, top = max(grid.repetitions, 3), np.abs(a).max()
-    C = point.w.factors[e.kind].variance / count * np.outer(a, a) + deviating(x, a, 0.01) / count
+    C = fitted.w.factors[e.kind].variance / count * np.outer(a, a) + deviating(x, a, 0.01) / count
     C += np.diag(np.full(a.size, (max(noise, 1e-3) * top) ** 2 / count))
     away = solve_triangular(cholesky(C, lower=True), b - a, lower=True)
-    return Proposal(text, float(np.linalg.norm(away)), float(np.abs(b - a).max() / top))
-
-
-def cut_proposals(point: Point, one: Score, other: Score, run: Predictor) -> list[Proposal]:
-    """The same for cuts, by the steps that the score test proposes for two candidates."""
-    e = next(e for e in point.campaign.train if e.kind == "cut")
-    case, grid = point.inverse.case(e, point.q), point.inverse.grids[e.id]
-    made: dict[str, dict[str, float]] = {}
-    for q in case.model.parameters().values():
-        if q.trial and case.values[q.name]:
-            text, factor = q.trial
-            made.setdefault(f"'{e.id}' {text}", {})[q.name] = factor * case.values[q.name]
-    free = tuple(dict.fromkeys(u.name for u in point.inverse.unknowns if u.experiment in (None, e.id)))
-    found = []
-    for text, changes in made.items():
-        try:
-            there = replace(case, values={**case.values, **changes})
-            tasks = []  # with a candidate at off, differentiated by the free parameters and its strengths
-            for s in (one, other):
-                names = (*free, *(q.name for q in s.column.candidate.strengths))
-                tasks.append(Task(e, extended(there, s.column.candidate.added, s.column.shapes), grid, names))
-            answers = run(tasks)
-        except (BadInput, ComputationFailed):
-            continue
-        a, b = (_step(point, s, p, e) for s, p in zip((one, other), answers, strict=True))
-        found.append(_judged(point, e, text, a, b, grid.x))
-    return sorted(found, key=lambda p: -p.apart)
-
-
-def _step(point: Point, s: Score, p, e: Experiment) -> np.ndarray:
-    """Prediction (m,) after the score's step."""
-    y = p.y + point.inverse.slopes(e, p, point.q) @ s.free
-    return y + p.by([q.name for q in s.column.candidate.strengths]) @ s.strengths
+    return Proposal(text or "", float(np.linalg.norm(away)), float(np.abs(b - a).max() / top))
 
 
 def sentence(names: Sequence[str], found: Sequence[Proposal]) -> str:

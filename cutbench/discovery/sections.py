@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutbench.calibration.fitted import ComparedCurve
+from cutbench.calibration.fitting import ComparedCurve
+from cutbench.calibration.posterior import Estimated
 from cutbench.data.experiment import HOMOGENEOUS, Experiment
-from cutbench.discovery.point import Point
 
 #: A section is shown as wrong from so many standard deviations of its mean on.
 WRONG = 3.0
@@ -51,35 +51,25 @@ class Section:
         return None
 
 
-def sections(point: Point) -> list[Section]:
-    """Of all train experiments, the most significant first."""
-    found = []
-    for e in point.campaign.train:
-        grid, w = point.inverse.grids[e.id], point.w.tests[e.id]
-        r = -point.residual[e.id]
-        for name, mask in _masks(e, point, r).items():
+def sections(fitted: Estimated) -> list[Section]:
+    """Of all fitted tests, the most significant first."""
+    found, p = [], fitted.posterior.predictions
+    for e in fitted.posterior.tests:
+        grid, w, r = p.grids[e.id], fitted.w.tests[e.id], -fitted.at.residual[e.id]
+        curve = ComparedCurve(
+            e, grid.x, grid.mean, grid.deviation, grid.mean - r, fitted.at.onset_mm[e.id], p.thickness_mm(e)
+        )
+        masks = curve.regimes() or _runs(r, max(2, int(SHORTEST * r.size)))
+        for name, mask in masks.items():
             i = np.flatnonzero(mask)
             mean = np.zeros(r.size)
             mean[i] = 1 / i.size
-            sd = float(np.sqrt(mean @ w.noise @ mean))
-            bias = float(mean @ r)
+            sd, bias = float(np.sqrt(mean @ w.noise @ mean)), float(mean @ r)
             found.append(
                 Section(e, name.split("#")[0], float(grid.x[i[0]]), float(grid.x[i[-1]]), bias, bias / sd,
                         int(i[0]), int(i[-1]))
             )  # fmt: skip
     return sorted(found, key=lambda s: (-abs(s.z), s.experiment.id, s.start))
-
-
-def _masks(e: Experiment, point: Point, r: np.ndarray) -> dict[str, np.ndarray]:
-    grid = point.inverse.grids[e.id]
-    if e.kind == "cut":
-        thickness = point.inverse.case(e, point.q).values.get("thickness", np.nan)
-        sides = ComparedCurve(
-            e, grid.x, grid.mean, grid.deviation, grid.mean - r, point.onset_mm[e.id], thickness
-        )
-        if masks := sides.regimes():
-            return masks
-    return _runs(r, max(2, int(SHORTEST * r.size)))
 
 
 def _runs(r: np.ndarray, least: int) -> dict[str, np.ndarray]:

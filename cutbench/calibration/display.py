@@ -1,4 +1,4 @@
-"""A fit as people handle it: in words, as a picture, as tables, as files."""
+"""A fit in words, as a picture, as a table, as files."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from cutbench.base.files import check_writable
 from cutbench.calibration.report import write_fit
 
 if TYPE_CHECKING:
-    from cutbench.calibration.fitted import Fit
+    from cutbench.calibration.fitting import Fit
 
 
 def told(fit: Fit) -> list:
     """Head, then pairs of words."""
     lines = [("model", fit.case.model.described), ("status", fit.message or fit.status)]
     for e in fit.estimates:
-        low, high = (e.unknown.quantity.show(float(f"{v:.3g}")) for v in (e.low, e.high))
+        low, high = (e.parameter.quantity.show(float(f"{v:.3g}")) for v in (e.low, e.high))
         spread = "reached" if np.isnan(e.sd) else f"({low} to {high})"
-        lines.append((e.label, f"{e.unknown.quantity.show(float(f'{e.value:.4g}'))} {spread}"))
+        lines.append((e.label, f"{e.parameter.quantity.show(float(f'{e.value:.4g}'))} {spread}"))
     for c in fit.compared:
         part = c.rmse / float(np.abs(c.mean).max())
         did = "fitted" if c.experiment.role == "train" else "predicted"
@@ -51,7 +51,7 @@ def _colours(count: int) -> list[str]:
 
 def table(fit: Fit) -> dict[str, list]:
     """The parameters, a row each, in the units that a person writes."""
-    rows = [(e, e.unknown.quantity) for e in fit.estimates]
+    rows = [(e, e.parameter.quantity) for e in fit.estimates]
     return {
         "parameter": [e.label for e, _ in rows],
         "value": [e.value / q.factor for e, q in rows],

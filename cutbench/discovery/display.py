@@ -1,4 +1,4 @@
-"""A discovery as people handle it: in words, as a picture, as tables, as files."""
+"""A discovery in words, as a picture, as a table, as files."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from cutbench.base.figure_style import COLOURS, GREY
 from cutbench.base.files import check_writable
 from cutbench.discovery.candidates import family_of
 from cutbench.discovery.page import write_discovery
-from cutbench.discovery.report import called, gain_sentence, verdict_sentence
+from cutbench.discovery.report import called, gain_sentence, ranking, verdict_sentence
 
 if TYPE_CHECKING:
-    from cutbench.discovery.outcome import Discovery
+    from cutbench.discovery.search import Discovery
 
 
 def told(d: Discovery) -> list:
     """Head, then pairs of words."""
-    lines = [("baseline", d.first.case.model.described), ("said", verdict_sentence(d))]
+    lines = [("baseline", d.fit.case.model.described), ("said", verdict_sentence(d))]
     if text := gain_sentence(d):
         lines.append(("gain", text))
     return [f"{d.campaign.title}: {d.verdict}", *lines, ("next", d.next_experiment)]
@@ -28,8 +28,8 @@ def told(d: Discovery) -> list:
 
 def plot(d: Discovery, ax: Axes) -> None:
     """The candidates' scores; what was added is dark."""
-    shown = d.telling.candidates[:12][::-1]
-    colours = [COLOURS["blue"] if s.name in d.found else GREY for s, _ in shown]
+    shown = [] if d.telling is None else ranking(d.telling)[:12][::-1]
+    colours = [COLOURS["blue"] if s.name in d.names else GREY for s, _ in shown]
     ax.barh([called(s.name) for s, _ in shown], [s.z for s, _ in shown], color=colours)
     ax.set_xlabel("score (standard deviations)")
     ax.set_title(f"{d.campaign.title}: {d.verdict}", loc="left")
@@ -37,16 +37,17 @@ def plot(d: Discovery, ax: Axes) -> None:
 
 def table(d: Discovery) -> dict[str, list]:
     """The candidates of the round that found, a row each; not a number where one was not fitted."""
-    rows = d.telling.candidates
+    rows = [] if d.telling is None else ranking(d.telling)
     return {
         "candidate": [s.name for s, _ in rows],
         "class": [family_of(s.name) for s, _ in rows],
         "kind": [s.column.candidate.cause for s, _ in rows],
         "score": [s.z for s, _ in rows],
-        "explains": [math.nan if t is None else t.share for _, t in rows],
-        "gain_heldout": [math.nan if t is None else t.heldout.gain for _, t in rows],
-        "gain_se": [math.nan if t is None else t.heldout.gain_se for _, t in rows],
-        "added": [s.name in d.found for s, _ in rows],
+        "log_evidence": [math.nan if c is None else c.evidence for _, c in rows],
+        "explains": [math.nan if c is None else c.share for _, c in rows],
+        "gain_heldout": [math.nan if c is None else c.held_out.gain for _, c in rows],
+        "gain_se": [math.nan if c is None else c.held_out.gain_se for _, c in rows],
+        "added": [s.name in d.names for s, _ in rows],
     }
 
 

@@ -1,0 +1,140 @@
+"""What is estimated: by the campaign's plan or, where it leaves that open, by what its tests can see."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from cutbench.base.errors import BadInput
+from cutbench.base.toml import one_of
+from cutbench.base.units import Parameter
+from cutbench.case.case import Case
+from cutbench.data.campaign import Campaign
+from cutbench.data.experiment import SLOTS, Experiment
+from cutbench.run.sensitivity import differentiable
+
+#: A value that may not be its bound keeps this part of its size away from it.
+INSIDE = 1e-6
+
+
+@dataclass(frozen=True)
+class FreeParameter:
+    """A parameter that is estimated: of all tests, or of one.
+
+    It is scaled as q: the logarithm of its ratio to the start where it is above 0 by its nature, so that 0.1
+    is ten per cent of it; else its distance from the start in units of ``scale``.
+
+    Attributes
+    ----------
+    quantity : Parameter
+        What it is, with its unit.
+    start, low, high : float
+        Where the search begins, and its bounds, internal units; these may be infinite.
+    experiment : str, optional
+        Id of the test that it belongs to; without one, to all.
+    """
+
+    quantity: Parameter
+    start: float
+    low: float
+    high: float
+    experiment: str | None = None
+
+    @property
+    def name(self) -> str:
+        return self.quantity.name
+
+    @property
+    def label(self) -> str:
+        """``G_c``, or ``tau_W[slow]`` for one experiment's own."""
+        return self.name if self.experiment is None else f"{self.name}[{self.experiment}]"
+
+    @property
+    def logarithmic(self) -> bool:
+        return self.quantity.low == 0 and self.quantity.open_low and self.start > 0
+
+    @property
+    def scale(self) -> float:
+        """What one unit of q is, where q is not a logarithm."""
+        return max(abs(self.start), 0.1 * abs(self.quantity.typical * self.quantity.factor)) or 1.0
+
+    def value(self, q: float) -> float:
+        """The parameter (internal units) at q, within its bounds, and off those that are open."""
+        raw = self.start * math.exp(min(q, 200.0)) if self.logarithmic else self.start + self.scale * q
+        low, high, quantity = self.low, self.high, self.quantity
+        if quantity.open_low and low == quantity.bounds[0]:
+            low += INSIDE * self.scale
+        if quantity.open_high and high == quantity.bounds[1]:
+            high -= INSIDE * self.scale
+        return min(max(raw, low), high)
+
+    def slope(self, q: float) -> float:
+        """d value/dq."""
+        return self.start * math.exp(q) if self.logarithmic else self.scale
+
+    def q(self, value: float) -> float:
+        if self.logarithmic:
+            return math.log(value / self.start) if value > 0 else -math.inf
+        return (value - self.start) / self.scale
+
+    @property
+    def reach(self) -> tuple[float, float]:
+        """Bounds of q; of a logarithm never more than a factor of 1000 either way."""
+        low, high = self.q(self.low), self.q(self.high)
+        wide = math.log(1e3) if self.logarithmic else math.inf
+        return max(low, -wide), min(high, wide)
+
+
+def visible(experiment: Experiment, case: Case) -> set[str]:
+    """Names of the parameters that a test of its kind can depend on."""
+    slots = SLOTS[experiment.kind]
+    laws = [law for law in case.model.all if law.slot in slots]
+    return {name for law in laws for name in (*law.reads, *(q.name for q in law.parameters))}
+
+
+def free_parameters(campaign: Campaign) -> list[FreeParameter]:
+    """What is looked for, by the campaign's plan or, where it leaves that open, by what its tests can see.
+
+    Raises BadInput for a name that cannot be fitted, or if nothing is left.
+    """
+    plan, case = campaign.plan, campaign.base
+    # A speed is known; a test of its own has one of its own.
+    possible = [name for name in differentiable(case.model) if name != "speed"]
+    seen = set().union(*(visible(e, case) for e in campaign.train))
+    given = {name: e.id for e in campaign.train for name in (*e.blade, *e.specimen)}
+    known = [name for name in possible if name in seen]
+    for key, name in [*(("free", name) for name in plan.free or ()), *(("own", name) for name in plan.own)]:
+        if name not in known:
+            raise BadInput(key, name, f"a parameter of these tests: {', '.join(known)}")
+        if name in given:
+            expected = f"a parameter that no experiment gives; '{given[name]}' does: take it out there"
+            raise BadInput(key, name, expected)
+    for name in plan.fixed:
+        if name not in case.model.parameters():
+            raise BadInput("fixed", name, one_of(name, possible))
+    if plan.free is None:
+        parameters = case.model.parameters()
+        # Known beforehand, or better known otherwise.
+        left_out = {n for n, q in parameters.items() if not q.sought} | given.keys() | set(plan.fixed)
+        chosen = set(known) - left_out
+    else:
+        chosen = set(plan.free)
+    found = []
+    for name in possible:
+        if name in plan.own:
+            found += [_unknown(campaign, name, e.id) for e in campaign.train if name in visible(e, case)]
+        elif name in chosen:
+            found.append(_unknown(campaign, name, None))
+    if not found:
+        expected = f"one parameter or more of {', '.join(possible)}"
+        raise BadInput("free", "(nothing)", expected)
+    return found
+
+
+def _unknown(campaign: Campaign, name: str, experiment: str | None) -> FreeParameter:
+    q = campaign.model.parameters()[name]
+    low, high = campaign.plan.bounds.get(name, q.bounds)
+    start = min(max(campaign.base.values[name], low), high)
+    if q.open_high and start == high:
+        start = campaign.base.values[name]
+    return FreeParameter(q, start, low, high, experiment)

@@ -1,0 +1,122 @@
+"""What a testing machine reads of a computed cut, on the grid of its test, and how that changes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from types import SimpleNamespace
+
+import numpy as np
+
+from cutbench.case.model import Model
+from cutbench.data.campaign import lead_s
+from cutbench.data.experiment import Experiment
+from cutbench.data.repetition import Averaged, averaging
+from cutbench.mechanisms.base import STEP
+
+
+@dataclass(frozen=True, eq=False)
+class Recorder:
+    """Reads the courses of cuts as the machine of a test does.
+
+    Attributes
+    ----------
+    experiment : Experiment
+        The test.
+    grid : Averaged
+        Where it is compared.
+    model : Model
+        With the laws of the rig.
+    """
+
+    experiment: Experiment
+    grid: Averaged
+    model: Model
+
+    @property
+    def of_time(self) -> bool:
+        """Whether readings have their place in time: those of a cut with holds or returns."""
+        return not self.experiment.monotone
+
+    @cached_property
+    def places(self) -> tuple[np.ndarray, np.ndarray]:
+        """Places (n,) of all readings in mm or s of the run, and the matrix (m, n) to the grid.
+
+        A computed curve goes the same way as the measured ones: an average over readings is not the value
+        in their middle where the curve bends.
+        """
+        if self.of_time:
+            _, along, matrices = self.experiment.averaging(self.grid.x.size)
+            return lead_s(self.experiment) + np.concatenate(along), np.hstack(matrices) / len(matrices)
+        places, grid = [np.sort(r.x) for r in self.experiment.repetitions], self.grid.x
+        parts = [np.eye(x.size) if np.array_equal(x, grid) else averaging(x, grid) for x in places]
+        return np.concatenate(places), np.hstack(parts) / len(parts)
+
+    def read(
+        self,
+        course: np.ndarray,
+        values: Mapping[str, float],
+        slopes: Mapping[str, np.ndarray] | None = None,
+        names: Sequence[str] = (),
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Readings of a course.
+
+        Parameters
+        ----------
+        course : ndarray, shape (3, n)
+            Travel in mm, force in N, time in s, as no rig has changed them.
+        values : mapping
+            All parameters of the model, internal units.
+        slopes : mapping, optional
+            By name, derivatives (n,) of the force; what is left out only the rig depends on.
+        names : sequence of str
+            Parameters that the readings are differentiated by.
+
+        Returns
+        -------
+        y : ndarray, shape (m,)
+            Readings on the grid, N.
+        by : ndarray, shape (m, k)
+            Their derivatives by ``names``, internal units.
+        """
+        slopes, none = slopes or {}, np.zeros(course.shape[1])
+        columns = [np.nan_to_num(slopes.get(name, none)) for name in names]
+        if not self.model.laws("rig"):
+            read = self._plain(course, np.stack([course[1], *columns], axis=1))
+            return read[:, 0], read[:, 1:]
+        stepped = [self._shown(course.astype(complex), values)]
+        for name, slope in zip(names, columns, strict=True):
+            moved = course.astype(complex)
+            moved[1] += 1j * STEP * slope
+            stepped.append(self._shown(moved, {**values, name: values[name] + 1j * STEP}))
+        read = np.stack(stepped, axis=1)
+        return read[:, 0].real, read[:, 1:].imag / STEP
+
+    def _plain(self, course: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        """Without a rig, readings (m, k) are linear in the force."""
+        places, average = self.places
+        if self.of_time:
+            return average @ _polygon(places, course[2], columns)
+        on = course[0] > np.append(-np.inf, np.maximum.accumulate(course[0])[:-1])
+        return average @ _polygon(places, course[0][on], columns[on])
+
+    def _shown(self, course: np.ndarray, values: Mapping[str, complex]) -> np.ndarray:
+        """Readings (m,), complex, through the rig."""
+        p, (places, average) = SimpleNamespace(**values), self.places
+        if self.of_time:  # at the same time the blade is elsewhere only where a rig says so
+            read = _polygon(places, course[2], self.model.record(course[0], course[1], course[2], p)[1])
+        else:
+            x, force, _ = self.model.shown(course, p)
+            read = _polygon(places, x, force)
+        # A real matrix times a complex vector would be a thousand times as slow.
+        return average @ read.real + 1j * (average @ read.imag)
+
+
+def _polygon(at: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The polygon through points x (n,), y (n, …) at real places, with its complex step if these are complex;
+    ends go on level."""
+    i = np.clip(np.searchsorted(x.real, at, side="right") - 1, 0, x.size - 2)
+    inside = np.clip(at, x[0].real, x[-1].real)
+    part = (inside - x[i]) / (x[i + 1] - x[i])
+    return y[i] + part.reshape(-1, *(1,) * (y.ndim - 1)) * (y[i + 1] - y[i])

@@ -1,0 +1,164 @@
+"""Does the extended model predict better what neither fit has seen? By how much, and how sure is that?
+
+What is held out: tests of role test where there are any that both models predict; else one fifth of the
+readings of each fitted test after the other, with fits that are one Gauss–Newton step away from the fit to
+all. The gain is the fall of the root mean square error; its standard error is that of a difference which is
+linear in the readings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+
+from cutbench.base.errors import ComputationFailed
+from cutbench.calibration.posterior import Estimated
+from cutbench.calibration.settings import SETTINGS
+from cutbench.data.covariance import Block, Factors
+from cutbench.data.experiment import Experiment
+
+TESTS, FIFTHS = "test experiments", "one fifth of the readings after the other"
+#: So many parts of a test are held out, one after the other.
+PARTS = 5
+#: Two models whose predictions differ by less than this part of the error say the same, as squares.
+SAME = 0.01
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """How two models predict what was not fitted.
+
+    Attributes
+    ----------
+    how : str
+        What was held out.
+    gain, gain_se : float
+        Fall of the root mean square error, relative, and its standard error.
+    gain_of_shape : float
+        The same with the factor that fits each test best taken out of both predictions.
+    baseline_rmse, extended_rmse, noise_floor : float
+        Both errors, and what scatter and noise make.
+    unit : str
+        Of these three; ``1``: parts of each test's largest value.
+    tells : bool
+        Whether the two differ at all in what they predict.
+    """
+
+    how: str
+    gain: float
+    gain_se: float
+    gain_of_shape: float
+    baseline_rmse: float
+    extended_rmse: float
+    noise_floor: float
+    unit: str
+    tells: bool
+
+    @property
+    def better(self) -> bool:
+        """Whether the extended model predicts no worse, as it is or but for a factor between specimens."""
+        return not self.tells or max(self.gain, self.gain_of_shape) > 0
+
+    @property
+    def much(self) -> bool:
+        """Whether much of the error of tests that were not fitted goes, as it is and but for a factor."""
+        return self.how == TESTS and self.tells and min(self.gain, self.gain_of_shape) > SETTINGS.share
+
+    @property
+    def percent(self) -> str:
+        """``+61 ± 5 %``."""
+        return f"{100 * self.gain:+.0f} ± {100 * self.gain_se:.0f} %"
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Readings (m,) that are held out, both predictions, the covariance (m, m) of the readings, and their
+    standard deviation (m,)."""
+
+    e: Experiment
+    measured: np.ndarray
+    before: np.ndarray
+    after: np.ndarray
+    noise: np.ndarray
+    deviation: np.ndarray
+    size: float
+
+
+def held_out(before: Estimated, after: Estimated) -> HeldOut:
+    """How two fitted models predict what was not fitted.
+
+    Parameters
+    ----------
+    before, after : Estimated
+        The model without and with what is asked for.
+
+    Returns
+    -------
+    HeldOut
+    """
+    parts, how = list(_tests(before, after)), TESTS
+    if not parts:
+        parts, how = list(_fifths(before, after)), FIFTHS
+    units = {part.e.y_unit for part in parts}
+    relative, sums, shape, count = len(units) > 1, np.zeros(4), np.zeros(2), 0
+    for part in parts:
+        scale, d = part.size if relative else 1.0, part.after - part.before
+        errors = [((y - part.measured) ** 2).sum() for y in (part.before, part.after)]
+        sums += np.array([*errors, 4 * d @ part.noise @ d / scale**2, (part.deviation**2).sum()]) / scale**2
+        shape += [_beyond_factor(y, part.measured) / scale**2 for y in (part.before, part.after)]
+        count += d.size
+    change = sum(float(((p.after - p.before) ** 2).sum()) / (p.size if relative else 1.0) ** 2 for p in parts)
+    e0, e1 = np.sqrt(sums[:2] / count)
+    gain = 1 - e1 / e0 if e0 > 0 else 0.0
+    se = np.sqrt(sums[2]) / sums[0] / (2 * max(1 - gain, 0.2)) if e0 > 0 else 0.0
+    of_shape = 1 - np.sqrt(shape[1] / shape[0]) if shape[0] > 0 else 0.0
+    floor, unit = float(np.sqrt(sums[3] / count)), "1" if relative else units.pop()
+    told = float(gain), float(se), float(of_shape), float(e0), float(e1)
+    return HeldOut(how, *told, floor, unit, bool(change > SAME * sums[0]))
+
+
+def _beyond_factor(y: np.ndarray, measured: np.ndarray) -> float:
+    """Squared error of the prediction ``y`` (m,) times the factor that makes it least."""
+    return float(((measured - y * (y @ measured) / max(y @ y, 1e-300)) ** 2).sum())
+
+
+def expected(fitted: Estimated, e: Experiment) -> Block:
+    """Covariance of the mean of a predicted test's readings about what a right model says."""
+    p = fitted.posterior.predictions
+    alike = [p.grids[other.id] for other in p.campaign.experiments if other.kind == e.kind]
+    return Block.of(p.grids[e.id], Factors.of(alike).usual, p.grids[e.id].mean)
+
+
+def _tests(before: Estimated, after: Estimated) -> Iterator[_Part]:
+    for e in before.posterior.predictions.campaign.test:
+        try:
+            y = [fitted.predicted(e).y for fitted in (before, after)]
+        except ComputationFailed:
+            continue
+        block, mean = expected(before, e), before.posterior.predictions.grids[e.id].mean
+        yield _Part(e, mean, *y, block.noise, block.deviation, float(np.abs(mean).max()))
+
+
+def _fifths(before: Estimated, after: Estimated) -> Iterator[_Part]:
+    for e in before.posterior.tests:
+        mean, block = before.w.grids[e.id].mean, before.w.tests[e.id]
+        for out in np.array_split(np.arange(mean.size), PARTS):
+            y = [_without(fitted, e.id, out)[out] for fitted in (before, after)]
+            noise, size = block.noise[np.ix_(out, out)], float(np.abs(mean).max())
+            yield _Part(e, mean[out], *y, noise, block.deviation[out], size)
+
+
+def _without(fitted: Estimated, id: str, out: np.ndarray) -> np.ndarray:
+    """Prediction (m,) of a test by a fit that has not seen its readings ``out``."""
+    w, J, r = fitted.w.tests[id], fitted.at.J[id], fitted.at.residual[id]
+    kept = np.setdiff1d(np.arange(r.size), out)
+    both = np.column_stack([J, r])
+    all_, L = w.white(both), cholesky(w.total[np.ix_(kept, kept)], lower=True)
+    some = solve_triangular(L, both[kept], lower=True)
+    A = np.linalg.inv(fitted.covariance) - all_[:, :-1].T @ all_[:, :-1] + some[:, :-1].T @ some[:, :-1]
+    g = some[:, :-1].T @ some[:, -1] - all_[:, :-1].T @ all_[:, -1]
+    low, high = (bound - fitted.q for bound in fitted.posterior.bounds)
+    return fitted.at.y[id] + J @ np.clip(-np.linalg.solve(A, g), low, high)

@@ -1,0 +1,137 @@
+"""What each candidate would change first: the derivatives of all readings by its strengths, at off.
+
+Homogeneous tests are differentiated at all values of the shapes in one pass. Of cuts the emulator says what a
+machine or another value of a parameter does; what another law does is evaluated beside the runs at the place
+that was found, with shapes from the middle of their grid.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.calibration.homogeneous import scan
+from cutbench.calibration.posterior import Estimated
+from cutbench.data.experiment import Experiment
+from cutbench.discovery.candidates import Candidate
+from cutbench.run.sensitivity import Added, extended
+
+#: A derivative of a cut counts no more than what would change the largest force by so many times itself.
+LARGEST = 2.0
+Parts = dict[tuple[str, int, str], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Column:
+    """Derivatives (m, p) of each fitted test's readings by a candidate's p strengths, by id, at ``shapes``
+    (internal units)."""
+
+    candidate: Candidate
+    shapes: Mapping[str, float]
+    by: Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Sensitivities:
+    """Computed curves (m,) and their derivatives by the free parameters (m, k), by id; all columns."""
+
+    y: Mapping[str, np.ndarray]
+    J: Mapping[str, np.ndarray]
+    columns: Sequence[Column]
+
+
+def sensitivities(null: Estimated, chosen: Sequence[Candidate]) -> Sensitivities:
+    """Of all candidates that can be evaluated.
+
+    Parameters
+    ----------
+    null : Estimated
+        The fitted model without them.
+    chosen : sequence of Candidate
+        Those that are asked for.
+
+    Returns
+    -------
+    Sensitivities
+    """
+    post, parts = null.posterior, Parts()
+    for c in chosen:
+        seen = [e for e in post.tests if c.seen_by(e)]
+        cuts = [e for e in seen if post.predictions.needs_runs(e)]
+        for e in (e for e in seen if e not in cuts):
+            parts.update({(c.name, k, e.id): by for k, by in enumerate(_by_formula(null, e, c))})
+        for k in range(len(c.grid)) if cuts else ():
+            parts.update(_by_emulator(null, c, k, cuts))
+    known = {(name, k) for name, k, id in parts if post.predictions.needs_runs(_test(null, id))}
+    parts.update(_by_runs(null, [c for c in chosen if (c.name, len(c.grid) // 2) not in known]))
+    columns = []
+    for c in chosen:
+        nothing = {id: np.zeros((y.size, len(c.strengths))) for id, y in null.at.y.items()}
+        for k, shapes in enumerate(c.grid):
+            if all((c.name, k, e.id) in parts for e in post.tests if c.seen_by(e)):
+                by = {id: np.nan_to_num(parts.get((c.name, k, id), none)) for id, none in nothing.items()}
+                columns.append(Column(c, shapes, by))
+    inside = post.inside(null.q)
+    return Sensitivities(null.at.y, {id: J * inside for id, J in null.at.J.items()}, columns)
+
+
+def _test(null: Estimated, id: str) -> Experiment:
+    return null.posterior.predictions.campaign.experiment(id)
+
+
+def _by_formula(null: Estimated, e: Experiment, c: Candidate) -> list[np.ndarray]:
+    """Derivatives (m, p) of a test with a formula by a candidate's strengths, with each of its shapes; none
+    where they are not known."""
+    post = null.posterior
+    case, strengths = post.predictions.case(e, post.values(e, null.q)), [s.name for s in c.strengths]
+    try:
+        more = extended(case, c.added) if c.added else case
+        return list(scan(e, more.model, more.p, strengths, c.grid, post.predictions.grids[e.id]))
+    except (ComputationFailed, BadInput):
+        return []
+
+
+def _by_emulator(null: Estimated, c: Candidate, k: int, cuts: Sequence[Experiment]) -> Parts:
+    """The same of cuts, where those that are known say it."""
+    post = null.posterior
+    try:
+        base = extended(null.case, c.added, c.grid[k]) if c.added else null.case
+        names = [*(u.name for u in post.parameters), *(q.name for q in c.parameters)]
+        more, strengths = post.predictions.extended(base, names), [s.name for s in c.strengths]
+        return {(c.name, k, e.id): more.predict(e, post.values(e, null.q), strengths).slopes for e in cuts}
+    except (BadInput, ComputationFailed):
+        return {}
+
+
+def _by_runs(null: Estimated, asked: Sequence[Candidate]) -> Parts:
+    """The same by the exact derivatives of the cuts at the place that was found, with shapes in the middle of
+    their grids."""
+    post, p, parts = null.posterior, null.posterior.predictions, Parts()
+    cuts = [e for e in post.runs_wanted if any(c.seen_by(e) for c in asked)]
+    if not cuts:
+        return parts
+    cases = [p.case(e, post.values(e, null.q)) for e in cuts]
+    beside: dict[str, list[tuple[Candidate, Added]]] = {}
+    for e, case in zip(cuts, cases, strict=True):
+        beside[e.id] = []
+        for c in asked:
+            with suppress(BadInput):
+                more = extended(case, c.added, c.grid[len(c.grid) // 2])
+                if (added := Added(more, tuple(s.name for s in c.strengths))).beside(case):
+                    beside[e.id].append((c, added))
+    # The pool has one list of laws a call, and each test's hold the sizes of its own specimen.
+    for e, case in zip(cuts, cases, strict=True):
+        (run,) = p.runs([case], (), [added for _, added in beside[e.id]])
+        if run is None:
+            continue
+        top = float(np.abs(null.at.y[e.id]).max())
+        for (c, _), by in zip(beside[e.id], run.by_added, strict=True):
+            sizes = {s.name: max(abs(s.typical * s.factor), 1e-12) for s in c.strengths}
+            most = {name: LARGEST * top / size for name, size in sizes.items()}
+            values = post.values(e, null.q)
+            parts[c.name, len(c.grid) // 2, e.id] = p.read_slopes(e, values, run.course, by, most)
+    return parts
