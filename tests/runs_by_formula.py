@@ -9,14 +9,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 
-from cutbench.calibration.kept import Ran
+from cutbench.calibration.cut_runs import COURSE, ComputedCut
 from cutbench.case.case import Case
 from cutbench.case.model import Model
-from cutbench.run.result import Outcome
+from cutbench.run.result import Outcome, Result
+from cutbench.run.store.runs import Store
 
 #: Parts of a run's beginning and of its force that jag.
 JAGS, WAVES = 0.004, 0.003
@@ -45,17 +47,21 @@ def course(case: Case, values: Mapping[str, float] | None = None) -> tuple[np.nd
 
 
 class Counted:
-    """Stands in for ``cutbench.calibration.prediction.ran``; ``count``: how many were asked for."""
+    """Stands in for ``cutbench.calibration.cut_runs.compute_cut``, and leaves runs in the store as that does;
+    ``count``: how many were asked for."""
 
     def __init__(self) -> None:
         self.count = 0
 
-    def __call__(self, case: Case, names: Sequence[str], added, folder, longest=None) -> Ran:
+    def __call__(self, case: Case, names: Sequence[str], added, folder: Path | None = None) -> ComputedCut:
         self.count += 1
         made, begins = course(case)
         by_added = [{name: _slope(a.case, name) for name in a.names} for a in added]
         outcome = Outcome("done", "", reached_mm=case.values["depth"])
-        return Ran(made, outcome, begins, {name: _slope(case, name) for name in names}, by_added)
+        if folder is not None:
+            curve = dict(zip(COURSE, made, strict=True))
+            Store(folder).put(Result(case, curve, outcome, measures={"onset_mm": begins}))
+        return ComputedCut(made, outcome, begins, {name: _slope(case, name) for name in names}, by_added)
 
 
 def _slope(case: Case, name: str) -> np.ndarray:

@@ -79,9 +79,7 @@ def without_rig(case: Case) -> Case:
     return replace(case, mechanisms=case.model.unrigged.mechanisms, values=values)
 
 
-def compute_cut(
-    case: Case, names: Sequence[str], added: Sequence[Added], folder: Path | None
-) -> ComputedCut:
+def compute_cut(case: Case, names: Sequence[str], added: Sequence[Added], folder: Path | None) -> ComputedCut:
     """The run of ``case`` with derivatives, out of the store in ``folder`` or computed and left there. Raises
     BadInput, ComputationFailed."""
     store = None if folder is None else Store(folder)

@@ -78,8 +78,8 @@ def choose(posterior: Posterior, asked: Sequence[str] = ()) -> tuple[Posterior, 
 def _only(posterior: Posterior, kept: Sequence[int]) -> Posterior:
     parameters = tuple(posterior.parameters[k] for k in kept)
     made = posterior.predictions.with_free([u.name for u in parameters])
-    prior = {"widths": posterior.widths[kept], "centres": posterior.centres[kept]}
-    return replace(posterior, predictions=made, parameters=parameters, **prior)
+    widths, centres = posterior.widths[kept], posterior.centres[kept]
+    return replace(posterior, predictions=made, parameters=parameters, widths=widths, centres=centres)
 
 
 def _exact(

@@ -394,7 +394,7 @@ class Fitting:
         notes += [unrepeated(id) for id, grid in posterior.predictions.grids.items() if grid.estimated]
         profiles: list[Profile] = []
         for label in profile if done else ():
-            if label in self.fixed:
+            if self.best is None or label in self.fixed:
                 notes.append(f"No profile of {label}: it was left at its start.")
                 continue
             try:

@@ -66,7 +66,7 @@ def information_inverse(J: np.ndarray) -> np.ndarray:
     size = np.linalg.norm(J, axis=0)
     size = np.where(size > 0, size, 1.0)
     _, s, Vt = _decomposed(J / size)
-    floor = max(s.max(initial=0.0), 1e-300) * 1e-10
+    floor = max(s.max(initial=0.0), 1e-100) * 1e-10
     return (Vt.T / np.maximum(s, floor) ** 2 @ Vt) / np.outer(size, size)
 
 

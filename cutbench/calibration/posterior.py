@@ -232,7 +232,9 @@ class Posterior:
             return known[x.tobytes()]
 
         at = evaluated(_within(np.clip(q, low, high), low, high))
-        size = sum(y.size for y in at.y.values()) + sum(f.residual.size for f in self.fields.values()) + q.size
+        size = (
+            sum(y.size for y in at.y.values()) + sum(f.residual.size for f in self.fields.values()) + q.size
+        )
         for _ in range(TURNS):
             w, before = self.covariance(at), at.q
 

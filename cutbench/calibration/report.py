@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from itertools import combinations
 from dataclasses import asdict
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np

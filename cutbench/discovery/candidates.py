@@ -117,9 +117,7 @@ def candidates(
             left_out[name] = "its parameters are fixed by the campaign"
             continue
         shapes = tuple(q for q in own if q.off is None)
-        found.append(
-            replace(asked, strengths=strengths, shapes=shapes, grid=_grid(shapes, campaign, base))
-        )
+        found.append(replace(asked, strengths=strengths, shapes=shapes, grid=_grid(shapes, campaign, base)))
     return found, left_out
 
 
@@ -148,7 +146,10 @@ def _held(campaign: Campaign, base: Case, estimated: Collection[str]) -> list[Ca
     where nothing is a candidate."""
     found, known = [], {*estimated, *campaign.plan.fixed}
     # What a cause that was found brings along has been fitted, or left where the data do not determine it.
-    own, given = campaign.base.model.parameters(), {n for e in campaign.train for n in (*e.blade, *e.specimen)}
+    own, given = (
+        campaign.base.model.parameters(),
+        {n for e in campaign.train for n in (*e.blade, *e.specimen)},
+    )
     for name in differentiable(base.model) if campaign.candidates else ():
         q = base.model.parameters()[name]
         kinds = tuple(dict.fromkeys(e.kind for e in campaign.train if name in visible(e, base)))

@@ -121,9 +121,7 @@ class Step:
         if not good:
             return ()
         first = good[0]
-        alike = [
-            c for c in good if first.evidence - c.evidence <= max(SETTINGS.undecided, apart(first, c))
-        ]
+        alike = [c for c in good if first.evidence - c.evidence <= max(SETTINGS.undecided, apart(first, c))]
         return tuple(sorted(alike, key=lambda c: (ORDER.index(c.candidate.cause), -c.evidence)))
 
     @property
@@ -241,7 +239,9 @@ def step_from(null: Estimated, seed: int, on_progress: OnProgress = silent) -> S
     best = max(compared, key=lambda c: c.evidence, default=None)
     if best is not None and best.evidence > 0:
         done = {c.name for c in compared}
-        compare([s for s in scores.scores if family_of(s.name) == family_of(best.name) and s.name not in done])
+        compare(
+            [s for s in scores.scores if family_of(s.name) == family_of(best.name) and s.name not in done]
+        )
     compared.sort(key=lambda c: (-c.evidence, c.name))
     if null.posterior.runs_wanted:
         compared = _with_runs(null, compared, scores, on_progress)
@@ -316,6 +316,8 @@ def _fitted(null: Estimated, s: Score, scores: Scores) -> Estimated | None:
                 posterior.maximum(q) if said(posterior, q)
                 else estimate(posterior, q, refine=False, rounds=1)
             )  # fmt: skip
+            if found.log_likelihood < null.log_likelihood:  # it lost its way: from where it does nothing
+                found = posterior.maximum(np.append(null.q, posterior.centres[null.q.size :]))
         except _FAILS:
             continue
         if best is None or found.log_posterior > best.log_posterior:

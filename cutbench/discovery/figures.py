@@ -9,9 +9,9 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
+from cutbench.base.errors import ComputationFailed
 from cutbench.base.figure_style import COLOURS, DOUBLE_MM, GREY, legend_below, new_figure, style
 from cutbench.calibration.figure import panels
-from cutbench.base.errors import ComputationFailed
 from cutbench.calibration.fitting import ComparedCurve
 from cutbench.calibration.posterior import Estimated
 from cutbench.data.experiment import Experiment
@@ -77,9 +77,7 @@ def ranking(d: Discovery) -> Figure | None:
         figure = new_figure(DOUBLE_MM, 22 + 7 * len(names))
         left, right = figure.subplots(1, 2, sharey=True)
         y = np.arange(len(names))[::-1]
-        colours = [
-            COLOURS["blue"] if n in d.names else COLOURS["sky"] if n in group else GREY for n in names
-        ]
+        colours = [COLOURS["blue"] if n in d.names else COLOURS["sky"] if n in group else GREY for n in names]
         left.barh(y, [100 * min(max(c.share, 0), 1.1) for c in step.compared], color=colours, height=0.6)
         left.set_yticks(y, names)
         left.set_xlabel("Explains of what is wrong (%)")

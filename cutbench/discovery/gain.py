@@ -120,12 +120,12 @@ def gathered(before: Estimated, after: Estimated) -> Evidence | None:
     for e in p.campaign.test:
         grid = p.grids[e.id]
         try:
-            y, one, J = after.predicted(e), before.predicted(e).y, after.scaled_slopes(e)
+            said, one, J = after.predicted(e), before.predicted(e).y, after.scaled_slopes(e)
         except ComputationFailed:
             continue
-        rest = Block.of(grid, Factors(), y.y).total + y.root @ y.root.T
+        rest = Block.of(grid, Factors(), said.y).total + said.root @ said.root.T
         size = float(np.abs(grid.mean).max()) if relative else 1.0
-        tests.append(_known(grid, one, y.y, J, rest, e.kind, size))
+        tests.append(_known(grid, one, said.y, J, rest, e.kind, size))
     inside = after.posterior.inside(after.q)
     for e in after.posterior.tests if tests else ():
         grid, y, w = p.grids[e.id], after.at.y[e.id], after.w.tests[e.id]

@@ -25,6 +25,8 @@ TESTS, FIFTHS = "test experiments", "one fifth of the readings after the other"
 PARTS = 5
 #: Two models whose predictions differ by less than this part of the error say the same, as squares.
 SAME = 0.01
+#: Less of a test's largest value is no change.
+NOTHING = 1e-3
 
 
 @dataclass(frozen=True)
@@ -135,20 +137,34 @@ def expected(fitted: Estimated, e: Experiment) -> Block:
 def _tests(before: Estimated, after: Estimated) -> Iterator[_Part]:
     for e in before.posterior.predictions.campaign.test:
         try:
-            y = [fitted.predicted(e).y for fitted in (before, after)]
+            one, other = (fitted.predicted(e).y for fitted in (before, after))
+            if not _shows(before, after, e, other):
+                continue
         except ComputationFailed:
             continue
         block, mean = expected(before, e), before.posterior.predictions.grids[e.id].mean
-        yield _Part(e, mean, *y, block.noise, block.deviation, float(np.abs(mean).max()))
+        yield _Part(e, mean, one, other, block.noise, block.deviation, float(np.abs(mean).max()))
+
+
+def _shows(before: Estimated, after: Estimated, e: Experiment, y: np.ndarray) -> bool:
+    """Whether what the extended model has more changes its prediction ``y`` of a test at all: where it does
+    not, only the other parameters' values differ."""
+    known = {u.label for u in before.posterior.parameters}
+    new = [u for u in after.posterior.parameters if u.label not in known and u.quantity.off is not None]
+    if not new:
+        return True
+    values = after.posterior.values(e, after.q) | {u.name: u.quantity.off_value for u in new}
+    off = after.posterior.predictions.predict(e, values).y
+    return bool(np.abs(y - off).max() > NOTHING * np.abs(y).max())
 
 
 def _fifths(before: Estimated, after: Estimated) -> Iterator[_Part]:
     for e in before.posterior.tests:
         mean, block = before.w.grids[e.id].mean, before.w.tests[e.id]
         for out in np.array_split(np.arange(mean.size), PARTS):
-            y = [_without(fitted, e.id, out)[out] for fitted in (before, after)]
+            one, other = (_without(fitted, e.id, out)[out] for fitted in (before, after))
             noise, size = block.noise[np.ix_(out, out)], float(np.abs(mean).max())
-            yield _Part(e, mean[out], *y, noise, block.deviation[out], size)
+            yield _Part(e, mean[out], one, other, noise, block.deviation[out], size)
 
 
 def _without(fitted: Estimated, id: str, out: np.ndarray) -> np.ndarray:

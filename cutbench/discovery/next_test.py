@@ -84,18 +84,18 @@ def _cuts(first: Estimated, second: Estimated, e: Experiment) -> list[Proposal]:
     for text, factors in changes.items():
         try:
             there = [
-                replace(c, values={**c.values, **{n: f * c.values[n] for n, f in factors.items()}}) for c in cases
+                replace(c, values={**c.values, **{n: f * c.values[n] for n, f in factors.items()}})
+                for c in cases
             ]
         except BadInput:
             continue
-        computed = runs(there)
-        if any(run is None for run in computed):
-            continue
-        y = [
-            f.posterior.predictions.read(e, f.posterior.values(e, f.q), run.course)
-            for f, run in zip((first, second), computed, strict=True)
-        ]
-        found.append(_judged(first, e, text, *y, grid.x))
+        courses = [run.course for run in runs(there) if run is not None]
+        if len(courses) == 2:
+            a, b = (
+                f.posterior.predictions.read(e, f.posterior.values(e, f.q), course)
+                for f, course in zip((first, second), courses, strict=True)
+            )
+            found.append(_judged(first, e, text, a, b, grid.x))
     return found
 
 

@@ -121,7 +121,13 @@ def _ranking(d: Discovery) -> str:
             fitted = [f"{c.evidence:+.1f}", f"{100 * c.share:.0f} %", c.held_out.percent, values]
         said = "added" if s.name in d.names else marks.get(s.name, "; ".join(c.doubts) if c else "")
         rows.append([called(s.name), f"{s.z:.1f}", *fitted, said])
-    head = ["score (standard deviations)", "log evidence", "explains", "gain on held-out data", "fitted values"]
+    head = [
+        "score (standard deviations)",
+        "log evidence",
+        "explains",
+        "gain on held-out data",
+        "fitted values",
+    ]
     return _table(["candidate", *head, ""], rows)
 
 

@@ -116,7 +116,9 @@ def gain_sentence(d: Discovery) -> str:
 
 
 def _clean(d: Discovery) -> str:
-    return "" if d.clean is None else f" Without noise and scatter of specimens it would fall by {d.clean.text}."
+    return (
+        "" if d.clean is None else f" Without noise and scatter of specimens it would fall by {d.clean.text}."
+    )
 
 
 def place_of(s: Section) -> str:
@@ -149,7 +151,10 @@ def summary(d: Discovery) -> str:
                   for s in d.numerics.scores]  # fmt: skip
     for number, step in enumerate(d.steps, 1):
         if step.scores.scores:
-            lines += ["", f"candidates, round {number}: score z, log evidence, explained, gain on held-out data"]
+            lines += [
+                "",
+                f"candidates, round {number}: score z, log evidence, explained, gain on held-out data",
+            ]
             lines += ["  " + _line(s, c, d.names) for s, c in ranking(step)[:10]]
     lines += ["", f"next experiment: {d.next_experiment}"]
     if d.notes:

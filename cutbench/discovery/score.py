@@ -86,7 +86,11 @@ def deviations(p: float) -> float:
 
 
 def score(
-    sensitivities: Sensitivities, w: Covariance, residual: Mapping[str, np.ndarray], draws: int = DRAWS, seed: int = 0
+    sensitivities: Sensitivities,
+    w: Covariance,
+    residual: Mapping[str, np.ndarray],
+    draws: int = DRAWS,
+    seed: int = 0,
 ) -> Scores:
     """``residual`` (m,) by id, computed less measured; ``w``: the noise alone. The order of tests does not
     matter."""
@@ -134,7 +138,9 @@ class _Stack:
     def __init__(self, sensitivities: Sensitivities):
         self.columns = sensitivities.columns
         self.k = next(iter(sensitivities.J.values())).shape[1]
-        self.all = {id: np.hstack([J, *(c.by[id] for c in self.columns)]) for id, J in sensitivities.J.items()}
+        self.all = {
+            id: np.hstack([J, *(c.by[id] for c in self.columns)]) for id, J in sensitivities.J.items()
+        }
         self.dof = sum(y.size for y in sensitivities.y.values()) - self.k
 
     def scored(self, w: Covariance, residual: Mapping[str, np.ndarray]) -> tuple[float, list[Score]]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar
@@ -195,13 +194,15 @@ def discover(
 
 def _search(baseline: Estimated, known: _Known, seed: int, on_progress: OnProgress) -> None:
     """All rounds; what is ``known`` is up to date whenever it ends. Raises KeyboardInterrupt."""
+    comparison: Comparison | None = None
     for comparison in comparisons(baseline, seed=seed, on_progress=on_progress):
         known.comparison = comparison
         if len(comparison.steps) == 1 and not comparison.found:
             known.numerics = numerical_causes(comparison.steps[0], seed)
             if known.numerics.explains:
                 return
-    final = known.comparison.final
+    assert comparison is not None, "there is a round at least"
+    final = comparison.final
     on_progress(math.nan, math.nan, "computing the tests that are predicted")
     for e in baseline.posterior.predictions.campaign.test:
         for fitted in (baseline, final):
@@ -209,7 +210,7 @@ def _search(baseline: Estimated, known: _Known, seed: int, on_progress: OnProgre
                 fitted.posterior.predictions.compute(e, fitted.posterior.values(e, fitted.q))
             except ComputationFailed:
                 continue  # the fit's notes say why
-    pair = _pair(known.comparison)
+    pair = _pair(comparison)
     if pair is not None:
         names = [each.name for each in pair]
         on_progress(math.nan, math.nan, f"looking for a test that tells {' from '.join(names)}")
@@ -278,5 +279,3 @@ def _next(verdict: str, known: _Known) -> str:
         "Repeat the test that fails worst at another speed: what is left depends on time if it moves along the"
         " displacement, on place if it does not.",
     )
-
-

@@ -108,10 +108,10 @@ class CutEmulator:
         asked = [groups.reduced(self._plain(c.values)) for c in cases]
         known: list[tuple[Run, dict[str, float], Mapping[str, float]]] = []
         for run in runs:
-            values = _seen_as(run.case, first)
-            if values is None or run.x[-1] / groups.length(values) < min(ends) * (1 - 1e-9):
+            own = _seen_as(run.case, first)
+            if own is None or run.x[-1] / groups.length(own) < min(ends) * (1 - 1e-9):
                 continue
-            seen = groups.reduced(values := self._plain(values))
+            seen = groups.reduced(values := self._plain(own))
             fixed = (n for n in seen if n not in may_differ | other_words)
             if all(any(same(seen[n], a[n]) for a in asked) for n in fixed):
                 known.append((run, seen, values))

@@ -9,7 +9,17 @@ from typing import Annotated
 
 import typer
 
-from cutbench.cli.options import CampaignFile, Limit, Refine, Workers, exits, folder_of, seconds, whole, written
+from cutbench.cli.options import (
+    CampaignFile,
+    Limit,
+    Refine,
+    Workers,
+    exits,
+    folder_of,
+    seconds,
+    whole,
+    written,
+)
 from cutbench.cli.progress import bar
 
 
@@ -30,8 +40,8 @@ def discover(
     count, limit_s = whole("workers", workers), seconds("--limit", limit, math.inf)
     folder = folder_of(out)
 
-    from cutbench.discovery import discover as run
     from cutbench.calibration.fitting import INTERRUPTED
+    from cutbench.discovery import discover as run
     from cutbench.discovery.page import write_discovery
     from cutbench.discovery.report import summary
 

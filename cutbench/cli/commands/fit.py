@@ -8,7 +8,17 @@ from typing import Annotated
 
 import typer
 
-from cutbench.cli.options import CampaignFile, Limit, Refine, Workers, exits, folder_of, seconds, whole, written
+from cutbench.cli.options import (
+    CampaignFile,
+    Limit,
+    Refine,
+    Workers,
+    exits,
+    folder_of,
+    seconds,
+    whole,
+    written,
+)
 from cutbench.cli.progress import bar
 
 
