@@ -25,15 +25,17 @@ from cutbench.calibration.posterior import Estimated, LinearFields, MeshError, P
 from cutbench.calibration.prediction import STEEPEST, NotKnown
 from cutbench.calibration.settings import SETTINGS
 from cutbench.data.covariance import Covariance
-from cutbench.data.discrepancy import misfit
 from cutbench.data.experiment import Experiment
 from cutbench.data.fields import laid_out
 
 #: Places of the box that are looked at with the emulator, and the best of them, from which a maximum is looked
 #: for; so many starts has a model whose tests all have formulas.
-PLACES, STARTS = 256, 3
+PLACES, STARTS = 64, 3
+DEBUG=None
 #: So often at most cuts are computed at the best place where a place is near already.
 NEAR = 3
+#: A place that moves by less than this part of all standard deviations stays where it is.
+STILL = 0.3
 #: Half of the sides of a box about a place that other tests, or another model's fit, say: so many standard
 #: deviations of theirs, between a sixth and the box without them.
 DEVIATIONS, LEAST = 2.5, 0.15
@@ -144,49 +146,70 @@ def estimates(
         return
     runs, count = posterior.predictions.runs, SETTINGS.first + SETTINGS.each * q.size
     told = _Progress(runs, on_progress, count + len(cuts) * (2 + 4 * refine))
+    best: Estimated | None = None
     if start is None:
         q, low, high = _box(posterior, q)
         told.text = f"computing {count} cuts that fill the box"
         _fill(posterior, cuts, q, low, high, count)
-        found = _best(posterior, _places(posterior, q, low, high))
+        best = _there(posterior, q)
+        yield best
+        found, reach = _best(posterior, _places(posterior, q, low, high)), (high - low) / 4
     else:
-        low, high = _beside(posterior, q)
-        if not said(posterior, q):
-            told.text = "computing cuts about the place that is expected"
-            _fill(posterior, cuts, q, low, high, count // 2)
-        found = _best(posterior, [q])
+        found, reach = first_look(posterior, q), _beside(posterior, q)
     settled = False
-    for turn in range(rounds or (SETTINGS.rounds if start is None else NEAR)):
-        told.text, told.left = missed_by(found), len(cuts) * (2 + 4 * refine)
-        if start is None:
-            _compute(posterior, *_about(posterior, cuts, found, low, high, turn))
-        else:
-            _compute(posterior, cuts, [found.q] * len(cuts))
-        at = posterior.evaluate(found.q)
-        exact = Estimated(posterior, at, posterior.covariance(at))
-        yield exact
-        edge = (found.q < low + 0.02 * (high - low)) | (found.q > high - 0.02 * (high - low))
-        half = np.where(edge, (high - low) / 2, 0.0)
-        low, high = np.minimum(low, found.q - half), np.maximum(high, found.q + half)
-        places = _places(posterior, found.q, low, high) if start is None else []
-        again = _best(posterior, [found.q, *places])
-        if settled := not edge.any() and again.log_posterior - exact.log_posterior < SETTINGS.gained:
+    for _ in range(rounds or (SETTINGS.rounds if start is None else NEAR)):
+        told.text, told.left = missed_by(best or found), len(cuts) * (2 + 4 * refine)
+        _compute(posterior, cuts, [found.q] * len(cuts))
+        there = _there(posterior, found.q)
+        worse = best is not None and there.log_posterior <= best.log_posterior
+        if best is None or not worse:
+            best = there
+            yield best
+        if DEBUG: DEBUG(found, there, best, reach, runs)
+        # What the emulator promises is asked only as far from the best place as its promises hold.
+        reach = reach / 2 if worse else reach
+        about = _about(best)
+        found = about.maximum(best.q, reach)
+        still = np.all(np.abs(found.q - best.q) < STILL * np.sqrt(np.diag(best.covariance)))
+        gained = found.log_posterior - _there(about, best.q).log_posterior
+        if DEBUG: print("      next", found.q.round(2), "still", still, "gained", round(gained,2), flush=True)
+        if settled := bool(still) or gained < SETTINGS.gained:
             break
-        found = again
+    assert best is not None, "there is a round at least"
     if refine:
         told.text = "measuring the error of the mesh on finer ones"
-        exact = _refined(posterior, cuts, exact)
-    yield replace(exact, settled=settled)
+        best = _refined(posterior, cuts, best)
+    yield replace(best, settled=settled)
+
+
+def _about(best: Estimated) -> Posterior:
+    """The posterior as the emulator has it, made to agree with the cuts that were computed at a place: they
+    jag, and what is near is smooth."""
+    post, mesh = best.posterior, dict(best.posterior.mesh)
+    smooth = replace(post, predictions=post.predictions.smooth)
+    at = smooth.evaluate(best.q, post.runs_wanted, differentiate=False)
+    for e in post.runs_wanted:
+        known = post.mesh_error(e, at.y[e.id])
+        mesh[e.id] = replace(known, shift=known.shift + best.at.y[e.id] - at.y[e.id])
+    return replace(smooth, mesh=mesh)
+
+
+def _there(posterior: Posterior, q: np.ndarray) -> Estimated:
+    """The posterior at a place (k,)."""
+    at = posterior.evaluate(q)
+    return Estimated(posterior, at, posterior.covariance(at))
 
 
 def missed_by(found: Estimated) -> str:
     """What a model misses most, in a sentence."""
-    part, id = max((misfit(found.w, id, r), id) for id, r in found.at.residual.items())
-    grid, r = found.w.grids[id], found.at.residual[id]
-    far = np.flatnonzero(np.abs(r) > np.abs(r).max() / 2)
-    e = found.posterior.predictions.campaign.experiment(id)
-    unit = "" if e.x_unit == "1" else f" {e.x_unit}"
-    return f"the model misses '{id}' by {100 * part:.0f} % of its maximum, most from {grid.x[far[0]]:.2g}{unit} on"
+    grids = found.w.grids
+    parts = {id: np.abs(r) / np.abs(grids[id].mean).max() for id, r in found.at.residual.items()}
+    id = max(parts, key=lambda each: float(np.mean(parts[each] ** 2)))
+    far = int(np.flatnonzero(parts[id] > parts[id].max() / 2)[0])
+    unit = found.posterior.predictions.campaign.experiment(id).x_unit
+    place = f"{grids[id].x[far]:.2g}{'' if unit == '1' else f' {unit}'}"
+    missed = 100 * math.sqrt(float(np.mean(parts[id] ** 2)))
+    return f"the model misses '{id}' by {missed:.0f} % of its maximum, most from {place} on"
 
 
 class _Progress:
@@ -221,6 +244,7 @@ def _others(q: np.ndarray) -> list[np.ndarray]:
 
 
 def _best(posterior: Posterior, starts: Sequence[np.ndarray]) -> Estimated:
+    """The likeliest of the maxima that are reached. Raises ComputationFailed."""
     found, why = [], "nothing to start from"
     for q in starts:
         try:
@@ -242,14 +266,29 @@ def said(posterior: Posterior, q: np.ndarray) -> bool:
     return True
 
 
-def _beside(posterior: Posterior, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A small box about a place that is near already; a strength from off to twice what is proposed."""
-    low, high = posterior.bounds
+def first_look(posterior: Posterior, q: np.ndarray, everywhere: bool = False) -> Estimated:
+    """The most probable parameters as far as the emulator knows: near ``q`` (k,), or ``everywhere`` in the
+    box. Where it knows nothing, all cuts are computed at ``q`` first. Raises ComputationFailed."""
+    if not said(posterior, q):
+        _compute(posterior, cuts := posterior.runs_wanted, [q] * len(cuts))
+    starts = [q]
+    if everywhere and posterior.runs_wanted:
+        # Of a strength as far as is typical, whatever its derivative at off says.
+        typical = posterior.widths / SETTINGS.strength
+        half = np.array([SETTINGS.reach if u.logarithmic else max(abs(x), min(t, 1e3))
+                         for u, x, t in zip(posterior.parameters, q, typical, strict=True)])  # fmt: skip
+        low, high = posterior.bounds
+        starts += _places(posterior, q, np.maximum(q - half, low), np.minimum(q + half, high))
+    return _best(posterior, starts)
+
+
+def _beside(posterior: Posterior, q: np.ndarray) -> np.ndarray:
+    """How far (k,) the emulator is asked about a place that is near already: of a strength as far as to off."""
     half = np.full(q.size, 2 * LEAST)
     for k, u in enumerate(posterior.parameters):
         if not u.logarithmic:
             half[k] = max(abs(q[k] - posterior.centres[k]), LEAST)
-    return np.maximum(q - half, low), np.minimum(q + half, high)
+    return half
 
 
 def _box(posterior: Posterior, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -275,17 +314,6 @@ def _fill(
     places = [low + (high - low) * row for row in made]
     tests = [cuts[i % len(cuts)] for i in range(count)]
     _compute(posterior, [*cuts, *tests], [q] * len(cuts) + places)
-
-
-def _about(
-    posterior: Posterior, cuts: Sequence[Experiment], found: Estimated, low: np.ndarray, high: np.ndarray,
-    turn: int,
-) -> tuple[list[Experiment], list[np.ndarray]]:  # fmt: skip
-    """All cuts at the best place, and as many about it as far as it may be off, each in another test."""
-    rng = np.random.default_rng(turn)
-    root = np.linalg.cholesky(found.covariance + 1e-12 * np.eye(found.q.size))
-    draws = [np.clip(found.q + root @ rng.standard_normal(found.q.size), low, high) for _ in cuts]
-    return [*cuts, *cuts], [found.q] * len(cuts) + draws
 
 
 def _compute(posterior: Posterior, tests: Sequence[Experiment], places: Sequence[np.ndarray]) -> None:
@@ -330,8 +358,7 @@ def _refined(posterior: Posterior, cuts: Sequence[Experiment], found: Estimated)
     posterior = replace(posterior, mesh=mesh, fields=fields)
     again = posterior.maximum(q)
     _compute(posterior, cuts, [again.q] * len(cuts))
-    at = posterior.evaluate(again.q)
-    return Estimated(posterior, at, posterior.covariance(at))
+    return _there(posterior, again.q)
 
 
 def _linear(

@@ -24,7 +24,7 @@ from cutbench.calibration.prediction import NotKnown, Predicted, Predictions
 from cutbench.calibration.settings import SETTINGS
 from cutbench.case.case import Case
 from cutbench.data.covariance import Block, Covariance
-from cutbench.data.discrepancy import allowing, likelihood
+from cutbench.data.discrepancy import allowing, likeliest
 from cutbench.data.experiment import Experiment
 
 #: A prediction that is so many times the largest reading counts as none.
@@ -221,9 +221,11 @@ class Posterior:
         rows, columns = zip((r, J), *more, before, strict=True)
         return np.concatenate(rows), np.vstack(columns)
 
-    def maximum(self, q: np.ndarray) -> Estimated:
-        """The most probable parameters near ``q`` (k,). Raises NotKnown, ComputationFailed."""
+    def maximum(self, q: np.ndarray, reach: np.ndarray | float = math.inf) -> Estimated:
+        """The most probable parameters near ``q`` (k,), no farther from it than ``reach``. Raises NotKnown,
+        ComputationFailed."""
         low, high = self.bounds
+        low, high = np.maximum(low, q - reach), np.minimum(high, q + reach)
         known: dict[bytes, Evaluated] = {}
 
         def evaluated(x: np.ndarray) -> Evaluated:
@@ -287,11 +289,13 @@ class Estimated:
         """(k,) scaled."""
         return self.at.q
 
-    @property
+    @cached_property
     def log_likelihood(self) -> float:
-        """But for a constant."""
+        """With the likeliest discrepancy of each test, but for a constant."""
+        noise = self.posterior.noise(self.at)
         fields = (f.block.white(f.residual + f.J @ (self.q - f.q)) for f in self.posterior.fields.values())
-        return 0.5 * (likelihood(self.w, self.at.residual) - sum(float(r @ r) for r in fields))
+        volume = sum(block.volume for block in noise.tests.values())
+        return 0.5 * (likeliest(noise, self.at.residual) - volume - sum(float(r @ r) for r in fields))
 
     @property
     def log_posterior(self) -> float:

@@ -20,7 +20,7 @@ from cutbench.case.motion import Motion
 from cutbench.data.campaign import Campaign
 from cutbench.data.experiment import Experiment
 from cutbench.data.repetition import Averaged
-from cutbench.emulator import CutEmulator
+from cutbench.emulator import CutEmulator, OutOfRange
 
 #: Derivatives of a run beyond the onset are those of a stair: none counts for more than so many times the
 #: largest force.
@@ -86,6 +86,15 @@ class Predictions:
             e.id: Recorder(e, grids[e.id], base.model) for e in campaign.experiments if e.id in self._cuts
         }
         self._emulators: tuple[int, dict[tuple, CutEmulator]] = (-1, {})
+        #: Whether a cut that was computed answers as it is, or as smoothly as those about it.
+        self.exact = True
+
+    @property
+    def smooth(self) -> Predictions:
+        """The same by the emulator alone, also where a cut was computed."""
+        made = self.with_free(self.free)
+        made._emulators, made.exact = self._emulators, False
+        return made
 
     def with_free(self, free: Sequence[str]) -> Predictions:
         """The same with other free parameters."""
@@ -155,12 +164,15 @@ class Predictions:
         Raises
         ------
         NotKnown
-            If too few cuts are known.
+            If too few cuts are known, or none is near enough.
         ComputationFailed
             If a homogeneous test has no answer with these values.
         """
         if self.needs_runs(e):
-            return self._cut(e, values, names)
+            try:
+                return self._cut(e, values, names)
+            except OutOfRange as error:
+                raise NotKnown(str(error)) from error
         case = self.case(e, values)
         y, by = slopes(e, case.model, case.p, tuple(names), self.grids[e.id])
         return Predicted(y, np.nan_to_num(by), np.zeros((y.size, 0)))
@@ -179,13 +191,15 @@ class Predictions:
         case, emulator = self._cuts[e.id], self.emulator(e)
         every = {**case.values, **values}  # of a rig, too, which the emulator does not know
         there = emulator.travel(every)
-        x, force = emulator.computed(every) or (there, emulator.forces([every])[0])
+        known = emulator.computed(every) if self.exact else None
+        x, force = known or (there, emulator.forces([every])[0])
         meshed = [n for n in names if n in emulator.groups.powers]
         by = {
             n: np.interp(x, there, c) for n, c in zip(meshed, emulator.slopes(every, meshed).T, strict=True)
         }
         # An error of the force is read as a change of it is, so its root goes along with the derivatives.
-        errors = {f"error {i}": np.interp(x, there, c) for i, c in enumerate(emulator.root(every).T)}
+        root = emulator.root(every).T if known is None else ()
+        errors = {f"error {i}": np.interp(x, there, c) for i, c in enumerate(root)}
         travel = x
         if case.motion:
             motion = Motion(case.values["depth"], every["speed"], case.motion)

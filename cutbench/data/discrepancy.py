@@ -119,12 +119,3 @@ def misfit(w: Covariance, id: str, residual: np.ndarray) -> float:
 def independent(block: Block) -> float:
     """How many independent values of the discrepancy readings tell: degrees of freedom of its size."""
     return float(np.trace(np.linalg.solve(sound(block.total), np.asarray(block.discrepancy))))
-
-
-def likelihood(w: Covariance, residual: Mapping[str, np.ndarray]) -> float:
-    """Twice the logarithm of the likelihood of ``residual`` (m,) by id, but for a constant."""
-    total = 0.0
-    for id, block in w.tests.items():
-        white = block.white(residual[id])
-        total -= float(white @ white) + float(np.linalg.slogdet(sound(block.total))[1])
-    return total

@@ -18,7 +18,7 @@ import numpy as np
 
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.progress import OnProgress, silent
-from cutbench.calibration.estimation import estimate, said
+from cutbench.calibration.estimation import estimate, first_look
 from cutbench.calibration.parameters import FreeParameter
 from cutbench.calibration.posterior import Estimated, Posterior
 from cutbench.calibration.settings import SETTINGS
@@ -190,6 +190,10 @@ def comparisons(
         beside = f" beside {' and '.join(f.name for f in found)}" if found else ""
         on_progress(math.nan, math.nan, f"looking for a cause{beside}")
         step = step_from(null, seed, on_progress)
+        if step.group and (better := _elsewhere(step)) is not None:
+            # Some of the gain was that of other values: the cause is asked beside these.
+            null, baseline = better, better if null is baseline else baseline
+            step = step_from(null, seed, on_progress)
         steps.append(step)
         yield Comparison(tuple(steps), tuple(found), null)
         best = step.group[0] if step.group else None
@@ -199,6 +203,23 @@ def comparisons(
         null = best.fitted
     found, null = _without_idle(baseline, found, null, on_progress)
     yield Comparison(tuple(steps), tuple(found), null)
+
+
+def _elsewhere(step: Step) -> Estimated | None:
+    """The model without a cause, at the other parameters' values beside the cause that would be named; None
+    where it is no likelier there."""
+    null = step.null
+    q = step.group[0].fitted.q[: null.q.size]
+    try:
+        found = null.posterior.maximum(q)
+        if found.log_posterior < null.log_posterior + SETTINGS.gained:
+            return None
+        better = _estimated(null.posterior, found.q)
+    except _FAILS:
+        return None
+    if better is None or better.log_posterior < null.log_posterior + SETTINGS.gained:
+        return None
+    return better
 
 
 def _worth_a_name(step: Step, best: Compared, whole: float) -> bool:
@@ -219,11 +240,7 @@ def step_from(null: Estimated, seed: int, on_progress: OnProgress = silent) -> S
     failed = {c.name: "it has no answer at off" for c in chosen} if not sensed.columns else {}
     known = {s.name for s in scores.scores}
     failed |= {c.name: "it has no answer at off" for c in chosen if c.name not in known}
-    first: dict[str, Score] = {}
-    for s in scores.scores:
-        first.setdefault(family_of(s.name), s)
-    laws = [s for s in first.values() if s.column.candidate.cause == "mechanism"][: SETTINGS.tried]
-    others = [s for s in scores.scores if s.column.candidate.cause != "mechanism"]
+    promising = [s for s in _asked(scores, null) if s.gain > SETTINGS.undecided]
     compared: list[Compared] = []
 
     def compare(asked: Sequence[Score]) -> None:
@@ -235,17 +252,30 @@ def step_from(null: Estimated, seed: int, on_progress: OnProgress = silent) -> S
             elif s.name not in failed:
                 failed[s.name] = "the model with it has no answer"
 
-    compare([s for s in [*others, *laws] if s.gain > SETTINGS.undecided])
+    compare(promising)
     best = max(compared, key=lambda c: c.evidence, default=None)
     if best is not None and best.evidence > 0:
         done = {c.name for c in compared}
-        compare(
-            [s for s in scores.scores if family_of(s.name) == family_of(best.name) and s.name not in done]
-        )
+        compare([s for s in scores.scores if family_of(s.name) == family_of(best.name) and s.name not in done])
     compared.sort(key=lambda c: (-c.evidence, c.name))
     if null.posterior.runs_wanted:
         compared = _with_runs(null, compared, scores, on_progress)
     return Step(null, scores, tuple(compared), left_out, failed)
+
+
+def _asked(scores: Scores, null: Estimated) -> list[Score]:
+    """One formula of each class of laws, and all that is no law; of what takes runs, so many as may be
+    computed, those that promise most."""
+    first: dict[str, Score] = {}
+    for s in scores.scores:
+        first.setdefault(family_of(s.name), s)
+    laws = [s for s in first.values() if s.column.candidate.cause == "mechanism"]
+    others = [s for s in scores.scores if s.column.candidate.cause != "mechanism"]
+    if not null.posterior.runs_wanted:
+        return [*others, *laws[: SETTINGS.tried]]
+    every = sorted([*others, *laws], key=lambda s: -s.gain)
+    free = [s for s in every if not s.column.by_runs]
+    return [*free, *[s for s in every if s.column.by_runs][: SETTINGS.tried]]
 
 
 def _with_runs(
@@ -308,14 +338,12 @@ def missed_square(fitted: Estimated) -> float:
 def _fitted(null: Estimated, s: Score, scores: Scores) -> Estimated | None:
     """The model with a candidate, from the steps that its scores propose; None where it has no answer."""
     best: Estimated | None = None
-    for each in [s, *scores.others.get(s.name, [])[: SHAPES - 1]]:
+    tried = [s] if s.column.by_runs else [s, *scores.others.get(s.name, [])[: SHAPES - 1]]
+    for each in tried:
         try:
-            posterior, q = _extended(null, each)
+            posterior, q = _extended(null, _sized(each) if s.column.by_runs else each)
             # What the emulator says of a model is enough to rank it; cuts are computed for the best.
-            found = (
-                posterior.maximum(q) if said(posterior, q)
-                else estimate(posterior, q, refine=False, rounds=1)
-            )  # fmt: skip
+            found = first_look(posterior, q, everywhere=not s.column.by_runs)
             if found.log_likelihood < null.log_likelihood:  # it lost its way: from where it does nothing
                 found = posterior.maximum(np.append(null.q, posterior.centres[null.q.size :]))
         except _FAILS:
@@ -323,6 +351,17 @@ def _fitted(null: Estimated, s: Score, scores: Scores) -> Estimated | None:
         if best is None or found.log_posterior > best.log_posterior:
             best = found
     return best
+
+
+def _sized(s: Score) -> Score:
+    """A score whose strengths are of a size that runs tell: derivatives at off say little of it where a cut
+    begins elsewhere."""
+    found = []
+    for q, strength in zip(s.column.candidate.strengths, s.strengths, strict=True):
+        typical = abs(q.typical * q.factor - q.off_value) or abs(q.off_value) or 1.0
+        sign = np.sign(strength) or (1.0 if q.bounds[1] > q.off_value else -1.0)
+        found.append(sign * float(np.clip(abs(strength), typical / 3, typical)))
+    return replace(s, strengths=np.array(found), free=np.zeros_like(s.free))
 
 
 def _estimated(posterior: Posterior, q: np.ndarray, on_progress: OnProgress = silent) -> Estimated | None:

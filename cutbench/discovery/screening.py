@@ -28,11 +28,12 @@ Parts = dict[tuple[str, int, str], np.ndarray]
 @dataclass(frozen=True)
 class Column:
     """Derivatives (m, p) of each fitted test's readings by a candidate's p strengths, by id, at ``shapes``
-    (internal units)."""
+    (internal units); ``by_runs``: whether only runs of its own say more."""
 
     candidate: Candidate
     shapes: Mapping[str, float]
     by: Mapping[str, np.ndarray]
+    by_runs: bool = False
 
 
 @dataclass(frozen=True)
@@ -67,14 +68,16 @@ def sensitivities(null: Estimated, chosen: Sequence[Candidate]) -> Sensitivities
         for k in range(len(c.grid)) if cuts else ():
             parts.update(_by_emulator(null, c, k, cuts))
     known = {(name, k) for name, k, id in parts if post.predictions.needs_runs(_test(null, id))}
-    parts.update(_by_runs(null, [c for c in chosen if (c.name, len(c.grid) // 2) not in known]))
+    asked = [c for c in chosen if (c.name, len(c.grid) // 2) not in known]
+    parts.update(_by_runs(null, asked))
+    run = {c.name for c in asked if any(post.predictions.needs_runs(e) for e in post.tests if c.seen_by(e))}
     columns = []
     for c in chosen:
         nothing = {id: np.zeros((y.size, len(c.strengths))) for id, y in null.at.y.items()}
         for k, shapes in enumerate(c.grid):
             if all((c.name, k, e.id) in parts for e in post.tests if c.seen_by(e)):
                 by = {id: np.nan_to_num(parts.get((c.name, k, id), none)) for id, none in nothing.items()}
-                columns.append(Column(c, shapes, by))
+                columns.append(Column(c, shapes, by, c.name in run))
     inside = post.inside(null.q)
     return Sensitivities(null.at.y, {id: J * inside for id, J in null.at.J.items()}, columns)
 

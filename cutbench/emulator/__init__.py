@@ -12,7 +12,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "database": ["CutEmulator", "Run", "RunDatabase"],
+        "database": ["CutEmulator", "OutOfRange", "Run", "RunDatabase"],
         "design": ["Side", "around", "space_filling"],
         "groups": ["Groups"],
         "process": ["GaussianProcess", "Kernel"],

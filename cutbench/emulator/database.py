@@ -17,8 +17,14 @@ from cutbench.emulator.alignment import SPARE, AlignedCurves, Course
 from cutbench.emulator.groups import Coordinate, Groups, same
 from cutbench.mechanisms.base import Mechanism
 
+#: Beyond the range of the known runs by more than this part of it nothing is said.
+MARGIN = 0.25
 #: Travels at which curves are said.
 PLACES = 80
+
+
+class OutOfRange(Exception):
+    """A cut is asked for that lies too far from all that are known."""
 
 
 @dataclass(frozen=True)
@@ -188,6 +194,11 @@ class CutEmulator:
         -------
         ndarray, shape (p, k)
             N, at ``travel``; smooth in the values.
+
+        Raises
+        ------
+        OutOfRange
+            If one lies too far from all that are known.
         """
         return self.curves.mean(self._places(each)) * self._units(each)[:, None]
 
@@ -215,10 +226,8 @@ class CutEmulator:
 
     def root(self, values: Mapping[str, float], runs: bool = True) -> np.ndarray:
         """Root (k, r), in N, of the covariance of what a run with these values would have and is not said; of
-        the smooth part alone without ``runs``. It is 0 where there is such a run."""
+        the smooth part alone without ``runs``."""
         place = self._places([values])[0]
-        if runs and self.curves.computed(place) is not None:
-            return np.zeros((self.x.size, 1))
         return self.curves.root(place, runs) * self._units([values])[0]
 
     def onset_mm(self, values: Mapping[str, float]) -> float:
@@ -228,7 +237,13 @@ class CutEmulator:
     def _places(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:
         reduced = [self.groups.reduced(self._plain(values)) for values in each]
         columns = [c.of_values(np.array([r[c.name] for r in reduced])) for c in self.coordinates]
-        return np.stack(columns, axis=1) if columns else np.zeros((len(each), 0))
+        found = np.stack(columns, axis=1) if columns else np.zeros((len(each), 0))
+        low, high = self.curves.X.min(axis=0), self.curves.X.max(axis=0)
+        far = np.maximum(low - found, found - high) > MARGIN * (high - low)
+        if far.any():
+            names = [c.name for c, is_far in zip(self.coordinates, far.any(axis=0), strict=True) if is_far]
+            raise OutOfRange(f"no cut near enough is known: {', '.join(names)}")
+        return found
 
     def _units(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:
         return np.array([self.groups.force(self._plain(values)) for values in each])

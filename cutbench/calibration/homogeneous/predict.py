@@ -14,7 +14,7 @@ from cutbench.calibration.homogeneous.history import LoadingHistory
 from cutbench.calibration.homogeneous.rig import Machine
 from cutbench.calibration.homogeneous.stretching import nominal_stress
 from cutbench.case.model import Model
-from cutbench.data.experiment import HOMOGENEOUS, Experiment
+from cutbench.data.experiment import HOMOGENEOUS, SLOTS, Experiment
 from cutbench.data.repetition import Averaged
 from cutbench.mechanisms.base import STEP
 
@@ -106,7 +106,8 @@ def _stepped(
 def _read(experiment: Experiment, model: Model, p: SimpleNamespace, at: Averaged, count: int) -> np.ndarray:
     """(n, count), with what the testing machine does."""
     history = LoadingHistory.of(experiment, at)
-    if not model.laws("rig"):
+    # What is not known of the machine in a test is left out there.
+    if not (model.laws("rig") and experiment.mounted and "rig" in SLOTS[experiment.kind]):
         return _respond(experiment.kind, history, model, p, experiment.direction, count)
     machine = Machine(experiment, model, p, at)
     own = machine.specimen(history)
