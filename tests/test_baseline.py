@@ -10,10 +10,12 @@ import pytest
 from invented import write_campaign
 from typer.testing import CliRunner
 
+from cutbench.base.errors import ComputationFailed
 from cutbench.calibration.fitting import fit
 from cutbench.cli.main import app
 from cutbench.data.campaign import load_campaign
 from cutbench.discovery import discover
+from cutbench.discovery.report import to_dict
 
 #: Changes the curves like Yeoh's law, as far as its derivative says; with any strength it cannot be computed.
 SHY = '''
@@ -48,13 +50,13 @@ class Shy(Isochoric):
 def test_the_baseline_is_the_fit(tmp_path, softening, specimens):
     campaign = load_campaign(write_campaign(tmp_path, softening=softening, specimens=specimens))
     fitted, found = fit(campaign, workers=0), discover(replace(campaign, candidates=()), workers=0)
-    assert found.first.values == pytest.approx(fitted.values, rel=1e-9)
+    assert found.first.values() == pytest.approx(fitted.values, rel=1e-9)
     assert found.first.chi2 == pytest.approx(fitted.chi2, rel=1e-9)
     for c in fitted.compared:
-        curve = found.first.y.get(c.experiment.id, found.first.tests.get(c.experiment.id))
-        np.testing.assert_allclose(curve, c.fitted, rtol=1e-9)
+        np.testing.assert_allclose(found.first.predicted(c.experiment).y, c.fitted, rtol=1e-9)
         if c.experiment.role == "train":
-            assert found.first.misfit[c.experiment.id] == pytest.approx(c.missed, rel=0.1, abs=1e-3)
+            said = to_dict(found)["misfit"]["baseline"][c.experiment.id]
+            assert said == pytest.approx(c.missed, rel=0.1, abs=1e-3)
 
 
 @pytest.mark.parametrize("softening", [0.2, 0.6])
@@ -71,6 +73,13 @@ def test_a_large_misfit_does_not_shrink_the_baseline(tmp_path, softening, specim
 def shy(law_of):
     """A mechanism that looks promising and cannot be computed."""
     return law_of("bulk", "shy", SHY)
+
+
+def test_a_start_that_cannot_be_computed_is_said_with_the_test(shy, tmp_path):
+    head = 'baseline = ["shy"]\n[parameters]\nG = "30 kPa"\nshyness = 0.1\n[fit]\nfree = ["G"]\n'
+    with pytest.raises(ComputationFailed, match="nobody has seen it") as said:
+        fit(load_campaign(write_campaign(tmp_path, head=head)), workers=0)
+    assert any(f"'{id}'" in str(said.value) for id in ("far", "near"))
 
 
 def test_what_could_not_be_tried_is_undecided(shy, tmp_path):
@@ -102,4 +111,4 @@ G = "0.4 kPa"
 bounds = { G = ["0.1 kPa", "0.2 kPa"] }
 """
     found = discover(load_campaign(write_campaign(tmp_path, head=head)), workers=0)
-    assert found.first.values["G"] < 3e-4 and not found.not_tried and found.verdict != "undecided"
+    assert found.first.values()["G"] < 3e-4 and not found.not_tried and found.verdict != "undecided"

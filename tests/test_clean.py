@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cutbench.data.covariance import Factors, matern
-from cutbench.discovery.clean import NEAR, Evidence, Known, drawn
+from cutbench.discovery.gain import NEAR, Evidence, Known, drawn
 
 S = np.linspace(0.025, 1, 40)
 CLEAN = S + S**3

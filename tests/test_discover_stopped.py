@@ -12,7 +12,6 @@ import pytest
 from refusals import refusal
 from typer.testing import CliRunner
 
-from cutbench.base.errors import ComputationFailed
 from cutbench.cli.main import app
 from cutbench.data.campaign import Campaign
 from cutbench.discovery import discover
@@ -35,7 +34,7 @@ def whole(campaign):
 
 
 def ended(campaign, after: int):
-    """The search with Ctrl-C at what it says then; None where that leaves nothing."""
+    """The search with Ctrl-C at what it says then."""
     left = [after]
 
     def stop(*at):
@@ -43,14 +42,11 @@ def ended(campaign, after: int):
         if left[0] <= 0:
             raise KeyboardInterrupt
 
-    try:
-        return discover(campaign, workers=0, on_progress=stop)
-    except KeyboardInterrupt:
-        return None
+    return discover(campaign, workers=0, on_progress=stop)
 
 
 def tried(d) -> set[str]:
-    return {t.name for each in d.rounds for t in each.tried}
+    return {c.name for step in d.steps for c in step.compared}
 
 
 def test_ctrl_c_keeps_what_was_found_until_then(campaign, whole, tmp_path):
@@ -58,20 +54,31 @@ def test_ctrl_c_keeps_what_was_found_until_then(campaign, whole, tmp_path):
     d, count = whole
     assert d.stopped == "" and d.verdict == "mechanism"
     every = [ended(campaign, k) for k in (*range(2, count, 3), count)]
-    stopped = [s for s in every if s is not None]
-    assert every[0] is None and every[-len(stopped) :] == stopped
-    baselines = [s for s in stopped if not tried(s)]
-    assert all(s.verdict == "undecided" and not s.found for s in baselines)
-    found = [s for s in stopped if tried(s)]
-    assert found and all(s.verdict == "mechanism" and set(s.found) <= tried(s) <= tried(d) for s in found)
-    assert found[-1].found == d.found
-    for s in stopped:
-        assert (s.stopped or not s.proposed) and s.first.values == d.first.values
-    write_discovery(found[0], tmp_path)
-    assert (
-        found[0].stopped
-        and json.loads((tmp_path / "discovery.json").read_text())["status"] == found[0].stopped
-    )
+    assert all(s.stopped and s.verdict in ("undecided", "mechanism") for s in every)
+    assert all(bool(s.found) == (s.verdict == "mechanism") for s in every)
+    assert all(set(s.names) <= tried(s) <= tried(d) for s in every)
+    # What one was stopped later knows no less.
+    known = [(len(s.names), len(tried(s))) for s in every]
+    assert known == sorted(known)
+    assert every[-1].names == d.names
+    for s in every:
+        assert s.first is None or s.first.values() == d.first.values()
+    write_discovery(every[-1], tmp_path)
+    assert json.loads((tmp_path / "discovery.json").read_text())["status"] == every[-1].stopped
+
+
+def test_a_cause_that_was_found_is_kept_while_another_is_looked_for(campaign, whole):
+    told = []
+
+    def stop(done, total, text):
+        told.append(text)
+        if "gent" in text and "beside" in text:
+            raise KeyboardInterrupt
+
+    s = discover(campaign, workers=0, on_progress=stop)
+    assert "beside" in told[-1] and s.stopped
+    assert s.verdict == "mechanism" and s.names == whole[0].names[:1]
+    assert s.final.values() != s.first.values()
 
 
 @pytest.mark.slow
@@ -82,15 +89,20 @@ def test_what_does_not_end_in_time_tells_what_was_found(campaign, whole, monkeyp
     def slow(done, total, text):
         now[0] += 10.0
 
-    d = discover(campaign, workers=0, limit_s=80.0, on_progress=slow)
-    assert d.stopped and tried(d) < tried(whole[0])
+    d = discover(campaign, workers=0, limit_s=30.0, on_progress=slow)
+    assert d.stopped == "out of time" and tried(d) < tried(whole[0])
     kept = discover(campaign, workers=0, limit_s=1e6, on_progress=slow)
-    assert kept.gain == whole[0].gain and kept.stopped == ""
+    assert kept.held_out == whole[0].held_out and kept.stopped == ""
 
 
-def test_a_baseline_that_does_not_end_in_time_is_a_failure(campaign):
-    with pytest.raises(ComputationFailed):
-        discover(campaign, workers=0, limit_s=0.0)
+def test_a_baseline_that_does_not_end_in_time_is_undecided(campaign, tmp_path):
+    d = discover(campaign, workers=0, limit_s=0.0)
+    assert d.stopped == "out of time" and d.verdict == "undecided" and not d.found and not d.steps
+    write_discovery(d, tmp_path)
+    assert json.loads((tmp_path / "discovery.json").read_text())["status"] == "out of time"
+    page = (tmp_path / "discovery.html").read_text(encoding="utf-8")
+    assert "out of time" in page and "<html" in page
+    assert not (tmp_path / "case.toml").exists()
 
 
 @pytest.mark.parametrize("limit", ["soon", "-1 s", "3 mm"])

@@ -1,4 +1,4 @@
-"""What a fit is made of: least squares within bounds, weights, and what data can tell."""
+"""What a fit is made of: parameters within bounds, weights, and what data can tell."""
 
 from __future__ import annotations
 
@@ -7,115 +7,25 @@ import re
 import numpy as np
 import pytest
 
-from cutbench.base.errors import ComputationFailed
 from cutbench.base.units import Parameter
-from cutbench.calibration import lm
-from cutbench.calibration.identifiability import Unknown, identifiability, information_inverse
+from cutbench.calibration.identifiability import identifiability, information_inverse
 from cutbench.calibration.mesh_error import correction, measured_error, smooth
+from cutbench.calibration.parameters import FreeParameter
 from cutbench.data.covariance import USUAL_FACTOR, Block, Covariance, Factors, matern
 from cutbench.data.discrepancy import allowing
 from cutbench.data.repetition import Averaged
 from cutbench.mechanisms import registry
 
-TIGHT = lm.Settings(promise=1e-14, evaluations=200, failures=20, reach=np.inf, jags=1.0)
-FREE = np.array([-np.inf, -np.inf]), np.array([np.inf, np.inf])
-
-
-def rosenbrock(q):
-    return np.array([10 * (q[1] - q[0] ** 2), 1 - q[0]]), np.array([[-20 * q[0], 10.0], [-1.0, 0.0]])
-
-
-def test_rosenbrock():
-    found = lm.minimise(rosenbrock, np.array([-1.2, 1.0]), *FREE, TIGHT)
-    assert found.converged
-    np.testing.assert_allclose(found.q, [1, 1], atol=1e-6)
-    assert np.all(np.diff(found.history) < 0)
-
-
-def test_rosenbrock_within_bounds():
-    # With q0 <= 0.5 the minimum of (10 (q1 - q0²))² + (1 - q0)² is at (0.5, 0.25).
-    high = np.array([0.5, np.inf])
-    found = lm.minimise(rosenbrock, np.array([-1.2, 1.0]), FREE[0], high, TIGHT)
-    assert found.converged
-    np.testing.assert_allclose(found.q, [0.5, 0.25], atol=1e-6)
-
-
-def test_a_start_outside_begins_at_the_bound():
-    low, high = np.array([2.0, -1.0]), np.array([3.0, 20.0])
-    found = lm.minimise(rosenbrock, np.array([-5.0, 0.0]), low, high, TIGHT)
-    np.testing.assert_allclose(found.q, [2, 4], atol=1e-6)
-
-
-def test_a_step_that_cannot_be_computed_is_shortened():
-    tried = []
-
-    def fenced(q):
-        tried.append(q[0])
-        if q[0] > 1.2:
-            raise ComputationFailed("beyond the fence")
-        return np.array([q[0] ** 3 - 1]), np.array([[3 * q[0] ** 2]])
-
-    # A full step from 0.4 leads to 2.4.
-    bold = lm.Settings(promise=1e-12, evaluations=60, failures=6, reach=5.0, jags=1.0)
-    found = lm.minimise(fenced, np.array([0.4]), np.array([0.01]), np.array([9.0]), bold)
-    assert max(tried) > 1.2
-    assert found.converged and found.q[0] == pytest.approx(1.0, abs=1e-5)
-
-    def wall(q):
-        if q[0] != 0:
-            raise ComputationFailed("nothing beyond")
-        return np.array([1.0]), np.array([[1.0]])
-
-    found = lm.minimise(wall, np.zeros(1), np.array([-9.0]), np.array([9.0]))
-    assert not found.converged
-    assert "nothing beyond" in found.message
-    assert found.evaluations == 1 + lm.Settings().failures
-
-
-def test_what_fails_over_a_long_way_is_no_jag():
-    def wall(q):  # a short way before the minimum, at 0, the misfit is far larger
-        return (q if q[0] > 0.3 else 3 - q), np.ones((1, 1))
-
-    found = lm.minimise(wall, np.array([0.9]), np.array([-9.0]), np.array([9.0]))
-    assert 0.3 < found.q[0] < 0.6
-
-
-def test_a_start_that_cannot_be_computed_is_raised_and_an_interruption_is_not():
-    def broken(q):
-        raise ComputationFailed("no start")
-
-    with pytest.raises(ComputationFailed, match="no start"):
-        lm.minimise(broken, np.zeros(2), *FREE)
-
-    def impatient(q):
-        if np.any(q):
-            raise KeyboardInterrupt
-        return rosenbrock(q + np.array([-1.2, 1.0]))
-
-    found = lm.minimise(impatient, np.zeros(2), *FREE)
-    assert found.message == "interrupted" and not found.converged
-    assert not found.q.any()
-
-
-def test_derivatives_that_are_not_finite_are_not_taken():
-    def holed(q):
-        J = np.array([[1.0]]) if q[0] < 0.5 else np.array([[np.nan]])
-        return q - 2, J
-
-    found = lm.minimise(holed, np.zeros(1), np.array([-9.0]), np.array([9.0]))
-    assert np.isfinite(found.J).all() and found.q[0] < 0.5
-
-
 G, MU = (registry()[m].parameters[0] for m in ("neo_hookean", "coulomb"))
 
 
-def unknown(name: str, start: float = 1.0, low: float = 0.0, high: float = np.inf) -> Unknown:
-    return Unknown(Parameter(name, "1", name, "a number", low=0, open_low=True), start, low, high)
+def looked_for(name: str, start: float = 1.0, low: float = 0.0, high: float = np.inf) -> FreeParameter:
+    return FreeParameter(Parameter(name, "1", name, "a number", low=0, open_low=True), start, low, high)
 
 
 def test_a_product_cannot_be_separated():
     x = np.linspace(0.1, 1, 30)[:, None]
-    a, b, c = unknown("a"), unknown("b"), unknown("c")
+    a, b, c = looked_for("a"), looked_for("b"), looked_for("c")
     # y = a b x + c x², by the logarithms of a, b, c; noise 0.01.
     J = np.hstack([x, x, x**2]) / 0.01
     said = identifiability(J, [a, b, c])
@@ -128,7 +38,7 @@ def test_a_product_cannot_be_separated():
 
 def test_a_parameter_that_nothing_depends_on_is_named():
     J = np.column_stack([np.ones(10), np.zeros(10)])
-    said = identifiability(J, [unknown("a"), unknown("b")])
+    said = identifiability(J, [looked_for("a"), looked_for("b")])
     (sentence,) = said.sentences
     assert "b" in re.findall(r"\w+", sentence) and "a" not in re.findall(r"\w+", sentence)
     assert said.joint[1] == np.inf
@@ -137,7 +47,7 @@ def test_a_parameter_that_nothing_depends_on_is_named():
 def test_fewer_readings_than_parameters_are_not_enough():
     rng = np.random.default_rng(0)
     J = 100 * rng.standard_normal((2, 3))
-    said = identifiability(J, [unknown(n) for n in "abc"])
+    said = identifiability(J, [looked_for(n) for n in "abc"])
     assert said.singular_values.size == 3 and said.singular_values[-1] == 0
     assert said.sentences
     assert np.sqrt(np.diag(information_inverse(J))).max() > 1e3
@@ -145,19 +55,19 @@ def test_fewer_readings_than_parameters_are_not_enough():
 
 def test_a_sum_that_is_known_and_a_difference_that_is_not():
     J = np.array([[100.0, 100.0], [0.5, -0.5]])
-    said = identifiability(J, [unknown("a"), unknown("b")])
+    said = identifiability(J, [looked_for("a"), looked_for("b")])
     np.testing.assert_allclose(said.singular_values, [np.sqrt(2) * 100, np.sqrt(0.5)])
     np.testing.assert_allclose(information_inverse(J), np.linalg.inv(J.T @ J), rtol=1e-9)
 
 
 def test_values_stay_off_open_bounds_and_on_closed_ones():
-    u = Unknown(G, 0.04, 0.0, np.inf)
+    u = FreeParameter(G, 0.04, 0.0, np.inf)
     assert u.logarithmic and u.value(np.log(2)) == pytest.approx(0.08)
     assert u.value(-1e6) > 0 and np.isfinite(u.value(1e6))
     nu = registry()["volumetric"].parameters[0]
-    u = Unknown(nu, 0.49, 0.0, 0.5)
+    u = FreeParameter(nu, 0.49, 0.0, 0.5)
     assert u.value(50.0) < 0.5
-    u = Unknown(MU, 0.1, 0.0, np.inf)
+    u = FreeParameter(MU, 0.1, 0.0, np.inf)
     assert not u.logarithmic and u.value(-50.0) == 0.0
     assert u.q(u.value(0.3)) == pytest.approx(0.3)
 

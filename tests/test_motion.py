@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from cut_files import COARSE, campaign_of, write_readings
 from refusals import refused
 
 from benchmarks.sensitivities import Marched, extrapolated
-from cutbench.base.errors import ComputationFailed
+from cutbench.calibration.cut_runs import ComputedCut, CutRuns
 from cutbench.calibration.fitting import fit
-from cutbench.calibration.inverse import Inverse
-from cutbench.calibration.looked_for import unknowns
 from cutbench.case.case import Case, load_case
 from cutbench.case.motion import Motion, read_motion, simplified
-from cutbench.discovery.candidates import candidates
-from cutbench.discovery.columns import sense
+from cutbench.discovery import discover
 from cutbench.run.checkpoint import Checkpoint
+from cutbench.run.pool.pool import TaskPool
+from cutbench.run.result import Outcome
 from cutbench.run.runner import run_case
 from cutbench.run.sensitivity import extended
 
@@ -190,16 +191,22 @@ def test_discovery_computes_what_was_measured(tmp_path):
     (experiment,) = campaign.experiments
     asked = []
 
-    def run(tasks):
-        asked.extend(task.case for task in tasks)
-        raise ComputationFailed("seen")
+    def computed(case, names, added, folder=None) -> ComputedCut:
+        """A force in proportion to the travel and the modulus; a law that is added changes it later on."""
+        asked.append(case)
+        asked.extend(each.case for each in added)
+        x = np.interp(times := np.linspace(0, case.motion[-1][0], 80), *zip(*case.motion, strict=True))
+        force = 100 * case.values["G"] * x
+        slopes = {n: 100 * x if n == "G" else np.zeros(80) for n in names}
+        by_added = [dict.fromkeys(each.names, x**3) for each in added]
+        return ComputedCut(np.stack([x, force, times]), Outcome("done", ""), np.nan, slopes, by_added)
 
-    inverse, q = Inverse(campaign, unknowns(campaign), run), np.zeros(1)
-    chosen, _ = candidates(inverse, campaign.base)
-    for look in (lambda: inverse.predictions(q), lambda: sense(inverse, q, chosen, run)):
-        with pytest.raises(ComputationFailed):
-            look()
-    assert asked and all(case.motion == campaign.case(experiment).motion for case in asked)
+    asked_for = replace(campaign, candidates=("gent",))
+    found = discover(asked_for, runs=CutRuns(TaskPool(0), compute=computed), refine=False)
+    assert found.steps and asked and all(case.motion == campaign.case(experiment).motion for case in asked)
+    # What a law changes that no run has is asked beside the run at the place that was found.
+    (gent,) = (s for s in found.steps[0].scores.scores if s.name == "gent")
+    assert gent.column.by["held"].any()
 
 
 # -- the fit ------------------------------------------------------------------------------------------

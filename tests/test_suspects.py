@@ -55,8 +55,8 @@ def strips(**how):
 @seeds
 def test_a_wrong_fixed_value_is_no_stiffening(seed):
     d = discover(of(strips(seed=seed), nu=0.47), workers=0)
-    assert d.found == ("nu",), verdict_sentence(d)
-    assert to_dict(d)["kinds"] == {"nu": "parameter"} and d.final.values["nu"] > 0.49
+    assert d.names == ("nu",), verdict_sentence(d)
+    assert to_dict(d)["kinds"] == {"nu": "parameter"} and d.final.values()["nu"] > 0.49
     assert "nu" in verdict_sentence(d)
 
 
@@ -69,20 +69,30 @@ def test_nothing_is_named_where_it_is_right(seed):
 @seeds
 def test_a_machine_that_gives_is_a_rig(seed):
     d = discover(of(strips(seed=seed, gives=9.0)), workers=0)
-    assert d.verdict == "mechanism" and to_dict(d)["kinds"] == {d.found[0]: "rig"}, verdict_sentence(d)
-    assert "machine_compliance" in d.rounds[0].group
+    assert d.verdict == "mechanism" and to_dict(d)["kinds"] == {d.names[0]: "rig"}, verdict_sentence(d)
+    assert "machine_compliance" in d.found[0].group
 
 
 @pytest.mark.slow
 def test_stiffening_is_no_machine():
     d = discover(of(strips(stiffening=0.1)), workers=0)
-    assert d.verdict == "mechanism" and d.found[0] in ("gent", "yeoh"), verdict_sentence(d)
+    assert d.verdict == "mechanism" and d.names[0] in ("gent", "yeoh"), verdict_sentence(d)
 
 
 def test_a_machine_is_no_suspect_where_nobody_knows_the_specimen():
     bare = [replace(e, specimen={}) for e in strips()]
-    left_out = discover(of(bare, candidates=("machine_compliance", "gent")), workers=0).rounds[0].left_out
+    left_out = discover(of(bare, candidates=("machine_compliance", "gent")), workers=0).steps[0].left_out
     assert "length" in left_out["machine_compliance"]
+
+
+@pytest.mark.parametrize(("name", "low", "high"), [("inv_J_m", 0.0, 0.004), ("nu", 0.4, 0.4999)])
+def test_bounds_of_the_plan_hold_for_what_is_added_too(name, low, high):
+    """Those that a person writes, and those that the contact in a record leaves."""
+    asked = of(strips(stiffening=0.1), nu=0.48, candidates=("gent",))
+    bounded = replace(asked, plan=replace(asked.plan, bounds={name: (low, high)}))
+    values = [each.fitted.values() for each in discover(bounded, workers=0).steps[0].compared]
+    assert any(name in each for each in values)
+    assert all(low <= each.get(name, low) <= high for each in values)
 
 
 @pytest.mark.parametrize("laws", [(), ("maxwell",)])
@@ -117,8 +127,8 @@ def softer():
 
 
 def same(d, other) -> None:
-    assert (other.verdict, other.found) == (d.verdict, d.found)
-    assert other.gain.gain == pytest.approx(d.gain.gain, abs=0.05)
+    assert (other.verdict, other.names) == (d.verdict, d.names)
+    assert other.held_out.gain == pytest.approx(d.held_out.gain, abs=0.05)
 
 
 @pytest.mark.slow
@@ -152,14 +162,14 @@ def test_forces_a_thousand_times_as_large_do_not(softer):
     )
     other = discover(replace(of(tests), base=start, experiments=tuple(larger)), workers=0)
     same(d, other)
-    assert other.first.values["G"] == pytest.approx(1000 * d.first.values["G"], rel=1e-3)
+    assert other.first.values()["G"] == pytest.approx(1000 * d.first.values()["G"], rel=1e-3)
 
 
 @pytest.mark.slow
 def test_a_test_that_tells_nothing_changes_no_name(softer):
     tests, d = softer
     found = discover(of([*tests, pulled("short", 1.1, gives=9.0, seed=5)]), workers=0)
-    assert (found.verdict, found.found) == (d.verdict, d.found)
+    assert (found.verdict, found.names) == (d.verdict, d.names)
 
 
 # -- one estimate, robust to a wrong model ----------------------------------------------------------

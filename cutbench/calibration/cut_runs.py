@@ -182,7 +182,7 @@ class CutRuns:
         compute: Compute = compute_cut,
     ):
         self.database, self.count, self.failed = RunDatabase(), 0, dict[str, str]()
-        self._pool, self._folder, self._check, self._compute = pool, folder, check, compute
+        self._pool, self._folder, self.check, self._compute = pool, folder, check, compute
         self._known: dict[str, tuple[tuple[str, ...], tuple[str, ...], ComputedCut]] = {}
         self.on_run: Callable[[], None] = lambda: None
         if folder is not None and folder.is_dir():
@@ -241,7 +241,7 @@ class CutRuns:
     def _run(self, wanted: Mapping[str, Case], jobs: Sequence[Job], keys: tuple[str, ...]) -> None:
         self.count += len(jobs)
         done = {}
-        for each in self._pool.run(iter(jobs), self._check):
+        for each in self._pool.run(iter(jobs), self.check):
             done[each.key] = each
             self.on_run()
         # In their own order, whichever ended first: what is said from them is then the same every time.

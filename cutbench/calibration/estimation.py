@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +19,7 @@ from scipy.stats import qmc
 from cutbench.base.errors import ComputationFailed
 from cutbench.base.progress import OnProgress, silent
 from cutbench.calibration import mesh_error
-from cutbench.calibration.cut_runs import ComputedCut, CutRuns
+from cutbench.calibration.cut_runs import CutRuns
 from cutbench.calibration.identifiability import identifiable
 from cutbench.calibration.mesh_error import field_block
 from cutbench.calibration.posterior import Estimated, LinearFields, MeshError, Posterior
@@ -31,7 +32,6 @@ from cutbench.data.fields import laid_out
 #: Places of the box that are looked at with the emulator, and the best of them, from which a maximum is looked
 #: for; so many starts has a model whose tests all have formulas.
 PLACES, STARTS = 64, 3
-DEBUG=None
 #: So often at most cuts are computed at the best place where a place is near already.
 NEAR = 3
 #: A place that moves by less than this part of all standard deviations stays where it is.
@@ -142,11 +142,23 @@ def estimates(
     cuts = posterior.runs_wanted
     q = np.zeros(len(posterior.parameters)) if start is None else start
     if not cuts:
-        yield _best(posterior, [q] if start is not None else [q, *_others(q)])
+        starts = [q] if start is not None else [q, *_others(q)]
+        best: Estimated | None = None
+        for number, each in enumerate(starts):
+            on_progress(number, len(starts), "looking for the most probable values")
+            with suppress(ComputationFailed):
+                there = posterior.maximum(each)
+                if best is None or there.log_posterior > best.log_posterior:
+                    best = there
+                    yield best
+        if best is None:
+            posterior.maximum(q)  # raises
+            return
+        yield best
         return
     runs, count = posterior.predictions.runs, SETTINGS.first + SETTINGS.each * q.size
     told = _Progress(runs, on_progress, count + len(cuts) * (2 + 4 * refine))
-    best: Estimated | None = None
+    best = None
     if start is None:
         q, low, high = _box(posterior, q)
         told.text = f"computing {count} cuts that fill the box"
@@ -165,14 +177,12 @@ def estimates(
         if best is None or not worse:
             best = there
             yield best
-        if DEBUG: DEBUG(found, there, best, reach, runs)
         # What the emulator promises is asked only as far from the best place as its promises hold.
         reach = reach / 2 if worse else reach
         about = _about(best)
         found = about.maximum(best.q, reach)
         still = np.all(np.abs(found.q - best.q) < STILL * np.sqrt(np.diag(best.covariance)))
         gained = found.log_posterior - _there(about, best.q).log_posterior
-        if DEBUG: print("      next", found.q.round(2), "still", still, "gained", round(gained,2), flush=True)
         if settled := bool(still) or gained < SETTINGS.gained:
             break
     assert best is not None, "there is a round at least"
@@ -191,7 +201,7 @@ def _about(best: Estimated) -> Posterior:
     for e in post.runs_wanted:
         known = post.mesh_error(e, at.y[e.id])
         mesh[e.id] = replace(known, shift=known.shift + best.at.y[e.id] - at.y[e.id])
-    return replace(smooth, mesh=mesh)
+    return replace(smooth, mesh=mesh, local=True)
 
 
 def _there(posterior: Posterior, q: np.ndarray) -> Estimated:
@@ -266,20 +276,12 @@ def said(posterior: Posterior, q: np.ndarray) -> bool:
     return True
 
 
-def first_look(posterior: Posterior, q: np.ndarray, everywhere: bool = False) -> Estimated:
-    """The most probable parameters as far as the emulator knows: near ``q`` (k,), or ``everywhere`` in the
-    box. Where it knows nothing, all cuts are computed at ``q`` first. Raises ComputationFailed."""
+def first_look(posterior: Posterior, q: np.ndarray) -> Estimated:
+    """The most probable parameters near ``q`` (k,) as far as the emulator knows; where it does not, all cuts
+    are computed there first. Raises ComputationFailed."""
     if not said(posterior, q):
         _compute(posterior, cuts := posterior.runs_wanted, [q] * len(cuts))
-    starts = [q]
-    if everywhere and posterior.runs_wanted:
-        # Of a strength as far as is typical, whatever its derivative at off says.
-        typical = posterior.widths / SETTINGS.strength
-        half = np.array([SETTINGS.reach if u.logarithmic else max(abs(x), min(t, 1e3))
-                         for u, x, t in zip(posterior.parameters, q, typical, strict=True)])  # fmt: skip
-        low, high = posterior.bounds
-        starts += _places(posterior, q, np.maximum(q - half, low), np.minimum(q + half, high))
-    return _best(posterior, starts)
+    return posterior.maximum(q)
 
 
 def _beside(posterior: Posterior, q: np.ndarray) -> np.ndarray:
@@ -308,12 +310,19 @@ def _fill(
     posterior: Posterior, cuts: Sequence[Experiment], q: np.ndarray, low: np.ndarray, high: np.ndarray,
     count: int,
 ) -> None:  # fmt: skip
-    """Cuts that fill the box, by turns of each test, and those in its middle."""
-    seed = len(posterior.predictions.runs.database.runs)
-    made = qmc.Sobol(q.size, seed=seed).random_base2(math.ceil(math.log2(count)))[:count]
+    """Cuts that fill the box, by turns of each test, and those in its middle; those that are known count."""
+    _compute(posterior, cuts, [q] * len(cuts))
+    try:
+        known = min(posterior.predictions.emulator(e).count for e in cuts)
+    except NotKnown:
+        known = 0
+    count = max(count + len(cuts) - known, 0)
+    if not count:
+        return
+    made = qmc.Sobol(q.size, seed=0).random_base2(math.ceil(math.log2(count)))[:count]
     places = [low + (high - low) * row for row in made]
     tests = [cuts[i % len(cuts)] for i in range(count)]
-    _compute(posterior, [*cuts, *tests], [q] * len(cuts) + places)
+    _compute(posterior, tests, places)
 
 
 def _compute(posterior: Posterior, tests: Sequence[Experiment], places: Sequence[np.ndarray]) -> None:
@@ -340,7 +349,7 @@ def _worth(posterior: Posterior, q: np.ndarray) -> float:
 
 def _refined(posterior: Posterior, cuts: Sequence[Experiment], found: Estimated) -> Estimated:
     """With the error of each cut's mesh, from one on a finer mesh, and with the fields that were measured."""
-    p, q, mesh, fields = posterior.predictions, found.q, {}, {}
+    p, q, mesh = posterior.predictions, found.q, {}
     coarse = [p.case(e, posterior.values(e, q)) for e in cuts]
     fine = p.runs([mesh_error.finer(case) for case in coarse])
     for e, plain, better in zip(cuts, p.runs(coarse), fine, strict=True):
@@ -349,28 +358,34 @@ def _refined(posterior: Posterior, cuts: Sequence[Experiment], found: Estimated)
         values, x = posterior.values(e, q), p.grids[e.id].along
         y, exact = p.read(e, values, plain.course), p.read(e, values, better.course)
         shift, error = mesh_error.correction(x, y, exact), mesh_error.measured_error(x, y, exact)
-        mesh[e.id] = MeshError(shift, error, exact - y)
-    for e, case in zip(cuts, coarse, strict=True):
-        names = [posterior.parameters[k].name for k in posterior.mine[e.id]]
-        names = [name for name in dict.fromkeys(names) if name in case.values]
-        if e.fields and (run := p.runs.with_fields(case, names, e)) is not None:
-            fields[e.id] = _linear(posterior, e, run, names, q)
-    posterior = replace(posterior, mesh=mesh, fields=fields)
-    again = posterior.maximum(q)
-    _compute(posterior, cuts, [again.q] * len(cuts))
-    return _there(posterior, again.q)
+        size = math.sqrt(np.trace(error) / np.trace(mesh_error.guessed_error(x, y)))
+        mesh[e.id] = MeshError(shift, error, exact - y, size)
+    posterior = replace(posterior, mesh=mesh)
+    for _ in range(NEAR if any(e.fields for e in cuts) else 1):
+        before = q
+        fields = {e.id: _linear(posterior, e, q) for e in cuts if e.fields}
+        posterior = replace(posterior, fields={id: f for id, f in fields.items() if f is not None})
+        q = posterior.maximum(q).q
+        _compute(posterior, cuts, [q] * len(cuts))
+        there = _there(posterior, q)
+        if np.all(np.abs(q - before) < STILL * np.sqrt(np.diag(there.covariance))):
+            break
+    return there
 
 
-def _linear(
-    posterior: Posterior, e: Experiment, run: ComputedCut, names: Sequence[str], q: np.ndarray
-) -> LinearFields:
-    J = np.zeros((run.fields.size, q.size))
+def _linear(posterior: Posterior, e: Experiment, q: np.ndarray) -> LinearFields | None:
+    """The fields of a cut about a place (k,); None where it cannot be computed."""
+    p, J = posterior.predictions, np.zeros((laid_out(e.fields).size, q.size))
+    case = p.case(e, posterior.values(e, q))
+    names = [posterior.parameters[k].name for k in posterior.mine[e.id]]
+    names = [name for name in dict.fromkeys(names) if name in case.values]
+    if (run := p.runs.with_fields(case, names, e)) is None:
+        return None
     for k in posterior.mine[e.id]:
         u = posterior.parameters[k]
         if u.name in names:
             J[:, k] = run.field_slopes[:, names.index(u.name)] * u.slope(q[k])
     block, measured = field_block(e, run.fields), laid_out(e.fields)
     known = np.isfinite(measured) & np.isfinite(run.fields)
-    return LinearFields(
-        q, np.where(known, run.fields - measured, 0.0), np.where(known[:, None], np.nan_to_num(J), 0.0), block
-    )
+    residual = np.where(known, run.fields - measured, 0.0)
+    return LinearFields(q, residual, np.where(known[:, None], np.nan_to_num(J), 0.0), block)

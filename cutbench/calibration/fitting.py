@@ -484,7 +484,11 @@ def _compared(
         values = posterior.values(e, q)
         try:
             if done:
-                p.compute(e, values)
+                try:
+                    p.compute(e, values)
+                except KeyboardInterrupt:  # what is fitted stands
+                    done = False
+                    notes.append("Interrupted while tests were predicted: they are as the emulator has them.")
             at = best.at if best is not None and e.id in best.at.y else posterior.evaluate(q, [e])
         except ComputationFailed as error:
             verb = "predicted" if e.role == "test" else "computed"

@@ -62,12 +62,16 @@ class LinearFields:
 
 @dataclass(frozen=True)
 class MeshError:
-    """Of one cut: what is added to the computed curve (m,), the covariance (m, m) of what is missing, and what
-    finer numerics change (m,)."""
+    """Of one cut: what is added to the computed curve (m,), the covariance (m, m) of what is missing, what
+    finer numerics change (m,), and how large that is beside a guess.
+
+    All but the last hold where they were measured: elsewhere a cut begins at another place.
+    """
 
     shift: np.ndarray
     covariance: np.ndarray
     change: np.ndarray
+    size: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -88,6 +92,8 @@ class Posterior:
         By id, the displacement fields of a cut.
     held : mapping
         By number, scaled parameters that stay where they are.
+    local : bool
+        Whether the error of the mesh is that of the place where it was measured, or only as large.
     """
 
     predictions: Predictions
@@ -97,6 +103,7 @@ class Posterior:
     mesh: Mapping[str, MeshError] = field(default_factory=dict)
     fields: Mapping[str, LinearFields] = field(default_factory=dict)
     held: Mapping[int, float] = field(default_factory=dict)
+    local: bool = True
 
     @classmethod
     def of(cls, predictions: Predictions, parameters: Sequence[FreeParameter]) -> Posterior:
@@ -179,10 +186,11 @@ class Posterior:
 
     def mesh_error(self, e: Experiment, y: np.ndarray) -> MeshError:
         """What is known of the mesh's error, or guessed before it was measured; none of what has no mesh."""
-        if e.id in self.mesh:
+        if self.local and e.id in self.mesh:
             return self.mesh[e.id]
         if self.predictions.needs_runs(e):
-            guess = guessed_error(self.predictions.grids[e.id].along, y)
+            size = self.mesh[e.id].size if e.id in self.mesh else 1.0
+            guess = size**2 * guessed_error(self.predictions.grids[e.id].along, y)
             return MeshError(np.zeros(y.size), guess, np.zeros(y.size))
         return MeshError(np.zeros(y.size), np.zeros((y.size, y.size)), np.zeros(y.size))
 

@@ -173,8 +173,12 @@ class Predictions:
                 return self._cut(e, values, names)
             except OutOfRange as error:
                 raise NotKnown(str(error)) from error
+        self.runs.check()
         case = self.case(e, values)
-        y, by = slopes(e, case.model, case.p, tuple(names), self.grids[e.id])
+        try:
+            y, by = slopes(e, case.model, case.p, tuple(names), self.grids[e.id])
+        except (ComputationFailed, BadInput) as error:
+            raise ComputationFailed(f"'{e.id}': {error}") from error
         return Predicted(y, np.nan_to_num(by), np.zeros((y.size, 0)))
 
     def computed(self, e: Experiment, values: Mapping[str, float], names: Sequence[str] = ()) -> Predicted:

@@ -121,20 +121,13 @@ class Step:
         if not good:
             return ()
         first = good[0]
-        alike = [c for c in good if first.evidence - c.evidence <= max(SETTINGS.undecided, apart(first, c))]
+        alike = [c for c in good if first.evidence - c.evidence <= SETTINGS.undecided]
         return tuple(sorted(alike, key=lambda c: (ORDER.index(c.candidate.cause), -c.evidence)))
 
     @property
     def significant(self) -> bool:
         """Whether the model misses more than chance makes."""
         return self.scores.p_residual < SETTINGS.chance
-
-
-def apart(one: Compared, other: Compared) -> float:
-    """The standard error of the difference of two log likelihoods: how far apart their predictions are."""
-    w = one.fitted.w
-    d = {id: one.fitted.at.y[id] - other.fitted.at.y[id] for id in w.tests}
-    return float(np.linalg.norm(w.white(d)))
 
 
 @dataclass(frozen=True)
@@ -184,7 +177,11 @@ def comparisons(
     Comparison
         After each round; the last one is what was looked for.
     """
-    null, steps, found = baseline, list[Step](), list[Found]()
+    # The mesh errs elsewhere in another model, whose cuts begin elsewhere; but as much.
+    post = replace(baseline.posterior, local=False, fields={})
+    at = post.evaluate(baseline.q)
+    null = baseline = Estimated(post, at, post.covariance(at))
+    steps, found = list[Step](), list[Found]()
     whole = missed_square(baseline)
     while len(found) < SETTINGS.most:
         beside = f" beside {' and '.join(f.name for f in found)}" if found else ""
@@ -201,6 +198,7 @@ def comparisons(
             break
         found.append(Found(best, step))
         null = best.fitted
+        yield Comparison(tuple(steps), tuple(found), null)
     found, null = _without_idle(baseline, found, null, on_progress)
     yield Comparison(tuple(steps), tuple(found), null)
 
@@ -256,7 +254,9 @@ def step_from(null: Estimated, seed: int, on_progress: OnProgress = silent) -> S
     best = max(compared, key=lambda c: c.evidence, default=None)
     if best is not None and best.evidence > 0:
         done = {c.name for c in compared}
-        compare([s for s in scores.scores if family_of(s.name) == family_of(best.name) and s.name not in done])
+        compare(
+            [s for s in scores.scores if family_of(s.name) == family_of(best.name) and s.name not in done]
+        )
     compared.sort(key=lambda c: (-c.evidence, c.name))
     if null.posterior.runs_wanted:
         compared = _with_runs(null, compared, scores, on_progress)
@@ -338,12 +338,12 @@ def missed_square(fitted: Estimated) -> float:
 def _fitted(null: Estimated, s: Score, scores: Scores) -> Estimated | None:
     """The model with a candidate, from the steps that its scores propose; None where it has no answer."""
     best: Estimated | None = None
-    tried = [s] if s.column.by_runs else [s, *scores.others.get(s.name, [])[: SHAPES - 1]]
-    for each in tried:
+    tried = [s, *scores.others.get(s.name, [])[: SHAPES - 1], _sized(s)]
+    for each in tried[-1:] if s.column.by_runs else tried:
         try:
-            posterior, q = _extended(null, _sized(each) if s.column.by_runs else each)
+            posterior, q = _extended(null, each)
             # What the emulator says of a model is enough to rank it; cuts are computed for the best.
-            found = first_look(posterior, q, everywhere=not s.column.by_runs)
+            found = first_look(posterior, q)
             if found.log_likelihood < null.log_likelihood:  # it lost its way: from where it does nothing
                 found = posterior.maximum(np.append(null.q, posterior.centres[null.q.size :]))
         except _FAILS:
@@ -378,17 +378,17 @@ def _extended(null: Estimated, s: Score) -> tuple[Posterior, np.ndarray]:
     case = extended(base, c.added, s.column.shapes) if c.added else base
     case = replace(case, values={**case.values, **s.column.shapes})
     new, centres, widths, start = [], [], [], []
-    for q, strength in zip(c.strengths, s.strengths, strict=True):
-        low, high = q.bounds
+    bounds, scales = post.predictions.campaign.plan.bounds, _scales(s, null)
+    for q, strength, scale in zip(c.strengths, s.strengths, scales, strict=True):
+        low, high = bounds.get(q.name, q.bounds)
         value = float(np.clip(q.off_value + strength, low, high))
         u = FreeParameter(q, value if c.slot == FIXED else q.off_value, low, high)
         new.append(u)
-        typical = max(abs(q.typical * q.factor), 1e-12)
         centres.append(u.q(q.off_value))
-        widths.append(SETTINGS.strength * typical / u.slope(0.0) if c.slot != FIXED else 1.0)
+        widths.append(SETTINGS.strength * scale / u.slope(0.0) if c.slot != FIXED else 1.0)
         start.append(u.q(value))
     for q in c.shapes:
-        u = FreeParameter(q, case.values[q.name], *q.bounds)
+        u = FreeParameter(q, case.values[q.name], *bounds.get(q.name, q.bounds))
         new.append(u)
         centres.append(0.0)
         size = 1.0 if u.logarithmic else abs(q.typical * q.factor or 1) / u.scale
@@ -401,6 +401,18 @@ def _extended(null: Estimated, s: Score) -> tuple[Posterior, np.ndarray]:
         centres=np.append(post.centres, centres), fields={},
     )  # fmt: skip
     return posterior, np.append(null.q + np.clip(s.free, -1.0, 1.0), start)
+
+
+def _scales(s: Score, null: Estimated) -> list[float]:
+    """What a candidate's strengths may be: as large as is typical, or as changes the readings by a third of
+    themselves, whatever the units and sizes of the tests."""
+    found = []
+    for k, q in enumerate(s.column.candidate.strengths):
+        typical = max(abs(q.typical * q.factor), 1e-12)
+        parts = [np.linalg.norm(by[:, k]) / np.linalg.norm(null.at.y[id]) for id, by in s.column.by.items()]
+        steep = max(parts, default=0.0)
+        found.append(float(max(typical, 1 / (3 * steep)) if steep > 1e-3 / typical else typical))
+    return found
 
 
 def _without_idle(

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from cutbench.base.errors import BadInput, ComputationFailed
-from cutbench.calibration.homogeneous import LoadingHistory, respond
+from cutbench.calibration.homogeneous import LoadingHistory, predict, respond
 from cutbench.calibration.posterior import Estimated
 from cutbench.data.covariance import deviating
 from cutbench.data.experiment import HOMOGENEOUS, Experiment
@@ -67,9 +67,22 @@ def next_tests(first: Estimated, second: Estimated) -> list[Proposal]:
                 known = made.apart
             elif made.apart > MORE * known:
                 found.append(made)
+        if e.kind in HOMOGENEOUS and e.mounted:
+            found += _shorter(first, second, e)
     for e in first.posterior.runs_wanted[:1]:
         found += _cuts(first, second, e)
     return sorted(found, key=lambda p: -p.apart)
+
+
+def _shorter(first: Estimated, second: Estimated, e: Experiment) -> list[Proposal]:
+    """The same test on a specimen of half the length: machines, grips and plates act on it otherwise."""
+    half = replace(e, specimen={**e.specimen, "length": e.specimen["length"] / 2})
+    grid = first.posterior.predictions.grids[e.id]
+    try:
+        a, b = (predict(half, fitted.case.model, fitted.case.p, grid) for fitted in (first, second))
+    except (ComputationFailed, BadInput):
+        return []
+    return [_judged(first, e, f"'{e.id}' on a specimen half as long", a, b, np.arange(a.size, dtype=float))]
 
 
 def _cuts(first: Estimated, second: Estimated, e: Experiment) -> list[Proposal]:

@@ -276,6 +276,6 @@ def _next(verdict: str, known: _Known) -> str:
         "undecided": "None before the candidates that could not be tried have been.",
     }.get(
         verdict,
-        "Repeat the test that fails worst at another speed: what is left depends on time if it moves along the"
-        " displacement, on place if it does not.",
+        "Repeat the test that fails worst at another speed: what is left depends on time if it moves along"
+        " the displacement, on place if it does not.",
     )

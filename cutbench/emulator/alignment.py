@@ -109,7 +109,12 @@ class AlignedCurves:
             # A shift of the onset takes along what is beyond, and stretches what is before.
             shift = self._onset.spread(place[None], runs)[0] * np.minimum(self.x, o)
             parts.append((slope * shift / np.hypot(force, self.small))[:, None])
-        return np.hypot(force, self.small)[:, None] * np.hstack(parts)
+        # What a fiftieth of the largest part of an error adds is not felt, and there are many such parts.
+        vectors, sizes, _ = np.linalg.svd(
+            np.hypot(force, self.small)[:, None] * np.hstack(parts), full_matrices=False
+        )
+        kept = sizes > 0.02 * sizes[0]
+        return vectors[:, kept] * sizes[kept]
 
     def _force(self, values: np.ndarray) -> np.ndarray:
         return np.sinh(np.clip(values, -50, 50)) * self.small

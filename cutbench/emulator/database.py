@@ -121,7 +121,8 @@ class CutEmulator:
             fixed = (n for n in seen if n not in may_differ | other_words)
             if all(any(same(seen[n], a[n]) for a in asked) for n in fixed):
                 known.append((run, seen, values))
-        self.coordinates, columns = self._columns(may_differ, asked, [seen for _, seen, _ in known], first)
+        told = [seen for _, seen, _ in known]
+        self.coordinates, columns = self._columns(may_differ, {*free} - other_words - {groups.modulus, "thickness"}, asked, told, first)
         if len(known) < len(self.coordinates) + 1 + SPARE:
             raise ValueError("too few runs")
         courses = [
@@ -138,6 +139,7 @@ class CutEmulator:
     @staticmethod
     def _columns(
         may_differ: Collection[str],
+        free: Collection[str],
         asked: Sequence[Mapping[str, float]],
         known: Sequence[Mapping[str, float]],
         case: Case,
@@ -153,10 +155,11 @@ class CutEmulator:
             has, there = np.isfinite(column), coordinate.of_values(np.array([a[name] for a in asked]))
             column = np.where(has, column, np.mean(column[has]) if has.any() else there[0])
             every = np.append(column, there)
-            if np.ptp(every) <= 1e-9 * max(np.abs(every).max(), 1.0):
-                continue
-            if np.ptp(column) == 0:
+            alike = np.ptp(every) <= 1e-9 * max(np.abs(every).max(), 1.0)
+            if np.ptp(column) == 0 and (name in free or not alike):
                 raise ValueError(f"no run tells what {name} does")
+            if alike:
+                continue
             if not any(_straight(column, other) for other in columns):
                 coordinates.append(coordinate)
                 columns.append(column)

@@ -22,9 +22,12 @@ class Machine:
     """The rig of ``model`` with ``p``, whose values may be complex and arrays (m,), in ``experiment``."""
 
     def __init__(self, experiment: Experiment, model: Model, p: SimpleNamespace, at: Averaged):
-        self.model, self.p, self.area = model, p, experiment.area_mm2 or np.nan
+        self.model, self.area = model, experiment.area_mm2 or np.nan
         stretched = experiment.kind in HOMOGENEOUS
         self.length = experiment.specimen.get("length", np.nan) if stretched else 1.0
+        # Loaded over free area, of a cylinder.
+        shape = np.sqrt(self.area / np.pi) / (2 * self.length) if stretched else 0.0
+        self.p = SimpleNamespace(**{**vars(p), "shape_factor": shape, "specimen_length": self.length})
         clock = np.zeros(at.x.size) if at.time_s is None else at.time_s - at.time_s[0]
         self.time = clock[:, None]
         self.displacement = (at.x - experiment.rest)[:, None] * self.length
