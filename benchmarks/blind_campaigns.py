@@ -24,13 +24,13 @@ import numpy as np
 from benchmarks.formulas import ALIEN, AREA, LENGTH, Body, alien, ramp
 from cutbench.base.errors import ComputationFailed, CutbenchError
 from cutbench.base.files import replacing
-from cutbench.calibration.homogeneous import LoadingHistory, respond
-from cutbench.calibration.homogeneous.stretching import nominal_stress
 from cutbench.case.case import Case, load_case
 from cutbench.data.campaign import start_case
 from cutbench.data.covariance import matern
 from cutbench.data.experiment import HOMOGENEOUS
 from cutbench.discovery.candidates import family_of
+from cutbench.homogeneous import LoadingHistory, respond
+from cutbench.homogeneous.stretching import nominal_stress
 from cutbench.run.runner import run_case
 
 Run = Callable[[Case], Any]

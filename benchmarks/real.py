@@ -19,12 +19,11 @@ import numpy as np
 from benchmarks.tools import ROOT, check_json
 from cutbench.base.figure_style import COLOURS, DOUBLE_MM, Size, new_figure, save, style
 from cutbench.base.files import write_json
+from cutbench.calibration.posterior import Estimated
 from cutbench.data.campaign import Campaign, load_campaign
 from cutbench.data.experiment import Experiment
-from cutbench.discovery import discover
+from cutbench.discovery import Discovery, discover
 from cutbench.discovery.candidates import cause_of, family_of
-from cutbench.discovery.outcome import Discovery
-from cutbench.discovery.point import Point
 from cutbench.discovery.report import to_dict
 
 CAMPAIGNS = {
@@ -43,25 +42,31 @@ def found_in(name: str) -> Discovery:
     return discover(load_campaign(ROOT / "studies" / f"{name}.toml"), workers=0)
 
 
-def missed(point: Point, where: Mapping[str, np.ndarray] | None = None) -> dict[str, float]:
+def curves(fitted: Estimated | None) -> dict[str, np.ndarray]:
+    """What a model says of each test (m,), by id."""
+    assert fitted is not None, "these tests have formulas"
+    return {e.id: fitted.predicted(e).y for e in fitted.posterior.predictions.campaign.experiments}
+
+
+def missed(fitted: Estimated | None, where: Mapping[str, np.ndarray] | None = None) -> dict[str, float]:
     """Measured less computed by id of each test, root mean square in per cent of the largest reading;
     ``where``: of these of its values on the grid."""
+    assert fitted is not None, "these tests have formulas"
     found = {}
-    for id, y in {**point.y, **point.tests}.items():
-        grid = point.inverse.grids[id]
-        gap = y - grid.mean
-        part = gap if where is None else gap[where[id]]
-        found[id] = 100 * float(np.sqrt(np.mean(part**2)) / np.abs(grid.mean).max())
+    for id, y in curves(fitted).items():
+        mean = fitted.posterior.predictions.grids[id].mean
+        part = (y - mean) if where is None else (y - mean)[where[id]]
+        found[id] = 100 * float(np.sqrt(np.mean(part**2)) / np.abs(mean).max())
     return found
 
 
 def said(d: Discovery) -> str:
     """Verdict, class and formulas that cannot be told apart."""
-    if not d.causes:
+    if not d.found:
         return d.verdict
-    formulas = ", ".join(dict.fromkeys((d.telling.accepted or "", *d.telling.group)))
-    kind = family_of(d.found[0]) if cause_of(d.found[0]) == "mechanism" else cause_of(d.found[0])
-    return f"{d.verdict}: {kind} ({formulas})"
+    first = d.found[0]
+    kind = family_of(first.name) if cause_of(first.name) == "mechanism" else cause_of(first.name)
+    return f"{d.verdict}: {kind} ({', '.join(first.group)})"
 
 
 def row(name: str, d: Discovery) -> str:
@@ -72,7 +77,7 @@ def row(name: str, d: Discovery) -> str:
         f"{id}{' (held out)' if roles[id] == 'test' else ''} {before[id]:.1f} → {after[id]:.1f}"
         for id in after
     )
-    gain = "–" if d.gain is None else d.gain.percent
+    gain = d.held_out.percent if d.found and d.held_out is not None else "–"
     return f"| `{name}` | {said(d)} | {gain} | {left} |"
 
 
@@ -93,10 +98,10 @@ def halves(campaign: Campaign) -> tuple[Campaign, dict[str, float]]:
 
 def half_row(name: str, d: Discovery, ends: Mapping[str, float]) -> str:
     """What is missed of the upper half by the model fitted to the lower one: baseline, extended."""
-    grids = d.first.inverse.grids
+    grids = d.first.posterior.predictions.grids
     everywhere = {e.id: np.ones(grids[e.id].x.size, bool) for e in d.campaign.train}
     upper = {id: grids[id].x > end for id, end in ends.items()}
-    before, after = (missed(point, {**everywhere, **upper}) for point in (d.first, d.final))
+    before, after = (missed(each, {**everywhere, **upper}) for each in (d.first, d.final))
     told = "; ".join(f"{before[id]:.1f} → {after[id]:.1f}" for id in ends)
     return f"| `{name}` | {', '.join(f'{end:.3g}' for end in ends.values())} | {said(d)} | {told} |"
 
@@ -112,8 +117,8 @@ def picture(found: Mapping[str, Discovery], path: Path) -> None:
         for place in places.flat[len(panels) :]:
             place.remove()
         for place, (name, d, e) in zip(places.flat, panels, strict=False):
-            grid = d.first.inverse.grids[e.id]
-            base, more = ({**p.y, **p.tests}[e.id] for p in (d.first, d.final))
+            grid = d.first.posterior.predictions.grids[e.id]
+            base, more = (curves(each)[e.id] for each in (d.first, d.final))
             place.plot(grid.x, grid.mean, ".", color=COLOURS["black"], ms=2.5, label="measured")
             place.plot(grid.x, base, color=COLOURS["vermilion"], ls=(0, (5, 1.5)), label="baseline")
             place.plot(grid.x, more, color=COLOURS["blue"], label="extended model")

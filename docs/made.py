@@ -25,6 +25,7 @@ ROOMS = {
     "case": "Cases",
     "maps": "Maps",
     "data": "Measured data",
+    "homogeneous": "Tests without a mesh",
     "calibration": "Calibration",
     "discovery": "Discovery",
     "mechanisms": "Mechanisms",

@@ -11,10 +11,10 @@ import pytest
 from refusals import refused
 
 from cutbench.calibration.fitting import fit
-from cutbench.calibration.homogeneous import predict
 from cutbench.data.campaign import load_campaign, start_case
 from cutbench.data.experiment import Experiment
 from cutbench.data.repetition import Repetition
+from cutbench.homogeneous import predict
 
 RISES = {
     "straight": lambda h: h,

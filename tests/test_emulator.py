@@ -15,9 +15,6 @@ from cutbench.emulator import (
     Groups,
     Kernel,
     RunDatabase,
-    Side,
-    around,
-    space_filling,
 )
 from cutbench.emulator.alignment import AlignedCurves, Course
 from cutbench.emulator.process import cost
@@ -68,14 +65,6 @@ def test_a_trend_is_found():
     X, there = rng.uniform(-1, 1, (20, 3)), rng.uniform(-3, 3, (4, 3))
     by = rng.standard_normal((3, 5))
     np.testing.assert_allclose(GaussianProcess(X, X @ by + 2).mean(there), there @ by + 2, atol=1e-6)
-
-
-def test_slopes_are_those_of_the_mean():
-    (X, Y), at = sampled(30), sampled(5, seed=1)[0]
-    process = GaussianProcess(X, Y)
-    ends = [[process.mean(at + s * step) for s in (-1, 1)] for step in 1e-4 * np.eye(3)]
-    expected = np.stack([(after - before) / 2e-4 for before, after in ends], axis=-1)
-    np.testing.assert_allclose(process.slope(at), expected, atol=1e-5)
 
 
 def test_a_coordinate_that_nothing_depends_on_says_nothing():
@@ -248,7 +237,7 @@ def test_a_law_that_is_off_is_one_more_coordinate(runs):
         database.add(case, np.stack([emulator_runs.X, force]), onset)
     model, new = cases[0].model.extended("fung")
     extended = [replace(c, mechanisms=model.mechanisms, values={**c.values, **new}) for c in cases]
-    assert database.emulator(extended[40:41], [*FREE, "b_fung"]) is not None
+    assert database.emulator(extended[40:41], [*FREE, "b_fung"]) is None, "no run tells what it does"
     stiffer = [
         replace(c, values={**c.values, "b_fung": 0.02 * (i + 1)}) for i, c in enumerate(extended[40:52])
     ]
@@ -284,14 +273,3 @@ def test_the_kept_runs_are_what_the_package_computes():
 
 
 # -- where to compute ---------------------------------------------------------------------------------
-def test_a_design_fills_its_box_and_goes_on():
-    known = load_case("gelatin").model.parameters()
-    box = [Side(known["G"], 0.005, 0.02), Side(known["tilt"], -0.2, 0.2)]
-    first, more = space_filling(box, 8), space_filling(box, 8, first=8)
-    assert space_filling(box, 16) == [*first, *more]
-    G = np.sort([np.log(v["G"] / 0.005) / np.log(4) for v in (*first, *more)])
-    assert ((np.arange(16) / 16 <= G) & ((np.arange(16) + 1) / 16 >= G)).all()
-    assert all(-0.2 <= v["tilt"] <= 0.2 for v in first)
-    closer = around({"G": 0.019, "tilt": 0.0}, box, 0.5)
-    assert closer[0].high == pytest.approx(0.02) and closer[0].low == pytest.approx(0.019 / 4**0.25)
-    assert (closer[1].low, closer[1].high) == pytest.approx((-0.1, 0.1))

@@ -10,13 +10,13 @@ import pytest
 from refusals import refused
 
 from cutbench.base.errors import ComputationFailed
-from cutbench.calibration.homogeneous import LoadingHistory, predict, respond, slopes
-from cutbench.calibration.homogeneous.stretching import nominal_stress
 from cutbench.case.model import Model
 from cutbench.data.campaign import load_campaign
 from cutbench.data.experiment import HOMOGENEOUS, Experiment
 from cutbench.data.plausible import NEO_HOOKE, modulus
 from cutbench.data.repetition import Repetition
+from cutbench.homogeneous import LoadingHistory, predict, respond, slopes
+from cutbench.homogeneous.stretching import nominal_stress
 from cutbench.mechanisms import registry
 from cutbench.mechanisms.base import STEP
 

@@ -7,8 +7,8 @@ import pytest
 
 from cutbench.base.compiled import COMPILED
 from cutbench.base.errors import ComputationFailed
-from cutbench.calibration.homogeneous import LoadingHistory, march, stretching
 from cutbench.data.campaign import start_case
+from cutbench.homogeneous import LoadingHistory, march, stretching
 from cutbench.mechanisms.base import STEP
 
 pytestmark = pytest.mark.skipif(not COMPILED, reason="numba is not installed")

@@ -9,12 +9,12 @@ import pytest
 from invented import AREA_MM2, G_MPA, LENGTH_MM
 
 from cutbench.calibration.fitting import fit
-from cutbench.calibration.homogeneous import predict, slopes
 from cutbench.data.campaign import Campaign, FitPlan, start_case
 from cutbench.data.experiment import Experiment
 from cutbench.data.repetition import Repetition
 from cutbench.discovery import discover
 from cutbench.discovery.report import to_dict, verdict_sentence
+from cutbench.homogeneous import predict, slopes
 
 #: Without those that remember, which take long.
 SUSPECTS = (

@@ -27,7 +27,8 @@ def told(fit: Fit) -> list:
         part = c.rmse / float(np.abs(c.mean).max())
         did = "fitted" if c.experiment.role == "train" else "predicted"
         lines.append((c.experiment.id, f"{did}, {100 * part:.1f} % of the maximum (root mean square)"))
-    return [f"{fit.campaign.title}, reduced χ² {fit.reduced_chi2:.3g}", *lines]
+    how = "" if np.isnan(fit.reduced_chi2) else f", reduced χ² {fit.reduced_chi2:.3g}"
+    return [f"{fit.campaign.title}{how}", *lines]
 
 
 def plot(fit: Fit, ax: Axes) -> None:

@@ -22,7 +22,7 @@ from scipy import stats
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.handled import Handled
 from cutbench.base.notebook import watched
-from cutbench.base.progress import OnProgress, Until, silent
+from cutbench.base.progress import ALWAYS, OnProgress, Until, silent
 from cutbench.base.toml import one_of
 from cutbench.calibration.cut_runs import CutRuns
 from cutbench.calibration.estimation import choose, estimates
@@ -381,6 +381,7 @@ class Fitting:
             self.status = CONVERGED if self.best is not None and self.best.settled else STOPPED
         except KeyboardInterrupt:
             self.status = LATE if time.monotonic() >= due else INTERRUPTED
+            self.runs.check = ALWAYS  # what is known can be asked
 
     def result(self, began: float, profile: Sequence[str] = ()) -> Fit:
         """What is known."""

@@ -33,7 +33,7 @@ ABSURD = 1e4
 AT_BOUND = 1e-6
 #: So many steps at most are made with one covariance, and so often at most it is found anew, until no parameter
 #: moves by more than this part of its own standard deviation.
-STEPS, TURNS, STILL = 8, 8, 0.1
+STEPS, TURNS, STILL = 12, 8, 0.1
 
 
 @dataclass(frozen=True)

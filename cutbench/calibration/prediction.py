@@ -13,7 +13,6 @@ import numpy as np
 
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.calibration.cut_runs import CutRuns, without_rig
-from cutbench.calibration.homogeneous import slopes
 from cutbench.calibration.recorder import Recorder
 from cutbench.case.case import Case
 from cutbench.case.motion import Motion
@@ -21,6 +20,7 @@ from cutbench.data.campaign import Campaign
 from cutbench.data.experiment import Experiment
 from cutbench.data.repetition import Averaged
 from cutbench.emulator import CutEmulator, OutOfRange
+from cutbench.homogeneous import slopes
 
 #: Derivatives of a run beyond the onset are those of a stair: none counts for more than so many times the
 #: largest force.

@@ -24,7 +24,7 @@ from cutbench.calibration.posterior import Estimated, Posterior
 from cutbench.calibration.settings import SETTINGS
 from cutbench.data.discrepancy import missed
 from cutbench.discovery.candidates import FIXED, ORDER, Candidate, candidates, family_of
-from cutbench.discovery.held_out import HeldOut, held_out
+from cutbench.discovery.held_out import TESTS, HeldOut, held_out
 from cutbench.discovery.score import Score, Scores, score
 from cutbench.discovery.screening import Column, sensitivities
 from cutbench.mechanisms import registry
@@ -33,8 +33,8 @@ from cutbench.run.sensitivity import extended
 
 #: What else a model may fail with that a person could not have known.
 _FAILS = (ComputationFailed, BadInput, np.linalg.LinAlgError)
-#: Another explanation of the same readings is tried with so many shapes.
-SHAPES = 3
+#: A candidate is fitted from so many values of its shapes, and from these parts of what its score proposes.
+SHAPES, PARTS = 3, (1.0, 0.2, 0.04)
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,16 @@ class Step:
             return ()
         first = good[0]
         alike = [c for c in good if first.evidence - c.evidence <= SETTINGS.undecided]
-        return tuple(sorted(alike, key=lambda c: (ORDER.index(c.candidate.cause), -c.evidence)))
+        # What the fitted tests cannot tell apart, those that were not fitted may.
+        by_tests = all(c.held_out.how == TESTS and c.held_out.tells for c in alike)
+        return tuple(
+            sorted(
+                alike,
+                key=lambda c: (
+                    ORDER.index(c.candidate.cause), -(c.held_out.gain if by_tests else c.evidence),
+                ),
+            )
+        )  # fmt: skip
 
     @property
     def significant(self) -> bool:
@@ -340,8 +349,19 @@ def _fitted(null: Estimated, s: Score, scores: Scores) -> Estimated | None:
     best: Estimated | None = None
     tried = [s, *scores.others.get(s.name, [])[: SHAPES - 1], _sized(s)]
     for each in tried[-1:] if s.column.by_runs else tried:
+        found = _from(null, each)
+        if found is not None and (best is None or found.log_posterior > best.log_posterior):
+            best = found
+    return best
+
+
+def _from(null: Estimated, s: Score) -> Estimated | None:
+    """The model with a candidate from a score's step, and from parts of it where a law may lock before."""
+    best: Estimated | None = None
+    quick = not (s.column.by_runs or s.column.candidate.shapes)
+    for part in PARTS:
         try:
-            posterior, q = _extended(null, each)
+            posterior, q = _extended(null, replace(s, strengths=part * s.strengths))
             # What the emulator says of a model is enough to rank it; cuts are computed for the best.
             found = first_look(posterior, q)
             if found.log_likelihood < null.log_likelihood:  # it lost its way: from where it does nothing
@@ -350,6 +370,8 @@ def _fitted(null: Estimated, s: Score, scores: Scores) -> Estimated | None:
             continue
         if best is None or found.log_posterior > best.log_posterior:
             best = found
+        if not quick:
+            break
     return best
 
 

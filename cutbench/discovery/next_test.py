@@ -14,11 +14,11 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from cutbench.base.errors import BadInput, ComputationFailed
-from cutbench.calibration.homogeneous import LoadingHistory, predict, respond
 from cutbench.calibration.posterior import Estimated
 from cutbench.data.covariance import deviating
 from cutbench.data.experiment import HOMOGENEOUS, Experiment
 from cutbench.discovery.candidates import duration
+from cutbench.homogeneous import LoadingHistory, predict, respond
 
 READINGS = 40
 #: From so many standard errors on a further test is worth its trouble.

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutbench.base.errors import BadInput, ComputationFailed
-from cutbench.calibration.homogeneous import scan
 from cutbench.calibration.posterior import Estimated
 from cutbench.data.experiment import Experiment
 from cutbench.discovery.candidates import Candidate
+from cutbench.homogeneous import scan
 from cutbench.run.sensitivity import Added, extended
 
 #: A derivative of a cut counts no more than what would change the largest force by so many times itself.

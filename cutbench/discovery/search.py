@@ -11,7 +11,7 @@ from typing import ClassVar
 from cutbench.base.errors import ComputationFailed
 from cutbench.base.handled import Handled
 from cutbench.base.notebook import watched
-from cutbench.base.progress import OnProgress, silent
+from cutbench.base.progress import ALWAYS, OnProgress, silent
 from cutbench.calibration.cut_runs import CutRuns
 from cutbench.calibration.fitting import INTERRUPTED, LATE, Fit, Fitting, runs_for
 from cutbench.calibration.parameters import free_parameters
@@ -188,6 +188,7 @@ def discover(
                 _search(fit.estimated, known, seed, on_progress)
         except KeyboardInterrupt:
             known.stopped = LATE if time.monotonic() >= due else INTERRUPTED
+            ready.check = ALWAYS  # what is known can be asked
         known.stopped = known.stopped or ("" if fit.done else fit.status)
     return _result(campaign, fit, known, time.perf_counter() - began, seed)
 

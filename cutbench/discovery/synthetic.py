@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cutbench.base.errors import ComputationFailed
-from cutbench.calibration.homogeneous import LoadingHistory, respond
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign, FitPlan
 from cutbench.data.experiment import HOMOGENEOUS, Experiment
 from cutbench.data.repetition import Repetition
+from cutbench.homogeneous import LoadingHistory, respond
 from cutbench.run.runner import run_case
 
 

@@ -13,7 +13,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "database": ["CutEmulator", "OutOfRange", "Run", "RunDatabase"],
-        "design": ["Side", "around", "space_filling"],
         "groups": ["Groups"],
         "process": ["GaussianProcess", "Kernel"],
     },

@@ -122,7 +122,9 @@ class CutEmulator:
             if all(any(same(seen[n], a[n]) for a in asked) for n in fixed):
                 known.append((run, seen, values))
         told = [seen for _, seen, _ in known]
-        self.coordinates, columns = self._columns(may_differ, {*free} - other_words - {groups.modulus, "thickness"}, asked, told, first)
+        self.coordinates, columns = self._columns(
+            may_differ, {*free} - other_words - {groups.modulus, "thickness"}, asked, told, first
+        )
         if len(known) < len(self.coordinates) + 1 + SPARE:
             raise ValueError("too few runs")
         courses = [

@@ -81,12 +81,6 @@ class Kernel:
         r = _ROOT5 * self.apart(a, b)
         return (1 + r + r**2 / 3) * np.exp(-r)
 
-    def slope(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """Derivatives (n, m, d) of ``correlation`` by the coordinates of ``a``."""
-        r = _ROOT5 * self.apart(a, b)
-        steep = -5 / 3 * (1 + r) * np.exp(-r)
-        return steep[:, :, None] * (a[:, None] - b) / np.array(self.lengths) ** 2
-
     def apart(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """Distances (n, m) in lengths."""
         a, b = a / np.array(self.lengths), b / np.array(self.lengths)
@@ -150,14 +144,6 @@ class GaussianProcess:
             near = self.kernel.correlation(part, self.X)
             parts.append(self._basis(part) @ self._fit.trend + near @ self._fit.weights)
         return np.concatenate(parts).reshape(-1, *self.Y.shape[1:])
-
-    def slope(self, at: np.ndarray) -> np.ndarray:
-        """Derivatives (p, d) or (p, m, d) of the smooth part by the coordinates, at places (p, d)."""
-        at = np.atleast_2d(at)
-        by = np.einsum("pnd,nm->pmd", self.kernel.slope(at, self.X), self._fit.weights)
-        if self.trend == "linear":
-            by += self._fit.trend[1:].T
-        return by.reshape(len(at), *self.Y.shape[1:], at.shape[1])
 
     def spread(self, at: np.ndarray, runs: bool = False) -> np.ndarray:
         """Standard deviations (p,) at places (p, d): of a single value in its unit, of a curve relative to

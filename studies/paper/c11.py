@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from cutbench.calibration.homogeneous import LoadingHistory
-from cutbench.calibration.homogeneous.separation import traction
+from cutbench.homogeneous import LoadingHistory
+from cutbench.homogeneous.separation import traction
 from studies.paper.base import Ask, Claim, Finding, at_least, below
 from studies.paper.reading import observed, ratio
 

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from cutbench.calibration.homogeneous.history import LoadingHistory
 from cutbench.case.model import Model
+from cutbench.homogeneous.history import LoadingHistory
 from cutbench.mechanisms.base import Points, cut_answers
 
 #: Steps to each reading: laws may take means over a step, which lag by half of it.

@@ -12,10 +12,10 @@ from types import SimpleNamespace
 import numpy as np
 
 from cutbench.base.errors import ComputationFailed
-from cutbench.calibration.homogeneous.history import LoadingHistory
 from cutbench.case.model import Model
 from cutbench.data.experiment import HOMOGENEOUS, Experiment
 from cutbench.data.repetition import Averaged
+from cutbench.homogeneous.history import LoadingHistory
 
 
 class Machine:

@@ -10,8 +10,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from cutbench.calibration.homogeneous.history import SLOW, LoadingHistory
 from cutbench.case.model import Model
+from cutbench.homogeneous.history import SLOW, LoadingHistory
 from cutbench.mechanisms.base import Points
 
 #: Slower than this part of the mean speed is rest.

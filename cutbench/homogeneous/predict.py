@@ -9,13 +9,13 @@ import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import one_of
-from cutbench.calibration.homogeneous import separation, sliding
-from cutbench.calibration.homogeneous.history import LoadingHistory
-from cutbench.calibration.homogeneous.rig import Machine
-from cutbench.calibration.homogeneous.stretching import nominal_stress
 from cutbench.case.model import Model
 from cutbench.data.experiment import HOMOGENEOUS, SLOTS, Experiment
 from cutbench.data.repetition import Averaged
+from cutbench.homogeneous import separation, sliding
+from cutbench.homogeneous.history import LoadingHistory
+from cutbench.homogeneous.rig import Machine
+from cutbench.homogeneous.stretching import nominal_stress
 from cutbench.mechanisms.base import STEP
 
 

@@ -17,10 +17,10 @@ from types import SimpleNamespace
 import numpy as np
 
 from cutbench.base.errors import ComputationFailed
-from cutbench.calibration.homogeneous.history import LoadingHistory
-from cutbench.calibration.homogeneous.march import March
-from cutbench.calibration.homogeneous.modes import MODES, Mode
 from cutbench.case.model import Model
+from cutbench.homogeneous.history import LoadingHistory
+from cutbench.homogeneous.march import March
+from cutbench.homogeneous.modes import MODES, Mode
 from cutbench.mechanisms import Volumetric
 from cutbench.mechanisms.base import STEP, Bulk, Points
 
