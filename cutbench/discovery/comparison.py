@@ -56,7 +56,7 @@ class Compared:
     held_out : HeldOut
         How both predict what was not fitted.
     significant : bool
-        Whether the model without it misses more, as a whole, than chance makes.
+        Whether the model without it misses more, as a whole, than chance makes, or is known from runs.
     """
 
     candidate: Candidate
@@ -331,7 +331,8 @@ def _beside(null: Estimated, candidate: Candidate, fitted: Estimated, scores: Sc
     share = 1 - missed_square(fitted) / max(missed_square(null), 1e-300)
     p = scores.p_any(candidate.name, max(gain, 0.0))
     evidence = float(fitted.log_evidence - null.log_evidence)
-    significant = scores.p_residual < SETTINGS.chance
+    # Runs jag: of what they leave, a part must be explained even where chance could make it.
+    significant = scores.p_residual < SETTINGS.chance or bool(null.posterior.runs_wanted)
     return Compared(candidate, fitted, evidence, p, share, held_out(null, fitted), significant)
 
 
