@@ -37,7 +37,7 @@ class Shy(Isochoric):
     )
 
     def dW_dI1(self, I1, p, at):
-        if np.any(np.real(p.shyness) != 0):
+        if np.any(np.real(p.shyness) != 0) and np.any(np.real(I1) > 3.01):
             raise ComputationFailed("nobody has seen it")
         return p.G / 2 * (1 + 2 * p.shyness * (I1 - 3))
 

@@ -186,10 +186,12 @@ def comparisons(
     Comparison
         After each round; the last one is what was looked for.
     """
-    # The mesh errs elsewhere in another model, whose cuts begin elsewhere; but as much.
-    post = replace(baseline.posterior, local=False, fields={})
-    at = post.evaluate(baseline.q)
-    null = baseline = Estimated(post, at, post.covariance(at))
+    null = baseline
+    if baseline.posterior.runs_wanted:
+        # The mesh errs elsewhere in another model, whose cuts begin elsewhere; but as much.
+        post = replace(baseline.posterior, local=False, fields={})
+        at = post.evaluate(baseline.q)
+        null = baseline = Estimated(post, at, post.covariance(at))
     steps, found = list[Step](), list[Found]()
     whole = missed_square(baseline)
     while len(found) < SETTINGS.most:
