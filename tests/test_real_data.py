@@ -119,9 +119,9 @@ def same(d: Discovery, other: Discovery) -> None:
     if other.names != d.names:
         assert other.held_out.gain == pytest.approx(d.held_out.gain, abs=d.held_out.gain_se)
         return
-    # A baseline that is wrong everywhere follows what it was fitted to.
+    # A model that is wrong everywhere follows what it was fitted to, but predicts no worse.
     errors = [each.held_out.extended_rmse / each.held_out.noise_floor for each in (d, other)]
-    assert errors[1] == pytest.approx(errors[0], rel=0.15)
+    assert errors[1] < 1.15 * errors[0]
 
 
 @pytest.mark.parametrize(

@@ -55,7 +55,7 @@ class Settings:
     chance: float = 0.005
     undecided: float = 3.0
     share: float = 0.3
-    trifle: float = 0.06
+    trifle: float = 0.1
     tried: int = 6
     computed: int = 2
     most: int = 4
