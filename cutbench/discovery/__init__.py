@@ -11,6 +11,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         "search": ["Discovery", "discover"],
         "page": ["write_discovery"],
-        "report": ["summary"],
+        "report": ["gain_sentence", "summary", "verdict_sentence"],
     },
 )
