@@ -38,10 +38,6 @@ SAME_SPEED = 1.2
 _TOP = ("title", "material", "baseline", "candidates", "parameters", "numerics", "fit", "experiment")
 
 
-#: A specimen that is shorter by this part is pressed, not slack.
-PRESSED = 0.02
-
-
 @dataclass(frozen=True)
 class FitPlan:
     """What a fit may change. ``free`` None: the fit chooses; ``own``: one value for each experiment.
@@ -126,16 +122,8 @@ class Campaign(Handled):
     def all_notes(self) -> list[str]:
         """What was assumed or is not known, of the campaign and of each experiment."""
         of_tests = [f"'{e.id}': {note}" for e in self.experiments for note in e.notes]
-        pressed = [
-            f"'{e.id}' is pressed: its faces are taken to slide on the plates. Held ones make it stiffer, the"
-            " flatter it is: see the candidate held_faces, or use a lubricant."
-            for e in self.experiments
-            if e.kind == "uniaxial"
-            and e.mounted
-            and min(float(r.x.min()) for r in e.repetitions) < 1 - PRESSED
-        ]
         alone = [unrepeated(e.id) for e in self.experiments if len(e.repetitions) == 1]
-        return [*self.notes, *of_tests, *pressed, *alone]
+        return [*self.notes, *of_tests, *alone]
 
 
 def cut_case(experiment: Experiment, base: Case) -> Case:
