@@ -65,7 +65,7 @@ class Answer:
             if len(pair) == 2:
                 before[e.id], after[e.id] = pair
                 grids[e.id] = d.first.posterior.predictions.grids[e.id]
-        stated = (d.clean.value, d.clean.low, d.clean.high) if d.clean else None
+        stated = (d.noise_free.value, d.noise_free.low, d.noise_free.high) if d.noise_free else None
         intervals = {e.label: (e.low, e.high) for e in d.fit.estimates}
         groups = tuple(f.group for f in d.found)
         return cls(d.verdict, d.names, groups, stated, grids, before, after, intervals)
@@ -127,7 +127,7 @@ def searched(truth: Truth, folder: Path, workers: int, limit_s: float, on_progre
     }  # fmt: skip
     try:
         d = discover(
-            load_campaign(truth.file), workers=workers, kept=folder, limit_s=limit_s, on_progress=on_progress
+            load_campaign(truth.file), workers=workers, store=folder, limit_s=limit_s, on_progress=on_progress
         )
         said = {**judge(truth, Answer.of(d)), "ended": d.stopped}
     except ComputationFailed as error:

@@ -56,7 +56,7 @@ def test_the_baseline_is_the_fit(tmp_path, softening, specimens):
         np.testing.assert_allclose(found.first.predicted(c.experiment).y, c.fitted, rtol=1e-9)
         if c.experiment.role == "train":
             said = to_dict(found)["misfit"]["baseline"][c.experiment.id]
-            assert said == pytest.approx(c.missed, rel=0.1, abs=1e-3)
+            assert said == pytest.approx(c.misfit, rel=0.1, abs=1e-3)
 
 
 @pytest.mark.parametrize("softening", [0.2, 0.6])

@@ -63,7 +63,7 @@ def test_it_finds_stiffening_and_says_what_it_cannot_tell_apart(gent):
 )  # fmt: skip
 def test_it_names_nothing_where_nothing_is_hidden(shows, number):
     _, d = found("", shows, bool(number % 2), number)
-    assert d.verdict == "none" and d.found == () and d.rest == 1.0 and d.clean is None
+    assert d.verdict == "none" and d.found == () and d.rest == 1.0 and d.noise_free is None
 
 
 @pytest.mark.parametrize(

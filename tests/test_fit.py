@@ -155,7 +155,7 @@ def test_neo_hooke_on_rubber_fails_as_it_must():
     assert found.estimate("G").value == pytest.approx(unit @ c.mean / (unit @ unit), rel=0.1)
     assert errors["tension"] > 0.1 and errors["pure shear"] > 0.25
     # What noise does not explain is said in per cent of the curve, and is no part of what is scattered.
-    assert c.missed == pytest.approx(c.rmse / np.abs(c.mean).max(), rel=0.2) and found.reduced_chi2 < 2
+    assert c.misfit == pytest.approx(c.rmse / np.abs(c.mean).max(), rel=0.2) and found.reduced_chi2 < 2
     assert found.case.model.described in summary(found)
 
 
@@ -248,13 +248,13 @@ def test_what_was_computed_before_a_stop_is_not_computed_again(tmp_path):
     assert stopped.status == "interrupted"
     before = written(tmp_path)
     assert before
-    found = fit(made, workers=0, refine=False, kept=tmp_path)
+    found = fit(made, workers=0, refine=False, store=tmp_path)
     runs = written(tmp_path)
     assert found.status == "converged" and before.items() < runs.items()
     # A run that cannot be read is computed again, and none of the others.
     broken, *_ = tmp_path.glob("??/*/curve.npz")
     broken.write_bytes(broken.read_bytes()[:100])
-    again = fit(made, workers=0, refine=False, kept=tmp_path)
+    again = fit(made, workers=0, refine=False, store=tmp_path)
     after = written(tmp_path)
     assert {path.parent for path in after if after[path] != runs.get(path)} == {broken.parent}
     for e in again.estimates:

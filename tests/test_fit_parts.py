@@ -12,7 +12,7 @@ from cutbench.calibration.identifiability import identifiability, information_in
 from cutbench.calibration.mesh_error import correction, measured_error, smooth
 from cutbench.calibration.parameters import FreeParameter
 from cutbench.data.covariance import USUAL_FACTOR, Block, Covariance, Factors, matern
-from cutbench.data.discrepancy import allowing
+from cutbench.data.discrepancy import with_discrepancy
 from cutbench.data.repetition import Averaged
 from cutbench.mechanisms import registry
 
@@ -153,7 +153,7 @@ def test_a_curve_that_misses_the_shape_gains_nothing_by_shrinking():
         grid, factor = grid_of(curves + 1e-3 * rng.standard_normal(curves.shape), 1e-3), 1.0
         for _ in range(5):
             w = Covariance.of({"a": grid}, {"a": "cut"}, {"a": factor * model})
-            w = allowing(w, {"a": factor * model - grid.mean}, {"a": model[:, None]})
+            w = with_discrepancy(w, {"a": factor * model - grid.mean}, {"a": model[:, None]})
             J, r = w.white({"a": model}), w.white({"a": grid.mean})
             factor = (J @ r) / (J @ J)
         assert 0.8 < factor / (model @ grid.mean / (model @ model)) < 1.25

@@ -179,8 +179,8 @@ def test_what_the_model_misses_is_said_test_by_test_in_parts_of_the_curve():
     for id in ("far", "near"):
         c = parts[id]
         gap = c.discrepancy / np.abs(c.mean).max()
-        assert c.missed == pytest.approx(np.sqrt(np.mean(gap**2)))
-    assert parts["far"].missed > 0.03 > 0.01 > fit(of(strips()), workers=0).compared[0].missed
+        assert c.misfit == pytest.approx(np.sqrt(np.mean(gap**2)))
+    assert parts["far"].misfit > 0.03 > 0.01 > fit(of(strips()), workers=0).compared[0].misfit
     assert found.reduced_chi2 < 2
 
 
@@ -194,5 +194,5 @@ def test_the_start_does_not_matter(G):
 
 def test_a_bad_minimum_says_so():
     found = fit(of(strips(stiffening=0.6)), workers=0)
-    worst = max(c.missed for c in found.compared)
+    worst = max(c.misfit for c in found.compared)
     assert worst > 0.05 and f"{100 * worst:.0f} %" in found.message

@@ -1,8 +1,7 @@
 """Calibration: what a model says a test reads, how much each reading counts, the most probable parameters.
 
 ``prediction`` answers for any test, ``posterior`` has the one likelihood of all of them, ``estimation`` finds
-its maximum, and ``fitting`` says it with intervals. ``homogeneous`` computes tests that need no mesh through the
-mechanism files of the runs.
+its maximum, and ``fitting`` says it with intervals.
 """
 
 import lazy_loader

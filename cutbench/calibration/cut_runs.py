@@ -1,7 +1,7 @@
-"""Cuts that a fit or a search computes, in the store of runs, and the database of the emulator that they make.
+"""Cuts that a fit or a search computes, in the store of runs, and the emulator's database that they make.
 
-A search that was stopped goes on from its store, and so does a fit; the runs of a sweep in the same store count
-as well. What a rig does to the record is no part of a run.
+A search that was stopped goes on from its store, and so does a fit; the runs of a sweep in the same store
+count as well. What a rig does to the record is no part of a run.
 """
 
 from __future__ import annotations

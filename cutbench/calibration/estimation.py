@@ -2,8 +2,8 @@
 
 Tests that have a formula are asked first, and say where cuts are worth computing. Cuts fill that box; the
 emulator says what all others would give, so that the best place is looked for everywhere in it, and from
-there by derivatives. Cuts are computed at the place that was found, and about it as far as it may still be
-off, told to the emulator, and the place looked for again, until what was predicted and what is computed agree.
+there by derivatives. Cuts are computed at the place that was found and told to the emulator, and the place is
+looked for again about the best of them, until what was predicted and what is computed agree.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from cutbench.data.covariance import Covariance
 from cutbench.data.experiment import Experiment
 from cutbench.data.fields import laid_out
 
-#: Places of the box that are looked at with the emulator, and the best of them, from which a maximum is looked
-#: for; so many starts has a model whose tests all have formulas.
+#: Places of the box that are looked at with the emulator, and the best of them, from which a maximum is
+#: looked for.
 PLACES, STARTS = 64, 3
 #: So often at most cuts are computed at the best place where a place is near already.
 NEAR = 3
@@ -266,7 +266,7 @@ def _best(posterior: Posterior, starts: Sequence[np.ndarray]) -> Estimated:
     return max(found, key=lambda each: each.log_posterior)
 
 
-def said(posterior: Posterior, q: np.ndarray) -> bool:
+def answers(posterior: Posterior, q: np.ndarray) -> bool:
     """Whether enough cuts are known for the emulator to say what all tests read."""
     try:
         for e in posterior.runs_wanted:
@@ -279,13 +279,13 @@ def said(posterior: Posterior, q: np.ndarray) -> bool:
 def first_look(posterior: Posterior, q: np.ndarray) -> Estimated:
     """The most probable parameters near ``q`` (k,) as far as the emulator knows; where it does not, all cuts
     are computed there first. Raises ComputationFailed."""
-    if not said(posterior, q):
+    if not answers(posterior, q):
         _compute(posterior, cuts := posterior.runs_wanted, [q] * len(cuts))
     return posterior.maximum(q)
 
 
 def _beside(posterior: Posterior, q: np.ndarray) -> np.ndarray:
-    """How far (k,) the emulator is asked about a place that is near already: of a strength as far as to off."""
+    """How far (k,) the emulator is asked about a place that is near already; of a strength, to off."""
     half = np.full(q.size, 2 * LEAST)
     for k, u in enumerate(posterior.parameters):
         if not u.logarithmic:

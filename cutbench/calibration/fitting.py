@@ -32,7 +32,7 @@ from cutbench.calibration.posterior import Estimated, Posterior
 from cutbench.calibration.prediction import Predictions
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
-from cutbench.data.discrepancy import independent, missed
+from cutbench.data.discrepancy import discrepancy_mean, independent
 from cutbench.data.experiment import Experiment
 from cutbench.data.fields import laid_out
 from cutbench.data.repetition import unrepeated
@@ -111,7 +111,7 @@ class ComparedCurve:
     discrepancy: np.ndarray | None = None
 
     @property
-    def missed(self) -> float:
+    def misfit(self) -> float:
         """Root mean square of the discrepancy, as a part of the largest value."""
         return 0.0 if self.discrepancy is None else _rms(self.discrepancy) / float(np.abs(self.mean).max())
 
@@ -254,7 +254,7 @@ class Fit(Handled):
     @property
     def far(self) -> str:
         """That no parameters bring the model near the data, and how near; empty where some do."""
-        off, id = max(((c.missed, c.experiment.id) for c in self.compared), default=(0.0, ""))
+        off, id = max(((c.misfit, c.experiment.id) for c in self.compared), default=(0.0, ""))
         if off <= FAR:
             return ""
         return (
@@ -280,7 +280,7 @@ def fit(
     profile: Sequence[str] = (),
     on_progress: OnProgress = silent,
     limit_s: float = math.inf,
-    kept: str | Path | None = None,
+    store: str | Path | None = None,
     runs: CutRuns | None = None,
 ) -> Fit:
     """Fit what the campaign leaves free to all its train tests, and predict the others.
@@ -299,10 +299,10 @@ def fit(
         Told what was computed, what is left, and what is known. Ctrl-C ends with what is there.
     limit_s : float
         So does this time, in seconds.
-    kept : path, optional
+    store : path, optional
         Store of runs: what is there is not computed again, and the rest is left there.
     runs : CutRuns, optional
-        Computes cuts in place of ``workers`` and ``kept``.
+        Computes cuts in place of ``workers`` and ``store``.
 
     Returns
     -------
@@ -319,7 +319,7 @@ def fit(
     for label in profile:
         if label not in (known := [u.label for u in parameters]):
             raise BadInput("profile", label, one_of(label, known))
-    with runs_for(campaign, workers, kept, limit_s, runs) as ready:
+    with runs_for(campaign, workers, store, limit_s, runs) as ready:
         fitting = Fitting(campaign, ready, parameters, on_progress, refine)
         fitting.go(due=time.monotonic() + limit_s)
         return fitting.result(began, profile)
@@ -328,25 +328,25 @@ def fit(
 class _Ready:
     """Processes and the runs that they compute, for as long as the block."""
 
-    def __init__(self, workers: int, kept: Path | None, check: Until):
-        self._pool, self._kept, self._check = TaskPool(workers if workers > 1 else 0), kept, check
+    def __init__(self, workers: int, store: Path | None, check: Until):
+        self._pool, self._store, self._check = TaskPool(workers if workers > 1 else 0), store, check
 
     def __enter__(self) -> CutRuns:
-        return CutRuns(self._pool.__enter__(), self._kept, self._check)
+        return CutRuns(self._pool.__enter__(), self._store, self._check)
 
     def __exit__(self, *error: object) -> None:
         self._pool.__exit__(*error)
 
 
 def runs_for(
-    campaign: Campaign, workers: int | None, kept: str | Path | None, limit_s: float, runs: CutRuns | None
+    campaign: Campaign, workers: int | None, store: str | Path | None, limit_s: float, runs: CutRuns | None
 ) -> nullcontext[CutRuns] | _Ready:
     """A context with what computes a campaign's cuts: ``runs``, or new processes until ``limit_s``."""
     if runs is not None:
         return nullcontext(runs)
     cuts = any(e.kind == "cut" for e in campaign.experiments)
     count = (cores() if workers is None else workers) if cuts else 0
-    return _Ready(count, None if kept is None else Path(kept), Until(time.monotonic() + limit_s))
+    return _Ready(count, None if store is None else Path(store), Until(time.monotonic() + limit_s))
 
 
 class Fitting:
@@ -417,7 +417,7 @@ class Fitting:
                 else "values are those that it had reached"
             )  # fmt: skip
             return f"{self.status} after {self.runs.count} cuts, before a maximum: {reached}"
-        off, id = max(((c.missed, c.experiment.id) for c in compared), default=(0.0, ""))
+        off, id = max(((c.misfit, c.experiment.id) for c in compared), default=(0.0, ""))
         return self.status + (f", at a misfit of {100 * off:.0f} % of the maximum in '{id}'" * (off > FAR))
 
 
@@ -499,7 +499,7 @@ def _compared(
         sd, gap = grid.deviation, None
         if best is not None and fitted:
             block = best.w.tests[e.id]
-            sd, gap = block.deviation, missed(block, at.residual[e.id])
+            sd, gap = block.deviation, discrepancy_mean(block, at.residual[e.id])
         found.append(
             ComparedCurve(e, grid.x, grid.mean, sd, at.y[e.id], at.onset_mm[e.id], p.thickness_mm(e), gap)
         )
@@ -521,8 +521,8 @@ def _field_note(e: Experiment, residual: np.ndarray) -> str:
         return f"'{e.id}': none of the places of its fields lies in the computed body."
     fields = f"{len(e.fields)} field{'s' * (len(e.fields) > 1)}"
     return (
-        f"'{e.id}': of {known.sum()} displacements in {fields} the fit is off by {_rms(residual[known]):.3g} mm"
-        f" (root mean square), where {_rms(laid_out(e.fields)[known]):.3g} mm were measured and"
+        f"'{e.id}': of {known.sum()} displacements in {fields} the fit is off by"
+        f" {_rms(residual[known]):.3g} mm (root mean square), where {_rms(laid_out(e.fields)[known]):.3g} mm were measured and"
         f" {e.field_noise_mm:g} mm are noise."
     )
 

@@ -24,15 +24,15 @@ from cutbench.calibration.prediction import NotKnown, Predicted, Predictions
 from cutbench.calibration.settings import SETTINGS
 from cutbench.case.case import Case
 from cutbench.data.covariance import Block, Covariance
-from cutbench.data.discrepancy import allowing, likeliest
+from cutbench.data.discrepancy import twice_log_likelihood, with_discrepancy
 from cutbench.data.experiment import Experiment
 
 #: A prediction that is so many times the largest reading counts as none.
 ABSURD = 1e4
 #: A parameter is at a bound that is nearer than this.
 AT_BOUND = 1e-6
-#: So many steps at most are made with one covariance, and so often at most it is found anew, until no parameter
-#: moves by more than this part of its own standard deviation.
+#: So many steps at most are made with one covariance, and so often at most it is found anew, until no
+#: parameter moves by more than this part of its own standard deviation.
 STEPS, TURNS, STILL = 12, 8, 0.1
 
 
@@ -203,7 +203,7 @@ class Posterior:
         """The same with each test's likeliest discrepancy. A parameter at a bound takes up nothing that is
         beyond it."""
         inside = self.inside(at.q)
-        return allowing(self.noise(at), at.residual, {id: J * inside for id, J in at.J.items()})
+        return with_discrepancy(self.noise(at), at.residual, {id: J * inside for id, J in at.J.items()})
 
     def inside(self, q: np.ndarray) -> np.ndarray:
         """Which of ``q`` (k,) no bound holds."""
@@ -219,8 +219,8 @@ class Posterior:
         )
 
     def whitened(self, at: Evaluated, w: Covariance) -> tuple[np.ndarray, np.ndarray]:
-        """Residuals (M,) and derivatives (M, k): of the tests, of their fields, and a row a parameter for what
-        is expected beforehand."""
+        """Residuals (M,) and derivatives (M, k): of the tests, of their fields, and a row a parameter for
+        what is expected beforehand."""
         r, J = w.white(at.residual), w.white(at.J)
         more = [
             (f.block.white(f.residual + f.J @ (at.q - f.q)), f.block.white(f.J)) for f in self.fields.values()
@@ -303,7 +303,9 @@ class Estimated:
         noise = self.posterior.noise(self.at)
         fields = (f.block.white(f.residual + f.J @ (self.q - f.q)) for f in self.posterior.fields.values())
         volume = sum(block.volume for block in noise.tests.values())
-        return 0.5 * (likeliest(noise, self.at.residual) - volume - sum(float(r @ r) for r in fields))
+        return 0.5 * (
+            twice_log_likelihood(noise, self.at.residual) - volume - sum(float(r @ r) for r in fields)
+        )
 
     @property
     def log_posterior(self) -> float:

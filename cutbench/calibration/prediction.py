@@ -218,9 +218,13 @@ class Predictions:
         return self._recorders[e.id].read(course, {**self._cuts[e.id].values, **values})[0]
 
     def read_slopes(
-        self, e: Experiment, values: Mapping[str, float], course: np.ndarray, slopes: Mapping[str, np.ndarray],
+        self,
+        e: Experiment,
+        values: Mapping[str, float],
+        course: np.ndarray,
+        slopes: Mapping[str, np.ndarray],
         largest: Mapping[str, float],
-    ) -> np.ndarray:  # fmt: skip
+    ) -> np.ndarray:
         """What it reads of derivatives (n,) of the force of a run, by name; ``largest``: what each may be.
 
         Beyond the onset a run's exact derivatives are those of a stair, so that large ones are cut off.

@@ -44,7 +44,7 @@ def summary(fit: Fit) -> str:
         f"  {fit.readings} values, {k} parameter{'s' if k != 1 else ''}, chi2 = {fit.chi2:.4g},"
         f" reduced {fit.reduced_chi2:.3g}, {fit.runs} cuts computed, {fit.seconds:.0f} s",
     ]
-    worst = max((c.missed for c in fit.compared), default=0.0)
+    worst = max((c.misfit for c in fit.compared), default=0.0)
     if fit.done and not fit.far and (fit.reduced_chi2 > 2 or worst > AMISS):
         lines.append(
             "  The model does not describe the data to within their noise: it misses up to"
@@ -60,7 +60,7 @@ def summary(fit: Fit) -> str:
     for c in fit.compared:
         unit = c.experiment.y_unit
         part, role = c.rmse / np.abs(c.mean).max(), "fitted" if c.experiment.role == "train" else "predicted"
-        beyond = f", {100 * c.missed:.1f} % that the model cannot describe" if c.missed else ""
+        beyond = f", {100 * c.misfit:.1f} % that the model cannot describe" if c.misfit else ""
         lines.append(
             f"  {c.experiment.id} ({c.experiment.kind}, {role}): root mean square residual"
             f" {c.rmse:.3g} {unit}, {100 * part:.1f} % of the maximum{beyond}"
@@ -160,7 +160,7 @@ def _experiment(c: ComparedCurve) -> dict:
         "y_unit": e.y_unit,
         "rmse": c.rmse,
         "rmse_of_maximum": c.rmse / float(np.abs(c.mean).max()),
-        "discrepancy_of_maximum": c.missed if c.discrepancy is not None else None,
+        "discrepancy_of_maximum": c.misfit if c.discrepancy is not None else None,
         "contact": {
             r.name: picked(r.contact, "at", "sd", "force", "force_sd", "unit", "taken_off")
             for r in e.repetitions

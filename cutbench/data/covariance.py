@@ -194,7 +194,7 @@ class Block:
         """(m, m), of the mean reading less what a right model computes."""
         return self.total - self.discrepancy if np.any(self.discrepancy) else self.total
 
-    def allowing(self, discrepancy: np.ndarray) -> Block:
+    def with_discrepancy(self, discrepancy: np.ndarray) -> Block:
         """The same with ``discrepancy`` (m, m), in place of what it has."""
         return replace(self, total=self.noise + discrepancy, discrepancy=discrepancy)
 

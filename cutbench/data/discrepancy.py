@@ -69,7 +69,7 @@ def sizes(tried: Mapping[str, Discrepancies], residual: Mapping[str, np.ndarray]
     return {id: float(np.sqrt(SHARED * pooled + (1 - SHARED) * size**2)) for id, size in own.items()}
 
 
-def allowing(
+def with_discrepancy(
     noise: Covariance, residual: Mapping[str, np.ndarray], J: Mapping[str, np.ndarray]
 ) -> Covariance:
     """``noise`` with each test's likeliest discrepancy beside it, for ``residual`` (m,) by id of which the
@@ -77,8 +77,8 @@ def allowing(
     tried = {id: Discrepancies(block, noise.grids[id]) for id, block in noise.tests.items()}
     w, before = noise, dict.fromkeys(tried, 0.0)
     for _ in range(TURNS):
-        found = sizes(tried, taken_up(w, residual, J))
-        blocks = {id: noise.tests[id].allowing(t.covariance(found[id])) for id, t in tried.items()}
+        found = sizes(tried, projected(w, residual, J))
+        blocks = {id: noise.tests[id].with_discrepancy(t.covariance(found[id])) for id, t in tried.items()}
         w = replace(noise, tests=blocks)
         if all(abs(found[id] - before[id]) <= SAME * found[id] for id in found):
             break
@@ -86,13 +86,13 @@ def allowing(
     return w
 
 
-def likeliest(noise: Covariance, residual: Mapping[str, np.ndarray]) -> float:
+def twice_log_likelihood(noise: Covariance, residual: Mapping[str, np.ndarray]) -> float:
     """Twice the log likelihood of ``residual`` (m,) by id with each test's likeliest discrepancy."""
     tried = {id: Discrepancies(b, noise.grids[id]) for id, b in noise.tests.items()}
     return float(sum(t.likelihood(residual[id][:, None])[0] for id, t in tried.items()))
 
 
-def taken_up(w: Covariance, residual: Mapping[str, np.ndarray], J: Mapping[str, np.ndarray]):
+def projected(w: Covariance, residual: Mapping[str, np.ndarray], J: Mapping[str, np.ndarray]):
     """``residual`` (m,) by id after the step of the parameters that makes it least."""
     white = w.white({id: np.column_stack([J[id], residual[id]]) for id in w.tests})
     size = np.linalg.norm(white[:, :-1], axis=0)
@@ -102,7 +102,7 @@ def taken_up(w: Covariance, residual: Mapping[str, np.ndarray], J: Mapping[str, 
     return {id: residual[id] + J[id] @ step for id in w.tests}
 
 
-def missed(block: Block, residual: np.ndarray) -> np.ndarray:
+def discrepancy_mean(block: Block, residual: np.ndarray) -> np.ndarray:
     """The discrepancy (m,), measured less computed, that ``residual`` (m,), computed less measured, tells."""
     if not np.any(block.discrepancy):
         return np.zeros(residual.size)
@@ -112,7 +112,7 @@ def missed(block: Block, residual: np.ndarray) -> np.ndarray:
 
 def misfit(w: Covariance, id: str, residual: np.ndarray) -> float:
     """The root mean square of that, as a part of the largest reading of test ``id``."""
-    gap = missed(w.tests[id], residual)
+    gap = discrepancy_mean(w.tests[id], residual)
     return float(np.sqrt(np.mean(gap**2)) / np.abs(w.grids[id].mean).max())
 
 

@@ -22,7 +22,7 @@ from cutbench.calibration.estimation import estimate, first_look
 from cutbench.calibration.parameters import FreeParameter
 from cutbench.calibration.posterior import Estimated, Posterior
 from cutbench.calibration.settings import SETTINGS
-from cutbench.data.discrepancy import missed
+from cutbench.data.discrepancy import discrepancy_mean
 from cutbench.discovery.candidates import FIXED, ORDER, Candidate, candidates, family_of
 from cutbench.discovery.held_out import TESTS, HeldOut, held_out
 from cutbench.discovery.score import Score, Scores, score
@@ -342,7 +342,7 @@ def missed_square(fitted: Estimated) -> float:
     """Square of what a model misses beyond noise, as a part of each curve's largest value; mean of all."""
     w, total = fitted.w, 0.0
     for id, block in w.tests.items():
-        gap = missed(block, fitted.at.residual[id])
+        gap = discrepancy_mean(block, fitted.at.residual[id])
         total += float(np.mean(gap**2)) / float(np.abs(w.grids[id].mean).max()) ** 2
     return total / len(w.tests)
 

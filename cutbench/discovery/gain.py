@@ -41,7 +41,7 @@ NEAR = 0.1
 
 
 @dataclass(frozen=True)
-class CleanGain:
+class NoiseFreeGain:
     """Fall of the root mean square error against clean curves, relative: median and interval; ``near``: the
     chance that the median is off by less than 10 points."""
 
@@ -89,7 +89,7 @@ class Evidence:
     factors: dict[str, Factors]
 
 
-def clean_gain(before: Estimated, after: Estimated, seed: int = 0) -> CleanGain | None:
+def noise_free_gain(before: Estimated, after: Estimated, seed: int = 0) -> NoiseFreeGain | None:
     """The gain on the clean curves of the tests that are predicted.
 
     Parameters
@@ -101,7 +101,7 @@ def clean_gain(before: Estimated, after: Estimated, seed: int = 0) -> CleanGain 
 
     Returns
     -------
-    CleanGain or None
+    NoiseFreeGain or None
         None where there is no such test that both predict.
     """
     evidence = gathered(before, after)
@@ -140,7 +140,7 @@ def _known(grid: Averaged, before, after, J, rest, kind: str, size: float) -> Kn
     return Known(grid.mean, before, after, J, rest, correlation, grid.repetitions, kind, size)
 
 
-def drawn(evidence: Evidence, rng: np.random.Generator, draws: int = DRAWS) -> CleanGain:
+def drawn(evidence: Evidence, rng: np.random.Generator, draws: int = DRAWS) -> NoiseFreeGain:
     tests = evidence.tests
     roots = [cholesky(sound(t.correlation), lower=True) * t.scale for t in tests]
     rest = [cholesky(sound(t.rest), lower=True) for t in tests]
@@ -178,7 +178,7 @@ def drawn(evidence: Evidence, rng: np.random.Generator, draws: int = DRAWS) -> C
     share = np.cumsum(weight[order])
     low, value, high = np.interp([(1 - LEVEL) / 2, 0.5, (1 + LEVEL) / 2], share, gains[order])
     near = weight[np.abs(gains - value) < NEAR].sum()
-    return CleanGain(float(value), float(low), float(high), float(near))
+    return NoiseFreeGain(float(value), float(low), float(high), float(near))
 
 
 def _chances(t: Known, moved: np.ndarray, variance: float) -> np.ndarray:

@@ -61,8 +61,8 @@ class HeldOut:
 
     @property
     def better(self) -> bool:
-        """Whether the extended model predicts better, or but for a factor between specimens, which is no larger
-        than theirs may be."""
+        """Whether the extended model predicts better, or but for a factor between specimens, which is no
+        larger than theirs may be."""
         but_for_factor = self.gain_of_shape > 0 and self.gain > -2 * self.gain_se
         return not self.tells or self.gain > 0 or but_for_factor
 

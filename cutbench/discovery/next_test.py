@@ -32,11 +32,11 @@ MODES = {"uniaxial": ("tension", 1.0), "pure_shear": ("pure shear", 1.0),
 
 @dataclass(frozen=True)
 class Proposal:
-    """``text`` names the test; ``apart``: standard errors between the two predictions; ``part``: their
-    largest difference over the largest value."""
+    """``text`` names the test; ``standard_errors`` lie between the two predictions; ``part``: their largest
+    difference over the largest value."""
 
     text: str
-    apart: float
+    standard_errors: float
     part: float
 
 
@@ -64,14 +64,14 @@ def next_tests(first: Estimated, second: Estimated) -> list[Proposal]:
                 continue
             made = _judged(first, e, text, a, b, np.arange(a.size, dtype=float))
             if text is None:
-                known = made.apart
-            elif made.apart > MORE * known:
+                known = made.standard_errors
+            elif made.standard_errors > MORE * known:
                 found.append(made)
         if e.kind in HOMOGENEOUS and e.mounted:
             found += _shorter(first, second, e)
     for e in first.posterior.runs_wanted[:1]:
         found += _cuts(first, second, e)
-    return sorted(found, key=lambda p: -p.apart)
+    return sorted(found, key=lambda p: -p.standard_errors)
 
 
 def _shorter(first: Estimated, second: Estimated, e: Experiment) -> list[Proposal]:
@@ -162,15 +162,15 @@ def sentence(names: Sequence[str], found: Sequence[Proposal]) -> str:
     if not found:
         return f"No further test was found that would tell {pair} apart."
     best = found[0]
-    if best.apart < ENOUGH:
+    if best.standard_errors < ENOUGH:
         return (
             f"None of the tests tried would tell {pair} apart with three specimens; most would {best.text}:"
-            f" the two differ by {best.apart:.1f} standard errors there."
+            f" the two differ by {best.standard_errors:.1f} standard errors there."
         )
-    others = [p.text for p in found[1:3] if p.apart > ENOUGH]
+    others = [p.text for p in found[1:3] if p.standard_errors > ENOUGH]
     more = f" (next best: {'; '.join(others)})" if others else ""
     return (
         f"{best.text[0].upper()}{best.text[1:]} would tell {pair} apart: they differ by up to"
-        f" {100 * best.part:.0f} % of the maximum there, {best.apart:.0f} standard errors with three"
-        f" specimens{more}."
+        f" {100 * best.part:.0f} % of the maximum there, {best.standard_errors:.0f} standard errors with"
+        f" three specimens{more}."
     )

@@ -16,7 +16,7 @@ from cutbench.base.units import Parameter
 from cutbench.calibration.posterior import Estimated
 from cutbench.calibration.settings import SETTINGS
 from cutbench.case.case import Case
-from cutbench.data.discrepancy import allowing
+from cutbench.data.discrepancy import with_discrepancy
 from cutbench.discovery.candidates import Candidate
 from cutbench.discovery.comparison import Step, missed_square
 from cutbench.discovery.score import Score, score
@@ -101,6 +101,6 @@ def _left(null: Estimated, sensed: Sensitivities, s: Score) -> float:
     residual = {
         id: r + sensed.J[id] @ s.free + s.column.by[id] @ s.strengths for id, r in null.at.residual.items()
     }
-    w = allowing(null.w.noise, residual, null.at.J)
+    w = with_discrepancy(null.w.noise, residual, null.at.J)
     at = Estimated(null.posterior, type(null.at)(null.q, null.at.y, residual, null.at.J, null.at.error), w)
     return missed_square(at)

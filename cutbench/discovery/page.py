@@ -161,8 +161,8 @@ def _remains(d: Discovery) -> str:
         return "<p>Not asked.</p>"
     last = d.steps[-1].scores
     return (
-        f"<p>{'More than' if d.remains else 'Nothing beyond'} the scatter: χ² = {last.chi2:.0f}, data that the"
-        f" model describes have {last.expected:.0f} on average.</p>"
+        f"<p>{'More than' if d.remains else 'Nothing beyond'} the scatter: χ² = {last.chi2:.0f}, data that"
+        f" the model describes have {last.expected:.0f} on average.</p>"
     ) + (_sections(d.left, "No single section stands out.") if d.remains else "")
 
 

@@ -117,7 +117,9 @@ def gain_sentence(d: Discovery) -> str:
 
 def _clean(d: Discovery) -> str:
     return (
-        "" if d.clean is None else f" Without noise and scatter of specimens it would fall by {d.clean.text}."
+        ""
+        if d.noise_free is None
+        else f" Without noise and scatter of specimens it would fall by {d.noise_free.text}."
     )
 
 
@@ -215,11 +217,11 @@ def to_dict(d: Discovery) -> dict:
         "gain": {
             "train": _train(d),
             "heldout": None if d.held_out is None else _fields(d.held_out, *GAIN),
-            "clean": None if d.clean is None else _fields(d.clean, "value", "low", "high", "near"),
+            "clean": None if d.noise_free is None else _fields(d.noise_free, "value", "low", "high", "near"),
         },
         "next_experiment": d.next_experiment,
         "proposed_experiments": [
-            {"experiment": p.text, "standard_errors": p.apart, "difference_of_maximum": p.part}
+            {"experiment": p.text, "standard_errors": p.standard_errors, "difference_of_maximum": p.part}
             for p in d.proposed
         ],
         "numerical": [
@@ -229,7 +231,8 @@ def to_dict(d: Discovery) -> dict:
         ],
         "numerical_not_computed": dict(d.numerics.missing),
         "residual": {
-            name: _residual(d.steps[i]) if d.steps else None for name, i in (("baseline", 0), ("extended", -1))
+            name: _residual(d.steps[i]) if d.steps else None
+            for name, i in (("baseline", 0), ("extended", -1))
         },
         "baseline": _model(d.first),
         "extended": _model(d.final),

@@ -20,7 +20,7 @@ import numpy as np
 from scipy import linalg, optimize, stats
 
 from cutbench.data.covariance import Covariance
-from cutbench.data.discrepancy import Discrepancies, allowing
+from cutbench.data.discrepancy import Discrepancies, with_discrepancy
 from cutbench.discovery.screening import Column, Sensitivities
 
 #: Draws without effect.
@@ -148,9 +148,9 @@ class _Stack:
         J_by, k = {id: all_[:, : self.k] for id, all_ in self.all.items()}, self.k
         beside = {id: np.column_stack([self.all[id], residual[id]]) for id in w.tests}
         plain = w.white({id: beside[id][:, [*range(k), -1]] for id in w.tests})
-        rest = Freed(plain[:, :k]).of(plain[:, k])
-        white = allowing(w, residual, J_by).white(beside)
-        C, r, freed = white[:, k:-1], white[:, -1], Freed(white[:, :k])
+        rest = Projected(plain[:, :k]).of(plain[:, k])
+        white = with_discrepancy(w, residual, J_by).white(beside)
+        C, r, freed = white[:, k:-1], white[:, -1], Projected(white[:, :k])
         left, cols = freed.of(r), freed.of(C)
         # A column that the free parameters can make is no column.
         cols[:, np.linalg.norm(cols, axis=0) <= 1e-6 * np.linalg.norm(C, axis=0)] = 0
@@ -175,7 +175,7 @@ class _Stack:
         return float(rest @ rest), scores
 
 
-class Freed:
+class Projected:
     """What is left of whitened values when the span of ``J`` (M, k) is taken out; ``back``: its inverse."""
 
     def __init__(self, J: np.ndarray):

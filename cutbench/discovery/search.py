@@ -1,4 +1,4 @@
-"""Discovery: what a model gets wrong of measured curves, which cause explains it, and what naming it gains."""
+"""Discovery: what a model gets wrong of measured curves, which cause explains it, and what that gains."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from cutbench.calibration.posterior import Estimated
 from cutbench.data.campaign import Campaign
 from cutbench.discovery.candidates import CLOCKLESS, baseline_of, family_of
 from cutbench.discovery.comparison import Comparison, Found, Step, comparisons, missed_square
-from cutbench.discovery.gain import CleanGain, clean_gain
+from cutbench.discovery.gain import NoiseFreeGain, noise_free_gain
 from cutbench.discovery.held_out import HeldOut, held_out
 from cutbench.discovery.next_test import Proposal, next_tests, sentence
 from cutbench.discovery.numerical import NumericalCauses, numerical_causes
@@ -47,7 +47,7 @@ class Discovery(Handled):
         The model with all causes.
     numerics : NumericalCauses
         What numerical choices would explain.
-    held_out, clean : HeldOut, CleanGain or None
+    held_out, noise_free : HeldOut, NoiseFreeGain or None
         What the causes gain on what was not fitted, and would gain without noise and scatter.
     wrong, left : tuple of Section
         Where the baseline misses the tests, and where the final model does; the most significant first.
@@ -71,7 +71,7 @@ class Discovery(Handled):
     final: Estimated | None
     numerics: NumericalCauses
     held_out: HeldOut | None
-    clean: CleanGain | None
+    noise_free: NoiseFreeGain | None
     wrong: tuple[Section, ...]
     left: tuple[Section, ...]
     proposed: tuple[Proposal, ...]
@@ -141,7 +141,7 @@ def discover(
     refine: bool = True,
     on_progress: OnProgress = silent,
     seed: int = 0,
-    kept: str | Path | None = None,
+    store: str | Path | None = None,
     limit_s: float = math.inf,
     runs: CutRuns | None = None,
 ) -> Discovery:
@@ -159,12 +159,12 @@ def discover(
         Told what is done. Ctrl-C ends the search with what was found until then.
     seed : int
         Of the draws of chance.
-    kept : path, optional
+    store : path, optional
         Store of runs: what is there is not computed again, and the rest is left there.
     limit_s : float
         The search ends after so many seconds, too.
     runs : CutRuns, optional
-        Computes cuts in place of ``workers`` and ``kept``.
+        Computes cuts in place of ``workers`` and ``store``.
 
     Returns
     -------
@@ -179,7 +179,7 @@ def discover(
     """
     began, due, campaign = time.perf_counter(), time.monotonic() + limit_s, baseline_of(campaign)
     known = _Known()
-    with runs_for(campaign, workers, kept, limit_s, runs) as ready:
+    with runs_for(campaign, workers, store, limit_s, runs) as ready:
         fitting = Fitting(campaign, ready, free_parameters(campaign), on_progress, refine)
         fitting.go(due)
         fit = fitting.result(began)
@@ -238,7 +238,7 @@ def _result(campaign: Campaign, fit: Fit, known: _Known, seconds: float, seed: i
     told = clean = None
     if baseline is not None and final is not None:
         told = held_out(baseline, final)
-        clean = clean_gain(baseline, final, seed) if found else None
+        clean = noise_free_gain(baseline, final, seed) if found else None
     notes = list(fit.notes)
     if known.stopped:
         notes.insert(0, f"Ended early ({known.stopped}): what else there may be was not asked.")

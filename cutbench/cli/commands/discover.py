@@ -46,9 +46,9 @@ def discover(
     from cutbench.discovery.report import summary
 
     with bar("discover") as on_progress:
-        kept = folder / "runs"
+        store = folder / "runs"
         found = run(
-            loaded, workers=count, refine=refine, on_progress=on_progress, kept=kept, limit_s=limit_s
+            loaded, workers=count, refine=refine, on_progress=on_progress, store=store, limit_s=limit_s
         )  # fmt: skip
     paths = write_discovery(found, folder)
     typer.echo(summary(found))

@@ -49,7 +49,7 @@ def fit(
     with bar("fit") as on_progress:
         found = run(
             loaded, workers=count, refine=refine, profile=tuple(profile or ()), on_progress=on_progress,
-            kept=folder / "runs", limit_s=limit_s,
+            store=folder / "runs", limit_s=limit_s,
         )  # fmt: skip
     paths = write_fit(found, folder)
     typer.echo(summary(found))
