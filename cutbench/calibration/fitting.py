@@ -522,8 +522,8 @@ def _field_note(e: Experiment, residual: np.ndarray) -> str:
     fields = f"{len(e.fields)} field{'s' * (len(e.fields) > 1)}"
     return (
         f"'{e.id}': of {known.sum()} displacements in {fields} the fit is off by"
-        f" {_rms(residual[known]):.3g} mm (root mean square), where {_rms(laid_out(e.fields)[known]):.3g} mm were measured and"
-        f" {e.field_noise_mm:g} mm are noise."
+        f" {_rms(residual[known]):.3g} mm (root mean square), where {_rms(laid_out(e.fields)[known]):.3g} mm"
+        f" were measured and {e.field_noise_mm:g} mm are noise."
     )
 
 
