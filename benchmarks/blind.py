@@ -260,7 +260,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         folder = args.out / f"{args.family}-{args.seed}" / f"{planned.number}"
         try:
             truth = make(planned, args.seed, folder, args.out / "truths")
-        except CutbenchError as error:
+            load_campaign(truth.file)
+        except CutbenchError as error:  # what cannot be computed, or no reader would believe
             print(f"{planned.number:3d} {planned.effects} is not made: {error}", flush=True)
             continue
         r = searched(truth, folder / "runs", args.workers, limit_s, show)
