@@ -74,11 +74,6 @@ class Scores:
         """Probability that chance alone makes any candidate gain as much, for its kind, as this one."""
         return tail(self.largest, gain / self.scale[name])
 
-    @property
-    def excess(self) -> float:
-        """χ² beyond what noise explains."""
-        return max(self.chi2 - self.expected, 0.0)
-
 
 def deviations(p: float) -> float:
     """How many standard deviations a normal variable has to be off for a two-sided probability ``p``."""
