@@ -69,7 +69,7 @@ def test_a_search_that_is_stopped_among_its_first_cuts_looked_for_no_cause(tmp_p
 
     found = found_in(truth.file, stops)
     assert formula.count == 8 and found.stopped == "interrupted"
-    assert found.verdict == "undecided" and not found.steps and found.final is None
+    assert found.verdict == "undecided" and not found.steps
     write_discovery(found, tmp_path)
     assert json.loads((tmp_path / "discovery.json").read_text())["status"] == "interrupted"
     assert (tmp_path / "discovery.html").exists() and not (tmp_path / "case.toml").exists()

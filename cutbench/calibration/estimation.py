@@ -161,10 +161,13 @@ def estimates(
     best = None
     if start is None:
         q, low, high = _box(posterior, q)
-        told.text = f"computing {count} cuts that fill the box"
-        _fill(posterior, cuts, q, low, high, count)
+        told.text = "computing the cuts where the search begins"
+        _compute(posterior, cuts, [q] * len(cuts))
         best = _there(posterior, q)
         yield best
+        told.text = f"computing {count} cuts that fill the box; where it begins, {missed_by(best)}"
+        _fill(posterior, cuts, low, high, count)
+        best = _there(posterior, q)
         found, reach = _best(posterior, _places(posterior, q, low, high)), (high - low) / 4
     else:
         found, reach = first_look(posterior, q), _beside(posterior, q)
@@ -307,22 +310,18 @@ def _box(posterior: Posterior, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, n
 
 
 def _fill(
-    posterior: Posterior, cuts: Sequence[Experiment], q: np.ndarray, low: np.ndarray, high: np.ndarray,
-    count: int,
-) -> None:  # fmt: skip
-    """Cuts that fill the box, by turns of each test, and those in its middle; those that are known count."""
-    _compute(posterior, cuts, [q] * len(cuts))
+    posterior: Posterior, cuts: Sequence[Experiment], low: np.ndarray, high: np.ndarray, count: int
+) -> None:
+    """Cuts that fill the box, by turns of each test; those that are known count."""
     try:
-        known = min(posterior.predictions.emulator(e).count for e in cuts)
+        known = min(posterior.predictions.emulator(e).count for e in cuts) - len(cuts)
     except NotKnown:
         known = 0
-    count = max(count + len(cuts) - known, 0)
-    if not count:
+    if (count := count - known) <= 0:
         return
-    made = qmc.Sobol(q.size, seed=0).random_base2(math.ceil(math.log2(count)))[:count]
-    places = [low + (high - low) * row for row in made]
+    made = qmc.Sobol(low.size, seed=0).random_base2(math.ceil(math.log2(count)))[:count]
     tests = [cuts[i % len(cuts)] for i in range(count)]
-    _compute(posterior, tests, places)
+    _compute(posterior, tests, [low + (high - low) * row for row in made])
 
 
 def _compute(posterior: Posterior, tests: Sequence[Experiment], places: Sequence[np.ndarray]) -> None:
