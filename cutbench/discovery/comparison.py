@@ -246,10 +246,17 @@ def step_from(null: Estimated, seed: int, on_progress: OnProgress = silent) -> S
     chosen = _of_classes(chosen, null.posterior, left_out)
     sensed = sensitivities(null, chosen)
     scores = score(sensed, null.w.noise, null.at.residual, seed=seed)
-    failed = {c.name: "it has no answer at off" for c in chosen} if not sensed.columns else {}
-    known = {s.name for s in scores.scores}
-    failed |= {c.name: "it has no answer at off" for c in chosen if c.name not in known}
-    promising = [s for s in _asked(scores, null) if s.gain > SETTINGS.undecided]
+    known, failed = {s.name for s in scores.scores}, dict[str, str]()
+    for c in (c for c in chosen if c.name not in known):
+        if c.slot == "support":
+            left_out[c.name] = "it changes what is solved for, so that no run says what it would do first"
+        else:
+            failed[c.name] = "it has no answer at off"
+    # Of cuts the first order says little; what the emulator knows costs no run, and is fitted in any case.
+    runs = bool(null.posterior.runs_wanted)
+    promising = [
+        s for s in _asked(scores, null) if s.gain > SETTINGS.undecided or (runs and not s.column.by_runs)
+    ]
     compared: list[Compared] = []
 
     def compare(asked: Sequence[Score]) -> None:
