@@ -381,7 +381,7 @@ class Fitting:
             self.status = CONVERGED if self.best is not None and self.best.settled else STOPPED
         except KeyboardInterrupt:
             self.status = LATE if time.monotonic() >= due else INTERRUPTED
-            self.runs.check = ALWAYS  # what is known can be asked
+        self.runs.check = ALWAYS  # what is known can be asked
 
     def result(self, began: float, profile: Sequence[str] = ()) -> Fit:
         """What is known."""

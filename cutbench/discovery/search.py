@@ -181,14 +181,16 @@ def discover(
     known = _Known()
     with runs_for(campaign, workers, store, limit_s, runs) as ready:
         fitting = Fitting(campaign, ready, free_parameters(campaign), on_progress, refine)
+        check = ready.check
         fitting.go(due)
         fit = fitting.result(began)
+        ready.check = check
         try:
             if fit.done and fit.estimated is not None:
                 _search(fit.estimated, known, seed, on_progress)
         except KeyboardInterrupt:
             known.stopped = LATE if time.monotonic() >= due else INTERRUPTED
-            ready.check = ALWAYS  # what is known can be asked
+        ready.check = ALWAYS  # what is known can be asked
         known.stopped = known.stopped or ("" if fit.done else fit.status)
     return _result(campaign, fit, known, time.perf_counter() - began, seed)
 

@@ -9,6 +9,7 @@ from cutbench.mechanisms.checks.base import check, close
 from cutbench.mechanisms.checks.trial import (
     NEW_UNITS,
     PRESSURE,
+    WAY,
     N,
     Trial,
     factors,
@@ -140,8 +141,8 @@ def surfaces_have_it(t: Trial) -> None:
 @check("rig")
 def rig_records(t: Trial) -> None:
     """Off it records what happened, and the same in other units."""
-    x, p = np.linspace(0, 21, N), t.numbers()
-    assert np.array_equal(recorded([t.law], t.numbers(**t.switches())), [x, np.sin(x)])
+    p = t.numbers()
+    assert np.array_equal(recorded([t.law], t.numbers(**t.switches())), [WAY, np.sin(WAY)])
     L, T, F = NEW_UNITS["[length]"], NEW_UNITS["[time]"], in_new_units(1.0, "N")
     here, there = recorded([t.law], p), recorded([t.law], t.rewritten(p), L, T, F)
     close(there[0], here[0] * L, 1e-12)

@@ -244,10 +244,14 @@ def of_surfaces(laws: list, p) -> np.ndarray:
     )
 
 
+#: Displacements (N,) of a testing machine, mm.
+WAY = np.linspace(-10, 21, N)
+
+
 def recorded(laws: list, p, length: float = 1.0, time: float = 1.0, force: float = 1.0) -> np.ndarray:
-    """What rigs record of a curve (2, N)."""
-    x = np.linspace(0, 21, N)
-    curve, t = (x * length, np.sin(x) * force), x / 0.021 * time
+    """What rigs record of a curve (2, N), of a cylinder that is pressed and pulled."""
+    curve, t = (WAY * length, np.sin(WAY) * force), np.linspace(0, 1000, N) * time
+    known = SimpleNamespace(**vars(p), shape_factor=0.5, specimen_length=50.0 * length)
     for law in laws:
-        curve = law.record(*curve, t, p)
+        curve = law.record(*curve, t, known)
     return np.stack(curve)
