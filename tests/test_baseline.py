@@ -77,7 +77,7 @@ def shy(law_of):
 
 def test_a_start_that_cannot_be_computed_is_said_with_the_test(shy, tmp_path):
     head = 'baseline = ["shy"]\n[parameters]\nG = "30 kPa"\nshyness = 0.1\n[fit]\nfree = ["G"]\n'
-    with pytest.raises(ComputationFailed, match="nobody has seen it") as said:
+    with pytest.raises(ComputationFailed) as said:
         fit(load_campaign(write_campaign(tmp_path, head=head)), workers=0)
     assert any(f"'{id}'" in str(said.value) for id in ("far", "near"))
 

@@ -26,7 +26,11 @@ from cutbench.run.fields import snapshot
 from cutbench.run.runner import run_case
 
 LAW = registry()
-CANDIDATES = [name for name, law in LAW.items() if law.off and name not in (*DEFAULT, "viscous")]
+CANDIDATES = [
+    name
+    for name, law in LAW.items()
+    if law.off and name not in (*DEFAULT, "viscous") and "cut" in getattr(law, "kinds", ("cut",))
+]
 
 #: A small, weak block under a long tip: it is cut from 0.4 mm on. Its elements are larger than the tip
 #: is round: pressure along the tool's normal would push them down, not apart.

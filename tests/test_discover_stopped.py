@@ -12,6 +12,7 @@ import pytest
 from refusals import refusal
 from typer.testing import CliRunner
 
+from cutbench.calibration.fitting import LATE
 from cutbench.cli.main import app
 from cutbench.data.campaign import Campaign
 from cutbench.discovery import discover
@@ -90,18 +91,18 @@ def test_what_does_not_end_in_time_tells_what_was_found(campaign, whole, monkeyp
         now[0] += 10.0
 
     d = discover(campaign, workers=0, limit_s=30.0, on_progress=slow)
-    assert d.stopped == "out of time" and tried(d) < tried(whole[0])
+    assert d.stopped == LATE and tried(d) < tried(whole[0])
     kept = discover(campaign, workers=0, limit_s=1e6, on_progress=slow)
     assert kept.held_out == whole[0].held_out and kept.stopped == ""
 
 
 def test_a_baseline_that_does_not_end_in_time_is_undecided(campaign, tmp_path):
     d = discover(campaign, workers=0, limit_s=0.0)
-    assert d.stopped == "out of time" and d.verdict == "undecided" and not d.found and not d.steps
+    assert d.stopped == LATE and d.verdict == "undecided" and not d.found and not d.steps
     write_discovery(d, tmp_path)
-    assert json.loads((tmp_path / "discovery.json").read_text())["status"] == "out of time"
+    assert json.loads((tmp_path / "discovery.json").read_text())["status"] == LATE
     page = (tmp_path / "discovery.html").read_text(encoding="utf-8")
-    assert "out of time" in page and "<html" in page
+    assert LATE in page and "<html" in page
     assert not (tmp_path / "case.toml").exists()
 
 

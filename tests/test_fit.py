@@ -16,7 +16,7 @@ from benchmarks.blind_campaigns import Planned, make
 from cutbench.base.errors import ComputationFailed
 from cutbench.base.progress import Until
 from cutbench.calibration.cut_runs import CutRuns
-from cutbench.calibration.fitting import fit
+from cutbench.calibration.fitting import LATE, fit
 from cutbench.calibration.report import summary, to_dict, write_fit
 from cutbench.case.case import Case, load_case
 from cutbench.cli.main import app
@@ -331,7 +331,7 @@ def test_a_fit_that_does_not_end_in_time_says_so(tmp_path):
     _, made = by_formula(tmp_path, "G", "G_c")
     runs = CutRuns(TaskPool(0), check=Until(0.0), compute=runs_by_formula.Counted())
     found = fit(made, runs=runs, limit_s=0.0)
-    assert found.status == "out of time" and not found.done
+    assert found.status == LATE and not found.done
     assert found.status in summary(found)
 
 

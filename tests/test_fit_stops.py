@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import cutbench
+from cutbench.calibration.fitting import LATE
 from cutbench.data.campaign import load_campaign
 
 #: kPa, of the strip that was measured.
@@ -82,4 +83,4 @@ def test_one_that_is_interrupted_gives_no_estimate_no_interval_and_no_case_file(
 
 def test_tests_with_a_formula_know_a_limit_of_time_too(tmp_path):
     found = cutbench.fit(campaign(tmp_path, "20 kPa"), limit_s=0.0)
-    assert found.status == "out of time" and not found.done
+    assert found.status == LATE and not found.done

@@ -73,7 +73,7 @@ def test_meshes_keep_to_it(dim):
 
 def test_the_rim_is_coarse_once_the_front_has_left_unless_something_is_kept_there():
     def at_top(kept):
-        mesh = half_block(30, 21, H, rim=RIM, fine=(8.0, 12.0), store=kept)
+        mesh = half_block(30, 21, H, rim=RIM, fine=(8.0, 12.0), kept=kept)
         corners = mesh.p[:, mesh.t]
         on_rim = (corners[1].max(axis=0) > 21 - 1e-9) & (corners[0].min(axis=0) < RIM / 2)
         return np.ptp(corners[0], axis=0)[on_rim]

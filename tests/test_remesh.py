@@ -40,7 +40,7 @@ def test_elements_are_small_where_asked_alone():
     assert size[within].max() <= 0.126
     assert size[np.abs(H - height - 7) > 4].min() > 1.0
     assert part.nelements < whole.nelements / 3
-    kept = half_block(30, H, 0.125, fine=(6.0, 8.0), store=np.array([[0.0], [H - 1.0]]))
+    kept = half_block(30, H, 0.125, fine=(6.0, 8.0), kept=np.array([[0.0], [H - 1.0]]))
     height, size = sizes_on_plane(kept)
     assert size[np.abs(H - height - 1) < 0.2].max() <= 0.126
     assert part.nelements < kept.nelements < whole.nelements / 2
