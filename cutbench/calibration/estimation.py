@@ -152,9 +152,7 @@ def estimates(
                     best = there
                     yield best
         if best is None:
-            posterior.maximum(q)  # raises
-            return
-        yield best
+            posterior.maximum(q)  # says why not
         return
     runs, count = posterior.predictions.runs, SETTINGS.first + SETTINGS.each * q.size
     told = _Progress(runs, on_progress, count + len(cuts) * (2 + 4 * refine))
@@ -192,6 +190,7 @@ def estimates(
     if refine:
         told.text = "measuring the error of the mesh on finer ones"
         best = _refined(posterior, cuts, best)
+    runs.on_run = lambda: None  # what others compute is not of this search
     yield replace(best, settled=settled)
 
 

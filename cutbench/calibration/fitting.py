@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import ClassVar
@@ -325,28 +325,19 @@ def fit(
         return fitting.result(began, profile)
 
 
-class _Ready:
-    """Processes and the runs that they compute, for as long as the block."""
-
-    def __init__(self, workers: int, store: Path | None, check: Until):
-        self._pool, self._store, self._check = TaskPool(workers if workers > 1 else 0), store, check
-
-    def __enter__(self) -> CutRuns:
-        return CutRuns(self._pool.__enter__(), self._store, self._check)
-
-    def __exit__(self, *error: object) -> None:
-        self._pool.__exit__(*error)
-
-
+@contextmanager
 def runs_for(
     campaign: Campaign, workers: int | None, store: str | Path | None, limit_s: float, runs: CutRuns | None
-) -> nullcontext[CutRuns] | _Ready:
-    """A context with what computes a campaign's cuts: ``runs``, or new processes until ``limit_s``."""
+) -> Iterator[CutRuns]:
+    """What computes a campaign's cuts: ``runs``, or new processes until ``limit_s``."""
     if runs is not None:
-        return nullcontext(runs)
+        yield runs
+        return
     cuts = any(e.kind == "cut" for e in campaign.experiments)
     count = (cores() if workers is None else workers) if cuts else 0
-    return _Ready(count, None if store is None else Path(store), Until(time.monotonic() + limit_s))
+    # One process alone would only wait, so it is this one.
+    with TaskPool(count if count > 1 else 0) as pool:
+        yield CutRuns(pool, None if store is None else Path(store), Until(time.monotonic() + limit_s))
 
 
 class Fitting:
@@ -388,8 +379,7 @@ class Fitting:
         posterior = self.posterior if self.best is None else self.best.posterior
         done, notes = self.status in (CONVERGED, STOPPED), list(self.campaign.all_notes())
         covariance, found = _estimates(posterior, self.best, done)
-        values = _shared(posterior, np.zeros(len(posterior.parameters)) if self.best is None else self.best.q)
-        base = posterior.predictions.base
+        case = posterior.case(np.zeros(len(posterior.parameters)) if self.best is None else self.best.q)
         compared = _compared(posterior, self.best, notes, done)
         notes += _at_bounds(posterior, found, compared)
         notes += [unrepeated(id) for id, grid in posterior.predictions.grids.items() if grid.estimated]
@@ -405,7 +395,7 @@ class Fitting:
                 break
         after = self.before if self.best is None else identifiability(self.best.white_J, posterior.parameters)
         return Fit(
-            self.campaign, self.best, replace(base, values={**base.values, **values}), found, self.fixed,
+            self.campaign, self.best, case, found, self.fixed,
             covariance, self.status, self._message(compared), compared, self.before, after,
             tuple(dict.fromkeys(notes)), self.runs.count, time.perf_counter() - began, tuple(profiles),
         )  # fmt: skip
@@ -419,14 +409,6 @@ class Fitting:
             return f"{self.status} after {self.runs.count} cuts, before a maximum: {reached}"
         off, id = max(((c.misfit, c.experiment.id) for c in compared), default=(0.0, ""))
         return self.status + (f", at a misfit of {100 * off:.0f} % of the maximum in '{id}'" * (off > FAR))
-
-
-def _shared(posterior: Posterior, q: np.ndarray) -> dict[str, float]:
-    """Values by name; the mean where each test has its own."""
-    found: dict[str, list[float]] = {}
-    for u, x in zip(posterior.parameters, q, strict=True):
-        found.setdefault(u.name, []).append(u.value(x))
-    return {name: float(np.mean(values)) for name, values in found.items()}
 
 
 def _estimates(

@@ -153,6 +153,14 @@ class Posterior:
             found[name] = float(np.mean(mine or [v for _, v in all_]))
         return found
 
+    def case(self, q: np.ndarray) -> Case:
+        """The model at ``q`` (k,); the mean where each test has a value of its own."""
+        found: dict[str, list[float]] = {}
+        for u, x in zip(self.parameters, q, strict=True):
+            found.setdefault(u.name, []).append(u.value(x))
+        base = self.predictions.base
+        return replace(base, values={**base.values, **{n: float(np.mean(v)) for n, v in found.items()}})
+
     def evaluate(
         self, q: np.ndarray, tests: Sequence[Experiment] | None = None, differentiate: bool = True
     ) -> Evaluated:
@@ -341,11 +349,7 @@ class Estimated:
     @property
     def case(self) -> Case:
         """The model with the values found; the mean where each test has its own."""
-        found: dict[str, list[float]] = {}
-        for u, x in zip(self.posterior.parameters, self.q, strict=True):
-            found.setdefault(u.name, []).append(u.value(x))
-        base = self.posterior.predictions.base
-        return replace(base, values={**base.values, **{n: float(np.mean(v)) for n, v in found.items()}})
+        return self.posterior.case(self.q)
 
     def predicted(self, e: Experiment) -> Predicted:
         """What the model says of any test, with derivatives by its free parameters. Raises

@@ -26,7 +26,7 @@ from cutbench.data.discrepancy import discrepancy_mean
 from cutbench.discovery.candidates import FIXED, ORDER, Candidate, candidates, family_of
 from cutbench.discovery.held_out import TESTS, HeldOut, held_out
 from cutbench.discovery.score import Score, Scores, score
-from cutbench.discovery.screening import Column, sensitivities
+from cutbench.discovery.screening import sensitivities
 from cutbench.mechanisms import registry
 from cutbench.mechanisms.base import Mechanism
 from cutbench.run.sensitivity import extended
@@ -456,7 +456,7 @@ def _without_idle(
         on_progress(math.nan, math.nan, f"the model without {each.name}")
         rest, fitted = [f for f in kept if f is not each], baseline
         for f in rest:
-            again = _again(fitted, f.compared.candidate, last)
+            again = _again(fitted, f, last)
             if again is None:
                 break
             fitted = again
@@ -466,12 +466,15 @@ def _without_idle(
     return kept, last
 
 
-def _again(null: Estimated, c: Candidate, last: Estimated) -> Estimated | None:
-    """The model with a cause that was found beside others, from its values there."""
-    values = last.values()
+def _again(null: Estimated, f: Found, last: Estimated) -> Estimated | None:
+    """The model with a cause that was found beside others, from its values there; with the prior that it was
+    found with."""
+    values, c = last.values(), f.compared.candidate
     strengths = np.array([values[q.name] - q.off_value for q in c.strengths])
-    shapes = {q.name: values[q.name] for q in c.shapes if q.name in values}
-    s = Score(Column(c, shapes, {}), 0.0, strengths, np.zeros(null.q.size), np.zeros(0))
+    shapes = {q.name: values[q.name] for q in c.shapes}
+    scored = next(s for s in f.step.scores.scores if s.name == c.name)
+    column = replace(scored.column, shapes=shapes)
+    s = replace(scored, column=column, strengths=strengths, free=np.zeros(null.q.size))
     try:
         return _estimated(*_extended(null, s))
     except _FAILS:
