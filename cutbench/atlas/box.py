@@ -1,0 +1,111 @@
+"""The box of dimensionless groups that the atlas's runs fill."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import qmc
+
+from cutbench.case.case import Case
+
+#: Part of a side that ends in a value of 0, in which the value *is* 0: many a user has no friction.
+OFF = 0.08
+#: A run ends this far down: as a part of the specimen's height, and in halves of the blade's thickness.
+DEPTH = (0.8, 40.0)
+
+
+@dataclass(frozen=True)
+class Side:
+    """One side of the box.
+
+    Attributes
+    ----------
+    name : str
+        The group, as ``Groups.reduced`` names it: a parameter in units of the modulus, of half the blade's
+        thickness and of the time in which the blade goes as far. ``cohesion``, ``viscosity`` and
+        ``adhesion`` are the groups of these names.
+    low, high : float
+        Its ends.
+    kind : {"log", "asinh", "incompressible"}
+        Along what it is even: the logarithm; the inverse hyperbolic sine, from 0 on, where a value switches
+        its effect off; the logarithm of 1 − 2 ν.
+    unit : float
+        Below it, the inverse hyperbolic sine goes in proportion.
+    """
+
+    name: str
+    low: float
+    high: float
+    kind: str = "log"
+    unit: float = 1.0
+
+    def coordinate(self, value: np.ndarray) -> np.ndarray:
+        """Where values are, as the emulator takes them."""
+        value = np.asarray(value, dtype=float)
+        if self.kind == "log":
+            return np.log(np.maximum(value, 1e-300))
+        return np.arcsinh(value / self.unit) if self.kind == "asinh" else -np.log1p(-2 * value)
+
+    def value(self, part: float) -> float:
+        """The value at a part (0 to 1) of the side, six digits."""
+        if self.kind == "asinh":
+            part = max(0.0, (part - OFF) / (1 - OFF))
+        low, high = self.coordinate(np.array([self.low, self.high]))
+        at = low + part * (high - low)
+        back = {
+            "log": math.exp,
+            "asinh": lambda x: self.unit * math.sinh(x),
+            "incompressible": lambda x: -math.expm1(-x) / 2,
+        }
+        return float(f"{back[self.kind](at):.6g}")
+
+
+@dataclass(frozen=True)
+class Box:
+    """A blade's box, and the case that is set to its points."""
+
+    blade: str
+    sides: tuple[Side, ...]
+
+    def points(self, count: int, seed: int) -> np.ndarray:
+        """Parts (count, d) of the sides: the first of Sobol's sequence, scrambled, so that the first half of
+        them fills the box, too (10.1145/641876.641879)."""
+        made = qmc.Sobol(len(self.sides), scramble=True, rng=np.random.default_rng(seed))
+        return made.random_base2(math.ceil(math.log2(max(count, 2))))[:count]
+
+    def case(self, base: Case, parts: np.ndarray) -> Case:
+        """``base``, a case of the box's model, at parts (d,) of the sides."""
+        groups = {side.name: side.value(float(part)) for side, part in zip(self.sides, parts, strict=True)}
+        return base.set(**settings(base, groups))
+
+
+def settings(base: Case, groups: Mapping[str, float]) -> dict[str, object]:
+    """What ``Case.set`` takes for values of groups, in the units of ``base``."""
+    half = base.values["thickness"] / 2
+    lengths = {"tip", "edge_radius", "delta_c", "surface_length", "length", "height"}
+    found: dict[str, object] = {n: f"{half * v:.6g} mm" if n in lengths else v for n, v in groups.items()}
+    if "angle" in groups:
+        found["angle"] = f"{groups['angle']:.6g} deg"
+    part, most = DEPTH
+    found["depth"] = f"{half * min(part * groups['height'], most):.6g} mm"
+    return found
+
+
+_SHARED = (
+    Side("cohesion", 1.0, 15.0),
+    Side("viscosity", 0.003, 10.0),
+    Side("adhesion", 0.0, 0.3, "asinh", 0.03),
+    Side("mu", 0.0, 0.5, "asinh", 0.05),
+    Side("delta_c", 0.1, 0.4),
+    Side("surface_length", 0.05, 0.4),
+    Side("length", 40.0, 160.0),
+    Side("height", 30.0, 120.0),
+    Side("nu", 0.45, 0.4995, "incompressible"),
+)
+#: A blunt blade with an elliptic tip.
+BLUNT = Box("contact", (*_SHARED, Side("tip", 1.5, 6.0)))
+#: A wedge with a rounded edge; angles in degrees.
+WEDGE = Box("wedge", (*_SHARED, Side("angle", 12.0, 60.0), Side("edge_radius", 0.03, 0.3)))
