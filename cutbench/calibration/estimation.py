@@ -166,7 +166,7 @@ def estimates(
         told.text = f"computing {count} cuts that fill the box; where it begins, {missed_by(best)}"
         _fill(posterior, cuts, low, high, count)
         best = _there(posterior, q)
-        found, reach = _best(posterior, _places(posterior, q, low, high)), (high - low) / 4
+        found, reach = best_of(posterior, places(posterior, q, low, high)), (high - low) / 4
     else:
         found, reach = first_look(posterior, q), _beside(posterior, q)
     settled = False
@@ -255,7 +255,7 @@ def _others(q: np.ndarray) -> list[np.ndarray]:
     return [q + SETTINGS.reach * (2 * row - 1) for row in rows]
 
 
-def _best(posterior: Posterior, starts: Sequence[np.ndarray]) -> Estimated:
+def best_of(posterior: Posterior, starts: Sequence[np.ndarray]) -> Estimated:
     """The likeliest of the maxima that are reached. Raises ComputationFailed."""
     found, why = [], "nothing to start from"
     for q in starts:
@@ -330,7 +330,7 @@ def _compute(posterior: Posterior, tests: Sequence[Experiment], places: Sequence
         raise ComputationFailed(f"no cut can be computed: {next(iter(p.runs.failed.values()), '')}")
 
 
-def _places(posterior: Posterior, q: np.ndarray, low: np.ndarray, high: np.ndarray) -> list[np.ndarray]:
+def places(posterior: Posterior, q: np.ndarray, low: np.ndarray, high: np.ndarray) -> list[np.ndarray]:
     """The best places of the box by the emulator."""
     rows = low + (high - low) * qmc.Sobol(q.size, seed=0).random(PLACES)
     worth = [_worth(posterior, row) for row in rows]

@@ -18,7 +18,7 @@ import numpy as np
 
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.progress import OnProgress, silent
-from cutbench.calibration.estimation import estimate, first_look
+from cutbench.calibration.estimation import best_of, estimate, first_look, places
 from cutbench.calibration.parameters import FreeParameter
 from cutbench.calibration.posterior import Estimated, Posterior
 from cutbench.calibration.settings import SETTINGS
@@ -300,10 +300,9 @@ def _with_runs(
     null: Estimated, compared: list[Compared], scores: Scores, on_progress: OnProgress
 ) -> list[Compared]:
     """The best of them with cuts computed at their best places: while one that was not may be the best."""
-    open_ = [c for c in compared if c.evidence > 0]
-    done: list[Compared] = []
-    for c in open_[: SETTINGS.computed]:
-        if done and max(d.evidence for d in done) - c.evidence > 2 * SETTINGS.undecided:
+    open_, done = [c for c in compared if _promised(c) > 0], list[Compared]()
+    for c in sorted(open_, key=_promised, reverse=True)[: SETTINGS.computed]:
+        if max((d.evidence for d in done), default=-math.inf) > _promised(c) + SETTINGS.undecided:
             break
         on_progress(math.nan, math.nan, f"computing cuts of the model with {c.name}")
         fitted = _estimated(c.fitted.posterior, c.fitted.q, on_progress)
@@ -313,6 +312,15 @@ def _with_runs(
     best = max((d.evidence for d in done), default=math.inf)
     rest = [replace(c, evidence=min(c.evidence, best)) for c in rest]
     return sorted([*done, *rest], key=lambda c: (-c.evidence, c.name not in {d.name for d in done}, c.name))
+
+
+def _promised(c: Compared) -> float:
+    """The evidence that there would be if cuts, once computed, were where the data want them as far as the
+    emulator's error allows: its error is no noise, and takes up none of the probability."""
+    post, at = c.fitted.posterior, c.fitted.at
+    mesh = {e.id: post.mesh_error(e, at.y[e.id]).covariance for e in post.tests}
+    with_, without = post.noise(at), post.noise(replace(at, error=mesh))
+    return c.evidence + 0.5 * sum(w.volume - without.tests[id].volume for id, w in with_.tests.items())
 
 
 def _of_classes(
@@ -362,7 +370,25 @@ def _fitted(null: Estimated, s: Score, scores: Scores) -> Estimated | None:
         found = _from(null, each)
         if found is not None and (best is None or found.log_posterior > best.log_posterior):
             best = found
+    if null.posterior.runs_wanted:
+        found = _anywhere(null, tried[-1])
+        if found is not None and (best is None or found.log_posterior > best.log_posterior):
+            best = found
     return best
+
+
+def _anywhere(null: Estimated, s: Score) -> Estimated | None:
+    """The model with a candidate wherever it is likeliest within the box that the baseline's cuts fill: what
+    a cause does to cuts other parameters may have taken up, far from where they are without it."""
+    try:
+        posterior, q = _extended(null, s)
+        half = np.full(q.size, SETTINGS.reach)
+        half[null.q.size :] = np.maximum(np.abs(q - posterior.centres)[null.q.size :], 1e-3)
+        middle = np.append(np.zeros(null.q.size), posterior.centres[null.q.size :])
+        low, high = (np.clip(middle + side * half, *posterior.bounds) for side in (-1, 1))
+        return best_of(posterior, places(posterior, q, low, high))
+    except _FAILS:
+        return None
 
 
 def _from(null: Estimated, s: Score) -> Estimated | None:
