@@ -57,7 +57,7 @@ def compute(case: Case, limit_s: float) -> dict[str, object]:
     keep = ("displacement_mm", "force_N", "cut_length_mm")
     curve = {n: v for n, v in result.curve.items() if n in keep or n.startswith("work_")}
     return {
-        "case": json.dumps(case.to_dict()), "outcome": result.outcome.kind, "commit": here(),
+        "case": json.dumps(case.to_dict()), "outcome": result.outcome.kind, "commit": here()["commit"] or "",
         "message": result.outcome.message, "seconds": time.process_time() - began,
         "measures": json.dumps(result.measures), **curve,
     }  # fmt: skip
