@@ -7,6 +7,7 @@ a machine and how it reads act on both alike. Nothing above knows which of the t
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,9 +23,21 @@ from cutbench.data.repetition import Averaged
 from cutbench.emulator import CutEmulator, OutOfRange
 from cutbench.homogeneous import slopes
 
+#: Cuts are computed deeper than they were measured by this part, where the specimen is high enough: a machine
+#: whose zero was set late shows less than the blade went.
+DEEPER = 0.12
 #: Derivatives of a run beyond the onset are those of a stair: none counts for more than so many times the
 #: largest force.
 STEEPEST = 6.0
+
+
+def _deeper(case: Case) -> Case:
+    """``case`` as far down as its cuts are computed."""
+    if case.motion:
+        return case
+    with suppress(BadInput):
+        return replace(case, values={**case.values, "depth": (1 + DEEPER) * case.values["depth"]})
+    return case
 
 
 class NotKnown(ComputationFailed):
@@ -81,7 +94,9 @@ class Predictions:
         self.campaign, self.base, self.grids, self.runs = campaign, base, grids, runs
         rig = {q.name for law in base.model.laws("rig") for q in law.parameters}
         self.free = tuple(dict.fromkeys(n for n in free if n not in rig))
-        self._cuts = {e.id: campaign.case(e, base) for e in campaign.experiments if e.kind == "cut"}
+        self._cuts = {
+            e.id: _deeper(campaign.case(e, base)) for e in campaign.experiments if e.kind == "cut"
+        }
         self._recorders = {
             e.id: Recorder(e, grids[e.id], base.model) for e in campaign.experiments if e.id in self._cuts
         }

@@ -9,11 +9,16 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from cutbench.base.errors import ComputationFailed
 from cutbench.case.model import Model
 from cutbench.data.campaign import lead_s
 from cutbench.data.experiment import Experiment
 from cutbench.data.repetition import Averaged, averaging
 from cutbench.mechanisms.base import STEP
+
+
+#: A reading this part of all beyond the end of a curve is read at its end.
+PAST = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +113,8 @@ class Recorder:
             read = _polygon(places, course[2], self.model.record(course[0], course[1], course[2], p)[1])
         else:
             x, force, _ = self.model.shown(course, p)
+            if places.max() > x[-1].real + PAST * places.max():
+                raise ComputationFailed(f"'{self.experiment.id}' was read farther than its cut was computed")
             read = _polygon(places, x, force)
         # A real matrix times a complex vector would be a thousand times as slow.
         return average @ read.real + 1j * (average @ read.imag)

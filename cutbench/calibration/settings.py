@@ -57,7 +57,7 @@ class Settings:
     share: float = 0.3
     trifle: float = 0.1
     tried: int = 6
-    computed: int = 2
+    computed: int = 3
     most: int = 4
 
 

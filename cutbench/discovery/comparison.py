@@ -57,6 +57,8 @@ class Compared:
         How both predict what was not fitted.
     significant : bool
         Whether the model without it misses more, as a whole, than chance makes, or is known from runs.
+    computed : bool
+        Whether cuts were computed at its place; else the emulator alone speaks for it.
     """
 
     candidate: Candidate
@@ -66,6 +68,7 @@ class Compared:
     share: float
     held_out: HeldOut
     significant: bool
+    computed: bool = True
 
     @property
     def name(self) -> str:
@@ -76,6 +79,8 @@ class Compared:
     def doubts(self) -> tuple[str, ...]:
         """Why it may not be named; nothing where it may."""
         found = []
+        if not self.computed:
+            found.append("cuts were computed for others that promise more")
         if self.p >= SETTINGS.chance:
             found.append(f"chance alone gains as much in {100 * self.p:.2g} % of such data")
         if self.evidence <= 0:
@@ -291,9 +296,10 @@ def _asked(scores: Scores, null: Estimated) -> list[Score]:
     others = [s for s in scores.scores if s.column.candidate.cause != "mechanism"]
     if not null.posterior.runs_wanted:
         return [*others, *laws[: SETTINGS.tried]]
-    every = sorted([*others, *laws], key=lambda s: -s.gain)
-    free = [s for s in every if not s.column.by_runs]
-    return [*free, *[s for s in every if s.column.by_runs][: SETTINGS.tried]]
+    # What the emulator knows costs no run, whatever its class.
+    free = [s for s in scores.scores if not s.column.by_runs]
+    costly = sorted((s for s in [*others, *laws] if s.column.by_runs), key=lambda s: -s.gain)
+    return [*free, *costly[: SETTINGS.tried]]
 
 
 def _with_runs(
@@ -307,11 +313,8 @@ def _with_runs(
         on_progress(math.nan, math.nan, f"computing cuts of the model with {c.name}")
         fitted = _estimated(c.fitted.posterior, c.fitted.q, on_progress)
         done.append(c if fitted is None else _beside(null, c.candidate, fitted, scores))
-    rest = [c for c in compared if c.name not in {d.name for d in done}]
-    # What was not computed rests on the emulator alone, and is not named before what was.
-    best = max((d.evidence for d in done), default=math.inf)
-    rest = [replace(c, evidence=min(c.evidence, best)) for c in rest]
-    return sorted([*done, *rest], key=lambda c: (-c.evidence, c.name not in {d.name for d in done}, c.name))
+    rest = [replace(c, computed=False) for c in compared if c.name not in {d.name for d in done}]
+    return sorted([*done, *rest], key=lambda c: (-c.evidence, c.name))
 
 
 def _promised(c: Compared) -> float:
