@@ -23,6 +23,7 @@ ROOMS = (
     "models3d",
     "run",
     "emulator",
+    "atlas",
     "maps",
     "data",
     "homogeneous",

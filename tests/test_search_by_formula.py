@@ -35,8 +35,7 @@ def found_in(file, compute, folder=None, **how):
     "effect",
     [
         "none", "toughness by speed", "adhesion by speed",
-        pytest.param("relaxing modulus", marks=pytest.mark.xfail(reason="undecided")),
-        pytest.param("late zero", marks=pytest.mark.xfail(reason="a second cause is named beside the first")),
+        "relaxing modulus", "late zero",
     ],
 )  # fmt: skip
 def test_a_search_ends_where_the_data_lead(effect, tmp_path):

@@ -1,4 +1,4 @@
-"""Atlas: runs of a blunt blade in a neo-Hookean gel that the package brings along, and what lies between them.
+"""Atlas: runs of blunt blades in neo-Hookean gels that the package brings along, and what lies between.
 
 from cutbench.atlas import estimate
 found = estimate("gelatin")

@@ -166,7 +166,7 @@ def estimates(
         told.text = f"computing {count} cuts that fill the box; where it begins, {missed_by(best)}"
         _fill(posterior, cuts, low, high, count)
         best = _there(posterior, q)
-        found, reach = best_of(posterior, places(posterior, q, low, high)), (high - low) / 4
+        found, reach = _best(posterior, places(posterior, q, low, high)), (high - low) / 4
     else:
         found, reach = first_look(posterior, q), _beside(posterior, q)
     settled = False
@@ -255,7 +255,7 @@ def _others(q: np.ndarray) -> list[np.ndarray]:
     return [q + SETTINGS.reach * (2 * row - 1) for row in rows]
 
 
-def best_of(posterior: Posterior, starts: Sequence[np.ndarray]) -> Estimated:
+def _best(posterior: Posterior, starts: Sequence[np.ndarray]) -> Estimated:
     """The likeliest of the maxima that are reached. Raises ComputationFailed."""
     found, why = [], "nothing to start from"
     for q in starts:

@@ -94,9 +94,7 @@ class Predictions:
         self.campaign, self.base, self.grids, self.runs = campaign, base, grids, runs
         rig = {q.name for law in base.model.laws("rig") for q in law.parameters}
         self.free = tuple(dict.fromkeys(n for n in free if n not in rig))
-        self._cuts = {
-            e.id: _deeper(campaign.case(e, base)) for e in campaign.experiments if e.kind == "cut"
-        }
+        self._cuts = {e.id: _deeper(campaign.case(e, base)) for e in campaign.experiments if e.kind == "cut"}
         self._recorders = {
             e.id: Recorder(e, grids[e.id], base.model) for e in campaign.experiments if e.id in self._cuts
         }

@@ -16,7 +16,6 @@ from cutbench.data.experiment import Experiment
 from cutbench.data.repetition import Averaged, averaging
 from cutbench.mechanisms.base import STEP
 
-
 #: A reading this part of all beyond the end of a curve is read at its end.
 PAST = 0.01
 

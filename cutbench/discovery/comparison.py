@@ -18,7 +18,7 @@ import numpy as np
 
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.progress import OnProgress, silent
-from cutbench.calibration.estimation import best_of, estimate, first_look, places
+from cutbench.calibration.estimation import estimate, first_look, places
 from cutbench.calibration.parameters import FreeParameter
 from cutbench.calibration.posterior import Estimated, Posterior
 from cutbench.calibration.settings import SETTINGS
@@ -203,7 +203,7 @@ def comparisons(
         beside = f" beside {' and '.join(f.name for f in found)}" if found else ""
         on_progress(math.nan, math.nan, f"looking for a cause{beside}")
         step = step_from(null, seed, on_progress)
-        if step.group and (better := _elsewhere(step)) is not None:
+        if step.compared and (better := _elsewhere(step)) is not None:
             # Some of the gain was that of other values: the cause is asked beside these.
             null, baseline = better, better if null is baseline else baseline
             step = step_from(null, seed, on_progress)
@@ -220,10 +220,10 @@ def comparisons(
 
 
 def _elsewhere(step: Step) -> Estimated | None:
-    """The model without a cause, at the other parameters' values beside the cause that would be named; None
-    where it is no likelier there."""
+    """The model without a cause, at the other parameters' values beside the cause that would be named, or
+    has the most evidence; None where it is no likelier there."""
     null = step.null
-    q = step.group[0].fitted.q[: null.q.size]
+    q = (step.group or step.compared)[0].fitted.q[: null.q.size]
     try:
         found = null.posterior.maximum(q)
         if found.log_posterior < null.log_posterior + SETTINGS.gained:
@@ -389,7 +389,7 @@ def _anywhere(null: Estimated, s: Score) -> Estimated | None:
         half[null.q.size :] = np.maximum(np.abs(q - posterior.centres)[null.q.size :], 1e-3)
         middle = np.append(np.zeros(null.q.size), posterior.centres[null.q.size :])
         low, high = (np.clip(middle + side * half, *posterior.bounds) for side in (-1, 1))
-        return best_of(posterior, places(posterior, q, low, high))
+        return posterior.maximum(places(posterior, q, low, high)[0])
     except _FAILS:
         return None
 
