@@ -22,6 +22,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "data.campaign": ["Campaign", "load_campaign"],
         "data.examples": ["copy_examples"],
         "discovery.search": ["Discovery", "discover"],
+        "emulator.atlas": ["Estimate", "estimate"],
         "loading": ["load"],
         "maps.dataset": ["load_map"],
         "maps.map": ["Map"],

@@ -23,7 +23,6 @@ ROOMS = (
     "models3d",
     "run",
     "emulator",
-    "atlas",
     "maps",
     "data",
     "homogeneous",

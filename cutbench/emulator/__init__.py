@@ -12,6 +12,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        "atlas": ["Atlas", "Estimate", "NotInAtlas", "estimate", "shipped"],
         "database": ["CutEmulator", "OutOfRange", "Run", "RunDatabase"],
         "groups": ["Groups"],
         "process": ["GaussianProcess", "Kernel"],

@@ -8,12 +8,12 @@ beyond. Where it begins, what is before and what is beyond are a process each.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from cutbench.emulator.process import GaussianProcess
+from cutbench.emulator.process import GaussianProcess, Kernel
 
 #: A part of the usual largest force: a force below counts as it is, one above by its logarithm.
 SMALL = 0.05
@@ -48,6 +48,10 @@ class AlignedCurves:
         One at each; in whatever units, the same for all.
     x : ndarray, shape (k,)
         Travels, ascending from 0, at which curves are said.
+    beyond : ndarray, optional
+        Travels beyond the onset, ascending from 0, between which curves are straight; even unless given.
+    kernels : sequence of Kernel, optional
+        Those of the onset, of what is before it and of what is beyond, as ``kernels`` of an earlier one says.
 
     Raises
     ------
@@ -55,21 +59,63 @@ class AlignedCurves:
         If there are too few places for their dimension.
     """
 
-    def __init__(self, X: np.ndarray, courses: Sequence[Course], x: np.ndarray):
+    def __init__(
+        self,
+        X: np.ndarray,
+        courses: Sequence[Course],
+        x: np.ndarray,
+        beyond: np.ndarray | None = None,
+        kernels: Sequence[Kernel | None] = (None, None, None),
+    ):
         if len(X) < X.shape[1] + 1 + SPARE:
             raise ValueError(f"{len(X)} curves are too few for {X.shape[1]} coordinates")
         self.x, self.X, self.courses = x, X, courses
         self.small = SMALL * float(np.median([np.abs(c.force).max() for c in courses]))
         begun = np.isfinite([c.onset for c in courses])
-        self._onset, at = _onsets(X, courses, begun, x[-1])
+        self._onset, at = _onsets(X, courses, begun, x[-1], kernels[0])
         #: Parts of the way to the onset, and the travel beyond it.
-        self.part, self.beyond = np.linspace(0, 1, x.size), np.linspace(0, x[-1], x.size)
+        self.part = np.linspace(0, 1, x.size)
+        self.beyond = np.linspace(0, x[-1], x.size) if beyond is None else beyond
         rising = np.array([_read(self.part[1:] * o, c) for o, c in zip(at, courses, strict=True)])
-        self._before = _Curves(X, np.arcsinh(rising / self.small))
-        self._after: _Curves | None = None
+        self._before = Curves(X, np.arcsinh(rising / self.small), kernels[1])
+        self._after: Curves | None = None
         if self._onset is not None:
             after = [_read(self.beyond + o, c) for o, c, b in zip(at, courses, begun, strict=True) if b]
-            self._after = _Curves(X[begun], np.arcsinh(np.array(after) / self.small))
+            self._after = Curves(X[begun], np.arcsinh(np.array(after) / self.small), kernels[2])
+
+    @property
+    def kernels(self) -> tuple[Kernel | None, Kernel | None, Kernel | None]:
+        """Of the onset, of what is before it and of what is beyond."""
+        parts = self._before, self._after
+        curves = [None if part is None else part.blocks[0][1].kernel for part in parts]
+        return None if self._onset is None else self._onset.kernel, curves[0], curves[1]
+
+    def draws(
+        self, places: np.ndarray, normal: Callable[[int, int], np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Curves that runs at places may have.
+
+        Parameters
+        ----------
+        places : ndarray, shape (p, d)
+            Where.
+        normal : callable
+            ``normal(part, r)``: s draws (s, r) of r standard normal numbers for a part of the curve.
+
+        Returns
+        -------
+        onset : ndarray, shape (p, s)
+            Where their cuts begin, also where that is beyond the end.
+        before : ndarray, shape (p, s, k)
+            Forces at ``part`` of the way there.
+        after : ndarray, shape (p, s, m)
+            Forces at ``beyond`` from there.
+        """
+        assert self._onset is not None and self._after is not None, "enough cuts begin"
+        sd = self._onset.spread(places, runs=True)
+        onset = np.exp(np.clip(self._onset.mean(places)[:, None] + sd[:, None] * normal(0, 1).T[0], -50, 50))
+        before, after = (self._force(each.draws(places, normal)) for each in (self._before, self._after))
+        return onset, np.concatenate([np.zeros_like(before[..., :1]), before], axis=2), after
 
     def mean(self, places: np.ndarray) -> np.ndarray:
         """Forces (p, k) that are smooth in the places (p, d)."""
@@ -121,32 +167,32 @@ class AlignedCurves:
 
 
 def _onsets(
-    X: np.ndarray, courses: Sequence[Course], begun: np.ndarray, end: float
+    X: np.ndarray, courses: Sequence[Course], begun: np.ndarray, end: float, kernel: Kernel | None = None
 ) -> tuple[GaussianProcess | None, np.ndarray]:
     """The process of the onset's logarithm, None where too few cuts begin; and all onsets (n,)."""
     if begun.sum() < X.shape[1] + 1 + SPARE:
         return None, np.full(len(X), end)
     values = np.log([c.onset if b else np.nan for c, b in zip(courses, begun, strict=True)])
     last = np.log([(1 + BEYOND) * c.x[-1] for c in courses])
-    process = GaussianProcess(X[begun], values[begun])
+    process = GaussianProcess(X[begun], values[begun], kernel=kernel)
     for _ in range(2 if not begun.all() else 0):
         values[~begun] = np.maximum(process.mean(X[~begun]), last[~begun])
-        process = GaussianProcess(X, values)
+        process = GaussianProcess(X, values, kernel=kernel)
     return process, np.exp(values)
 
 
-class _Curves:
+class Curves:
     """A process of curves ``Y`` (n, m) that may end early, in nan: a value is said from the curves that reach
     it, and as the last one that enough of them reach."""
 
-    def __init__(self, X: np.ndarray, Y: np.ndarray):
+    def __init__(self, X: np.ndarray, Y: np.ndarray, kernel: Kernel | None = None):
         count = np.isfinite(Y).sum(axis=0)
         few = X.shape[1] + 1 + SPARE
         last = int(np.flatnonzero(count >= min(few, count[0])).max()) + 1
         self.size = Y.shape[1]
         levels = np.unique(np.linspace(count[0], count[last - 1], REACHES).astype(int))[::-1]
         self.blocks: list[tuple[slice, GaussianProcess]] = []
-        first, kernel = 0, None
+        first = 0
         for level in levels:
             stop = int(np.flatnonzero(count[:last] >= level).max()) + 1
             if stop <= first:
@@ -161,6 +207,16 @@ class _Curves:
         """(p, m)."""
         found = np.concatenate([made.mean(places) for _, made in self.blocks], axis=1)
         return np.pad(found, ((0, 0), (0, self.size - found.shape[1])), mode="edge")
+
+    def draws(self, places: np.ndarray, normal: Callable[[int, int], np.ndarray]) -> np.ndarray:
+        """Values (p, s, m) that runs at places (p, d) may have; ``normal``: see ``AlignedCurves.draws``."""
+        parts = []
+        for number, (_, made) in enumerate(self.blocks):
+            noise = normal(1 + number, made.shapes.shape[1]) @ made.shapes.T
+            sd = made.spread(places, runs=True)
+            parts.append(made.mean(places)[:, None, :] + sd[:, None, None] * noise)
+        found = np.concatenate(parts, axis=2)
+        return np.pad(found, ((0, 0), (0, 0), (0, self.size - found.shape[2])), mode="edge")
 
     def root(self, place: np.ndarray, runs: bool) -> np.ndarray:
         """(m, r); blocks err each by itself."""

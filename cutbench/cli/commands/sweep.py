@@ -32,6 +32,10 @@ def sweep(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Only say how many runs are to be computed, and about how long.")
     ] = False,
+    estimate: Annotated[
+        bool,
+        typer.Option("--estimate", help="Run nothing: a map at once, from runs that cutbench brings along."),
+    ] = False,
     retry_failed: Annotated[bool, typer.Option(help="Compute again what fell short before.")] = False,
 ) -> None:
     """Compute a map; what is finished is never computed twice, so start it again to go on."""
@@ -39,7 +43,7 @@ def sweep(
     from cutbench.maps.study import load_study
     from cutbench.maps.sweep import run_study
 
-    out = out or Path("maps") / study.stem
+    out = out or Path("maps") / (f"{study.stem}-estimate" if estimate else study.stem)
     plan, processes = load_study(study), whole("--workers", workers)
     if dry_run:
         from cutbench.maps.forecast import forecast
@@ -47,6 +51,12 @@ def sweep(
         typer.echo(forecast(plan, store or out / "runs", processes).text())
         return
     folder_of(out)
+    if estimate:
+        from cutbench.maps.estimated import write_estimated
+
+        write_estimated(plan, out)
+        typer.echo(f"estimated map in {out}; hatched where it is unsure (95 %)")
+        return
     doubted(plan.base, *plan.cases())
     with bar(plan.title, "runs") as on_progress:
         done = run_study(

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import qmc
 
 from cutbench.case.case import Case
 
@@ -73,6 +72,8 @@ class Box:
     def points(self, count: int, seed: int) -> np.ndarray:
         """Parts (count, d) of the sides: the first of Sobol's sequence, scrambled, so that the first half of
         them fills the box, too (10.1145/641876.641879)."""
+        from scipy.stats import qmc  # takes a while to load, and estimates do without
+
         made = qmc.Sobol(len(self.sides), scramble=True, rng=np.random.default_rng(seed))
         return made.random_base2(math.ceil(math.log2(max(count, 2))))[:count]
 

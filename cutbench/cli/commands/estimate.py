@@ -1,0 +1,35 @@
+"""``cutbench estimate``: what a run would give, at once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cutbench.cli.options import Depth, Sets, Source, Until, With, Without, changes, exits, in_mm
+
+
+@exits
+def estimate(
+    material: Source,
+    sets: Sets = None,
+    depth: Depth = None,
+    until: Until = None,
+    without: Without = None,
+    with_: With = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Write estimate.json, estimate.csv and estimate.png there."),
+    ] = None,
+) -> None:
+    """Say at once what a run would give, and how surely: from runs that cutbench brings along."""
+    from cutbench.case.case import load_case
+    from cutbench.emulator.atlas import estimate as estimated
+
+    given = changes(sets, {"depth": in_mm(depth), "until": until}, with_, without)
+    found = estimated(load_case(material, given))
+    typer.echo(repr(found))
+    if out is not None:
+        found.save(out)
+        typer.echo(f"written to {out}")

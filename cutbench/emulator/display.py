@@ -1,0 +1,87 @@
+"""An estimate as people handle it: in words, as a picture, as a table, as files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from cutbench.base.figure_style import COLOURS, SINGLE_MM, force_from_zero, new_figure, save, style
+from cutbench.base.files import check_writable, write_json, write_text
+
+if TYPE_CHECKING:
+    from cutbench.emulator.atlas import Estimate
+
+MEASURES = {"onset_mm": "mm", "peak_N": "N", "drop": "", "steady_N": "N"}
+
+
+def told(found: Estimate) -> list:
+    """Its verdict, and a line a measure."""
+    head = f"{found.case.name}: {found.sentence()}"
+    lines = [
+        (name.removesuffix(f"_{unit}"), f"{getattr(found, name):.3g} {unit}".strip())
+        for name, unit in MEASURES.items()
+    ]
+    far, groups = found.nearest[0]
+    near = ", ".join(f"{name} {value:.3g}" for name, value in groups.items())
+    return [head, *lines, ("nearest run", f"{far:.2g} lengths away: {near}")]
+
+
+def plot(found: Estimate, ax: Axes) -> None:
+    """Force over travel with its band, and where the cut begins."""
+    ax.fill_between(found.x_mm, found.low_N, found.high_N, color=COLOURS["sky"], alpha=0.5, lw=0,
+                    label="90 % of runs")  # fmt: skip
+    ax.plot(found.x_mm, found.force_N, color=COLOURS["blue"], label="estimate")
+    onset = found.onset_mm
+    if np.isfinite(onset.value):
+        at = float(np.interp(onset.value, found.x_mm, found.force_N))
+        ax.errorbar([onset.value], [at], xerr=[[onset.value - onset.low], [onset.high - onset.value]],
+                    fmt="o", mfc="white", color=COLOURS["vermilion"], label="onset of cutting")  # fmt: skip
+    ax.set_title(f"{found.case.name}, estimated", loc="left")
+    force_from_zero(ax, "blade travel (mm)")
+
+
+def figure_of(found: Estimate) -> Figure:
+    """One panel, a column wide, with its legend below."""
+    with style():
+        figure = new_figure(SINGLE_MM, 75)
+        plot(found, axes := figure.subplots())
+        figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return figure
+
+
+def table(found: Estimate) -> dict[str, np.ndarray]:
+    """The curve with its band, and the work by mechanism."""
+    curve = {
+        "displacement_mm": found.x_mm,
+        "force_N": found.force_N,
+        "low_N": found.low_N,
+        "high_N": found.high_N,
+    }
+    return curve | {f"work_{name}": share for name, share in found.work.items()}
+
+
+def to_dict(found: Estimate) -> dict[str, object]:
+    """Plain data, for JSON."""
+    return {
+        "case": found.case.to_dict(), "verdict": found.verdict, "chances": dict(found.chances),
+        **{name: vars(getattr(found, name)) for name in MEASURES},
+        "nearest": [{"lengths": far, "groups": dict(groups)} for far, groups in found.nearest],
+        "work": {name: share[-1] for name, share in found.work.items()},
+    }  # fmt: skip
+
+
+def write(found: Estimate, folder: Path) -> None:
+    """``estimate.json``, ``estimate.csv`` and ``estimate.png``."""
+    folder = check_writable(folder)
+    write_json(to_dict(found), folder / "estimate.json")
+    columns = table(found)
+    rows = [
+        ",".join(columns),
+        *(",".join(f"{v:.6g}" for v in row) for row in zip(*columns.values(), strict=True)),
+    ]
+    write_text("\n".join(rows) + "\n", folder / "estimate.csv")
+    save(figure_of(found), folder / "estimate.png")

@@ -1,0 +1,153 @@
+"""A map from the atlas: a whole phase diagram at once, with what is unsure hatched."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from scipy.interpolate import RegularGridInterpolator
+from scipy.stats import norm
+
+from cutbench.base.errors import BadInput
+from cutbench.case.case import Case
+from cutbench.emulator.atlas import REACH, Atlas, shipped, values_of
+from cutbench.emulator.groups import Groups
+from cutbench.maps.axes import BOUNDARY
+from cutbench.maps.boundary import BoundaryEstimate, distances, margin
+from cutbench.maps.dataset import LABELS, MapRow, build_map, save_map
+from cutbench.maps.phase import save_phase
+from cutbench.maps.study import Study
+from cutbench.run.measures import ABRUPT, MEASURES, SMOOTH, UNCUT
+
+#: Places along each axis of a boundary at which the atlas is asked; between them it is interpolated.
+PLACES = 17
+#: Curves that are drawn at each.
+DRAWS = 100
+#: Id of what no run has.
+ESTIMATED = "estimated"
+
+
+def estimated_map(study: Study, atlas: Callable[[str], Atlas] = shipped) -> xr.Dataset:
+    """What the runs of a study would give.
+
+    Parameters
+    ----------
+    study : Study
+        The study; a boundary that is sought, or points.
+    atlas : callable
+        The atlas of a kind of blade; those that the package brings along unless given.
+
+    Returns
+    -------
+    Dataset
+        A map like that of runs, in which no point has one.
+
+    Raises
+    ------
+    NotInAtlas
+        If a part of it lies outside the atlas.
+    """
+    if study.regime.surge_min is not None:
+        raise BadInput("surge", study.regime.surge_min, "no [regime] surge where a map is estimated")
+    tool = study.base.model.tool
+    known = atlas(tool.name if tool else "")
+    marks = [mark.case for mark in study.marks()]
+    rows = {c.id: row for c, row in zip(marks, _rows(known, marks, study, strict=False), strict=True)}
+    if study.mode != BOUNDARY:
+        cases = [case for _, case in study.points()]
+        ids = {index: case.id for index, case in study.points()}
+        rows |= {case.id: row for case, row in zip(cases, _rows(known, cases, study), strict=True)}
+        return build_map(study, rows, ids)
+    free = [k for k, axis in enumerate(study.axes) if axis.continuous]
+    levels = [k for k in range(len(study.axes)) if k not in free]
+    margins, drops = {}, np.full(study.shape, math.nan)
+    labels = np.zeros(study.shape, dtype=np.int8)
+    for chosen in np.ndindex(*(study.shape[k] for k in levels)):
+        where: list[slice | int] = [slice(None)] * len(study.axes)
+        for k, i in zip(levels, chosen, strict=True):
+            where[k] = i
+        fixed = dict(zip(levels, chosen, strict=True))
+        margins[chosen], drops[tuple(where)], labels[tuple(where)] = _level(known, study, free, fixed)
+    made = build_map(study, rows, {}, margins)
+    made["drop_rel"].values[...], made["label"].values[...] = drops, labels
+    return made
+
+
+def _level(
+    known: Atlas, study: Study, free: Sequence[int], fixed: dict[int, int]
+) -> tuple[BoundaryEstimate, np.ndarray, np.ndarray]:
+    """Of one combination of levels: margins, drops and labels on the lattice of the other axes."""
+    shape = [study.shape[k] for k in free]
+    ticks = [np.unique(np.linspace(0, n - 1, PLACES).round().astype(int)) for n in shape]
+    indices = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, len(free))
+    cases = []
+    for index in indices:
+        at = fixed | dict(zip(free, map(int, index), strict=True))
+        cases.append(study.case_at([axis.values[at[k]] for k, axis in enumerate(study.axes)]))
+    found = np.array([_told(*each, study.regime.drop) for each in zip(*_drawn(known, cases), strict=True)])
+    every = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1)
+    coarse = [len(t) for t in ticks]
+    mean, score, drop, uncut = (
+        RegularGridInterpolator(ticks, column.reshape(coarse))(every) for column in found.T
+    )
+    spread = np.abs(mean) / np.maximum(np.abs(score), 1e-6)
+    away = distances(mean >= 0) / 2
+    unsure = (np.abs(score) < norm.ppf(0.975)) & (away > 1)
+    label = np.where(uncut > 0.5, LABELS.index(UNCUT), LABELS.index(SMOOTH))
+    label = np.where((uncut <= 0.5) & (mean >= 0), LABELS.index(ABRUPT), label)
+    return BoundaryEstimate(mean, spread, unsure), np.where(uncut > 0.5, np.nan, drop), label
+
+
+def _told(drop: np.ndarray, uncut: np.ndarray, threshold: float) -> tuple[float, float, float, float]:
+    """Of draws (s,): the median's margin, how many standard deviations that is from 0, the median drop, and
+    the part that is not cut."""
+    cut = drop[~uncut] if (~uncut).any() else drop
+    margins = margin(np.maximum(cut, 1e-6), cut, np.zeros(cut.size, dtype=bool), drop=threshold)
+    abrupt = np.clip(np.mean(margins >= 0), 0.5 / cut.size, 1 - 0.5 / cut.size)
+    middle = float(np.median(margins))
+    return middle, float(np.abs(norm.ppf(abrupt))), float(np.median(cut)), float(uncut.mean())
+
+
+def _drawn(known: Atlas, cases: Sequence[Case]) -> tuple[np.ndarray, np.ndarray]:
+    """Drops (p, s) of cases, and which of them are not cut at their depth. Raises NotInAtlas."""
+    places = np.array([known.place(case) for case in cases])
+    depths = []
+    for case in cases:
+        units = Groups.of(case)
+        assert units is not None, "it has a place in the atlas"
+        depths.append(min(case.values["depth"] / units.length(case.values), REACH))
+    m = known.measured(places, np.array(depths), DRAWS)
+    return m.drop, m.onset >= np.array(depths)[:, None]
+
+
+def _rows(known: Atlas, cases: Sequence[Case], study: Study, strict: bool = True) -> list[MapRow]:
+    """Of each case what a map shows; nothing of one outside the atlas, unless ``strict``."""
+    found = []
+    for case in cases:
+        try:
+            values_of(known.box, case)
+            said = known.estimate(case)
+        except BadInput:
+            if strict:
+                raise
+            found.append(MapRow())
+            continue
+        label = UNCUT if said.verdict == UNCUT else ABRUPT if said.drop.value >= study.regime.drop else SMOOTH
+        measured = dict.fromkeys(MEASURES, math.nan) | {
+            "drop_rel": said.drop.value, "onset_mm": said.onset_mm.value, "peak_N": said.peak_N.value,
+            "steady_N": said.steady_N.value,
+        }  # fmt: skip
+        found.append(MapRow("done", ESTIMATED, case.values["depth"], label, {**MapRow().measures, **measured}))
+    return found
+
+
+def write_estimated(study: Study, folder: Path) -> xr.Dataset:
+    """``map.nc``, ``map.csv``, ``phase.png`` and ``phase.svg`` of ``estimated_map`` into ``folder``."""
+    folder.mkdir(parents=True, exist_ok=True)
+    data = estimated_map(study)
+    save_map(data, folder)
+    save_phase(data, folder)
+    return data
