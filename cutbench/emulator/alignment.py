@@ -155,11 +155,11 @@ class AlignedCurves:
             # A shift of the onset takes along what is beyond, and stretches what is before.
             shift = self._onset.spread(place[None], runs)[0] * np.minimum(self.x, o)
             parts.append((slope * shift / np.hypot(force, self.small))[:, None])
-        # What a fiftieth of the largest part of an error adds is not felt, and there are many such parts.
+        # What a twentieth of the largest part of an error adds is not felt, and there are many such parts.
         vectors, sizes, _ = np.linalg.svd(
             np.hypot(force, self.small)[:, None] * np.hstack(parts), full_matrices=False
         )
-        kept = sizes > 0.02 * sizes[0]
+        kept = sizes > 0.05 * sizes[0]
         return vectors[:, kept] * sizes[kept]
 
     def _force(self, values: np.ndarray) -> np.ndarray:
@@ -193,6 +193,7 @@ class Curves:
         levels = np.unique(np.linspace(count[0], count[last - 1], REACHES).astype(int))[::-1]
         self.blocks: list[tuple[slice, GaussianProcess]] = []
         first = 0
+        weights, trend = np.zeros((len(X), self.size)), np.zeros((1 + X.shape[1], self.size))
         for level in levels:
             stop = int(np.flatnonzero(count[:last] >= level).max()) + 1
             if stop <= first:
@@ -201,12 +202,17 @@ class Curves:
             made = GaussianProcess(X[rows], Y[rows, first:stop], kernel=kernel)
             kernel = kernel or made.kernel
             self.blocks.append((slice(first, stop), made))
+            weights[rows, first:stop], trend[:, first:stop] = made.weights, made.trend_from_zero
             first = stop
+        self._X, self._kernel = X, self.blocks[0][1].kernel
+        self._weights, self._trend = weights, trend
+        # What is said beyond the last value is that one.
+        weights[:, first:], trend[:, first:] = weights[:, first - 1, None], trend[:, first - 1, None]
 
     def mean(self, places: np.ndarray) -> np.ndarray:
         """(p, m)."""
-        found = np.concatenate([made.mean(places) for _, made in self.blocks], axis=1)
-        return np.pad(found, ((0, 0), (0, self.size - found.shape[1])), mode="edge")
+        near = self._kernel.correlation(places, self._X)
+        return self._trend[0] + places @ self._trend[1:] + near @ self._weights
 
     def draws(self, places: np.ndarray, normal: Callable[[int, int], np.ndarray]) -> np.ndarray:
         """Values (p, s, m) that runs at places (p, d) may have; ``normal``: see ``AlignedCurves.draws``."""

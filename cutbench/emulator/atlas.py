@@ -58,6 +58,10 @@ WINDOW = 2.0
 STEP = 0.1
 
 
+#: What an estimate has intervals of, and their units.
+MEASURES = {"onset_mm": "mm", "peak_N": "N", "drop": "", "steady_N": "N"}
+
+
 class NotInAtlas(BadInput):
     """A case that lies outside the atlas' box, or whose model has none."""
 
@@ -139,6 +143,16 @@ class Estimate(Handled):
             return f"uncut, {chance}: the cut does not begin within {self.x_mm[-1]:.3g} mm"
         begins = f"the cut begins at {self.onset_mm:.3g} mm"
         return f"{self.verdict}, {chance}: {begins}, the force falls by {self.drop:.2f}"
+
+
+    def lines(self) -> list[tuple[str, str]]:
+        """What there is to say, each under its name: the verdict first."""
+        found = [("verdict", self.sentence())]
+        for name, unit in MEASURES.items():
+            found.append((name.removesuffix(f"_{unit}"), f"{getattr(self, name):.3g} {unit}".strip()))
+        far, groups = self.nearest[0]
+        near = ", ".join(f"{name} {value:.3g}" for name, value in groups.items())
+        return [*found, ("nearest run", f"{far:.2g} lengths away: {near}")]
 
 
 @dataclass(frozen=True)

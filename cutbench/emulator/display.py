@@ -11,23 +11,15 @@ from matplotlib.figure import Figure
 
 from cutbench.base.figure_style import COLOURS, SINGLE_MM, force_from_zero, new_figure, save, style
 from cutbench.base.files import check_writable, write_json, write_text
+from cutbench.emulator.atlas import MEASURES
 
 if TYPE_CHECKING:
     from cutbench.emulator.atlas import Estimate
 
-MEASURES = {"onset_mm": "mm", "peak_N": "N", "drop": "", "steady_N": "N"}
-
-
 def told(found: Estimate) -> list:
     """Its verdict, and a line a measure."""
-    head = f"{found.case.name}: {found.sentence()}"
-    lines = [
-        (name.removesuffix(f"_{unit}"), f"{getattr(found, name):.3g} {unit}".strip())
-        for name, unit in MEASURES.items()
-    ]
-    far, groups = found.nearest[0]
-    near = ", ".join(f"{name} {value:.3g}" for name, value in groups.items())
-    return [head, *lines, ("nearest run", f"{far:.2g} lengths away: {near}")]
+    head, *lines = found.lines()
+    return [f"{found.case.name}: {head[1]}", *lines]
 
 
 def plot(found: Estimate, ax: Axes) -> None:

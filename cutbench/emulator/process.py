@@ -22,7 +22,6 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import LinAlgError, cholesky, solve_triangular
-from scipy.optimize import minimize
 
 _ROOT5 = math.sqrt(5.0)
 #: Part of the variance that is added to every diagonal, so that places may lie close to each other.
@@ -167,6 +166,17 @@ class GaussianProcess:
         kept = found > max(1e-4 * found[-1], 0.0)
         return vectors[:, kept] * np.sqrt(found[kept])
 
+    @property
+    def weights(self) -> np.ndarray:
+        """Of the places (n, m): what each adds to a mean, by its correlation."""
+        return self._fit.weights
+
+    @property
+    def trend_from_zero(self) -> np.ndarray:
+        """The linear trend (1 + d, m): its values at the origin, and its slopes."""
+        at_middle, slopes = self._fit.trend[:1], self._fit.trend[1:]
+        return np.concatenate([at_middle - self._middle @ slopes, slopes])
+
     def influence(self, at: np.ndarray) -> np.ndarray:
         """L⁻¹ c (n, p) of the correlation c with places (p, d): inner products of its columns are what the
         data take off the correlation of these."""
@@ -179,6 +189,8 @@ class GaussianProcess:
     # -- its lengths --------------------------------------------------------------------------------
     def _likeliest(self, Y: np.ndarray, lengths: Sequence[float] | None) -> Kernel:
         """The kernel of the largest likelihood times the prior, from two fixed starts, so always the same."""
+        from scipy.optimize import minimize  # takes a while to load, and is not needed where lengths are known
+
         expected = np.log(self._expected(Y) if lengths is None else np.array(lengths, dtype=float))
         middle = np.append(expected, math.log(PRIORS.nugget))
         far = math.log(_WIDE)

@@ -29,7 +29,8 @@ def estimate(
 
     given = changes(sets, {"depth": in_mm(depth), "until": until}, with_, without)
     found = estimated(load_case(material, given))
-    typer.echo(repr(found))
+    for name, text in found.lines():
+        typer.echo(f"{name:<12} {text}")
     if out is not None:
         found.save(out)
         typer.echo(f"written to {out}")
