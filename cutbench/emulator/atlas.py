@@ -144,7 +144,6 @@ class Estimate(Handled):
         begins = f"the cut begins at {self.onset_mm:.3g} mm"
         return f"{self.verdict}, {chance}: {begins}, the force falls by {self.drop:.2f}"
 
-
     def lines(self) -> list[tuple[str, str]]:
         """What there is to say, each under its name: the verdict first."""
         found = [("verdict", self.sentence())]

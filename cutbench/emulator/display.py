@@ -16,6 +16,7 @@ from cutbench.emulator.atlas import MEASURES
 if TYPE_CHECKING:
     from cutbench.emulator.atlas import Estimate
 
+
 def told(found: Estimate) -> list:
     """Its verdict, and a line a measure."""
     head, *lines = found.lines()

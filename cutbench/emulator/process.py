@@ -189,7 +189,9 @@ class GaussianProcess:
     # -- its lengths --------------------------------------------------------------------------------
     def _likeliest(self, Y: np.ndarray, lengths: Sequence[float] | None) -> Kernel:
         """The kernel of the largest likelihood times the prior, from two fixed starts, so always the same."""
-        from scipy.optimize import minimize  # takes a while to load, and is not needed where lengths are known
+        from scipy.optimize import (
+            minimize,
+        )  # takes a while to load, and is not needed where lengths are known
 
         expected = np.log(self._expected(Y) if lengths is None else np.array(lengths, dtype=float))
         middle = np.append(expected, math.log(PRIORS.nugget))

@@ -140,7 +140,9 @@ def _rows(known: Atlas, cases: Sequence[Case], study: Study, strict: bool = True
             "drop_rel": said.drop.value, "onset_mm": said.onset_mm.value, "peak_N": said.peak_N.value,
             "steady_N": said.steady_N.value,
         }  # fmt: skip
-        found.append(MapRow("done", ESTIMATED, case.values["depth"], label, {**MapRow().measures, **measured}))
+        found.append(
+            MapRow("done", ESTIMATED, case.values["depth"], label, {**MapRow().measures, **measured})
+        )
     return found
 
 

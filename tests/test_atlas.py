@@ -1,0 +1,150 @@
+"""The atlas: estimates that know no units, agree with their runs, and say where they end."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from cutbench.case.case import load_case
+from cutbench.cli.main import app
+from cutbench.emulator.atlas import NotInAtlas, estimate, shipped
+from cutbench.emulator.box import BLUNT, OFF, WEDGE
+from cutbench.run.measures import measures
+from cutbench.run.runner import run_case
+
+MATERIALS = "gelatin", "elastomer", "meat"
+
+
+@pytest.mark.parametrize("box", [BLUNT, WEDGE])
+def test_sides_go_from_end_to_end(box):
+    for side in box.sides:
+        assert side.value(0.0) == pytest.approx(side.low, rel=1e-5)
+        assert side.value(1.0) == pytest.approx(side.high, rel=1e-5)
+        values = [side.value(part) for part in np.linspace(2 * OFF, 1, 9)]
+        steps = np.diff(side.coordinate(np.array(values)))
+        np.testing.assert_allclose(steps, steps[0], rtol=1e-3)
+
+
+def test_the_first_half_of_the_points_fills_the_box_too():
+    points = BLUNT.points(64, seed=3)
+    np.testing.assert_array_equal(points[:32], BLUNT.points(32, seed=3))
+    for half in (points[:32], points):
+        assert np.abs(half.mean(axis=0) - 0.5).max() < 0.03
+
+
+def test_an_estimate_knows_no_units():
+    """Twice as thick a blade in a twice as large and three times as stiff specimen, five times as fast."""
+    case = load_case("gelatin")
+    v = case.values
+    lengths = "thickness", "tip", "delta_c", "surface_length", "length", "height", "width", "depth"
+    larger = case.set(
+        **{n: f"{2 * v[n]} mm" for n in lengths},
+        G=f"{3 * v['G']} MPa", G_c=f"{6e3 * v['G_c']} J/m^2", tau_W=f"{3 * v['tau_W']} MPa",
+        eta_reg=f"{v['eta_reg'] * 2 / 5} s", speed=f"{5 * v['speed']} mm/s",
+    )  # fmt: skip
+    one, other = estimate(case), estimate(larger)
+    np.testing.assert_allclose(other.force_N, 12 * one.force_N, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(other.x_mm, 2 * one.x_mm)
+    assert other.drop.value == pytest.approx(one.drop.value)
+    assert other.chances == pytest.approx(one.chances)
+
+
+@pytest.mark.parametrize("name", MATERIALS)
+def test_an_estimate_is_whole(name):
+    found = estimate(name)
+    assert sum(found.chances.values()) == pytest.approx(1)
+    assert (found.low_N <= found.force_N).all() and (found.force_N <= found.high_N).all()
+    assert found.force_N[0] == 0 and found.x_mm[0] == 0
+    for measure in (found.onset_mm, found.drop, found.steady_N):
+        assert measure.low <= measure.value <= measure.high
+    assert sum(share[-1] for share in found.work.values()) == pytest.approx(1)
+
+
+def test_at_a_run_that_it_has_it_says_that_run():
+    atlas = shipped()
+    begun = [i for i, c in enumerate(atlas.courses) if np.isfinite(c.onset) and c.x[-1] > c.onset + 12]
+    for i in begun[:6]:
+        c = atlas.courses[i]
+        m = atlas.measured(atlas.X[i : i + 1], np.array([c.x[-1]]))
+        cut = np.maximum(c.x - c.onset, 0.0)
+        true = measures(
+            {"displacement_mm": c.x, "force_N": c.force, "cut_length_mm": cut}, window_mm=2.0,
+            onset_length_mm=1e-9,
+        )  # fmt: skip
+        assert np.median(m.onset) == pytest.approx(c.onset, rel=0.02)
+        assert np.median(m.drop) == pytest.approx(true["drop_rel"], abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        ({"cohesion": 30.0}, "cohesion"), ({"tip": "5 mm"}, "tip"), ({"with_": "fung"}, "mechanisms"),
+        ({"precut": "1 mm"}, "precut"), ({"nu": 0.4}, "nu"), ({"with_": "wedge"}, "mechanisms"),
+        ({"without": "contact"}, "mechanisms"),
+    ],
+)  # fmt: skip
+def test_outside_it_gives_no_number(changes, key):
+    with pytest.raises(NotInAtlas) as error:
+        estimate(load_case("gelatin", changes))
+    assert error.value.key == key
+
+
+def test_no_friction_is_a_friction_of_none():
+    with_none, without = load_case("gelatin", {"mu": 0.0}), load_case("gelatin", {"without": "coulomb"})
+    np.testing.assert_allclose(estimate(with_none).force_N, estimate(without).force_N)
+
+
+def test_the_command_says_it_and_writes_it(tmp_path):
+    done = CliRunner().invoke(app, ["estimate", "gelatin", "--out", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    record = json.loads((tmp_path / "estimate.json").read_text())
+    assert record["verdict"] in done.output and record["verdict"] in record["chances"]
+    assert (tmp_path / "estimate.csv").exists() and (tmp_path / "estimate.png").stat().st_size > 10_000
+    assert CliRunner().invoke(app, ["estimate", "gelatin", "--set", "cohesion=30"]).exit_code == 2
+
+
+def test_a_whole_diagram_at_once(tmp_path):
+    """The line is where the estimates of single cases change."""
+    study = tmp_path / "study.toml"
+    study.write_text(
+        'base = "gelatin"\nmode = "boundary"\n[protocol]\ndepth = "9 mm"\nuntil = "transition"\n'
+        '[[axis]]\nname = "cohesion"\nfrom = 1.0\nto = 12.0\nscale = "log"\n'
+        '[[axis]]\nname = "viscosity"\nfrom = 0.01\nto = 5.0\nscale = "log"\n[plot]\nmark = ["gelatin"]\n'
+    )
+    out = tmp_path / "out"
+    done = CliRunner().invoke(app, ["sweep", str(study), "--estimate", "--out", str(out)])
+    assert done.exit_code == 0, done.output
+    import cutbench
+
+    data = cutbench.load_map(out / "map.nc")
+    assert (out / "phase.png").exists()
+    for i, j in ((0, 0), (-1, -1), (32, 32)):
+        case = load_case(
+            "gelatin",
+            {
+                "cohesion": float(data["cohesion"][i]),
+                "viscosity": float(data["viscosity"][j]),
+                "depth": "9 mm",
+            },
+        )
+        said = estimate(case)
+        if said.chance > 0.98 and said.verdict != "uncut":
+            assert (float(data["margin"][i, j]) >= 0) == (said.verdict == "abrupt")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [11, 12, 13])
+def test_a_run_lies_where_it_says(seed):
+    """Three points that nobody ran before; each interval holds nine in ten, so one in three may miss."""
+    case = BLUNT.case(load_case("gelatin"), BLUNT.points(1, seed)[0])
+    said, run = estimate(case), run_case(case)
+    inside = []
+    for name in ("onset_mm", "peak_N", "steady_N"):
+        interval, true = getattr(said, name), run.measures[name]
+        if np.isfinite(true) and np.isfinite(interval.value):
+            room = 0.5 * (interval.high - interval.low)
+            inside.append(interval.low - room <= true <= interval.high + room)
+    assert all(inside) or not inside
