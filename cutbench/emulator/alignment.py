@@ -70,18 +70,24 @@ class AlignedCurves:
         if len(X) < X.shape[1] + 1 + SPARE:
             raise ValueError(f"{len(X)} curves are too few for {X.shape[1]} coordinates")
         self.x, self.X, self.courses = x, X, courses
-        self.small = SMALL * float(np.median([np.abs(c.force).max() for c in courses]))
+        largest = [int(np.abs(c.force).argmax()) for c in courses]
+        self.small = SMALL * float(np.median([abs(c.force[i]) for i, c in zip(largest, courses, strict=True)]))
+        self._soft = SMALL * float(np.median([abs(c.force[i]) / c.x[i] for i, c in zip(largest, courses, strict=True)]))
         begun = np.isfinite([c.onset for c in courses])
         self._onset, at = _onsets(X, courses, begun, x[-1], kernels[0])
         #: Parts of the way to the onset, and the travel beyond it.
         self.part = np.linspace(0, 1, x.size)
         self.beyond = np.linspace(0, x[-1], x.size) if beyond is None else beyond
+        # Before the cut begins it matters little what it takes to cut: force over travel is smoother than force.
         rising = np.array([_read(self.part[1:] * o, c) for o, c in zip(at, courses, strict=True)])
-        self._before = Curves(X, np.arcsinh(rising / self.small), kernels[1])
+        travel = self.part[1:] * at[:, None]
+        self._before = Curves(X, np.arcsinh(rising / travel / self._soft), kernels[1])
         self._after: Curves | None = None
         if self._onset is not None:
             after = [_read(self.beyond + o, c) for o, c, b in zip(at, courses, begun, strict=True) if b]
-            self._after = Curves(X[begun], np.arcsinh(np.array(after) / self.small), kernels[2])
+            # What is beyond, by that where the cut begins: so an error of that is not taken for a drop.
+            there = np.arcsinh(rising[begun, -1:] / self.small)
+            self._after = Curves(X[begun], np.arcsinh(np.array(after) / self.small) - there, kernels[2])
 
     @property
     def kernels(self) -> tuple[Kernel | None, Kernel | None, Kernel | None]:
@@ -114,17 +120,18 @@ class AlignedCurves:
         assert self._onset is not None and self._after is not None, "enough cuts begin"
         sd = self._onset.spread(places, runs=True)
         onset = np.exp(np.clip(self._onset.mean(places)[:, None] + sd[:, None] * normal(0, 1).T[0], -50, 50))
-        before, after = (self._force(each.draws(places, normal)) for each in (self._before, self._after))
-        return onset, np.concatenate([np.zeros_like(before[..., :1]), before], axis=2), after
+        rising = self._rising(self._before.draws(places, normal), onset)
+        begun = np.arcsinh(rising[..., -1:] / self.small)
+        after = begun + self._after.draws(places, lambda part, r: normal(REACHES + part, r))
+        return onset, rising, self._force(after)
 
     def mean(self, places: np.ndarray) -> np.ndarray:
         """Forces (p, k) that are smooth in the places (p, d)."""
         at = self.onset(places)
-        rising = self._force(self._before.mean(places))
-        rising = np.concatenate([np.zeros((len(places), 1)), rising], axis=1)
+        rising = self._rising(self._before.mean(places), at)
         found = np.stack([np.interp(self.x, self.part * o, f) for o, f in zip(at, rising, strict=True)])
         if self._after is not None and (at < self.x[-1]).any():
-            after = self._force(self._after.mean(places))
+            after = self._force(np.arcsinh(rising[:, -1:] / self.small) + self._after.mean(places))
             for i, o in enumerate(at):
                 there = self.x > o
                 found[i, there] = np.interp(self.x[there] - o, self.beyond, after[i])
@@ -146,21 +153,29 @@ class AlignedCurves:
         smooth part."""
         (o,), (force,) = self.onset(place[None]), self.mean(place[None])
         beyond = self.x > o
-        parts = [_over(self.part[1:] * o, self._before.root(place, runs), np.where(beyond, np.nan, self.x))]
+        rising = self._before.root(place, runs)
+        parts = [_over(self.part[1:] * o, rising, np.where(beyond, np.nan, self.x))]
+        parts[0][beyond] = rising[-1]
         slope = np.gradient(force, self.x)
         if self._onset is not None:
             if beyond.any() and self._after is not None:
                 after = np.where(beyond, self.x, np.nan)
                 parts.append(_over(self.beyond + o, self._after.root(place, runs), after))
-            # A shift of the onset takes along what is beyond, and stretches what is before.
-            shift = self._onset.spread(place[None], runs)[0] * np.minimum(self.x, o)
-            parts.append((slope * shift / np.hypot(force, self.small))[:, None])
+            # A shift of the onset takes along what is beyond, with the force that it begins at.
+            shift = self._onset.spread(place[None], runs)[0] * (np.minimum(self.x, o) * slope - force)
+            parts.append((shift / np.hypot(force, self.small))[:, None])
         # What a twentieth of the largest part of an error adds is not felt, and there are many such parts.
         vectors, sizes, _ = np.linalg.svd(
             np.hypot(force, self.small)[:, None] * np.hstack(parts), full_matrices=False
         )
         kept = sizes > 0.05 * sizes[0]
         return vectors[:, kept] * sizes[kept]
+
+    def _rising(self, values: np.ndarray, onset: np.ndarray) -> np.ndarray:
+        """Forces (…, k) at parts of the way to onsets (…), of values of their ratio to the travel there."""
+        stiffness = np.sinh(np.clip(values, -50, 50)) * self._soft
+        found = stiffness * self.part[1:] * onset[..., None]
+        return np.concatenate([np.zeros_like(found[..., :1]), found], axis=-1)
 
     def _force(self, values: np.ndarray) -> np.ndarray:
         return np.sinh(np.clip(values, -50, 50)) * self.small
