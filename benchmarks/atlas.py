@@ -5,8 +5,8 @@
     python -m benchmarks.atlas --check 8 --out DIR
 
 Points of a box of dimensionless groups (``cutbench.emulator.box``), the first of Sobol's sequence. Started
-again it computes what is missing; several at a time share the work. A run that takes more than ``--limit`` seconds
-of one core is kept as far as it came. ``--pack`` puts what there is into one file; ``--check`` says how far
+again it computes what is missing; several at a time share the work. A run that takes more than ``--limit``
+seconds of one core is kept as far as it came. ``--pack`` puts what there is into one file; ``--check`` says how far
 an atlas of seven eighths of the runs is off at the others.
 """
 
@@ -17,7 +17,7 @@ import json
 import math
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,15 +28,18 @@ from cutbench.base.errors import CutbenchError
 from cutbench.base.files import replacing
 from cutbench.case.case import Case, load_case
 from cutbench.emulator.alignment import Course
-from cutbench.emulator.atlas import Atlas, values_of
+from cutbench.emulator.atlas import LEVEL, OWN, WIDE, WINDOW, Atlas, values_of
 from cutbench.emulator.box import BLUNT, WEDGE, Box
 from cutbench.emulator.groups import Groups
+from cutbench.run.measures import KNOWN
 from cutbench.run.measures import label as regime
 from cutbench.run.runner import run_case
 
 BOXES = {"blunt": BLUNT, "wedge": WEDGE}
 #: Of the atlas; runs that it is tested by have another.
 SEED = 1
+#: Parts of the runs that are left out, one after the other, to see how far intervals hold.
+FOLDS = 8
 
 
 def base_of(box: Box) -> Case:
@@ -86,22 +89,31 @@ def runs_in(folder: Path, box: Box, seed: int = SEED) -> list[dict[str, Any]]:
     return found
 
 
-def atlas_of(box: Box, runs: Sequence[Mapping[str, Any]]) -> Atlas:
+def atlas_of(box: Box, runs: Sequence[Mapping[str, Any]], wider: Mapping[str, float] | None = None) -> Atlas:
     """The atlas that runs make."""
-    names = [n for n in runs[0] if n.startswith("work_")]
-    courses, works = [], {n.removeprefix("work_").removesuffix("_mJ"): [] for n in names}
+    names = {n.removeprefix("work_").removesuffix("_mJ"): n for n in runs[0] if n.startswith("work_")}
+    courses, works = [], {name: list[np.ndarray]() for name in names}
+    measured = {name: list[float]() for name in OWN}
     for run in runs:
-        units, values = Groups.of(run["case"]), run["case"].values
-        assert units is not None
-        half, force = units.length(values), units.force(values)
-        kept = thinned(run["displacement_mm"], run["force_N"])
-        onset = run["measures"]["onset_mm"] / half
-        courses.append(Course(run["displacement_mm"][kept] / half, run["force_N"][kept] / force, onset))
-        for name in names:
-            key = name.removeprefix("work_").removesuffix("_mJ")
-            works[key].append(run[name][kept] / (force * half))
+        half, force = units_of(run["case"])
+        kept, m = thinned(run["displacement_mm"], run["force_N"]), run["measures"]
+        x = run["displacement_mm"][kept] / half
+        courses.append(Course(x, run["force_N"][kept] / force, m["onset_mm"] / half))
+        for name, key in names.items():
+            works[name].append(run[key][kept] / (force * half))
+        # Of a run that was cut short the transition may be to come.
+        known = x[-1] > m["onset_mm"] / half + KNOWN * WINDOW
+        for name, value in zip(OWN, (m["peak_N"] / force, m["drop_rel"], m["steady_N"] / force), strict=True):
+            measured[name].append(value if known else math.nan)
     groups = np.array([values_of(box, run["case"]) for run in runs])
-    return Atlas(box, groups, courses, works)
+    return Atlas(box, groups, courses, {n: np.array(v) for n, v in measured.items()}, works, wider=wider)
+
+
+def units_of(case: Case) -> tuple[float, float]:
+    """Half the blade's thickness, mm, and the unit of force, N."""
+    units = Groups.of(case)
+    assert units is not None
+    return units.length(case.values), units.force(case.values)
 
 
 def thinned(x: np.ndarray, y: np.ndarray, part: float = 1e-3) -> np.ndarray:
@@ -120,18 +132,65 @@ def thinned(x: np.ndarray, y: np.ndarray, part: float = 1e-3) -> np.ndarray:
     return np.array(sorted(keep))
 
 
-def check(box: Box, runs: Sequence[Mapping[str, Any]], folds: int) -> dict[str, dict[str, float]]:
+def folds_of(
+    box: Box, runs: Sequence[Mapping[str, Any]], folds: int, wider: Mapping[str, float] | None = None
+) -> Iterator[tuple[Atlas, list[Mapping[str, Any]]]]:
+    """Atlases that each lack a part of the runs, and these."""
+    of = np.random.default_rng(0).permutation(len(runs)) % folds
+    for fold in range(folds):
+        made = atlas_of(box, [r for r, f in zip(runs, of, strict=True) if f != fold], wider)
+        yield made, [r for r, f in zip(runs, of, strict=True) if f == fold]
+
+
+def wider_of(box: Box, runs: Sequence[Mapping[str, Any]], folds: int) -> dict[str, float]:
+    """By what each interval is wider than the processes say, so that it holds nine in ten of the runs that
+    an atlas lacks."""
+    z: dict[str, list[float]] = {name: [] for name in ("onset", *OWN)}
+    inside: dict[float, list[float]] = {factor: [] for factor in (1.0, 1.2, 1.4, 1.7, 2.0, 2.4)}
+    for made, others in folds_of(box, runs, folds):
+        for run in others:
+            half, force = units_of(run["case"])
+            values, m = np.array([values_of(box, run["case"])]), run["measures"]
+            end = run["displacement_mm"][-1] / half
+            said = made.measures(values, np.array([end]))
+            true = {
+                "onset": np.log(m["onset_mm"] / half), "peak": np.log(m["peak_N"] / force),
+                "drop": np.sqrt(m["drop_rel"]), "steady": np.log(max(m["steady_N"], 1e-9) / force),
+            }  # fmt: skip
+            for name, value in true.items():
+                mean, sd = getattr(said, name)[0]
+                if np.isfinite(value):
+                    z[name].append(abs(value - mean) / sd)
+            x = np.linspace(0, end, 60)[1:]
+            F = np.interp(x * half, run["displacement_mm"], run["force_N"]) / force
+            for factor, parts in inside.items():
+                made.wider = {"curve": factor}
+                low, _, high = made._band(made._coordinates(values), x)
+                parts.append(float(np.mean((low <= F) & (high >= F))))
+            made.wider = {}
+    found = {name: max(1.0, float(np.quantile(each, LEVEL)) / WIDE) for name, each in z.items()}
+    enough = [factor for factor, parts in inside.items() if np.mean(parts) >= LEVEL]
+    return {**found, "curve": min(enough, default=max(inside))}
+
+
+def check(
+    box: Box, runs: Sequence[Mapping[str, Any]], folds: int, wider: Mapping[str, float]
+) -> dict[str, dict[str, float]]:
     """How far an atlas without a part of the runs is off at these, part by part, and how often its intervals
     hold."""
-    of = np.random.default_rng(0).permutation(len(runs)) % folds
-    found: dict[str, list[tuple[float, ...]]] = {n: [] for n in ("onset", "peak", "drop", "steady")}
-    right = []
-    for fold in range(folds):
-        made = atlas_of(box, [r for r, f in zip(runs, of, strict=True) if f != fold])
-        for run in (r for r, f in zip(runs, of, strict=True) if f == fold):
+    found: dict[str, list[tuple[float, float]]] = {n: [] for n in ("onset", "peak", "drop", "steady")}
+    right, curves = [], []
+    for made, others in folds_of(box, runs, folds, wider):
+        for run in others:
             said, true = made.estimate(run["case"]), run["measures"]
             label = regime(true["drop_rel"])
             right.append((said.verdict == label, said.chance > 0.95))
+            F = np.interp(said.x_mm, run["displacement_mm"], run["force_N"])
+            there = said.x_mm <= run["displacement_mm"][-1]
+            curves.append((
+                np.sqrt(np.mean((F - said.force_N)[there] ** 2)) / F.max(),
+                np.mean(((said.low_N <= F) & (said.high_N >= F))[there]),
+            ))  # fmt: skip
             for name, key in (
                 ("onset", "onset_mm"), ("peak", "peak_N"), ("drop", "drop_rel"), ("steady", "steady_N")
             ):  # fmt: skip
@@ -140,11 +199,11 @@ def check(box: Box, runs: Sequence[Mapping[str, Any]], folds: int) -> dict[str, 
                     off = abs(interval.value - true[key]) / (1.0 if name == "drop" else abs(true[key]))
                     found[name].append((off, interval.low <= true[key] <= interval.high))
     table = {}
-    for name, rows in found.items():
+    for name, rows in {**found, "curve": curves}.items():
         off, held = np.array(rows, dtype=float).T
         ends = {"median": np.median(off), "in nine of ten below": np.quantile(off, 0.9)}
         table[name] = {"points": off.size, **ends, "held": held.mean()}
-    is_right, is_sure = np.array(right, dtype=bool)[:, :2].T
+    is_right, is_sure = np.array(right, dtype=bool).T
     table["regime"] = {
         "points": len(right), "right": is_right.mean(), "right or undecided": (is_right | ~is_sure).mean(),
         "decided": is_sure.mean(),
@@ -167,14 +226,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     box = BOXES[asked.box]
     if asked.pack or asked.check:
         runs = runs_in(asked.out, box)
+        folds = asked.check or FOLDS
+        wider = wider_of(box, runs, folds)
+        print(len(runs), "runs; intervals wider by", {n: round(v, 2) for n, v in wider.items()})
         if asked.check:
-            for name, row in check(box, runs, asked.check).items():
+            for name, row in check(box, runs, folds, wider).items():
                 print(name, ", ".join(f"{key} {value:.3g}" for key, value in row.items()))
         if asked.pack:
             commits = sorted({str(run["commit"]) for run in runs})
             numerics = runs[0]["case"].to_dict()["numerics"]
             about = {"commits": commits, "numerics": numerics, "machine": facts(), "runs": len(runs)}
-            atlas_of(box, runs).write(asked.pack, about)
+            atlas_of(box, runs, wider).write(asked.pack, about)
         return 0
     for number, case in enumerate(cases(box, asked.runs, asked.seed)[asked.first :], asked.first):
         file = asked.out / f"{asked.box}-{asked.seed}-{number:04d}.npz"

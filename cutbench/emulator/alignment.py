@@ -36,6 +36,11 @@ class Course:
     force: np.ndarray
     onset: float
 
+    @property
+    def end(self) -> float:
+        """Where it ends."""
+        return float(self.x[-1])
+
 
 class AlignedCurves:
     """Curves at places, and what lies between them.
@@ -71,14 +76,14 @@ class AlignedCurves:
             raise ValueError(f"{len(X)} curves are too few for {X.shape[1]} coordinates")
         self.x, self.X, self.courses = x, X, courses
         largest = [int(np.abs(c.force).argmax()) for c in courses]
-        self.small = SMALL * float(np.median([abs(c.force[i]) for i, c in zip(largest, courses, strict=True)]))
-        self._soft = SMALL * float(np.median([abs(c.force[i]) / c.x[i] for i, c in zip(largest, courses, strict=True)]))
+        ends = np.array([(abs(c.force[i]), c.x[i]) for i, c in zip(largest, courses, strict=True)])
+        self.small, self._soft = SMALL * np.median(ends[:, 0]), SMALL * np.median(ends[:, 0] / ends[:, 1])
         begun = np.isfinite([c.onset for c in courses])
         self._onset, at = _onsets(X, courses, begun, x[-1], kernels[0])
         #: Parts of the way to the onset, and the travel beyond it.
         self.part = np.linspace(0, 1, x.size)
         self.beyond = np.linspace(0, x[-1], x.size) if beyond is None else beyond
-        # Before the cut begins it matters little what it takes to cut: force over travel is smoother than force.
+        # What it takes to cut matters little before: force over travel is smoother than force.
         rising = np.array([_read(self.part[1:] * o, c) for o, c in zip(at, courses, strict=True)])
         travel = self.part[1:] * at[:, None]
         self._before = Curves(X, np.arcsinh(rising / travel / self._soft), kernels[1])
@@ -142,6 +147,11 @@ class AlignedCurves:
         if self._onset is None:
             return np.full(len(places), self.x[-1])
         return np.exp(np.clip(self._onset.mean(places), -50, 50))
+
+    def log_onset(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and standard deviation (p,) of the logarithm of where runs at places (p, d) begin to cut."""
+        assert self._onset is not None, "enough cuts begin"
+        return self._onset.mean(places), self._onset.spread(places, runs=True)
 
     def computed(self, place: np.ndarray) -> Course | None:
         """The run at a place (d,); None where there is none."""

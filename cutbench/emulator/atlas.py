@@ -22,15 +22,14 @@ from cutbench.base.errors import BadInput
 from cutbench.base.handled import Handled
 from cutbench.case.case import Case, load_case
 from cutbench.case.model import groups
+from cutbench.case.values import CLAMP
 from cutbench.emulator.alignment import AlignedCurves, Course, Curves
 from cutbench.emulator.box import BLUNT, Box
 from cutbench.emulator.groups import Groups, same
-from cutbench.emulator.process import Kernel
+from cutbench.emulator.process import GaussianProcess, Kernel
 from cutbench.run.measures import (
     ABRUPT,
     ABRUPT_DROP,
-    BLUR,
-    FLOOR,
     KNOWN,
     PROMINENCE,
     SMOOTH,
@@ -46,20 +45,20 @@ BEYOND = np.array(
 )  # fmt: skip
 #: Parts of the way to the onset.
 RISE = 24
-#: Runs reach so far, in halves of the blade's thickness.
-REACH = 40.0
+#: Runs reach so far, in halves of the blade's thickness, and that is how thick it is.
+REACH, WINDOW = 40.0, 2.0
+#: η v/a below which viscosity hardly matters.
+SLOW = 0.05
 #: Where the work is told apart by mechanism: parts of the way to the onset, and travels beyond.
 PARTS, LATER = np.array([0.2, 0.5, 0.8, 1.0]), np.array([1.0, 3.0, 6.0, 10.0, 20.0])
 #: Curves that are drawn, and the level of intervals.
-DRAWS, LEVEL = 200, 0.9
-#: The blade's thickness, in its halves: the window of a drop.
-WINDOW = 2.0
-#: Spacing of the travels at which the fall of the force is looked for.
-STEP = 0.1
-
-
+DRAWS, LEVEL, WIDE = 200, 0.9, 1.6449
+#: The largest force grows with the travel to the onset by this power, as an indented block's does.
+RISES = 1.3
 #: What an estimate has intervals of, and their units.
 MEASURES = {"onset_mm": "mm", "peak_N": "N", "drop": "", "steady_N": "N"}
+#: The measures that have a process of their own.
+OWN = ("peak", "drop", "steady")
 
 
 class NotInAtlas(BadInput):
@@ -78,15 +77,6 @@ class Interval:
         if math.isnan(self.value):
             return "-"
         return f"{self.value:{form}} [{self.low:{form}}, {self.high:{form}}]"
-
-    @classmethod
-    def of(cls, drawn: np.ndarray) -> Interval:
-        """Of draws (s,): their median, and where all but a tenth lie."""
-        known = drawn[np.isfinite(drawn)]
-        if known.size < drawn.size / 2:
-            return cls(math.nan, math.nan, math.nan)
-        low, value, high = np.quantile(known, [(1 - LEVEL) / 2, 0.5, (1 + LEVEL) / 2])
-        return cls(float(value), float(low), float(high))
 
 
 @dataclass(frozen=True, repr=False)
@@ -155,13 +145,24 @@ class Estimate(Handled):
 
 
 @dataclass(frozen=True)
-class Measured:
-    """Measures of drawn curves, (p, s) each, in the atlas' units: see ``cutbench.run.measures``."""
+class Measures:
+    """Measures at p places, in the atlas' units, each as the mean and the standard deviation (p, 2) of what
+    is normal: the logarithms of onset, peak and steady force, and the root of the drop."""
 
     onset: np.ndarray
     peak: np.ndarray
     drop: np.ndarray
     steady: np.ndarray
+
+    def uncut(self, depths: np.ndarray) -> np.ndarray:
+        """Probability (p,) that the cut does not begin within depths (p,)."""
+        mean, sd = self.onset.T
+        return norm_cdf((mean - np.log(depths)) / sd)
+
+    def falls(self, drop: float) -> np.ndarray:
+        """How many standard deviations (p,) the drop lies above one."""
+        mean, sd = self.drop.T
+        return (mean - math.sqrt(drop)) / sd
 
 
 class Atlas:
@@ -175,10 +176,15 @@ class Atlas:
         Values of its groups.
     courses : sequence of Course
         The runs, in units of half the blade's thickness and of a force.
+    measured : mapping
+        ``peak``, ``drop`` and ``steady`` (n,) of the runs, nan where they have none, in the same units.
     works : mapping
         By mechanism, the work (n arrays) that it took up at the travels of each run.
-    kernels : sequence of Kernel, optional
-        Of its processes; the likeliest unless given, which takes a while.
+    kernels : mapping
+        Of its processes, as ``kernels`` of an earlier one says; the likeliest unless given, which takes a
+        while.
+    wider : mapping
+        By measure, by what intervals are wider than the processes say, as runs that were left out showed.
     about : mapping
         Where it comes from.
     """
@@ -188,36 +194,54 @@ class Atlas:
         box: Box,
         groups: np.ndarray,
         courses: Sequence[Course],
+        measured: Mapping[str, np.ndarray],
         works: Mapping[str, Sequence[np.ndarray]] | None = None,
-        kernels: Sequence[Kernel | None] = (None, None, None),
+        kernels: Mapping[str, Kernel | None] | None = None,
+        wider: Mapping[str, float] | None = None,
         about: Mapping[str, Any] | None = None,
     ):
-        self.box, self.groups, self.courses, self.works = box, groups, courses, works or {}
-        self.about = about or {}
+        self.box, self.groups, self.courses, self.measured = box, groups, courses, measured
+        self.works, self.wider, self.about = works or {}, wider or {}, about or {}
+        known = kernels or {}
         self.X = self._coordinates(groups)
-        rise = np.linspace(0, REACH, RISE + 1)
-        self.curves = AlignedCurves(self.X, courses, rise, BEYOND, kernels)
+        rise, of_curves = (
+            np.linspace(0, REACH, RISE + 1),
+            [known.get(n) for n in ("onset", "before", "after")],
+        )
+        self.curves = AlignedCurves(self.X, courses, rise, BEYOND, of_curves)
+        onsets, ends = (np.array([getattr(c, n) for c in courses]) for n in ("onset", "end"))
+        self._own = {}
+        for name in OWN:
+            values = self._normal(name, measured[name], groups, onsets, ends)
+            there = np.isfinite(values)
+            self._own[name] = GaussianProcess(self.X[there], values[there], kernel=known.get(name))
+
+    @property
+    def kernels(self) -> dict[str, Kernel | None]:
+        """Of all processes."""
+        of_curves = dict(zip(("onset", "before", "after"), self.curves.kernels, strict=True))
+        return of_curves | {name: made.kernel for name, made in self._own.items()}
 
     @classmethod
-    def read(cls, file: str | Path | Any, box: Box = BLUNT) -> Atlas:
+    def read(cls, file: Any, box: Box = BLUNT) -> Atlas:
         """Out of a file that ``write`` made."""
         with np.load(file) as data:
             about = json.loads(str(data["about"]))
             ends = np.cumsum(data["sizes"])[:-1]
             x, force = (np.split(data[name].astype(float), ends) for name in ("x", "force"))
-            works = {
-                n: np.split(w.astype(float), ends)
-                for n, w in zip(about["works"], data["work"].T, strict=True)
-            }
-            onset = data["onset"].astype(float)
-            courses = [Course(*each) for each in zip(x, force, onset, strict=True)]
-            kernels = [k and Kernel(tuple(k["lengths"]), k["nugget"]) for k in about["kernels"]]
-            return cls(box, data["groups"].astype(float), courses, works, kernels, about)
+            work = [np.split(each.astype(float), ends) for each in data["work"].T]
+            works = dict(zip(about["works"], work, strict=True))
+            onset = data["onset"].astype(float).tolist()
+            courses = [Course(a, b, at) for a, b, at in zip(x, force, onset, strict=True)]
+            measured = {name: data[name].astype(float) for name in OWN}
+            kernels = {n: k and Kernel(tuple(k["lengths"]), k["nugget"]) for n, k in about["kernels"].items()}
+            groups = data["groups"].astype(float)
+            return cls(box, groups, courses, measured, works, kernels, about["wider"], about)
 
     def write(self, file: Path, about: Mapping[str, Any]) -> None:
         """Into a file."""
-        kernels = [k and {"lengths": k.lengths, "nugget": k.nugget} for k in self.curves.kernels]
-        record = {**about, "works": [*self.works], "kernels": kernels}
+        kernels = {n: k and {"lengths": k.lengths, "nugget": k.nugget} for n, k in self.kernels.items()}
+        record = {**about, "works": [*self.works], "kernels": kernels, "wider": {**self.wider}}
         np.savez_compressed(
             file, about=json.dumps(record), groups=np.float32(self.groups),
             sizes=np.array([c.x.size for c in self.courses]),
@@ -225,47 +249,65 @@ class Atlas:
             force=np.float32(np.concatenate([c.force for c in self.courses])),
             onset=np.float32([c.onset for c in self.courses]),
             work=np.float32([np.concatenate(w) for w in self.works.values()]).T,
+            **{name: np.float32(self.measured[name]) for name in OWN},
         )  # fmt: skip
 
     def _coordinates(self, values: np.ndarray) -> np.ndarray:
-        columns = [side.coordinate(v) for side, v in zip(self.box.sides, values.T, strict=True)]
-        return np.stack(columns, axis=1)
+        by_name = self._by_name(values)
+        columns = {side.name: side.coordinate(by_name[side.name]) for side in self.box.sides}
+        # How fast a blade opens the cut is a matter of its own width: η v/a is smoother than η v/δ_c.
+        columns["viscosity"] = np.arcsinh(by_name["viscosity"] * by_name["delta_c"] / SLOW)
+        return np.stack(list(columns.values()), axis=1)
 
-    def place(self, case: Case) -> np.ndarray:
-        """Coordinates (d,) of a case. Raises NotInAtlas."""
-        return self._coordinates(np.array([self.values(case)]))[0]
+    def _by_name(self, values: np.ndarray) -> dict[str, np.ndarray]:
+        return dict(zip([side.name for side in self.box.sides], values.T, strict=True))
+
+    def _normal(
+        self, name: str, value: np.ndarray, groups: np.ndarray, onset: np.ndarray, depth: np.ndarray
+    ) -> np.ndarray:
+        """What is normal of a measure."""
+        if name == "drop":
+            return np.sqrt(value)
+        usual = RISES * np.log(onset) if name == "peak" else np.log(self._cutting(groups, onset, depth))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.log(np.where(value > 0, value, np.nan)) - usual
+
+    def _cutting(self, groups: np.ndarray, onset: np.ndarray, depth: np.ndarray) -> np.ndarray:
+        """Force (n,) that cutting at a steady pace takes about (Atkins 2009, The Science and Engineering of
+        Cutting): the toughness with its viscous part, and adhesion along both faces, at the middle of the
+        travel where it is measured."""
+        g = self._by_name(groups)
+        end = np.minimum(depth, g["height"] - CLAMP * WINDOW)
+        start = np.maximum((1 - TAIL) * end, onset + TRANSITION * WINDOW)
+        toughness = g["cohesion"] * g["delta_c"] * (1 + g["viscosity"])
+        return toughness + g["adhesion"] * g["cohesion"] * (start + np.maximum(end, start)) / 2
 
     def values(self, case: Case) -> list[float]:
         """Values of the groups of a case. Raises NotInAtlas, which says what lies outside."""
         found = values_of(self.box, case)
         for side, value in zip(self.box.sides, found, strict=True):
             if not side.low * (1 - 1e-6) <= value <= side.high * (1 + 1e-6):
-                raise NotInAtlas(
-                    side.name, f"{value:.3g}", f"{side.low:g} to {side.high:g}, which the atlas has"
-                )
+                expected = f"{side.low:g} to {side.high:g}, which the atlas has"
+                raise NotInAtlas(side.name, f"{value:.3g}", expected)
         return found
 
     # -- what it says ---------------------------------------------------------------------------------
-    def draws(
-        self, places: np.ndarray, count: int = DRAWS, seed: int = 0
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Curves that runs may have: see ``AlignedCurves.draws``; half of them mirror the others."""
-        known: dict[tuple[int, int], np.ndarray] = {}
-
-        def normal(part: int, r: int) -> np.ndarray:
-            if (part, r) not in known:
-                half = np.random.default_rng([seed, part, r]).standard_normal((count // 2, r))
-                known[part, r] = np.concatenate([half, -half])
-            return known[part, r]
-
-        return self.curves.draws(places, normal)
-
-    def measured(self, places: np.ndarray, depths: np.ndarray, count: int = DRAWS) -> Measured:
-        """Measures of curves that are drawn at places (p, d), of runs to depths (p,)."""
-        parts = []
-        for some in np.array_split(np.arange(len(places)), max(1, len(places) * count // 20000)):
-            parts.append(_measured(*self.draws(places[some], count), depths[some, None]))
-        return Measured(*(np.concatenate([getattr(p, n) for p in parts]) for n in vars(parts[0])))
+    def measures(self, groups: np.ndarray, depths: np.ndarray) -> Measures:
+        """Measures of runs with values (p, d) of the groups to depths (p,), in halves of the thickness."""
+        places = self._coordinates(groups)
+        onset = np.stack(self.curves.log_onset(places), axis=1)
+        onset[:, 1] *= self.wider.get("onset", 1.0)
+        found = {"onset": onset}
+        for name in OWN:
+            made = self._own[name]
+            mean, sd = made.mean(places), made.spread(places, runs=True) * self.wider.get(name, 1.0)
+            if name != "drop":
+                at = np.exp(onset[:, 0])
+                mean = mean - self._normal(name, np.ones(len(at)), groups, at, depths)
+            if name == "peak":
+                sd = np.hypot(sd, RISES * onset[:, 1])
+            found[name] = np.stack([mean, sd], axis=1)
+        return Measures(**found)
 
     def estimate(self, case: Case) -> Estimate:
         """What a run of a case would give.
@@ -275,26 +317,40 @@ class Atlas:
         NotInAtlas
             If it lies outside.
         """
-        units = Groups.of(case)
+        groups, units = np.array([self.values(case)]), Groups.of(case)
         assert units is not None, "of the atlas' model"
-        place, half, force = self.place(case)[None], units.length(case.values), units.force(case.values)
+        half, force = units.length(case.values), units.force(case.values)
         depth = min(case.values["depth"] / half, REACH)
-        onset, before, after = (each[0] for each in self.draws(place))
-        x = np.linspace(0, depth, 161)
-        curves = np.stack([_joined(x, *each) for each in zip(onset, before, after, strict=True)])
-        low, middle, high = np.quantile(curves, [(1 - LEVEL) / 2, 0.5, (1 + LEVEL) / 2], axis=0)
-        m = _measured(onset[None], before[None], after[None], np.array([[depth]]))
-        uncut = m.onset[0] >= depth
-        abrupt = ~uncut & (m.drop[0] >= ABRUPT_DROP)
-        chances = {ABRUPT: abrupt.mean(), SMOOTH: (~uncut & ~abrupt).mean(), UNCUT: uncut.mean()}
-        measured = {n: np.where(uncut, np.nan, getattr(m, n)[0]) for n in ("onset", "peak", "drop", "steady")}
+        m, place = self.measures(groups, np.array([depth])), self._coordinates(groups)
+        uncut = float(m.uncut(np.array([depth]))[0])
+        abrupt = (1 - uncut) * float(norm_cdf(m.falls(ABRUPT_DROP))[0])
+        cut = uncut < 0.5
+        end = float(np.exp(m.onset[0, 0])) + (KNOWN if case.until == "transition" else math.inf) * WINDOW
+        x = np.linspace(0, min(depth, end), 161)
+        low, middle, high = (force * each for each in self._band(place, x))
+        whole = cut and end > depth and depth - math.exp(m.onset[0, 0]) > (TRANSITION + 1) * WINDOW
+        onset, peak, drop, steady = (getattr(m, n)[0] for n in ("onset", "peak", "drop", "steady"))
         return Estimate(
-            case, x * half, middle * force, low * force, high * force,
-            Interval.of(measured["onset"] * half), Interval.of(measured["peak"] * force),
-            Interval.of(measured["drop"]), Interval.of(measured["steady"] * force),
-            {name: float(value) for name, value in chances.items()},
-            self._shares(place, x, float(np.median(onset))), self._nearest(place),
+            case, x * half, middle, low, high,
+            _interval(onset, half, cut), _interval(peak, force, cut and drop[0] ** 2 > PROMINENCE),
+            _interval(drop, 1.0, cut, root=True), _interval(steady, force, whole),
+            {ABRUPT: abrupt, SMOOTH: 1 - uncut - abrupt, UNCUT: uncut},
+            self._shares(place, x, float(np.exp(onset[0]))), self._nearest(place),
         )  # fmt: skip
+
+    def _band(self, place: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Ends and middle (3, k) of the forces that runs at a place (1, d) may have at travels (k,)."""
+
+        def normal(part: int, r: int) -> np.ndarray:
+            half = np.random.default_rng(part).standard_normal((DRAWS // 2, r))
+            return self.wider.get("curve", 1.0) * np.concatenate([half, -half])
+
+        onset, before, after = (each[0] for each in self.curves.draws(place, normal))
+        curves = []
+        for at, rising, later in zip(onset, before, after, strict=True):
+            rise = np.linspace(0, at, rising.size)
+            curves.append(np.where(x <= at, np.interp(x, rise, rising), np.interp(x - at, BEYOND, later)))
+        return np.quantile(curves, [(1 - LEVEL) / 2, 0.5, (1 + LEVEL) / 2], axis=0)
 
     def _nearest(self, place: np.ndarray, count: int = 3) -> tuple[tuple[float, Mapping[str, float]], ...]:
         kernel = self.curves.kernels[0]
@@ -393,65 +449,16 @@ def estimate(source: Case | str | Path) -> Estimate:
     return shipped(tool.name if tool else "").estimate(case)
 
 
-def _joined(x: np.ndarray, onset: float, before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """Forces at travels (k,) of one drawn curve."""
-    rise = np.linspace(0, onset, before.size)
-    return np.where(x <= onset, np.interp(x, rise, before), np.interp(x - onset, BEYOND, after))
+def _interval(normal: np.ndarray, unit: float, there: bool, root: bool = False) -> Interval:
+    """Of the mean and the standard deviation of a logarithm, or of a ``root``."""
+    if not there:
+        return Interval(math.nan, math.nan, math.nan)
+    mean, sd = normal
+    low, middle, high = mean - WIDE * sd, mean, mean + WIDE * sd
+    back = (lambda v: min(max(v, 0.0) ** 2, 1.0)) if root else math.exp
+    return Interval(*(unit * back(v) for v in (middle, low, high)))
 
 
-def _measured(onset: np.ndarray, before: np.ndarray, after: np.ndarray, depth: np.ndarray) -> Measured:
-    """Measures (p, s) of drawn curves; ``depth`` (p, 1)."""
-    around = np.arange(-1.5 * WINDOW, KNOWN * WINDOW + STEP / 2, STEP)
-    back = np.maximum(around, 0)
-    later = np.apply_along_axis(lambda f: np.interp(back, BEYOND, f), -1, after)
-    parts = 1 + around[around < 0] / onset[..., None]
-    rising = _at_parts(before, np.clip(parts, 0, 1))
-    force = np.concatenate([rising, later[..., around >= 0]], axis=-1)
-    ended = around > (depth - onset)[..., None]
-    last = np.maximum((~ended).sum(axis=-1, keepdims=True) - 1, 0)
-    force = np.where(ended, np.take_along_axis(force, last, axis=-1), force)
-    half = round(BLUR * WINDOW / 2 / STEP)
-    sums = np.cumsum(np.pad(force, [(0, 0)] * (force.ndim - 1) + [(1, 0)]), axis=-1)
-    mean = (sums[..., 2 * half + 1 :] - sums[..., : -2 * half - 1]) / (2 * half + 1)
-    places = around[half:-half]
-    ahead = round(WINDOW / STEP)
-    padded = np.pad(mean, [(0, 0)] * (mean.ndim - 1) + [(0, ahead)], mode="edge")
-    low = np.lib.stride_tricks.sliding_window_view(padded, ahead + 1, axis=-1).min(axis=-1)
-    largest = np.maximum(force.max(axis=-1), before.max(axis=-1))
-    counts = (places >= -WINDOW) & (places <= TRANSITION * WINDOW) & (mean > FLOOR * largest[..., None])
-    drop = np.where(counts, (mean - low) / np.where(counts, mean, 1.0), 0.0).max(axis=-1)
-    return Measured(onset, _peak(onset, before, after, depth), drop, _steady(onset, after, depth))
-
-
-def _peak(onset: np.ndarray, before: np.ndarray, after: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """The first maximum from which the force falls by ``PROMINENCE`` of it; nan without one."""
-    rise = onset[..., None] * np.linspace(0, 1, before.shape[-1])
-    x = np.concatenate([rise, onset[..., None] + BEYOND], axis=-1)
-    force = np.where(x <= depth[..., None], np.concatenate([before, after], axis=-1), np.inf)
-    highest = np.maximum.accumulate(force, axis=-1)
-    least = FLOOR * np.where(np.isfinite(force), force, 0.0).max(axis=-1, keepdims=True)
-    falls = (force < (1 - PROMINENCE) * highest) & (highest > least)
-    first = falls.argmax(axis=-1)[..., None]
-    found = np.take_along_axis(highest, first, axis=-1)[..., 0]
-    return np.where(falls.any(axis=-1), found, np.nan)
-
-
-def _steady(onset: np.ndarray, after: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """Mean force over the last part of the travel that lies behind the transition; nan without one."""
-    start = np.maximum((1 - TAIL) * depth, onset + TRANSITION * WINDOW)
-    parts = np.linspace(0, 1, 20)
-    at = (start + (depth - start) * parts[:, None, None] - onset).transpose(1, 2, 0)
-    flat = [
-        np.interp(a, BEYOND, f)
-        for a, f in zip(at.reshape(-1, 20), after.reshape(-1, BEYOND.size), strict=True)
-    ]
-    mean = np.mean(flat, axis=1).reshape(onset.shape)
-    return np.where(depth - start >= WINDOW, mean, np.nan)
-
-
-def _at_parts(before: np.ndarray, parts: np.ndarray) -> np.ndarray:
-    """Values at parts (p, s, j) of the way, of curves (p, s, k) at even parts."""
-    place = parts * (before.shape[-1] - 1)
-    i = np.clip(place.astype(int), 0, before.shape[-1] - 2)
-    low, high = (np.take_along_axis(before, i + k, axis=-1) for k in (0, 1))
-    return low + (place - i) * (high - low)
+def norm_cdf(z: np.ndarray) -> np.ndarray:
+    """Of the standard normal distribution."""
+    return np.array([0.5 * (1 + math.erf(v / math.sqrt(2))) for v in np.ravel(z)]).reshape(np.shape(z))

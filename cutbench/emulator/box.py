@@ -11,7 +11,7 @@ import numpy as np
 from cutbench.case.case import Case
 
 #: Part of a side that ends in a value of 0, in which the value *is* 0: many a user has no friction.
-OFF = 0.08
+OFF = 0.2
 #: A run ends this far down: as a part of the specimen's height, and in halves of the blade's thickness.
 DEPTH = (0.8, 40.0)
 

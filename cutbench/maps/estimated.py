@@ -24,8 +24,6 @@ from cutbench.run.measures import ABRUPT, MEASURES, SMOOTH, UNCUT
 
 #: Places along each axis of a boundary at which the atlas is asked; between them it is interpolated.
 PLACES = 17
-#: Curves that are drawn at each.
-DRAWS = 100
 #: Id of what no run has.
 ESTIMATED = "estimated"
 
@@ -87,13 +85,14 @@ def _level(
     for index in indices:
         at = fixed | dict(zip(free, map(int, index), strict=True))
         cases.append(study.case_at([axis.values[at[k]] for k, axis in enumerate(study.axes)]))
-    found = np.array([_told(*each, study.regime.drop) for each in zip(*_drawn(known, cases), strict=True)])
+    mean, score, drop, uncut = _margins(known, cases, study.regime.drop)
+    found = np.stack([mean, score, drop, uncut], axis=1)
     every = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1)
     coarse = [len(t) for t in ticks]
     mean, score, drop, uncut = (
         RegularGridInterpolator(ticks, column.reshape(coarse))(every) for column in found.T
     )
-    spread = np.abs(mean) / np.maximum(np.abs(score), 1e-6)
+    spread = np.abs(mean / np.where(score == 0, 1e-9, score))
     away = distances(mean >= 0) / 2
     unsure = (np.abs(score) < norm.ppf(0.975)) & (away > 1)
     label = np.where(uncut > 0.5, LABELS.index(UNCUT), LABELS.index(SMOOTH))
@@ -101,26 +100,20 @@ def _level(
     return BoundaryEstimate(mean, spread, unsure), np.where(uncut > 0.5, np.nan, drop), label
 
 
-def _told(drop: np.ndarray, uncut: np.ndarray, threshold: float) -> tuple[float, float, float, float]:
-    """Of draws (s,): the median's margin, how many standard deviations that is from 0, the median drop, and
-    the part that is not cut."""
-    cut = drop[~uncut] if (~uncut).any() else drop
-    margins = margin(np.maximum(cut, 1e-6), cut, np.zeros(cut.size, dtype=bool), drop=threshold)
-    abrupt = np.clip(np.mean(margins >= 0), 0.5 / cut.size, 1 - 0.5 / cut.size)
-    middle = float(np.median(margins))
-    return middle, float(np.abs(norm.ppf(abrupt))), float(np.median(cut)), float(uncut.mean())
-
-
-def _drawn(known: Atlas, cases: Sequence[Case]) -> tuple[np.ndarray, np.ndarray]:
-    """Drops (p, s) of cases, and which of them are not cut at their depth. Raises NotInAtlas."""
-    places = np.array([known.place(case) for case in cases])
+def _margins(
+    known: Atlas, cases: Sequence[Case], threshold: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Margins of cases, how many standard deviations these are from 0, drops, and the probability that a case
+    is not cut; (p,) each. Raises NotInAtlas."""
     depths = []
     for case in cases:
         units = Groups.of(case)
         assert units is not None, "it has a place in the atlas"
         depths.append(min(case.values["depth"] / units.length(case.values), REACH))
-    m = known.measured(places, np.array(depths), DRAWS)
-    return m.drop, m.onset >= np.array(depths)[:, None]
+    m = known.measures(np.array([known.values(case) for case in cases]), np.array(depths))
+    drop = np.clip(m.drop[:, 0], 0.01, 1.0) ** 2
+    margins = margin(drop, drop, np.zeros(drop.size, dtype=bool), drop=threshold)
+    return margins, m.falls(threshold), drop, m.uncut(np.array(depths))
 
 
 def _rows(known: Atlas, cases: Sequence[Case], study: Study, strict: bool = True) -> list[MapRow]:

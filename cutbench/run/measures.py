@@ -61,7 +61,7 @@ BLUR = 0.5
 #: 0.05 mm of travel with the paper's blade.
 FRONT = 1 / 14
 #: Forces below this part of the largest one are no base for a relative drop, nor a peak.
-FLOOR = 0.05
+_FLOOR = 0.05
 #: Fall of the force after a peak, relative; and the last part of the travel, which counts as steady where it
 #: lies behind the transition.
 PROMINENCE, TAIL = 0.05, 0.4
@@ -99,7 +99,7 @@ def measures(
     onset = first_crossing(d, c - c[0], onset_length_mm)
     # Whatever comes later, relative to the forces up to there.
     known = min(d[-1], onset + KNOWN * window_mm)
-    least = FLOOR * max(F[d <= known].max(), np.interp(known, d, F), 0.0)
+    least = _FLOOR * max(F[d <= known].max(), np.interp(known, d, F), 0.0)
     peak_mm, peak_N = _first_peak(d, F, least)
     end = min(d[-1], height_mm - CLAMP * window_mm)
     end = end if end > d[0] else d[-1]
