@@ -49,6 +49,8 @@ RISE = 24
 REACH, WINDOW = 40.0, 2.0
 #: η v/a below which viscosity hardly matters.
 SLOW = 0.05
+#: τ_W/G below which adhesion hardly deforms the gel.
+STICKY = 0.2
 #: Where the work is told apart by mechanism: parts of the way to the onset, and travels beyond.
 PARTS, LATER = np.array([0.2, 0.5, 0.8, 1.0]), np.array([1.0, 3.0, 6.0, 10.0, 20.0])
 #: Curves that are drawn, and the level of intervals.
@@ -257,6 +259,8 @@ class Atlas:
         columns = {side.name: side.coordinate(by_name[side.name]) for side in self.box.sides}
         # How fast a blade opens the cut is a matter of its own width: η v/a is smoother than η v/δ_c.
         columns["viscosity"] = np.arcsinh(by_name["viscosity"] * by_name["delta_c"] / SLOW)
+        # What adheres deforms the gel: τ_W/G.
+        columns["adhesion"] = np.arcsinh(by_name["adhesion"] * by_name["cohesion"] / STICKY)
         return np.stack(list(columns.values()), axis=1)
 
     def _by_name(self, values: np.ndarray) -> dict[str, np.ndarray]:
