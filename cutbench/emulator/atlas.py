@@ -244,15 +244,16 @@ class Atlas:
         """Into a file."""
         kernels = {n: k and {"lengths": k.lengths, "nugget": k.nugget} for n, k in self.kernels.items()}
         record = {**about, "works": [*self.works], "kernels": kernels, "wider": {**self.wider}}
-        np.savez_compressed(
-            file, about=json.dumps(record), groups=np.float32(self.groups),
-            sizes=np.array([c.x.size for c in self.courses]),
-            x=np.float32(np.concatenate([c.x for c in self.courses])),
-            force=np.float32(np.concatenate([c.force for c in self.courses])),
-            onset=np.float32([c.onset for c in self.courses]),
-            work=np.float32([np.concatenate(w) for w in self.works.values()]).T,
-            **{name: np.float32(self.measured[name]) for name in OWN},
-        )  # fmt: skip
+        arrays = {
+            "groups": self.groups, "x": np.concatenate([c.x for c in self.courses]),
+            "force": np.concatenate([c.force for c in self.courses]),
+            "onset": np.array([c.onset for c in self.courses]),
+            "work": np.stack([np.concatenate(each) for each in self.works.values()], axis=1),
+            **self.measured,
+        }  # fmt: skip
+        small: dict[str, Any] = {name: each.astype(np.float32) for name, each in arrays.items()}
+        small["sizes"] = np.array([c.x.size for c in self.courses])
+        np.savez_compressed(file, about=np.array(json.dumps(record)), **small)
 
     def _coordinates(self, values: np.ndarray) -> np.ndarray:
         by_name = self._by_name(values)

@@ -24,14 +24,18 @@ from cutbench.maps.sampling import coarse_to_fine
 SURE = 1.96
 #: The kernel is chosen anew when there are so many times more runs than at the last choice.
 _REFIT = 1.1
-#: Rounds of probes on both sides of a boundary that seems known, none of which may contradict it.
+#: Rounds of probes on both sides of a boundary that seems known, none of which may contradict it; half as
+#: many where it is thought to be there beforehand.
 _PROBES = 4
 #: Steepest rise of the margin, over the whole of an axis, that is taken as it is.
 STEEPEST = 14.0
 #: Length along which margins are expected to change, in parts of the box, and bounds of their size.
-EXPECTED, SIZES = 0.5, (0.2, 3.0)
+#: Of their size where they are thought to be somewhere beforehand, in standard deviations of that.
+EXPECTED, SIZES, INFORMED = 0.5, (0.2, 3.0), (1.0, 3.0)
 #: So often at most margins on the wrong side of zero are given less freedom.
 _SIGN_ROUNDS = 4
+#: Least nugget where no run is known yet, and least standard deviation of what is expected beforehand.
+_LEAST, _CERTAIN = 1e-3, 0.02
 #: Lattices larger than this are judged, and asked for, at every second point only.
 _DENSE = 8000
 
@@ -63,12 +67,63 @@ class BoundaryEstimate:
     unsure: np.ndarray
 
 
+class Margins:
+    """Margins on a lattice: what is expected of them beforehand, if anything is, and a process through how
+    far those of runs are from that, in its standard deviations."""
+
+    def __init__(
+        self, process: GaussianProcess | None, shape: tuple[int, ...], expected: BoundaryEstimate | None
+    ):
+        self._process, self._last, self._expected = process, np.array(shape) - 1, expected
+        self.kernel = Kernel((EXPECTED,) * len(shape), _LEAST) if process is None else process.kernel
+        self._size = 1.0 if process is None else process.size
+
+    def before(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What is expected at places (p, d), and its standard deviation."""
+        return expected_at(self._expected, np.rint(at * self._last).astype(int))
+
+    def mean(self, at: np.ndarray) -> np.ndarray:
+        """(p,)."""
+        mean, spread = self.before(at)
+        return mean if self._process is None else mean + spread * self._process.mean(at)
+
+    def unit(self, at: np.ndarray) -> np.ndarray:
+        """Standard deviations (p,) far from all runs."""
+        return self._size * self.before(at)[1]
+
+    def spread(self, at: np.ndarray) -> np.ndarray:
+        """Standard deviations (p,)."""
+        unit = self.before(at)[1]
+        return unit if self._process is None else unit * self._process.spread(at)
+
+    def influence(self, at: np.ndarray) -> np.ndarray:
+        """See ``GaussianProcess.influence``."""
+        return np.zeros((0, len(at))) if self._process is None else self._process.influence(at)
+
+
+def expected_at(expected: BoundaryEstimate | None, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What is expected of margins at indices (p, d), and its standard deviation: 0 and 1 if nothing is."""
+    if expected is None:
+        return np.zeros(len(index)), np.ones(len(index))
+    where = tuple(index.T)
+    return expected.mean[where], np.maximum(expected.spread[where], _CERTAIN)
+
+
 class Seeker:
     """The search over one box. ``shape`` are the points of its lattice, ``known`` margins by index
-    (nan: a run that failed, or was not cut)."""
+    (nan: a run that failed, or was not cut); ``expected``: margins as they are thought to be beforehand."""
 
-    def __init__(self, shape: tuple[int, ...], *, start: int, batch: int, runs: int):
+    def __init__(
+        self,
+        shape: tuple[int, ...],
+        *,
+        start: int,
+        batch: int,
+        runs: int,
+        expected: BoundaryEstimate | None = None,
+    ):
         self.shape, self._start, self._batch, self._runs = shape, start, batch, runs
+        self._before = expected
         index = np.stack(np.unravel_index(np.arange(math.prod(shape)), shape), axis=1)
         self._index = index
         self._places = index / (np.array(shape) - 1)
@@ -93,7 +148,7 @@ class Seeker:
 
     def ask(self, known: Mapping[Index, float]) -> list[Index]:
         """The next runs; none when the boundary is known or the runs are spent."""
-        if not self._asked:
+        if not self._asked and self._before is None:
             ticks = [np.rint(np.linspace(0, n - 1, self._start)).astype(int) for n in self.shape]
             first = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, len(self.shape))
             order = list(coarse_to_fine((self._start,) * len(self.shape)))
@@ -124,7 +179,7 @@ class Seeker:
             )
         )
         self._clean = 0 if surprise else self._clean + bool(self._expected)
-        if self._clean >= _PROBES:
+        if self._clean >= (_PROBES if self._before is None else _PROBES // 2):
             return []
         near = (away > 0.6) & (away < 1.3) if np.isfinite(away).any() else np.ones(len(judged), dtype=bool)
         pool = np.flatnonzero(near & free)
@@ -149,43 +204,44 @@ class Seeker:
         unsure = (SURE * spread > np.abs(mean)) & (away > 1)
         return BoundaryEstimate(*(part.reshape(self.shape) for part in (mean, spread, unsure)))
 
-    def _between(self, known: Mapping[Index, float], *, stand_ins: bool) -> GaussianProcess | None:
+    def _between(self, known: Mapping[Index, float], *, stand_ins: bool) -> Margins | None:
         """Through the margins; ``stand_ins``: and at runs that failed, or were not cut, through what is
         expected there, so that the search does not ask for their neighbours again and again."""
-        good = [(i, m) for i, m in known.items() if not math.isnan(m)]
+        good = sorted((i, m) for i, m in known.items() if not math.isnan(m))
         if not good:
-            return None
-        good.sort()
-        at = self._places[self._flat(np.array([i for i, _ in good]))]
+            return None if self._before is None else Margins(None, self.shape, self._before)
+        index = np.array([i for i, _ in good])
+        at = self._places[self._flat(index)]
         values = softened(at, np.array([m for _, m in good]))
-        if self._kernel is None or len(good) > _REFIT * self._fitted:
-            self._fitted = len(good)
-            process = margins_between(at, values)
-            self._kernel = process.kernel
-        else:
-            process = margins_between(at, values, self._kernel)
+        new = self._kernel is None or len(good) > _REFIT * self._fitted
+        process = self._through(index, values, None if new else self._kernel)
+        if new:
+            self._fitted, self._kernel = len(good), process.kernel
         failed = sorted(i for i, m in known.items() if math.isnan(m))
         if not (stand_ins and failed):
             return process
-        there = self._places[self._flat(np.array(failed))]
-        return margins_between(
-            np.concatenate([at, there]), np.concatenate([values, process.mean(there)]), self._kernel
-        )
+        there = np.array(failed)
+        guessed = process.mean(self._places[self._flat(there)])
+        return self._through(np.concatenate([index, there]), np.concatenate([values, guessed]), self._kernel)
+
+    def _through(self, index: np.ndarray, values: np.ndarray, kernel: Kernel | None) -> Margins:
+        at, before = self._places[self._flat(index)], expected_at(self._before, index)
+        return Margins(margins_between(at, values, kernel, before), self.shape, self._before)
 
     def _spread_out(
-        self, process: GaussianProcess, pool: np.ndarray, mean: np.ndarray, spread: np.ndarray, count: int
+        self, process: Margins, pool: np.ndarray, mean: np.ndarray, spread: np.ndarray, count: int
     ) -> list[int]:
         """``count`` of ``pool``, each the most doubtful once those before it are known."""
         if pool.size > 3000:
             pool = pool[np.argsort(np.abs(mean[pool]) - SURE * spread[pool], kind="stable")[:3000]]
         kernel = process.kernel
         at = self._places[self._judged[pool]]
-        data = process.influence(at)
-        left = (spread[pool] / process.size) ** 2
+        data, unit = process.influence(at), process.unit(at)
+        left = (spread[pool] / unit) ** 2
         chosen: list[int] = []
         open_ = np.ones(pool.size, dtype=bool)
         for _ in range(min(count, pool.size)):
-            score = SURE * process.size * np.sqrt(np.maximum(left, 0)) - np.abs(mean[pool])
+            score = SURE * unit * np.sqrt(np.maximum(left, 0)) - np.abs(mean[pool])
             k = int(np.argmax(np.where(open_, score, -np.inf)))
             open_[k] = False
             chosen.append(int(pool[k]))
@@ -208,7 +264,12 @@ class Seeker:
         return [tuple(map(int, self._index[i])) for i in flat]
 
 
-def margins_between(x: np.ndarray, y: np.ndarray, kernel: Kernel | None = None) -> GaussianProcess:
+def margins_between(
+    x: np.ndarray,
+    y: np.ndarray,
+    kernel: Kernel | None = None,
+    before: tuple[np.ndarray | float, np.ndarray | float] = (0.0, 1.0),
+) -> GaussianProcess:
     """The process through margins, far from which nothing is known.
 
     The sign of a margin is taken for certain, whatever differs from run to run: where margins jump, a
@@ -222,15 +283,19 @@ def margins_between(x: np.ndarray, y: np.ndarray, kernel: Kernel | None = None) 
         Margins.
     kernel : Kernel, optional
         The likeliest unless given.
+    before : (ndarray, ndarray)
+        What was expected of them, and its standard deviations: the process is of how far off that was.
     """
-    made = GaussianProcess(x, y, kernel=kernel, lengths=(EXPECTED,) * x.shape[1], trend="none", sizes=SIZES)
+    mean, spread = before
+    z, sizes = (y - mean) / spread, SIZES if np.all(mean == 0) else INFORMED
+    made = GaussianProcess(x, z, kernel=kernel, lengths=(EXPECTED,) * x.shape[1], trend="none", sizes=sizes)
     noise = np.full(y.size, made.kernel.nugget)
     for _ in range(_SIGN_ROUNDS):
-        wrong = (made.mean(x) >= 0) != (y >= 0)
+        wrong = (mean + spread * made.mean(x) >= 0) != (y >= 0)
         if not wrong.any():
             break
         noise[wrong] = np.minimum(noise[wrong], 1e-3) / 100
-        made = GaussianProcess(x, y, kernel=made.kernel, noise=noise, trend="none", sizes=(made.size,) * 2)
+        made = GaussianProcess(x, z, kernel=made.kernel, noise=noise, trend="none", sizes=(made.size,) * 2)
     return made
 
 

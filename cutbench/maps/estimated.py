@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -59,24 +59,42 @@ def estimated_map(study: Study, atlas: Callable[[str], Atlas] = shipped) -> xr.D
         ids = {index: case.id for index, case in study.points()}
         rows |= {case.id: row for case, row in zip(cases, _rows(known, cases, study), strict=True)}
         return build_map(study, rows, ids)
-    free = [k for k, axis in enumerate(study.axes) if axis.continuous]
-    levels = [k for k in range(len(study.axes)) if k not in free]
     margins, drops = {}, np.full(study.shape, math.nan)
     labels = np.zeros(study.shape, dtype=np.int8)
-    for chosen in np.ndindex(*(study.shape[k] for k in levels)):
-        where: list[slice | int] = [slice(None)] * len(study.axes)
-        for k, i in zip(levels, chosen, strict=True):
-            where[k] = i
-        fixed = dict(zip(levels, chosen, strict=True))
-        margins[chosen], drops[tuple(where)], labels[tuple(where)] = _level(known, study, free, fixed)
+    for chosen, where, level in _levels(known, study):
+        margins[chosen], drops[where], labels[where] = level
     made = build_map(study, rows, {}, margins)
     made["drop_rel"].values[...], made["label"].values[...] = drops, labels
     return made
 
 
-def _level(
-    known: Atlas, study: Study, free: Sequence[int], fixed: dict[int, int]
-) -> tuple[BoundaryEstimate, np.ndarray, np.ndarray]:
+def expected_margins(study: Study) -> dict[tuple[int, ...], BoundaryEstimate]:
+    """Margins of a boundary that is sought as the atlas has them, by the indices of the levels; none where
+    it says nothing of the study."""
+    tool = study.base.model.tool
+    if study.regime.surge_min is not None or tool is None:
+        return {}
+    try:
+        return {chosen: level[0] for chosen, _, level in _levels(shipped(tool.name), study)}
+    except BadInput:
+        return {}
+
+
+Where = tuple[slice | int, ...]
+Level = tuple[BoundaryEstimate, np.ndarray, np.ndarray]
+
+
+def _levels(known: Atlas, study: Study) -> Iterator[tuple[tuple[int, ...], Where, Level]]:
+    """Of each combination of levels its indices, where it lies in the map, and what is estimated there."""
+    free = [k for k, axis in enumerate(study.axes) if axis.continuous]
+    levels = [k for k in range(len(study.axes)) if k not in free]
+    for chosen in np.ndindex(*(study.shape[k] for k in levels)):
+        fixed = dict(zip(levels, chosen, strict=True))
+        where = tuple(fixed.get(k, slice(None)) for k in range(len(study.axes)))
+        yield chosen, where, _level(known, study, free, fixed)
+
+
+def _level(known: Atlas, study: Study, free: Sequence[int], fixed: dict[int, int]) -> Level:
     """Of one combination of levels: margins, drops and labels on the lattice of the other axes."""
     shape = [study.shape[k] for k in free]
     ticks = [np.unique(np.linspace(0, n - 1, PLACES).round().astype(int)) for n in shape]

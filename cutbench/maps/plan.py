@@ -15,6 +15,7 @@ from cutbench.case.unmeasured import others
 from cutbench.maps.axes import BOUNDARY
 from cutbench.maps.boundary import BoundaryEstimate, Index, Seeker, margin
 from cutbench.maps.dataset import MapRow
+from cutbench.maps.estimated import expected_margins
 from cutbench.maps.regimes import at_rest
 from cutbench.maps.study import Study
 from cutbench.maps.uncertainty import Checks, nearest, ratio
@@ -108,10 +109,17 @@ class BoundaryPlan(SamplingPlan):
         self._free = [k for k, axis in enumerate(study.axes) if axis.continuous]
         levels = [k for k in range(len(study.axes)) if k not in self._free]
         shape = tuple(study.shape[k] for k in self._free)
+        expected = expected_margins(study)
         self._levels = [
             _Level(
                 dict(zip(levels, chosen, strict=True)),
-                Seeker(shape, start=study.search.start, batch=study.search.batch, runs=study.search.runs),
+                Seeker(
+                    shape,
+                    start=study.search.start,
+                    batch=study.search.batch,
+                    runs=study.search.runs,
+                    expected=expected.get(chosen),
+                ),
             )
             for chosen in itertools.product(*(range(study.shape[k]) for k in levels))
         ]
