@@ -23,7 +23,7 @@ from cutbench.base.handled import Handled
 from cutbench.case.case import Case, load_case
 from cutbench.case.model import groups
 from cutbench.case.values import CLAMP
-from cutbench.emulator.alignment import AlignedCurves, Course, Curves
+from cutbench.emulator.alignment import AlignedCurves, Course, Curves, Expected
 from cutbench.emulator.box import BLUNT, Box
 from cutbench.emulator.groups import Groups, same
 from cutbench.emulator.process import GaussianProcess, Kernel
@@ -314,6 +314,17 @@ class Atlas:
             found[name] = np.stack([mean, sd], axis=1)
         return Measures(**found)
 
+    def expected(self, groups: np.ndarray, part: np.ndarray, beyond: np.ndarray) -> Expected:
+        """What curves with values (p, d) of the groups are thought to be, at parts of the way to the onset
+        and beyond; outside the box as at its side."""
+        ends = np.array([(side.low, side.high) for side in self.box.sides])
+        places = self._coordinates(np.clip(groups, *ends.T))
+        onset, rising, after = self.curves.between(places)
+        rising = np.stack([np.interp(part, self.curves.part, each) for each in rising])
+        after = np.stack([np.interp(beyond, BEYOND, each) for each in after])
+        sd = float(self.curves.log_onset(places)[1].mean()) * self.wider.get("onset", 1.0)
+        return Expected(onset, rising, after, sd)
+
     def estimate(self, case: Case) -> Estimate:
         """What a run of a case would give.
 
@@ -416,6 +427,22 @@ def values_of(box: Box, case: Case) -> list[float]:
         else known[side.name].value(full.p) if side.name in known else reduced[side.name]
         for side in box.sides
     ]  # fmt: skip
+
+
+#: Values that a blunt blade's groups are made of.
+NEEDED = (
+    "G", "nu", "G_c", "delta_c", "eta_reg", "thickness", "tip", "surface_length", "length", "height", "speed",
+)  # fmt: skip
+
+
+def groups_of(v: Mapping[str, float]) -> list[float]:
+    """Values of the groups of a blunt blade's box, from those of parameters in internal units."""
+    half, strength = v["thickness"] / 2, v["G_c"] / v["delta_c"]
+    found = {
+        "cohesion": strength / v["G"], "viscosity": v["eta_reg"] * v["speed"] / v["delta_c"],
+        "adhesion": v.get("tau_W", 0.0) / strength, "mu": v.get("mu", 0.0), "nu": v["nu"],
+    }  # fmt: skip
+    return [found[s.name] if s.name in found else v[s.name] / half for s in BLUNT.sides]
 
 
 @cache
