@@ -313,7 +313,10 @@ def _fill(
 ) -> None:
     """Cuts that fill the box, by turns of each test; those that are known count."""
     try:
-        known = min(posterior.predictions.emulator(e).count for e in cuts) - len(cuts)
+        emulators = [posterior.predictions.emulator(e) for e in cuts]
+        known = min(each.count for each in emulators) - len(cuts)
+        if all(each.atlas is not None for each in emulators):
+            return  # what the atlas has of the box is enough to begin with
     except NotKnown:
         known = 0
     if (count := count - known) <= 0:
