@@ -36,6 +36,7 @@ PICTURES = {
         "run2d gelatin --until transition --frames 24 --out motion",
         "motion/frames/frame-014.png",
     ),
+    "estimate": ("first-cut", "estimate gelatin --out estimate", "estimate/estimate.png"),
     "first-map": ("first-map", "sweep knife.toml --out knife", "knife/phase.png"),
     "discovery-page": (
         "my-curves",

@@ -66,12 +66,6 @@ class Groups:
         across = values["width"] if self.plane else self.length(values)
         return values[self.modulus] * self.length(values) * across
 
-    @property
-    def loose(self) -> set[str]:
-        """Parameters whose groups differ between cuts of one specimen with other speeds and blades, or of
-        softer and tougher ones."""
-        return {name for name, powers in self.powers.items() if any(powers)}
-
 
 @lru_cache
 def _powers(mechanisms: tuple[str, ...]) -> dict[str, tuple[float, float, float]]:
