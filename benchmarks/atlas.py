@@ -3,6 +3,7 @@
     python -m benchmarks.atlas --runs 400 --out DIR
     python -m benchmarks.atlas --pack cutbench/emulator/blunt.npz --out DIR
     python -m benchmarks.atlas --check 8 --out DIR
+    python -m benchmarks.atlas --against studies/transition.toml
 
 Points of a box of dimensionless groups (``cutbench.emulator.box``), the first of Sobol's sequence. Started
 again it computes what is missing; several at a time share the work. A run that takes more than ``--limit``
@@ -28,9 +29,11 @@ from cutbench.base.errors import CutbenchError
 from cutbench.base.files import replacing
 from cutbench.case.case import Case, load_case
 from cutbench.emulator.alignment import Course
-from cutbench.emulator.atlas import LEVEL, OWN, WIDE, WINDOW, Atlas, values_of
+from cutbench.emulator.atlas import LEVEL, OWN, WIDE, WINDOW, Atlas, estimate, values_of
 from cutbench.emulator.box import BLUNT, WEDGE, Box
 from cutbench.emulator.groups import Groups
+from cutbench.maps.dataset import load_map
+from cutbench.maps.study import load_study
 from cutbench.run.measures import KNOWN
 from cutbench.run.measures import label as regime
 from cutbench.run.runner import run_case
@@ -211,6 +214,32 @@ def check(
     return table
 
 
+def against(study_file: Path) -> dict[str, dict[str, float]]:
+    """How far the atlas of the package is off at the runs of a shipped map, and how often intervals hold."""
+    study = load_study(study_file)
+    data = load_map(study_file.parent / "results" / study_file.stem / "map.nc")
+    rows: dict[str, list[tuple[float, float]]] = {name: [] for name in ("onset_mm", "peak_N", "drop")}
+    for index in np.argwhere(data["run_id"].values != ""):
+        said = estimate(study.case_at([float(a.values[i]) for a, i in zip(study.axes, index, strict=True)]))
+        for name, found in rows.items():
+            true = float(data["drop_rel" if name == "drop" else name].values[tuple(index)])
+            interval = getattr(said, name)
+            if math.isfinite(true) and math.isfinite(interval.value):
+                off = abs(interval.value - true) / (1.0 if name == "drop" else true)
+                found.append((off, interval.low <= true <= interval.high))
+    return {
+        name: {"points": len(found), "median": np.median([o for o, _ in found]),
+               "held": np.mean([h for _, h in found])}
+        for name, found in rows.items()
+    }  # fmt: skip
+
+
+def say(table: Mapping[str, Mapping[str, float]]) -> None:
+    """A line a row."""
+    for name, row in table.items():
+        print(name, ", ".join(f"{key} {value:.3g}" for key, value in row.items()))
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser("python -m benchmarks.atlas", description=__doc__.split("\n")[0])
     parser.add_argument("--box", choices=BOXES, default="blunt")
@@ -221,17 +250,20 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=ROOT / "runs" / "atlas", metavar="DIR")
     parser.add_argument("--pack", type=Path, metavar="FILE", help="write the atlas of what there is")
     parser.add_argument("--check", type=int, metavar="FOLDS", help="say how far it is off")
+    parser.add_argument("--against", type=Path, metavar="STUDY.toml", help="hold it against a shipped map")
     asked = parser.parse_args(argv)
     asked.out.mkdir(parents=True, exist_ok=True)
     box = BOXES[asked.box]
+    if asked.against:
+        say(against(asked.against))
+        return 0
     if asked.pack or asked.check:
         runs = runs_in(asked.out, box)
         folds = asked.check or FOLDS
         wider = wider_of(box, runs, folds)
         print(len(runs), "runs; intervals wider by", {n: round(v, 2) for n, v in wider.items()})
         if asked.check:
-            for name, row in check(box, runs, folds, wider).items():
-                print(name, ", ".join(f"{key} {value:.3g}" for key, value in row.items()))
+            say(check(box, runs, folds, wider))
         if asked.pack:
             commits = sorted({str(run["commit"]) for run in runs})
             numerics = runs[0]["case"].to_dict()["numerics"]

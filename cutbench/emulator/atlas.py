@@ -433,6 +433,8 @@ def values_of(box: Box, case: Case) -> list[float]:
 NEEDED = (
     "G", "nu", "G_c", "delta_c", "eta_reg", "thickness", "tip", "surface_length", "length", "height", "speed",
 )  # fmt: skip
+#: All values that these change with.
+COVERED = (*NEEDED, "tau_W", "mu")
 
 
 def groups_of(v: Mapping[str, float]) -> list[float]:

@@ -14,10 +14,9 @@ from cutbench.base.errors import BadInput
 from cutbench.case.case import Case
 from cutbench.case.model import Model
 from cutbench.emulator.alignment import AlignedCurves, Course, Expected, fewest
-from cutbench.emulator.atlas import NEEDED, groups_of, shipped
+from cutbench.emulator.atlas import COVERED, NEEDED, groups_of, shipped
 from cutbench.emulator.box import BLUNT
 from cutbench.emulator.groups import Coordinate, Groups, same
-from cutbench.mechanisms.base import Mechanism
 
 #: Beyond the range of the known runs by more than this part of it nothing is said.
 MARGIN = 0.25
@@ -109,9 +108,9 @@ class CutEmulator:
             raise ValueError("no units")
         self.groups, self.model = groups, first.model
         # A law that does what another value does is that value: it is no coordinate.
-        self._equal = [law for law in first.model.all if type(law).like is not Mechanism.like]
+        self._equal = [law for law in first.model.all if law.like(first.p)]
         other_words = {q.name for law in self._equal for q in law.parameters}
-        free = {*free, *(n for law in self._equal for n in law.like(SimpleNamespace(**first.values)))}
+        free = {*free, *(name for law in self._equal for name in law.like(first.p))}
         ends = [_end(c) / groups.length(c.values) for c in cases]
         asked = [groups.reduced(self._plain(c.values)) for c in cases]
         # Runs that differ in anything else, as those of other candidates do, say little of these.
@@ -138,7 +137,7 @@ class CutEmulator:
             asked,
             told,
             first,
-            in_atlas := {*NEEDED, "tau_W", "mu"} if self.atlas else set(),
+            in_atlas := {*COVERED} if self.atlas else set(),
         )
         fixed_in_runs = {*free} & in_atlas & {*may_differ} - {c.name for c in self.coordinates}
         fixed_in_runs -= {groups.modulus, "thickness"}
@@ -281,7 +280,7 @@ class CutEmulator:
         low, high = self.curves.X.min(axis=0), self.curves.X.max(axis=0)
         far = np.maximum(low - found, found - high) > MARGIN * (high - low)
         if self.atlas is not None:  # it goes on where runs end
-            far &= np.array([c.name not in (*NEEDED, "tau_W", "mu") for c in self.coordinates], dtype=bool)
+            far &= np.array([c.name not in COVERED for c in self.coordinates], dtype=bool)
         if far.any():
             names = [c.name for c, is_far in zip(self.coordinates, far.any(axis=0), strict=True) if is_far]
             raise OutOfRange(f"no cut near enough is known: {', '.join(names)}")
