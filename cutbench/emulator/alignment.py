@@ -272,11 +272,13 @@ def process_of(
     X: np.ndarray, Y: np.ndarray, kernel: Kernel | None, expected: Expected | None
 ) -> GaussianProcess:
     """The process through values, or through how far they differ from what was expected: by a part that is
-    the same everywhere, and one that changes within lengths of a factor of seven or so."""
+    the same everywhere, or linear where there are many, and one that changes within lengths of a factor of
+    three or so."""
     if expected is None:
         return GaussianProcess(X, Y, kernel=kernel)
+    trend = "linear" if len(X) >= 2 * fewest(X.shape[1], False) else "constant"
     return GaussianProcess(
-        X, Y, kernel=kernel, trend="constant", lengths=(FAR,) * X.shape[1], known=(expected.sd, HEAVY)
+        X, Y, kernel=kernel, trend=trend, lengths=(FAR,) * X.shape[1], known=(expected.sd, HEAVY)
     )
 
 

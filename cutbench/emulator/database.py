@@ -137,12 +137,8 @@ class CutEmulator:
             asked,
             told,
             first,
-            in_atlas := {*COVERED} if self.atlas else set(),
+            COVERED if self.atlas else (),
         )
-        fixed_in_runs = {*free} & in_atlas & {*may_differ} - {c.name for c in self.coordinates}
-        fixed_in_runs -= {groups.modulus, "thickness"}
-        if len(known) >= 2 * fewest(len(self.coordinates), False) and not fixed_in_runs:
-            self.atlas = None  # so many runs say by themselves what cuts near them do
         if len(known) < fewest(len(self.coordinates), self.atlas is not None):
             raise ValueError("too few runs")
         courses = [
