@@ -322,8 +322,15 @@ class Atlas:
         onset, rising, after = self.curves.between(places)
         rising = np.stack([np.interp(part, self.curves.part, each) for each in rising])
         after = np.stack([np.interp(beyond, BEYOND, each) for each in after])
-        sd = float(self.curves.log_onset(places)[1].mean()) * self.wider.get("onset", 1.0)
-        return Expected(onset, rising, after, sd)
+        return Expected(onset, rising, after, self._error)
+
+    @cached_property
+    def _error(self) -> float:
+        """Standard deviation of what it says of an onset's logarithm, in the mean over its box."""
+        parts = self.box.points(64, seed=0)
+        values = [[side.value(p) for side, p in zip(self.box.sides, row, strict=True)] for row in parts]
+        sd = self.curves.log_onset(self._coordinates(np.array(values)))[1]
+        return float(sd.mean()) * self.wider.get("onset", 1.0)
 
     def estimate(self, case: Case) -> Estimate:
         """What a run of a case would give.
