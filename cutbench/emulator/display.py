@@ -42,7 +42,7 @@ def figure_of(found: Estimate) -> Figure:
     with style():
         figure = new_figure(SINGLE_MM, 75)
         plot(found, axes := figure.subplots())
-        figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+        figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure
 
 
