@@ -62,14 +62,18 @@ def test_an_estimate_is_whole(name):
     assert sum(share[-1] for share in found.work.values()) == pytest.approx(1)
 
 
-def test_at_a_run_that_it_has_it_says_that_run():
+def test_at_runs_that_it_has_it_says_these():
+    """But for what differs from one run to the next however near they are."""
     atlas = shipped()
-    begun = np.flatnonzero([np.isfinite(c.onset) and c.x[-1] > c.onset + 12 for c in atlas.courses])[:20]
+    begun = np.flatnonzero([np.isfinite(c.onset) and c.x[-1] > c.onset + 12 for c in atlas.courses])
     ends = np.array([atlas.courses[i].end for i in begun])
     m = atlas.measures(atlas.groups[begun], ends)
-    onsets = np.array([atlas.courses[i].onset for i in begun])
-    np.testing.assert_allclose(np.exp(m.onset[:, 0]), onsets, rtol=0.03)
-    assert np.median(np.abs(m.drop[:, 0] ** 2 - atlas.measured["drop"][begun])) < 0.02
+    true = np.log([atlas.courses[i].onset for i in begun]), np.sqrt(atlas.measured["drop"][begun])
+    for said, value in zip((m.onset, m.drop), true, strict=True):
+        known = np.isfinite(value)
+        off = np.abs(said[:, 0] - value)[known]
+        assert np.mean(off < 2 * said[known, 1]) > 0.97
+        assert np.median(off) < 0.02
 
 
 @pytest.mark.parametrize(

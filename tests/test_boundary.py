@@ -14,7 +14,15 @@ from scipy.ndimage import distance_transform_edt
 
 from cutbench.emulator.process import GaussianProcess, Kernel
 from cutbench.maps.agreement import agreement
-from cutbench.maps.boundary import SURE, Seeker, distances, margin, margins_between, softened
+from cutbench.maps.boundary import (
+    SURE,
+    BoundaryEstimate,
+    Seeker,
+    distances,
+    margin,
+    margins_between,
+    softened,
+)
 from cutbench.maps.dataset import LABELS, build_map, load_map, row_of
 from cutbench.maps.study import load_study
 from cutbench.maps.sweep import run_study
@@ -219,9 +227,13 @@ def test_the_sign_of_a_margin_is_taken_for_certain():
     assert ((margins_between(x, y, rough).mean(x) >= 0) == (y >= 0)).all()
 
 
-@pytest.mark.parametrize("adhesion", [0.0, 0.0106, 0.187])
-def test_the_search_of_the_default_study_has_the_line_within_its_tolerance(adhesion):
-    """On a formula like its drop: a power of viscosity on the line, level where viscosity is small."""
+@pytest.mark.parametrize(
+    ("adhesion", "runs", "off"),
+    [(0.0, 22, None), (0.0106, 22, None), (0.187, 22, None), (0.0, 11, 0.25), (0.0106, 11, -0.2)],
+)
+def test_the_search_of_the_default_study_has_the_line_within_its_tolerance(adhesion, runs, off):
+    """On a formula like its drop: a power of viscosity on the line, level where viscosity is small. With half
+    the runs where it is told beforehand of a line that is ``off`` by a part of the viscosity's logarithm."""
     study = load_study(Path(__file__).resolve().parents[1] / "studies" / "transition.toml")
     (low, high), (thin, thick) = ((a.values[0], a.values[-1]) for a in study.axes[:2])
 
@@ -234,7 +246,14 @@ def test_the_search_of_the_default_study_has_the_line_within_its_tolerance(adhes
         return math.tanh(min(over, 2.0 - 4 * adhesion))
 
     shape, search = study.shape[:2], study.search
-    seeker, known = Seeker(shape, start=search.start, batch=search.batch, runs=search.runs), {}
+    expected = None
+    if off is not None:
+        places = np.stack(np.meshgrid(*(np.linspace(0, 1, n) for n in shape), indexing="ij"), axis=-1)
+        shift = np.array([0.0, off / math.log(thick / thin)])
+        thought = np.array([[field(p + shift) for p in row] for row in places])
+        expected = BoundaryEstimate(thought, np.full(shape, 0.3), np.zeros(shape, dtype=bool))
+    seeker = Seeker(shape, start=search.start, batch=search.batch, runs=runs, expected=expected)
+    known = {}
     while asked := seeker.ask(known):
         known |= {i: field(np.array(i) / (np.array(shape) - 1)) for i in asked}
     mean, compared = seeker.estimate(known).mean, 0

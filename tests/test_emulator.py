@@ -176,7 +176,7 @@ def test_at_runs_that_it_has_not_seen_it_errs_as_it_says(runs):
         errors.append(np.sqrt(np.mean(error**2)) / force.max())
         onset.append(made.onset_mm(case.values) / begins - 1)
     assert len(inside) == 30 and 0.80 <= np.mean(inside) <= 0.97
-    assert np.median(errors) < 0.04 and np.nanmedian(np.abs(onset)) < 0.01
+    assert np.median(errors) < 0.04 and np.nanmedian(np.abs(onset)) < 0.015
 
 
 def test_more_runs_err_less(runs):
