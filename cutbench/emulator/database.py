@@ -44,6 +44,8 @@ class RunDatabase:
     """All cuts that are known, in whatever order they were computed."""
 
     runs: list[Run] = field(default_factory=list)
+    #: Whether cuts are thought beforehand to be as the atlas has them.
+    informed: bool = False
     _curves: dict[tuple, AlignedCurves] = field(default_factory=dict)
 
     def add(self, case: Case, course: np.ndarray, onset_mm: float = math.nan) -> None:
@@ -79,7 +81,7 @@ class RunDatabase:
             None where too few runs are known.
         """
         try:
-            return CutEmulator(self.runs, cases, free, self._curves)
+            return CutEmulator(self.runs, cases, free, self._curves, self.informed)
         except ValueError:
             return None
 
@@ -100,6 +102,7 @@ class CutEmulator:
         cases: Sequence[Case],
         free: Collection[str],
         curves: dict[tuple, AlignedCurves] | None = None,
+        informed: bool = False,
     ):
         first = cases[0]
         groups = Groups.of(first)
@@ -129,7 +132,7 @@ class CutEmulator:
                 known.append((run, seen, values))
         told = [seen for _, seen, _ in known]
         tool = first.model.tool
-        known_to_atlas = first.dim == 2 and not first.motion and {*NEEDED} <= {*first.values}
+        known_to_atlas = informed and first.dim == 2 and not first.motion and {*NEEDED} <= {*first.values}
         self.atlas = shipped(tool.name) if tool and tool.name == BLUNT.blade and known_to_atlas else None
         self.coordinates, columns = self._columns(
             may_differ,
