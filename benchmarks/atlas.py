@@ -23,14 +23,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from filelock import FileLock, Timeout
 
 from benchmarks.tools import ROOT, facts, here
 from cutbench.base.errors import CutbenchError
 from cutbench.base.files import replacing
-from cutbench.case.case import Case, load_case
+from cutbench.case.case import Case
 from cutbench.emulator.alignment import Course
 from cutbench.emulator.atlas import LEVEL, OWN, WIDE, WINDOW, Atlas, estimate, values_of
-from cutbench.emulator.box import BLUNT, WEDGE, Box
+from cutbench.emulator.box import BLUNT
 from cutbench.emulator.groups import Groups
 from cutbench.maps.dataset import load_map
 from cutbench.maps.study import load_study
@@ -38,23 +39,15 @@ from cutbench.run.measures import KNOWN
 from cutbench.run.measures import label as regime
 from cutbench.run.runner import run_case
 
-BOXES = {"blunt": BLUNT, "wedge": WEDGE}
 #: Of the atlas; runs that it is tested by have another.
 SEED = 1
 #: Parts of the runs that are left out, one after the other, to see how far intervals hold.
 FOLDS = 8
 
 
-def base_of(box: Box) -> Case:
-    """The case whose groups are set: gelatin's units, with all laws of the box's model."""
-    base = load_case("gelatin")
-    return base if box is BLUNT else base.set(with_=box.blade)
-
-
-def cases(box: Box, count: int, seed: int = SEED) -> list[Case]:
+def cases(count: int, seed: int = SEED) -> list[Case]:
     """The first ``count`` runs of the atlas."""
-    base = base_of(box)
-    return [box.case(base, parts) for parts in box.points(count, seed)]
+    return [BLUNT.case(parts) for parts in BLUNT.points(count, seed)]
 
 
 def compute(case: Case, limit_s: float) -> dict[str, object]:
@@ -78,21 +71,20 @@ def compute(case: Case, limit_s: float) -> dict[str, object]:
     }  # fmt: skip
 
 
-def runs_in(folder: Path, box: Box, seed: int = SEED) -> list[dict[str, Any]]:
+def runs_in(folder: Path, seed: int = SEED) -> list[dict[str, Any]]:
     """The runs that are kept, with arrays as arrays and measures by name."""
     found = []
-    for file in sorted(folder.glob(f"*-{seed}-*.npz")):
+    for file in sorted(folder.glob(f"{seed}-*.npz")):
         with np.load(file) as data:
             if "displacement_mm" not in data:
                 continue
-            case = Case.from_dict(json.loads(str(data["case"])))
-            if (box.blade in case.mechanisms) and case.dim == 2:
-                measures = json.loads(str(data["measures"]))
-                found.append({**{n: data[n] for n in data.files}, "case": case, "measures": measures})
+            record = {n: data[n] for n in data.files}
+        record["case"] = Case.from_dict(json.loads(str(record["case"])))
+        found.append(record | {"measures": json.loads(str(record["measures"]))})
     return found
 
 
-def atlas_of(box: Box, runs: Sequence[Mapping[str, Any]], wider: Mapping[str, float] | None = None) -> Atlas:
+def atlas_of(runs: Sequence[Mapping[str, Any]], wider: Mapping[str, float] | None = None) -> Atlas:
     """The atlas that runs make."""
     names = {n.removeprefix("work_").removesuffix("_mJ"): n for n in runs[0] if n.startswith("work_")}
     courses, works = [], {name: list[np.ndarray]() for name in names}
@@ -108,8 +100,8 @@ def atlas_of(box: Box, runs: Sequence[Mapping[str, Any]], wider: Mapping[str, fl
         known = x[-1] > m["onset_mm"] / half + KNOWN * WINDOW
         for name, value in zip(OWN, (m["peak_N"] / force, m["drop_rel"], m["steady_N"] / force), strict=True):
             measured[name].append(value if known else math.nan)
-    groups = np.array([values_of(box, run["case"]) for run in runs])
-    return Atlas(box, groups, courses, {n: np.array(v) for n, v in measured.items()}, works, wider=wider)
+    groups = np.array([values_of(BLUNT, run["case"]) for run in runs])
+    return Atlas(BLUNT, groups, courses, {n: np.array(v) for n, v in measured.items()}, works, wider=wider)
 
 
 def units_of(case: Case) -> tuple[float, float]:
@@ -136,24 +128,24 @@ def thinned(x: np.ndarray, y: np.ndarray, part: float = 1e-3) -> np.ndarray:
 
 
 def folds_of(
-    box: Box, runs: Sequence[Mapping[str, Any]], folds: int, wider: Mapping[str, float] | None = None
+    runs: Sequence[Mapping[str, Any]], folds: int, wider: Mapping[str, float] | None = None
 ) -> Iterator[tuple[Atlas, list[Mapping[str, Any]]]]:
     """Atlases that each lack a part of the runs, and these."""
     of = np.random.default_rng(0).permutation(len(runs)) % folds
     for fold in range(folds):
-        made = atlas_of(box, [r for r, f in zip(runs, of, strict=True) if f != fold], wider)
+        made = atlas_of([r for r, f in zip(runs, of, strict=True) if f != fold], wider)
         yield made, [r for r, f in zip(runs, of, strict=True) if f == fold]
 
 
-def wider_of(box: Box, runs: Sequence[Mapping[str, Any]], folds: int) -> dict[str, float]:
+def wider_of(runs: Sequence[Mapping[str, Any]], folds: int) -> dict[str, float]:
     """By what each interval is wider than the processes say, so that it holds nine in ten of the runs that
     an atlas lacks."""
     z: dict[str, list[float]] = {name: [] for name in ("onset", *OWN)}
     inside: dict[float, list[float]] = {factor: [] for factor in (1.0, 1.2, 1.4, 1.7, 2.0, 2.4)}
-    for made, others in folds_of(box, runs, folds):
+    for made, others in folds_of(runs, folds):
         for run in others:
             half, force = units_of(run["case"])
-            values, m = np.array([values_of(box, run["case"])]), run["measures"]
+            values, m = np.array([values_of(BLUNT, run["case"])]), run["measures"]
             end = run["displacement_mm"][-1] / half
             said = made.measures(values, np.array([end]))
             true = {
@@ -168,7 +160,7 @@ def wider_of(box: Box, runs: Sequence[Mapping[str, Any]], folds: int) -> dict[st
             F = np.interp(x * half, run["displacement_mm"], run["force_N"]) / force
             for factor, parts in inside.items():
                 made.wider = {"curve": factor}
-                low, _, high = made._band(made._coordinates(values), x)
+                low, _, high = made.band(values, x)
                 parts.append(float(np.mean((low <= F) & (high >= F))))
             made.wider = {}
     found = {name: max(1.0, float(np.quantile(each, LEVEL)) / WIDE) for name, each in z.items()}
@@ -177,13 +169,13 @@ def wider_of(box: Box, runs: Sequence[Mapping[str, Any]], folds: int) -> dict[st
 
 
 def check(
-    box: Box, runs: Sequence[Mapping[str, Any]], folds: int, wider: Mapping[str, float]
+    runs: Sequence[Mapping[str, Any]], folds: int, wider: Mapping[str, float]
 ) -> dict[str, dict[str, float]]:
     """How far an atlas without a part of the runs is off at these, part by part, and how often its intervals
     hold."""
     found: dict[str, list[tuple[float, float]]] = {n: [] for n in ("onset", "peak", "drop", "steady")}
     right, curves = [], []
-    for made, others in folds_of(box, runs, folds, wider):
+    for made, others in folds_of(runs, folds, wider):
         for run in others:
             said, true = made.estimate(run["case"]), run["measures"]
             label = regime(true["drop_rel"])
@@ -240,11 +232,22 @@ def say(table: Mapping[str, Mapping[str, float]]) -> None:
         print(name, ", ".join(f"{key} {value:.3g}" for key, value in row.items()))
 
 
+def pack(runs: Sequence[Mapping[str, Any]], folds: int | None, file: Path | None) -> None:
+    """Say how far the atlas of the runs is off, or write it into ``file``."""
+    wider = wider_of(runs, folds or FOLDS)
+    print(len(runs), "runs; intervals wider by", {n: round(v, 2) for n, v in wider.items()})
+    if folds:
+        say(check(runs, folds, wider))
+    if file is not None:
+        commits = sorted({str(run["commit"]) for run in runs})
+        numerics = BLUNT.base.to_dict()["numerics"]
+        about = {"commits": commits, "numerics": numerics, "machine": facts(), "runs": len(runs)}
+        atlas_of(runs, wider).write(file, about)
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser("python -m benchmarks.atlas", description=__doc__.split("\n")[0])
-    parser.add_argument("--box", choices=BOXES, default="blunt")
     parser.add_argument("--runs", type=int, default=400)
-    parser.add_argument("--first", type=int, default=0, help="leave so many of them to others")
     parser.add_argument("--seed", type=int, default=SEED, help="another than the atlas's: runs to test it by")
     parser.add_argument("--limit", type=float, default=240.0, help="seconds of one core for a run")
     parser.add_argument("--out", type=Path, default=ROOT / "runs" / "atlas", metavar="DIR")
@@ -252,39 +255,25 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--check", type=int, metavar="FOLDS", help="say how far it is off")
     parser.add_argument("--against", type=Path, metavar="STUDY.toml", help="hold it against a shipped map")
     asked = parser.parse_args(argv)
-    asked.out.mkdir(parents=True, exist_ok=True)
-    box = BOXES[asked.box]
     if asked.against:
         say(against(asked.against))
         return 0
     if asked.pack or asked.check:
-        runs = runs_in(asked.out, box)
-        folds = asked.check or FOLDS
-        wider = wider_of(box, runs, folds)
-        print(len(runs), "runs; intervals wider by", {n: round(v, 2) for n, v in wider.items()})
-        if asked.check:
-            say(check(box, runs, folds, wider))
-        if asked.pack:
-            commits = sorted({str(run["commit"]) for run in runs})
-            numerics = runs[0]["case"].to_dict()["numerics"]
-            about = {"commits": commits, "numerics": numerics, "machine": facts(), "runs": len(runs)}
-            atlas_of(box, runs, wider).write(asked.pack, about)
+        pack(runs_in(asked.out), asked.check, asked.pack)
         return 0
-    for number, case in enumerate(cases(box, asked.runs, asked.seed)[asked.first :], asked.first):
-        file = asked.out / f"{asked.box}-{asked.seed}-{number:04d}.npz"
-        claim = file.with_suffix(".claimed")
-        if file.exists():
-            continue
+    asked.out.mkdir(parents=True, exist_ok=True)
+    for number, case in enumerate(cases(asked.runs, asked.seed)):
+        file = asked.out / f"{asked.seed}-{number:04d}.npz"
+        lock = FileLock(file.with_suffix(".lock"))
         try:
-            claim.touch(exist_ok=False)
-        except FileExistsError:
+            with lock.acquire(timeout=0):
+                if file.exists():
+                    continue
+                found = compute(case, asked.limit)
+                with replacing(file) as draft, open(draft, "wb") as to:
+                    np.savez_compressed(to, **found)
+        except Timeout:  # another process computes it
             continue
-        try:
-            found = compute(case, asked.limit)
-            with replacing(file) as draft, open(draft, "wb") as to:
-                np.savez_compressed(to, **found)
-        finally:
-            claim.unlink()
         print(number, found["outcome"], f"{found.get('seconds', 0):.0f} s", found["message"], flush=True)
     return 0
 

@@ -11,15 +11,15 @@ from typer.testing import CliRunner
 from cutbench.case.case import load_case
 from cutbench.cli.main import app
 from cutbench.emulator.atlas import NotInAtlas, estimate, shipped
-from cutbench.emulator.box import BLUNT, OFF, WEDGE
+from cutbench.emulator.box import BLUNT, OFF
+from cutbench.maps.dataset import load_map
 from cutbench.run.runner import run_case
 
 MATERIALS = "gelatin", "elastomer", "meat"
 
 
-@pytest.mark.parametrize("box", [BLUNT, WEDGE])
-def test_sides_go_from_end_to_end(box):
-    for side in box.sides:
+def test_sides_go_from_end_to_end():
+    for side in BLUNT.sides:
         assert side.value(0.0) == pytest.approx(side.low, rel=1e-5)
         assert side.value(1.0) == pytest.approx(side.high, rel=1e-5)
         values = [side.value(part) for part in np.linspace(2 * OFF, 1, 9)]
@@ -115,34 +115,27 @@ def test_a_whole_diagram_at_once(tmp_path):
     out = tmp_path / "out"
     done = CliRunner().invoke(app, ["sweep", str(study), "--estimate", "--out", str(out)])
     assert done.exit_code == 0, done.output
-    import cutbench
-
-    data = cutbench.load_map(out / "map.nc")
+    data = load_map(out / "map.nc")
     assert (out / "phase.png").exists()
-    for i, j in ((0, 0), (-1, -1), (32, 32)):
-        case = load_case(
-            "gelatin",
-            {
-                "cohesion": float(data["cohesion"][i]),
-                "viscosity": float(data["viscosity"][j]),
-                "depth": "9 mm",
-            },
-        )
-        said = estimate(case)
+    sure = 0
+    for i, j in ((0, 0), (-1, -1), (32, 32), (0, -1), (-1, 0)):
+        at = {axis: float(data[axis][k]) for axis, k in (("cohesion", i), ("viscosity", j))}
+        said = estimate(load_case("gelatin", {**at, "depth": "9 mm"}))
         if said.chance > 0.98 and said.verdict != "uncut":
             assert (float(data["margin"][i, j]) >= 0) == (said.verdict == "abrupt")
+            sure += 1
+    assert sure >= 3
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [11, 12, 13])
-def test_a_run_lies_where_it_says(seed):
-    """Three points that nobody ran before; each interval holds nine in ten, so one in three may miss."""
-    case = BLUNT.case(load_case("gelatin"), BLUNT.points(1, seed)[0])
-    said, run = estimate(case), run_case(case)
+def test_runs_lie_where_it_says():
+    """Four points that nobody ran before: nine in ten values lie within, so that most of these do."""
     inside = []
-    for name in ("onset_mm", "peak_N", "steady_N"):
-        interval, true = getattr(said, name), run.measures[name]
-        if np.isfinite(true) and np.isfinite(interval.value):
-            room = 0.5 * (interval.high - interval.low)
-            inside.append(interval.low - room <= true <= interval.high + room)
-    assert all(inside) or not inside
+    for parts in BLUNT.points(4, seed=11):
+        case = BLUNT.case(parts)
+        said, run = estimate(case), run_case(case)
+        for name in ("onset_mm", "peak_N", "steady_N"):
+            interval, true = getattr(said, name), run.measures[name]
+            if np.isfinite(true) and np.isfinite(interval.value):
+                inside.append(interval.low <= true <= interval.high)
+    assert len(inside) >= 5 and np.mean(inside) >= 0.6

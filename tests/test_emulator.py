@@ -176,7 +176,7 @@ def test_at_runs_that_it_has_not_seen_it_errs_as_it_says(runs):
         errors.append(np.sqrt(np.mean(error**2)) / force.max())
         onset.append(made.onset_mm(case.values) / begins - 1)
     assert len(inside) == 30 and 0.80 <= np.mean(inside) <= 0.97
-    assert np.median(errors) < 0.04 and np.nanmedian(np.abs(onset)) < 0.015
+    assert np.median(errors) < 0.04 and np.nanmedian(np.abs(onset)) < 0.01
 
 
 def test_more_runs_err_less(runs):
@@ -253,7 +253,8 @@ def test_a_law_that_is_off_is_one_more_coordinate(runs):
 def test_too_few_runs_and_other_models_make_no_emulator(runs):
     cases, forces, onsets = runs
     database = RunDatabase()
-    database.add(cases[0], np.stack([emulator_runs.X, forces[0]]), onsets[0])
+    for case, force, onset in zip(cases[:6], forces, onsets, strict=False):
+        database.add(case, np.stack([emulator_runs.X, force]), onset)
     assert database.emulator(cases[40:41], FREE) is None
     assert made_of(runs, 20) is not None
     finer = cases[40].set(h="0.05 mm")

@@ -32,12 +32,8 @@ def found_in(file, compute, folder=None, **how):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "effect",
-    [
-        "none", "toughness by speed", "adhesion by speed",
-        "relaxing modulus", "late zero",
-    ],
-)  # fmt: skip
+    "effect", ["none", "toughness by speed", "adhesion by speed", "relaxing modulus", "late zero"]
+)
 def test_a_search_ends_where_the_data_lead(effect, tmp_path):
     runs, truth = Counted(), campaign_of(effect, tmp_path)
     found = found_in(truth.file, runs)

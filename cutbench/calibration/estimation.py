@@ -36,8 +36,6 @@ PLACES, STARTS = 64, 3
 NEAR = 3
 #: A place that moves by less than this part of all standard deviations stays where it is.
 STILL = 0.3
-#: The box about a best place that the atlas says, as a part of the whole.
-NEARBY = 0.4
 #: Half of the sides of a box about a place that other tests, or another model's fit, say: so many standard
 #: deviations of theirs, between a sixth and the box without them.
 DEVIATIONS, LEAST = 2.5, 0.15
@@ -166,12 +164,11 @@ def estimates(
         best = _there(posterior, q)
         yield best
         told.text = f"computing {count} cuts that fill the box; where it begins, {missed_by(best)}"
-        if not (few := _in_atlas(posterior, cuts)):
-            _fill(posterior, cuts, low, high, count)
+        _fill(posterior, cuts, low, high, count)
         best = _there(posterior, q)
         found, reach = _best(posterior, places(posterior, q, low, high)), (high - low) / 4
     else:
-        found, reach, few = first_look(posterior, q), _beside(posterior, q), False
+        found, reach = first_look(posterior, q), _beside(posterior, q)
     settled = False
     for _ in range(rounds or (SETTINGS.rounds if start is None else NEAR)):
         told.text, told.left = missed_by(best or found), len(cuts) * (2 + 4 * refine)
@@ -187,15 +184,8 @@ def estimates(
         found = about.maximum(best.q, reach)
         still = np.all(np.abs(found.q - best.q) < STILL * np.sqrt(np.diag(best.covariance)))
         gained = found.log_posterior - _there(about, best.q).log_posterior
-        settled = bool(still) or gained < SETTINGS.gained
-        if settled and not few:
+        if settled := bool(still) or gained < SETTINGS.gained:
             break
-        if few:  # the place is the atlas': how cuts differ from it near there is still to be seen
-            few, half = False, SETTINGS.reach * NEARBY
-            told.text = f"computing {count // 2} cuts about the best; {missed_by(best)}"
-            low, high = (np.clip(best.q + side * half, *posterior.bounds) for side in (-1, 1))
-            _fill(posterior, cuts, low, high, count // 2, fresh=True)
-            found, reach = _best(posterior, [best.q, *places(posterior, best.q, low, high)]), reach / 2
     assert best is not None, "there is a round at least"
     if refine:
         told.text = "measuring the error of the mesh on finer ones"
@@ -319,17 +309,11 @@ def _box(posterior: Posterior, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, n
 
 
 def _fill(
-    posterior: Posterior,
-    cuts: Sequence[Experiment],
-    low: np.ndarray,
-    high: np.ndarray,
-    count: int,
-    fresh: bool = False,
+    posterior: Posterior, cuts: Sequence[Experiment], low: np.ndarray, high: np.ndarray, count: int
 ) -> None:
-    """Cuts that fill the box, by turns of each test; those that are known count, unless it is a ``fresh``
-    box."""
+    """Cuts that fill the box, by turns of each test; those that are known count."""
     try:
-        known = 0 if fresh else min(posterior.predictions.emulator(e).count for e in cuts) - len(cuts)
+        known = min(posterior.predictions.emulator(e).count for e in cuts) - len(cuts)
     except NotKnown:
         known = 0
     if (count := count - known) <= 0:
@@ -337,14 +321,6 @@ def _fill(
     made = qmc.Sobol(low.size, seed=0).random_base2(math.ceil(math.log2(count)))[:count]
     tests = [cuts[i % len(cuts)] for i in range(count)]
     _compute(posterior, tests, [low + (high - low) * row for row in made])
-
-
-def _in_atlas(posterior: Posterior, cuts: Sequence[Experiment]) -> bool:
-    """Whether the atlas says what all cuts are like, so that few of their own are needed to begin with."""
-    try:
-        return all(posterior.predictions.emulator(e).atlas is not None for e in cuts)
-    except NotKnown:
-        return False
 
 
 def _compute(posterior: Posterior, tests: Sequence[Experiment], places: Sequence[np.ndarray]) -> None:

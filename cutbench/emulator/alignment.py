@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -24,9 +23,6 @@ BEYOND = 0.01
 SPARE = 3
 #: Places that differ by less are one.
 SAME = 1e-9
-#: Along a coordinate, how far what differs from what was expected reaches; and for how many curves what was
-#: expected of its size counts.
-FAR, HEAVY = 1.2, 6.0
 #: Groups of curves that reach equally far beyond their onsets.
 REACHES = 6
 
@@ -46,26 +42,6 @@ class Course:
         return float(self.x[-1])
 
 
-@dataclass(frozen=True)
-class Expected:
-    """What curves at p places are thought to be before any of them is known.
-
-    Attributes
-    ----------
-    onset : ndarray, shape (p,)
-        Where their cuts begin.
-    rising, after : ndarray, shape (p, k), (p, m)
-        Forces at parts of the way there, and at travels beyond.
-    sd : float
-        Standard deviation of the onset's logarithm, and of what is made of the forces, about that.
-    """
-
-    onset: np.ndarray
-    rising: np.ndarray
-    after: np.ndarray
-    sd: float
-
-
 class AlignedCurves:
     """Curves at places, and what lies between them.
 
@@ -81,9 +57,6 @@ class AlignedCurves:
         Travels beyond the onset, ascending from 0, between which curves are straight; even unless given.
     kernels : sequence of Kernel, optional
         Those of the onset, of what is before it and of what is beyond, as ``kernels`` of an earlier one says.
-    expected : Expected, optional
-        Of the curves at ``X``: then what is learnt is how they differ from that, and all that is said of
-        other places has to be told what is expected there.
 
     Raises
     ------
@@ -98,40 +71,28 @@ class AlignedCurves:
         x: np.ndarray,
         beyond: np.ndarray | None = None,
         kernels: Sequence[Kernel | None] = (None, None, None),
-        expected: Expected | None = None,
     ):
-        if len(X) < fewest(X.shape[1], expected is not None):
+        if len(X) < X.shape[1] + 1 + SPARE:
             raise ValueError(f"{len(X)} curves are too few for {X.shape[1]} coordinates")
         self.x, self.X, self.courses = x, X, courses
         largest = [int(np.abs(c.force).argmax()) for c in courses]
         ends = np.array([(abs(c.force[i]), c.x[i]) for i, c in zip(largest, courses, strict=True)])
         self.small, self._soft = SMALL * np.median(ends[:, 0]), SMALL * np.median(ends[:, 0] / ends[:, 1])
         begun = np.isfinite([c.onset for c in courses])
-        usual = 0.0 if expected is None else np.log(expected.onset)
-        self._onset, at = _onsets(X, courses, begun, x[-1], kernels[0], usual, expected)
+        self._onset, at = _onsets(X, courses, begun, x[-1], kernels[0])
         #: Parts of the way to the onset, and the travel beyond it.
         self.part = np.linspace(0, 1, x.size)
         self.beyond = np.linspace(0, x[-1], x.size) if beyond is None else beyond
         # What it takes to cut matters little before: force over travel is smoother than force.
         rising = np.array([_read(self.part[1:] * o, c) for o, c in zip(at, courses, strict=True)])
-        after = np.array([_read(self.beyond + o, c) for o, c in zip(at, courses, strict=True)])
-        before, beyond = self._learnt(at, rising, after)
-        if expected is not None:
-            known = self._learnt(expected.onset, expected.rising, expected.after)
-            before, beyond = before - known[0], beyond - known[1]
-        self._before = Curves(X, before, kernels[1], expected)
+        travel = self.part[1:] * at[:, None]
+        self._before = Curves(X, np.arcsinh(rising / travel / self._soft), kernels[1])
         self._after: Curves | None = None
         if self._onset is not None:
-            self._after = Curves(X[begun], beyond[begun], kernels[2], expected)
-
-    def _learnt(
-        self, onset: np.ndarray, rising: np.ndarray, after: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """What is learnt of forces (n, k) at parts of the way to onsets (n,), and (n, m) beyond these."""
-        travel = self.part[1:] * onset[:, None]
-        # What is beyond, by that where the cut begins: so an error of that is not taken for a drop.
-        there = np.arcsinh(rising[:, -1:] / self.small)
-        return np.arcsinh(rising / travel / self._soft), np.arcsinh(after / self.small) - there
+            after = [_read(self.beyond + o, c) for o, c, b in zip(at, courses, begun, strict=True) if b]
+            # What is beyond, by that where the cut begins: so an error of that is not taken for a drop.
+            there = np.arcsinh(rising[begun, -1:] / self.small)
+            self._after = Curves(X[begun], np.arcsinh(np.array(after) / self.small) - there, kernels[2])
 
     @property
     def kernels(self) -> tuple[Kernel | None, Kernel | None, Kernel | None]:
@@ -169,35 +130,23 @@ class AlignedCurves:
         after = begun + self._after.draws(places, lambda part, r: normal(REACHES + part, r))
         return onset, rising, self._force(after)
 
-    def between(
-        self, places: np.ndarray, expected: Expected | None = None
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Onsets (p,) of curves at places (p, d), forces (p, k) at parts of the way there, and (p, m) beyond
-        as far as any curve is known there."""
-        at = self.onset(places, expected)
-        usual: tuple[Any, Any] = (0.0, 0.0)
-        if expected is not None:
-            usual = self._learnt(expected.onset, expected.rising, expected.after)
-        rising = self._rising(self._before.mean(places) + usual[0], at)
-        later = 0.0 if self._after is None else self._after.mean(places) + usual[1]
-        return at, rising, self._force(np.arcsinh(rising[:, -1:] / self.small) + later)
-
-    def mean(self, places: np.ndarray, expected: Expected | None = None) -> np.ndarray:
+    def mean(self, places: np.ndarray) -> np.ndarray:
         """Forces (p, k) that are smooth in the places (p, d)."""
-        at, rising, after = self.between(places, expected)
+        at = self.onset(places)
+        rising = self._rising(self._before.mean(places), at)
         found = np.stack([np.interp(self.x, self.part * o, f) for o, f in zip(at, rising, strict=True)])
         if self._after is not None and (at < self.x[-1]).any():
+            after = self._force(np.arcsinh(rising[:, -1:] / self.small) + self._after.mean(places))
             for i, o in enumerate(at):
                 there = self.x > o
                 found[i, there] = np.interp(self.x[there] - o, self.beyond, after[i])
         return found
 
-    def onset(self, places: np.ndarray, expected: Expected | None = None) -> np.ndarray:
+    def onset(self, places: np.ndarray) -> np.ndarray:
         """Travels (p,) at which the cuts begin at places (p, d); the last where none begins."""
         if self._onset is None:
             return np.full(len(places), self.x[-1])
-        usual = 1.0 if expected is None else expected.onset
-        return usual * np.exp(np.clip(self._onset.mean(places), -50, 50))
+        return np.exp(np.clip(self._onset.mean(places), -50, 50))
 
     def log_onset(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean and standard deviation (p,) of the logarithm of where runs at places (p, d) begin to cut."""
@@ -209,10 +158,10 @@ class AlignedCurves:
         same = np.flatnonzero(np.abs(self.X - place).max(axis=1, initial=0.0) <= SAME)
         return self.courses[same[0]] if same.size else None
 
-    def root(self, place: np.ndarray, runs: bool = True, expected: Expected | None = None) -> np.ndarray:
+    def root(self, place: np.ndarray, runs: bool = True) -> np.ndarray:
         """Root (k, r) of the error's covariance at a place (d,): of what a run there would give, or of the
         smooth part."""
-        (o,), (force,) = self.onset(place[None], expected), self.mean(place[None], expected)
+        (o,), (force,) = self.onset(place[None]), self.mean(place[None])
         beyond = self.x > o
         rising = self._before.root(place, runs)
         parts = [_over(self.part[1:] * o, rising, np.where(beyond, np.nan, self.x))]
@@ -243,54 +192,27 @@ class AlignedCurves:
 
 
 def _onsets(
-    X: np.ndarray,
-    courses: Sequence[Course],
-    begun: np.ndarray,
-    end: float,
-    kernel: Kernel | None,
-    usual: np.ndarray | float,
-    expected: Expected | None,
+    X: np.ndarray, courses: Sequence[Course], begun: np.ndarray, end: float, kernel: Kernel | None
 ) -> tuple[GaussianProcess | None, np.ndarray]:
     """The process of the onset's logarithm, None where too few cuts begin; and all onsets (n,)."""
-    if begun.sum() < fewest(X.shape[1], expected is not None):
+    if begun.sum() < X.shape[1] + 1 + SPARE:
         return None, np.full(len(X), end)
-    values = np.log([c.onset if b else np.nan for c, b in zip(courses, begun, strict=True)]) - usual
-    last = np.log([(1 + BEYOND) * c.x[-1] for c in courses]) - usual
-    process = process_of(X[begun], values[begun], kernel, expected)
+    values = np.log([c.onset if b else np.nan for c, b in zip(courses, begun, strict=True)])
+    last = np.log([(1 + BEYOND) * c.end for c in courses])
+    process = GaussianProcess(X[begun], values[begun], kernel=kernel)
     for _ in range(2 if not begun.all() else 0):
         values[~begun] = np.maximum(process.mean(X[~begun]), last[~begun])
-        process = process_of(X, values, kernel, expected)
-    return process, np.exp(values + usual)
-
-
-def fewest(coordinates: int, expected: bool) -> int:
-    """How many curves say anything: of what was expected two say how far it is off."""
-    return 2 if expected else coordinates + 1 + SPARE
-
-
-def process_of(
-    X: np.ndarray, Y: np.ndarray, kernel: Kernel | None, expected: Expected | None
-) -> GaussianProcess:
-    """The process through values, or through how far they differ from what was expected: by a part that is
-    the same everywhere, or linear where there are many, and one that changes within lengths of a factor of
-    three or so."""
-    if expected is None:
-        return GaussianProcess(X, Y, kernel=kernel)
-    trend = "linear" if len(X) >= 2 * fewest(X.shape[1], False) else "constant"
-    return GaussianProcess(
-        X, Y, kernel=kernel, trend=trend, lengths=(FAR,) * X.shape[1], known=(expected.sd, HEAVY)
-    )
+        process = GaussianProcess(X, values, kernel=kernel)
+    return process, np.exp(values)
 
 
 class Curves:
     """A process of curves ``Y`` (n, m) that may end early, in nan: a value is said from the curves that reach
     it, and as the last one that enough of them reach."""
 
-    def __init__(
-        self, X: np.ndarray, Y: np.ndarray, kernel: Kernel | None = None, expected: Expected | None = None
-    ):
+    def __init__(self, X: np.ndarray, Y: np.ndarray, kernel: Kernel | None = None):
         count = np.isfinite(Y).sum(axis=0)
-        few = fewest(X.shape[1], expected is not None)
+        few = X.shape[1] + 1 + SPARE
         last = int(np.flatnonzero(count >= min(few, count[0])).max()) + 1
         self.size = Y.shape[1]
         levels = np.unique(np.linspace(count[0], count[last - 1], REACHES).astype(int))[::-1]
@@ -302,7 +224,7 @@ class Curves:
             if stop <= first:
                 continue
             rows = np.isfinite(Y[:, stop - 1])
-            made = process_of(X[rows], Y[rows, first:stop], kernel, expected)
+            made = GaussianProcess(X[rows], Y[rows, first:stop], kernel=kernel)
             kernel = kernel or made.kernel
             self.blocks.append((slice(first, stop), made))
             weights[rows, first:stop], trend[:, first:stop] = made.weights, made.trend_from_zero

@@ -10,21 +10,23 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
+from scipy.special import ndtr, ndtri
 
 from cutbench.base.errors import BadInput
 from cutbench.base.handled import Handled
 from cutbench.case.case import Case, load_case
 from cutbench.case.model import groups
+from cutbench.case.motion import TRANSITION as UNTIL
 from cutbench.case.values import CLAMP
-from cutbench.emulator.alignment import AlignedCurves, Course, Curves, Expected
-from cutbench.emulator.box import BLUNT, Box
+from cutbench.emulator.alignment import AlignedCurves, Course, Curves
+from cutbench.emulator.box import BLUNT, REACH, Box
 from cutbench.emulator.groups import Groups, same
 from cutbench.emulator.process import GaussianProcess, Kernel
 from cutbench.run.measures import (
@@ -45,8 +47,8 @@ BEYOND = np.array(
 )  # fmt: skip
 #: Parts of the way to the onset.
 RISE = 24
-#: Runs reach so far, in halves of the blade's thickness, and that is how thick it is.
-REACH, WINDOW = 40.0, 2.0
+#: The blade's thickness, in halves of it: the window of a drop.
+WINDOW = 2.0
 #: η v/a below which viscosity hardly matters.
 SLOW = 0.05
 #: τ_W/G below which adhesion hardly deforms the gel.
@@ -54,13 +56,14 @@ STICKY = 0.2
 #: Where the work is told apart by mechanism: parts of the way to the onset, and travels beyond.
 PARTS, LATER = np.array([0.2, 0.5, 0.8, 1.0]), np.array([1.0, 3.0, 6.0, 10.0, 20.0])
 #: Curves that are drawn, and the level of intervals.
-DRAWS, LEVEL, WIDE = 200, 0.9, 1.6449
+DRAWS, LEVEL = 200, 0.9
+WIDE = float(ndtri((1 + LEVEL) / 2))
 #: The largest force grows with the travel to the onset by this power, as an indented block's does.
 RISES = 1.3
 #: What an estimate has intervals of, and their units.
 MEASURES = {"onset_mm": "mm", "peak_N": "N", "drop": "", "steady_N": "N"}
-#: The measures that have a process of their own.
-OWN = ("peak", "drop", "steady")
+#: The processes of the curves, and the measures that have one of their own.
+CURVES, OWN = ("onset", "before", "after"), ("peak", "drop", "steady")
 
 
 class NotInAtlas(BadInput):
@@ -159,7 +162,7 @@ class Measures:
     def uncut(self, depths: np.ndarray) -> np.ndarray:
         """Probability (p,) that the cut does not begin within depths (p,)."""
         mean, sd = self.onset.T
-        return norm_cdf((mean - np.log(depths)) / sd)
+        return ndtr((mean - np.log(depths)) / sd)
 
     def falls(self, drop: float) -> np.ndarray:
         """How many standard deviations (p,) the drop lies above one."""
@@ -206,10 +209,8 @@ class Atlas:
         self.works, self.wider, self.about = works or {}, wider or {}, about or {}
         known = kernels or {}
         self.X = self._coordinates(groups)
-        rise, of_curves = (
-            np.linspace(0, REACH, RISE + 1),
-            [known.get(n) for n in ("onset", "before", "after")],
-        )
+        rise = np.linspace(0, REACH, RISE + 1)
+        of_curves = [known.get(name) for name in CURVES]
         self.curves = AlignedCurves(self.X, courses, rise, BEYOND, of_curves)
         onsets, ends = (np.array([getattr(c, n) for c in courses]) for n in ("onset", "end"))
         self._own = {}
@@ -221,7 +222,7 @@ class Atlas:
     @property
     def kernels(self) -> dict[str, Kernel | None]:
         """Of all processes."""
-        of_curves = dict(zip(("onset", "before", "after"), self.curves.kernels, strict=True))
+        of_curves = dict(zip(CURVES, self.curves.kernels, strict=True))
         return of_curves | {name: made.kernel for name, made in self._own.items()}
 
     @classmethod
@@ -314,24 +315,6 @@ class Atlas:
             found[name] = np.stack([mean, sd], axis=1)
         return Measures(**found)
 
-    def expected(self, groups: np.ndarray, part: np.ndarray, beyond: np.ndarray) -> Expected:
-        """What curves with values (p, d) of the groups are thought to be, at parts of the way to the onset
-        and beyond; outside the box as at its side."""
-        ends = np.array([(side.low, side.high) for side in self.box.sides])
-        places = self._coordinates(np.clip(groups, *ends.T))
-        onset, rising, after = self.curves.between(places)
-        rising = np.stack([np.interp(part, self.curves.part, each) for each in rising])
-        after = np.stack([np.interp(beyond, BEYOND, each) for each in after])
-        return Expected(onset, rising, after, self._error)
-
-    @cached_property
-    def _error(self) -> float:
-        """Standard deviation of what it says of an onset's logarithm, in the mean over its box."""
-        parts = self.box.points(64, seed=0)
-        values = [[side.value(p) for side, p in zip(self.box.sides, row, strict=True)] for row in parts]
-        sd = self.curves.log_onset(self._coordinates(np.array(values)))[1]
-        return float(sd.mean()) * self.wider.get("onset", 1.0)
-
     def estimate(self, case: Case) -> Estimate:
         """What a run of a case would give.
 
@@ -346,11 +329,11 @@ class Atlas:
         depth = min(case.values["depth"] / half, REACH)
         m, place = self.measures(groups, np.array([depth])), self._coordinates(groups)
         uncut = float(m.uncut(np.array([depth]))[0])
-        abrupt = (1 - uncut) * float(norm_cdf(m.falls(ABRUPT_DROP))[0])
+        abrupt = (1 - uncut) * float(ndtr(m.falls(ABRUPT_DROP))[0])
         cut = uncut < 0.5
-        end = float(np.exp(m.onset[0, 0])) + (KNOWN if case.until == "transition" else math.inf) * WINDOW
+        end = float(np.exp(m.onset[0, 0])) + (KNOWN if case.until == UNTIL else math.inf) * WINDOW
         x = np.linspace(0, min(depth, end), 161)
-        low, middle, high = (force * each for each in self._band(place, x))
+        low, middle, high = force * self.band(groups, x)
         whole = cut and end > depth and depth - math.exp(m.onset[0, 0]) > (TRANSITION + 1) * WINDOW
         onset, peak, drop, steady = (getattr(m, n)[0] for n in ("onset", "peak", "drop", "steady"))
         return Estimate(
@@ -361,14 +344,16 @@ class Atlas:
             self._shares(place, x, float(np.exp(onset[0]))), self._nearest(place),
         )  # fmt: skip
 
-    def _band(self, place: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Ends and middle (3, k) of the forces that runs at a place (1, d) may have at travels (k,)."""
+    def band(self, groups: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Low end, middle and high end (3, k) of the forces at travels (k,) of runs with values (1, d) of the
+        groups."""
 
         def normal(part: int, r: int) -> np.ndarray:
             half = np.random.default_rng(part).standard_normal((DRAWS // 2, r))
             return self.wider.get("curve", 1.0) * np.concatenate([half, -half])
 
-        onset, before, after = (each[0] for each in self.curves.draws(place, normal))
+        drawn = self.curves.draws(self._coordinates(groups), normal)
+        onset, before, after = (each[0] for each in drawn)
         curves = []
         for at, rising, later in zip(onset, before, after, strict=True):
             rise = np.linspace(0, at, rising.size)
@@ -411,60 +396,37 @@ class Atlas:
 
 def values_of(box: Box, case: Case) -> list[float]:
     """Values of a box's groups of a case, of whatever size. Raises NotInAtlas for another model."""
-    base = _base(box)
-    strange = [m for m in case.mechanisms if m not in base.mechanisms]
-    missing = [m for m in base.mechanisms if m not in case.mechanisms and m not in ("adhesion", "coulomb")]
+    base, known = box.base, groups()
+    of = {s.name: known[s.name].parameter if s.name in known else s.name for s in box.sides}
+    # A side that begins at 0 does so where a law has no effect: a case may lack it.
+    switched = {of[s.name] for s in box.sides if s.low == 0}
+    strange = [law.name for law in case.model.all if law.name not in base.mechanisms]
+    missing = [
+        law.name
+        for law in base.model.all
+        if law.name not in case.mechanisms and not switched & {q.name for q in law.parameters}
+    ]
     if strange or missing or case.dim != base.dim or case.motion:
         what = ", ".join(strange or missing) or ("3D" if case.dim != base.dim else "motion")
         raise NotInAtlas("mechanisms", what, "the default model of a section, cut at one speed")
-    units, known = Groups.of(case), groups()
+    units = Groups.of(case)
     if units is None:
         raise NotInAtlas("speed", f"{case.values['speed']:g} mm/s", "a blade that moves")
     reduced, at_base = units.reduced(case.values), units.reduced(base.values)
-    sides = {side.name for side in box.sides}
-    solved = {"G_c", "eta_reg", "tau_W", units.modulus}
     for name, value in reduced.items():
-        if name not in sides | solved and not same(value, at_base[name]):
+        if name not in {*of.values(), units.modulus} and not same(value, at_base[name]):
             q = base.model.parameters()[name]
             raise NotInAtlas(name, q.show(case.values[name]), f"{q.show(base.values[name])}, as in the atlas")
-    full = replace(base, values={**base.values, **case.values})
-    off = {"mu": "coulomb", "adhesion": "adhesion"}
     return [
-        0.0 if off.get(side.name, "neo_hookean") not in case.mechanisms
-        else known[side.name].value(full.p) if side.name in known else reduced[side.name]
-        for side in box.sides
+        0.0 if of[s.name] not in case.values
+        else known[s.name].value(case.p) if s.name in known else reduced[s.name]
+        for s in box.sides
     ]  # fmt: skip
 
 
-#: Values that a blunt blade's groups are made of.
-NEEDED = (
-    "G", "nu", "G_c", "delta_c", "eta_reg", "thickness", "tip", "surface_length", "length", "height", "speed",
-)  # fmt: skip
-#: All values that these change with.
-COVERED = (*NEEDED, "tau_W", "mu")
-
-
-def groups_of(v: Mapping[str, float]) -> list[float]:
-    """Values of the groups of a blunt blade's box, from those of parameters in internal units."""
-    half, strength = v["thickness"] / 2, v["G_c"] / v["delta_c"]
-    found = {
-        "cohesion": strength / v["G"], "viscosity": v["eta_reg"] * v["speed"] / v["delta_c"],
-        "adhesion": v.get("tau_W", 0.0) / strength, "mu": v.get("mu", 0.0), "nu": v["nu"],
-    }  # fmt: skip
-    return [found[s.name] if s.name in found else v[s.name] / half for s in BLUNT.sides]
-
-
 @cache
-def _base(box: Box) -> Case:
-    base = load_case("gelatin")
-    return base if box is BLUNT else base.set(with_=box.blade)
-
-
-@cache
-def shipped(blade: str = BLUNT.blade) -> Atlas:
-    """The atlas that the package brings along for a kind of blade. Raises NotInAtlas where there is none."""
-    if blade != BLUNT.blade:
-        raise NotInAtlas("mechanisms", blade, f"{BLUNT.blade}: there is no atlas of other blades")
+def shipped() -> Atlas:
+    """The atlas that the package brings along: of blunt blades."""
     return Atlas.read(files("cutbench.emulator") / "blunt.npz")
 
 
@@ -486,8 +448,7 @@ def estimate(source: Case | str | Path) -> Estimate:
         If the atlas does not say.
     """
     case = source if isinstance(source, Case) else load_case(source)
-    tool = case.model.tool
-    return shipped(tool.name if tool else "").estimate(case)
+    return shipped().estimate(case)
 
 
 def _interval(normal: np.ndarray, unit: float, there: bool, root: bool = False) -> Interval:
@@ -498,8 +459,3 @@ def _interval(normal: np.ndarray, unit: float, there: bool, root: bool = False) 
     low, middle, high = mean - WIDE * sd, mean, mean + WIDE * sd
     back = (lambda v: min(max(v, 0.0) ** 2, 1.0)) if root else math.exp
     return Interval(*(unit * back(v) for v in (middle, low, high)))
-
-
-def norm_cdf(z: np.ndarray) -> np.ndarray:
-    """Of the standard normal distribution."""
-    return np.array([0.5 * (1 + math.erf(v / math.sqrt(2))) for v in np.ravel(z)]).reshape(np.shape(z))

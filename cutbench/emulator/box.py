@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from cutbench.case.case import Case
+from cutbench.case.case import Case, load_case
 
 #: Part of a side that ends in a value of 0, in which the value *is* 0: many a user has no friction.
 OFF = 0.2
 #: A run ends this far down: as a part of the specimen's height, and in halves of the blade's thickness.
-DEPTH = (0.8, 40.0)
+DEEP, REACH = 0.8, 40.0
 
 
 @dataclass(frozen=True)
@@ -64,10 +64,15 @@ class Side:
 
 @dataclass(frozen=True)
 class Box:
-    """A blade's box, and the case that is set to its points."""
+    """The sides, and the material whose model and units its cases have."""
 
-    blade: str
+    material: str
     sides: tuple[Side, ...]
+
+    @cached_property
+    def base(self) -> Case:
+        """The case whose groups are set."""
+        return load_case(self.material)
 
     def points(self, count: int, seed: int) -> np.ndarray:
         """Parts (count, d) of the sides: the first of Sobol's sequence, scrambled, so that the first half of
@@ -77,36 +82,28 @@ class Box:
         made = qmc.Sobol(len(self.sides), scramble=True, rng=np.random.default_rng(seed))
         return made.random_base2(math.ceil(math.log2(max(count, 2))))[:count]
 
-    def case(self, base: Case, parts: np.ndarray) -> Case:
-        """``base``, a case of the box's model, at parts (d,) of the sides."""
+    def case(self, parts: np.ndarray) -> Case:
+        """The case at parts (d,) of the sides."""
         groups = {side.name: side.value(float(part)) for side, part in zip(self.sides, parts, strict=True)}
-        return base.set(**settings(base, groups))
+        half, known = self.base.values["thickness"] / 2, self.base.model.parameters()
+        lengths = {name for name in groups if name in known and known[name].unit == "mm"}
+        changes = {n: f"{half * v:.6g} mm" if n in lengths else v for n, v in groups.items()}
+        return self.base.set(**changes, depth=f"{half * min(DEEP * groups['height'], REACH):.6g} mm")
 
 
-def settings(base: Case, groups: Mapping[str, float]) -> dict[str, object]:
-    """What ``Case.set`` takes for values of groups, in the units of ``base``."""
-    half = base.values["thickness"] / 2
-    lengths = {"tip", "edge_radius", "delta_c", "surface_length", "length", "height"}
-    found: dict[str, object] = {n: f"{half * v:.6g} mm" if n in lengths else v for n, v in groups.items()}
-    if "angle" in groups:
-        found["angle"] = f"{groups['angle']:.6g} deg"
-    part, most = DEPTH
-    found["depth"] = f"{half * min(part * groups['height'], most):.6g} mm"
-    return found
-
-
-_SHARED = (
-    Side("cohesion", 1.0, 15.0),
-    Side("viscosity", 0.003, 10.0),
-    Side("adhesion", 0.0, 0.3, "asinh", 0.03),
-    Side("mu", 0.0, 0.5, "asinh", 0.05),
-    Side("delta_c", 0.1, 0.4),
-    Side("surface_length", 0.05, 0.4),
-    Side("length", 40.0, 160.0),
-    Side("height", 30.0, 120.0),
-    Side("nu", 0.45, 0.4995, "incompressible"),
-)
 #: A blunt blade with an elliptic tip.
-BLUNT = Box("contact", (*_SHARED, Side("tip", 1.5, 6.0)))
-#: A wedge with a rounded edge; angles in degrees.
-WEDGE = Box("wedge", (*_SHARED, Side("angle", 12.0, 60.0), Side("edge_radius", 0.03, 0.3)))
+BLUNT = Box(
+    "gelatin",
+    (
+        Side("cohesion", 1.0, 15.0),
+        Side("viscosity", 0.003, 10.0),
+        Side("adhesion", 0.0, 0.3, "asinh", 0.03),
+        Side("mu", 0.0, 0.5, "asinh", 0.05),
+        Side("delta_c", 0.1, 0.4),
+        Side("surface_length", 0.05, 0.4),
+        Side("length", 40.0, 160.0),
+        Side("height", 30.0, 120.0),
+        Side("nu", 0.45, 0.4995, "incompressible"),
+        Side("tip", 1.5, 6.0),
+    ),
+)

@@ -13,9 +13,7 @@ import numpy as np
 from cutbench.base.errors import BadInput
 from cutbench.case.case import Case
 from cutbench.case.model import Model
-from cutbench.emulator.alignment import AlignedCurves, Course, Expected, fewest
-from cutbench.emulator.atlas import COVERED, NEEDED, groups_of, shipped
-from cutbench.emulator.box import BLUNT
+from cutbench.emulator.alignment import SPARE, AlignedCurves, Course
 from cutbench.emulator.groups import Coordinate, Groups, same
 
 #: Beyond the range of the known runs by more than this part of it nothing is said.
@@ -44,8 +42,6 @@ class RunDatabase:
     """All cuts that are known, in whatever order they were computed."""
 
     runs: list[Run] = field(default_factory=list)
-    #: Whether cuts are thought beforehand to be as the atlas has them.
-    informed: bool = False
     _curves: dict[tuple, AlignedCurves] = field(default_factory=dict)
 
     def add(self, case: Case, course: np.ndarray, onset_mm: float = math.nan) -> None:
@@ -81,7 +77,7 @@ class RunDatabase:
             None where too few runs are known.
         """
         try:
-            return CutEmulator(self.runs, cases, free, self._curves, self.informed)
+            return CutEmulator(self.runs, cases, free, self._curves)
         except ValueError:
             return None
 
@@ -102,7 +98,6 @@ class CutEmulator:
         cases: Sequence[Case],
         free: Collection[str],
         curves: dict[tuple, AlignedCurves] | None = None,
-        informed: bool = False,
     ):
         first = cases[0]
         groups = Groups.of(first)
@@ -131,30 +126,20 @@ class CutEmulator:
             if all(any(same(seen[n], a[n]) for a in asked) for n in fixed):
                 known.append((run, seen, values))
         told = [seen for _, seen, _ in known]
-        tool = first.model.tool
-        known_to_atlas = informed and first.dim == 2 and not first.motion and {*NEEDED} <= {*first.values}
-        self.atlas = shipped(tool.name) if tool and tool.name == BLUNT.blade and known_to_atlas else None
         self.coordinates, columns = self._columns(
-            may_differ,
-            {*free} - other_words - {groups.modulus, "thickness"},
-            asked,
-            told,
-            first,
-            COVERED if self.atlas else (),
+            may_differ, free - other_words - {groups.modulus, "thickness"}, asked, told, first
         )
-        if len(known) < fewest(len(self.coordinates), self.atlas is not None):
+        if len(known) < len(self.coordinates) + 1 + SPARE:
             raise ValueError("too few runs")
         courses = [
             Course(run.x / groups.length(v), run.force / groups.force(v), run.onset_mm / groups.length(v))
             for run, _, v in known
         ]
         self.x = np.linspace(0.0, max(ends), PLACES + 1)
-        made = {} if curves is None else curves
-        X = np.stack(columns, axis=1) if columns else np.zeros((len(known), 0))
-        key = tuple(c.name for c in self.coordinates), X.tobytes(), float(self.x[-1]), self.atlas is None
+        made, X = {} if curves is None else curves, np.stack(columns, axis=1)
+        key = tuple(c.name for c in self.coordinates), X.tobytes(), float(self.x[-1])
         if key not in made:
-            expected = self._expected([v for _, _, v in known])
-            made[key] = AlignedCurves(X, courses, self.x, expected=expected)
+            made[key] = AlignedCurves(X, courses, self.x)
         self.curves = made[key]
 
     @staticmethod
@@ -164,7 +149,6 @@ class CutEmulator:
         asked: Sequence[Mapping[str, float]],
         known: Sequence[Mapping[str, float]],
         case: Case,
-        in_atlas: Collection[str],
     ) -> tuple[list[Coordinate], list[np.ndarray]]:
         """The coordinates along which cuts differ, and those of the known runs (n,) along each."""
         groups, parameters = Groups.of(case), case.model.parameters()
@@ -178,8 +162,6 @@ class CutEmulator:
             column = np.where(has, column, np.mean(column[has]) if has.any() else there[0])
             every = np.append(column, there)
             alike = np.ptp(every) <= 1e-9 * max(np.abs(every).max(), 1.0)
-            if np.ptp(column) == 0 and name in in_atlas:
-                continue
             if np.ptp(column) == 0 and (name in free or not alike):
                 raise ValueError(f"no run tells what {name} does")
             if alike:
@@ -188,14 +170,6 @@ class CutEmulator:
                 coordinates.append(coordinate)
                 columns.append(column)
         return coordinates, columns
-
-    def _expected(self, each: Sequence[Mapping[str, float]]) -> Expected | None:
-        """What the atlas has of cuts with these values, as a model without the laws that do what another
-        value does has them."""
-        if self.atlas is None:
-            return None
-        even = np.linspace(0, 1, self.x.size)
-        return self.atlas.expected(np.array([groups_of(v) for v in each]), even[1:], even * self.x[-1])
 
     def _plain(self, values: Mapping[str, float]) -> Mapping[str, float]:
         """``values`` as a model without the laws that do what another value does has them."""
@@ -235,8 +209,7 @@ class CutEmulator:
         OutOfRange
             If one lies too far from all that are known.
         """
-        plain = [self._plain(values) for values in each]
-        return self.curves.mean(self._places(each), self._expected(plain)) * self._units(each)[:, None]
+        return self.curves.mean(self._places(each)) * self._units(each)[:, None]
 
     def computed(self, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray] | None:
         """Travel (n,) in mm and force (n,) in N of the run with these values; None if there is none."""
@@ -264,13 +237,11 @@ class CutEmulator:
         """Root (k, r), in N, of the covariance of what a run with these values would have and is not said; of
         the smooth part alone without ``runs``."""
         place = self._places([values])[0]
-        expected = self._expected([self._plain(values)])
-        return self.curves.root(place, runs, expected) * self._units([values])[0]
+        return self.curves.root(place, runs) * self._units([values])[0]
 
     def onset_mm(self, values: Mapping[str, float]) -> float:
         """Where the cut begins; beyond the depth where it does not."""
-        expected = self._expected([self._plain(values)])
-        return float(self.curves.onset(self._places([values]), expected)[0] * self.groups.length(values))
+        return float(self.curves.onset(self._places([values]))[0] * self.groups.length(values))
 
     def _places(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:
         reduced = [self.groups.reduced(self._plain(values)) for values in each]
@@ -278,8 +249,6 @@ class CutEmulator:
         found = np.stack(columns, axis=1) if columns else np.zeros((len(each), 0))
         low, high = self.curves.X.min(axis=0), self.curves.X.max(axis=0)
         far = np.maximum(low - found, found - high) > MARGIN * (high - low)
-        if self.atlas is not None:  # it goes on where runs end
-            far &= np.array([c.name not in COVERED for c in self.coordinates], dtype=bool)
         if far.any():
             names = [c.name for c, is_far in zip(self.coordinates, far.any(axis=0), strict=True) if is_far]
             raise OutOfRange(f"no cut near enough is known: {', '.join(names)}")

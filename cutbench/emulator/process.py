@@ -106,8 +106,6 @@ class GaussianProcess:
         Relative variance of each value in place of the kernel's nugget.
     sizes : (float, float)
         Bounds of the standard deviation of values.
-    known : (float, float), optional
-        The standard deviation of values beforehand, and for how many places that counts.
 
     Raises
     ------
@@ -125,7 +123,6 @@ class GaussianProcess:
         lengths: Sequence[float] | None = None,
         noise: np.ndarray | None = None,
         sizes: tuple[float, float] = (0.0, math.inf),
-        known: tuple[float, float] = (0.0, 0.0),
     ):
         self.X, self.Y = np.atleast_2d(np.asarray(X, dtype=float)), np.asarray(Y, dtype=float)
         self.trend, self.sizes = trend, sizes
@@ -136,7 +133,7 @@ class GaussianProcess:
         self.kernel = kernel or self._likeliest(columns, lengths)
         own = np.broadcast_to(self.kernel.nugget if noise is None else noise, len(self.X))
         K = self.kernel.correlation(self.X, self.X) + np.diag(own + _JITTER)
-        self._fit = _Fit(K, self._basis(self.X), columns, sizes, known)
+        self._fit = _Fit(K, self._basis(self.X), columns, sizes)
 
     # -- what it says -------------------------------------------------------------------------------
     def mean(self, at: np.ndarray) -> np.ndarray:
@@ -178,8 +175,6 @@ class GaussianProcess:
     def trend_from_zero(self) -> np.ndarray:
         """The linear trend (1 + d, m): its values at the origin, and its slopes."""
         at_middle, slopes = self._fit.trend[:1], self._fit.trend[1:]
-        if not len(slopes):
-            slopes = np.zeros((self.X.shape[1], at_middle.shape[1]))
         return np.concatenate([at_middle - self._middle @ slopes, slopes])
 
     def influence(self, at: np.ndarray) -> np.ndarray:
@@ -278,14 +273,7 @@ class _Fit:
     rest; ``size``: the standard deviation.
     """
 
-    def __init__(
-        self,
-        K: np.ndarray,
-        A: np.ndarray,
-        Y: np.ndarray,
-        sizes: tuple[float, float],
-        known: tuple[float, float] = (0.0, 0.0),
-    ):
+    def __init__(self, K: np.ndarray, A: np.ndarray, Y: np.ndarray, sizes: tuple[float, float]):
         self._L = cholesky(K, lower=True)
         self._white = self.whitened(A)
         inner = self._white.T @ self._white
@@ -295,10 +283,8 @@ class _Fit:
         rest = y - self._white @ self.trend
         self.weights = solve_triangular(self._L, rest, lower=True, trans="T", check_finite=False)
         free, columns = max(len(Y) - A.shape[1], 1), Y.shape[1]
-        sd, weight = known
-        before = weight * sd**2 * _alike(columns) if weight else 0.0
-        self.between = (rest.T @ rest + before) / (free + weight)
-        square = max(float(np.trace(self.between)) / columns, 1e-300)
+        self.between = rest.T @ rest / free
+        square = max(float((rest**2).sum()) / (free * columns), 1e-300)
         self.size = float(np.clip(math.sqrt(square), *sizes))
         volume = 2 * np.log(np.diag(self._L)).sum()
         if A.shape[1]:
@@ -325,12 +311,6 @@ class _Fit:
         along = half.T @ self._white
         inverse = half.T @ half - along @ self._inverse @ along.T
         return 0.5 * (self.weights @ self.weights.T / (self._columns * self.size**2) - inverse)
-
-
-def _alike(size: int) -> np.ndarray:
-    """Correlation (m, m) among the values of a curve beforehand: of neighbours more than of its ends."""
-    apart = np.abs(np.subtract.outer(np.arange(size), np.arange(size))) / max(size - 1, 1)
-    return np.exp(-0.5 * (apart / 0.3) ** 2)
 
 
 def _parts(at: np.ndarray, size: int = 4000) -> list[np.ndarray]:

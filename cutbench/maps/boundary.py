@@ -225,7 +225,8 @@ class Seeker:
         return self._through(np.concatenate([index, there]), np.concatenate([values, guessed]), self._kernel)
 
     def _through(self, index: np.ndarray, values: np.ndarray, kernel: Kernel | None) -> Margins:
-        at, before = self._places[self._flat(index)], expected_at(self._before, index)
+        at = self._places[self._flat(index)]
+        before = None if self._before is None else expected_at(self._before, index)
         return Margins(margins_between(at, values, kernel, before), self.shape, self._before)
 
     def _spread_out(
@@ -268,7 +269,7 @@ def margins_between(
     x: np.ndarray,
     y: np.ndarray,
     kernel: Kernel | None = None,
-    before: tuple[np.ndarray | float, np.ndarray | float] = (0.0, 1.0),
+    before: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> GaussianProcess:
     """The process through margins, far from which nothing is known.
 
@@ -283,11 +284,11 @@ def margins_between(
         Margins.
     kernel : Kernel, optional
         The likeliest unless given.
-    before : (ndarray, ndarray)
+    before : (ndarray, ndarray), optional
         What was expected of them, and its standard deviations: the process is of how far off that was.
     """
-    mean, spread = before
-    z, sizes = (y - mean) / spread, SIZES if np.all(mean == 0) else INFORMED
+    mean, spread = (np.zeros_like(y), np.ones_like(y)) if before is None else before
+    z, sizes = (y - mean) / spread, SIZES if before is None else INFORMED
     made = GaussianProcess(x, z, kernel=kernel, lengths=(EXPECTED,) * x.shape[1], trend="none", sizes=sizes)
     noise = np.full(y.size, made.kernel.nugget)
     for _ in range(_SIGN_ROUNDS):

@@ -3,40 +3,37 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 from scipy.interpolate import RegularGridInterpolator
-from scipy.stats import norm
 
 from cutbench.base.errors import BadInput
 from cutbench.case.case import Case
-from cutbench.emulator.atlas import REACH, Atlas, shipped, values_of
-from cutbench.emulator.groups import Groups
+from cutbench.emulator.atlas import Atlas, Measures, NotInAtlas, shipped
+from cutbench.emulator.box import REACH
 from cutbench.maps.axes import BOUNDARY
-from cutbench.maps.boundary import BoundaryEstimate, distances, margin
+from cutbench.maps.boundary import SURE, BoundaryEstimate, distances, margin
 from cutbench.maps.dataset import LABELS, MapRow, build_map, save_map
 from cutbench.maps.phase import save_phase
 from cutbench.maps.study import Study
-from cutbench.run.measures import ABRUPT, MEASURES, SMOOTH, UNCUT
+from cutbench.run.measures import ABRUPT, SMOOTH, UNCUT, label
 
 #: Places along each axis of a boundary at which the atlas is asked; between them it is interpolated.
 PLACES = 17
-#: Id of what no run has.
+#: What a point says that no run has.
 ESTIMATED = "estimated"
 
 
-def estimated_map(study: Study, atlas: Callable[[str], Atlas] = shipped) -> xr.Dataset:
+def estimated_map(study: Study) -> xr.Dataset:
     """What the runs of a study would give.
 
     Parameters
     ----------
     study : Study
         The study; a boundary that is sought, or points.
-    atlas : callable
-        The atlas of a kind of blade; those that the package brings along unless given.
 
     Returns
     -------
@@ -50,15 +47,10 @@ def estimated_map(study: Study, atlas: Callable[[str], Atlas] = shipped) -> xr.D
     """
     if study.regime.surge_min is not None:
         raise BadInput("surge", study.regime.surge_min, "no [regime] surge where a map is estimated")
-    tool = study.base.model.tool
-    known = atlas(tool.name if tool else "")
-    marks = [mark.case for mark in study.marks()]
-    rows = {c.id: row for c, row in zip(marks, _rows(known, marks, study, strict=False), strict=True)}
+    known = shipped()
+    rows = _rows(known, [mark.case for mark in study.marks() if _inside(known, mark.case)], study)
     if study.mode != BOUNDARY:
-        cases = [case for _, case in study.points()]
-        ids = {index: case.id for index, case in study.points()}
-        rows |= {case.id: row for case, row in zip(cases, _rows(known, cases, study), strict=True)}
-        return build_map(study, rows, ids)
+        return build_map(study, rows | _rows(known, [case for _, case in study.points()], study))
     margins, drops = {}, np.full(study.shape, math.nan)
     labels = np.zeros(study.shape, dtype=np.int8)
     for chosen, where, level in _levels(known, study):
@@ -70,12 +62,13 @@ def estimated_map(study: Study, atlas: Callable[[str], Atlas] = shipped) -> xr.D
 
 def expected_margins(study: Study) -> dict[tuple[int, ...], BoundaryEstimate]:
     """Margins of a boundary that is sought as the atlas has them, by the indices of the levels; none where
-    it says nothing of the study."""
-    tool = study.base.model.tool
-    if study.regime.surge_min is not None or tool is None:
+    it says nothing of the study, or has other numerics."""
+    known = shipped()
+    numerics = study.base.to_dict()["numerics"]
+    if study.regime.surge_min is not None or numerics != known.about["numerics"]:
         return {}
     try:
-        return {chosen: level[0] for chosen, _, level in _levels(shipped(tool.name), study)}
+        return {chosen: level[0] for chosen, _, level in _levels(known, study)}
     except BadInput:
         return {}
 
@@ -112,10 +105,10 @@ def _level(known: Atlas, study: Study, free: Sequence[int], fixed: dict[int, int
     )
     spread = np.abs(mean / np.where(score == 0, 1e-9, score))
     away = distances(mean >= 0) / 2
-    unsure = (np.abs(score) < norm.ppf(0.975)) & (away > 1)
-    label = np.where(uncut > 0.5, LABELS.index(UNCUT), LABELS.index(SMOOTH))
-    label = np.where((uncut <= 0.5) & (mean >= 0), LABELS.index(ABRUPT), label)
-    return BoundaryEstimate(mean, spread, unsure), np.where(uncut > 0.5, np.nan, drop), label
+    unsure = (np.abs(score) < SURE) & (away > 1)
+    labels = np.where(mean >= 0, LABELS.index(ABRUPT), LABELS.index(SMOOTH))
+    labels = np.where(uncut > 0.5, LABELS.index(UNCUT), labels)
+    return BoundaryEstimate(mean, spread, unsure), np.where(uncut > 0.5, np.nan, drop), labels
 
 
 def _margins(
@@ -123,37 +116,44 @@ def _margins(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Margins of cases, how many standard deviations these are from 0, drops, and the probability that a case
     is not cut; (p,) each. Raises NotInAtlas."""
-    depths = []
-    for case in cases:
-        units = Groups.of(case)
-        assert units is not None, "it has a place in the atlas"
-        depths.append(min(case.values["depth"] / units.length(case.values), REACH))
-    m = known.measures(np.array([known.values(case) for case in cases]), np.array(depths))
+    m, depths = _measures(known, cases)
     drop = np.clip(m.drop[:, 0], 0.01, 1.0) ** 2
     margins = margin(drop, drop, np.zeros(drop.size, dtype=bool), drop=threshold)
-    return margins, m.falls(threshold), drop, m.uncut(np.array(depths))
+    return margins, m.falls(threshold), drop, m.uncut(depths)
 
 
-def _rows(known: Atlas, cases: Sequence[Case], study: Study, strict: bool = True) -> list[MapRow]:
-    """Of each case what a map shows; nothing of one outside the atlas, unless ``strict``."""
-    found = []
-    for case in cases:
-        try:
-            values_of(known.box, case)
-            said = known.estimate(case)
-        except BadInput:
-            if strict:
-                raise
-            found.append(MapRow())
-            continue
-        label = UNCUT if said.verdict == UNCUT else ABRUPT if said.drop.value >= study.regime.drop else SMOOTH
-        measured = dict.fromkeys(MEASURES, math.nan) | {
-            "drop_rel": said.drop.value, "onset_mm": said.onset_mm.value, "peak_N": said.peak_N.value,
-            "steady_N": said.steady_N.value,
-        }  # fmt: skip
-        found.append(
-            MapRow("done", ESTIMATED, case.values["depth"], label, {**MapRow().measures, **measured})
-        )
+def _measures(known: Atlas, cases: Sequence[Case]) -> tuple[Measures, np.ndarray]:
+    """Of cases, and their depths (p,) in halves of the blade's thickness. Raises NotInAtlas."""
+    values = np.array([known.values(case) for case in cases])
+    depths = np.array([min(c.values["depth"] / (c.values["thickness"] / 2), REACH) for c in cases])
+    return known.measures(values, depths), depths
+
+
+def _inside(known: Atlas, case: Case) -> bool:
+    try:
+        known.values(case)
+    except NotInAtlas:
+        return False
+    return True
+
+
+def _rows(known: Atlas, cases: Sequence[Case], study: Study) -> dict[str, MapRow]:
+    """What a map shows of cases, by id. Raises NotInAtlas."""
+    found: dict[str, MapRow] = {}
+    if not cases:
+        return found
+    m, depths = _measures(known, cases)
+    drops, uncut = np.clip(m.drop[:, 0], 0.0, 1.0) ** 2, m.uncut(depths) > 0.5
+    for case, onset, drop, is_uncut in zip(cases, np.exp(m.onset[:, 0]), drops, uncut, strict=True):
+        drop_rel = math.nan if is_uncut else float(drop)
+        of_curve = {
+            "drop_rel": drop_rel,
+            "onset_mm": math.nan if is_uncut else float(onset) * case.values["thickness"] / 2,
+        }
+        found[case.id] = MapRow(
+            "done", ESTIMATED, case.values["depth"], label(drop_rel, drop=study.regime.drop),
+            {**MapRow().measures, **of_curve},
+        )  # fmt: skip
     return found
 
 
