@@ -58,8 +58,6 @@ PARTS, LATER = np.array([0.2, 0.5, 0.8, 1.0]), np.array([1.0, 3.0, 6.0, 10.0, 20
 #: Curves that are drawn, and the level of intervals.
 DRAWS, LEVEL = 200, 0.9
 WIDE = float(ndtri((1 + LEVEL) / 2))
-#: The largest force grows with the travel to the onset by this power, as an indented block's does.
-RISES = 1.3
 #: What an estimate has intervals of, and their units.
 MEASURES = {"onset_mm": "mm", "peak_N": "N", "drop": "", "steady_N": "N"}
 #: The processes of the curves, and the measures that have one of their own.
@@ -274,7 +272,7 @@ class Atlas:
         """What is normal of a measure."""
         if name == "drop":
             return np.sqrt(value)
-        usual = RISES * np.log(onset) if name == "peak" else np.log(self._cutting(groups, onset, depth))
+        usual = np.log(onset) if name == "peak" else np.log(self._cutting(groups, onset, depth))
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.log(np.where(value > 0, value, np.nan)) - usual
 
@@ -311,7 +309,7 @@ class Atlas:
                 at = np.exp(onset[:, 0])
                 mean = mean - self._normal(name, np.ones(len(at)), groups, at, depths)
             if name == "peak":
-                sd = np.hypot(sd, RISES * onset[:, 1])
+                sd = np.hypot(sd, onset[:, 1])  # the force rises with the travel to the onset
             found[name] = np.stack([mean, sd], axis=1)
         return Measures(**found)
 

@@ -60,11 +60,13 @@ def margin(
 @dataclass(frozen=True)
 class BoundaryEstimate:
     """The margin on the lattice with its standard deviation; ``unsure`` is where its sign is not known
-    with 95 % although the boundary is farther than the tolerance."""
+    with 95 % although the boundary is farther than the tolerance; ``drop``: the relative fall of the force as
+    it is thought to be beforehand, if it is."""
 
     mean: np.ndarray
     spread: np.ndarray
     unsure: np.ndarray
+    drop: np.ndarray | None = None
 
 
 class Margins:
@@ -202,7 +204,8 @@ class Seeker:
         spread = process.spread(self._places)
         away = distances(mean.reshape(self.shape) >= 0).ravel() / 2
         unsure = (SURE * spread > np.abs(mean)) & (away > 1)
-        return BoundaryEstimate(*(part.reshape(self.shape) for part in (mean, spread, unsure)))
+        mean, spread, unsure = (part.reshape(self.shape) for part in (mean, spread, unsure))
+        return BoundaryEstimate(mean, spread, unsure, None if self._before is None else self._before.drop)
 
     def _between(self, known: Mapping[Index, float], *, stand_ins: bool) -> Margins | None:
         """Through the margins; ``stand_ins``: and at runs that failed, or were not cut, through what is

@@ -48,7 +48,10 @@ def panels_of(data: xr.Dataset, panel: str) -> tuple[xr.Dataset, xr.Dataset]:
 
 def between(data: xr.Dataset, name: str) -> xr.DataArray:
     """A variable between the points where it is known: linear in its logarithm on simplices in the axes' own
-    scales, beyond them as at the nearest; nan everywhere if it is known nowhere."""
+    scales, beyond them as at the nearest; nan everywhere if it is known nowhere. Where it was thought to be
+    something everywhere beforehand, that: runs of such a search lie along the boundary alone."""
+    if f"{name}_expected" in data:
+        return data[f"{name}_expected"]
     values = data[name]
     places = np.argwhere(np.ones(values.shape)) / np.maximum(np.array(values.shape) - 1, 1)
     known = np.isfinite(values.values).ravel()

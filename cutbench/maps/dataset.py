@@ -205,7 +205,9 @@ def _estimated(study: Study, estimates: Mapping[tuple[int, ...], BoundaryEstimat
     dims = [axis.name for axis in study.axes]
     free = [k for k, axis in enumerate(study.axes) if axis.continuous]
     levels = [k for k in range(len(dims)) if k not in free]
-    arrays = {name: np.empty(study.shape) for name in ("mean", "spread", "unsure")}
+    informed = all(e.drop is not None for e in estimates.values())
+    names = ("mean", "spread", "unsure", *(["drop"] if informed else []))
+    arrays = {name: np.empty(study.shape) for name in names}
     for chosen, estimate in estimates.items():
         where: list[slice | int] = [slice(None)] * len(dims)
         for k, i in zip(levels, chosen, strict=True):
@@ -215,11 +217,15 @@ def _estimated(study: Study, estimates: Mapping[tuple[int, ...], BoundaryEstimat
     mean = "estimated margin, tanh(log(measure/threshold)): above 0 abrupt, below 0 smooth"
     sd = "standard deviation of the estimated margin"
     unsure = _flags(("sure", "unsure"), "whether the regime is unknown (95 %) beyond the tolerance")
-    return {
+    found: dict[str, tuple] = {
         "margin": (dims, arrays["mean"], {"units": "1", "long_name": mean}),
         "margin_sd": (dims, arrays["spread"], {"units": "1", "long_name": sd}),
         "unsure": (dims, arrays["unsure"].astype(np.int8), unsure),
     }
+    if informed:
+        about = {"units": "1", "long_name": "drop_rel as it was thought to be beforehand"}
+        found["drop_rel_expected"] = dims, arrays["drop"], about
+    return found
 
 
 def load_map(path: str | os.PathLike[str]) -> xr.Dataset:

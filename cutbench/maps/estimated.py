@@ -108,7 +108,7 @@ def _level(known: Atlas, study: Study, free: Sequence[int], fixed: dict[int, int
     unsure = (np.abs(score) < SURE) & (away > 1)
     labels = np.where(mean >= 0, LABELS.index(ABRUPT), LABELS.index(SMOOTH))
     labels = np.where(uncut > 0.5, LABELS.index(UNCUT), labels)
-    return BoundaryEstimate(mean, spread, unsure), np.where(uncut > 0.5, np.nan, drop), labels
+    return BoundaryEstimate(mean, spread, unsure, drop), np.where(uncut > 0.5, np.nan, drop), labels
 
 
 def _margins(

@@ -2,7 +2,8 @@
 
 One panel a level of the third axis; the cells show the relative force drop, the line where it
 passes the study's threshold, the markers what was computed, a thin line what the classical estimates
-say. Where the boundary was sought, cells and line are estimated from the runs, and what is not known
+say. Where the boundary was sought, the line is estimated from the runs, and cells from these or, where the
+atlas says it, from that; what is not known
 with 95 % is hatched. Strips about the line say how far it may be off. It reads in grey: the colours run
 monotonically from light to dark, and the regimes differ by filled and open markers.
 """
@@ -174,7 +175,7 @@ def _reduce(data: xr.Dataset) -> tuple[xr.Dataset, list[str]]:
 
 def _top(data: xr.Dataset) -> float:
     """Upper end of the colour scale: the tenth above the largest drop, at least twice the threshold."""
-    drop = data["drop_rel"].values
+    drop = np.concatenate([data[n].values.ravel() for n in ("drop_rel", "drop_rel_expected") if n in data])
     largest = float(np.nanmax(drop)) if np.isfinite(drop).any() else 0.0
     return min(1.0, max(math.ceil(10 * largest - 1e-9) / 10, 2 * data.attrs["drop_threshold"]))
 
