@@ -2,8 +2,8 @@
 
 One panel a level of the third axis; the cells show the relative force drop, the line where it
 passes the study's threshold, the markers what was computed, a thin line what the classical estimates
-say. Where the boundary was sought, the line is estimated from the runs, and cells from these or, where the
-atlas says it, from that; what is not known
+say. Where the boundary was sought, the line is estimated from the runs, and the cells from these or, where
+it says something of the study, from the atlas. What is not known
 with 95 % is hatched. Strips about the line say how far it may be off. It reads in grey: the colours run
 monotonically from light to dark, and the regimes differ by filled and open markers.
 """
