@@ -161,17 +161,18 @@ def test_a_curve_that_misses_the_shape_gains_nothing_by_shrinking():
 
 def test_the_computations_error_is_taken_from_a_finer_mesh():
     x = np.linspace(0, 2, 40)
+    grid = Averaged(x, x, 0 * x, 0 * x, x[None])
     limit = x + 0.1 * np.sin(3 * x)
     coarse, fine = limit - 0.04 * x**2, limit - 0.01 * x**2  # an error of second order, halved elements
-    moved = coarse + correction(x, coarse, fine)
+    moved = coarse + correction(grid, coarse, fine)
     # Between first order (2 e) and none (e).
     assert np.abs(moved - limit).max() < 0.5 * np.abs(coarse - limit).max()
-    sd = np.sqrt(np.diag(measured_error(x, coarse, fine)))
+    sd = np.sqrt(np.diag(measured_error(grid, coarse, fine)))
     assert np.all(np.abs(moved - limit)[5:] < 2 * sd[5:])
     # Jags are not carried on: they count as noise.
     rng = np.random.default_rng(6)
     jagged = fine + 0.02 * rng.standard_normal(40)
-    rough = np.sqrt(np.diag(measured_error(x, coarse, jagged)))
+    rough = np.sqrt(np.diag(measured_error(grid, coarse, jagged)))
     assert np.median(rough[:10]) > 4 * np.median(sd[:10])
     assert 0.01 < np.median(rough[:10]) < 0.06
 

@@ -21,6 +21,8 @@ COMMON = {
     ),
     "s": ("s", "ms", "min", "h", "sec", "µs", "us"),
     "1": ("1", "%", "mm/mm"),
+    "N/mm": ("N/mm", "N/m", "N/cm", "kN/m", "mN/mm", "gf/mm", "g/mm"),
+    "mJ": ("mJ", "J", "µJ", "uJ", "N*mm", "N*m", "mN*m", "gf*mm", "g*mm"),
     "MPa": (
         "MPa", "kPa", "Pa", "mPa", "GPa", "hPa", "bar", "mbar", "psi", "ksi", "N/mm^2", "N/cm^2", "N/m^2",
         "kN/m^2", "kgf/cm^2", "kgf/mm^2", "gf/cm^2", "kg/cm^2", "kg/mm^2", "kp/cm^2", "kp/mm^2",

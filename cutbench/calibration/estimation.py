@@ -28,6 +28,7 @@ from cutbench.calibration.settings import SETTINGS
 from cutbench.data.covariance import Covariance
 from cutbench.data.experiment import Experiment
 from cutbench.data.fields import laid_out
+from cutbench.data.measured import MeasuredCut
 
 #: Places of the box that are looked at with the emulator, and the best of them, from which a maximum is
 #: looked for.
@@ -218,7 +219,12 @@ def missed_by(found: Estimated) -> str:
     parts = {id: np.abs(r) / np.abs(grids[id].mean).max() for id, r in found.at.residual.items()}
     id = max(parts, key=lambda each: float(np.mean(parts[each] ** 2)))
     far = int(np.flatnonzero(parts[id] > parts[id].max() / 2)[0])
-    unit = found.posterior.predictions.campaign.experiment(id).x_unit
+    e = found.posterior.predictions.campaign.experiment(id)
+    if isinstance(e, MeasuredCut):
+        worst = int(np.abs(found.at.residual[id]).argmax())
+        off = abs(found.at.residual[id][worst])
+        return f"the model misses the {e.measures[worst].name} of '{id}' by {off:.1f} standard deviations"
+    unit = e.x_unit
     place = f"{grids[id].x[far]:.2g}{'' if unit == '1' else f' {unit}'}"
     missed = 100 * math.sqrt(float(np.mean(parts[id] ** 2)))
     return f"the model misses '{id}' by {missed:.0f} % of its maximum, most from {place} on"
@@ -353,10 +359,10 @@ def _refined(posterior: Posterior, cuts: Sequence[Experiment], found: Estimated)
     for e, plain, better in zip(cuts, p.runs(coarse), fine, strict=True):
         if plain is None or better is None:
             continue
-        values, x = posterior.values(e, q), p.grids[e.id].along
+        values, grid = posterior.values(e, q), p.grids[e.id]
         y, exact = p.read(e, values, plain.course), p.read(e, values, better.course)
-        shift, error = mesh_error.correction(x, y, exact), mesh_error.measured_error(x, y, exact)
-        size = math.sqrt(np.trace(error) / np.trace(mesh_error.guessed_error(x, y)))
+        shift, error = mesh_error.correction(grid, y, exact), mesh_error.measured_error(grid, y, exact)
+        size = math.sqrt(np.trace(error) / np.trace(mesh_error.guessed_error(grid, y)))
         mesh[e.id] = MeshError(shift, error, exact - y, size)
     posterior = replace(posterior, mesh=mesh)
     for _ in range(NEAR if any(e.fields for e in cuts) else 1):

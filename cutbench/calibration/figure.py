@@ -18,6 +18,7 @@ from cutbench.base.figure_style import (
     new_figure,
     style,
 )
+from cutbench.data.measured import MeasuredCut
 
 if TYPE_CHECKING:
     from cutbench.calibration.fitting import ComparedCurve, Fit
@@ -32,6 +33,10 @@ def plot_fit(fit: Fit) -> Figure:
     with style():
         figure, axes = panels(len(fit.compared), 20, 1.3)
         for (top, bottom), c in zip(axes, fit.compared, strict=True):
+            if isinstance(c.experiment, MeasuredCut):
+                _measures(top, c, c.experiment)
+                bottom.set_visible(False)
+                continue
             _curve(top, c)
             _residual(bottom, c)
             bottom.sharex(top)
@@ -71,6 +76,24 @@ def _curve(axes: Axes, c: ComparedCurve) -> None:
     kind = c.experiment.kind.replace("_", " ")
     axes.set_title(c.experiment.id + (f"\n{kind}" if kind != c.experiment.id else ""), loc="left", fontsize=8)
     axes.tick_params(labelbottom=False)
+
+
+def _measures(axes: Axes, c: ComparedCurve, e: MeasuredCut) -> None:
+    """How far each measure is off, in standard deviations, beside what was measured and what is computed."""
+    rows, off = np.arange(len(e.measures))[::-1], -c.residual
+    axes.axvspan(-2, 2, facecolor=COLOURS["sky"], alpha=0.45, lw=0, label="± 2 sd")
+    axes.axvline(0, color="black", lw=0.5)
+    colour = COLOURS["vermilion" if e.role == "train" else "blue"]
+    axes.plot(off, rows, "o", color=colour, ms=4, label="fitted" if e.role == "train" else "predicted")
+    units = [f" {m.unit}".replace(" 1", "") for m in e.measures]
+    axes.set_yticks(rows, [f"{m.name}\n{m}" for m in e.measures], fontsize=7)
+    for row, value, unit, x in zip(rows, c.computed, units, off, strict=True):
+        axes.annotate(
+            f"{value:.3g}{unit}", (x, row), (0, 5), textcoords="offset points", fontsize=7, ha="center"
+        )
+    reach = 1.2 * max(3.0, float(np.abs(off).max()))
+    axes.set(xlim=(-reach, reach), ylim=(-0.6, rows.size - 0.2), xlabel="computed less measured (sd)")
+    axes.set_title(f"{e.id}\nmeasures of a cut", loc="left", fontsize=8)
 
 
 def _residual(axes: Axes, c: ComparedCurve) -> None:

@@ -35,6 +35,7 @@ from cutbench.data.campaign import Campaign
 from cutbench.data.discrepancy import discrepancy_mean, independent
 from cutbench.data.experiment import Experiment
 from cutbench.data.fields import laid_out
+from cutbench.data.measured import MeasuredCut
 from cutbench.data.repetition import unrepeated
 from cutbench.run.measures import TRANSITION
 from cutbench.run.pool.pool import TaskPool, cores
@@ -99,6 +100,8 @@ class ComparedCurve:
     discrepancy : ndarray, shape (m,), optional
         Measured less computed: what the model cannot describe of a fitted test, as far as readings tell it
         from noise.
+    computed : tuple of float
+        What is computed of each measure, in its own unit, where measures and no curve are known.
     """
 
     experiment: Experiment
@@ -109,6 +112,7 @@ class ComparedCurve:
     onset_mm: float
     thickness_mm: float
     discrepancy: np.ndarray | None = None
+    computed: tuple[float, ...] = ()
 
     @property
     def misfit(self) -> float:
@@ -132,7 +136,7 @@ class ComparedCurve:
         are left out; a test that is no cut has none.
         """
         w = self.thickness_mm
-        if math.isnan(w):
+        if math.isnan(w) or not self.experiment.curve:
             return {}
         onset = self.onset_mm if math.isfinite(self.onset_mm) else math.inf
         edges = (-math.inf, onset - w, onset, onset + TRANSITION * w, math.inf)
@@ -482,8 +486,13 @@ def _compared(
         if best is not None and fitted:
             block = best.w.tests[e.id]
             sd, gap = block.deviation, discrepancy_mean(block, at.residual[e.id])
+        computed: tuple[float, ...] = ()
+        if isinstance(e, MeasuredCut):
+            computed = tuple(e.read_off(*p.curve(e, values)))
         found.append(
-            ComparedCurve(e, grid.x, grid.mean, sd, at.y[e.id], at.onset_mm[e.id], p.thickness_mm(e), gap)
+            ComparedCurve(
+                e, grid.x, grid.mean, sd, at.y[e.id], at.onset_mm[e.id], p.thickness_mm(e), gap, computed
+            )
         )
         if e.id in posterior.mesh:
             change = _rms(posterior.mesh[e.id].change) / float(np.abs(at.y[e.id]).max())

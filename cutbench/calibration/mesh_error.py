@@ -18,6 +18,7 @@ from cutbench.data.covariance import Block, matern, scatter_covariance, sound
 from cutbench.data.experiment import Experiment
 from cutbench.data.fields import laid_out
 from cutbench.data.jags import jags, nearby
+from cutbench.data.repetition import Averaged
 
 #: Numerics of the finer computation, relative to those of the fit.
 FINER = {"h_mm": 0.7, "step_mm": 0.5, "penalty": 2.0, "stick": 2.0}
@@ -59,8 +60,11 @@ def finer(case: Case) -> Case:
     return case.set(**numbers)
 
 
-def guessed_error(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def guessed_error(grid: Averaged, y: np.ndarray) -> np.ndarray:
     """Covariance (m, m) of a computed curve's own error before it has been measured."""
+    x = grid.along
+    if grid.independent:
+        return np.diag((FIRST_JAGS * y) ** 2)
     size = np.maximum(np.abs(y), 0.1 * np.abs(y).max())
     length = np.ptp(x) / 3
     smooth = FIRST_GUESS**2 * np.outer(size, size) * matern(np.abs(x[:, None] - x), length)
@@ -68,8 +72,11 @@ def guessed_error(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return smooth + FIRST_JAGS**2 * rough + np.diag((0.1 * FIRST_JAGS * size) ** 2)
 
 
-def measured_error(x: np.ndarray, y: np.ndarray, fine: np.ndarray) -> np.ndarray:
-    """Covariance (m, m) of a computed curve with ``correction`` added, on ``x`` (m,), even."""
+def measured_error(grid: Averaged, y: np.ndarray, fine: np.ndarray) -> np.ndarray:
+    """Covariance (m, m) of a computed curve with ``correction`` added, on an even grid (m,)."""
+    if grid.independent:
+        return np.diag((UNSURE * (fine - y)) ** 2)
+    x = grid.along
     e, spacing = fine - y, np.ptp(x) / (x.size - 1)
     gentle = smooth(x, e)
     missing = scatter_covariance(x, np.stack([gentle, -gentle]) / np.sqrt(2), np.zeros((x.size, x.size)))
@@ -78,8 +85,11 @@ def measured_error(x: np.ndarray, y: np.ndarray, fine: np.ndarray) -> np.ndarray
     return UNSURE**2 * missing + rough + np.diag(jags(x, e) + jags(x, y))
 
 
-def correction(x: np.ndarray, y: np.ndarray, fine: np.ndarray) -> np.ndarray:
+def correction(grid: Averaged, y: np.ndarray, fine: np.ndarray) -> np.ndarray:
     """What (m,) brings a computed curve nearer to the limit of fine meshes."""
+    if grid.independent:
+        return ADDED * (fine - y)
+    x = grid.along
     gentle = smooth(x, fine - y)
     return ADDED * gentle + (fine - y - gentle)
 

@@ -198,7 +198,7 @@ class Posterior:
             return self.mesh[e.id]
         if self.predictions.needs_runs(e):
             size = self.mesh[e.id].size if e.id in self.mesh else 1.0
-            guess = size**2 * guessed_error(self.predictions.grids[e.id].along, y)
+            guess = size**2 * guessed_error(self.predictions.grids[e.id], y)
             return MeshError(np.zeros(y.size), guess, np.zeros(y.size))
         return MeshError(np.zeros(y.size), np.zeros((y.size, y.size)), np.zeros(y.size))
 

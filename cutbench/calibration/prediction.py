@@ -96,7 +96,7 @@ class Predictions:
         self.free = tuple(dict.fromkeys(n for n in free if n not in rig))
         self._cuts = {e.id: _deeper(campaign.case(e, base)) for e in campaign.experiments if e.kind == "cut"}
         self._recorders = {
-            e.id: Recorder(e, grids[e.id], base.model) for e in campaign.experiments if e.id in self._cuts
+            e.id: Recorder.of(e, grids[e.id], base.model) for e in campaign.experiments if e.id in self._cuts
         }
         self._emulators: tuple[int, dict[tuple, CutEmulator]] = (-1, {})
         #: Whether a cut that was computed answers as it is, or as smoothly as those about it.
@@ -203,6 +203,18 @@ class Predictions:
         every, recorder = {**self._cuts[e.id].values, **values}, self._recorders[e.id]
         y, by = recorder.read(run.course, every, run.slopes, names)
         return Predicted(y, by, np.zeros((y.size, 0)), run.onset_mm)
+
+    def curve(self, e: Experiment, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+        """Travel (n,) in mm and force (n,) in N of a monotone cut, as no machine reads them: of its run, or
+        by the emulator. Raises NotKnown."""
+        run = self.runs.known(self.case(e, values))
+        if run is not None:
+            return run.course[0], run.course[1]
+        try:
+            every, emulator = {**self._cuts[e.id].values, **values}, self.emulator(e)
+            return emulator.travel(every), emulator.forces([every])[0]
+        except OutOfRange as error:
+            raise NotKnown(str(error)) from error
 
     def _cut(self, e: Experiment, values: Mapping[str, float], names: Sequence[str]) -> Predicted:
         case, emulator = self._cuts[e.id], self.emulator(e)

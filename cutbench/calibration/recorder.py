@@ -1,4 +1,7 @@
-"""What a testing machine reads of a computed cut, on the grid of its test, and how that changes."""
+"""What a testing machine reads of a computed cut, on the grid of its test, and how that changes.
+
+Of a test of which measures are known, what a person would read off the curve.
+"""
 
 from __future__ import annotations
 
@@ -13,11 +16,14 @@ from cutbench.base.errors import ComputationFailed
 from cutbench.case.model import Model
 from cutbench.data.campaign import lead_s
 from cutbench.data.experiment import Experiment
+from cutbench.data.measured import MeasuredCut
 from cutbench.data.repetition import Averaged, averaging
 from cutbench.mechanisms.base import STEP
 
 #: A reading this part of all beyond the end of a curve is read at its end.
 PAST = 0.01
+#: Of the largest force, by what a curve is moved to see how its measures change.
+MOVED = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +43,12 @@ class Recorder:
     experiment: Experiment
     grid: Averaged
     model: Model
+
+    @classmethod
+    def of(cls, experiment: Experiment, grid: Averaged, model: Model) -> Recorder:
+        """The one that a test needs."""
+        kind = MeasureRecorder if isinstance(experiment, MeasuredCut) else Recorder
+        return kind(experiment, grid, model)
 
     @property
     def of_time(self) -> bool:
@@ -117,6 +129,41 @@ class Recorder:
             read = _polygon(places, x, force)
         # A real matrix times a complex vector would be a thousand times as slow.
         return average @ read.real + 1j * (average @ read.imag)
+
+
+class MeasureRecorder(Recorder):
+    """Reads measures off the courses of cuts, in their standard deviations."""
+
+    def read(
+        self,
+        course: np.ndarray,
+        values: Mapping[str, float],
+        slopes: Mapping[str, np.ndarray] | None = None,
+        names: Sequence[str] = (),
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """As of a ``Recorder``; derivatives by differences."""
+        y, slopes = self._measures(course, values), slopes or {}
+        by = np.zeros((y.size, len(names)))
+        for k, name in enumerate(names):
+            slope = np.nan_to_num(slopes.get(name, np.zeros(course.shape[1])))
+            steep = max(np.abs(slope).max(), np.abs(course[1]).max() / max(abs(values[name]), 1e-12) * MOVED)
+            step = MOVED * np.abs(course[1]).max() / steep
+            ends = []
+            for side in (-step, step):
+                moved = course.copy()
+                moved[1] += side * slope
+                ends.append(self._measures(moved, {**values, name: values[name] + side}))
+            by[:, k] = (ends[1] - ends[0]) / (2 * step)
+        return y, by
+
+    def _measures(self, course: np.ndarray, values: Mapping[str, float]) -> np.ndarray:
+        assert isinstance(self.experiment, MeasuredCut), "see of"
+        x, force = course[0], course[1]
+        if self.model.laws("rig"):
+            shown = self.model.shown(course.astype(complex), SimpleNamespace(**values))
+            x, force = shown[0].real, shown[1].real
+        there = x <= self.experiment.depth_mm
+        return self.experiment.read(x[there], force[there])
 
 
 def _polygon(at: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:

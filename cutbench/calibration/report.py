@@ -14,6 +14,7 @@ from cutbench.base.versions import versions
 from cutbench.calibration.case_file import write_case
 from cutbench.calibration.fitting import ComparedCurve, Estimate, Fit
 from cutbench.calibration.settings import SETTINGS
+from cutbench.data.measured import MeasuredCut
 
 #: Layout of fit.json.
 SCHEMA = 1
@@ -58,6 +59,9 @@ def summary(fit: Fit) -> str:
         lines += [f"  {a}, {b}: {value:+.2f}" for a, b, value in pairs]
     lines += ["", "experiments"]
     for c in fit.compared:
+        if isinstance(c.experiment, MeasuredCut):
+            lines += _measures(c, c.experiment)
+            continue
         unit = c.experiment.y_unit
         part, role = c.rmse / np.abs(c.mean).max(), "fitted" if c.experiment.role == "train" else "predicted"
         beyond = f", {100 * c.misfit:.1f} % that the model cannot describe" if c.misfit else ""
@@ -82,6 +86,26 @@ def summary(fit: Fit) -> str:
     if fit.notes:
         lines += ["", "notes", *(f"  {note}" for note in fit.notes)]
     return "\n".join(lines)
+
+
+def _measures(c: ComparedCurve, e: MeasuredCut) -> list[str]:
+    """A line for each measure: what was measured, what is computed, and how far that is off."""
+    role = "fitted" if e.role == "train" else "predicted"
+    lines = [f"  {e.id} (measures of a cut, {role}): measured, computed, standard deviations off"]
+    for m, value, off in zip(e.measures, c.computed, -c.residual, strict=True):
+        unit = "" if m.unit == "1" else f" {m.unit}"
+        lines.append(f"    {m.name:<13} {m!s:<20} {value:.4g}{unit}   {off:+.1f}")
+    return lines
+
+
+def _measured(c: ComparedCurve, e: MeasuredCut) -> list[dict]:
+    """The same as plain data; what has no end, and what the computed curve does not have, is null."""
+    rows = []
+    for m, value, off in zip(e.measures, c.computed, -c.residual, strict=True):
+        ends = {"low": m.low, "high": m.high, "sd": m.sd, "computed": value}
+        known = {key: v if math.isfinite(v) else None for key, v in ends.items()}
+        rows.append({"measure": m.name, "unit": m.unit, **known, "standard_deviations_off": float(off)})
+    return rows
 
 
 def _parameter(e: Estimate) -> str:
@@ -168,6 +192,7 @@ def _experiment(c: ComparedCurve) -> dict:
         },
         "onset_mm": c.onset_mm,
         "regimes": by_regime(c),
+        "measures": _measured(c, e) if isinstance(e, MeasuredCut) else [],
         **{name: values.tolist() for name, values in curves.items()},
     }
 

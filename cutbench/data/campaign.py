@@ -122,7 +122,7 @@ class Campaign(Handled):
     def all_notes(self) -> list[str]:
         """What was assumed or is not known, of the campaign and of each experiment."""
         of_tests = [f"'{e.id}': {note}" for e in self.experiments for note in e.notes]
-        alone = [unrepeated(e.id) for e in self.experiments if len(e.repetitions) == 1]
+        alone = [unrepeated(e.id) for e in self.experiments if e.curve and len(e.repetitions) == 1]
         return [*self.notes, *of_tests, *alone]
 
 
@@ -315,7 +315,7 @@ def _candidates(table: Mapping, baseline: Model, kinds: list[str]) -> tuple[str,
 
 def _known(experiments: Iterable[Experiment]) -> dict[str, tuple[float, float]]:
     """Bounds that the approaches of the tests in which the machine is felt give."""
-    felt = (e for e in experiments if "rig" in SLOTS[e.kind] and e.mounted)
+    felt = (e for e in experiments if "rig" in SLOTS[e.kind] and e.mounted and e.curve)
     return bounds_by([r for e in felt for r in e.repetitions])
 
 

@@ -212,6 +212,10 @@ class Block:
         that were measured)."""
         count, along = count or grid.repetitions, grid.along
         computed, shift = (_nothing() if given is None else given for given in (computed, shift))
+        if grid.independent:
+            total = sound(np.diag(grid.reading**2) / count + computed)
+            none, deviation = np.zeros(total.shape), np.sqrt(np.diag(total))
+            return cls(total, none, none, none, deviation, grid.dof, computed, shift)
         if grid.repetitions > 1:
             alike = grid.curves / grid.factors[:, None]
             scatter = scatter_covariance(along, alike - alike.mean(axis=0), np.diag(grid.reading**2))

@@ -34,16 +34,18 @@ FARTHEST = 2.0
 
 
 class Discrepancies:
-    """All sizes that are tried for one test. ``block``: its noise alone; ``grid``: its readings."""
+    """All sizes that are tried for one test. ``block``: its noise alone; ``grid``: its readings. Measures
+    that are known each by itself have none."""
 
     def __init__(self, block: Block, grid: Averaged):
         self.scale, course = float(np.abs(grid.mean).max()), grid.course
+        self.tried = SIZES[:1] if grid.independent else SIZES
         self.L = cholesky(block.noise, lower=True)
         self.correlation = matern(np.abs(course[:, None] - course), LENGTH)
         half = solve_triangular(self.L, self.correlation, lower=True)
         values, self.vectors = np.linalg.eigh(solve_triangular(self.L, half.T, lower=True))
         #: (sizes, m): what a size makes of the variances along ``vectors``.
-        self.more = 1 + (self.scale * SIZES[:, None]) ** 2 * np.clip(values, 0, None)
+        self.more = 1 + (self.scale * self.tried[:, None]) ** 2 * np.clip(values, 0, None)
         self.cost = np.log(self.more).sum(axis=1)
 
     def gains(self, residual: np.ndarray) -> np.ndarray:
@@ -64,9 +66,11 @@ class Discrepancies:
 
 def sizes(tried: Mapping[str, Discrepancies], residual: Mapping[str, np.ndarray]) -> dict[str, float]:
     """The likeliest by id, each drawn towards the others'."""
-    own = {id: SIZES[t.gains(residual[id][:, None])[:, 0].argmax()] for id, t in tried.items()}
-    pooled = np.mean(np.square(list(own.values())))
-    return {id: float(np.sqrt(SHARED * pooled + (1 - SHARED) * size**2)) for id, size in own.items()}
+    own = {id: t.tried[t.gains(residual[id][:, None])[:, 0].argmax()] for id, t in tried.items()}
+    smooth = [id for id, t in tried.items() if t.tried.size > 1]
+    pooled = np.mean(np.square([own[id] for id in smooth])) if smooth else 0.0
+    shared = {id: float(np.sqrt(SHARED * pooled + (1 - SHARED) * own[id] ** 2)) for id in smooth}
+    return dict.fromkeys(own, 0.0) | shared
 
 
 def with_discrepancy(

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -81,6 +81,8 @@ class Experiment:
     notes: tuple[str, ...] = ()
     fields: tuple[Field, ...] = ()
     field_noise_mm: float = 0.0
+    #: Whether its readings are those of a curve.
+    curve: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         written("id", self.id, "a name, such as 'slow'")
@@ -110,7 +112,7 @@ class Experiment:
     def __reduce__(self):
         given = {f.name: getattr(self, f.name) for f in fields(self)}
         # A MappingProxyType has no pickle.
-        return partial(Experiment, **given | {key: dict(given[key]) for key in ("specimen", "blade")}), ()
+        return partial(type(self), **given | {key: dict(given[key]) for key in ("specimen", "blade")}), ()
 
     # -- what it is ------------------------------------------------------------------------------
     @property

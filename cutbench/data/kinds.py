@@ -26,7 +26,7 @@ _EVERY = (
     "source", "blocks", "skip",
 )  # fmt: skip
 _EXTRA = {
-    "cut": ("blade", "fields", "zero", "force_zero"),
+    "cut": ("blade", "fields", "zero", "force_zero", "measures", "depth"),
     **dict.fromkeys(HOMOGENEOUS, ("stress", "zero", "force_zero")),
     "sliding": ("pressure", "normal_force"),
     "separation": ("direction", "zero", "force_zero"),

@@ -34,7 +34,7 @@ def check(experiment: Experiment, case: Case) -> None:
     modulus_MPa = case.model.shear_modulus(case.p)
     if experiment.kind == "cut":
         travel_fits(experiment)
-    for r in experiment.repetitions:
+    for r in experiment.repetitions if experiment.curve else ():
         if experiment.kind in HOMOGENEOUS:
             _stretch(r)
             _modulus(experiment, r, modulus_MPa)

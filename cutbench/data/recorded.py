@@ -21,6 +21,7 @@ from cutbench.data.experiment import HOMOGENEOUS, ROLES, Experiment, area_of
 from cutbench.data.fields import read_fields_of
 from cutbench.data.kinds import ABSCISSA, ORDINATE, SIZES, kind_of
 from cutbench.data.layout import LABEL
+from cutbench.data.measured import MeasuredCut, read_measured
 from cutbench.data.parts import BLOCKS, arranged, joined
 from cutbench.data.plausible import travel_fits
 from cutbench.data.sizes import by_repetition, need_sizes, own_sizes, part_of, size_notes, written_sizes
@@ -29,6 +30,11 @@ from cutbench.data.titles import UNITS
 
 #: Other names under which a column may be given.
 _ALIASES = {"opening": "displacement", "slip": "displacement", "traction": "stress"}
+#: What a cut has of which measures are known.
+_OF_MEASURES = (
+    "id", "kind", "role", "source", "measures", "depth", "data", "columns", "units", "specimen", "blade",
+    "speed",
+)  # fmt: skip
 #: Files of a folder that a message names.
 _THERE = 12
 
@@ -73,12 +79,11 @@ def read_experiment(table: Mapping[str, object], folder: Path) -> Experiment:
     name = written("id", name, "a name, such as id = 'slow'", value=in_short(name))
     role = _choice(table, "role", ROLES, "train")
     sizes = written_sizes(table, "specimen", SIZES[kind], several=kind != "cut")
+    if "measures" in table:
+        return _measured(table, folder, name, role, sizes)
     columns = _columns(table, kind)
     need_sizes(kind, sizes, columns)
-    sharp = written_sizes(table, "blade", ("thickness", "tip", "edge_radius", "shoulder") * (kind == "cut"))
-    blade = {key: size for key, size in sharp.items() if isinstance(size, float)}
-    if kind == "cut" and "thickness" not in blade:
-        raise BadInput(key="blade.thickness", value="(missing)", expected="blade = { thickness = '0.7 mm' }")
+    blade = _blade(table, kind)
     units, factors = _units(table, columns), _factors(table, columns)
     blocks = _choice(table, "blocks", BLOCKS) if "blocks" in table else None
     skip = table.get("skip", [])
@@ -134,7 +139,32 @@ def read_experiment(table: Mapping[str, object], folder: Path) -> Experiment:
     return made
 
 
+def _measured(table: Mapping, folder: Path, name: str, role: str, sizes: Mapping) -> MeasuredCut:
+    """A cut of which no curve is known."""
+    for key in table:
+        if key not in _OF_MEASURES:
+            expected = "it beside a curve, not beside measures"
+            raise BadInput(key=key, value=in_short(table[key]), expected=expected)
+    need_sizes("cut", sizes, {})
+    measures, depth_mm, notes = read_measured(table, folder)
+    speed = _speed(table, "cut", {})
+    if speed is None:
+        expected = "the blade's speed, such as speed = '0.021 mm/s'"
+        raise BadInput(key="speed", value="(missing)", expected=expected)
+    source = table.get("source", "")
+    notes = ((f"source: {source}",) if source else ()) + notes
+    return MeasuredCut.of(name, measures, depth_mm, sizes, _blade(table, "cut"), speed, role, notes)
+
+
 # -- what a person wrote ----------------------------------------------------------------------------
+def _blade(table: Mapping, kind: str) -> dict[str, float]:
+    sharp = written_sizes(table, "blade", ("thickness", "tip", "edge_radius", "shoulder") * (kind == "cut"))
+    blade = {key: size for key, size in sharp.items() if isinstance(size, float)}
+    if kind == "cut" and "thickness" not in blade:
+        raise BadInput(key="blade.thickness", value="(missing)", expected="blade = { thickness = '0.7 mm' }")
+    return blade
+
+
 def _choice(table: Mapping, key: str, known: tuple[str, ...], default: str | None = None) -> str:
     value = table.get(key, default)
     if value not in known or not isinstance(value, str):

@@ -65,7 +65,8 @@ class Averaged:
 
     ``x`` (n,) abscissa and ``time_s`` (n,) or None; ``pressure_MPa`` (n,) or None; ``mean`` (n,) of the
     ordinate; ``scatter`` (n,) and ``reading`` (n,): standard deviations between specimens and of one
-    repetition's reading noise on the grid; ``curves`` (R, n) the repetitions.
+    repetition's reading noise on the grid; ``curves`` (R, n) the repetitions. ``independent``: the values are
+    of no curve but measures, each known by itself.
     """
 
     x: np.ndarray
@@ -75,12 +76,13 @@ class Averaged:
     curves: np.ndarray
     time_s: np.ndarray | None = None
     pressure_MPa: np.ndarray | None = None
+    independent: bool = False
 
     @property
     def estimated(self) -> bool:
         """Whether there was nothing to repeat: the noise is then taken from the roughness of one curve, and
         nothing is known of the scatter."""
-        return self.repetitions == 1
+        return self.repetitions == 1 and not self.independent
 
     @property
     def repetitions(self) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from cutbench.base.spelling import COMMON, exactly, is_unit, size_of
+from cutbench.run.read_off import READ_OFF
 
 #: Unit of each role inside; ``repetition`` is a label, and ``valid`` a number as it stands.
 UNITS = {
@@ -18,6 +19,7 @@ UNITS = {
     "normal_force": "N",
     **dict.fromkeys(("x", "y", "u_x", "u_y", "travel"), "mm"),
     "valid": "",
+    **{name: unit for name, (unit, _, _) in READ_OFF.items()},
 }
 
 _BRACKETS = re.compile(r"(.*?)\s*[\[({<]\s*([^\])}>]*?)\s*[\])}>]")

@@ -360,7 +360,9 @@ def missed_square(fitted: Estimated) -> float:
     """Square of what a model misses beyond noise, as a part of each curve's largest value; mean of all."""
     w, total = fitted.w, 0.0
     for id, block in w.tests.items():
-        gap = discrepancy_mean(block, fitted.at.residual[id])
+        residual = fitted.at.residual[id]
+        # Measures have no discrepancy: what is off is off.
+        gap = residual if w.grids[id].independent else discrepancy_mean(block, residual)
         total += float(np.mean(gap**2)) / float(np.abs(w.grids[id].mean).max()) ** 2
     return total / len(w.tests)
 

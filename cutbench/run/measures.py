@@ -106,9 +106,9 @@ def measures(
     start = max(end - TAIL * (end - d[0]), onset + TRANSITION * window_mm)
     steady, slope = math.nan, math.nan
     if whole and end - start >= window_mm and _keeps_pace(d, c, start, end):
-        steady, slope = _steady(d, F, start, end)
+        steady, slope = steady_force(d, F, start, end)
     return {
-        "drop_rel": _drop(d, F, window_mm, onset, least) if math.isfinite(onset) else math.nan,
+        "drop_rel": relative_fall(d, F, window_mm, onset, least) if math.isfinite(onset) else math.nan,
         "surge": fastest(d, c, window_mm)[1],
         "front_speed": at_the_front(d, c, window_mm, onset)[1],
         "onset_mm": onset,
@@ -173,7 +173,7 @@ def _first_peak(d: np.ndarray, F: np.ndarray, least: float) -> tuple[float, floa
     return math.nan, math.nan
 
 
-def _blurred(
+def blurred(
     d: np.ndarray, F: np.ndarray, width: float, start: float, stop: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """The polygon's mean over ``width`` around places 1/40 of it apart, wherever the polygon's points are.
@@ -203,7 +203,7 @@ def _keeps_pace(d: np.ndarray, c: np.ndarray, start: float, end: float) -> bool:
     return bool(PACE[0] <= pace <= PACE[1])
 
 
-def _steady(d: np.ndarray, F: np.ndarray, start: float, end: float) -> tuple[float, float]:
+def steady_force(d: np.ndarray, F: np.ndarray, start: float, end: float) -> tuple[float, float]:
     """Mean and least-squares slope of the polygon from ``start`` to ``end``, by exact integrals.
 
     On each straight piece F·(d − mean) is quadratic, for which Simpson's rule is exact.
@@ -219,11 +219,11 @@ def _steady(d: np.ndarray, F: np.ndarray, start: float, end: float) -> tuple[flo
     return mean, moment / (length**3 / 12)
 
 
-def _drop(d: np.ndarray, F: np.ndarray, window: float, onset: float, least: float) -> float:
+def relative_fall(d: np.ndarray, F: np.ndarray, window: float, onset: float, least: float) -> float:
     """max over the transition's x of (F̄(x) − min F̄ over [x, x + window]) / F̄(x), F̄ the blurred force above
     ``least``. All of it comes from the curve up to ``KNOWN`` windows after the onset."""
     stop = min(d[-1], onset + (KNOWN - BLUR / 2) * window)
-    places, mean = _blurred(d, F, BLUR * window, max(d[0], onset - window), stop)
+    places, mean = blurred(d, F, BLUR * window, max(d[0], onset - window), stop)
     ahead = int(window / (places[1] - places[0]) * (1 + 1e-9))
     low = sliding_window_view(np.pad(mean, (0, ahead), mode="edge"), ahead + 1).min(axis=1)
     counts = (places <= onset + TRANSITION * window) & (mean > least)
