@@ -58,12 +58,8 @@ def panels(count: int, margin_mm: float, ratio: float) -> tuple[Figure, list[tup
     return figure, pairs[:count]
 
 
-def _scale(c: ComparedCurve) -> float:
-    return 1.0 if c.experiment.y_unit == "N" else 1e3
-
-
 def _curve(axes: Axes, c: ComparedCurve) -> None:
-    s = _scale(c)
+    s, unit = c.experiment.shown
     low, high = s * (c.mean - 2 * c.sd), s * (c.mean + 2 * c.sd)
     axes.fill_between(c.x, low, high, facecolor=COLOURS["sky"], alpha=0.45, lw=0, label="± 2 sd")
     axes.plot(c.x, s * c.mean, ".", color=COLOURS["black"], ms=3, label="measured (mean)")
@@ -72,7 +68,7 @@ def _curve(axes: Axes, c: ComparedCurve) -> None:
         look = {"color": COLOURS["blue"], "ls": (0, (5, 1.5)), "label": "predicted"}
     axes.plot(c.x, s * c.fitted, lw=1.3, **look)
     name = "nominal stress" if c.experiment.y_name == "stress" else c.experiment.y_name
-    axes.set_ylabel(f"{name} ({'N' if s == 1.0 else 'kPa'})")
+    axes.set_ylabel(f"{name} ({unit})")
     kind = c.experiment.kind.replace("_", " ")
     axes.set_title(c.experiment.id + (f"\n{kind}" if kind != c.experiment.id else ""), loc="left", fontsize=8)
     axes.tick_params(labelbottom=False)
@@ -97,7 +93,7 @@ def _measures(axes: Axes, c: ComparedCurve, e: MeasuredCut) -> None:
 
 
 def _residual(axes: Axes, c: ComparedCurve) -> None:
-    s = _scale(c)
+    s, shown = c.experiment.shown
     for name, mask in c.regimes().items():
         axes.axvspan(c.x[mask][0], c.x[mask][-1], facecolor=_SHADES[name], lw=0, zorder=0)
         axes.text(
@@ -109,6 +105,6 @@ def _residual(axes: Axes, c: ComparedCurve) -> None:
     axes.axhline(0, color="black", lw=0.5)
     limit = 1.1 * s * max(np.abs(c.residual).max(), 2 * np.median(c.sd))
     axes.set_ylim(-limit, limit)
-    axes.set_ylabel(f"residual ({'N' if s == 1.0 else 'kPa'})")
+    axes.set_ylabel(f"residual ({shown})")
     unit = "" if c.experiment.x_unit == "1" else f" ({c.experiment.x_unit})"
     axes.set_xlabel(f"{c.experiment.x_name}{unit}")

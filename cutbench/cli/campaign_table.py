@@ -30,6 +30,10 @@ def data_table(campaign: Campaign) -> Table:
     """A row for each experiment: what was done, how often, how far, and how far it scatters."""
     rows = []
     for e in campaign.experiments:
+        if not e.curve:
+            count, none = f"{e.readings} measures", ("–",) * 4
+            rows.append((e.id, e.kind, e.role, "–", count, "0 mm", f"{e.reach:.4g} mm", *none))
+            continue
         averaged = e.on_grid()
         unit = "" if e.x_unit == "1" else f" {e.x_unit}"
         low = min(float(r.x.min()) for r in e.repetitions)
@@ -39,7 +43,7 @@ def data_table(campaign: Campaign) -> Table:
         reading = f"{np.sqrt(np.mean(averaged.reading**2)) / size:.2%}"
         rows.append((
             e.id, e.kind, e.role, str(len(e.repetitions)), str(e.readings), f"{low:.4g}{unit}",
-            f"{e.reach:.4g}{unit}", f"{largest:.4g} N" if e.y_unit == "N" else f"{1e3 * largest:.4g} kPa",
+            f"{e.reach:.4g}{unit}", f"{e.shown[0] * largest:.4g} {e.shown[1]}",
             _time(e), scatter, f"{reading} (estimated)" if averaged.estimated else reading,
         ))  # fmt: skip
     return table(_COLUMNS, rows, right=("repetitions", "readings"), title=Text(campaign.title), **PLAIN)

@@ -134,6 +134,11 @@ class Experiment:
         return "N" if self.kind == "cut" else "MPa"
 
     @property
+    def shown(self) -> tuple[float, str]:
+        """What the ordinate is times so much in the unit in which people read it."""
+        return {"MPa": (1e3, "kPa")}.get(self.y_unit, (1.0, self.y_unit))
+
+    @property
     def rest(self) -> float:
         """The abscissa of the undeformed specimen: stretch 1, or 0 mm."""
         return 1.0 if self.kind in HOMOGENEOUS else 0.0

@@ -9,14 +9,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cutbench.base.figure_style import COLOURS, DOUBLE_MM, GREY, SINGLE_MM, legend_below, new_figure, style
+from cutbench.data.measured import MeasuredCut
 
 if TYPE_CHECKING:
     from cutbench.data.campaign import Campaign
     from cutbench.data.experiment import Experiment
     from cutbench.data.repetition import Averaged
-
-#: Name of each ordinate's axis; a test's abscissa is called by its own name.
-_UNITS = {"N": "N", "MPa": "kPa"}
 
 
 def plot_data(campaign: Campaign, n: int = 80) -> Figure:
@@ -44,8 +42,19 @@ def _panels(experiment: Experiment) -> list[str]:
     return ["x", "time"] if experiment.timed and not experiment.monotone else ["x"]
 
 
+def _measures(axes: Axes, e: MeasuredCut) -> None:
+    """Numbers without a curve, as words."""
+    axes.set_axis_off()
+    axes.set_title(f"{e.id}\nmeasures of a cut to {e.depth_mm:g} mm", loc="left", fontsize=8)
+    lines = [f"{m.name.replace('_', ' ')}: {m}" for m in e.measures]
+    axes.text(0, 0.95, "\n".join(lines), va="top", fontsize=8, linespacing=1.6, transform=axes.transAxes)
+
+
 def _panel(axes: Axes, experiment: Experiment, averaged: Averaged, over: str) -> None:
-    scale = 1.0 if experiment.y_unit == "N" else 1e3
+    scale, shown = experiment.shown
+    if isinstance(experiment, MeasuredCut):
+        _measures(axes, experiment)
+        return
     several = averaged.repetitions > 1
     for r in experiment.repetitions:
         along = r.x if over == "x" or r.time_s is None else r.time_s
@@ -66,7 +75,7 @@ def _panel(axes: Axes, experiment: Experiment, averaged: Averaged, over: str) ->
     unit = "" if experiment.x_unit == "1" else f" ({experiment.x_unit})"
     axes.set_xlabel(f"{experiment.x_name}{unit}" if over == "x" else "time (s)")
     name = "nominal stress" if experiment.y_name == "stress" else experiment.y_name
-    axes.set_ylabel(f"{name} ({_UNITS[experiment.y_unit]})")
+    axes.set_ylabel(f"{name} ({shown})")
     kind = experiment.kind.replace("_", " ")
     parts = [kind] if kind != experiment.id else []
     parts += ["only predicted"] if experiment.role == "test" else []

@@ -16,6 +16,9 @@ def told(campaign: Campaign) -> list:
     lines = [("baseline", campaign.model.described)]
     for e in campaign.experiments:
         count = len(e.repetitions)
+        if not e.curve:
+            lines.append((e.id, f"{e.kind}, {e.readings} measures, {e.role}"))
+            continue
         times = f"{count} repetition{'s' if count > 1 else ''}, {e.readings} readings"
         lines.append((e.id, f"{e.kind}, {times}, {e.role}"))
     return [campaign.title, *lines]
@@ -23,7 +26,7 @@ def told(campaign: Campaign) -> list:
 
 def plot(campaign: Campaign, ax: Axes) -> None:
     """Every repetition, as parts of its experiment's reach and largest value."""
-    for e in campaign.experiments:
+    for e in (e for e in campaign.experiments if e.curve):
         top, reach = max(float(np.abs(r.y).max()) for r in e.repetitions), e.reach - e.rest or 1.0
         first, *rest = ((r.x - e.rest) / reach for r in e.repetitions)
         (line,) = ax.plot(first, e.repetitions[0].y / top, lw=0.8, label=e.id)

@@ -15,6 +15,7 @@ from cutbench.calibration.figure import panels
 from cutbench.calibration.fitting import ComparedCurve
 from cutbench.calibration.posterior import Estimated
 from cutbench.data.experiment import Experiment
+from cutbench.data.measured import MeasuredCut
 from cutbench.discovery.search import Discovery
 
 BASE, MORE = "Baseline", "Extended model"
@@ -42,12 +43,14 @@ def _curve(fitted: Estimated | None, e: Experiment) -> np.ndarray | None:
 
 def _experiment(top, bottom, d: Discovery, c: ComparedCurve) -> None:
     e = c.experiment
-    scale, unit = (1.0, "N") if e.y_unit == "N" else (1e3, "kPa")
+    scale, unit = e.shown
     x, label = c.x, f"{e.x_name}" + ("" if e.x_unit == "1" else f" ({e.x_unit})")
     if not e.monotone and (times := e.on_grid(c.x.size).time_s) is not None:
         x, label = times, "time (s)"
     sd, mean, base = scale * c.sd, scale * c.mean, scale * c.fitted
     more = _curve(d.final, e) if d.found else None
+    if isinstance(e, MeasuredCut):  # points, each in units of its own
+        mean, base, more = mean - c.mean, base - c.mean, None if more is None else more - c.mean
     top.fill_between(x, mean - 2 * sd, mean + 2 * sd, color=COLOURS["sky"], alpha=0.5, lw=0,
                      label="Measured mean ± 2 standard deviations")  # fmt: skip
     top.plot(x, mean, ".", color=COLOURS["black"], ms=2.5, label="Measured mean")
@@ -58,6 +61,10 @@ def _experiment(top, bottom, d: Discovery, c: ComparedCurve) -> None:
     if more is not None:
         top.plot(x, scale * more, color=COLOURS["blue"], ls="-", label=MORE)
         bottom.plot(x, mean - scale * more, color=COLOURS["blue"], ls="-")
+    if isinstance(e, MeasuredCut):
+        for line in (*top.lines[1:], *bottom.lines[1:]):
+            line.set(marker="o", ms=4, ls="")
+        bottom.set_xticks(x, [m.name.replace("_", "\n") for m in e.measures])
     top.set_title(f"{e.id}\n({'fitted' if e.role == 'train' else 'predicted'})")
     top.set_ylabel(f"{e.y_name.capitalize()} ({unit})")
     top.tick_params(labelbottom=False)

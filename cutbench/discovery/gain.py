@@ -59,7 +59,8 @@ class NoiseFreeGain:
 class Known:
     """Of one test: readings' ``mean`` (m,), its ``before`` and ``after`` by both models, ``J`` (m, k) of the
     second, covariance of the mean without factors ``rest`` (m, m), Matérn ``correlation`` (m, m), number of
-    ``repetitions``, ``kind`` and the ``size`` that errors are taken relative to."""
+    ``repetitions``, ``kind`` and the ``size`` that errors are taken relative to; whether the values are
+    ``independent`` measures."""
 
     mean: np.ndarray
     before: np.ndarray
@@ -70,12 +71,15 @@ class Known:
     repetitions: int
     kind: str
     size: float
+    independent: bool = False
 
     @property
     def scale(self) -> float:
         return float(np.abs(self.mean).max())
 
     def by_factor(self, variance: float) -> np.ndarray:
+        if self.independent:
+            return np.zeros(self.rest.shape)
         return variance / self.repetitions * np.outer(self.after, self.after)
 
 
@@ -137,7 +141,9 @@ def gathered(before: Estimated, after: Estimated) -> Evidence | None:
 def _known(grid: Averaged, before, after, J, rest, kind: str, size: float) -> Known:
     course = grid.course
     correlation = matern(np.abs(course[:, None] - course), LENGTH)
-    return Known(grid.mean, before, after, J, rest, correlation, grid.repetitions, kind, size)
+    return Known(
+        grid.mean, before, after, J, rest, correlation, grid.repetitions, kind, size, grid.independent
+    )
 
 
 def drawn(evidence: Evidence, rng: np.random.Generator, draws: int = DRAWS) -> NoiseFreeGain:

@@ -148,6 +148,9 @@ def _judged(
     fitted: Estimated, e: Experiment, text: str | None, a: np.ndarray, b: np.ndarray, x: np.ndarray
 ) -> Proposal:
     grid = fitted.posterior.predictions.grids[e.id]
+    if grid.independent:
+        far = float(np.abs(b - a).max() / np.abs(a).max())
+        return Proposal(text or "", float(np.linalg.norm(b - a)), far)
     noise = float(np.median(grid.reading) / np.abs(grid.mean).max())
     count, top = max(grid.repetitions, 3), np.abs(a).max()
     C = fitted.w.factors[e.kind].variance / count * np.outer(a, a) + deviating(x, a, 0.01) / count

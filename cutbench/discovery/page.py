@@ -101,7 +101,7 @@ def _caption(d: Discovery) -> str:
 def _sections(found: Sequence[Section], none: str) -> str:
     rows = []
     for s in [s for s in found if s.wrong][:12]:
-        e, (scale, unit) = s.experiment, (1, "N") if s.experiment.y_unit == "N" else (1e3, "kPa")
+        e, (scale, unit) = s.experiment, s.experiment.shown
         where, bias = s.regime or e.kind.replace("_", " "), f"{scale * s.bias:+.3g} {unit}"
         rows.append([e.id, where, s.range, bias, f"{s.z:+.1f}"])
     head = ["experiment", "where", "from – to", "measured less computed", "standard deviations"]

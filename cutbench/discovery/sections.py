@@ -10,6 +10,7 @@ import numpy as np
 from cutbench.calibration.fitting import ComparedCurve
 from cutbench.calibration.posterior import Estimated
 from cutbench.data.experiment import HOMOGENEOUS, Experiment
+from cutbench.data.measured import MeasuredCut
 
 #: A section is shown as wrong from so many standard deviations of its mean on.
 WRONG = 3.0
@@ -37,13 +38,15 @@ class Section:
 
     @property
     def range(self) -> str:
+        if isinstance(self.experiment, MeasuredCut):
+            return str(self.experiment.measures[self.first])
         unit = "" if self.experiment.x_unit == "1" else f" {self.experiment.x_unit}"
         return f"{self.start:.3g} to {self.end:.3g}{unit}"
 
     def in_mm_and_N(self) -> tuple[float, float, float] | None:
         """From, to and bias of a cut, or of a stretched specimen whose length and area are known."""
         e = self.experiment
-        if e.kind == "cut":
+        if e.kind == "cut" and e.curve:
             return self.start, self.end, self.bias
         length, area = e.specimen.get("length"), e.specimen.get("area")
         if e.kind in HOMOGENEOUS and length and area:
@@ -60,6 +63,8 @@ def sections(fitted: Estimated) -> list[Section]:
             e, grid.x, grid.mean, grid.deviation, grid.mean - r, fitted.at.onset_mm[e.id], p.thickness_mm(e)
         )
         masks = curve.regimes() or _runs(r, max(2, int(SHORTEST * r.size)))
+        if isinstance(e, MeasuredCut):
+            masks = {m.name: grid.x == number for m, number in zip(e.measures, grid.x, strict=True)}
         for name, mask in masks.items():
             i = np.flatnonzero(mask)
             mean = np.zeros(r.size)

@@ -1,0 +1,109 @@
+"""Which reading of the blade, with which toughness and viscous time, gives all that is published?
+
+    python -m studies.published --out DIR
+
+The three campaigns of this folder are fitted once for each blade of ``BLADES``, with all else equal. DIR keeps
+runs and fits: the same command goes on. ``published.json`` has of each fit the evidence, the values, and
+each measure as it was measured and as it is computed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from benchmarks.tools import here
+from cutbench.base.errors import CutbenchError
+from cutbench.base.files import write_json
+from cutbench.calibration.fitting import Fit, fit
+from cutbench.calibration.report import to_dict
+from cutbench.cli.progress import bar
+from cutbench.cli.show import show, table
+from cutbench.data.campaign import Campaign, load_campaign
+
+HERE = Path(__file__).parent
+MATERIALS = ("gelatin", "elastomer", "meat")
+
+
+@dataclass(frozen=True)
+class Blade:
+    """A reading of the blade: what its case sets, and what of it a fit looks for."""
+
+    name: str
+    sets: Mapping[str, object]
+    free: tuple[str, ...] = ()
+    bounds: Mapping[str, tuple[float, float]] | None = None
+
+
+#: The first is the paper's drawing, its length free; the others are as utility blades are ground.
+BLADES = (
+    Blade("ellipse", {"with_": "contact", "tip": "1.05 mm"}, ("tip",), {"tip": (0.35, 4.2)}),
+    Blade("wedge 20°, edge 50 µm", {}),
+    Blade("wedge 20°, edge 20 µm", {"edge_radius": "0.02 mm"}),
+    Blade("wedge 30°, edge 50 µm", {"angle": "30 deg"}),
+)
+
+
+def under(campaign: Campaign, blade: Blade) -> Campaign:
+    """The campaign with a blade in place of its own."""
+    plan = campaign.plan
+    plan = replace(
+        plan, free=(*(plan.free or ()), *blade.free), bounds={**plan.bounds, **(blade.bounds or {})}
+    )
+    return replace(campaign, base=campaign.base.set(**blade.sets), plan=plan)
+
+
+def told(found: Fit, blade: Blade) -> dict:
+    """What is kept of a fit."""
+    whole = to_dict(found)
+    kept = {key: whole[key] for key in ("status", "message", "parameters", "chi2")}
+    tests = {id: e["measures"] for id, e in whole["experiments"].items()}
+    evidence = None if found.estimated is None else float(found.estimated.log_evidence)
+    return {"blade": blade.name, "log_evidence": evidence, "runs": found.runs, **kept, "tests": tests}
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m studies.published", description=__doc__)
+    parser.add_argument("--out", metavar="DIR", required=True, type=Path)
+    parser.add_argument("--only", metavar="MATERIAL", choices=MATERIALS, action="append")
+    parser.add_argument("--blade", metavar="N", type=int, action="append", help="the N-th blade, from 0")
+    parser.add_argument("--workers", metavar="N", type=int)
+    asked = parser.parse_args()
+    file = asked.out / "published.json"
+    kept = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
+    try:
+        for number in asked.blade if asked.blade is not None else range(len(BLADES)):
+            for material in asked.only or MATERIALS:
+                blade, key = BLADES[number], f"{material}, {BLADES[number].name}"
+                if key in kept:
+                    continue
+                began = time.time()
+                campaign = under(load_campaign(HERE / f"{material}.toml"), blade)
+                with bar(key, "cuts") as on_progress:
+                    found = fit(
+                        campaign, workers=asked.workers, refine=False, store=asked.out / "runs",
+                        on_progress=on_progress,
+                    )  # fmt: skip
+                if found.status in ("interrupted", "out of time"):
+                    return 130
+                how = {"material": material, **here(), "seconds": time.time() - began}
+                kept[key] = how | told(found, blade)
+                write_json(kept, file)
+    except CutbenchError as error:
+        print(f"studies.published: {error}", file=sys.stderr)
+        return getattr(error, "exit_code", 1)
+    rows = [
+        (key, "–" if row["log_evidence"] is None else f"{row['log_evidence']:.1f}", f"{row['chi2']:.1f}")
+        for key, row in kept.items()
+    ]
+    show(table(("material, blade", "log evidence", "misfit (chi²)"), rows))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
