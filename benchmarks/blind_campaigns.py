@@ -7,6 +7,8 @@ what is hidden in them follows formulas that no candidate has (powers of the spe
 machine that gives way, a record that begins late or drifts), but for stiffening, which is a candidate's.
 Mixed campaigns have a tension test, a hold or a pull-off of the same gel beside the cuts.
 
+Of cuts of the family of measures no curves are given but some numbers, each with its own scatter.
+
 Every campaign has one, three or five specimens that differ by a factor of 1 to 10 %, and noise of which one
 half is white and the other extends along the curve.
 """
@@ -31,13 +33,16 @@ from cutbench.data.experiment import HOMOGENEOUS
 from cutbench.discovery.candidates import family_of
 from cutbench.homogeneous import LoadingHistory, respond
 from cutbench.homogeneous.stretching import nominal_stress
+from cutbench.run.read_off import READ_OFF
 from cutbench.run.runner import run_case
 
 Run = Callable[[Case], Any]
 Made = tuple[list[str], dict[str, float], list["Curve"]]
 Clean = tuple[np.ndarray | None, np.ndarray, np.ndarray]
 
-FAMILIES = ("homogeneous", "cut", "mixed")
+FAMILIES = ("homogeneous", "cut", "mixed", "measures")
+#: What is read off cuts of which no curve is given, and the scatter of each number.
+READ, OFF = ("onset", "peak", "drop", "plateau", "slope", "firmness", "work"), 0.05
 SPECIMENS, SCATTER, NOISES = (1, 3, 5), (0.01, 0.1), (0.003, 0.01)
 #: What the fit's parameters cannot take up of an effect, in standard deviations of a reading's noise.
 SHOWN = (2.0, 100.0)
@@ -229,7 +234,7 @@ def _how(family: str, turn: int, effects: Sequence[str], rng: np.random.Generato
     numerics, blade = OTHERWISE[turn % len(OTHERWISE)][0], BLADES[turn % len(BLADES)]
     if "blunt tip" in effects and blade == "wedge":
         blade = "ellipse"  # a wedge has an edge, and no tip
-    if family == "cut":
+    if family in ("cut", "measures"):
         return numerics, blade
     beside = BESIDE[turn % len(BESIDE)]
     if beside == "pull-off" and "toughness by speed" in effects:
@@ -278,7 +283,10 @@ def make(
     folder.mkdir(parents=True, exist_ok=True)
     text = [f'title = "{planned.family} {planned.number}"', *head]
     for curve in curves:
-        text += _written(curve, folder, specimens, scatter, noise, rng)
+        if planned.family == "measures":
+            text += _measured(curve, rng)
+        else:
+            text += _written(curve, folder, specimens, scatter, noise, rng)
     file = folder / "campaign.toml"
     file.write_text("\n".join(text) + "\n", encoding="utf-8")
     clean = {c.id: c.clean for c in curves}
@@ -301,6 +309,23 @@ def _written(
     name = c.id.replace(" ", "_") + ".csv"
     (folder / name).write_text("\n".join([",".join(heads), *rows]) + "\n", encoding="utf-8")
     return ["", "[[experiment]]", f'id = "{c.id}"', f'data = "{name}"', f'role = "{c.role}"', *c.header]
+
+
+def _measured(c: Curve, rng: np.random.Generator) -> list[str]:
+    """A cut of which some numbers are known: its part of the campaign's file."""
+    x, y = c.recorded(c.x, c.y)
+    thickness = float(c.header[-1].split('thickness = "')[1].split(" ")[0])
+    known = []
+    for name in READ:
+        unit, _, read = READ_OFF[name]
+        value = read(np.append(0.0, x), np.append(0.0, y), thickness)
+        if math.isfinite(value) and value > 0:
+            drawn = value * (1 + OFF * rng.standard_normal())
+            ends = f"{drawn:.5g} ± {OFF * drawn:.3g}" + ("" if unit == "1" else f" {unit}")
+            known.append(f'{name} = "{ends}"')
+    header = [line for line in c.header if not line.startswith(("columns", "units"))]
+    measures = f"measures = {{ {', '.join(known)} }}"
+    return ["", "[[experiment]]", f'id = "{c.id}"', f'depth = "{x[-1]:.5g} mm"', *header, measures]
 
 
 def _noise(n: int) -> np.ndarray:
