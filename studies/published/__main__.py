@@ -2,7 +2,7 @@
 
     python -m studies.published --out DIR
 
-The three campaigns of this folder are fitted once for each blade of ``BLADES``, with all else equal. DIR keeps
+The three campaigns of this folder are fitted once for each blade of ``BLADES``, with all else equal. DIR has
 runs and fits: the same command goes on. ``published.json`` has of each fit the evidence, the values, and
 each measure as it was measured and as it is computed.
 """
