@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
@@ -11,8 +12,11 @@ from cutbench import __version__
 from cutbench.case import materials
 from cutbench.case.case import load_case
 from cutbench.cli.main import app
+from cutbench.data.campaign import load_campaign
 from cutbench.mechanisms import registry
+from cutbench.run.runner import run_case
 
+STUDIES = Path(__file__).parents[1] / "studies"
 # (G_c/delta_c)/G, tau_W/(G_c/delta_c), eta_reg v in mm, G kPa, G_c J/m², mu, width mm
 EXPECTED = {
     "gelatin": (10.1, 0.0106, 0.05, 7.5, 5.3, 0.0, 30),
@@ -28,7 +32,31 @@ def said(*args: str) -> str:
 
 
 def test_names():
-    assert materials.names() == sorted(EXPECTED)
+    assert materials.names() == sorted([*EXPECTED, *(f"{name}_recalibrated" for name in EXPECTED)])
+
+
+@pytest.mark.parametrize("name", EXPECTED)
+def test_recalibrated_materials_keep_what_was_not_calibrated(name):
+    published, made = load_case(name), load_case(f"{name}_recalibrated")
+    kept = ("G", "nu", "delta_c", "mu", "tau_W", "thickness", "width", "length", "height", "speed")
+    assert all(made.values[n] == published.values[n] for n in kept)
+    assert "wedge" in made.mechanisms and "contact" not in made.mechanisms
+    about = materials.about(f"{name}_recalibrated")
+    assert "Calibrated on" in about["note"] and about["doi"].startswith("10.")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", EXPECTED)
+def test_recalibrated_materials_behave_as_published(name):
+    """What was fitted, and gelatin twice as wide, which was not."""
+    for e in load_campaign(STUDIES / "published" / f"{name}.toml").experiments:
+        case = load_case(
+            f"{name}_recalibrated", {"depth": f"{e.depth_mm} mm", "width": f"{e.specimen['width']} mm"}
+        )
+        run = run_case(case)
+        found = e.read_off(run.curve["displacement_mm"], run.curve["force_N"])
+        for m, value in zip(e.measures, found, strict=True):
+            assert abs(m.deviation(value)) < 2, (e.id, m.name, value)
 
 
 @pytest.mark.parametrize("name", EXPECTED)

@@ -449,6 +449,8 @@ def _degrees_of_freedom(best: Estimated) -> np.ndarray:
         mine = gain[:, first : (first := first + len(block.total))]
         by_factor[w.kinds[id]] += block.share(mine, block.by_factor)
         parts.append((block.share(mine, block.other), block.dof))
+        if w.grids[id].independent:  # how well measures are known is stated
+            parts.append((block.share(mine, np.diag(w.grids[id].reading ** 2)), math.inf))
         if np.any(block.discrepancy):
             parts.append((block.share(mine, block.discrepancy), independent(block)))
     parts += [(by_factor[kind], pooled.dof) for kind, pooled in factors.items()]

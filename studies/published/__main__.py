@@ -2,9 +2,9 @@
 
     python -m studies.published --out DIR
 
-The three campaigns of this folder are fitted once for each blade of ``BLADES``, with all else equal. DIR has
-runs and fits: the same command goes on. ``published.json`` has of each fit the evidence, the values, and
-each measure as it was measured and as it is computed.
+The three campaigns of this folder are fitted once for each blade of ``BLADES``, with all else equal. Runs and
+fits are kept in DIR: the same command goes on. ``published.json`` has of each fit the evidence, the values,
+and each measure as it was measured and as it is computed.
 """
 
 from __future__ import annotations
