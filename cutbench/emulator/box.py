@@ -101,7 +101,7 @@ BLUNT = Box(
         Side("mu", 0.0, 0.5, "asinh", 0.05),
         Side("delta_c", 0.1, 0.4),
         Side("surface_length", 0.05, 0.4),
-        Side("length", 40.0, 160.0),
+        Side("width", 40.0, 160.0),
         Side("height", 30.0, 120.0),
         Side("nu", 0.45, 0.4995, "incompressible"),
         Side("tip", 1.5, 6.0),

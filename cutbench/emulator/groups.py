@@ -30,7 +30,7 @@ class Groups:
     powers : mapping
         By parameter that a cut depends on: its powers of force, length and time.
     plane : bool
-        Whether forces are in proportion to the width.
+        Whether forces are in proportion to the length along the blade.
     """
 
     modulus: str
@@ -46,7 +46,7 @@ class Groups:
         if modulus is None or not (values["speed"] > 0 and values.get("thickness", 0) > 0):
             return None
         plane = case.dim == 2
-        return cls(modulus, {n: p for n, p in powers.items() if not (plane and n == "width")}, plane)
+        return cls(modulus, {n: p for n, p in powers.items() if not (plane and n == "length")}, plane)
 
     def reduced(self, values: Mapping[str, float]) -> dict[str, float]:
         """All parameters that a cut depends on, in these units."""
@@ -63,8 +63,8 @@ class Groups:
 
     def force(self, values: Mapping[str, float]) -> float:
         """The unit of force, N."""
-        across = values["width"] if self.plane else self.length(values)
-        return values[self.modulus] * self.length(values) * across
+        along = values["length"] if self.plane else self.length(values)
+        return values[self.modulus] * self.length(values) * along
 
 
 @lru_cache
