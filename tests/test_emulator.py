@@ -202,7 +202,7 @@ def test_two_gels_at_two_speeds_are_samples_of_one_function(runs):
     one, two = groups.reduced(values), groups.reduced(other)
     assert all(one[n] == pytest.approx(two[n], rel=1e-12) for n in ("G_c", "tau_W", "eta_reg", "tip"))
     # A thicker blade in a specimen that is as much larger.
-    larger = {n: 2 * values[n] for n in ("thickness", "tip", "delta_c", "surface_length", "height", "length")}
+    larger = {n: 2 * values[n] for n in ("thickness", "tip", "delta_c", "surface_length", "height", "width")}
     larger |= {"G_c": 2 * values["G_c"], "eta_reg": 2 * values["eta_reg"]}
     three = groups.reduced({**values, **larger})
     assert all(one[n] == pytest.approx(three[n], rel=1e-12) for n in one)
@@ -214,9 +214,23 @@ def test_such_gels_are_computed_alike():
     case = load_case("gelatin", small)
     scaled = {n: 2 * case.values[n] for n in ("G", "G_c", "tau_W")}
     scaled |= {"speed": 3 * case.values["speed"], "eta_reg": case.values["eta_reg"] / 3}
-    other = replace(case, values={**case.values, **scaled})
-    F, twice = (run_case(c).curve["force_N"] for c in (case, other))
-    np.testing.assert_allclose(twice, 2 * F, rtol=1e-6)
+    scaled["length"] = 3 * case.values["length"]  # along the blade; how wide it is, is another matter
+    wider = {**case.values, "width": 2 * case.values["width"]}
+    F, more, of_wider = (
+        run_case(replace(case, values=v)).curve["force_N"]
+        for v in (case.values, {**case.values, **scaled}, wider)
+    )
+    np.testing.assert_allclose(more, 6 * F, rtol=1e-6)
+    assert 1.02 < of_wider[-1] / F[-1] < 1.6
+
+
+def test_cuts_of_a_longer_specimen_are_said_from_those_of_a_shorter_one_and_of_a_wider_one_not(runs):
+    values = dict(runs[0][40].values)
+    made = made_of(runs, 34)
+    longer = made.forces([{**values, "length": 2 * values["length"]}])
+    np.testing.assert_allclose(longer, 2 * made.forces([values]), rtol=1e-9)
+    groups = Groups.of(runs[0][40])
+    assert "width" in groups.powers and "length" not in groups.powers
 
 
 def test_slopes_are_those_of_the_forces(runs):
