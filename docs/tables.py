@@ -67,20 +67,16 @@ def numerics() -> str:
 
 
 def tuning() -> str:
-    """A heading and a table for each part."""
+    """A heading for each part with its numbers; what each is for stands under it in the code."""
     parts = []
     for part in fields(Tuning):
-        numbers = getattr(Tuning(), part.name)
-        texts, about = field_texts(type(numbers)), " ".join((type(numbers).__doc__ or "").split())
-        solid = getattr(defaults(3).tuning, part.name)
-        rows = [
-            [f"`{n}`", " in blocks ".join(dict.fromkeys(value(getattr(of, n)) for of in (numbers, solid))),
-             texts[n].rstrip(".")]
-            for n in texts
-        ]  # fmt: skip
-        parts.append(
-            f"## {part.name}\n\n{about.replace('``', '`')}\n\n{table(('name', 'value', 'why'), rows)}"
-        )
+        numbers, solid = getattr(Tuning(), part.name), getattr(defaults(3).tuning, part.name)
+        about = " ".join((type(numbers).__doc__ or "").split()).replace("``", "`")
+        listed = []
+        for n in field_texts(type(numbers)):
+            plane, block = (value(getattr(of, n)) for of in (numbers, solid))
+            listed.append(f"`{n}` {plane}" + ("" if plane == block else f" (in blocks {block})"))
+        parts.append(f"## {part.name}\n\n{about}\n\n{'; '.join(listed)}.")
     return "\n\n".join(parts)
 
 
@@ -106,11 +102,14 @@ def mechanisms() -> str:
         name = f"**`{law.name}`**" if law.name in DEFAULT else f"`{law.name}`"
         other = replaced(law)
         own = [q for q in law.parameters if other is None or q not in other.parameters]
-        units = [f"`{q.name}`" + ("" if q.unit == "1" else f" in {q.unit}") for q in own]
-        off = [f"`{q.name}` = {q.off:g}" for q in own if q.off is not None]
+        units = [
+            (f"`{q.name}`" if q.off is None else f"**`{q.name}`**")
+            + ("" if q.unit == "1" else f" in {q.unit}")
+            for q in own
+        ]
         place = f"`{other.name}`" if other else ""
-        rows.append([law.slot, name, place, about, ", ".join(units), ", ".join(off)])
-    return table(("slot", "name", "in place of", "what it is", "parameters", "off at"), rows)
+        rows.append([law.slot, name, place, about, ", ".join(units)])
+    return table(("slot", "name", "in place of", "what it is", "parameters"), rows)
 
 
 TABLES: dict[str, Callable[[], str]] = {"numerics": numerics, "tuning": tuning, "mechanisms": mechanisms}

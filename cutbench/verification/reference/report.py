@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import platform
 from collections.abc import Sequence
 from pathlib import Path
@@ -61,9 +62,36 @@ def texts(check: Check) -> list[str]:
     return [check.what, *numbers, error, tolerance, "passed" if check.passed else "FAILED"]
 
 
+def summary(done: Sequence[Verified]) -> list[str]:
+    """The table of a documentation page: a line a problem, with the check that comes nearest to its limit."""
+    rows = []
+    for one in done:
+        passed = f"{sum(check.passed for check in one.checks)} of {len(one.checks)}"
+        near = _nearest(one.checks) if one.failure is None and one.checks else f"**Failed:** {one.failure}"
+        about = f"{one.reference.title} *{one.reference.source}*"
+        rows.append([f"`{one.reference.name}`", about, passed, near])
+    head = (
+        "problem",
+        "what it computes, and *what that is held against*",
+        "passed",
+        "nearest to its tolerance",
+    )
+    return markdown_table(head, rows)
+
+
+def _nearest(checks: Sequence[Check]) -> str:
+    def part(check: Check) -> float:
+        return abs(check.error) / check.tolerance if math.isfinite(check.error) else math.inf
+
+    nearest = max(checks, key=part)
+    what, reference, obtained, error, tolerance, _ = texts(nearest)
+    what += f" ({nearest.source})" if nearest.source else ""
+    return f"{what}: {obtained} for {reference}; off by {error}, allowed {tolerance}"
+
+
 def markdown(done: Sequence[Verified]) -> str:
-    """The tables of a documentation page."""
-    lines = []
+    """A line a problem, then every check."""
+    lines = [*summary(done), ""]
     for one in done:
         heading = f"{one.reference.title} *Reference:* {one.reference.source}."
         lines += [f"### {one.reference.name}", "", heading]
