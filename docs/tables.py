@@ -61,27 +61,19 @@ def numerics() -> str:
         elif about:
             zero = "0, or " if about["chosen"] else ""
             allowed = f"{zero}{digits(about['low'])} to {digits(about['high'])}{unit}"
-        solid = "" if solid == plane else solid
-        rows.append([f"`{short.get(f.name, f.name)}`", plane, solid, allowed, texts[f.name].rstrip(".")])
-    return table(("name", "default", "in three dimensions", "allowed", "what it does"), rows)
+        default = plane if solid == plane else f"{plane}; in blocks {solid}"
+        rows.append([f"`{short.get(f.name, f.name)}`", default, allowed, texts[f.name].rstrip(".")])
+    return table(("name", "default", "allowed", "what it does"), rows)
 
 
 def tuning() -> str:
-    """A heading for each part with its numbers; what each is for stands under it in the code."""
-    parts = []
+    """The parts, with what their numbers decide."""
+    rows = []
     for part in fields(Tuning):
-        numbers, solid = getattr(Tuning(), part.name), getattr(defaults(3).tuning, part.name)
-        about = " ".join((type(numbers).__doc__ or "").split()).replace("``", "`")
-        listed = []
-        for n in field_texts(type(numbers)):
-            plane, block = (value(getattr(of, n)) for of in (numbers, solid))
-            listed.append(f"`{n}` {plane}" + ("" if plane == block else f" (in blocks {block})"))
-        parts.append(f"## {part.name}\n\n{about}\n\n{'; '.join(listed)}.")
-    return "\n\n".join(parts)
-
-
-def value(number: float | tuple[float, ...]) -> str:
-    return ", ".join(digits(one) for one in (number if isinstance(number, tuple) else (number,)))
+        numbers = type(getattr(Tuning(), part.name))
+        about = (numbers.__doc__ or "").partition(". ")[0].rstrip(".").replace("``", "`")
+        rows.append([f"`{part.name}`", about, str(len(fields(numbers)))])
+    return table(("part", "what it decides", "numbers"), rows)
 
 
 def replaced(law: Mechanism) -> Mechanism | None:
@@ -95,21 +87,21 @@ def replaced(law: Mechanism) -> Mechanism | None:
 
 
 def mechanisms() -> str:
-    rows = []
+    parts: dict[str, list[str]] = {}
     for law in registry().values():
         about, _, _ = (sys.modules[type(law).__module__].__doc__ or "").partition("\n\n")
         about = re.sub(r" \(paper[^)]*\)", "", " ".join(about.split())).replace("``", "`").rstrip(".,")
         name = f"**`{law.name}`**" if law.name in DEFAULT else f"`{law.name}`"
         other = replaced(law)
         own = [q for q in law.parameters if other is None or q not in other.parameters]
-        units = [
+        named = ", ".join(
             (f"`{q.name}`" if q.off is None else f"**`{q.name}`**")
             + ("" if q.unit == "1" else f" in {q.unit}")
             for q in own
-        ]
-        place = f"`{other.name}`" if other else ""
-        rows.append([law.slot, name, place, about, ", ".join(units)])
-    return table(("slot", "name", "in place of", "what it is", "parameters"), rows)
+        )
+        place, named = f" for `{other.name}`" if other else "", f" ({named})" if named else ""
+        parts.setdefault(law.slot, []).append(f"- {name}{place}: {about}{named}")
+    return "\n\n".join("\n".join([f"### {slot}", "", *lines]) for slot, lines in parts.items())
 
 
 TABLES: dict[str, Callable[[], str]] = {"numerics": numerics, "tuning": tuning, "mechanisms": mechanisms}

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from cutbench.base.errors import BadInput
 from cutbench.base.files import replacing
-from studies.paper.judgement import SOLID
+from studies.paper.judgement import CHOICE, REPRODUCED, SOLID
 from studies.paper.report import claims, summary, tips
 
 BEGIN, END = "<!-- claims: begin -->", "<!-- claims: end -->"
@@ -26,7 +26,7 @@ PICTURES = ("published-curves.png", "published-changes.png", "published-tips.png
 def tables(record: dict) -> str:
     """What a page shows of claims.json: verdicts with what decides them, and how the tip was chosen."""
     told = [
-        {**claim, "rows": [{**row, "reason": in_short(row["reason"])} for row in claim["rows"]]}
+        {**claim, "rows": [{**row, "reason": in_short(row)} for row in claim["rows"]]}
         for claim in record["claims"]
     ]
     lines = [summary(record), "", *claims({**record, "claims": told}), "", *tips(record)]
@@ -34,11 +34,11 @@ def tables(record: dict) -> str:
     return re.sub(rf" \({link}\)|(?:; |, ){link}|, holds in \d+ of \d+", "", "\n".join(lines))
 
 
-def in_short(reason: str) -> str:
-    """Which changes decide, without what came out under each; none where none does."""
-    if reason == SOLID:
-        return "a block: none tried"
-    reason = re.sub(r"^(no single change [^:]*): .*", r"\1", reason)
+def in_short(row: dict) -> str:
+    """Which changes decide where the paper's numerics fail, without what came out under each."""
+    if row["verdict"] in (REPRODUCED, CHOICE) or row["reason"] == SOLID:
+        return ""
+    reason = re.sub(r"^(no single change [^:]*): .*", r"\1", row["reason"])
     number = r" \(-?[\d.]+(?:e-?\d+)?(?: [^\s()]+)?\)"
     return re.sub(number, "", re.sub(f"{number}, ", " / ", reason))
 

@@ -63,20 +63,14 @@ def texts(check: Check) -> list[str]:
 
 
 def summary(done: Sequence[Verified]) -> list[str]:
-    """The table of a documentation page: a line a problem, with the check that comes nearest to its limit."""
-    rows = []
-    for one in done:
-        passed = f"{sum(check.passed for check in one.checks)} of {len(one.checks)}"
-        near = _nearest(one.checks) if one.failure is None and one.checks else f"**Failed:** {one.failure}"
-        about = f"{one.reference.title} *{one.reference.source}*"
-        rows.append([f"`{one.reference.name}`", about, passed, near])
-    head = (
-        "problem",
-        "what it computes, and *what that is held against*",
-        "passed",
-        "nearest to its tolerance",
-    )
-    return markdown_table(head, rows)
+    """The list of a documentation page: a line a problem, with the check that comes nearest to its limit."""
+    return [_line(one) for one in done]
+
+
+def _line(one: Verified) -> str:
+    passed = f"{sum(check.passed for check in one.checks)} of {len(one.checks)}"
+    near = _nearest(one.checks) if one.failure is None and one.checks else f"**Failed:** {one.failure}"
+    return f"- **`{one.reference.name}`**: {one.reference.title} *{one.reference.source}.* {passed}; {near}"
 
 
 def _nearest(checks: Sequence[Check]) -> str:
@@ -84,9 +78,9 @@ def _nearest(checks: Sequence[Check]) -> str:
         return abs(check.error) / check.tolerance if math.isfinite(check.error) else math.inf
 
     nearest = max(checks, key=part)
-    what, reference, obtained, error, tolerance, _ = texts(nearest)
+    what, _, _, error, tolerance, _ = texts(nearest)
     what += f" ({nearest.source})" if nearest.source else ""
-    return f"{what}: {obtained} for {reference}; off by {error}, allowed {tolerance}"
+    return f"{what}: {error} of {tolerance}"
 
 
 def markdown(done: Sequence[Verified]) -> str:
