@@ -54,16 +54,9 @@ def told(data: dict[str, Any]) -> str:
     beside = data["peer"]
     iterations, ms = beside["taken_as_given"]["iterations"], beside["measured"]["ms_per_iteration"]
     problems = [
-        [
-            r["problem"],
-            f"{r['unknowns']:,}",
-            f"{r['factorization_calls']:,}",
-            f"{r['cpu_s']:.1f}",
-            f"{r['times']:.1f}",
-        ]
+        f"{r['cpu_s']:.1f} s here with the {r['problem']}, {r['times']:.1f} times as long there"
         for r in beside["problems"]
     ]
-    columns = ("problem", "unknowns", "factorizations", "CPU s", "there, times as long")
     made = (
         f"Commit `{short(data['commit'])}`, one thread a run, compiled code loaded before"
         f" ({machine(data['machine'])}):"
@@ -72,11 +65,11 @@ def told(data: dict[str, Any]) -> str:
         f"The published model of gelatin to {beside['depth_mm']:g} mm beside"
         f" DOLFINx {beside['measured']['dolfinx']}: an iteration of a problem of its size takes {ms:.1f} ms"
         f" there (measured, by turns), and an independent implementation needed {iterations:,} of them (taken"
-        f" as given), {beside['peer_s']:.0f} s in all."
+        f" as given), {beside['peer_s']:.0f} s in all. A run takes {'; '.join(problems)}."
     )
     parts = (
         filled(made), "\n".join(markdown_table(head, cells)), filled(held),
-        "\n".join(markdown_table(columns, problems)), filled(transition.told(data["transition"])),
+        filled(transition.told(data["transition"])),
     )  # fmt: skip
     return "\n\n".join(parts) + "\n"
 

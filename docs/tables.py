@@ -68,12 +68,11 @@ def numerics() -> str:
 
 def tuning() -> str:
     """The parts, with what their numbers decide."""
-    rows = []
+    lines = []
     for part in fields(Tuning):
-        numbers = type(getattr(Tuning(), part.name))
-        about = (numbers.__doc__ or "").partition(". ")[0].rstrip(".").replace("``", "`")
-        rows.append([f"`{part.name}`", about, str(len(fields(numbers)))])
-    return table(("part", "what it decides", "numbers"), rows)
+        about = type(getattr(Tuning(), part.name)).__doc__ or ""
+        lines.append(f"- `{part.name}`: {about.partition('. ')[0].rstrip('.').replace('``', '`')}")
+    return "\n".join(lines)
 
 
 def replaced(law: Mechanism) -> Mechanism | None:
@@ -88,17 +87,13 @@ def replaced(law: Mechanism) -> Mechanism | None:
 
 def mechanisms() -> str:
     parts: dict[str, list[str]] = {}
-    for law in registry().values():
+    for law in (law for law in registry().values() if law.role != "contact"):
         about, _, _ = (sys.modules[type(law).__module__].__doc__ or "").partition("\n\n")
         about = re.sub(r" \(paper[^)]*\)", "", " ".join(about.split())).replace("``", "`").rstrip(".,")
         name = f"**`{law.name}`**" if law.name in DEFAULT else f"`{law.name}`"
         other = replaced(law)
         own = [q for q in law.parameters if other is None or q not in other.parameters]
-        named = ", ".join(
-            (f"`{q.name}`" if q.off is None else f"**`{q.name}`**")
-            + ("" if q.unit == "1" else f" in {q.unit}")
-            for q in own
-        )
+        named = ", ".join(f"`{q.name}`" if q.off is None else f"**`{q.name}`**" for q in own)
         place, named = f" for `{other.name}`" if other else "", f" ({named})" if named else ""
         parts.setdefault(law.slot, []).append(f"- {name}{place}: {about}{named}")
     return "\n\n".join("\n".join([f"### {slot}", "", *lines]) for slot, lines in parts.items())
