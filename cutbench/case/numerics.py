@@ -77,8 +77,8 @@ class Numerics:
     stepping: str = _one_of("adaptive", "paper")
     """Steps by effort and damage growth, or the paper's rule: a tenth when damage jumps, else five times."""
     predictor: str = _one_of("front", "line")
-    """Whether the elements around the front are solved first, or Newton's method begins on a line through the
-    last two states."""
+    """Newton's method begins on a line through the last two states; with `front` the elements around the
+    front are solved first."""
     step_mm: float = _within(0.1, 1e-6, 5.0)
     """Largest step of blade travel."""
     step_min_mm: float = _within(1e-4, 1e-9, 1.0)
