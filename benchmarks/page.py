@@ -39,52 +39,37 @@ def filled(text: str) -> str:
 
 def told(data: dict[str, Any]) -> str:
     """What stands between the marks."""
-    older, cells = short(data["older"]), []
+    cells = []
     for r in data["runs"]:
-        now, then = r["here"], r["older"]
-        answers = [
-            ", ".join(
-                "–" if side[key] is None else f"{side[key]:.3g}" for key in ("onset_mm", "peak_N", "drop_rel")
-            )
-            for side in (now, then)
-        ]
+        now = r["here"]
         cells.append([
             r["run"], f"{now['unknowns']:,}", now["steps"],
             f"{now['factorization_calls']:,} + {now['window_factorization_calls']:,}",
-            f"{now['cpu_s']:.1f}", f"{100 * now['limit']:.0f} %", f"{then['cpu_s']:.1f}",
-            f"{then['cpu_s'] / now['cpu_s']:.1f}", *answers,
+            f"{now['cpu_s']:.1f}", f"{100 * now['limit']:.0f} %",
         ])  # fmt: skip
     head = (
         f"run to {data['depth_mm']:g} mm", "unknowns", "steps", "factorizations, whole + front", "CPU s",
-        "in factorization and solution", f"CPU s at `{older}`", "times", "onset mm, peak N, drop",
-        f"at `{older}`",
+        "in factorization and solution",
     )  # fmt: skip
     beside = data["peer"]
     iterations, ms = beside["taken_as_given"]["iterations"], beside["measured"]["ms_per_iteration"]
     problems = [
-        [
-            r["problem"],
-            f"{r['unknowns']:,}",
-            f"{r['factorization_calls']:,}",
-            f"{r['cpu_s']:.1f}",
-            f"{r['times']:.1f}",
-        ]
+        f"{r['cpu_s']:.1f} s here with the {r['problem']}, {r['times']:.1f} times as long there"
         for r in beside["problems"]
     ]
-    columns = ("problem", "unknowns", "factorizations", "CPU s", "times")
     made = (
-        f"Commit `{short(data['commit'])}`, `{data['command']}`, one thread a run, compiled code"
-        f" loaded before ({machine(data['machine'])}):"
+        f"Commit `{short(data['commit'])}`, one thread a run, compiled code loaded before"
+        f" ({machine(data['machine'])}):"
     )
     held = (
         f"The published model of gelatin to {beside['depth_mm']:g} mm beside"
         f" DOLFINx {beside['measured']['dolfinx']}: an iteration of a problem of its size takes {ms:.1f} ms"
         f" there (measured, by turns), and an independent implementation needed {iterations:,} of them (taken"
-        f" as given), {beside['peer_s']:.0f} s in all."
+        f" as given), {beside['peer_s']:.0f} s in all. A run takes {'; '.join(problems)}."
     )
     parts = (
         filled(made), "\n".join(markdown_table(head, cells)), filled(held),
-        "\n".join(markdown_table(columns, problems)), filled(transition.told(data["transition"])),
+        filled(transition.told(data["transition"])),
     )  # fmt: skip
     return "\n\n".join(parts) + "\n"
 

@@ -61,31 +61,18 @@ def numerics() -> str:
         elif about:
             zero = "0, or " if about["chosen"] else ""
             allowed = f"{zero}{digits(about['low'])} to {digits(about['high'])}{unit}"
-        solid = "" if solid == plane else solid
-        rows.append([f"`{short.get(f.name, f.name)}`", plane, solid, allowed, texts[f.name].rstrip(".")])
-    return table(("name", "default", "in three dimensions", "allowed", "what it does"), rows)
+        default = plane if solid == plane else f"{plane}; in blocks {solid}"
+        rows.append([f"`{short.get(f.name, f.name)}`", default, allowed, texts[f.name].rstrip(".")])
+    return table(("name", "default", "allowed", "what it does"), rows)
 
 
 def tuning() -> str:
-    """A heading and a table for each part."""
-    parts = []
+    """The parts, with what their numbers decide."""
+    lines = []
     for part in fields(Tuning):
-        numbers = getattr(Tuning(), part.name)
-        texts, about = field_texts(type(numbers)), " ".join((type(numbers).__doc__ or "").split())
-        solid = getattr(defaults(3).tuning, part.name)
-        rows = [
-            [f"`{n}`", " in blocks ".join(dict.fromkeys(value(getattr(of, n)) for of in (numbers, solid))),
-             texts[n].rstrip(".")]
-            for n in texts
-        ]  # fmt: skip
-        parts.append(
-            f"## {part.name}\n\n{about.replace('``', '`')}\n\n{table(('name', 'value', 'why'), rows)}"
-        )
-    return "\n\n".join(parts)
-
-
-def value(number: float | tuple[float, ...]) -> str:
-    return ", ".join(digits(one) for one in (number if isinstance(number, tuple) else (number,)))
+        about = type(getattr(Tuning(), part.name)).__doc__ or ""
+        lines.append(f"- `{part.name}`: {about.partition('. ')[0].rstrip('.').replace('``', '`')}")
+    return "\n".join(lines)
 
 
 def replaced(law: Mechanism) -> Mechanism | None:
@@ -99,18 +86,17 @@ def replaced(law: Mechanism) -> Mechanism | None:
 
 
 def mechanisms() -> str:
-    rows = []
-    for law in registry().values():
+    parts: dict[str, list[str]] = {}
+    for law in (law for law in registry().values() if law.role != "contact"):
         about, _, _ = (sys.modules[type(law).__module__].__doc__ or "").partition("\n\n")
         about = re.sub(r" \(paper[^)]*\)", "", " ".join(about.split())).replace("``", "`").rstrip(".,")
         name = f"**`{law.name}`**" if law.name in DEFAULT else f"`{law.name}`"
         other = replaced(law)
         own = [q for q in law.parameters if other is None or q not in other.parameters]
-        units = [f"`{q.name}`" + ("" if q.unit == "1" else f" in {q.unit}") for q in own]
-        off = [f"`{q.name}` = {q.off:g}" for q in own if q.off is not None]
-        place = f"`{other.name}`" if other else ""
-        rows.append([law.slot, name, place, about, ", ".join(units), ", ".join(off)])
-    return table(("slot", "name", "in place of", "what it is", "parameters", "off at"), rows)
+        named = ", ".join(f"`{q.name}`" if q.off is None else f"**`{q.name}`**" for q in own)
+        place, named = f" for `{other.name}`" if other else "", f" ({named})" if named else ""
+        parts.setdefault(law.slot, []).append(f"- {name}{place}: {about}{named}")
+    return "\n\n".join("\n".join([f"### {slot}", "", *lines]) for slot, lines in parts.items())
 
 
 TABLES: dict[str, Callable[[], str]] = {"numerics": numerics, "tuning": tuning, "mechanisms": mechanisms}

@@ -67,8 +67,7 @@ class Numerics:
     """A step begins with the contact pressure and shear foreseen from the last two, or with no pressure and
     the last shear."""
     augmentations: int = _within(0, 0, 50)
-    """Uzawa updates a step at the most, until pressures stand still; each costs a solution and lessens the
-    penetration."""
+    """Uzawa updates a step at the most, until pressures stand still."""
     facet_degree: int = _within(6, 1, 20)
     """Quadrature degree on faces."""
     bulk_degree: int = _within(0, 0, 10)
@@ -78,8 +77,8 @@ class Numerics:
     stepping: str = _one_of("adaptive", "paper")
     """Steps by effort and damage growth, or the paper's rule: a tenth when damage jumps, else five times."""
     predictor: str = _one_of("front", "line")
-    """Where Newton's method begins: on a line through the last two states, with the elements around the front
-    solved first; or on the line itself."""
+    """Newton's method begins on a line through the last two states; with `front` the elements around the
+    front are solved first."""
     step_mm: float = _within(0.1, 1e-6, 5.0)
     """Largest step of blade travel."""
     step_min_mm: float = _within(1e-4, 1e-9, 1.0)
@@ -97,9 +96,9 @@ class Numerics:
     symmetry: str = _one_of("auto", "quarter", "half", "full")
     """Part of the block that is meshed; auto: the smallest that will do."""
     solver: str = _one_of("auto", "superlu", "pardiso", "kept", "multigrid")
-    """Linear solver; auto: PARDISO where installed, else SuperLU; of blocks: [solid](../how-to/solid.md)."""
+    """[Linear solver](../how-to/solid.md#cost); auto: PARDISO where installed, else SuperLU."""
     mesh: str | None = None
-    """A mesh file; see [solid](../how-to/solid.md)."""
+    """[A mesh file](../how-to/mesh.md)."""
     tuning: Tuning = field(default_factory=Tuning)
     """The numbers that nobody sets."""
 

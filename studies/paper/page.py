@@ -2,8 +2,8 @@
 
 ``python -m studies.paper.page DIR PAGE`` writes it, from the project's folder.
 
-Between the page's two marks stand the tables of DIR's claims.json, without links to runs that a reader has
-not; claims.json and the pictures are copied into docs/figures.
+Between the page's two marks stand the verdicts of DIR's claims.json, without runs that a reader has not and
+the numbers of each change; claims.json, which has them all, and the pictures are copied into docs/figures.
 """
 
 from __future__ import annotations
@@ -16,15 +16,31 @@ from pathlib import Path
 
 from cutbench.base.errors import BadInput
 from cutbench.base.files import replacing
-from studies.paper.report import markdown
+from studies.paper.judgement import CHOICE, REPRODUCED, SOLID
+from studies.paper.report import claims, summary, tips
 
 BEGIN, END = "<!-- claims: begin -->", "<!-- claims: end -->"
 PICTURES = ("published-curves.png", "published-changes.png", "published-tips.png")
 
 
 def tables(record: dict) -> str:
-    """The tables of claims.json as a page shows them: links to runs are their names."""
-    return re.sub(r"\[([^\]]*)\]\(runs/.*?\)", r"\1", markdown(record))
+    """What a page shows of claims.json: verdicts with what decides them, and how the tip was chosen."""
+    told = [
+        {**claim, "rows": [{**row, "reason": in_short(row)} for row in claim["rows"]]}
+        for claim in record["claims"]
+    ]
+    lines = [summary(record), "", *claims({**record, "claims": told}), "", *tips(record)]
+    link = r"\[[^\]]*\]\(runs/[^)]*\)"
+    return re.sub(rf" \({link}\)|(?:; |, ){link}|, holds in \d+ of \d+", "", "\n".join(lines))
+
+
+def in_short(row: dict) -> str:
+    """Which changes decide where the paper's numerics fail, without what came out under each."""
+    if row["verdict"] in (REPRODUCED, CHOICE) or row["reason"] == SOLID:
+        return ""
+    reason = re.sub(r"^(no single change [^:]*): .*", r"\1", row["reason"])
+    number = r" \(-?[\d.]+(?:e-?\d+)?(?: [^\s()]+)?\)"
+    return re.sub(number, "", re.sub(f"{number}, ", " / ", reason))
 
 
 def put(found: str | Path, page: str | Path) -> None:

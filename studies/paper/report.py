@@ -81,15 +81,20 @@ def _run(result: Result, runner: Runner, folder: Path) -> dict[str, object]:
 
 
 def markdown(record: Mapping) -> str:
-    """The tables of a documentation page, from the content of claims.json."""
+    """claims.md, from the content of claims.json."""
+    return "\n".join([summary(record), "", *claims(record), "", *_changes(record), "", *tips(record)])
+
+
+def summary(record: Mapping) -> str:
+    """How many statements have which verdict."""
     rows = [row["verdict"] for claim in record["claims"] for row in claim["rows"]]
     rows += [BEYOND for claim in record["claims"] if not claim["rows"]]
     counts = ", ".join(f"{rows.count(verdict)} {verdict}" for verdict in VERDICTS if verdict in rows)
-    summary = f"{len(rows)} statements: {counts}."
-    return "\n".join([summary, "", *_table(record), "", *_changes(record), "", *_tips(record)])
+    return f"{len(rows)} statements: {counts}."
 
 
-def _table(record: Mapping) -> list[str]:
+def claims(record: Mapping) -> list[str]:
+    """A line a statement: what the paper says, what runs say, the verdict and its reason."""
     lines = []
     for claim in record["claims"]:
         head = f"**{claim['id']}** {claim['text']}"
@@ -141,11 +146,12 @@ def _marked(one: Mapping) -> str:
     return f"**{one['text']}**" if one["holds"] else one["text"]
 
 
-def _tips(record: Mapping) -> list[str]:
-    tips = sorted({one["tip_mm"] for scan in record["tips"].values() for one in scan["tried"]})
+def tips(record: Mapping) -> list[str]:
+    """How the length of the tip was chosen."""
+    tried = sorted({one["tip_mm"] for scan in record["tips"].values() for one in scan["tried"]})
     lines = []
     for name, scan in record["tips"].items():
-        cells = dict.fromkeys(tips, "none")
+        cells = dict.fromkeys(tried, "none")
         for one in scan["tried"]:
             value = one["found_mm"]
             known = value is not None and math.isfinite(value)
@@ -153,5 +159,5 @@ def _tips(record: Mapping) -> list[str]:
             cells[one["tip_mm"]] = (f"{value:.2f} mm" if known else "none") + link
         published, taken = (f"{scan[key]:g} mm" for key in ("published_mm", "tip_mm"))
         lines.append([name, scan["measure"], published, *cells.values(), taken])
-    heads = [f"b = {tip:g} mm" for tip in tips]
+    heads = [f"b = {tip:g} mm" for tip in tried]
     return markdown_table(["material", "chosen for", "the paper", *heads, "taken"], lines)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import platform
 from collections.abc import Sequence
 from pathlib import Path
@@ -61,9 +62,30 @@ def texts(check: Check) -> list[str]:
     return [check.what, *numbers, error, tolerance, "passed" if check.passed else "FAILED"]
 
 
+def summary(done: Sequence[Verified]) -> list[str]:
+    """The list of a documentation page: a line a problem, with the check that comes nearest to its limit."""
+    return [_line(one) for one in done]
+
+
+def _line(one: Verified) -> str:
+    passed = f"{sum(check.passed for check in one.checks)} of {len(one.checks)}"
+    near = _nearest(one.checks) if one.failure is None and one.checks else f"**Failed:** {one.failure}"
+    return f"- **`{one.reference.name}`**: {one.reference.title} *{one.reference.source}.* {passed}; {near}"
+
+
+def _nearest(checks: Sequence[Check]) -> str:
+    def part(check: Check) -> float:
+        return abs(check.error) / check.tolerance if math.isfinite(check.error) else math.inf
+
+    nearest = max(checks, key=part)
+    what, _, _, error, tolerance, _ = texts(nearest)
+    what += f" ({nearest.source})" if nearest.source else ""
+    return f"{what}: {error} of {tolerance}"
+
+
 def markdown(done: Sequence[Verified]) -> str:
-    """The tables of a documentation page."""
-    lines = []
+    """A line a problem, then every check."""
+    lines = [*summary(done), ""]
     for one in done:
         heading = f"{one.reference.title} *Reference:* {one.reference.source}."
         lines += [f"### {one.reference.name}", "", heading]
