@@ -1,6 +1,6 @@
 """What is published of three experiments, beside the published model and the recalibrated one.
 
-    python -m studies.published.picture DIR docs/figures/published-recalibrated.png
+    python -m studies.paper.recalibrated_picture DIR docs/figures/published-recalibrated.png
 
 Numbers of the experiments are bands and lines; both curves are computed. DIR keeps the six runs.
 """
@@ -21,7 +21,7 @@ from cutbench.run.result import Result
 from cutbench.run.runner import run_case
 from cutbench.run.store.runs import Store
 
-HERE = Path(__file__).parent
+HERE = Path(__file__).parents[1] / "published"
 #: By material, how the source describes its transition.
 SAID = {"gelatin": "a sharp fall", "elastomer": "smooth", "meat": "a plateau, no fall"}
 

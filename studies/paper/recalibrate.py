@@ -1,10 +1,10 @@
 """Which reading of the blade, with which toughness and viscous time, gives all that is published?
 
-    python -m studies.published --out DIR
+    python -m studies.paper.recalibrate --out DIR
 
-The three campaigns of this folder are fitted once for each blade of ``BLADES``, with all else equal. Runs and
-fits are kept in DIR: the same command goes on. ``published.json`` has of each fit the evidence, the values,
-and each measure as it was measured and as it is computed.
+The three campaigns of studies/published are fitted once for each blade of ``BLADES``, with all else equal.
+Runs and fits are kept in DIR: the same command goes on. ``recalibrate.json`` has of each fit the evidence,
+the values, and each measure as it was measured and as it is computed.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from cutbench.cli.progress import bar
 from cutbench.cli.show import show, table
 from cutbench.data.campaign import Campaign, load_campaign
 
-HERE = Path(__file__).parent
+HERE = Path(__file__).parents[1] / "published"
 MATERIALS = ("gelatin", "elastomer", "meat")
 
 
@@ -68,13 +68,13 @@ def told(found: Fit, blade: Blade) -> dict:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m studies.published", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m studies.paper.recalibrate", description=__doc__)
     parser.add_argument("--out", metavar="DIR", required=True, type=Path)
     parser.add_argument("--only", metavar="MATERIAL", choices=MATERIALS, action="append")
     parser.add_argument("--blade", metavar="N", type=int, action="append", help="the N-th blade, from 0")
     parser.add_argument("--workers", metavar="N", type=int)
     asked = parser.parse_args()
-    file = asked.out / "published.json"
+    file = asked.out / "recalibrate.json"
     kept = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
     try:
         for number in asked.blade if asked.blade is not None else range(len(BLADES)):
@@ -95,7 +95,7 @@ def main() -> int:
                 kept[key] = how | told(found, blade)
                 write_json(kept, file)
     except CutbenchError as error:
-        print(f"studies.published: {error}", file=sys.stderr)
+        print(f"studies.paper.recalibrate: {error}", file=sys.stderr)
         return getattr(error, "exit_code", 1)
     rows = [
         (key, "–" if row["log_evidence"] is None else f"{row['log_evidence']:.1f}", f"{row['chi2']:.1f}")
