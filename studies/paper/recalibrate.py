@@ -19,7 +19,7 @@ from pathlib import Path
 
 from benchmarks.tools import here
 from cutbench.base.errors import CutbenchError
-from cutbench.base.files import write_json
+from cutbench.base.files import markdown_table, write_json, write_text
 from cutbench.calibration.fitting import Fit, fit
 from cutbench.calibration.report import to_dict
 from cutbench.cli.progress import bar
@@ -28,6 +28,7 @@ from cutbench.data.campaign import Campaign, load_campaign
 
 HERE = Path(__file__).parents[1] / "published"
 MATERIALS = ("gelatin", "elastomer", "meat")
+HEAD = ("material", "blade", "most probable", "computed (standard deviations off)", "log evidence")
 
 
 @dataclass(frozen=True)
@@ -67,12 +68,27 @@ def told(found: Fit, blade: Blade) -> dict:
     return {"blade": blade.name, "log_evidence": evidence, "runs": found.runs, **kept, "tests": tests}
 
 
+def cells(row: Mapping) -> tuple[str, ...]:
+    """A row of the table: the values found, and what each fitted measure then is."""
+    units = {name: "" if q["unit"] == "1" else f" {q['unit']}" for name, q in row["parameters"].items()}
+    found = [f"{n} = {q['value']:.3g}{units[n]}" for n, q in row["parameters"].items()]
+    said = []
+    for m in row["tests"]["block"]:
+        value = "none" if m["computed"] is None else f"{m['computed']:.3g}"
+        unit = "" if m["unit"] == "1" else f" {m['unit']}"
+        said.append(f"{m['measure']} {value}{unit} ({m['standard_deviations_off']:+.1f})")
+    return row["material"], row["blade"], ", ".join(found), ", ".join(said), f"{row['log_evidence']:.1f}"
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m studies.paper.recalibrate", description=__doc__)
     parser.add_argument("--out", metavar="DIR", required=True, type=Path)
     parser.add_argument("--only", metavar="MATERIAL", choices=MATERIALS, action="append")
     parser.add_argument("--blade", metavar="N", type=int, action="append", help="the N-th blade, from 0")
     parser.add_argument("--workers", metavar="N", type=int)
+    parser.add_argument(
+        "--page", metavar="FILE", type=Path, help="a page that has the table between its marks"
+    )
     asked = parser.parse_args()
     file = asked.out / "recalibrate.json"
     kept = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
@@ -97,11 +113,14 @@ def main() -> int:
     except CutbenchError as error:
         print(f"studies.paper.recalibrate: {error}", file=sys.stderr)
         return getattr(error, "exit_code", 1)
-    rows = [
-        (key, "–" if row["log_evidence"] is None else f"{row['log_evidence']:.1f}", f"{row['chi2']:.1f}")
-        for key, row in kept.items()
-    ]
-    show(table(("material, blade", "log evidence", "misfit (chi²)"), rows))
+    rows = [cells(row) for row in sorted(kept.values(), key=lambda row: MATERIALS.index(row["material"]))]
+    show(table(HEAD, rows))
+    if asked.page is not None:
+        begin, end = "<!-- recalibrate: begin -->", "<!-- recalibrate: end -->"
+        before, _, rest = asked.page.read_text("utf-8").partition(begin)
+        after = rest.partition(end)[2]
+        lines = "\n".join(["", *markdown_table(HEAD, rows), ""])
+        write_text(f"{before}{begin}\n{lines}\n{end}{after}", asked.page)
     return 0
 
 
