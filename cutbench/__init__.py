@@ -20,7 +20,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "case.model": ["DEFAULT", "PAPER", "Model"],
         "case.numerics": ["Numerics"],
         "data.campaign": ["Campaign", "load_campaign"],
-        "data.examples": ["copy_examples"],
+        "data.example_files": ["copy_examples"],
         "discovery.search": ["Discovery", "discover"],
         "emulator.atlas": ["Estimate", "estimate"],
         "loading": ["load"],

@@ -23,7 +23,7 @@ OTHERWISE = {
     "calibration/report.py": {"contact"},
     "data/contact.py": {"contact"},
     "data/conversion.py": {"zero", "force_zero"},
-    "data/kinds.py": {"zero", "force_zero"},
+    "data/experiment_kinds.py": {"zero", "force_zero"},
     "maps/__init__.py": {"phase"},
     "maps/page.py": {"beta", "mu", "nu"},
     "solver/step_control.py": {"drift"},

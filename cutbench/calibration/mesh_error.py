@@ -17,8 +17,8 @@ from cutbench.case.case import Case
 from cutbench.data.covariance import Block, matern, scatter_covariance, sound
 from cutbench.data.experiment import Experiment
 from cutbench.data.fields import laid_out
-from cutbench.data.jags import jags, nearby
 from cutbench.data.repetition import Averaged
+from cutbench.data.sawtooth import jags, nearby
 
 #: Numerics of the finer computation, relative to those of the fit.
 FINER = {"h_mm": 0.7, "step_mm": 0.5, "penalty": 2.0, "stick": 2.0}

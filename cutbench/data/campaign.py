@@ -27,7 +27,7 @@ from cutbench.case.values import names, resolve
 from cutbench.data import plausible
 from cutbench.data.contact import bounds_by
 from cutbench.data.experiment import SLOTS, Experiment
-from cutbench.data.recorded import placed, read_experiment
+from cutbench.data.read_experiment import placed, read_experiment
 from cutbench.data.repetition import unrepeated
 from cutbench.mechanisms import Volumetric, registry
 
@@ -69,7 +69,7 @@ class Campaign(Handled):
     material (see ``cutbench.data.plausible``).
     """
 
-    handled_in: ClassVar[str] = "cutbench.data.handled"
+    handled_in: ClassVar[str] = "cutbench.data.display"
 
     title: str
     base: Case

@@ -15,7 +15,7 @@ from cutbench.base.errors import BadInput
 from cutbench.base.units import parse_quantity
 from cutbench.data.contact import BEFORE, EARLY, Contact, contact_at, find_contact, late_contact
 from cutbench.data.experiment import HOMOGENEOUS, area_of
-from cutbench.data.jumps import check_steps
+from cutbench.data.outliers import check_steps
 from cutbench.data.repetition import JITTER, Repetition, first_return
 from cutbench.data.table import Table
 

@@ -9,7 +9,7 @@ what else differs between them, smooth along the curve; e_r is the noise of sing
   variance of the noise; a smooth curve adds next to nothing to it (Gasser, Sroka & Jennen-Steinmetz
   1986, 10.1093/biomet/73.3.625). Its size is 1.4826 times the median of the absolute value, which
   jumps of the curve do not move; half from all readings, half from a window along the curve. What the force
-  of a cut saws by in wider teeth comes on top (``cutbench.data.jags``).
+  of a cut saws by in wider teeth comes on top (``cutbench.data.sawtooth``).
 - Factor. Its variance is pooled over all tests of a kind: by the few repetitions of one test it would look
   far better known than it is. It is drawn towards what is usual of soft solids, worth a few specimens. It
   stands on a computed curve, not on the measured one: in proportion to the measured one, a curve that misses

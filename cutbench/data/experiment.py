@@ -19,7 +19,6 @@ import numpy as np
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import among, written
 from cutbench.data.covariance import roughness, scatter_covariance
-from cutbench.data.jags import teeth
 from cutbench.data.repetition import (
     Averaged,
     Repetition,
@@ -29,6 +28,7 @@ from cutbench.data.repetition import (
     order,
     turning_points,
 )
+from cutbench.data.sawtooth import teeth
 
 if TYPE_CHECKING:
     from cutbench.data.fields import Field

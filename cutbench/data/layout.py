@@ -15,8 +15,8 @@ from pathlib import Path
 from cutbench.base.errors import BadInput
 from cutbench.base.spelling import size_of
 from cutbench.base.toml import nearest
-from cutbench.data.cells import is_empty, is_missing, is_value, lines_of, split, uncommented, wrong
-from cutbench.data.titles import UNITS, bracketed, parted
+from cutbench.data.column_titles import UNITS, bracketed, parted
+from cutbench.data.text_cells import is_empty, is_missing, is_value, lines_of, split, uncommented, wrong
 
 LABEL = "repetition"
 #: One column: its name in the header, or its number from 1.

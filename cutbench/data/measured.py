@@ -21,7 +21,7 @@ from cutbench.base.toml import among, in_short
 from cutbench.base.units import parse_quantity
 from cutbench.data.experiment import Experiment
 from cutbench.data.repetition import Averaged, Repetition
-from cutbench.data.sizes import part_of
+from cutbench.data.specimen_sizes import part_of
 from cutbench.data.table import read_table
 from cutbench.run.read_off import READ_OFF
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from cutbench.base.errors import BadInput
-from cutbench.data.cells import is_empty, split, wrong
 from cutbench.data.layout import LABEL, Layout, units_row
+from cutbench.data.text_cells import is_empty, split, wrong
 
 #: Separators that no number has in it, so that cells beyond the header harm nothing.
 _SAFE = (";", "\t", "|")

@@ -17,11 +17,11 @@ import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.spelling import meant_unit, size_of
-from cutbench.data.cells import is_missing, lines_of, number_in, wrong
-from cutbench.data.clock import is_clock, seconds
+from cutbench.data.clock_times import is_clock, seconds
+from cutbench.data.column_titles import UNITS, bracketed, parted
 from cutbench.data.layout import LABEL, Column, Layout, find_layout
 from cutbench.data.rows import Row, decimal_comma, rows_of
-from cutbench.data.titles import UNITS, bracketed, parted
+from cutbench.data.text_cells import is_missing, lines_of, number_in, wrong
 
 
 @dataclass(frozen=True)

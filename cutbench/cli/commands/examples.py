@@ -17,7 +17,7 @@ def examples(
     ),
 ) -> None:
     """Copy the example studies, campaigns, readings and all, and notebooks into a folder."""
-    from cutbench.data.examples import copy_examples
+    from cutbench.data.example_files import copy_examples
 
     folder = copy_examples(out)
     for path in sorted([*folder.rglob("*.toml"), *folder.rglob("*.ipynb")]):

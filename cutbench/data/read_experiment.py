@@ -15,18 +15,25 @@ import numpy as np
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import among, in_short, located, nearest, one_of, written
 from cutbench.base.units import parse_quantity
+from cutbench.data.blocks import BLOCKS, arranged, joined
+from cutbench.data.column_titles import UNITS
 from cutbench.data.contact import contact_notes
 from cutbench.data.conversion import TAKEN_OFF, repetitions_of, titles_of
 from cutbench.data.experiment import HOMOGENEOUS, ROLES, Experiment, area_of
 from cutbench.data.fields import read_fields_of
-from cutbench.data.kinds import ABSCISSA, ORDINATE, SIZES, kind_of
 from cutbench.data.layout import LABEL
 from cutbench.data.measured import MeasuredCut, read_measured
-from cutbench.data.parts import BLOCKS, arranged, joined
 from cutbench.data.plausible import travel_fits
-from cutbench.data.sizes import by_repetition, need_sizes, own_sizes, part_of, size_notes, written_sizes
+from cutbench.data.specimen_sizes import (
+    by_repetition,
+    need_sizes,
+    own_sizes,
+    part_of,
+    size_notes,
+    written_sizes,
+)
 from cutbench.data.table import Table, read_table
-from cutbench.data.titles import UNITS
+from cutbench.data.experiment_kinds import ABSCISSA, ORDINATE, SIZES, kind_of
 
 #: Other names under which a column may be given.
 _ALIASES = {"opening": "displacement", "slip": "displacement", "traction": "stress"}

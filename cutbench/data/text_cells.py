@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 from cutbench.base.errors import BadInput
-from cutbench.data.clock import is_clock
+from cutbench.data.clock_times import is_clock
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _COMMA_NUMBER = re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?")
