@@ -19,7 +19,7 @@ from cutbench.calibration.parameters import free_parameters
 from cutbench.calibration.posterior import Posterior
 from cutbench.calibration.prediction import NotKnown, Predictions
 from cutbench.data.campaign import FitPlan, load_campaign
-from cutbench.data.discrepancy import misfit
+from cutbench.data.discrepancy import relative_discrepancy
 from cutbench.run.pool.pool import TaskPool
 
 
@@ -182,7 +182,10 @@ def test_the_maximum_is_one():
 def test_a_wrong_model_has_a_discrepancy_and_less_evidence():
     """The same specimens and noise, with strain stiffening in one."""
     right, wrong = (fitted(campaign(effect, "bulk"))[0].estimated for effect in ("", "gent"))
-    sizes = [max(misfit(each.w, id, r) for id, r in each.at.residual.items()) for each in (right, wrong)]
+    sizes = [
+        max(relative_discrepancy(each.w, id, r) for id, r in each.at.residual.items())
+        for each in (right, wrong)
+    ]
     assert sizes[0] < 0.01 and sizes[1] > 4 * sizes[0]
     assert wrong.log_evidence < right.log_evidence - 10
 

@@ -32,11 +32,11 @@ from cutbench.calibration.posterior import Estimated, Posterior
 from cutbench.calibration.prediction import Predictions
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
-from cutbench.data.discrepancy import discrepancy_mean, independent
+from cutbench.data.discrepancy import degrees_of_freedom, discrepancy_mean
 from cutbench.data.experiment import Experiment
 from cutbench.data.fields import laid_out
 from cutbench.data.measured import MeasuredCut
-from cutbench.data.repetition import unrepeated
+from cutbench.data.repetition import note_on_single_repetition
 from cutbench.run.measures import TRANSITION
 from cutbench.run.pool.pool import TaskPool, cores
 
@@ -386,7 +386,11 @@ class Fitting:
         case = posterior.case(np.zeros(len(posterior.parameters)) if self.best is None else self.best.q)
         compared = _compared(posterior, self.best, notes, done)
         notes += _at_bounds(posterior, found, compared)
-        notes += [unrepeated(id) for id, grid in posterior.predictions.grids.items() if grid.estimated]
+        notes += [
+            note_on_single_repetition(id)
+            for id, grid in posterior.predictions.grids.items()
+            if grid.estimated
+        ]
         profiles: list[Profile] = []
         for label in profile if done else ():
             if self.best is None or label in self.fixed:
@@ -450,7 +454,7 @@ def _degrees_of_freedom(best: Estimated) -> np.ndarray:
         by_factor[w.kinds[id]] += block.share(mine, block.by_factor)
         parts.append((block.share(mine, block.other), block.dof))
         if np.any(block.discrepancy):
-            parts.append((block.share(mine, block.discrepancy), independent(block)))
+            parts.append((block.share(mine, block.discrepancy), degrees_of_freedom(block)))
     parts += [(by_factor[kind], pooled.dof) for kind, pooled in factors.items()]
     uncertain = np.zeros(rest.size)
     for part, dof in parts:

@@ -14,11 +14,11 @@ from __future__ import annotations
 import numpy as np
 
 from cutbench.case.case import Case
-from cutbench.data.covariance import Block, matern, scatter_covariance, sound
+from cutbench.data.covariance import Block, matern, positive_definite, scatter_covariance
 from cutbench.data.experiment import Experiment
 from cutbench.data.fields import laid_out
 from cutbench.data.repetition import Averaged
-from cutbench.data.sawtooth import jags, nearby
+from cutbench.data.sawtooth import local_mean, roughness_variance
 
 #: Numerics of the finer computation, relative to those of the fit.
 FINER = {"h_mm": 0.7, "step_mm": 0.5, "penalty": 2.0, "stick": 2.0}
@@ -49,7 +49,7 @@ def field_block(e: Experiment, computed: np.ndarray, fine: np.ndarray | None = N
     size = np.where(known, computed, 0.0)
     total = FIELD_FACTOR**2 * np.outer(size, size) + np.outer(change, change)
     # Next to the cut one step more or less moves much; nobody can use such a place.
-    return Block(sound(total + np.diag(change**2 + e.field_noise_mm**2)), known=known)
+    return Block(positive_definite(total + np.diag(change**2 + e.field_noise_mm**2)), known=known)
 
 
 def finer(case: Case) -> Case:
@@ -80,9 +80,9 @@ def measured_error(grid: Averaged, y: np.ndarray, fine: np.ndarray) -> np.ndarra
     e, spacing = fine - y, np.ptp(x) / (x.size - 1)
     gentle = smooth(x, e)
     missing = scatter_covariance(x, np.stack([gentle, -gentle]) / np.sqrt(2), np.zeros((x.size, x.size)))
-    size = np.sqrt(2 * nearby(x, x, (e - gentle) ** 2))  # of both meshes, and of what neither resolves
+    size = np.sqrt(2 * local_mean(x, x, (e - gentle) ** 2))  # of both meshes, and of what neither resolves
     rough = size[:, None] * size * matern(np.abs(x[:, None] - x), JAG * spacing)
-    return UNSURE**2 * missing + rough + np.diag(jags(x, e) + jags(x, y))
+    return UNSURE**2 * missing + rough + np.diag(roughness_variance(x, e) + roughness_variance(x, y))
 
 
 def correction(grid: Averaged, y: np.ndarray, fine: np.ndarray) -> np.ndarray:

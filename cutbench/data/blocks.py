@@ -16,12 +16,12 @@ CYCLE, SPECIMEN = "cycles", "specimens"
 #: What blocks below each other may be.
 BLOCKS = (CYCLE, SPECIMEN)
 #: A part that begins within so many steps of where the one before began has a clock of its own.
-_STEPS = 2.0
+_RESTART_STEPS = 2.0
 #: Travel between files that follow one another, as a part of the way, which is spoken of.
-_APART = 0.05
+_NOTED_GAP = 0.05
 
 
-def arranged(table: Table, blocks: str | None = None) -> Table:
+def with_blocks_read(table: Table, blocks: str | None = None) -> Table:
     """A file with blocks below each other as cycles of one specimen or as specimens: as ``blocks`` says, else
     what stands above them, else the time, which goes on over cycles and begins anew with each specimen.
 
@@ -44,7 +44,7 @@ def arranged(table: Table, blocks: str | None = None) -> Table:
     return replace(table, labels=tuple(own), titles=("",), notes=(*table.notes, note))
 
 
-def joined(tables: Sequence[Table]) -> Table:
+def joined_files(tables: Sequence[Table]) -> Table:
     """Files that follow one another as one. Raises BadInput if only one has labels, or a clock."""
     first = tables[0]
     for other in tables[1:]:
@@ -67,7 +67,7 @@ def joined(tables: Sequence[Table]) -> Table:
     for a, b in pairwise(tables):
         if "displacement" in first.columns:
             x, begins = a.columns["displacement"], b.columns["displacement"][0]
-            if abs(begins - x[-1]) > _APART * np.ptp(x):
+            if abs(begins - x[-1]) > _NOTED_GAP * np.ptp(x):
                 gap = f"{abs(begins - x[-1]):.4g} mm"
                 apart.append(f"{b.path.name} begins {gap} from where {a.path.name} ends")
     return _continued(replace(whole, notes=(*whole.notes, *apart)))
@@ -114,7 +114,7 @@ def _continued(table: Table) -> Table:
                 step = float(np.median(np.diff(recorded[part]))) if part.size > 1 else 1.0
                 if begins > ended:
                     how = "goes on by the clock of"
-                elif begins < began + _STEPS * step:
+                elif begins < began + _RESTART_STEPS * step:
                     shift += float(ended + step - begins)
                     how = f"has a clock of its own, and follows {step:.4g} s after"
                 else:

@@ -16,15 +16,15 @@ from scipy.ndimage import median_filter
 from cutbench.base.errors import BadInput
 
 #: A step of so many times those before it, and those around it, is looked at.
-TENS = 15.0
+OUTLIER_STEPS = 15.0
 #: Readings that say how fast it goes, and that may lie off before the rest is back.
 BEFORE, OFF = 5, 3
 #: Of readings that go one way, the steps sum up to this part of their sizes' sum.
-ONE_WAY = 0.7
+MONOTONE_FRACTION = 0.7
 #: Steps by which a reading may miss where it should be.
-NEAR = 3.0
+RETURN_STEPS = 3.0
 #: By which a decimal point is lost, or a sign between thousands is taken for one.
-POWERS = np.array([10.0, 100.0, 1e3, 1e4, 1e-1, 1e-2, 1e-3])
+POWERS_OF_TEN = np.array([10.0, 100.0, 1e3, 1e4, 1e-1, 1e-2, 1e-3])
 
 
 def check_steps(read: Mapping[str, np.ndarray], files: Sequence[str], lines: np.ndarray) -> None:
@@ -51,18 +51,30 @@ def _jumps(x: np.ndarray, time: np.ndarray | None) -> Iterator[tuple[int, float,
         # Where readings are farther apart in time, they are in travel too.
         steps = np.minimum(steps, steps * np.median(np.diff(time)) / np.diff(time))
     usual = median_filter(steps, 2 * BEFORE + 1, mode="mirror")
-    wide = (steps > TENS * usual) & (usual > 0)
+    wide = (steps > OUTLIER_STEPS * usual) & (usual > 0)
     for way in (1, -1):
         z, size = x[::way], steps[::way]
         for j in map(int, np.flatnonzero(wide[::way])):
             before = np.diff(z[max(j - BEFORE, 0) : j + 1])
             step = float(before.mean()) if before.size > 1 else 0.0
-            if abs(before.sum()) < ONE_WAY * np.abs(before).sum() or size[j] <= TENS * abs(step) or step == 0:
+            if (
+                abs(before.sum()) < MONOTONE_FRACTION * np.abs(before).sum()
+                or size[j] <= OUTLIER_STEPS * abs(step)
+                or step == 0
+            ):
                 continue
-            goes, near, later = z[j] + step, NEAR * abs(step), z[j + 2 : j + 2 + OFF]
+            goes, near, later = z[j] + step, RETURN_STEPS * abs(step), z[j + 2 : j + 2 + OFF]
             back = np.abs(later - z[j]) < near * np.arange(2, 2 + later.size)
-            pace = abs(z[j + 2] - z[j + 1]) / abs(step) / POWERS if later.size else np.ones(POWERS.size)
-            shifted = (np.abs(z[j + 1] / POWERS - goes) < near) & (pace < NEAR) & (pace > 1 / NEAR)
-            shifted &= (abs(goes) > NEAR * near) & (way > 0)
+            pace = (
+                abs(z[j + 2] - z[j + 1]) / abs(step) / POWERS_OF_TEN
+                if later.size
+                else np.ones(POWERS_OF_TEN.size)
+            )
+            shifted = (
+                (np.abs(z[j + 1] / POWERS_OF_TEN - goes) < near)
+                & (pace < RETURN_STEPS)
+                & (pace > 1 / RETURN_STEPS)
+            )
+            shifted &= (abs(goes) > RETURN_STEPS * near) & (way > 0)
             if shifted.any() or back.any():
                 yield j + 1 if way > 0 else x.size - 2 - j, size[j] / abs(step), goes

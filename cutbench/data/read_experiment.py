@@ -15,39 +15,39 @@ import numpy as np
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import among, in_short, located, nearest, one_of, written
 from cutbench.base.units import parse_quantity
-from cutbench.data.blocks import BLOCKS, arranged, joined
+from cutbench.data.blocks import BLOCKS, joined_files, with_blocks_read
 from cutbench.data.column_titles import UNITS
 from cutbench.data.contact import contact_notes
 from cutbench.data.conversion import TAKEN_OFF, repetitions_of, titles_of
 from cutbench.data.experiment import HOMOGENEOUS, ROLES, Experiment, area_of
+from cutbench.data.experiment_kinds import ABSCISSA, ORDINATE, SIZES, kind_of
 from cutbench.data.fields import read_fields_of
 from cutbench.data.layout import LABEL
 from cutbench.data.measured import MeasuredCut, read_measured
 from cutbench.data.plausible import travel_fits
 from cutbench.data.specimen_sizes import (
     by_repetition,
-    need_sizes,
-    own_sizes,
-    part_of,
+    require_sizes,
+    section_of,
     size_notes,
+    sizes_by_repetition,
     written_sizes,
 )
 from cutbench.data.table import Table, read_table
-from cutbench.data.experiment_kinds import ABSCISSA, ORDINATE, SIZES, kind_of
 
 #: Other names under which a column may be given.
 _ALIASES = {"opening": "displacement", "slip": "displacement", "traction": "stress"}
 #: What a cut has of which measures are known.
-_OF_MEASURES = (
+_KEYS_OF_MEASURES = (
     "id", "kind", "role", "source", "measures", "depth", "data", "columns", "units", "specimen", "blade",
     "speed",
 )  # fmt: skip
 #: Files of a folder that a message names.
-_THERE = 12
+_MAX_FILES_SHOWN = 12
 
 
 @contextmanager
-def placed(file: Path, text: str, number: int) -> Iterator[None]:
+def errors_at_experiment(file: Path, text: str, number: int) -> Iterator[None]:
     """Errors inside without a file get this one and the line of their key in the ``number``-th experiment."""
     with located(file, text, find=lambda key: _line(text, key, number)):
         yield
@@ -89,7 +89,7 @@ def read_experiment(table: Mapping[str, object], folder: Path) -> Experiment:
     if "measures" in table:
         return _measured(table, folder, name, role, sizes)
     columns = _columns(table, kind)
-    need_sizes(kind, sizes, columns)
+    require_sizes(kind, sizes, columns)
     blade = _blade(table, kind)
     units, factors = _units(table, columns), _factors(table, columns)
     blocks = _choice(table, "blocks", BLOCKS) if "blocks" in table else None
@@ -100,17 +100,19 @@ def read_experiment(table: Mapping[str, object], folder: Path) -> Experiment:
         raise BadInput(key="skip", value=str(skip)[:60], expected=expected)
     tables = [
         (
-            joined([arranged(read_table(p, columns, units, wide=True, skip=skip), blocks) for p in paths]),
+            joined_files(
+                [with_blocks_read(read_table(p, columns, units, wide=True, skip=skip), blocks) for p in paths]
+            ),
             label,
         )
         for paths, label in _files(table, folder)
     ]
-    _beside([read for read, _ in tables])
+    _refuse_consecutive_files([read for read, _ in tables])
     titles = [title for read, label in tables for title in titles_of(read, label).values()]
     for label, count in Counter(titles).items():
         if count > 1:
             raise BadInput(key=LABEL, value=label, expected="each repetition in one file only")
-    own, specimen = own_sizes(sizes, titles)
+    own, specimen = sizes_by_repetition(sizes, titles)
     speed = _speed(table, kind, specimen)
     pressure = _pressure(table, columns, specimen) if kind == "sliding" else 0.0
     zeros = {key: by_repetition(key, table[key], titles) for key in TAKEN_OFF if key in table}
@@ -142,17 +144,17 @@ def read_experiment(table: Mapping[str, object], folder: Path) -> Experiment:
     )  # fmt: skip
     if kind == "cut":
         travel_fits(made)
-    _same_speed(made)
+    _check_speed(made)
     return made
 
 
 def _measured(table: Mapping, folder: Path, name: str, role: str, sizes: Mapping) -> MeasuredCut:
     """A cut of which no curve is known."""
     for key in table:
-        if key not in _OF_MEASURES:
+        if key not in _KEYS_OF_MEASURES:
             expected = "it beside a curve, not beside measures"
             raise BadInput(key=key, value=in_short(table[key]), expected=expected)
-    need_sizes("cut", sizes, {})
+    require_sizes("cut", sizes, {})
     measures, depth_mm, notes = read_measured(table, folder)
     speed = _speed(table, "cut", {})
     if speed is None:
@@ -183,7 +185,7 @@ def _columns(table: Mapping, kind: str) -> dict[str, str | int | list[str | int]
     """Column by role, or one for each specimen; without ``columns`` they are looked for by their roles."""
     optional = ("time", LABEL) + (("pressure", "normal_force") if kind == "sliding" else ())
     known = (*ABSCISSA[kind], *ORDINATE[kind], *optional)
-    given = part_of(table, "columns")
+    given = section_of(table, "columns")
     found: dict[str, str | int | list[str | int]] = {}
     for key, name in given.items():
         role = _ALIASES.get(key, key) if kind not in ("cut", *HOMOGENEOUS) else key
@@ -239,7 +241,7 @@ def _speed(table: Mapping, kind: str, specimen: Mapping[str, float]) -> float | 
 def _by_role(table: Mapping, section: str, columns: Mapping) -> Iterator[tuple[str, str, object]]:
     """Full key, role of the column and what is written, for each entry of ``section``. Raises BadInput."""
     known = [name for name in columns if name != LABEL]
-    for key, raw in part_of(table, section).items():
+    for key, raw in section_of(table, section).items():
         role = _ALIASES[key] if _ALIASES.get(key) in columns else key
         among(f"{section}.{key}", role, known, value=str(raw)[:60])
         yield f"{section}.{key}", role, raw
@@ -304,7 +306,7 @@ def _files(table: Mapping, folder: Path) -> list[tuple[list[Path], str | None]]:
     return [([folder / name for name in files], Path(files[0]).stem if several else None) for files in found]
 
 
-def _beside(tables: list[Table]) -> None:
+def _refuse_consecutive_files(tables: list[Table]) -> None:
     """Raise BadInput where a file begins at the travel at which the one before it ends: they follow one
     another, and are no specimens."""
     for role in ("displacement", "stretch", "strain"):
@@ -328,7 +330,7 @@ def _matching(name: str, folder: Path) -> list[str]:
     found = [file for file in glob(name, root_dir=folder) if (folder / file).is_file()]
     if not found:
         there = sorted(path.name for path in folder.iterdir() if path.is_file() and path.suffix != ".toml")
-        shown = ", ".join(there[:_THERE]) + (", …" if len(there) > _THERE else "")
+        shown = ", ".join(there[:_MAX_FILES_SHOWN]) + (", …" if len(there) > _MAX_FILES_SHOWN else "")
         guess = nearest(name, there)
         expected = (
             f"a file that exists in {folder}" + (f"; there are {shown}" if there else ", which has none")
@@ -337,7 +339,7 @@ def _matching(name: str, folder: Path) -> list[str]:
     return sorted(found, key=lambda file: [int(p) if p.isdigit() else p for p in re.split(r"(\d+)", file)])
 
 
-def _same_speed(e: Experiment) -> None:
+def _check_speed(e: Experiment) -> None:
     """The written speed against that of the time column: a factor of 60 is a minute taken for a second."""
     if e.speed is None or not e.timed:
         return

@@ -24,7 +24,7 @@ BUCKLES = 3.0
 def written_sizes(table: Mapping, key: str, known: Sequence[str], several: bool = False) -> dict[str, Size]:
     """The sizes of the section ``key`` in mm and mm², ``several`` by repetition too. Raises BadInput."""
     found: dict[str, Size] = {}
-    for name, raw in part_of(table, key).items():
+    for name, raw in section_of(table, key).items():
         among(f"{key}.{name}", name, known, value=str(raw)[:60])
         unit, full = "mm^2" if name == "area" else "mm", f"{key}.{name}"
         if isinstance(raw, dict) and several and raw:
@@ -51,7 +51,7 @@ def _size(raw: object, unit: str, key: str) -> float:
     return value
 
 
-def part_of(table: Mapping, key: str) -> dict:
+def section_of(table: Mapping, key: str) -> dict:
     """The section ``key`` of an experiment. Raises BadInput for what is none."""
     part = table.get(key, {})
     if not isinstance(part, dict):
@@ -59,7 +59,7 @@ def part_of(table: Mapping, key: str) -> dict:
     return part
 
 
-def need_sizes(kind: str, sizes: Iterable[str], columns: Mapping) -> None:
+def require_sizes(kind: str, sizes: Iterable[str], columns: Mapping) -> None:
     """Raise BadInput unless the ``sizes`` that a test of this kind needs are there."""
     there = dict.fromkeys(sizes, 1.0)
     if kind == "cut":
@@ -93,7 +93,9 @@ def by_repetition(key: str, raw: object, names: Sequence[str]) -> dict[str, obje
     return dict.fromkeys(names, raw)
 
 
-def own_sizes(sizes: Mapping[str, Size], names: Sequence[str]) -> tuple[dict[str, dict], dict[str, float]]:
+def sizes_by_repetition(
+    sizes: Mapping[str, Size], names: Sequence[str]
+) -> tuple[dict[str, dict], dict[str, float]]:
     """The sizes of each repetition, and their means."""
     spread = {key: by_repetition(f"specimen.{key}", raw, names) for key, raw in sizes.items()}
     own = {name: {key: values[name] for key, values in spread.items()} for name in names}

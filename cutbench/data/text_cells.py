@@ -18,7 +18,7 @@ _MISSING = re.compile(
 )
 
 
-def wrong(path: Path, line: int | None, key: str, value: str, expected: str) -> BadInput:
+def error_at_line(path: Path, line: int | None, key: str, value: str, expected: str) -> BadInput:
     return BadInput(file=str(path), line=line, key=key, value=value, expected=expected)
 
 
@@ -36,13 +36,13 @@ def lines_of(path: Path) -> list[str]:
     except UnicodeDecodeError:
         text = raw.decode("latin-1")
     if "\0" in text:
-        raise wrong(path, None, "data", "a binary file", "a text file: export the readings as CSV")
+        raise error_at_line(path, None, "data", "a binary file", "a text file: export the readings as CSV")
     if not text.strip():
-        raise wrong(path, None, "data", "an empty file", "a header and readings")
+        raise error_at_line(path, None, "data", "an empty file", "a header and readings")
     return re.split(r"\r\n|\n|\r", text)
 
 
-def split(line: str, separator: str | None) -> list[str]:
+def split_line(line: str, separator: str | None) -> list[str]:
     if separator is None:
         return line.split()
     reader = csv.reader([line], delimiter=separator, skipinitialspace=True)

@@ -24,7 +24,7 @@ from scipy.linalg import block_diag, cho_factor, cho_solve, cholesky
 from cutbench.base.errors import ComputationFailed
 from cutbench.calibration.identifiability import information_inverse
 from cutbench.calibration.posterior import Estimated
-from cutbench.data.covariance import Block, Factors, matern, sound
+from cutbench.data.covariance import Block, Factors, matern, positive_definite
 from cutbench.data.discrepancy import LENGTH, SIZES
 from cutbench.data.repetition import Averaged
 
@@ -148,8 +148,8 @@ def _known(grid: Averaged, before, after, J, rest, kind: str, size: float) -> Kn
 
 def drawn(evidence: Evidence, rng: np.random.Generator, draws: int = DRAWS) -> NoiseFreeGain:
     tests = evidence.tests
-    roots = [cholesky(sound(t.correlation), lower=True) * t.scale for t in tests]
-    rest = [cholesky(sound(t.rest), lower=True) for t in tests]
+    roots = [cholesky(positive_definite(t.correlation), lower=True) * t.scale for t in tests]
+    rest = [cholesky(positive_definite(t.rest), lower=True) for t in tests]
     J = np.vstack([t.J for t in tests])
     off = np.concatenate([t.mean - t.after for t in tests])
     apart = np.concatenate([(t.before - t.after) / t.size for t in tests])
@@ -167,7 +167,7 @@ def drawn(evidence: Evidence, rng: np.random.Generator, draws: int = DRAWS) -> N
         K = J @ root
         K = K @ K.T + block_diag(*((s * t.scale) ** 2 * t.correlation for s, t in zip(d, tests, strict=True)))
         V = block_diag(*(t.rest + t.by_factor(variance[t.kind]) for t in tests))
-        both = cho_factor(sound(K + V), lower=True)
+        both = cho_factor(positive_definite(K + V), lower=True)
         normal = rng.standard_normal
         f = J @ (root @ normal(root.shape[1]))
         f += np.concatenate([s * (L @ normal(len(L))) for s, L in zip(d, roots, strict=True)])
@@ -192,7 +192,7 @@ def _chances(t: Known, moved: np.ndarray, variance: float) -> np.ndarray:
     rest, off = t.rest + t.by_factor(variance) + moved @ moved.T, t.mean - t.after
     likely = np.log(BEFOREHAND)
     for i, s in enumerate(POSSIBLE):
-        L = cho_factor(sound(rest + (s * t.scale) ** 2 * t.correlation), lower=True)
+        L = cho_factor(positive_definite(rest + (s * t.scale) ** 2 * t.correlation), lower=True)
         likely[i] += -off @ cho_solve(L, off) / 2 - np.log(np.diag(L[0])).sum()
     chance = np.exp(likely - likely.max())
     return 0.9 * chance / chance.sum() + 0.1 * BEFOREHAND
@@ -214,7 +214,7 @@ def _root_of_fit(train: Sequence[Known], variance: dict[str, float]) -> np.ndarr
     """A root (k, k) of the covariance of the fitted parameters."""
     white = []
     for t in train:
-        L = cholesky(sound(t.rest + t.by_factor(variance[t.kind])), lower=True)
+        L = cholesky(positive_definite(t.rest + t.by_factor(variance[t.kind])), lower=True)
         white.append(np.linalg.solve(L, t.J))
     # Nothing is known to change by more than a factor of e or so.
     J = np.vstack([*white, np.eye(white[0].shape[1])])

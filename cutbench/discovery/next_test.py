@@ -15,7 +15,7 @@ from scipy.linalg import cholesky, solve_triangular
 
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.calibration.posterior import Estimated
-from cutbench.data.covariance import deviating
+from cutbench.data.covariance import smooth_deviation
 from cutbench.data.experiment import HOMOGENEOUS, Experiment
 from cutbench.discovery.candidates import duration
 from cutbench.homogeneous import LoadingHistory, predict, respond
@@ -153,7 +153,7 @@ def _judged(
         return Proposal(text or "", float(np.linalg.norm(b - a)), far)
     noise = float(np.median(grid.reading) / np.abs(grid.mean).max())
     count, top = max(grid.repetitions, 3), np.abs(a).max()
-    C = fitted.w.factors[e.kind].variance / count * np.outer(a, a) + deviating(x, a, 0.01) / count
+    C = fitted.w.factors[e.kind].variance / count * np.outer(a, a) + smooth_deviation(x, a, 0.01) / count
     C += np.diag(np.full(a.size, (max(noise, 1e-3) * top) ** 2 / count))
     away = solve_triangular(cholesky(C, lower=True), b - a, lower=True)
     return Proposal(text or "", float(np.linalg.norm(away)), float(np.abs(b - a).max() / top))

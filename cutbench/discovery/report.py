@@ -11,7 +11,7 @@ from cutbench.base.units import Parameter
 from cutbench.base.versions import versions
 from cutbench.calibration.posterior import Estimated
 from cutbench.calibration.settings import SETTINGS
-from cutbench.data.discrepancy import misfit
+from cutbench.data.discrepancy import relative_discrepancy
 from cutbench.discovery.candidates import cause_of, family_of
 from cutbench.discovery.comparison import Compared, Found, Step
 from cutbench.discovery.score import Score
@@ -92,7 +92,7 @@ def _nearest(d: Discovery) -> str:
 
 def misfits(fitted: Estimated) -> dict[str, float]:
     """What a model misses of each curve, as a part of its largest value (root mean square), by id."""
-    return {id: misfit(fitted.w, id, r) for id, r in fitted.at.residual.items()}
+    return {id: relative_discrepancy(fitted.w, id, r) for id, r in fitted.at.residual.items()}
 
 
 def meaning(name: str) -> str:
