@@ -25,7 +25,7 @@ from cutbench.base.notebook import watched
 from cutbench.base.progress import ALWAYS, OnProgress, Until, silent
 from cutbench.base.toml import one_of
 from cutbench.calibration.cut_runs import CutRuns
-from cutbench.calibration.estimation import choose, estimates
+from cutbench.calibration.estimation import drop_unidentifiable, successive_estimates
 from cutbench.calibration.identifiability import Identifiability, correlations, identifiability
 from cutbench.calibration.parameters import FreeParameter, free_parameters
 from cutbench.calibration.posterior import Estimated, Posterior
@@ -367,11 +367,13 @@ class Fitting:
         """Estimate until it is found, or stopped. Raises ComputationFailed."""
         parameters = self.posterior.parameters
         try:
-            some, fixed, white = choose(self.posterior, self.campaign.plan.own)
+            some, fixed, white = drop_unidentifiable(self.posterior, self.campaign.plan.own)
             self.before = identifiability(white, parameters)
             if self.campaign.plan.free is None:
                 self.posterior, self.fixed = some, fixed
-            for found in estimates(self.posterior, refine=self.refine, on_progress=self._on_progress):
+            for found in successive_estimates(
+                self.posterior, refine=self.refine, on_progress=self._on_progress
+            ):
                 self.best = found
             self.status = CONVERGED if self.best is not None and self.best.settled else STOPPED
         except KeyboardInterrupt:
@@ -557,7 +559,7 @@ def _profiled(best: Estimated, label: str, on_progress: OnProgress) -> Profile:
             q = float(np.clip(best.q[k] + side * way, low[k], high[k]))
             on_progress(math.nan, math.nan, f"profile of {label}")
             try:
-                risen = 2 * (best.log_posterior - _held(best, k, q))
+                risen = 2 * (best.log_posterior - _constrained_log_posterior(best, k, q))
             except ComputationFailed:
                 break
             points.append((q, risen))
@@ -571,7 +573,7 @@ def _profiled(best: Estimated, label: str, on_progress: OnProgress) -> Profile:
     return Profile(label, values, np.array([risen for _, risen in points]), ends[-1], ends[1])
 
 
-def _held(best: Estimated, k: int, q: float) -> float:
+def _constrained_log_posterior(best: Estimated, k: int, q: float) -> float:
     """The largest log posterior with one parameter held at ``q``."""
     start = best.q + best.covariance[:, k] / best.covariance[k, k] * (q - best.q[k])
-    return replace(best.posterior, held={k: q}).maximum(start).log_posterior
+    return replace(best.posterior, fixed_q={k: q}).maximum(start).log_posterior

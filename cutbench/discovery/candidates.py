@@ -17,7 +17,7 @@ import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.units import Parameter, powers_of, ureg
-from cutbench.calibration.parameters import visible
+from cutbench.calibration.parameters import parameters_felt_by
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
 from cutbench.data.experiment import SLOTS, Experiment
@@ -152,7 +152,7 @@ def _held(campaign: Campaign, base: Case, estimated: Collection[str]) -> list[Ca
     )
     for name in differentiable(base.model) if campaign.candidates else ():
         q = base.model.parameters()[name]
-        kinds = tuple(dict.fromkeys(e.kind for e in campaign.train if name in visible(e, base)))
+        kinds = tuple(dict.fromkeys(e.kind for e in campaign.train if name in parameters_felt_by(e, base)))
         if name in known or name in given or name not in own or name == "speed" or not kinds:
             continue
         held = replace(q, off=base.values[name] / q.factor)

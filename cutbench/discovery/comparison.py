@@ -18,7 +18,7 @@ import numpy as np
 
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.progress import OnProgress, silent
-from cutbench.calibration.estimation import estimate, first_look, places
+from cutbench.calibration.estimation import best_places, estimate, estimate_by_emulator
 from cutbench.calibration.parameters import FreeParameter
 from cutbench.calibration.posterior import Estimated, Posterior
 from cutbench.calibration.settings import SETTINGS
@@ -192,9 +192,9 @@ def comparisons(
         After each round; the last one is what was looked for.
     """
     null = baseline
-    if baseline.posterior.runs_wanted:
+    if baseline.posterior.tests_with_runs:
         # The mesh errs elsewhere in another model, whose cuts begin elsewhere; but as much.
-        post = replace(baseline.posterior, local=False, fields={})
+        post = replace(baseline.posterior, local_mesh_error=False, fields={})
         at = post.evaluate(baseline.q)
         null = baseline = Estimated(post, at, post.covariance(at))
     steps, found = list[Step](), list[Found]()
@@ -258,7 +258,7 @@ def step_from(null: Estimated, seed: int, on_progress: OnProgress = silent) -> S
         else:
             failed[c.name] = "it has no answer at off"
     # Of cuts the first order says little; what the emulator knows costs no run, and is fitted in any case.
-    runs = bool(null.posterior.runs_wanted)
+    runs = bool(null.posterior.tests_with_runs)
     promising = [
         s for s in _asked(scores, null) if s.gain > SETTINGS.undecided or (runs and not s.column.by_runs)
     ]
@@ -281,7 +281,7 @@ def step_from(null: Estimated, seed: int, on_progress: OnProgress = silent) -> S
             [s for s in scores.scores if family_of(s.name) == family_of(best.name) and s.name not in done]
         )
     compared.sort(key=lambda c: (-c.evidence, c.name))
-    if null.posterior.runs_wanted:
+    if null.posterior.tests_with_runs:
         compared = _with_runs(null, compared, scores, on_progress)
     return Step(null, scores, tuple(compared), left_out, failed)
 
@@ -294,7 +294,7 @@ def _asked(scores: Scores, null: Estimated) -> list[Score]:
         first.setdefault(family_of(s.name), s)
     laws = [s for s in first.values() if s.column.candidate.cause == "mechanism"]
     others = [s for s in scores.scores if s.column.candidate.cause != "mechanism"]
-    if not null.posterior.runs_wanted:
+    if not null.posterior.tests_with_runs:
         return [*others, *laws[: SETTINGS.tried]]
     # What the emulator knows costs no run, whatever its class.
     free = [s for s in scores.scores if not s.column.by_runs]
@@ -331,7 +331,7 @@ def _of_classes(
 ) -> list[Candidate]:
     """All of them where tests have formulas; of laws that take runs of their own the simplest of each class,
     beside those that do what another value does."""
-    if not posterior.runs_wanted:
+    if not posterior.tests_with_runs:
         return list(chosen)
     laws, found = registry(), []
     simplest: dict[str, Candidate] = {}
@@ -352,7 +352,7 @@ def _beside(null: Estimated, candidate: Candidate, fitted: Estimated, scores: Sc
     p = scores.p_any(candidate.name, max(gain, 0.0))
     evidence = float(fitted.log_evidence - null.log_evidence)
     # Runs jag: of what they leave, a part must be explained even where chance could make it.
-    significant = scores.p_residual < SETTINGS.chance or bool(null.posterior.runs_wanted)
+    significant = scores.p_residual < SETTINGS.chance or bool(null.posterior.tests_with_runs)
     return Compared(candidate, fitted, evidence, p, share, held_out(null, fitted), significant)
 
 
@@ -375,7 +375,7 @@ def _fitted(null: Estimated, s: Score, scores: Scores) -> Estimated | None:
         found = _from(null, each)
         if found is not None and (best is None or found.log_posterior > best.log_posterior):
             best = found
-    if null.posterior.runs_wanted:
+    if null.posterior.tests_with_runs:
         found = _anywhere(null, tried[-1])
         if found is not None and (best is None or found.log_posterior > best.log_posterior):
             best = found
@@ -388,10 +388,10 @@ def _anywhere(null: Estimated, s: Score) -> Estimated | None:
     try:
         posterior, q = _extended(null, s)
         half = np.full(q.size, SETTINGS.reach)
-        half[null.q.size :] = np.maximum(np.abs(q - posterior.centres)[null.q.size :], 1e-3)
-        middle = np.append(np.zeros(null.q.size), posterior.centres[null.q.size :])
+        half[null.q.size :] = np.maximum(np.abs(q - posterior.prior_means)[null.q.size :], 1e-3)
+        middle = np.append(np.zeros(null.q.size), posterior.prior_means[null.q.size :])
         low, high = (np.clip(middle + side * half, *posterior.bounds) for side in (-1, 1))
-        return posterior.maximum(places(posterior, q, low, high)[0])
+        return posterior.maximum(best_places(posterior, q, low, high)[0])
     except _FAILS:
         return None
 
@@ -404,9 +404,9 @@ def _from(null: Estimated, s: Score) -> Estimated | None:
         try:
             posterior, q = _extended(null, replace(s, strengths=part * s.strengths))
             # What the emulator says of a model is enough to rank it; cuts are computed for the best.
-            found = first_look(posterior, q)
+            found = estimate_by_emulator(posterior, q)
             if found.log_likelihood < null.log_likelihood:  # it lost its way: from where it does nothing
-                found = posterior.maximum(np.append(null.q, posterior.centres[null.q.size :]))
+                found = posterior.maximum(np.append(null.q, posterior.prior_means[null.q.size :]))
         except _FAILS:
             continue
         if best is None or found.log_posterior > best.log_posterior:
@@ -460,8 +460,8 @@ def _extended(null: Estimated, s: Score) -> tuple[Posterior, np.ndarray]:
     parameters = (*post.parameters, *new)
     made = post.predictions.extended(case, [u.name for u in parameters])
     posterior = replace(
-        post, predictions=made, parameters=parameters, widths=np.append(post.widths, widths),
-        centres=np.append(post.centres, centres), fields={},
+        post, predictions=made, parameters=parameters, prior_sds=np.append(post.prior_sds, widths),
+        prior_means=np.append(post.prior_means, centres), fields={},
     )  # fmt: skip
     return posterior, np.append(null.q + np.clip(s.free, -1.0, 1.0), start)
 

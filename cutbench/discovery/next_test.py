@@ -69,7 +69,7 @@ def next_tests(first: Estimated, second: Estimated) -> list[Proposal]:
                 found.append(made)
         if e.kind in HOMOGENEOUS and e.mounted:
             found += _shorter(first, second, e)
-    for e in first.posterior.runs_wanted[:1]:
+    for e in first.posterior.tests_with_runs[:1]:
         found += _cuts(first, second, e)
     return sorted(found, key=lambda p: -p.standard_errors)
 

@@ -54,7 +54,7 @@ class NumericalCauses:
 def numerical_causes(step: Step, seed: int) -> NumericalCauses:
     """Of tests that are known from runs, where the baseline fails."""
     null = step.null
-    if not null.posterior.runs_wanted or not (step.significant or step.group):
+    if not null.posterior.tests_with_runs or not (step.significant or step.group):
         return NumericalCauses()
     columns, missing = _columns(null)
     if not columns:
@@ -75,7 +75,7 @@ def _columns(null: Estimated) -> tuple[list[Column], dict[str, str]]:
     if any(np.any(change) for change in by.values()):
         columns.append(_column("element size and step", by, null))
     name, by = "contact normal", {}
-    cuts = [(e, p.case(e, post.values(e, null.q))) for e in post.runs_wanted]
+    cuts = [(e, p.case(e, post.values(e, null.q))) for e in post.tests_with_runs]
     plain, turned = p.runs([case for _, case in cuts]), p.runs([_turned(case) for _, case in cuts])
     for (e, case), one, other in zip(cuts, plain, turned, strict=True):
         if one is None or other is None:

@@ -114,7 +114,7 @@ def _by_runs(null: Estimated, asked: Sequence[Candidate]) -> Parts:
     """The same by the exact derivatives of the cuts at the place that was found, with shapes in the middle of
     their grids."""
     post, p, parts = null.posterior, null.posterior.predictions, Parts()
-    cuts = [e for e in post.runs_wanted if any(c.seen_by(e) for c in asked)]
+    cuts = [e for e in post.tests_with_runs if any(c.seen_by(e) for c in asked)]
     if not cuts:
         return parts
     cases = [p.case(e, post.values(e, null.q)) for e in cuts]
