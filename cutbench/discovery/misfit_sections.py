@@ -13,7 +13,7 @@ from cutbench.data.experiment import HOMOGENEOUS, Experiment
 from cutbench.data.measured import MeasuredCut
 
 #: A section is shown as wrong from so many standard deviations of its mean on.
-WRONG = 3.0
+SIGNIFICANT_Z = 3.0
 #: Shortest section of a test that has no regimes, as a part of its readings.
 SHORTEST = 0.08
 
@@ -34,7 +34,7 @@ class Section:
 
     @property
     def wrong(self) -> bool:
-        return abs(self.z) >= WRONG
+        return abs(self.z) >= SIGNIFICANT_Z
 
     @property
     def range(self) -> str:
@@ -62,7 +62,7 @@ def sections(fitted: Estimated) -> list[Section]:
         curve = ComparedCurve(
             e, grid.x, grid.mean, grid.deviation, grid.mean - r, fitted.at.onset_mm[e.id], p.thickness_mm(e)
         )
-        masks = curve.regimes() or _runs(r, max(2, int(SHORTEST * r.size)))
+        masks = curve.regimes() or _sections_of_one_sign(r, max(2, int(SHORTEST * r.size)))
         if isinstance(e, MeasuredCut):
             masks = {m.name: grid.x == number for m, number in zip(e.measures, grid.x, strict=True)}
         for name, mask in masks.items():
@@ -77,7 +77,7 @@ def sections(fitted: Estimated) -> list[Section]:
     return sorted(found, key=lambda s: (-abs(s.z), s.experiment.id, s.start))
 
 
-def _runs(r: np.ndarray, least: int) -> dict[str, np.ndarray]:
+def _sections_of_one_sign(r: np.ndarray, least: int) -> dict[str, np.ndarray]:
     """Sections of one sign, short ones joined with the one before."""
     smooth = np.convolve(np.pad(r, 2, mode="edge"), np.full(5, 0.2), mode="valid")
     cuts = [0, *(np.flatnonzero(np.diff(np.sign(smooth)) != 0) + 1), r.size]

@@ -32,10 +32,12 @@ from cutbench.data.repetition import Averaged
 DRAWS, LEVEL = 1000, 0.9
 #: Sizes of a discrepancy beforehand: none with this probability, else any up to this one.
 NONE, LARGEST = 0.25, 0.3
-POSSIBLE = SIZES[SIZES <= LARGEST]
-BEFOREHAND = np.append(NONE, np.full(POSSIBLE.size - 1, (1 - NONE) / (POSSIBLE.size - 1)))
+DISCREPANCY_SIZES = SIZES[SIZES <= LARGEST]
+PRIOR_OF_SIZES = np.append(
+    NONE, np.full(DISCREPANCY_SIZES.size - 1, (1 - NONE) / (DISCREPANCY_SIZES.size - 1))
+)
 #: So many draws, at the least, the weight is shared by.
-FEWEST = 50
+MIN_EFFECTIVE_DRAWS = 50
 #: Gains that differ by less are the same to a person.
 NEAR = 0.1
 
@@ -56,7 +58,7 @@ class NoiseFreeGain:
 
 
 @dataclass(frozen=True)
-class Known:
+class PredictedTest:
     """Of one test: readings' ``mean`` (m,), its ``before`` and ``after`` by both models, ``J`` (m, k) of the
     second, covariance of the mean without factors ``rest`` (m, m), Matérn ``correlation`` (m, m), number of
     ``repetitions``, ``kind`` and the ``size`` that errors are taken relative to; whether the values are
@@ -88,8 +90,8 @@ class Evidence:
     """The ``tests`` that clean curves are wanted of, those that were fitted (``train``, with what the model
     misses in ``rest``), and the factors of each kind."""
 
-    tests: Sequence[Known]
-    train: Sequence[Known]
+    tests: Sequence[PredictedTest]
+    train: Sequence[PredictedTest]
     factors: dict[str, Factors]
 
 
@@ -108,11 +110,11 @@ def noise_free_gain(before: Estimated, after: Estimated, seed: int = 0) -> Noise
     NoiseFreeGain or None
         None where there is no such test that both predict.
     """
-    evidence = gathered(before, after)
-    return None if evidence is None else drawn(evidence, np.random.default_rng(seed))
+    evidence = gather_evidence(before, after)
+    return None if evidence is None else gain_from_draws(evidence, np.random.default_rng(seed))
 
 
-def gathered(before: Estimated, after: Estimated) -> Evidence | None:
+def gather_evidence(before: Estimated, after: Estimated) -> Evidence | None:
     """What is known of the clean curves; None without any."""
     p = after.posterior.predictions
     grids: dict[str, list[Averaged]] = {}
@@ -129,24 +131,24 @@ def gathered(before: Estimated, after: Estimated) -> Evidence | None:
             continue
         rest = Block.of(grid, Factors(), said.y).total + said.root @ said.root.T
         size = float(np.abs(grid.mean).max()) if relative else 1.0
-        tests.append(_known(grid, one, said.y, J, rest, e.kind, size))
+        tests.append(_predicted_test(grid, one, said.y, J, rest, e.kind, size))
     inside = after.posterior.inside(after.q)
     for e in after.posterior.tests if tests else ():
         grid, y, w = p.grids[e.id], after.at.y[e.id], after.w.tests[e.id]
         J = after.at.J[e.id] * inside
-        train.append(_known(grid, before.at.y[e.id], y, J, w.total - w.by_factor, e.kind, 1.0))
+        train.append(_predicted_test(grid, before.at.y[e.id], y, J, w.total - w.by_factor, e.kind, 1.0))
     return Evidence(tests, train, factors) if tests else None
 
 
-def _known(grid: Averaged, before, after, J, rest, kind: str, size: float) -> Known:
+def _predicted_test(grid: Averaged, before, after, J, rest, kind: str, size: float) -> PredictedTest:
     course = grid.course
     correlation = matern(np.abs(course[:, None] - course), LENGTH)
-    return Known(
+    return PredictedTest(
         grid.mean, before, after, J, rest, correlation, grid.repetitions, kind, size, grid.independent
     )
 
 
-def drawn(evidence: Evidence, rng: np.random.Generator, draws: int = DRAWS) -> NoiseFreeGain:
+def gain_from_draws(evidence: Evidence, rng: np.random.Generator, draws: int = DRAWS) -> NoiseFreeGain:
     tests = evidence.tests
     roots = [cholesky(positive_definite(t.correlation), lower=True) * t.scale for t in tests]
     rest = [cholesky(positive_definite(t.rest), lower=True) for t in tests]
@@ -155,15 +157,20 @@ def drawn(evidence: Evidence, rng: np.random.Generator, draws: int = DRAWS) -> N
     apart = np.concatenate([(t.before - t.after) / t.size for t in tests])
     size = np.concatenate([np.full(t.mean.size, t.size) for t in tests])
     usual = {kind: f.variance for kind, f in evidence.factors.items()}
-    chances = [_chances(t, t.J @ _root_of_fit(evidence.train, usual), usual[t.kind]) for t in tests]
+    chances = [
+        _size_probabilities(t, t.J @ _root_of_fit_covariance(evidence.train, usual), usual[t.kind])
+        for t in tests
+    ]
     gains, likely = np.zeros(draws), np.zeros(draws)
     for k in range(draws):
-        variance = {kind: _variance(f, rng) for kind, f in evidence.factors.items()}
-        which = [rng.choice(POSSIBLE.size, p=chance) for chance in chances]
-        d = POSSIBLE[which]
+        variance = {kind: _drawn_variance(f, rng) for kind, f in evidence.factors.items()}
+        which = [rng.choice(DISCREPANCY_SIZES.size, p=chance) for chance in chances]
+        d = DISCREPANCY_SIZES[which]
         # What is drawn more often than it was expected beforehand counts by less.
-        likely[k] = sum(np.log(BEFOREHAND[i] / chance[i]) for i, chance in zip(which, chances, strict=True))
-        root = _root_of_fit(evidence.train, variance)
+        likely[k] = sum(
+            np.log(PRIOR_OF_SIZES[i] / chance[i]) for i, chance in zip(which, chances, strict=True)
+        )
+        root = _root_of_fit_covariance(evidence.train, variance)
         K = J @ root
         K = K @ K.T + block_diag(*((s * t.scale) ** 2 * t.correlation for s, t in zip(d, tests, strict=True)))
         V = block_diag(*(t.rest + t.by_factor(variance[t.kind]) for t in tests))
@@ -179,7 +186,7 @@ def drawn(evidence: Evidence, rng: np.random.Generator, draws: int = DRAWS) -> N
         wrong, left = (float(np.linalg.norm(each)) for each in (f / size - apart, f / size))
         gains[k] = 1 - left / max(wrong, 1e-300)
         likely[k] += -off @ cho_solve(both, off) / 2 - np.log(np.diag(both[0])).sum()
-    weight = _weights(likely)
+    weight = _tempered_weights(likely)
     order = np.argsort(gains)
     share = np.cumsum(weight[order])
     low, value, high = np.interp([(1 - LEVEL) / 2, 0.5, (1 + LEVEL) / 2], share, gains[order])
@@ -187,30 +194,30 @@ def drawn(evidence: Evidence, rng: np.random.Generator, draws: int = DRAWS) -> N
     return NoiseFreeGain(float(value), float(low), float(high), float(near))
 
 
-def _chances(t: Known, moved: np.ndarray, variance: float) -> np.ndarray:
+def _size_probabilities(t: PredictedTest, moved: np.ndarray, variance: float) -> np.ndarray:
     """Of each possible size of the discrepancy of one test by itself; none is ruled out."""
     rest, off = t.rest + t.by_factor(variance) + moved @ moved.T, t.mean - t.after
-    likely = np.log(BEFOREHAND)
-    for i, s in enumerate(POSSIBLE):
+    likely = np.log(PRIOR_OF_SIZES)
+    for i, s in enumerate(DISCREPANCY_SIZES):
         L = cho_factor(positive_definite(rest + (s * t.scale) ** 2 * t.correlation), lower=True)
         likely[i] += -off @ cho_solve(L, off) / 2 - np.log(np.diag(L[0])).sum()
     chance = np.exp(likely - likely.max())
-    return 0.9 * chance / chance.sum() + 0.1 * BEFOREHAND
+    return 0.9 * chance / chance.sum() + 0.1 * PRIOR_OF_SIZES
 
 
-def _weights(likely: np.ndarray) -> np.ndarray:
+def _tempered_weights(likely: np.ndarray) -> np.ndarray:
     """Of draws, 1 in all. Where few of them would have it all they are made more alike, so that what is not
     known well is not said to be."""
     power = 1.0
     while True:
         weight = np.exp(power * (likely - likely.max()))
         weight = weight / float(weight.sum())
-        if 1 / float(weight @ weight) >= min(FEWEST, likely.size / 2):
+        if 1 / float(weight @ weight) >= min(MIN_EFFECTIVE_DRAWS, likely.size / 2):
             return weight
         power *= 0.8
 
 
-def _root_of_fit(train: Sequence[Known], variance: dict[str, float]) -> np.ndarray:
+def _root_of_fit_covariance(train: Sequence[PredictedTest], variance: dict[str, float]) -> np.ndarray:
     """A root (k, k) of the covariance of the fitted parameters."""
     white = []
     for t in train:
@@ -222,6 +229,6 @@ def _root_of_fit(train: Sequence[Known], variance: dict[str, float]) -> np.ndarr
     return vectors * np.sqrt(np.clip(values, 0, None))
 
 
-def _variance(f: Factors, rng: np.random.Generator) -> float:
+def _drawn_variance(f: Factors, rng: np.random.Generator) -> float:
     """One that the factor may have, by how well it is known."""
     return f.dof * f.variance / float(rng.chisquare(f.dof))
