@@ -12,7 +12,7 @@ import pytest
 from refusals import refused
 from scipy.ndimage import distance_transform_edt
 
-from cutbench.emulator.process import GaussianProcess, Kernel
+from cutbench.emulator.gaussian_process import GaussianProcess, Kernel
 from cutbench.maps.agreement import agreement
 from cutbench.maps.boundary import (
     SURE,

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from cutbench.emulator.process import GaussianProcess, Kernel
+from cutbench.emulator.gaussian_process import GaussianProcess, Kernel
 from cutbench.maps.sampling import coarse_to_fine
 
 #: Two-sided 95 % of a normal distribution: what "sure" means.

@@ -13,7 +13,7 @@ from scipy.interpolate import RegularGridInterpolator
 from cutbench.base.errors import BadInput
 from cutbench.case.case import Case
 from cutbench.emulator.atlas import Atlas, Measures, NotInAtlas, shipped
-from cutbench.emulator.box import REACH
+from cutbench.emulator.design_space import MAX_DEPTH
 from cutbench.maps.axes import BOUNDARY
 from cutbench.maps.boundary import SURE, BoundaryEstimate, distances, margin
 from cutbench.maps.dataset import LABELS, MapRow, build_map, save_map
@@ -125,7 +125,7 @@ def _margins(
 def _measures(known: Atlas, cases: Sequence[Case]) -> tuple[Measures, np.ndarray]:
     """Of cases, and their depths (p,) in halves of the blade's thickness. Raises NotInAtlas."""
     values = np.array([known.values(case) for case in cases])
-    depths = np.array([min(c.values["depth"] / (c.values["thickness"] / 2), REACH) for c in cases])
+    depths = np.array([min(c.values["depth"] / (c.values["thickness"] / 2), MAX_DEPTH) for c in cases])
     return known.measures(values, depths), depths
 
 

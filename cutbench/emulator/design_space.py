@@ -1,4 +1,4 @@
-"""The box of dimensionless groups that the atlas's runs fill."""
+"""The design space of the atlas: the ranges of dimensionless groups that its runs fill."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import numpy as np
 from cutbench.case.case import Case, load_case
 
 #: Part of a side that ends in a value of 0, in which the value *is* 0: many a user has no friction.
-OFF = 0.2
+FRACTION_SWITCHED_OFF = 0.2
 #: A run ends this far down: as a part of the specimen's height, and in halves of the blade's thickness.
-DEEP, REACH = 0.8, 40.0
+MAX_DEPTH_FRACTION, MAX_DEPTH = 0.8, 40.0
 
 
 @dataclass(frozen=True)
-class Side:
-    """One side of the box.
+class GroupRange:
+    """The range of one group: a side of the box that the runs fill.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Side:
     def value(self, part: float) -> float:
         """The value at a part (0 to 1) of the side, six digits."""
         if self.kind == "asinh":
-            part = max(0.0, (part - OFF) / (1 - OFF))
+            part = max(0.0, (part - FRACTION_SWITCHED_OFF) / (1 - FRACTION_SWITCHED_OFF))
         low, high = self.coordinate(np.array([self.low, self.high]))
         at = low + part * (high - low)
         back = {
@@ -63,11 +63,11 @@ class Side:
 
 
 @dataclass(frozen=True)
-class Box:
+class DesignSpace:
     """The sides, and the material whose model and units its cases have."""
 
     material: str
-    sides: tuple[Side, ...]
+    ranges: tuple[GroupRange, ...]
 
     @cached_property
     def base(self) -> Case:
@@ -79,31 +79,33 @@ class Box:
         them fills the box, too (10.1145/641876.641879)."""
         from scipy.stats import qmc  # takes a while to load, and estimates do without
 
-        made = qmc.Sobol(len(self.sides), scramble=True, rng=np.random.default_rng(seed))
+        made = qmc.Sobol(len(self.ranges), scramble=True, rng=np.random.default_rng(seed))
         return made.random_base2(math.ceil(math.log2(max(count, 2))))[:count]
 
     def case(self, parts: np.ndarray) -> Case:
         """The case at parts (d,) of the sides."""
-        groups = {side.name: side.value(float(part)) for side, part in zip(self.sides, parts, strict=True)}
+        groups = {side.name: side.value(float(part)) for side, part in zip(self.ranges, parts, strict=True)}
         half, known = self.base.values["thickness"] / 2, self.base.model.parameters()
         lengths = {name for name in groups if name in known and known[name].unit == "mm"}
         changes = {n: f"{half * v:.6g} mm" if n in lengths else v for n, v in groups.items()}
-        return self.base.set(**changes, depth=f"{half * min(DEEP * groups['height'], REACH):.6g} mm")
+        return self.base.set(
+            **changes, depth=f"{half * min(MAX_DEPTH_FRACTION * groups['height'], MAX_DEPTH):.6g} mm"
+        )
 
 
 #: A blunt blade with an elliptic tip.
-BLUNT = Box(
+BLUNT_BLADES = DesignSpace(
     "gelatin",
     (
-        Side("cohesion", 1.0, 15.0),
-        Side("viscosity", 0.003, 10.0),
-        Side("adhesion", 0.0, 0.3, "asinh", 0.03),
-        Side("mu", 0.0, 0.5, "asinh", 0.05),
-        Side("delta_c", 0.1, 0.4),
-        Side("surface_length", 0.05, 0.4),
-        Side("length", 40.0, 160.0),
-        Side("height", 30.0, 120.0),
-        Side("nu", 0.45, 0.4995, "incompressible"),
-        Side("tip", 1.5, 6.0),
+        GroupRange("cohesion", 1.0, 15.0),
+        GroupRange("viscosity", 0.003, 10.0),
+        GroupRange("adhesion", 0.0, 0.3, "asinh", 0.03),
+        GroupRange("mu", 0.0, 0.5, "asinh", 0.05),
+        GroupRange("delta_c", 0.1, 0.4),
+        GroupRange("surface_length", 0.05, 0.4),
+        GroupRange("length", 40.0, 160.0),
+        GroupRange("height", 30.0, 120.0),
+        GroupRange("nu", 0.45, 0.4995, "incompressible"),
+        GroupRange("tip", 1.5, 6.0),
     ),
 )

@@ -77,10 +77,10 @@ class Kernel:
         -------
         ndarray, shape (n, m)
         """
-        r = _ROOT5 * self.apart(a, b)
+        r = _ROOT5 * self.distances(a, b)
         return (1 + r + r**2 / 3) * np.exp(-r)
 
-    def apart(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    def distances(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """Distances (n, m) in lengths."""
         a, b = a / np.array(self.lengths), b / np.array(self.lengths)
         square = (a**2).sum(1)[:, None] + (b**2).sum(1) - 2 * a @ b.T
@@ -130,7 +130,7 @@ class GaussianProcess:
         if len(self.X) != len(self.Y) or len(self.X) <= self._basis(self.X).shape[1]:
             raise ValueError("a process needs as many values as places, and more of them than its trend has")
         columns = self.Y.reshape(len(self.X), -1)
-        self.kernel = kernel or self._likeliest(columns, lengths)
+        self.kernel = kernel or self._likeliest_kernel(columns, lengths)
         own = np.broadcast_to(self.kernel.nugget if noise is None else noise, len(self.X))
         K = self.kernel.correlation(self.X, self.X) + np.diag(own + _JITTER)
         self._fit = _Fit(K, self._basis(self.X), columns, sizes)
@@ -139,19 +139,19 @@ class GaussianProcess:
     def mean(self, at: np.ndarray) -> np.ndarray:
         """Expected values (p,) or (p, m) at places (p, d), without what differs from run to run."""
         parts = []
-        for part in _parts(np.atleast_2d(at)):
+        for part in _chunks(np.atleast_2d(at)):
             near = self.kernel.correlation(part, self.X)
             parts.append(self._basis(part) @ self._fit.trend + near @ self._fit.weights)
         return np.concatenate(parts).reshape(-1, *self.Y.shape[1:])
 
     def spread(self, at: np.ndarray, runs: bool = False) -> np.ndarray:
         """Standard deviations (p,) at places (p, d): of a single value in its unit, of a curve relative to
-        ``shapes``. Of the smooth part, or of what ``runs`` there would give."""
+        ``curve_root``. Of the smooth part, or of what ``runs`` there would give."""
         found = []
-        for part in _parts(np.atleast_2d(at)):
+        for part in _chunks(np.atleast_2d(at)):
             V = self.influence(part)
             left = 1 + (self.kernel.nugget + _JITTER) * runs - (V**2).sum(axis=0)
-            found.append(np.maximum(left, 1e-12) + self._fit.open(self._basis(part), V))
+            found.append(np.maximum(left, 1e-12) + self._fit.trend_variance(self._basis(part), V))
         return np.sqrt(np.concatenate(found)) * (self._fit.size if self.Y.ndim == 1 else 1.0)
 
     @property
@@ -160,7 +160,7 @@ class GaussianProcess:
         return self._fit.size
 
     @cached_property
-    def shapes(self) -> np.ndarray:
+    def curve_root(self) -> np.ndarray:
         """Root (m, k) of the covariance among the values of a curve, far from all places."""
         found, vectors = np.linalg.eigh(self._fit.between)
         kept = found > max(1e-4 * found[-1], 0.0)
@@ -187,13 +187,13 @@ class GaussianProcess:
         return np.column_stack([np.ones(len(at)), at - self._middle])[:, :columns]
 
     # -- its lengths --------------------------------------------------------------------------------
-    def _likeliest(self, Y: np.ndarray, lengths: Sequence[float] | None) -> Kernel:
+    def _likeliest_kernel(self, Y: np.ndarray, lengths: Sequence[float] | None) -> Kernel:
         """The kernel of the largest likelihood times the prior, from two fixed starts, so always the same."""
         from scipy.optimize import (
             minimize,
         )  # takes a while to load, and is not needed where lengths are known
 
-        expected = np.log(self._expected(Y) if lengths is None else np.array(lengths, dtype=float))
+        expected = np.log(self._expected_lengths(Y) if lengths is None else np.array(lengths, dtype=float))
         middle = np.append(expected, math.log(PRIORS.nugget))
         far = math.log(_WIDE)
         bounds = [*((x - far, x + far) for x in expected), tuple(np.log(_NUGGETS))]
@@ -205,13 +205,21 @@ class GaussianProcess:
         asked = squares, A, few, middle, self.sizes
         starts = [middle + np.append(np.full(expected.size, shift), 0.0) for shift in (-0.5, 0.7)]
         found = [
-            minimize(cost, start, asked, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 60})
+            minimize(
+                negative_log_posterior,
+                start,
+                asked,
+                jac=True,
+                method="L-BFGS-B",
+                bounds=bounds,
+                options={"maxiter": 60},
+            )
             for start in starts
         ]
         best = min(found, key=lambda each: each.fun).x
         return Kernel(tuple(map(float, np.exp(best[:-1]))), float(np.exp(best[-1])))
 
-    def _expected(self, Y: np.ndarray) -> np.ndarray:
+    def _expected_lengths(self, Y: np.ndarray) -> np.ndarray:
         A = np.column_stack([np.ones(len(self.X)), self.X - self._middle])
         effect = np.sqrt(np.mean(np.linalg.lstsq(A, Y, rcond=1e-8)[0][1:] ** 2, axis=1))
         effect = np.maximum(effect, PRIORS.least * effect.max(initial=0.0))
@@ -219,7 +227,7 @@ class GaussianProcess:
         return PRIORS.length * max(scatter, 1e-300) / np.maximum(effect, 1e-300)
 
 
-def cost(
+def negative_log_posterior(
     parameters: np.ndarray,
     squares: np.ndarray,
     A: np.ndarray,
@@ -296,7 +304,7 @@ class _Fit:
         """L⁻¹ values, for K = L Lᵀ."""
         return solve_triangular(self._L, values, lower=True, check_finite=False)
 
-    def open(self, basis: np.ndarray, V: np.ndarray) -> np.ndarray:
+    def trend_variance(self, basis: np.ndarray, V: np.ndarray) -> np.ndarray:
         """Relative variance (p,) that the trend leaves, at rows ``basis`` (p, k) with the whitened
         correlation ``V`` (n, p)."""
         if not basis.shape[1]:
@@ -313,5 +321,5 @@ class _Fit:
         return 0.5 * (self.weights @ self.weights.T / (self._columns * self.size**2) - inverse)
 
 
-def _parts(at: np.ndarray, size: int = 4000) -> list[np.ndarray]:
+def _chunks(at: np.ndarray, size: int = 4000) -> list[np.ndarray]:
     return np.array_split(at, max(1, -(-len(at) // size)))
