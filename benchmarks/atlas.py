@@ -7,8 +7,8 @@
 
 Points of a box of dimensionless groups (``cutbench.emulator.design_space``), the first of Sobol's sequence.
 Started again it computes what is missing; several at a time share the work. A run that takes more than
-``--limit`` seconds of one core is kept as far as it came. ``--pack`` puts what there is into one file; ``--check`` says
-how far an atlas of seven eighths of the runs is off at the others.
+``--limit`` seconds of one core is kept as far as it came. ``--pack`` puts what there is into one file;
+``--check`` says how far an atlas of seven eighths of the runs is off at the others.
 """
 
 from __future__ import annotations

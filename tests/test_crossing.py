@@ -11,7 +11,7 @@ from coarse_runs import BRIEF
 from cutbench.case.case import load_case
 from cutbench.forms.line import crossings, overlap
 from cutbench.maps.dataset import row_of
-from cutbench.maps.sections import Regime
+from cutbench.maps.study_sections import Regime
 from cutbench.run.build import build
 from cutbench.run.crossing import crossed_area
 from cutbench.run.runner import CROSSED

@@ -254,7 +254,7 @@ def test_a_law_brings_its_group_and_its_lever(tmp_path):
     )
     said = python(
         "import cutbench\nfrom cutbench.case.model import levers\n"
-        "from cutbench.maps.estimates import classical\n"
+        "from cutbench.maps.closed_form_estimates import classical\n"
         "cutbench.use_mechanisms('my_laws')\n"
         "case = cutbench.load_case('gelatin', {'with': 'sticky', 'grip': 0.2})\n"
         "bare = cutbench.load_case('gelatin')\n"

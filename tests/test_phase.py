@@ -10,10 +10,10 @@ import pytest
 import xarray as xr
 from matplotlib.contour import QuadContourSet
 
-from cutbench.maps.coordinates import PANELS, between, nearest_level
 from cutbench.maps.dataset import MapRow, build_map, row_of
 from cutbench.maps.phase import DROPS, draw_phase, save_phase
-from cutbench.maps.plan import plan_of
+from cutbench.maps.plot_coordinates import PANELS, between, nearest_level
+from cutbench.maps.sampling_plan import plan_of
 from cutbench.maps.study import load_study
 
 AXES = {

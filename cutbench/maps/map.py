@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 class Map(Handled):
     """What a sweep has left: ``data`` as in ``map.nc``, in ``folder``."""
 
-    handled_in: ClassVar[str] = "cutbench.maps.handled"
+    handled_in: ClassVar[str] = "cutbench.maps.display"
 
     data: xr.Dataset
     folder: Path

@@ -20,12 +20,12 @@ from cutbench.base.figure_style import COLOURS
 from cutbench.base.files import replacing
 from cutbench.case.case import Case
 from cutbench.case.physics import Physics
-from cutbench.maps.cases import computed_by, physics_on
-from cutbench.maps.coordinates import DROPS
+from cutbench.maps.boundary_line import shown_strips
 from cutbench.maps.dataset import LABELS, NUMBERS, OUTCOME_FLAGS, axes_of, axis_of, places_of
-from cutbench.maps.line import shown_strips
+from cutbench.maps.map_cases import computed_by, physics_by_place
 from cutbench.maps.page_curves import POINTS, curve_of, titles_of
 from cutbench.maps.page_layers import layers_of
+from cutbench.maps.plot_coordinates import DROPS
 from cutbench.run.measures import NOTED
 from cutbench.run.result import Result
 from cutbench.run.store.runs import Store
@@ -191,7 +191,7 @@ def _quantities(
     they are made of; and by run, group and parameter of those that are not the same everywhere. Nothing where
     places stand for no physics."""
     try:
-        by_place = physics_on(data)
+        by_place = physics_by_place(data)
     except BadInput:
         return [], [[] for _ in runs]
     physics: list[Physics | Case | None] = []

@@ -35,9 +35,15 @@ from cutbench.base.figure_style import (
     style,
 )
 from cutbench.maps.axes import BOUNDARY, ONE
-from cutbench.maps.boundary import SURE
+from cutbench.maps.boundary import NORMAL_QUANTILE
+from cutbench.maps.boundary_line import draw_line, draw_strips, strip_handles
+from cutbench.maps.closed_form_estimates import estimated_margin
 from cutbench.maps.confirmed_points import FOLDER, RECORD, draw_confirmed, handles_of, read_confirmed
-from cutbench.maps.coordinates import (
+from cutbench.maps.dataset import LABELS, NOT_COMPUTED, OUTCOME_FLAGS, axes_of, places_of
+from cutbench.maps.material_markers import draw_materials, marks_of
+from cutbench.maps.material_markers import handles_of as handles_of_marks
+from cutbench.maps.panels import figure_of, label, panel_key, title
+from cutbench.maps.plot_coordinates import (
     DROPS,
     axis_text,
     edges,
@@ -49,12 +55,6 @@ from cutbench.maps.coordinates import (
     symbol,
     unit_of,
 )
-from cutbench.maps.dataset import LABELS, NOT_COMPUTED, OUTCOME_FLAGS, axes_of, places_of
-from cutbench.maps.estimates import estimated_margin
-from cutbench.maps.line import draw_line, draw_strips, strip_handles
-from cutbench.maps.marked_points import draw_materials, marks_of
-from cutbench.maps.marked_points import handles_of as handles_of_marks
-from cutbench.maps.panels import figure_of, label, panel_key, title
 from cutbench.run.measures import ABRUPT, SMOOTH, UNCUT, UNDECIDED
 
 _MARKERS: dict[str, Look] = {
@@ -199,7 +199,7 @@ def _band(ax: Axes, part: xr.Dataset, x: str, y: str) -> None:
     """Hatch where the regime is not known with 95 %."""
     if "margin" not in part:
         return
-    doubt = (SURE * part["margin_sd"] - np.abs(part["margin"])).transpose(y, x).values
+    doubt = (NORMAL_QUANTILE * part["margin_sd"] - np.abs(part["margin"])).transpose(y, x).values
     if min(doubt.shape) > 1 and (doubt > 0).any():
         look: Look = {"levels": [0, np.inf], "colors": "none", "hatches": ["//////"], "zorder": 2.5}
         grids = part[x].values, part[y].values

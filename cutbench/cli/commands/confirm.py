@@ -60,10 +60,10 @@ def confirm(
     """
     from cutbench.base.errors import BadInput
     from cutbench.maps import dataset as maps
-    from cutbench.maps.cases import remarks
     from cutbench.maps.confirmation import confirm as compare
-    from cutbench.maps.confirmation import least_certain, marked
+    from cutbench.maps.confirmation import least_certain, marked_points
     from cutbench.maps.confirmed_points import FOLDER, NUMERICS, RECORD, UNFINISHED
+    from cutbench.maps.map_cases import remarks
     from cutbench.maps.phase import save_phase
 
     count, every_s = whole("--points", points), seconds("--checkpoint", checkpoint, 60.0)
@@ -72,7 +72,7 @@ def confirm(
     data = maps.load_map(map_)
     for note in remarks(data):
         typer.echo(note)
-    chosen = least_certain(data, 3 if count is None else count) + (marked(data) if materials else [])
+    chosen = least_certain(data, 3 if count is None else count) + (marked_points(data) if materials else [])
     if not chosen:
         expected = "points to compare: the map has none that were computed"
         raise BadInput("--points", str(count), expected)

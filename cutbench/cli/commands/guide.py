@@ -20,8 +20,8 @@ def guide(
 ) -> None:
     """Say how far a material is from the other regime, and which change gets it there soonest."""
     from cutbench.maps import guidance as guides
-    from cutbench.maps.cases import remarks
     from cutbench.maps.dataset import load_map, store_of
+    from cutbench.maps.map_cases import remarks
 
     path = source / "map.nc" if source.is_dir() else source
     data = load_map(path)

@@ -52,7 +52,7 @@ def sweep(
         return
     folder_of(out)
     if estimate:
-        from cutbench.maps.estimated import write_estimated
+        from cutbench.maps.atlas_map import write_estimated
 
         write_estimated(plan, out)
         typer.echo(f"estimated map in {out}; hatched where it is unsure (95 %)")

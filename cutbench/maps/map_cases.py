@@ -35,7 +35,7 @@ def case_on(data: xr.Dataset, values: Mapping[str, float]) -> Case:
         ) from error  # fmt: skip
 
 
-def physics_on(data: xr.Dataset) -> Callable[[Mapping[str, float]], Physics]:
+def physics_by_place(data: xr.Dataset) -> Callable[[Mapping[str, float]], Physics]:
     """Laws and values by place of a map, whatever version and numerics it is of. Raises BadInput."""
     stored = json.loads(data.attrs["start_case"])
     changes = {k: v for k, v in json.loads(data.attrs["changes"]).items() if k not in stored["numerics"]}

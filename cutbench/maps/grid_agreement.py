@@ -13,7 +13,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 from cutbench.base.errors import BadInput
 from cutbench.maps.axes import Axis
-from cutbench.maps.boundary import distances
+from cutbench.maps.boundary import distance_to_boundary
 from cutbench.maps.dataset import LABELS, axes_of, axis_of, places_of
 from cutbench.run.measures import ABRUPT, SMOOTH
 
@@ -73,7 +73,9 @@ def agreement(sought: xr.Dataset, grid: xr.Dataset) -> Agreement:
         x = np.clip(x, 0, 1)
         margin = RegularGridInterpolator(ticks, part["margin"].values)(x)
         # Lattice steps are half tolerances.
-        away = RegularGridInterpolator(ticks, np.minimum(distances(part["margin"].values >= 0) / 2, 1e9))(x)
+        away = RegularGridInterpolator(
+            ticks, np.minimum(distance_to_boundary(part["margin"].values >= 0) / 2, 1e9)
+        )(x)
         off = ((margin >= 0) != (labels[here] == LABELS.index(ABRUPT))) & inside
         beyond = (away > 1) & inside
         points += int(inside.sum())

@@ -15,7 +15,7 @@ from cutbench.case.case import Case
 from cutbench.emulator.atlas import Atlas, Measures, NotInAtlas, shipped
 from cutbench.emulator.design_space import MAX_DEPTH
 from cutbench.maps.axes import BOUNDARY
-from cutbench.maps.boundary import SURE, BoundaryEstimate, distances, margin
+from cutbench.maps.boundary import NORMAL_QUANTILE, BoundaryEstimate, distance_to_boundary, margin
 from cutbench.maps.dataset import LABELS, MapRow, build_map, save_map
 from cutbench.maps.phase import save_phase
 from cutbench.maps.study import Study
@@ -104,8 +104,8 @@ def _level(known: Atlas, study: Study, free: Sequence[int], fixed: dict[int, int
         RegularGridInterpolator(ticks, column.reshape(coarse))(every) for column in found.T
     )
     spread = np.abs(mean / np.where(score == 0, 1e-9, score))
-    away = distances(mean >= 0) / 2
-    unsure = (np.abs(score) < SURE) & (away > 1)
+    away = distance_to_boundary(mean >= 0) / 2
+    unsure = (np.abs(score) < NORMAL_QUANTILE) & (away > 1)
     labels = np.where(mean >= 0, LABELS.index(ABRUPT), LABELS.index(SMOOTH))
     labels = np.where(uncut > 0.5, LABELS.index(UNCUT), labels)
     return BoundaryEstimate(mean, spread, unsure, drop), np.where(uncut > 0.5, np.nan, drop), labels

@@ -29,9 +29,9 @@ from cutbench.base.errors import BadInput
 from cutbench.base.figure_style import COLOURS, DOUBLE_MM, Look, new_figure, save, style
 from cutbench.case.case import Case
 from cutbench.case.physics import Physics
-from cutbench.maps.cases import physics_on
-from cutbench.maps.coordinates import axis_text, is_log, plain_log
 from cutbench.maps.dataset import LABELS, places_of
+from cutbench.maps.map_cases import physics_by_place
+from cutbench.maps.plot_coordinates import axis_text, is_log, plain_log
 from cutbench.run.measures import ABRUPT, CLAMP, SMOOTH
 
 #: Part of the travel that counts as steady: the default of ``cutbench.run.measures.measures``.
@@ -126,7 +126,7 @@ class EstimateComparison:
 
 def estimated_margin(data: xr.Dataset) -> Callable[[Mapping[str, float]], float]:
     """``Classical.margin`` by place of a map (axis name -> value); nan where there is none."""
-    physics = physics_on(data)
+    physics = physics_by_place(data)
 
     def margin(values: Mapping[str, float]) -> float:
         try:
@@ -140,7 +140,7 @@ def estimated_margin(data: xr.Dataset) -> Callable[[Mapping[str, float]], float]
 
 def compare(data: xr.Dataset) -> EstimateComparison:
     """Every run of a map that reached its depth against the estimates."""
-    places, physics = places_of(data), physics_on(data)
+    places, physics = places_of(data), physics_by_place(data)
     decided = np.isin(data["label"].values, [LABELS.index(ABRUPT), LABELS.index(SMOOTH)])
     axes: dict[str, list[float]] = {name: [] for name in places}
     keys = ("drop", "peak_N", "steady_N", "drop_estimate", "onset_N", "steady_estimate_N")

@@ -13,8 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from cutbench.base.figure_style import Look
-from cutbench.maps.coordinates import DROPS, edges, is_log, nearest_level
 from cutbench.maps.dataset import LABELS
+from cutbench.maps.plot_coordinates import DROPS, edges, is_log, nearest_level
 
 _HALO = [patheffects.withStroke(linewidth=2.2, foreground="white")]
 _LOOK: Look = {"marker": "D", "mfc": "white", "mec": "#D55E00", "ms": 7.0, "mew": 1.5, "ls": ""}

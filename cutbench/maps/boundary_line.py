@@ -13,8 +13,8 @@ from scipy.interpolate import griddata
 from scipy.spatial import QhullError
 
 from cutbench.base.figure_style import Look
-from cutbench.maps.coordinates import LEAST, edges, finer, is_log
-from cutbench.maps.uncertainty import MODEL, NUMERICS, reach, strips_of
+from cutbench.maps.plot_coordinates import LEAST, edges, finer, is_log
+from cutbench.maps.uncertainty import MODEL, NUMERICS, total_change, uncertainty_strips
 
 #: The wide strip is drawn first: the one of numerics lies in that of both.
 _STRIPS: dict[str, tuple[float, str]] = {
@@ -86,11 +86,11 @@ def draw_strips(ax: Axes, part: xr.Dataset, x: str, y: str) -> None:
 def shown_strips(data: xr.Dataset) -> list[dict]:
     """What pictures show, the widest first: ``cause``, ``text``, and ``low`` and ``high``: what the
     logarithm of measure over threshold may change by, of the model together with the numerics."""
-    strips = strips_of(data)
+    strips = uncertainty_strips(data)
     found = []
     for cause, (_, text) in _STRIPS.items():
         if cause in strips:
-            low, high = reach(strip for name, strip in strips.items() if cause in (name, MODEL))
+            low, high = total_change(strip for name, strip in strips.items() if cause in (name, MODEL))
             found.append({"cause": cause, "text": text, "low": low, "high": high})
     return found
 

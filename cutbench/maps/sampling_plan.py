@@ -12,17 +12,17 @@ import numpy as np
 from cutbench.base.errors import BadInput
 from cutbench.case.case import Case
 from cutbench.case.unmeasured import others
+from cutbench.maps.atlas_map import expected_margins
 from cutbench.maps.axes import BOUNDARY
-from cutbench.maps.boundary import BoundaryEstimate, Index, Seeker, margin
+from cutbench.maps.boundary import BoundaryEstimate, BoundarySearch, Index, margin
 from cutbench.maps.dataset import MapRow
-from cutbench.maps.estimated import expected_margins
-from cutbench.maps.regimes import at_rest
+from cutbench.maps.regimes import quasi_static_case
 from cutbench.maps.study import Study
-from cutbench.maps.uncertainty import Checks, nearest, ratio
+from cutbench.maps.uncertainty import RepeatedRuns, log_ratio, nearest_to_boundary
 from cutbench.run.measures import UNCUT
 
 #: So many runs come before those of the marked materials.
-_LOOK = 8
+_RUNS_BEFORE_MARKS = 8
 
 
 class SamplingPlan:
@@ -36,10 +36,10 @@ class SamplingPlan:
         #: Of each run, where the study wants it, the one at rest.
         self.rest: dict[str, str] = {}
         #: What is repeated of them, once all others have ended.
-        self.checks = Checks()
+        self.checks = RepeatedRuns()
 
     @property
-    def most(self) -> int:
+    def max_runs(self) -> int:
         """Runs that are asked for at the most."""
         return len({case.id for case in self.with_marks(self.with_rest(self.study.cases()))}) + self.repeated
 
@@ -54,10 +54,12 @@ class SamplingPlan:
         wanted = self.study.doubtful
         if self.checks.refined or self.checks.others or not (wanted.runs or wanted.bands):
             return []
-        r = {index: ratio(margin_of(rows[id], self.study)) for index, id in self.ids.items() if id in rows}
+        r = {
+            index: log_ratio(margin_of(rows[id], self.study)) for index, id in self.ids.items() if id in rows
+        }
         names = [axis.name for axis in self.study.axes]
         panel = names.index(self.study.plot.panel) if self.study.plot.panel in names else None
-        near = nearest({index: each for index, each in r.items() if not math.isnan(each)}, panel)
+        near = nearest_to_boundary({index: each for index, each in r.items() if not math.isnan(each)}, panel)
         most = max(wanted.runs, wanted.bands)
         at = {self.ids[index]: [axis.values[i] for axis, i in zip(self.study.axes, index, strict=True)]
               for index in near}  # fmt: skip
@@ -74,13 +76,17 @@ class SamplingPlan:
 
     def with_marks(self, cases: list[Case]) -> list[Case]:
         """The first runs and those of the marked materials, which follow a look at the whole map."""
-        return [*cases[:_LOOK], *(mark.case for mark in self.study.marks()), *cases[_LOOK:]]
+        return [
+            *cases[:_RUNS_BEFORE_MARKS],
+            *(mark.case for mark in self.study.marks()),
+            *cases[_RUNS_BEFORE_MARKS:],
+        ]
 
     def with_rest(self, cases: list[Case]) -> list[Case]:
         """And the runs at rest of all these, where the study wants them."""
         if not self.study.regime.rest:
             return cases
-        still = [at_rest(case) for case in cases]
+        still = [quasi_static_case(case) for case in cases]
         self.rest |= {case.id: other.id for case, other in zip(cases, still, strict=True)}
         return [*cases, *still]
 
@@ -94,7 +100,7 @@ class _Level:
     """One combination of levels: its indices by axis, and the search over the other axes."""
 
     fixed: dict[int, int]
-    seeker: Seeker
+    search: BoundarySearch
     places: dict[Index, Index] = field(default_factory=dict)  # in the box -> in the map
     done: bool = False
 
@@ -113,7 +119,7 @@ class BoundaryPlan(SamplingPlan):
         self._levels = [
             _Level(
                 dict(zip(levels, chosen, strict=True)),
-                Seeker(
+                BoundarySearch(
                     shape,
                     start=study.search.start,
                     batch=study.search.batch,
@@ -125,8 +131,8 @@ class BoundaryPlan(SamplingPlan):
         ]
 
     @property
-    def most(self) -> int:
-        runs = sum(level.seeker.most for level in self._levels)
+    def max_runs(self) -> int:
+        runs = sum(level.search.max_runs for level in self._levels)
         return runs * (1 + self.study.regime.rest) + len(self.study.marks()) + self.repeated
 
     def ask(self, rows: Mapping[str, MapRow]) -> list[Case]:
@@ -151,7 +157,7 @@ class BoundaryPlan(SamplingPlan):
         known = self._known(level, rows)
         if level.done or len(known) < len(level.places):
             return []
-        asked = level.seeker.ask(known)
+        asked = level.search.ask(known)
         level.done = not asked
         return asked
 
@@ -169,7 +175,7 @@ class BoundaryPlan(SamplingPlan):
 
     def estimates(self, rows: Mapping[str, MapRow]) -> dict[Index, BoundaryEstimate]:
         return {
-            tuple(level.fixed.values()): level.seeker.estimate(self._known(level, rows))
+            tuple(level.fixed.values()): level.search.estimate(self._known(level, rows))
             for level in self._levels
         }
 
