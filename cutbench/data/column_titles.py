@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from cutbench.base.spelling import COMMON, exactly, is_unit, size_of
+from cutbench.base.unit_spelling import COMMON, exactly, is_unit, size_of
 from cutbench.run.read_off import READ_OFF
 
 #: Unit of each role inside; ``repetition`` is a label, and ``valid`` a number as it stands.

@@ -13,8 +13,8 @@ from functools import cached_property
 from pathlib import Path
 
 from cutbench.base.errors import BadInput
-from cutbench.base.spelling import size_of
 from cutbench.base.toml import nearest
+from cutbench.base.unit_spelling import size_of
 from cutbench.data.column_titles import UNITS, bracketed, parted
 from cutbench.data.text_cells import (
     error_at_line,

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from cutbench.base.errors import BadInput
-from cutbench.base.spelling import meant_unit, size_of
+from cutbench.base.unit_spelling import meant_unit, size_of
 from cutbench.data.clock_times import is_clock, seconds
 from cutbench.data.column_titles import UNITS, bracketed, parted
 from cutbench.data.layout import LABEL, Column, Layout, find_layout

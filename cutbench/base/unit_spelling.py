@@ -62,7 +62,7 @@ def size_of(unit: str, target: str) -> float | None:
     ``mpa`` is neither, ``Mpa`` and ``MPA`` are the second.
     """
     spelt = _plain(unit)
-    if len(same := _alike(spelt, target)) > 1:
+    if len(same := _same_but_for_case(spelt, target)) > 1:
         return None
     words = (*same, _worded(spelt), spelt, _worded(spelt.lower()))
     for word in dict.fromkeys(words):
@@ -78,7 +78,7 @@ def meant_unit(unit: str, target: str) -> str:
     Units that differ by a prefix alone are no guess for each other.
     """
     spelt, known = _plain(unit), COMMON[target]
-    near = _alike(spelt, target)
+    near = _same_but_for_case(spelt, target)
     if not near:
         close = [guess for guess in difflib.get_close_matches(spelt, known, n=5) if guess[0] == spelt[0]]
         near = [guess for guess in close if guess[:2] == spelt[:2]][:1] or close[:1]
@@ -88,7 +88,7 @@ def meant_unit(unit: str, target: str) -> str:
     return f"{wanted}{listed}" + (f"; did you mean '{guess}'?" if guess else "")
 
 
-def _alike(spelt: str, target: str) -> list[str]:
+def _same_but_for_case(spelt: str, target: str) -> list[str]:
     """The common units that ``spelt`` may be: itself, else all that differ in large and small letters alone,
     of which a large first letter tells mega from milli."""
     known = COMMON.get(target, ())
