@@ -156,7 +156,10 @@ def compute(
         base = runner.results[cases[""].id]
         for name, case in cases.items():
             result = runner.results[case.id]
-            kind, change = result.outcome.kind, moved(base.measures, result.measures) if name else {}
+            kind, change = (
+                result.outcome.kind,
+                relative_changes(base.measures, result.measures) if name else {},
+            )
             compared = {key: result.measures.get(key, math.nan) for key in COMPARED}
             seconds, closure = result.timings.get("total", math.nan), result.measures.get("closure", math.nan)
             refinement = refinements.get(name, False)
@@ -166,7 +169,7 @@ def compute(
     return rows
 
 
-def moved(base: Mapping[str, float], other: Mapping[str, float]) -> dict[str, float]:
+def relative_changes(base: Mapping[str, float], other: Mapping[str, float]) -> dict[str, float]:
     """Relative changes by measure; nan where neither run has it, infinite where one alone has it."""
     least = {"drop_rel": LEAST_DROP, "slope_N_per_mm": LEAST_SLOPE * abs(base.get("steady_N", 0.0))}
 

@@ -70,7 +70,7 @@ def space_of(mesh: skfem.Mesh, element: str) -> Space:
     return Space.build(mesh, ORDER[element])
 
 
-def stay(u: np.ndarray, dt: float = 1.0) -> Step:
+def step_at_rest(u: np.ndarray, dt: float = 1.0) -> Step:
     """A step of time ``dt`` that begins at ``u``, with the blade at rest."""
     return Step(dt, u.copy(), np.zeros(3), np.zeros(3))
 
