@@ -17,7 +17,7 @@ from cutbench.data.campaign import load_campaign
 from cutbench.discovery.page import write_discovery
 from cutbench.discovery.report import summary as discovery_summary
 from cutbench.discovery.search import discover
-from cutbench.run.blade_shape import blade_outline
+from cutbench.run.blade_geometry import blade_outline
 from cutbench.run.figures.curve import plot_curve
 from cutbench.run.figures.section import scale_end, split
 from cutbench.run.files import write_run
@@ -53,14 +53,14 @@ def run(case: Case, folder: Path, tell: Tell) -> None:
     })  # fmt: skip
 
 
-def fitted(campaign: Path, folder: Path, tell: Tell) -> None:
+def run_fit(campaign: Path, folder: Path, tell: Tell) -> None:
     """Fit the campaign's free parameters; tells the summary and the files."""
     found = fit(load_campaign(campaign), workers=1, on_progress=_progress(tell))
     write_fit(found, folder)
     _done(tell, fit_summary(found), folder)
 
 
-def discovered(campaign: Path, folder: Path, tell: Tell) -> None:
+def run_discovery(campaign: Path, folder: Path, tell: Tell) -> None:
     """Look for what the model lacks; tells the summary, the page and the files."""
     found = discover(load_campaign(campaign), workers=1, on_progress=_progress(tell))
     write_discovery(found, folder)

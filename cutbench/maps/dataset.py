@@ -140,7 +140,7 @@ def build_map(
         "marks": json.dumps([{"name": m.name} | dict(m.at) for m in study.marks()]),
     }
     found = xr.Dataset(data, coords, about)
-    return with_strips(found, checks, rows) if checks and (checks.refined or checks.others) else found
+    return with_strips(found, checks, rows) if checks and (checks.refined or checks.alternatives) else found
 
 
 def _margin(row: MapRow, drop: float, surge: float) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.case.case import Case
-from cutbench.case.unmeasured import others
+from cutbench.case.model_alternatives import alternative_cases
 from cutbench.maps.atlas_map import expected_margins
 from cutbench.maps.axes import BOUNDARY
 from cutbench.maps.boundary import BoundaryEstimate, BoundarySearch, Index, margin
@@ -47,12 +47,14 @@ class SamplingPlan:
     def repeated(self) -> int:
         """Runs that ``repeats`` asks for at the most."""
         wanted = self.study.doubtful
-        return wanted.runs + (wanted.bands * len(others(self.study.base)[0]) if wanted.bands else 0)
+        return wanted.runs + (
+            wanted.bands * len(alternative_cases(self.study.base)[0]) if wanted.bands else 0
+        )
 
     def repeats(self, rows: Mapping[str, MapRow]) -> list[Case]:
         """The runs that say how far the line may be off, when ``ask`` has none left; asked for once."""
         wanted = self.study.doubtful
-        if self.checks.refined or self.checks.others or not (wanted.runs or wanted.bands):
+        if self.checks.refined or self.checks.alternatives or not (wanted.runs or wanted.bands):
             return []
         r = {
             index: log_ratio(margin_of(rows[id], self.study)) for index, id in self.ids.items() if id in rows

@@ -20,7 +20,7 @@ import xarray as xr
 
 from cutbench.case.case import Case
 from cutbench.case.mesh_sizes import chosen, near_blade
-from cutbench.case.unmeasured import others
+from cutbench.case.model_alternatives import alternative_cases
 from cutbench.maps.boundary import NORMAL_QUANTILE, Index
 
 #: Of logarithms: a margin says no more.
@@ -65,7 +65,7 @@ class RepeatedRuns:
     """What is repeated of a map: the refined run of a run, and its runs with one thing changed; all ids."""
 
     refined: dict[str, str] = field(default_factory=dict)
-    others: dict[str, dict[str, str]] = field(default_factory=dict)
+    alternatives: dict[str, dict[str, str]] = field(default_factory=dict)
 
     def ask(self, cases: Mapping[str, Case], near: Sequence[str], runs: int, bands: int) -> list[Case]:
         """The cases to run for the ``runs`` first of ``near`` (ids), and of these the ``bands`` first."""
@@ -74,8 +74,8 @@ class RepeatedRuns:
             asked.append(fine := refined(cases[id]))
             self.refined[id] = fine.id
         for id in near[:bands]:
-            found = others(cases[id])[0]
-            self.others[id] = {name: other.id for name, other in found.items()}
+            found = alternative_cases(cases[id])[0]
+            self.alternatives[id] = {name: other.id for name, other in found.items()}
             asked += found.values()
         return asked
 
@@ -92,7 +92,7 @@ class RepeatedRuns:
     def model(self, r: Mapping[str, float]) -> UncertaintyStrip:
         """Likewise, of what the model leaves open."""
         ends = []
-        for id, changed in self.others.items():
+        for id, changed in self.alternatives.items():
             shifts = [r.get(other, math.nan) - r.get(id, math.nan) for other in changed.values()]
             if known := [s for s in shifts if math.isfinite(s)]:
                 ends.append((min(0.0, *known), max(0.0, *known)))
@@ -143,7 +143,7 @@ def uncertainty_variables(
 
     known = {
         id: [s for other in changed.values() if math.isfinite(s := r.get(other, math.nan))]
-        for id, changed in checks.others.items()
+        for id, changed in checks.alternatives.items()
     }
     bands = {id: values for id, values in known.items() if values}
     fine = {id: r.get(other, math.nan) for id, other in checks.refined.items()}

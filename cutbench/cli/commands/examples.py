@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from cutbench.cli.options import exits
+from cutbench.cli.options import with_exit_status
 
 
-@exits
+@with_exit_status
 def examples(
     out: Annotated[Path, typer.Option(metavar="DIR", help="A new folder to copy them into.")] = Path(
         "examples"

@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from cutbench.cli.options import exits
+from cutbench.cli.options import with_exit_status
 
 
-@exits
+@with_exit_status
 def guide(
     source: Annotated[Path, typer.Argument(metavar="DIR|MAP.nc", help="Folder of a sweep, or its map.")],
     material: Annotated[str, typer.Option(metavar="MATERIAL|FILE.toml", help="What is to be cut.")],

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cutbench.cli.options import exits
+from cutbench.cli.options import with_exit_status
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _SOURCE = "a folder with run.json or map.nc in it, or a map.nc"
 
 
-@exits
+@with_exit_status
 def plot(
     sources: Annotated[
         list[Path],

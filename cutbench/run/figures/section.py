@@ -14,7 +14,7 @@ from matplotlib.tri import Triangulation
 
 from cutbench.base.figure_style import DOUBLE_MM, FIELD_MAP, Look, new_figure, style
 from cutbench.case.case import Case
-from cutbench.run.blade_shape import blade_outline
+from cutbench.run.blade_geometry import blade_outline
 
 if TYPE_CHECKING:
     from cutbench.run.result import Result, Snapshot

@@ -14,7 +14,7 @@ from cutbench.case.numerics import UNMEASURED
 from cutbench.mechanisms import registry
 
 
-def others(case: Case) -> tuple[dict[str, Case], dict[str, str]]:
+def alternative_cases(case: Case) -> tuple[dict[str, Case], dict[str, str]]:
     """``case`` with one thing changed that the model leaves open, by what that is; and those that cannot be,
     with the reason."""
     found: dict[str, Case] = {}

@@ -11,7 +11,7 @@ from cutbench.base.errors import BadInput
 from cutbench.base.files import write_text
 
 
-def begin(
+def write_template(
     kind: str, target: Path, *, name: str = "", beside: Mapping[Path, Callable[[], str]] | None = None
 ) -> list[str]:
     """Write the template of this ``kind`` to ``target`` with a material's ``name``, and what is to lie

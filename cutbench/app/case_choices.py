@@ -40,7 +40,7 @@ def tools() -> dict[str, str]:
     return {law.name: law.title for law in sorted(laws, key=lambda law: (not law.standard, law.name))}
 
 
-def asked(request: Mapping[str, object]) -> Case:
+def case_from_request(request: Mapping[str, object]) -> Case:
     """The case of what the page sends: ``{"material": "gelatin", "tool": "wedge", "values": {"G": "8 kPa"},
     "numerics": "fast", "until": "transition"}``. Raises BadInput naming the key."""
     for key in request:
@@ -57,7 +57,7 @@ def asked(request: Mapping[str, object]) -> Case:
     return case.set(**given, numerics=numerics, until=until)
 
 
-def shown(case: Case) -> dict:
+def case_preview(case: Case) -> dict:
     """What the page says of a case before it is run."""
     return {
         "id": case.id,
