@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from cutbench.base.figure_style import COLOURS
 from cutbench.base.files import check_writable
+from cutbench.calibration.fitting import Fit
 from cutbench.calibration.report import write_fit
-
-if TYPE_CHECKING:
-    from cutbench.calibration.fitting import Fit
 
 
 def told(fit: Fit) -> list:

@@ -13,7 +13,8 @@ import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.units import parse_quantity
-from cutbench.data.contact import BEFORE, MIN_FREE_TRAVEL, Contact, contact_at, find_contact, late_contact
+from cutbench.data.contact import BEFORE, MIN_FREE_TRAVEL, contact_at, find_contact, late_contact
+from cutbench.data.contact_point import Contact
 from cutbench.data.experiment import HOMOGENEOUS, area_of
 from cutbench.data.outliers import check_steps
 from cutbench.data.repetition import JITTER, Repetition, first_return
@@ -46,7 +47,7 @@ def repetitions_of(
         check_steps(mine, files, lines)
         specimen = sizes[title]
         own = {**written, **{key: values[title] for key, values in zeros.items()}}
-        here, contact = _begun(mine, own, factors, title)
+        here, contact = _zeros_taken_off(mine, own, factors, title)
         x, y = _abscissa(here, kind, specimen, speed), _ordinate(here, kind, specimen)
         if kind in HOMOGENEOUS and written.get("stress", "nominal") == "cauchy":
             y = y / np.where(x > 0, x, np.nan)
@@ -87,7 +88,7 @@ def _ordinate(here: Mapping, kind: str, specimen: Mapping[str, float]) -> np.nda
 
 
 # -- contact ----------------------------------------------------------------------------------------
-def _begun(
+def _zeros_taken_off(
     read: Mapping[str, np.ndarray], written: Mapping, factors: Mapping[str, float], title: str
 ) -> tuple[dict[str, np.ndarray], Contact | None]:
     """The columns times their factors, displacement from contact and force from its zero, if that is asked

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from matplotlib.axes import Axes
 
-if TYPE_CHECKING:
-    from cutbench.data.campaign import Campaign
+from cutbench.data.campaign import Campaign
 
 
 def told(campaign: Campaign) -> list:

@@ -12,13 +12,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import among, written
 from cutbench.data.covariance import roughness, scatter_covariance
+from cutbench.data.fields import Field
 from cutbench.data.repetition import (
     Averaged,
     Repetition,
@@ -29,9 +30,6 @@ from cutbench.data.repetition import (
     turning_points,
 )
 from cutbench.data.sawtooth import sawtooth_variance
-
-if TYPE_CHECKING:
-    from cutbench.data.fields import Field
 
 HOMOGENEOUS = ("uniaxial", "equibiaxial", "pure_shear")
 KINDS = ("cut", *HOMOGENEOUS, "sliding", "separation")

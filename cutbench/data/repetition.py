@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.case.motion import corners
-
-if TYPE_CHECKING:
-    from cutbench.data.contact import Contact
+from cutbench.data.contact_point import Contact
 
 #: A step back of more than this part of the range is no jitter but a return.
 JITTER = 0.005

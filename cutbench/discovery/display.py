@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from matplotlib.axes import Axes
 
@@ -13,9 +12,7 @@ from cutbench.base.files import check_writable
 from cutbench.discovery.candidates import family_of
 from cutbench.discovery.page import write_discovery
 from cutbench.discovery.report import cause_title, gain_sentence, ranking, verdict_sentence
-
-if TYPE_CHECKING:
-    from cutbench.discovery.search import Discovery
+from cutbench.discovery.search import Discovery
 
 
 def told(d: Discovery) -> list:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,10 +10,7 @@ from matplotlib.figure import Figure
 
 from cutbench.base.figure_style import COLOURS, SINGLE_MM, force_from_zero, new_figure, save, style
 from cutbench.base.files import check_writable, write_json, write_text
-from cutbench.emulator.atlas import MEASURES
-
-if TYPE_CHECKING:
-    from cutbench.emulator.atlas import Estimate
+from cutbench.emulator.atlas import MEASURES, Estimate
 
 
 def told(found: Estimate) -> list:

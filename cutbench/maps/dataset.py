@@ -10,7 +10,6 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -20,8 +19,10 @@ from cutbench.base.files import replacing
 from cutbench.base.versions import versions
 from cutbench.case.values import parameter_of
 from cutbench.maps.axes import Axis
-from cutbench.maps.boundary import margin
+from cutbench.maps.boundary import BoundaryEstimate, margin
+from cutbench.maps.marked_materials import Mark
 from cutbench.maps.regimes import AT_REST, KIND, KINDS, rest_variables
+from cutbench.maps.study import Study
 from cutbench.maps.study_sections import Regime
 from cutbench.maps.uncertainty import (
     CAUSES,
@@ -35,11 +36,6 @@ from cutbench.maps.uncertainty import (
 )
 from cutbench.run.measures import ABRUPT, MEASURES, NOTED, SMOOTH, UNCUT, UNDECIDED
 from cutbench.run.result import OUTCOMES, Result
-
-if TYPE_CHECKING:
-    from cutbench.maps.boundary import BoundaryEstimate
-    from cutbench.maps.marked_materials import Mark
-    from cutbench.maps.study import Study
 
 NOT_COMPUTED = "not_computed"
 #: Values of the variable ``label``: position in this tuple.

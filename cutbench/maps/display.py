@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -12,10 +11,8 @@ from matplotlib.axes import Axes
 
 from cutbench.base.files import check_writable
 from cutbench.maps.dataset import LABELS, axes_of, axis_of, places_of
+from cutbench.maps.map import Map
 from cutbench.maps.phase import draw_plane
-
-if TYPE_CHECKING:
-    from cutbench.maps.map import Map
 
 
 def told(map: Map) -> list:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -14,10 +13,8 @@ from cutbench.base.files import check_writable
 from cutbench.run.figures.curve import FORCE, draw_force, plot_curve
 from cutbench.run.figures.section import plot_section
 from cutbench.run.files import write_run
+from cutbench.run.result import Result
 from cutbench.run.told import told
-
-if TYPE_CHECKING:
-    from cutbench.run.result import Result
 
 __all__ = ["dataset", "plot", "table", "told", "write"]
 

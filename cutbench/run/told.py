@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-if TYPE_CHECKING:
-    from cutbench.run.result import Result
+from cutbench.run.result import Result
 
 #: In the order in which a person asks, with format and unit.
 MEASURES = {

@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 from matplotlib import colormaps
@@ -26,9 +26,7 @@ from cutbench.base.figure_style import COLOURS, DOUBLE_MM, FIELD_MAP, GREY, new_
 from cutbench.base.files import replacing
 from cutbench.run.figures.section import Half, draw_half, frame
 from cutbench.run.figures.solid import TOP_PERCENTILE, cut_plane_of, front_line, look_of
-
-if TYPE_CHECKING:
-    from cutbench.run.result import Result, Snapshot
+from cutbench.run.result import Result, Snapshot
 
 #: Folder of the single pictures.
 FOLDER = "frames"
