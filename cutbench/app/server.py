@@ -30,7 +30,7 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from cutbench.app.campaigns import LARGEST, keep_file, write_campaign
+from cutbench.app.campaigns import MAX_FILE_BYTES, keep_file, write_campaign
 from cutbench.app.case_choices import case_from_request, case_preview, materials, tools
 from cutbench.app.jobs import STATES, Jobs
 from cutbench.app.tasks import run, run_discovery, run_fit
@@ -40,7 +40,7 @@ from cutbench.case.numerics import PRESETS
 
 HOST = "127.0.0.1"
 #: Seconds between two looks at what a job told.
-_LOOK_S = 0.1
+_POLL_S = 0.1
 #: Parts of the page in the order in which it has them.
 _SCRIPTS = ("draw.js", "app.js")
 #: Nothing is loaded from elsewhere, and no other page may hold this one.
@@ -83,8 +83,8 @@ def workbench(folder: str | Path, token: str) -> Starlette:
         content = b""
         async for part in request.stream():
             content += part
-            if len(content) > LARGEST:
-                raise BadInput("file", "larger", f"at most {LARGEST} bytes")
+            if len(content) > MAX_FILE_BYTES:
+                raise BadInput("file", "larger", f"at most {MAX_FILE_BYTES} bytes")
         return JSONResponse(keep_file(root / "readings", request.path_params["name"], content), 201)
 
     async def start_campaign(request: Request) -> Answer:
@@ -115,7 +115,7 @@ def workbench(folder: str | Path, token: str) -> Starlette:
                 if not going:
                     yield f"data: {json.dumps({'state': job.state, 'folder': job.folder.name})}\n\n"
                     return
-                await asyncio.sleep(_LOOK_S)
+                await asyncio.sleep(_POLL_S)
 
         return StreamingResponse(told(), media_type="text/event-stream")
 

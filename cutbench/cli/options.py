@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from cutbench.run.result import Outcome, Result
 
 #: What the command that runs holds until it ends.
-_held: ContextVar[ExitStack] = ContextVar("held")
+_locks: ContextVar[ExitStack] = ContextVar("held")
 
 
 def with_exit_status(command: Callable) -> Callable:
@@ -39,7 +39,7 @@ def with_exit_status(command: Callable) -> Callable:
 
         try:
             with ExitStack() as held:
-                _held.set(held)
+                _locks.set(held)
                 return command(*args, **kwargs)
         except CutbenchError as error:
             typer.echo(f"cutbench: {error}", err=True)
@@ -217,7 +217,7 @@ def locked_folder(out: Path) -> Path:
     """The folder that a command writes to, made if need be and held until the command ends."""
     from cutbench.base.files import folder_lock
 
-    return _held.get().enter_context(folder_lock(out))
+    return _locks.get().enter_context(folder_lock(out))
 
 
 @dataclass(frozen=True)

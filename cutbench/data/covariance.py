@@ -39,14 +39,14 @@ TARGET_WEIGHT = 4.0
 #: The noise is never taken for smaller than this part of the largest value: no load cell is better.
 NOISE_FLOOR = 1e-3
 #: 1/Φ⁻¹(3/4): from the median of |x| to the standard deviation of normal x.
-_MAD = 1.4826
+_MAD_TO_SD = 1.4826
 #: Factor between specimens: what is taken for it before any is measured, and how many specimens that is
 #: worth.
 USUAL_FACTOR, USUAL_FACTOR_WEIGHT = 0.02, 2
 #: Smooth difference of one specimen's curve from another's where only one was measured, relative.
 USUAL_SHAPE = 0.03
 #: What is left to the laws' time steps; a fit does not count it.
-LEAST_SHAPE = 0.002
+MIN_SHAPE = 0.002
 
 
 def roughness(s: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -68,10 +68,10 @@ def roughness(s: np.ndarray, y: np.ndarray) -> np.ndarray:
         guess += weight * values[middle + k]
         gain += weight**2
     rough = np.abs(values[middle] - guess) / np.sqrt(gain)
-    overall = _MAD * np.median(rough)
+    overall = _MAD_TO_SD * np.median(rough)
     half = max(5, middle.size // 12)
     centres = np.unique(np.linspace(0, middle.size - 1, min(middle.size, 60)).round().astype(int))
-    here = _MAD * np.array([np.median(rough[max(0, i - half) : i + half + 1]) for i in centres])
+    here = _MAD_TO_SD * np.array([np.median(rough[max(0, i - half) : i + half + 1]) for i in centres])
     sigma = np.sqrt((overall**2 + here**2) / 2)
     along_s = np.interp(np.arange(s.size), middle[centres], sigma)
     return np.maximum(along_s[back.ravel()], floor)
@@ -225,7 +225,7 @@ class Block:
             other = scatter / count
         by_factor = pooled.variance / count * np.outer(y, y)
         rest = np.diag(grid.reading**2) / count + computed
-        least = smooth_deviation(along, y, LEAST_SHAPE)
+        least = smooth_deviation(along, y, MIN_SHAPE)
         deviation = np.sqrt(np.diag(by_factor + scatter / count + least + rest))
         total = positive_definite(by_factor + other + rest)
         return cls(total, by_factor, other, scatter, deviation, grid.dof, computed, shift)
@@ -323,7 +323,7 @@ class Covariance:
         return {
             id: (
                 _root(np.asarray(b.scatter)),
-                _root(smooth_deviation(self.grids[id].along, self.y[id], LEAST_SHAPE) + b.computed),
+                _root(smooth_deviation(self.grids[id].along, self.y[id], MIN_SHAPE) + b.computed),
             )
             for id, b in self.tests.items()
         }

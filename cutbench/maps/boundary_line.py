@@ -13,7 +13,7 @@ from scipy.interpolate import griddata
 from scipy.spatial import QhullError
 
 from cutbench.base.figure_style import Look
-from cutbench.maps.plot_coordinates import LEAST, edges, finer, is_log
+from cutbench.maps.plot_coordinates import SMALLEST_IN_LOG, edges, finer, is_log
 from cutbench.maps.uncertainty import MODEL, NUMERICS, total_change, uncertainty_strips
 
 #: The wide strip is drawn first: the one of numerics lies in that of both.
@@ -33,7 +33,7 @@ def _field(part: xr.Dataset, x: str, y: str) -> tuple[list[np.ndarray], np.ndarr
     if min(z.shape) < 2 or not np.isfinite(z).any():
         return None
     # A logarithm keeps a steep drop from pushing the line towards the smooth side.
-    z = np.log(np.maximum(z, LEAST))
+    z = np.log(np.maximum(z, SMALLEST_IN_LOG))
     whole = bool(np.isfinite(z).all())
     if not whole:
         z = _fill(z)

@@ -35,7 +35,7 @@ from cutbench.maps.plot_coordinates import axis_text, is_log, plain_log
 from cutbench.run.measures import ABRUPT, CLAMP, SMOOTH
 
 #: Part of the travel that counts as steady: the default of ``cutbench.run.measures.measures``.
-STEADY = 0.4
+STEADY_FRACTION = 0.4
 #: What is compared besides the regime: its name, and the run's and the estimate's column.
 _FORCES = (("peak", "peak_N", "onset_N"), ("steady force", "steady_N", "steady_estimate_N"))
 
@@ -169,7 +169,7 @@ def compare(data: xr.Dataset) -> EstimateComparison:
 def _middle_of_steady(case: Case | Physics) -> float:
     """The middle of the travel over which ``cutbench.run.measures.measures`` takes the steady force."""
     end = min(case.p.depth, case.p.height - CLAMP * case.p.thickness)
-    return (1 - STEADY / 2) * (end if end > 0 else case.p.depth)
+    return (1 - STEADY_FRACTION / 2) * (end if end > 0 else case.p.depth)
 
 
 def draw_estimates(data: xr.Dataset, compared: EstimateComparison) -> Figure:

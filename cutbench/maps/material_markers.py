@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 
 from cutbench.base.figure_style import Look
 from cutbench.maps.dataset import LABELS
-from cutbench.maps.plot_coordinates import DROPS, edges, is_log, nearest_level
+from cutbench.maps.plot_coordinates import DROP_COLOURS, edges, is_log, nearest_level
 
 _HALO = [patheffects.withStroke(linewidth=2.2, foreground="white")]
 _LOOK: Look = {"marker": "D", "mfc": "white", "mec": "#D55E00", "ms": 7.0, "mew": 1.5, "ls": ""}
@@ -81,7 +81,7 @@ def draw_materials(ax: Axes, marks: Sequence[Mapping], x: str, y: str, part: xr.
     """Diamonds, filled as the cells are, up to the drop ``top``, where the material's own run is done."""
     for mark in marks:
         own = mark["own"]
-        fill = {"mfc": DROPS(own.drop_rel / top)} if own and own.done else {}
+        fill = {"mfc": DROP_COLOURS(own.drop_rel / top)} if own and own.done else {}
         px = mark[x]
         py = mark[y] if y else own.drop_rel if own and own.done else part.attrs["drop_threshold"]
         ax.plot([px], [py], zorder=6, clip_on=False, **(_LOOK | fill))
@@ -109,7 +109,7 @@ def handles_of(marks: Sequence[Mapping], top: float) -> list[Line2D]:
     found = [Line2D([], [], label="material, own run" if runs else "material", **_LOOK)]
     for mark in marks:
         if (own := mark["own"]) and own.differs:
-            fill = {"mfc": DROPS(own.drop_rel / top)} if own.done else {}
+            fill = {"mfc": DROP_COLOURS(own.drop_rel / top)} if own.done else {}
             said = f": {own.label}" if own.done else ""
             found.append(Line2D([], [], label=f"{mark['name']} ({own.differs}){said}", **(_LOOK | fill)))
     return found

@@ -14,7 +14,7 @@ from cutbench.maps.axes import Axis
 from cutbench.maps.closed_form_estimates import estimated_margin
 from cutbench.maps.dataset import LABELS, axes_of, axis_of
 from cutbench.maps.guidance import MapReader
-from cutbench.maps.plot_coordinates import LEAST, between
+from cutbench.maps.plot_coordinates import SMALLEST_IN_LOG, between
 from cutbench.run.measures import UNCUT
 
 #: Levels of an estimate along an axis that is walked by a slider; points along those that are shown.
@@ -57,7 +57,7 @@ def _line(data: xr.Dataset) -> xr.DataArray:
         if math.isfinite(data.attrs["surge_threshold"]):
             over = np.minimum(over, data["surge"] / data.attrs["surge_threshold"])
         over = xr.where(data["label"] == LABELS.index(UNCUT), np.nan, over)
-        return np.log(np.maximum(over, LEAST))
+        return np.log(np.maximum(over, SMALLEST_IN_LOG))
 
 
 def _pick(data: xr.Dataset) -> dict[str, np.ndarray]:

@@ -15,11 +15,11 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator, RegularGridInterpolator
 
 #: Light (no drop) to dark; the darkest and lightest ends are left out so that markers and lines show.
-DROPS = LinearSegmentedColormap.from_list("drops", colormaps["cividis_r"](np.linspace(0.06, 0.9, 256)))
+DROP_COLOURS = LinearSegmentedColormap.from_list("drops", colormaps["cividis_r"](np.linspace(0.06, 0.9, 256)))
 #: Levels of a continuous third axis that a picture shows.
-PANELS = 6
+MAX_PANELS = 6
 #: Values below this are as good as none where their logarithm is taken.
-LEAST = 1e-3
+SMALLEST_IN_LOG = 1e-3
 #: Pieces that a whole axis is contoured in at the least.
 _PIECES = 128
 
@@ -39,9 +39,9 @@ def panels_of(data: xr.Dataset, panel: str) -> tuple[xr.Dataset, xr.Dataset]:
     estimated["drop_rel"].attrs = data["drop_rel"].attrs
     estimated.attrs = data.attrs | {"surge_threshold": math.nan}
     estimated["drop_between"] = between(data, "drop_rel")
-    if panel and panel in json.loads(data.attrs["continuous"]) and data.sizes[panel] > PANELS:
+    if panel and panel in json.loads(data.attrs["continuous"]) and data.sizes[panel] > MAX_PANELS:
         estimated = estimated.isel(
-            {panel: np.rint(np.linspace(0, data.sizes[panel] - 1, PANELS)).astype(int)}
+            {panel: np.rint(np.linspace(0, data.sizes[panel] - 1, MAX_PANELS)).astype(int)}
         )
     return estimated, data
 
@@ -57,7 +57,7 @@ def between(data: xr.Dataset, name: str) -> xr.DataArray:
     known = np.isfinite(values.values).ravel()
     if not known.any():
         return values
-    size = np.log(np.maximum(values.values.ravel()[known], LEAST))
+    size = np.log(np.maximum(values.values.ravel()[known], SMALLEST_IN_LOG))
     if len(values.shape) == 1:
         return values.copy(data=np.exp(np.interp(places[:, 0], places[known, 0], size)))
     found = NearestNDInterpolator(places[known], size)(places)

@@ -37,7 +37,7 @@ from cutbench.run.pool.worker import PoolLost, Run, WorkerLost, failure, work
 from cutbench.run.store.runs import Store
 
 #: Part of the time that may go into writing the map while runs are computed.
-DRAWING = 0.03
+MAX_DRAWING_FRACTION = 0.03
 
 
 @dataclass(frozen=True)
@@ -249,7 +249,7 @@ class _Sweep:
             self._write_map()
             # The workers wait meanwhile: a large map is written less often.
             now = time.monotonic()
-            self.due = now + max(self.pace[1], (now - begun) / DRAWING)
+            self.due = now + max(self.pace[1], (now - begun) / MAX_DRAWING_FRACTION)
             self._report()
 
     def _write_map(self, *, last: bool = False) -> xr.Dataset:

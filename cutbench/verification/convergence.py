@@ -35,7 +35,7 @@ COMPARED = {
 #: A refinement may move a measure by this part of it.
 TOLERANCE = 0.03
 #: A drop and a slope may be zero; they are compared against no less than these (1, N/mm over a steady N).
-LEAST_DROP, LEAST_SLOPE = 0.1, 0.1
+MIN_DROP, MIN_SLOPE = 0.1, 0.1
 
 _TOP = ("title", "materials", "base", "change")
 _KINDS = ("refinement", "choice")
@@ -171,7 +171,7 @@ def compute(
 
 def relative_changes(base: Mapping[str, float], other: Mapping[str, float]) -> dict[str, float]:
     """Relative changes by measure; nan where neither run has it, infinite where one alone has it."""
-    least = {"drop_rel": LEAST_DROP, "slope_N_per_mm": LEAST_SLOPE * abs(base.get("steady_N", 0.0))}
+    least = {"drop_rel": MIN_DROP, "slope_N_per_mm": MIN_SLOPE * abs(base.get("steady_N", 0.0))}
 
     def change(key: str) -> float:
         a, b = base.get(key, math.nan), other.get(key, math.nan)

@@ -20,7 +20,7 @@ from cutbench.run.store.runs import Store
 Run = Callable[[Case], Result]
 
 #: A job that takes its process down so often, with no other beside it, is given up.
-LOSSES = 3
+MAX_LOSSES = 3
 
 
 class WorkerLost(ComputationFailed):
