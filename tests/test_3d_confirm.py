@@ -28,7 +28,8 @@ from cutbench.maps.dataset import MapRow, build_map, save_map
 from cutbench.maps.phase import draw_phase, save_phase
 from cutbench.maps.study import load_study
 from cutbench.run.files import write_run
-from cutbench.run.result import Outcome, Result
+from cutbench.run.outcome import Outcome
+from cutbench.run.result import Result
 
 STUDY = """
 title = "small"

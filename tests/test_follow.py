@@ -24,7 +24,8 @@ from cutbench.forms.cut import CutForm
 from cutbench.forms.damping import DampingForm
 from cutbench.forms.space import Space
 from cutbench.mechanisms import registry
-from cutbench.run.result import Outcome, Result
+from cutbench.run.outcome import Outcome
+from cutbench.run.result import Result
 from cutbench.run.snap_back import (
     MESH,
     OPEN,

@@ -10,7 +10,7 @@ import pytest
 import cutbench
 from cutbench.case.model import DEFAULT, PAPER, groups, levers, tools
 from cutbench.mechanisms import registry
-from cutbench.mechanisms.given import PROTOCOL, SPECIMEN
+from cutbench.mechanisms.specimen_and_protocol import PROTOCOL, SPECIMEN
 
 ROOT = Path(cutbench.__file__).parent
 #: Reference problems and published claims are of certain laws, and so is the atlas.

@@ -18,7 +18,7 @@ from refusals import refused
 from cutbench.case.model import DEFAULT, Model
 from cutbench.cli.main import app
 from cutbench.mechanisms import Points, registry, use_mechanisms
-from cutbench.mechanisms.registered import laws_of, load_file
+from cutbench.mechanisms.law_registry import laws_of, load_file
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = (ROOT / "docs" / "how-to" / "extend.md").read_text(encoding="utf-8")

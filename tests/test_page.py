@@ -16,7 +16,8 @@ from cutbench.maps.dataset import load_map
 from cutbench.maps.page import contents, page, plain, save_page
 from cutbench.maps.page_curves import CURVE_TOLERANCE, REST, curve_of, thinned
 from cutbench.maps.page_layers import refined
-from cutbench.run.result import Outcome, Result
+from cutbench.run.outcome import Outcome
+from cutbench.run.result import Result
 from cutbench.run.store.runs import Store
 
 

@@ -15,7 +15,8 @@ from cutbench.run.blade_geometry import blade_outline
 from cutbench.run.figures import plot_curve, plot_section, save
 from cutbench.run.figures.curve import smooth_force
 from cutbench.run.figures.section import split
-from cutbench.run.result import Outcome, Result
+from cutbench.run.outcome import Outcome
+from cutbench.run.result import Result
 
 
 @pytest.fixture(scope="module")

@@ -23,7 +23,7 @@ from cutbench.run.figures.section import scale_end, split
 from cutbench.run.files import write_run
 from cutbench.run.result import Snapshot
 from cutbench.run.runner import run_case
-from cutbench.run.said import said
+from cutbench.run.sentence import run_sentence
 
 #: The section is shown so many times on the way down.
 _SECTIONS = 60
@@ -46,7 +46,7 @@ def run(case: Case, folder: Path, tell: Tell) -> None:
     save(plot_curve(result), folder / "curve.png")
     numbers = {name: _short(value) for name, value in result.measures.items() if np.isfinite(value)}
     tell({
-        "said": said(case, result.outcome, result.measures),
+        "said": run_sentence(case, result.outcome, result.measures),
         "outcome": str(result.outcome),
         "measures": numbers,
         "files": sorted(path.name for path in folder.iterdir() if path.is_file()),

@@ -13,7 +13,7 @@ from cutbench.calibration.fitting import Fit
 from cutbench.calibration.report import write_fit
 
 
-def told(fit: Fit) -> list:
+def summary_lines(fit: Fit) -> list:
     """Head, then pairs of words."""
     lines = [("model", fit.case.model.described), ("status", fit.message or fit.status)]
     for e in fit.estimates:

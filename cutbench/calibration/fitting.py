@@ -19,8 +19,8 @@ from typing import ClassVar
 import numpy as np
 from scipy import stats
 
+from cutbench.base.display import Displayed
 from cutbench.base.errors import BadInput, ComputationFailed
-from cutbench.base.handled import Handled
 from cutbench.base.notebook import watched
 from cutbench.base.progress import ALWAYS, OnProgress, Until, silent
 from cutbench.base.toml import one_of
@@ -174,7 +174,7 @@ class Profile:
 
 
 @dataclass(frozen=True, repr=False)
-class Fit(Handled):
+class Fit(Displayed):
     """A fitted model.
 
     Attributes
@@ -207,7 +207,7 @@ class Fit(Handled):
         Those that were asked for.
     """
 
-    handled_in: ClassVar[str] = "cutbench.calibration.display"
+    display_module: ClassVar[str] = "cutbench.calibration.display"
 
     campaign: Campaign
     estimated: Estimated | None

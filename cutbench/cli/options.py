@@ -22,9 +22,10 @@ from cutbench.cli.progress import bar
 from cutbench.cli.show import loudness, show
 
 if TYPE_CHECKING:
-    from cutbench.case.calibrated import Far
     from cutbench.case.case import Case
-    from cutbench.run.result import Outcome, Result
+    from cutbench.case.group_ranges import UntypicalGroup
+    from cutbench.run.outcome import Outcome
+    from cutbench.run.result import Result
 
 #: What the command that runs holds until it ends.
 _locks: ContextVar[ExitStack] = ContextVar("held")
@@ -191,7 +192,7 @@ def changes(
 def print_doubts(*cases: Case) -> None:
     """Say once what there is to know before runs of these ``cases`` are believed; of each dimensionless group
     the case that is farthest off."""
-    worst: dict[str, Far] = {}
+    worst: dict[str, UntypicalGroup] = {}
     for one in (one for case in cases for one in case.far):
         if one.group not in worst or one.times > worst[one.group].times:
             worst[one.group] = one

@@ -16,8 +16,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from cutbench.base.display import Displayed
 from cutbench.base.errors import BadInput
-from cutbench.base.handled import Handled
 from cutbench.base.toml import among, in_short, located, one_of, read_toml, refuse_other, written
 from cutbench.case.case import Case, load_case
 from cutbench.case.model import SETS, Model, mechanism
@@ -61,7 +61,7 @@ class FitPlan:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Campaign(Handled):
+class Campaign(Displayed):
     """A validated campaign. ``base`` holds the baseline's mechanisms and the start values, of which
     ``material``, a known name or a file, may know more than its tests see.
 
@@ -69,7 +69,7 @@ class Campaign(Handled):
     material (see ``cutbench.data.plausible``).
     """
 
-    handled_in: ClassVar[str] = "cutbench.data.display"
+    display_module: ClassVar[str] = "cutbench.data.display"
 
     title: str
     base: Case

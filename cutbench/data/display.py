@@ -1,4 +1,4 @@
-"""A campaign as people handle it: in words, as a picture, as tables."""
+"""A campaign in words, as a picture, as tables."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from cutbench.data.campaign import Campaign
 
 
-def told(campaign: Campaign) -> list:
+def summary_lines(campaign: Campaign) -> list:
     """Head, then pairs of words."""
     lines = [("baseline", campaign.model.described)]
     for e in campaign.experiments:

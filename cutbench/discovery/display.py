@@ -15,7 +15,7 @@ from cutbench.discovery.report import cause_title, gain_sentence, ranking, verdi
 from cutbench.discovery.search import Discovery
 
 
-def told(d: Discovery) -> list:
+def summary_lines(d: Discovery) -> list:
     """Head, then pairs of words."""
     lines = [("baseline", d.fit.case.model.described), ("said", verdict_sentence(d))]
     if text := gain_sentence(d):

@@ -125,7 +125,7 @@ def _by_runs(null: Estimated, asked: Sequence[Candidate]) -> SensitivityParts:
         for c in asked:
             with suppress(BadInput):
                 more = extended(case, c.added, c.grid[len(c.grid) // 2])
-                if (added := Added(more, tuple(s.name for s in c.strengths))).beside(case):
+                if (added := Added(more, tuple(s.name for s in c.strengths))).shares_unknowns_with(case):
                     beside[e.id].append((c, added))
     # The pool has one list of laws a call, and each test's hold the sizes of its own specimen.
     for e, case in zip(cuts, cases, strict=True):

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar
 
+from cutbench.base.display import Displayed
 from cutbench.base.errors import ComputationFailed
-from cutbench.base.handled import Handled
 from cutbench.base.notebook import watched
 from cutbench.base.progress import ALWAYS, OnProgress, silent
 from cutbench.calibration.cut_runs import CutRuns
@@ -33,7 +33,7 @@ from cutbench.discovery.numerical_causes import NumericalCauses, numerical_cause
 
 
 @dataclass(frozen=True, repr=False)
-class Discovery(Handled):
+class Discovery(Displayed):
     """All that was found out.
 
     Attributes
@@ -67,7 +67,7 @@ class Discovery(Handled):
         Why it ended before all was asked; empty where all was.
     """
 
-    handled_in: ClassVar[str] = "cutbench.discovery.display"
+    display_module: ClassVar[str] = "cutbench.discovery.display"
 
     campaign: Campaign
     fit: Fit

@@ -19,8 +19,8 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.special import ndtr, ndtri
 
+from cutbench.base.display import Displayed
 from cutbench.base.errors import BadInput
-from cutbench.base.handled import Handled
 from cutbench.case.case import Case, load_case
 from cutbench.case.model import groups
 from cutbench.case.motion import TRANSITION as UNTIL
@@ -83,7 +83,7 @@ class Interval:
 
 
 @dataclass(frozen=True, repr=False)
-class Estimate(Handled):
+class Estimate(Displayed):
     """What the atlas says of a case.
 
     Attributes
@@ -104,7 +104,7 @@ class Estimate(Handled):
         Groups of the nearest runs, with their distances in lengths along which the onset changes.
     """
 
-    handled_in: ClassVar[str] = "cutbench.emulator.display"
+    display_module: ClassVar[str] = "cutbench.emulator.display"
 
     case: Case
     x_mm: np.ndarray

@@ -1,4 +1,4 @@
-"""An estimate as people handle it: in words, as a picture, as a table, as files."""
+"""An estimate in words, as a picture, as a table, as files."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cutbench.base.files import check_writable, write_json, write_text
 from cutbench.emulator.atlas import MEASURES, Estimate
 
 
-def told(found: Estimate) -> list:
+def summary_lines(found: Estimate) -> list:
     """Its verdict, and a line a measure."""
     head, *lines = found.lines()
     return [f"{found.case.name}: {head[1]}", *lines]

@@ -35,7 +35,8 @@ from cutbench.maps.uncertainty import (
     undecided,
 )
 from cutbench.run.measures import ABRUPT, MEASURES, NOTED, SMOOTH, UNCUT, UNDECIDED
-from cutbench.run.result import OUTCOMES, Result
+from cutbench.run.outcome import OUTCOMES
+from cutbench.run.result import Result
 
 NOT_COMPUTED = "not_computed"
 #: Values of the variable ``label``: position in this tuple.

@@ -1,4 +1,4 @@
-"""A map as people handle it: in words, as a picture, as tables, as files."""
+"""A map in words, as a picture, as tables, as files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from cutbench.maps.map import Map
 from cutbench.maps.phase import draw_plane
 
 
-def told(map: Map) -> list:
+def summary_lines(map: Map) -> list:
     """Head, then pairs of words."""
     data, lines = map.data, []
     for name in axes_of(data):

@@ -6,7 +6,7 @@ import meshio
 import numpy as np
 
 from cutbench.case.case import Case
-from cutbench.forms.gap import Lie
+from cutbench.forms.blade_gap import Lie
 
 
 def blade_outline(case: Case, travel_mm: float, top_mm: float) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Where material beside the blade passes through itself: looked for at every step of a section."""
+"""Self-intersection: where material beside the blade passes through itself, at every step of a section."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from cutbench.forms.line import crossings, overlap, surface_lines
+from cutbench.forms.surface_lines import crossings, overlap, surface_lines
 from cutbench.run.build import WIDE, Built
 from cutbench.solver.march import Accepted
 
 
-def lines_of(built: Built) -> list[np.ndarray]:
+def surface_lines_of(built: Built) -> list[np.ndarray]:
     """Nodes along top and cut face of a section, each side by itself; none in three dimensions, which are not
     looked at."""
     if built.space.dim == 3 or not built.blades:
@@ -25,11 +25,11 @@ def lines_of(built: Built) -> list[np.ndarray]:
 def crossed_area(built: Built, u: np.ndarray, lines: Iterable[np.ndarray] | None = None) -> float:
     """Area in mm² of a section, moved by ``u`` (ndof,), that is in one place twice: of its meshed part.
 
-    ``lines`` are what ``lines_of`` it gives.
+    ``lines`` are what ``surface_lines_of`` gives of it.
     """
     space, total = built.space, 0.0
     x = space.X + u[: space.X.size].reshape(space.dim, -1, order="F")
-    for line in lines_of(built) if lines is None else lines:
+    for line in surface_lines_of(built) if lines is None else lines:
         moved = x[:, line]
         if crossings(moved).size:
             # Closed through the body.
@@ -39,7 +39,7 @@ def crossed_area(built: Built, u: np.ndarray, lines: Iterable[np.ndarray] | None
     return total
 
 
-class Crossing:
+class SelfIntersection:
     """Follows a run: ``add`` each step, then ask for ``measures``. ``now``: whether it crosses itself at the
     last."""
 
@@ -50,7 +50,7 @@ class Crossing:
 
     def add(self, built: Built, step: Accepted) -> None:
         if self._of is None or self._of[0] is not built:
-            self._of = built, lines_of(built)
+            self._of = built, surface_lines_of(built)
         area = crossed_area(built, step.u, self._of[1])
         self.now = area > 0
         if self.now and math.isnan(self._first):

@@ -1,4 +1,4 @@
-"""Results as people handle them: short texts, tables, pictures, files, and one function that reads them."""
+"""How results show themselves: short texts, tables, pictures, files, and one function that reads them."""
 
 from __future__ import annotations
 
@@ -39,30 +39,30 @@ def one(request, name):
     return request.getfixturevalue(name)
 
 
-HANDLED = ("result", "map_", "campaign", "found")
+DISPLAYED = ("result", "map_", "campaign", "found")
 
 
-@pytest.mark.parametrize("name", HANDLED)
+@pytest.mark.parametrize("name", DISPLAYED)
 def test_a_text_is_short_and_says_what_it_is(request, name):
     text = repr(one(request, name))
     assert 40 < len(text) < 1500 and len(text.splitlines()) < 20
     assert text.startswith(type(one(request, name)).__name__)
 
 
-@pytest.mark.parametrize("name", HANDLED)
+@pytest.mark.parametrize("name", DISPLAYED)
 def test_a_notebook_has_a_table_and_a_picture(request, name):
     page = one(request, name)._repr_html_()
     assert "<table>" in page and "<svg" in page and "<script" not in page and "<?xml" not in page
 
 
-@pytest.mark.parametrize("name", HANDLED)
+@pytest.mark.parametrize("name", DISPLAYED)
 def test_pictures_go_into_axes_of_ones_own(request, name):
     axes = Figure().subplots()
     assert one(request, name).plot(axes) is axes
     assert axes.get_xlabel() and axes.has_data()
 
 
-@pytest.mark.parametrize("name", HANDLED)
+@pytest.mark.parametrize("name", DISPLAYED)
 def test_tables_have_a_row_each(request, name):
     frame = one(request, name).to_dataframe()
     assert len(frame) > 0 and not frame.columns.duplicated().any()

@@ -80,7 +80,7 @@ def test_from_mesh_to_mesh():
 
 
 def test_what_changes_the_unknowns_needs_a_run_of_its_own(case):
-    assert not added(case, "imperfect_bond", "bond_compliance").beside(case)
-    assert added(case, "maxwell", "g_1").beside(case)
+    assert not added(case, "imperfect_bond", "bond_compliance").shares_unknowns_with(case)
+    assert added(case, "maxwell", "g_1").shares_unknowns_with(case)
     mixed = load_case("gelatin", {**CHOICES, "element": "P2P1"})
-    assert not added(mixed, "maxwell", "g_1").beside(mixed)
+    assert not added(mixed, "maxwell", "g_1").shares_unknowns_with(mixed)

@@ -1,4 +1,4 @@
-"""A law that does nothing, beside a march without it: what its first strength would change there.
+"""A law that is switched off, beside a march without it: the linearised perturbation by its strength.
 
 Where a law is switched off, the model with it has the same displacements, tangent and states as the model
 without. So nothing has to be solved anew: the law's own forms are evaluated at what was found.
@@ -15,20 +15,20 @@ from cutbench.forms.base import Form, Step
 from cutbench.forms.surface import SurfaceForm
 
 
-class Beside:
+class LinearisedPerturbation:
     """``forms`` by name: those that the law takes part in, in the model with it. ``p``: that model's
     parameters, the law's strengths at "off"."""
 
     def __init__(self, forms: Mapping[str, Form], p: Any, states: Mapping[str, dict] | None = None):
-        """``states``: where another ``Beside`` has come to, at the same points; virgin ones without."""
+        """``states``: where another perturbation has come to, at the same points; virgin ones without."""
         self.forms, self.p = dict(forms), p
         given = states or {}
         self.states = {name: given[name] if name in given else form.start(p) for name, form in forms.items()}
 
-    def on(self, forms: Mapping[str, Form]) -> Beside:
+    def on(self, forms: Mapping[str, Form]) -> LinearisedPerturbation:
         """The same on another mesh, with the states that this one has come to."""
         carried = {n: form.carried(self.forms[n], self.states[n], self.p) for n, form in forms.items()}
-        return Beside(forms, self.p, carried)
+        return LinearisedPerturbation(forms, self.p, carried)
 
     def begun(self, states: Mapping[str, dict]) -> dict[str, dict]:
         """Its forms' states, and those of all others, where a solve begins from ``states`` of the march."""

@@ -10,7 +10,7 @@ from cutbench.run.ledger import Ledger
 from cutbench.run.measures import KNOWN, ONSET_MM, first_crossing
 
 
-class Ending:
+class StoppingCriterion:
     """Of one run. What it needs it reads off the ``ledger``, so a run that goes on has the same end."""
 
     def __init__(self, case: Case, motion: Motion, ledger: Ledger):

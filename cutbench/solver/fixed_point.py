@@ -1,4 +1,5 @@
-"""Damage and multipliers that are held while Newton's method solves, and taken anew until both stand still.
+"""A fixed-point iteration: damage and multipliers are held while Newton's method solves, and taken anew until
+both stand still.
 
 Both are taken anew together: a loop for one of them inside that of the other ends at the same place, after as
 many solutions as the product of theirs. Where contact is soft beside the body such a loop leaves nine tenths
@@ -16,17 +17,17 @@ from cutbench.solver.newton import NewtonSettings, NoConvergence, newton
 from cutbench.solver.problem import Evaluation, Problem
 
 #: Places that are mixed: the last ones.
-DEPTH = 6
+MIXING_DEPTH = 6
 #: A change so many times as long as the last one says that the places before are of other contacts.
-LEAP = 4.0
+MAX_CHANGE_RATIO = 4.0
 #: Change of damage below which a loop has found where it goes: before, a front that jumps may end elsewhere
 #: where the loop is another.
-CALM = 0.01
+SMALL_DAMAGE_CHANGE = 0.01
 #: Part of its residual that a solution may leave from there on: what is held changes more.
-PART = 0.2
+INNER_RESIDUAL_FRACTION = 0.2
 
 
-class Mixing:
+class AndersonMixing:
     """Of the places that x ← G(x) led to last the combination for which the changes G(x) − x cancel best."""
 
     def __init__(self) -> None:
@@ -36,7 +37,7 @@ class Mixing:
         """Where to go on instead of at ``found`` = G(x), where ``change`` is G(x) − x in any measure."""
         if self._past and not self._goes_on(change, self._past[-1][1]):
             self._past.clear()
-        self._past = [*self._past[1 - DEPTH :], (found, change)]
+        self._past = [*self._past[1 - MIXING_DEPTH :], (found, change)]
         if len(self._past) == 1:
             return found
         places, changes = (np.array(each[:-1]) - each[-1] for each in zip(*self._past, strict=True))
@@ -45,15 +46,15 @@ class Mixing:
 
     def _goes_on(self, change: np.ndarray, last: np.ndarray) -> bool:
         """The same is held as before, and changes as it did."""
-        return change.size == last.size and np.linalg.norm(change) <= LEAP * np.linalg.norm(last)
+        return change.size == last.size and np.linalg.norm(change) <= MAX_CHANGE_RATIO * np.linalg.norm(last)
 
 
-class Held:
+class FixedPointIteration:
     """The loop of one step: holds multipliers for ``updates`` at the most, and damage if ``staggered``."""
 
     def __init__(self, problem: Problem, settings: NewtonSettings, updates: int, staggered: bool):
         self._problem, self._settings, self._updates = problem, settings, updates
-        self._cut, self._mixing = problem.cut if staggered else None, Mixing()
+        self._cut, self._mixing = problem.cut if staggered else None, AndersonMixing()
         #: Iterations of each solution.
         self.effort: list[int] = []
         #: What solutions began from and what they found, the last ones of those with the same multipliers.
@@ -72,7 +73,10 @@ class Held:
                 # The state that this opening leads to, from the damage at the start of the step.
                 grown = cut.ended(u, p, states["cohesion"], step)
                 change = np.abs(grown["damage"] - held["damage"]).max(initial=0.0)
-                still, calm = still and change < settings.staggered_change, calm or change < CALM
+                still, calm = (
+                    still and change < settings.staggered_change,
+                    calm or change < SMALL_DAMAGE_CHANGE,
+                )
             if still and exact:
                 return u, found if cut is None else self._problem.evaluate(u, states, step)
             exact, states, held, last, place = exact or still, after, grown, place, u
@@ -91,7 +95,7 @@ class Held:
             enough = max(settings.staggered_tolerance, settings.tolerance)
             if calm:
                 left = problem.relative_residual(problem.evaluate(u, begun, step))
-                enough = max(enough, PART * left)
+                enough = max(enough, INNER_RESIDUAL_FRACTION * left)
             settings = replace(settings, tolerance=enough)
         u, found, iterations = newton(problem, u, begun, step, settings, near=near)
         self.effort.append(iterations)

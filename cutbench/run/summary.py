@@ -17,7 +17,7 @@ MEASURES = {
 }
 
 
-def told(result: Result) -> list:
+def summary_lines(result: Result) -> list:
     """Head, then pairs of words."""
     case, found = result.case, result.measures
     lines = [("found", result.sentence())]

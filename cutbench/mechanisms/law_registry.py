@@ -20,7 +20,7 @@ from types import ModuleType
 
 from cutbench.base.errors import BadInput
 from cutbench.mechanisms.base import Mechanism
-from cutbench.mechanisms.complete import BASES, refuse_incomplete
+from cutbench.mechanisms.law_validation import BASES, refuse_incomplete
 
 SLOTS = tuple(BASES)
 GROUP = "cutbench.mechanisms"

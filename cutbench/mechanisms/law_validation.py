@@ -12,7 +12,7 @@ import numpy as np
 from cutbench.base.errors import BadInput
 from cutbench.base.units import Parameter
 from cutbench.mechanisms.base import Blade, Bulk, Cut, Mechanism, Points, Rig, Skin, Support, cut_answers
-from cutbench.mechanisms.given import PROTOCOL, SPECIMEN
+from cutbench.mechanisms.specimen_and_protocol import PROTOCOL, SPECIMEN
 
 #: The base of each slot and the methods that a law of it must have.
 BASES: dict[str, tuple[type[Mechanism], tuple[str, ...]]] = {

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cutbench.solver.held import DEPTH, Mixing
+from cutbench.solver.fixed_point import MIXING_DEPTH, AndersonMixing
 
 
 def test_mixing_gets_to_a_fixed_point_that_a_loop_only_creeps_to():
@@ -12,7 +12,7 @@ def test_mixing_gets_to_a_fixed_point_that_a_loop_only_creeps_to():
     b = rng.standard_normal(40)
     end, left = np.linalg.solve(np.eye(40) - A, b), {}
     for mixes in (False, True):
-        x, mixing = np.zeros(40), Mixing()
+        x, mixing = np.zeros(40), AndersonMixing()
         for _ in range(20):
             found = A @ x + b
             x = mixing.mixed(found, found - x) if mixes else found
@@ -21,8 +21,8 @@ def test_mixing_gets_to_a_fixed_point_that_a_loop_only_creeps_to():
 
 
 def test_mixing_begins_anew_where_changes_leap_or_are_of_something_else():
-    mixing, x = Mixing(), np.ones(3)
-    for k in range(2 * DEPTH):
+    mixing, x = AndersonMixing(), np.ones(3)
+    for k in range(2 * MIXING_DEPTH):
         mixing.mixed(x * k, 0.5**k * np.eye(3)[k % 3])
     leapt = 10 * x
     assert mixing.mixed(leapt, x) is leapt

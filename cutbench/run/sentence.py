@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
+from cutbench.case.case import Case
 from cutbench.run.measures import ABRUPT, ABRUPT_DROP, KNOWN, UNDECIDED, label
-
-if TYPE_CHECKING:
-    from cutbench.case.case import Case
-    from cutbench.run.result import Outcome
+from cutbench.run.outcome import Outcome
 
 
-def said(
+def run_sentence(
     case: Case,
     outcome: Outcome,
     measures: Mapping[str, float],

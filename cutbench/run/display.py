@@ -1,4 +1,4 @@
-"""A run as people handle it: in words, as a picture, as tables, as files."""
+"""A run in words, as a picture, as tables, as files."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from cutbench.run.figures.curve import FORCE, draw_force, plot_curve
 from cutbench.run.figures.section import plot_section
 from cutbench.run.files import write_run
 from cutbench.run.result import Result
-from cutbench.run.told import told
+from cutbench.run.summary import summary_lines
 
-__all__ = ["dataset", "plot", "table", "told", "write"]
+__all__ = ["dataset", "plot", "summary_lines", "table", "write"]
 
 
 def plot(result: Result, ax: Axes) -> None:

@@ -20,11 +20,11 @@ from cutbench.case.values import SECTIONS, resolve
 
 #: A group this many times beyond all shipped materials is far: what it does there nobody has measured, and a
 #: wrong unit, or a time of another speed, is farther off.
-FAR = 3.0
+MAX_RATIO = 3.0
 
 
 @dataclass(frozen=True)
-class Far:
+class UntypicalGroup:
     """A group outside ``low`` to ``high``, the range of the shipped materials; ``parameters`` make it up."""
 
     group: str
@@ -48,8 +48,9 @@ class Far:
         )
 
 
-def far(model: Model, values: Mapping[str, float]) -> list[Far]:
-    """The groups of ``model`` with ``values`` (internal units) that are ``FAR`` from all shipped materials.
+def untypical_groups(model: Model, values: Mapping[str, float]) -> list[UntypicalGroup]:
+    """The groups of ``model`` with ``values`` (internal units) that are ``MAX_RATIO`` times beyond those of
+    all shipped materials.
 
     Groups of numbers without units are left out: they are what a person has written. So are those that no
     shipped material has, and small ones that switching a mechanism off makes nought: less of it is nearer to
@@ -62,7 +63,7 @@ def far(model: Model, values: Mapping[str, float]) -> list[Far]:
 
     for group, value in model.groups(SimpleNamespace(**values)).items():
         low, high = ranges.get(group, (0.0, 0.0))
-        if high <= 0 or value <= 0 or low / FAR <= value <= FAR * high:
+        if high <= 0 or value <= 0 or low / MAX_RATIO <= value <= MAX_RATIO * high:
             continue
         parts = [
             name for name, q in known.items()
@@ -74,7 +75,7 @@ def far(model: Model, values: Mapping[str, float]) -> list[Far]:
             for name, off in offs.items()
         )
         if parts and not small:
-            found.append(Far(group, value, low, high, tuple(parts), _rates(model, parts)))
+            found.append(UntypicalGroup(group, value, low, high, tuple(parts), _rates(model, parts)))
     return found
 
 
