@@ -5,10 +5,10 @@
     python -m benchmarks.atlas --check 8 --out DIR
     python -m benchmarks.atlas --against studies/transition.toml
 
-Points of a box of dimensionless groups (``cutbench.emulator.box``), the first of Sobol's sequence. Started
-again it computes what is missing; several at a time share the work. A run that takes more than ``--limit``
-seconds of one core is kept as far as it came. ``--pack`` puts what there is into one file; ``--check`` says
-how far an atlas of seven eighths of the runs is off at the others.
+Points of a box of dimensionless groups (``cutbench.emulator.design_space``), the first of Sobol's sequence.
+Started again it computes what is missing; several at a time share the work. A run that takes more than
+``--limit`` seconds of one core is kept as far as it came. ``--pack`` puts what there is into one file;
+``--check`` says how far an atlas of seven eighths of the runs is off at the others.
 """
 
 from __future__ import annotations
@@ -30,8 +30,16 @@ from cutbench.base.errors import CutbenchError
 from cutbench.base.files import replacing
 from cutbench.case.case import Case
 from cutbench.emulator.alignment import Course
-from cutbench.emulator.atlas import LEVEL, OWN, WIDE, WINDOW, Atlas, estimate, values_of
-from cutbench.emulator.box import BLUNT
+from cutbench.emulator.atlas import (
+    DROP_WINDOW,
+    LEVEL,
+    MEASURES_WITH_PROCESS,
+    NORMAL_QUANTILE,
+    Atlas,
+    estimate,
+    values_of,
+)
+from cutbench.emulator.design_space import BLUNT_BLADES
 from cutbench.emulator.groups import Groups
 from cutbench.maps.dataset import load_map
 from cutbench.maps.study import load_study
@@ -47,7 +55,7 @@ FOLDS = 8
 
 def cases(count: int, seed: int = SEED) -> list[Case]:
     """The first ``count`` runs of the atlas."""
-    return [BLUNT.case(parts) for parts in BLUNT.points(count, seed)]
+    return [BLUNT_BLADES.case(parts) for parts in BLUNT_BLADES.points(count, seed)]
 
 
 def compute(case: Case, limit_s: float) -> dict[str, object]:
@@ -88,7 +96,7 @@ def atlas_of(runs: Sequence[Mapping[str, Any]], wider: Mapping[str, float] | Non
     """The atlas that runs make."""
     names = {n.removeprefix("work_").removesuffix("_mJ"): n for n in runs[0] if n.startswith("work_")}
     courses, works = [], {name: list[np.ndarray]() for name in names}
-    measured = {name: list[float]() for name in OWN}
+    measured = {name: list[float]() for name in MEASURES_WITH_PROCESS}
     for run in runs:
         half, force = units_of(run["case"])
         kept, m = thinned(run["displacement_mm"], run["force_N"]), run["measures"]
@@ -97,11 +105,15 @@ def atlas_of(runs: Sequence[Mapping[str, Any]], wider: Mapping[str, float] | Non
         for name, key in names.items():
             works[name].append(run[key][kept] / (force * half))
         # Of a run that was cut short the transition may be to come.
-        known = x[-1] > m["onset_mm"] / half + KNOWN * WINDOW
-        for name, value in zip(OWN, (m["peak_N"] / force, m["drop_rel"], m["steady_N"] / force), strict=True):
+        known = x[-1] > m["onset_mm"] / half + KNOWN * DROP_WINDOW
+        for name, value in zip(
+            MEASURES_WITH_PROCESS, (m["peak_N"] / force, m["drop_rel"], m["steady_N"] / force), strict=True
+        ):
             measured[name].append(value if known else math.nan)
-    groups = np.array([values_of(BLUNT, run["case"]) for run in runs])
-    return Atlas(BLUNT, groups, courses, {n: np.array(v) for n, v in measured.items()}, works, wider=wider)
+    groups = np.array([values_of(BLUNT_BLADES, run["case"]) for run in runs])
+    return Atlas(
+        BLUNT_BLADES, groups, courses, {n: np.array(v) for n, v in measured.items()}, works, wider=wider
+    )
 
 
 def units_of(case: Case) -> tuple[float, float]:
@@ -140,12 +152,12 @@ def folds_of(
 def wider_of(runs: Sequence[Mapping[str, Any]], folds: int) -> dict[str, float]:
     """By what each interval is wider than the processes say, so that it holds nine in ten of the runs that
     an atlas lacks."""
-    z: dict[str, list[float]] = {name: [] for name in ("onset", *OWN)}
+    z: dict[str, list[float]] = {name: [] for name in ("onset", *MEASURES_WITH_PROCESS)}
     inside: dict[float, list[float]] = {factor: [] for factor in (1.0, 1.2, 1.4, 1.7, 2.0, 2.4)}
     for made, others in folds_of(runs, folds):
         for run in others:
             half, force = units_of(run["case"])
-            values, m = np.array([values_of(BLUNT, run["case"])]), run["measures"]
+            values, m = np.array([values_of(BLUNT_BLADES, run["case"])]), run["measures"]
             end = run["displacement_mm"][-1] / half
             said = made.measures(values, np.array([end]))
             true = {
@@ -163,7 +175,7 @@ def wider_of(runs: Sequence[Mapping[str, Any]], folds: int) -> dict[str, float]:
                 low, _, high = made.band(values, x)
                 parts.append(float(np.mean((low <= F) & (high >= F))))
             made.wider = {}
-    found = {name: max(1.0, float(np.quantile(each, LEVEL)) / WIDE) for name, each in z.items()}
+    found = {name: max(1.0, float(np.quantile(each, LEVEL)) / NORMAL_QUANTILE) for name, each in z.items()}
     enough = [factor for factor, parts in inside.items() if np.mean(parts) >= LEVEL]
     return {**found, "curve": min(enough, default=max(inside))}
 
@@ -240,7 +252,7 @@ def pack(runs: Sequence[Mapping[str, Any]], folds: int | None, file: Path | None
         say(check(runs, folds, wider))
     if file is not None:
         commits = sorted({str(run["commit"]) for run in runs})
-        numerics = BLUNT.base.to_dict()["numerics"]
+        numerics = BLUNT_BLADES.base.to_dict()["numerics"]
         about = {"commits": commits, "numerics": numerics, "machine": facts(), "runs": len(runs)}
         atlas_of(runs, wider).write(file, about)
 

@@ -11,7 +11,8 @@ import time
 
 import numpy as np
 
-from cutbench.run.result import Outcome, Result
+from cutbench.run.outcome import Outcome
+from cutbench.run.result import Result
 
 #: Axes of a study: 24 points, both regimes among them.
 AXES = """[[axis]]

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 from analytic_runs import note
 
-from cutbench.run.result import Outcome, Result
+from cutbench.run.outcome import Outcome
+from cutbench.run.result import Result
 
 
 def leaving_open(case) -> Result:

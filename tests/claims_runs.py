@@ -6,7 +6,8 @@ import os
 
 import numpy as np
 
-from cutbench.run.result import Outcome, Result
+from cutbench.run.outcome import Outcome
+from cutbench.run.result import Result
 from studies.paper.observed import COLUMNS
 
 

@@ -47,7 +47,7 @@ def runs_by(monkeypatch):
 @pytest.fixture
 def newton_by(monkeypatch):
     """Calling it with a function makes that what solves a step, with Newton's method or instead of it."""
-    return lambda newton: monkeypatch.setattr("cutbench.solver.held.newton", newton)
+    return lambda newton: monkeypatch.setattr("cutbench.solver.fixed_point.newton", newton)
 
 
 @pytest.fixture

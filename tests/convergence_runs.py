@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cutbench.run.result import Outcome, Result
+from cutbench.run.outcome import Outcome
+from cutbench.run.result import Result
 
 
 def converging(case) -> Result:

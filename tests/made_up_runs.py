@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from skfem import MeshTri
 
-from cutbench.run.result import Outcome, Result, Snapshot
+from cutbench.run.outcome import Outcome
+from cutbench.run.result import Result, Snapshot
 
 
 def made_up_curve(n=600, depth=21.0, seed=1):

@@ -15,13 +15,21 @@ from cutbench.base.errors import BadInput
 from cutbench.cli.main import app
 from cutbench.maps import dataset as maps
 from cutbench.maps.boundary import margin
-from cutbench.maps.confirmation import alike, confirm, expected_s, least_certain, marked, solid
+from cutbench.maps.confirmation import (
+    block_case,
+    confirm,
+    expected_seconds,
+    least_certain,
+    marked_points,
+    section_as_block,
+)
 from cutbench.maps.confirmed_points import FOLDER, RECORD, read_confirmed
 from cutbench.maps.dataset import MapRow, build_map, save_map
 from cutbench.maps.phase import draw_phase, save_phase
 from cutbench.maps.study import load_study
 from cutbench.run.files import write_run
-from cutbench.run.result import Outcome, Result
+from cutbench.run.outcome import Outcome
+from cutbench.run.result import Result
 
 STUDY = """
 title = "small"
@@ -81,19 +89,19 @@ def test_the_cases_are_those_of_the_map(data):
     for point in least_certain(data, 4):
         (where,) = np.flatnonzero(data["cohesion"].values == point.at["cohesion"])
         assert point.case.id == data["run_id"].values[where]
-    (material,) = marked(data)
+    (material,) = marked_points(data)
     assert material.name == material.case.name == "gelatin"
     assert material.case.p.width == 6.0
 
 
 def test_a_block_has_the_physics_of_its_section_and_a_mesh_of_its_own(data):
     point = least_certain(data, 1)[0]
-    block = solid(point.case, {"h": "2 mm"})
+    block = block_case(point.case, {"h": "2 mm"})
     assert block.dim == 3 and block.numerics.h_mm == 2.0
     assert (block.mechanisms, dict(block.values)) == (point.case.mechanisms, dict(point.case.values))
     assert block.numerics.element == point.case.numerics.element
     with pytest.raises(BadInput):
-        solid(point.case, {"h": "200 mm"})
+        block_case(point.case, {"h": "200 mm"})
 
 
 def curve(drop):
@@ -109,8 +117,8 @@ def curve(drop):
 
 def test_a_section_with_the_blocks_numerics_stands_between(data):
     flat = least_certain(data, 1)[0].case
-    block = solid(flat, {"h": "2 mm", "depth": "0.8 mm", "tilt": "1 deg"})
-    like = alike(flat, block)
+    block = block_case(flat, {"h": "2 mm", "depth": "0.8 mm", "tilt": "1 deg"})
+    like = section_as_block(flat, block)
     assert like.dim == 2 and like.p.depth == 0.8 and like.p.tilt == 0.0
     assert like.numerics == replace(block.numerics, symmetry="auto")
     assert like.mechanisms == flat.mechanisms
@@ -156,17 +164,17 @@ def test_a_block_confirms_only_where_the_sections_agree(data, tmp_path, drops, v
 
 
 def test_a_blocks_cost_grows_with_its_sections_calls_and_is_unknown_without(data):
-    block = solid(least_certain(data, 1)[0].case, {"h": "2 mm", "corner": 1.0, "layers": 1})
+    block = block_case(least_certain(data, 1)[0].case, {"h": "2 mm", "corner": 1.0, "layers": 1})
     column = curve(0.1)
 
     def expected(times):
         spent = {name: times * seconds for name, seconds in SPENT.items()}
         counts = {name: times * calls for name, calls in CALLS.items()}
-        return expected_s(block, Result(block, column, Outcome("done", "", "", 1.0), spent, counts))
+        return expected_seconds(block, Result(block, column, Outcome("done", "", "", 1.0), spent, counts))
 
     # What a clock says is the machine's.
     assert 30 < expected(1000) / expected(1) < 30_000
-    assert math.isnan(expected_s(block, Result(block, column, Outcome("done", "", "", 1.0), {}, {})))
+    assert math.isnan(expected_seconds(block, Result(block, column, Outcome("done", "", "", 1.0), {}, {})))
 
 
 def test_what_is_there_is_not_computed_again_and_ratios_are_at_equal_numerics(data, tmp_path):

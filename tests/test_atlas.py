@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from cutbench.case.case import load_case
 from cutbench.cli.main import app
 from cutbench.emulator.atlas import NotInAtlas, estimate, shipped
-from cutbench.emulator.box import BLUNT, OFF
+from cutbench.emulator.design_space import BLUNT_BLADES, FRACTION_SWITCHED_OFF
 from cutbench.maps.dataset import load_map
 from cutbench.run.runner import run_case
 
@@ -19,17 +19,17 @@ MATERIALS = "gelatin", "elastomer", "meat"
 
 
 def test_sides_go_from_end_to_end():
-    for side in BLUNT.sides:
+    for side in BLUNT_BLADES.ranges:
         assert side.value(0.0) == pytest.approx(side.low, rel=1e-5)
         assert side.value(1.0) == pytest.approx(side.high, rel=1e-5)
-        values = [side.value(part) for part in np.linspace(2 * OFF, 1, 9)]
+        values = [side.value(part) for part in np.linspace(2 * FRACTION_SWITCHED_OFF, 1, 9)]
         steps = np.diff(side.coordinate(np.array(values)))
         np.testing.assert_allclose(steps, steps[0], rtol=0.02)
 
 
 def test_the_first_half_of_the_points_fills_the_box_too():
-    points = BLUNT.points(64, seed=3)
-    np.testing.assert_array_equal(points[:32], BLUNT.points(32, seed=3))
+    points = BLUNT_BLADES.points(64, seed=3)
+    np.testing.assert_array_equal(points[:32], BLUNT_BLADES.points(32, seed=3))
     for half in (points[:32], points):
         assert np.abs(half.mean(axis=0) - 0.5).max() < 0.03
 
@@ -131,8 +131,8 @@ def test_a_whole_diagram_at_once(tmp_path):
 def test_runs_lie_where_it_says():
     """Four points that nobody ran before: nine in ten values lie within, so that most of these do."""
     inside = []
-    for parts in BLUNT.points(4, seed=11):
-        case = BLUNT.case(parts)
+    for parts in BLUNT_BLADES.points(4, seed=11):
+        case = BLUNT_BLADES.case(parts)
         said, run = estimate(case), run_case(case)
         for name in ("onset_mm", "peak_N", "steady_N"):
             interval, true = getattr(said, name), run.measures[name]

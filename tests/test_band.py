@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 import cutbench
 from cutbench.case.case import load_case
-from cutbench.case.unmeasured import others
+from cutbench.case.model_alternatives import alternative_cases
 from cutbench.cli.main import app
 from cutbench.mechanisms import registry
 from cutbench.run.band import AS_ASKED, write_band
@@ -24,13 +24,13 @@ from cutbench.run.measures import UNDECIDED
 
 
 def names(**changes):
-    return list(others(load_case("gelatin", changes))[0])
+    return list(alternative_cases(load_case("gelatin", changes))[0])
 
 
 # -- what is open -------------------------------------------------------------------------------------
 def test_one_thing_at_a_time_is_changed_that_the_model_leaves_open():
     case = load_case("gelatin", {"until": "transition"})
-    found, refused = others(case)
+    found, refused = alternative_cases(case)
     assert not refused and len({each.id for each in found.values()} | {case.id}) == len(found) + 1
     assert {each.until for each in found.values()} == {"transition"}
     lengths = {each.p.surface_length for each in found.values()}
@@ -46,7 +46,7 @@ def test_one_thing_at_a_time_is_changed_that_the_model_leaves_open():
 
 def test_what_is_off_or_cannot_be_is_not_repeated():
     assert not [name for name in names(surface_length="0 mm") if name.startswith("surface_length")]
-    found, refused = others(load_case("gelatin", {"tip": "3.5 mm", "h": "0.5 mm"}))
+    found, refused = alternative_cases(load_case("gelatin", {"tip": "3.5 mm", "h": "0.5 mm"}))
     assert list(refused) == ["tip = 7 mm"] and "tip = 1.75 mm" in found
     assert not set(names(numerics="paper")) & {"with whole_surface_gradient", "onset_stiffness = 5"}
 

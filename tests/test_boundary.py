@@ -12,18 +12,18 @@ import pytest
 from refusals import refused
 from scipy.ndimage import distance_transform_edt
 
-from cutbench.emulator.process import GaussianProcess, Kernel
-from cutbench.maps.agreement import agreement
+from cutbench.emulator.gaussian_process import GaussianProcess, Kernel
 from cutbench.maps.boundary import (
-    SURE,
+    NORMAL_QUANTILE,
     BoundaryEstimate,
-    Seeker,
-    distances,
+    BoundarySearch,
+    distance_to_boundary,
+    limited_slope,
     margin,
     margins_between,
-    softened,
 )
 from cutbench.maps.dataset import LABELS, build_map, load_map, row_of
+from cutbench.maps.grid_agreement import agreement
 from cutbench.maps.study import load_study
 from cutbench.maps.sweep import run_study
 
@@ -65,7 +65,7 @@ def crossings(estimate):
     found = []
     mean, spread = np.atleast_2d(estimate.mean.T), np.atleast_2d(estimate.spread.T)
     for row, (m, sd) in enumerate(zip(mean, spread, strict=True)):
-        sure = np.flatnonzero(np.abs(m) > SURE * sd)
+        sure = np.flatnonzero(np.abs(m) > NORMAL_QUANTILE * sd)
         for j in np.flatnonzero(np.diff(m >= 0)):
             root = j + m[j] / (m[j] - m[j + 1])
             low, high = max(sure[sure <= j], default=0), min(sure[sure > j], default=m.size - 1)
@@ -76,7 +76,7 @@ def crossings(estimate):
 def seek(field, d, parts, **changes):
     """Seeker, its margins, for a tolerance of 1/parts of each axis."""
     n = 2 * parts + 1
-    seeker = Seeker((n,) * d, **{"start": 5, "batch": 8 * (d - 1), "runs": parts**d // 8} | changes)
+    seeker = BoundarySearch((n,) * d, **{"start": 5, "batch": 8 * (d - 1), "runs": parts**d // 8} | changes)
     known = {}
     while asked := seeker.ask(known):
         assert not set(asked) & known.keys(), "a point was asked for twice"
@@ -150,7 +150,7 @@ def test_one_regime_everywhere_ends_soon_and_is_sure():
 
 def test_the_same_runs_give_the_same_search():
     first, known = seek(PLANE["wave"], 2, 32)
-    again = Seeker((65, 65), start=5, batch=8, runs=128)
+    again = BoundarySearch((65, 65), start=5, batch=8, runs=128)
     seen = {}
     while asked := again.ask(dict(sorted(seen.items(), reverse=True))):
         for i in asked:
@@ -204,17 +204,17 @@ def test_margins_are_zero_on_the_thresholds():
 def test_jumps_become_ramps_and_slopes_stay():
     x = np.linspace(0, 1, 21)[:, None]
     slope = np.tanh(3 * (x[:, 0] - 0.43))
-    np.testing.assert_array_equal(softened(x, slope), slope)
+    np.testing.assert_array_equal(limited_slope(x, slope), slope)
     steps = np.where(x[:, 0] < 0.43, -1.0, 1.0)
-    soft = softened(x, steps)
+    soft = limited_slope(x, steps)
     assert (np.sign(soft) == steps).all() and np.abs(np.diff(soft)).max() < 0.75
 
 
 def test_distances_count_from_between_the_regimes():
     side = np.zeros((4, 6), dtype=bool)
     side[:, 3:] = True
-    np.testing.assert_allclose(distances(side)[0], [2.5, 1.5, 0.5, 0.5, 1.5, 2.5])
-    assert np.isinf(distances(~np.zeros((2, 2), dtype=bool))).all()
+    np.testing.assert_allclose(distance_to_boundary(side)[0], [2.5, 1.5, 0.5, 0.5, 1.5, 2.5])
+    assert np.isinf(distance_to_boundary(~np.zeros((2, 2), dtype=bool))).all()
 
 
 def test_the_sign_of_a_margin_is_taken_for_certain():
@@ -252,7 +252,7 @@ def test_the_search_of_the_default_study_has_the_line_within_its_tolerance(adhes
         shift = np.array([0.0, off / math.log(thick / thin)])
         thought = np.array([[field(p + shift) for p in row] for row in places])
         expected = BoundaryEstimate(thought, np.full(shape, 0.3), np.zeros(shape, dtype=bool))
-    seeker = Seeker(shape, start=search.start, batch=search.batch, runs=runs, expected=expected)
+    seeker = BoundarySearch(shape, start=search.start, batch=search.batch, runs=runs, expected=expected)
     known = {}
     while asked := seeker.ask(known):
         known |= {i: field(np.array(i) / (np.array(shape) - 1)) for i in asked}

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from cutbench.calibration.case_file import runnable
 from cutbench.case.case import Case, load_case
-from cutbench.case.text import case_text
+from cutbench.case.case_file_text import case_text
 from cutbench.cli.main import app
 from cutbench.data.campaign import load_campaign
 

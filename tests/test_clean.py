@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cutbench.data.covariance import Factors, matern
-from cutbench.discovery.gain import NEAR, Evidence, Known, drawn
+from cutbench.discovery.noise_free_gain import NEAR, Evidence, PredictedTest, gain_from_draws
 
 S = np.linspace(0.025, 1, 40)
 CLEAN = S + S**3
@@ -19,7 +19,7 @@ def evidence(rng, scatter=0.05, repetitions=3, tests=2, noise=0.005, before=1.3,
 
     def known(mean, rest):
         correlation = matern(np.abs(S[:, None] - S), 0.1)
-        return Known(
+        return PredictedTest(
             mean, wrong, after, after[:, None], rest * np.eye(40), correlation, repetitions, "uniaxial", 1.0
         )
 
@@ -41,7 +41,7 @@ def test_it_holds_the_true_gain_as_often_as_it_says():
     for seed in range(40):
         rng = np.random.default_rng(seed)
         made, true = evidence(rng)
-        found.append((drawn(made, rng, 150), true))
+        found.append((gain_from_draws(made, rng, 150), true))
     inside = sum(gain.low <= true <= gain.high for gain, true in found)
     assert inside >= 31  # of 36 expected: fewer by chance in one of fifty
     assert np.median([abs(gain.value - true) for gain, true in found]) < 0.05
@@ -53,7 +53,7 @@ def test_it_is_near_as_often_as_it_says():
     for seed in range(30):
         rng = np.random.default_rng([seed, 1])
         made, true = evidence(rng, scatter=0.15, tests=1)
-        gain = drawn(made, rng, 150)
+        gain = gain_from_draws(made, rng, 150)
         near += abs(gain.value - true) < NEAR
         chances.append(gain.near)
     expected, chance = np.sum(chances), np.array(chances)
@@ -66,8 +66,10 @@ def test_scatter_is_not_what_a_model_is_off_by():
     rng = np.random.default_rng(0)
     made, _ = evidence(rng, scatter=0.1, repetitions=1, tests=1, bend=0.0)
     one = made.tests[0]
-    stiff = Known(1.15 * CLEAN, 0.6 * CLEAN, CLEAN, one.J, one.rest, one.correlation, 1, "uniaxial", 1.0)
-    gain = drawn(Evidence([stiff], made.train, made.factors), rng)
+    stiff = PredictedTest(
+        1.15 * CLEAN, 0.6 * CLEAN, CLEAN, one.J, one.rest, one.correlation, 1, "uniaxial", 1.0
+    )
+    gain = gain_from_draws(Evidence([stiff], made.train, made.factors), rng)
     against_readings = 1 - 0.15 / 0.55
     assert gain.value > against_readings + 0.05 and gain.high > 0.9
     assert gain.high - gain.low > 0.1
@@ -77,7 +79,7 @@ def test_what_is_known_exactly_has_a_narrow_interval():
     rng = np.random.default_rng(1)
     narrow, true = evidence(rng, scatter=0.002, noise=0.001, repetitions=5)
     wide, _ = evidence(rng, scatter=0.1, noise=0.001, repetitions=1)
-    narrow, wide = (drawn(each, rng) for each in (narrow, wide))
+    narrow, wide = (gain_from_draws(each, rng) for each in (narrow, wide))
     assert narrow.value == pytest.approx(true, abs=0.02)
     assert narrow.near > 0.9 > wide.near
     assert narrow.high - narrow.low < (wide.high - wide.low) / 3

@@ -14,7 +14,8 @@ from typer.testing import CliRunner
 
 from cutbench.base.errors import ComputationFailed
 from cutbench.cli.main import app
-from cutbench.run.result import Outcome, Result
+from cutbench.run.outcome import Outcome
+from cutbench.run.result import Result
 
 
 def invoke(*args: object):

@@ -12,14 +12,14 @@ from cutbench.calibration.settings import SETTINGS
 from cutbench.data.campaign import load_campaign
 from cutbench.discovery import discover
 from cutbench.discovery.candidates import baseline_of, family_of
-from cutbench.discovery.comparison import Step, comparisons
+from cutbench.discovery.comparison import ComparisonRound, comparisons
 
 
 def compared(*asked):
     return found(*asked)[1]
 
 
-def classes(step: Step) -> set[str]:
+def classes(step: ComparisonRound) -> set[str]:
     return {family_of(c.name) for c in step.group}
 
 

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from cutbench.base.errors import BadInput
 from cutbench.cli.main import app
-from cutbench.verification.convergence import COMPARED, compute, load_plan, moved
+from cutbench.verification.convergence import COMPARED, compute, load_plan, relative_changes
 from cutbench.verification.convergence_report import markdown, plot_convergence, write
 
 STUDY = """materials = ["gelatin", "meat"]
@@ -82,7 +82,7 @@ def test_processes_give_the_same(study):
 
 
 def test_what_neither_run_has_does_not_count():
-    nothing = moved({}, {})
+    nothing = relative_changes({}, {})
     assert all(math.isnan(v) for v in nothing.values()) and set(nothing) == set(COMPARED)
 
 

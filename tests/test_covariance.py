@@ -7,16 +7,16 @@ import pytest
 
 from cutbench.data.covariance import Block, Factors, matern, roughness
 from cutbench.data.experiment import Experiment
-from cutbench.data.repetition import Repetition, averaging, turning_points
+from cutbench.data.repetition import Repetition, averaging_matrix, turning_points
 
 
 def test_averages_keep_lines_and_lower_the_noise():
     s = np.sort(np.random.default_rng(0).uniform(0, 10, 400))
     grid = np.linspace(s[0], s[-1], 30)
-    A = averaging(s, grid)
+    A = averaging_matrix(s, grid)
     np.testing.assert_allclose(A @ (3 - 2 * s), 3 - 2 * grid, atol=1e-12)
     assert 0.15 < np.sqrt((A[5:-5] ** 2).sum(axis=1)).mean() < 0.45  # thirteen readings each: 0.28
-    few = averaging(s[::40], s[::40])
+    few = averaging_matrix(s[::40], s[::40])
     np.testing.assert_allclose(few, np.eye(10), atol=1e-12)
 
 

@@ -16,10 +16,10 @@ from cutbench.base.files import write_json
 from cutbench.case.case import load_case
 from cutbench.data.campaign import load_campaign
 from cutbench.discovery import discover
-from cutbench.discovery.comparison import Found
+from cutbench.discovery.comparison import FoundCause
 from cutbench.discovery.page import page, write_discovery
 from cutbench.discovery.report import summary, to_dict, verdict_sentence
-from cutbench.discovery.score import tail
+from cutbench.discovery.score import tail_probability
 
 STUDIES = Path(__file__).parents[1] / "studies"
 
@@ -104,7 +104,7 @@ def test_a_cause_that_was_found_is_none_that_another_might_be(gent):
     step = replace(first, compared=(cause.compared, other))
     one = replace(d, steps=(step, *d.steps[1:]), found=(replace(cause, step=step), *more))
     assert "force_drift" in verdict_sentence(one)
-    both = replace(one, found=(*one.found, Found(other, step)))
+    both = replace(one, found=(*one.found, FoundCause(other, step)))
     assert verdict_sentence(both) != verdict_sentence(one)
 
 
@@ -175,7 +175,7 @@ def test_a_formula_is_fitted_where_it_is_best():
 def test_a_silicone_too():
     d = discover(load_campaign(STUDIES / "silicone" / "meunier.toml"), workers=0)
     assert d.verdict == "mechanism" and d.names[0] in ("gent", "yeoh")
-    assert d.held_out.gain > 0.5 and d.held_out.much and d.held_out.gain > d.held_out.gain_se > 0
+    assert d.held_out.gain > 0.5 and d.held_out.gains_much and d.held_out.gain > d.held_out.gain_se > 0
 
 
 def test_discovery_json_has_its_keys(gent, tmp_path):
@@ -241,11 +241,11 @@ def test_the_command_writes_both_and_refuses_nonsense(tmp_path):
 def test_the_tail_of_draws_is_that_of_an_f_distribution():
     rng = np.random.default_rng(0)
     draws = rng.chisquare(1, 2000)
-    assert tail(draws, 3.84) == pytest.approx(0.05, abs=0.015)
-    assert tail(draws, 25.0) < 1e-4
+    assert tail_probability(draws, 3.84) == pytest.approx(0.05, abs=0.015)
+    assert tail_probability(draws, 25.0) < 1e-4
     heavy = rng.f(1, 2, 2000)
-    assert tail(heavy, 100.0) == pytest.approx(0.01, abs=0.006)
-    assert 1e-4 < tail(heavy, 400.0) < 8e-3
+    assert tail_probability(heavy, 100.0) == pytest.approx(0.01, abs=0.006)
+    assert 1e-4 < tail_probability(heavy, 400.0) < 8e-3
 
 
 def test_json_has_no_nan(tmp_path):

@@ -17,7 +17,7 @@ from cutbench.emulator import (
     RunDatabase,
 )
 from cutbench.emulator.alignment import AlignedCurves, Course
-from cutbench.emulator.process import cost
+from cutbench.emulator.gaussian_process import negative_log_posterior
 from cutbench.run.runner import run_case
 
 FREE = "G", "G_c", "tau_W", "eta_reg", "tip"
@@ -37,9 +37,9 @@ def test_the_likelihood_has_the_gradient_it_says(trend, sizes):
     squares = (X.T[:, :, None] - X.T[:, None]) ** 2
     A = np.zeros((14, 0)) if trend == "none" else np.column_stack([np.ones(14), X])
     at, expected = np.array([0.2, -0.3, 0.1, -5.0]), np.zeros(4)
-    slope = cost(at, squares, A, Y, expected, sizes)[1]
+    slope = negative_log_posterior(at, squares, A, Y, expected, sizes)[1]
     for k, step in enumerate(1e-5 * np.eye(4)):
-        ends = [cost(at + s * step, squares, A, Y, expected, sizes)[0] for s in (-1, 1)]
+        ends = [negative_log_posterior(at + s * step, squares, A, Y, expected, sizes)[0] for s in (-1, 1)]
         assert slope[k] == pytest.approx((ends[1] - ends[0]) / 2e-5, rel=1e-5)
 
 

@@ -13,13 +13,13 @@ from blind_cases import campaign, made
 from benchmarks.blind_campaigns import Planned, make
 from cutbench.base.errors import ComputationFailed
 from cutbench.calibration.cut_runs import CutRuns
-from cutbench.calibration.estimation import choose, estimate, estimates
+from cutbench.calibration.estimation import drop_unidentifiable, estimate, successive_estimates
 from cutbench.calibration.fitting import fit
 from cutbench.calibration.parameters import free_parameters
 from cutbench.calibration.posterior import Posterior
-from cutbench.calibration.prediction import NotKnown, Predictions
+from cutbench.calibration.prediction import NotComputed, Predictions
 from cutbench.data.campaign import FitPlan, load_campaign
-from cutbench.data.discrepancy import misfit
+from cutbench.data.discrepancy import relative_discrepancy
 from cutbench.run.pool.pool import TaskPool
 
 
@@ -54,7 +54,7 @@ def computed_about(posterior) -> np.ndarray:
 # -- prediction ---------------------------------------------------------------------------------------
 @pytest.mark.parametrize("shows", ["bulk", "joint", "sliding"])
 def test_derivatives_are_those_of_the_prediction(shows):
-    posterior, *_ = choose(posterior_of(campaign("", shows)))
+    posterior, *_ = drop_unidentifiable(posterior_of(campaign("", shows)))
     q = np.full(len(posterior.parameters), 0.05)
     at = posterior.evaluate(q)
     for k, step in enumerate(1e-5 * np.eye(q.size)):
@@ -69,7 +69,7 @@ def test_a_test_with_a_formula_is_exact_and_a_cut_has_an_error(tmp_path):
     posterior = posterior_of(asked, names=("G", "G_c"))
     cut, tension = asked.experiment("slow"), asked.experiment("tension")
     assert posterior.predictions.predict(tension, {}).root.size == 0
-    with pytest.raises(NotKnown):
+    with pytest.raises(NotComputed):
         posterior.predictions.predict(cut, {})
     places = computed_about(posterior)
     between = posterior.predictions.predict(cut, posterior.values(cut, np.array([0.1, 0.2])), ("G",))
@@ -182,7 +182,10 @@ def test_the_maximum_is_one():
 def test_a_wrong_model_has_a_discrepancy_and_less_evidence():
     """The same specimens and noise, with strain stiffening in one."""
     right, wrong = (fitted(campaign(effect, "bulk"))[0].estimated for effect in ("", "gent"))
-    sizes = [max(misfit(each.w, id, r) for id, r in each.at.residual.items()) for each in (right, wrong)]
+    sizes = [
+        max(relative_discrepancy(each.w, id, r) for id, r in each.at.residual.items())
+        for each in (right, wrong)
+    ]
     assert sizes[0] < 0.01 and sizes[1] > 4 * sizes[0]
     assert wrong.log_evidence < right.log_evidence - 10
 
@@ -231,7 +234,7 @@ def test_a_fit_is_better_and_better_and_says_when_it_has_settled(tmp_path):
     """Every place that it tells of was computed."""
     _, asked = of_cuts(tmp_path)
     posterior = posterior_of(asked, names=("G", "G_c", "tau_W"))
-    every = list(estimates(posterior, refine=False))
+    every = list(successive_estimates(posterior, refine=False))
     assert every[-1].settled and len(every) > 1
     assert every[-1].log_posterior == max(each.log_posterior for each in every)
     for each in every:

@@ -9,7 +9,7 @@ import pytest
 
 from cutbench.base.units import Parameter
 from cutbench.calibration.identifiability import identifiability, information_inverse
-from cutbench.calibration.mesh_error import correction, measured_error, smooth
+from cutbench.calibration.mesh_error import correction, local_linear_smooth, measured_error
 from cutbench.calibration.parameters import FreeParameter
 from cutbench.data.covariance import USUAL_FACTOR, Block, Covariance, Factors, matern
 from cutbench.data.discrepancy import with_discrepancy
@@ -179,5 +179,5 @@ def test_the_computations_error_is_taken_from_a_finer_mesh():
 
 def test_a_window_leaves_lines_as_they_are():
     x = np.linspace(0, 3, 40)
-    np.testing.assert_allclose(smooth(x, 2 - 3 * x), 2 - 3 * x, atol=1e-9)
+    np.testing.assert_allclose(local_linear_smooth(x, 2 - 3 * x), 2 - 3 * x, atol=1e-9)
     assert matern(np.zeros(1), 1.0)[0] == 1.0

@@ -24,18 +24,19 @@ from cutbench.forms.cut import CutForm
 from cutbench.forms.damping import DampingForm
 from cutbench.forms.space import Space
 from cutbench.mechanisms import registry
-from cutbench.run.result import Outcome, Result
+from cutbench.run.outcome import Outcome
+from cutbench.run.result import Result
 from cutbench.run.snap_back import (
     MESH,
     OPEN,
     PHYSICAL,
     STABLE,
     SnapBack,
-    fading,
-    forward,
+    as_seen_by_advancing_blade,
     jumps_of,
-    timeless,
-    trace,
+    rate_independent_case,
+    trace_path,
+    viscosity_limit_cases,
 )
 from cutbench.run.snap_back_report import describe_followed, sentence
 from cutbench.solver.arc_length import Path
@@ -252,26 +253,28 @@ def test_the_verdict(d, c, stopped, verdict):
 def test_what_a_blade_sees_that_only_moves_forward():
     case = load_case("gelatin")
     curve = shape([0, 1, 2, 1, 3], [0, 1, 2, 0.5, 1.5])
-    seen = forward(SnapBack(case, curve, tuple(jumps_of(curve, 0.7)), None, (), result(case, 0.1)))
+    seen = as_seen_by_advancing_blade(
+        SnapBack(case, curve, tuple(jumps_of(curve, 0.7)), None, (), result(case, 0.1))
+    )
     assert seen["displacement_mm"].tolist() == [0, 1, 2, 2, 3]
     assert seen["force_N"].tolist() == [0, 1, 2, 1, 1.5]
 
 
 # -- cases -------------------------------------------------------------------------------------------------
 def test_a_case_at_rest_has_no_viscosity():
-    case = timeless(load_case("gelatin"))
+    case = rate_independent_case(load_case("gelatin"))
     assert "viscous_degraded" not in case.mechanisms and "adhesion" in case.mechanisms
 
 
 def test_laws_of_time_are_refused():
     case = load_case("gelatin", {"with": "maxwell"})
     with refused("--follow", value="maxwell", hint="maxwell"):
-        timeless(case)
+        rate_independent_case(case)
 
 
 def test_viscosity_fades_and_steps_halve():
     case = load_case("gelatin")
-    cases = fading(case, 3.0)
+    cases = viscosity_limit_cases(case, 3.0)
     assert [one.values["eta_reg"] / case.values["eta_reg"] for _, one in cases] == pytest.approx(
         [0.1, 0.01, 0.01]
     )
@@ -282,8 +285,8 @@ def test_viscosity_fades_and_steps_halve():
 # -- a cut -------------------------------------------------------------------------------------------------
 @pytest.mark.slow
 def test_the_path_of_a_cut_passes_its_turning_point():
-    case = timeless(load_case("gelatin", {"h": "0.8 mm", "depth": "3 mm"}))
-    curve, _, interrupted = trace(case, rules=PathTuning(points=80))
+    case = rate_independent_case(load_case("gelatin", {"h": "0.8 mm", "depth": "3 mm"}))
+    curve, _, interrupted = trace_path(case, rules=PathTuning(points=80))
     assert not interrupted
     jump = max(jumps_of(curve, case.p.thickness), key=lambda one: one.advance_mm)
     assert jump.back_mm > 0.1 and jump.force_N > jump.landing_N

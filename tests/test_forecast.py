@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from cutbench.cli.main import app
 from cutbench.maps.forecast import forecast
-from cutbench.maps.plan import plan_of
+from cutbench.maps.sampling_plan import plan_of
 from cutbench.maps.study import load_study
 from cutbench.maps.sweep import run_study
 from cutbench.run.store.runs import Store
@@ -52,12 +52,12 @@ def timed_run(case):
 def test_a_grid_has_its_points_and_marks_less_what_is_in_the_store(write, tmp_path):
     study, store = load_study(write(GRID)), tmp_path / "store"
     before = forecast(study, store, 2)
-    assert (before.reused, before.first, before.most, before.timed) == (0, 25, 25, 0)
+    assert (before.reused, before.first, before.max_runs, before.timed) == (0, 25, 25, 0)
     assert before.total_s == pytest.approx(25 * before.seconds / 2) and not store.exists()
     small = GRID.replace("points = 4", "points = 2").replace('mark = ["elastomer"]', "")
     run_study(load_study(write(small)), tmp_path / "out", workers=0, run=timed_run, store=store)
     after = forecast(load_study(write(GRID)), store, 2)
-    assert (after.reused, after.first, after.most, after.timed) == (12, 13, 13, 12)
+    assert (after.reused, after.first, after.max_runs, after.timed) == (12, 13, 13, 12)
     assert after.seconds == pytest.approx(4.0) and after.total_s == pytest.approx(26.0)
     # Other points of the same numerics are timed by what is there.
     other = forecast(load_study(write(GRID.replace("to = 30.0", "to = 20.0"))), store, 1)
@@ -67,15 +67,15 @@ def test_a_grid_has_its_points_and_marks_less_what_is_in_the_store(write, tmp_pa
 def test_a_search_has_its_first_look_and_a_limit_and_goes_on_from_the_store(write, tmp_path):
     study, store = load_study(write(SEARCH)), tmp_path / "store"
     before = forecast(study, store, 4)
-    assert (before.reused, before.first, before.most) == (0, 6, 24)
+    assert (before.reused, before.first, before.max_runs) == (0, 6, 24)
     # As an interrupted search left it: the first look is there.
     for case in plan_of(study).ask({}):
         Store(store).put(timed_run(case))
     later = forecast(study, store, 4)
-    assert later.reused == 6 and 1 <= later.first <= 4 and later.most == 18
+    assert later.reused == 6 and 1 <= later.first <= 4 and later.max_runs == 18
     run_study(study, tmp_path / "out", workers=0, run=timed_run, pictures=False, store=store)
     done = forecast(study, store, 4)
-    assert done.first == done.most == 0 and done.reused == len(list(store.glob("??/*")))
+    assert done.first == done.max_runs == 0 and done.reused == len(list(store.glob("??/*")))
 
 
 def test_a_dry_run_writes_nothing(write, tmp_path):

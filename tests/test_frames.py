@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from cutbench.base.errors import BadInput
 from cutbench.case.case import load_case
 from cutbench.cli.main import app
-from cutbench.run.blade_shape import blade_mesh
+from cutbench.run.blade_geometry import blade_mesh
 from cutbench.run.figures.motion import save_frames
 from cutbench.run.files import write_run
 from cutbench.run.frames import Frames

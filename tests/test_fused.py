@@ -18,7 +18,7 @@ from cutbench.forms.cut import answers
 from cutbench.mechanisms import Isotropic
 from cutbench.mechanisms.base import STEP, Tool, cut_answers
 from cutbench.mechanisms.checks.trial import GAP, PRESSURE, N, Trial, deformations, points, sliding
-from cutbench.mechanisms.registered import registry
+from cutbench.mechanisms.law_registry import registry
 
 LAWS = registry()
 CUT = [law.name for law in LAWS.values() if law.slot == "cut"]

@@ -13,10 +13,10 @@ from typer.testing import CliRunner
 from cutbench.case.case import load_case
 from cutbench.cli.main import app
 from cutbench.maps import guidance as guides
+from cutbench.maps.closed_form_estimates import classical, compare, save_estimates
 from cutbench.maps.dataset import LABELS, build_map, row_of
-from cutbench.maps.estimates import classical, compare, save_estimates
-from cutbench.maps.sections import Regime
 from cutbench.maps.study import load_study
+from cutbench.maps.study_sections import Regime
 from cutbench.maps.sweep import run_study
 from cutbench.run.store.runs import Store
 
@@ -103,7 +103,7 @@ def test_the_recommended_change_is_checked_by_runs_of_the_map(data, tmp_path):
 
 def test_a_check_that_fails_says_so():
     row = row_of(analytic_runs.computed(load_case("gelatin")), Regime(0.1, None, onset_length_mm=0.1))
-    assert not guides.Checked(row, row).crosses and row.label in guides.Checked(row, row).text()
+    assert not guides.CheckedChange(row, row).crosses and row.label in guides.CheckedChange(row, row).text()
 
 
 def test_a_material_outside_or_without_the_axes_is_refused(data, tmp_path):

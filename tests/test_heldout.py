@@ -19,18 +19,18 @@ BETTER = HeldOut(TESTS, 0.5, 0.1, 0.4, 2.0, 1.4, 0.5, "N", True)
 
 
 def test_one_that_predicts_worse_in_both_ways_is_not_better():
-    assert BETTER.better and BETTER.much
+    assert BETTER.better and BETTER.gains_much
     assert not replace(BETTER, gain=-0.3, gain_of_shape=-0.3).better
 
 
 def test_a_specimen_that_differs_by_a_factor_does_not_contradict():
     unlucky = replace(BETTER, gain=-0.15)
-    assert unlucky.better and not unlucky.much
+    assert unlucky.better and not unlucky.gains_much
 
 
 def test_predictions_that_hardly_differ_tell_nothing():
     alike = replace(BETTER, gain=-0.01, gain_of_shape=-0.01, tells=False)
-    assert alike.better and not alike.much
+    assert alike.better and not alike.gains_much
 
 
 @pytest.mark.slow

@@ -40,7 +40,7 @@ def both(laws, kind, monkeypatch, **values):
     monkeypatch.setenv("CUTBENCH_FUSED", "0")
     plain = stress(laws, kind, **values)
     monkeypatch.setenv("CUTBENCH_FUSED", "1")
-    return plain, stress(laws, kind, march.PATIENCE + 3, **values)
+    return plain, stress(laws, kind, march.MARCHES_BEFORE_COMPILING + 3, **values)
 
 
 def alike(plain, loops):

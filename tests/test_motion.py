@@ -16,8 +16,8 @@ from cutbench.case.case import Case, load_case
 from cutbench.case.motion import Motion, read_motion, simplified
 from cutbench.discovery import discover
 from cutbench.run.checkpoint import Checkpoint
+from cutbench.run.outcome import Outcome
 from cutbench.run.pool.pool import TaskPool
-from cutbench.run.result import Outcome
 from cutbench.run.runner import run_case
 from cutbench.run.sensitivity import extended
 
@@ -206,7 +206,7 @@ def test_discovery_computes_what_was_measured(tmp_path):
     assert found.steps and asked and all(case.motion == campaign.case(experiment).motion for case in asked)
     # What a law changes that no run has is asked beside the run at the place that was found.
     (gent,) = (s for s in found.steps[0].scores.scores if s.name == "gent")
-    assert gent.column.by["held"].any()
+    assert gent.sensitivity.by["held"].any()
 
 
 # -- the fit ------------------------------------------------------------------------------------------

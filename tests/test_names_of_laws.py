@@ -10,12 +10,12 @@ import pytest
 import cutbench
 from cutbench.case.model import DEFAULT, PAPER, groups, levers, tools
 from cutbench.mechanisms import registry
-from cutbench.mechanisms.given import PROTOCOL, SPECIMEN
+from cutbench.mechanisms.specimen_and_protocol import PROTOCOL, SPECIMEN
 
 ROOT = Path(cutbench.__file__).parent
 #: Reference problems and published claims are of certain laws, and so is the atlas.
 OF_CERTAIN_LAWS = ("mechanisms", "verification")
-OF_THE_ATLAS = ("emulator/atlas.py", "emulator/box.py")
+OF_THE_ATLAS = ("emulator/atlas.py", "emulator/design_space.py")
 #: Words that happen to be names: Greek letters, a picture of phases, energy that drifts, what is taken off
 #: readings.
 OTHERWISE = {
@@ -23,7 +23,7 @@ OTHERWISE = {
     "calibration/report.py": {"contact"},
     "data/contact.py": {"contact"},
     "data/conversion.py": {"zero", "force_zero"},
-    "data/kinds.py": {"zero", "force_zero"},
+    "data/experiment_kinds.py": {"zero", "force_zero"},
     "maps/__init__.py": {"phase"},
     "maps/page.py": {"beta", "mu", "nu"},
     "solver/step_control.py": {"drift"},

@@ -18,7 +18,7 @@ from refusals import refused
 from cutbench.case.model import DEFAULT, Model
 from cutbench.cli.main import app
 from cutbench.mechanisms import Points, registry, use_mechanisms
-from cutbench.mechanisms.registered import laws_of, load_file
+from cutbench.mechanisms.law_registry import laws_of, load_file
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = (ROOT / "docs" / "how-to" / "extend.md").read_text(encoding="utf-8")
@@ -254,7 +254,7 @@ def test_a_law_brings_its_group_and_its_lever(tmp_path):
     )
     said = python(
         "import cutbench\nfrom cutbench.case.model import levers\n"
-        "from cutbench.maps.estimates import classical\n"
+        "from cutbench.maps.closed_form_estimates import classical\n"
         "cutbench.use_mechanisms('my_laws')\n"
         "case = cutbench.load_case('gelatin', {'with': 'sticky', 'grip': 0.2})\n"
         "bare = cutbench.load_case('gelatin')\n"

@@ -14,9 +14,10 @@ from cutbench.case.case import load_case
 from cutbench.maps.axes import Axis
 from cutbench.maps.dataset import load_map
 from cutbench.maps.page import contents, page, plain, save_page
-from cutbench.maps.page_curves import NEAR, REST, curve_of, thinned
+from cutbench.maps.page_curves import CURVE_TOLERANCE, REST, curve_of, thinned
 from cutbench.maps.page_layers import refined
-from cutbench.run.result import Outcome, Result
+from cutbench.run.outcome import Outcome
+from cutbench.run.result import Result
 from cutbench.run.store.runs import Store
 
 
@@ -146,11 +147,11 @@ def test_curves_are_thinned_and_stay_as_close_as_they_say():
     x = np.linspace(0, 10, 4000)
     lines = np.stack([np.sin(x) + (x > 5), np.cos(3 * x)], axis=1)
     for points in (40, 400):
-        keep, error = thinned(x, lines, NEAR, points)
+        keep, error = thinned(x, lines, CURVE_TOLERANCE, points)
         drawn = np.stack([np.interp(x, x[keep], line[keep]) for line in lines.T], axis=1)
         assert np.abs(drawn - lines).max() == pytest.approx(error, rel=1e-6)
         assert keep[0] == 0 and keep[-1] == 3999 and keep.size <= points
-    assert error <= NEAR and keep.size < 150
+    assert error <= CURVE_TOLERANCE and keep.size < 150
 
 
 def uneven_run(case):

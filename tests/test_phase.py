@@ -10,10 +10,10 @@ import pytest
 import xarray as xr
 from matplotlib.contour import QuadContourSet
 
-from cutbench.maps.coordinates import PANELS, between, nearest_level
 from cutbench.maps.dataset import MapRow, build_map, row_of
-from cutbench.maps.phase import DROPS, draw_phase, save_phase
-from cutbench.maps.plan import plan_of
+from cutbench.maps.phase import DROP_COLOURS, draw_phase, save_phase
+from cutbench.maps.plot_coordinates import MAX_PANELS, between, nearest_level
+from cutbench.maps.sampling_plan import plan_of
 from cutbench.maps.study import load_study
 
 AXES = {
@@ -196,7 +196,7 @@ def test_nearest_level_counts_in_ratios(value, level):
 
 
 def test_the_colours_darken_steadily_in_grey():
-    grey = DROPS(np.linspace(0, 1, 64))[:, :3] @ [0.2126, 0.7152, 0.0722]
+    grey = DROP_COLOURS(np.linspace(0, 1, 64))[:, :3] @ [0.2126, 0.7152, 0.0722]
     assert (np.diff(grey) < 0).all() and grey[0] - grey[-1] > 0.4
 
 
@@ -233,7 +233,7 @@ def test_a_boundary_that_was_sought_has_panels_of_its_third_axis_and_each_run_on
     data = build_map(s, rows, plan.ids, plan.estimates(rows))
     figure = draw_phase(data)
     axes = panels(figure)
-    assert len(axes) == PANELS and "unsure (95 %)" in legend(figure)
+    assert len(axes) == MAX_PANELS and "unsure (95 %)" in legend(figure)
     drawn = sum(len(line.get_xdata()) for ax in axes for line in ax.lines if line.get_marker() == "o")
     assert drawn == len(rows) > 100
     figure.canvas.draw()

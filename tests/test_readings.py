@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from refusals import refused
 
+from cutbench.data.column_titles import parted, size_of
 from cutbench.data.table import read_table
-from cutbench.data.titles import parted, size_of
 
 U = [0.5, 1.0, 1.5, 2.25]
 F = [1.25, -0.5, 3.0, 1000.5]

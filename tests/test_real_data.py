@@ -64,7 +64,7 @@ def test_a_formula_at_its_bound_is_held_out_as_it_would_be_fitted():
 def test_a_value_at_its_bound_explains_nothing_that_lies_beyond():
     d = discover(of("silicone/rtv615", "gent"), workers=0)
     (nu,) = (c for c in d.steps[0].compared if c.name == "nu")
-    assert nu.fitted.values()["nu"] == pytest.approx(0.5, abs=1e-5) and nu.share < 0.1
+    assert nu.fitted.values()["nu"] == pytest.approx(0.5, abs=1e-5) and nu.explained_variance < 0.1
 
 
 # -- what explains too much, and what is known -----------------------------------------------------------

@@ -15,12 +15,23 @@ from cutbench import load_case
 from cutbench.base.errors import BadInput
 from cutbench.maps.collapse import collapse_of, save_collapse
 from cutbench.maps.dataset import load_map
-from cutbench.maps.plan import plan_of
-from cutbench.maps.regimes import HELD, KINDS, REST, SNAP, SNAP_SPEED, STABLE, UNKNOWN, at_rest, kind
+from cutbench.maps.regimes import (
+    HELD,
+    KINDS,
+    REST,
+    SNAP,
+    SNAP_SPEED,
+    STABLE,
+    UNKNOWN,
+    kind,
+    quasi_static_case,
+)
+from cutbench.maps.sampling_plan import plan_of
 from cutbench.maps.study import load_study
 from cutbench.maps.sweep import run_study
 from cutbench.run.measures import FRONT
-from cutbench.run.result import Outcome, Result
+from cutbench.run.outcome import Outcome
+from cutbench.run.result import Result
 
 LIMIT = 5.0
 STUDY = f"""base = "gelatin"
@@ -96,11 +107,11 @@ def test_two_speeds_of_the_front_say_which(speed, still, found):
 
 def test_rest_is_the_case_with_hardly_any_viscosity_or_what_has_none():
     case = load_case("gelatin").set(viscosity=0.7)
-    still = at_rest(case)
+    still = quasi_static_case(case)
     assert still.id == case.set(viscosity=REST).id != case.id
-    assert at_rest(still) is still
+    assert quasi_static_case(still) is still
     none = case.set(without=[law.name for law in case.model.all if law.regularises])
-    assert at_rest(none) is none
+    assert quasi_static_case(none) is none
 
 
 def test_a_grid_that_has_rest_on_an_axis_needs_no_further_runs(tmp_path, log):
@@ -118,7 +129,7 @@ def test_a_grid_that_has_rest_on_an_axis_needs_no_further_runs(tmp_path, log):
 
 def test_each_place_of_the_other_axes_has_one_run_at_rest(tmp_path, log):
     sweep = swept(tmp_path, STUDY.replace(f"[{REST}, ", "[0.1, "))
-    assert plan_of(load_study(tmp_path / "study.toml")).most == 8
+    assert plan_of(load_study(tmp_path / "study.toml")).max_runs == 8
     assert len(log.read_text().split()) == len(set(log.read_text().split())) == 6 + 2
     assert sweep.complete and sweep.status.total == 8
     assert kinds_of(sweep.map) == [[STABLE] * 3, [SNAP, SNAP, HELD]]

@@ -19,7 +19,7 @@ from cutbench.case.case import load_case
 from cutbench.case.numerics import Numerics
 from cutbench.forms.base import Step
 from cutbench.maps.dataset import row_of
-from cutbench.maps.sections import Regime
+from cutbench.maps.study_sections import Regime
 from cutbench.mechanisms.base import Points
 from cutbench.run.build import build
 from cutbench.run.runner import run_case

@@ -11,11 +11,12 @@ from made_up_runs import made_up_curve, made_up_result, made_up_snapshot
 
 from cutbench.base.figure_style import math_text
 from cutbench.case.case import load_case
-from cutbench.run.blade_shape import blade_outline
+from cutbench.run.blade_geometry import blade_outline
 from cutbench.run.figures import plot_curve, plot_section, save
 from cutbench.run.figures.curve import smooth_force
 from cutbench.run.figures.section import split
-from cutbench.run.result import Outcome, Result
+from cutbench.run.outcome import Outcome
+from cutbench.run.result import Result
 
 
 @pytest.fixture(scope="module")

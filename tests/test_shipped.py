@@ -15,9 +15,9 @@ from typer.testing import CliRunner
 
 import cutbench
 from cutbench.cli.main import app
-from cutbench.maps.cases import other_writer
 from cutbench.maps.confirmed_points import RECORD, handles_of, read_confirmed
 from cutbench.maps.dataset import load_map
+from cutbench.maps.map_cases import other_writer
 from cutbench.maps.study import load_study
 from cutbench.verification.convergence import load_plan
 

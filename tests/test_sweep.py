@@ -22,8 +22,8 @@ from refusals import refused
 from rich.console import Console
 
 from cutbench.cli.progress import bar
-from cutbench.maps.cases import case_on
 from cutbench.maps.dataset import LABELS, load_map
+from cutbench.maps.map_cases import case_on
 from cutbench.maps.study import load_study
 from cutbench.maps.sweep import run_study
 from cutbench.run.store.runs import Store

@@ -7,7 +7,7 @@ import pytest
 import tables_made as made
 
 from cutbench.base.errors import BadInput
-from cutbench.base.spelling import meant_unit, size_of
+from cutbench.base.unit_spelling import meant_unit, size_of
 from cutbench.data.campaign import load_campaign
 
 POND = 9.80665e-3

@@ -15,7 +15,7 @@ from cutbench.case.case import Case, load_case
 from cutbench.case.model import Model
 from cutbench.forms.base import Step
 from cutbench.mechanisms import registry
-from cutbench.run.blade_shape import blade_outline
+from cutbench.run.blade_geometry import blade_outline
 from cutbench.run.build import build, geometry_of
 from cutbench.run.runner import run_case
 

@@ -14,18 +14,18 @@ from cutbench.base.errors import BadInput
 from cutbench.maps.dataset import LABELS, MapRow, build_map, load_map, row_of, to_csv
 from cutbench.maps.guidance import guide
 from cutbench.maps.phase import draw_phase
-from cutbench.maps.plan import plan_of
+from cutbench.maps.sampling_plan import plan_of
 from cutbench.maps.study import load_study
 from cutbench.maps.sweep import run_study
 from cutbench.maps.uncertainty import (
     MODEL,
     NUMERICS,
-    Checks,
-    nearest,
-    ratio,
-    reach,
+    RepeatedRuns,
+    log_ratio,
+    nearest_to_boundary,
     refined,
-    strips_of,
+    total_change,
+    uncertainty_strips,
     undecided,
 )
 from cutbench.run.result import Result
@@ -69,16 +69,16 @@ def test_refined_halves_elements_and_steps_and_keeps_the_tip():
 
 
 def test_ratios_are_of_margins_and_end():
-    assert ratio(math.tanh(0.3)) == pytest.approx(0.3) and ratio(0.0) == 0.0
-    assert ratio(1.0) == 2.0 and ratio(-1.0) == -2.0 and math.isnan(ratio(math.nan))
+    assert log_ratio(math.tanh(0.3)) == pytest.approx(0.3) and log_ratio(0.0) == 0.0
+    assert log_ratio(1.0) == 2.0 and log_ratio(-1.0) == -2.0 and math.isnan(log_ratio(math.nan))
 
 
 def test_strips_hold_no_change_and_widen_with_what_changes():
-    checks = Checks({"a": "A", "b": "B"}, {"a": {"x": "ax", "y": "ay"}})
+    checks = RepeatedRuns({"a": "A", "b": "B"}, {"a": {"x": "ax", "y": "ay"}})
     r = {"a": 0.1, "b": -0.1, "A": 0.1, "B": -0.1, "ax": 0.3, "ay": -0.5}
     assert (checks.numerics(r).low, checks.numerics(r).high) == (0.0, 0.0)
     assert (checks.model(r).low, checks.model(r).high) == pytest.approx((-0.6, 0.2))
-    widths = [np.diff(reach([checks.numerics(r | {"A": 0.1 + by})]))[0] for by in (0.1, 0.2, 0.4)]
+    widths = [np.diff(total_change([checks.numerics(r | {"A": 0.1 + by})]))[0] for by in (0.1, 0.2, 0.4)]
     assert widths == sorted(widths) and widths[0] > 0
     assert checks.numerics({"a": 0.1}).runs == 0  # a refined run that fell short says nothing
     assert undecided(np.array([-0.3, -0.1, 0.1, 0.3]), -0.2, 0.2).tolist() == [False, True, True, False]
@@ -87,8 +87,8 @@ def test_strips_hold_no_change_and_widen_with_what_changes():
 
 def test_the_nearest_are_taken_from_every_panel():
     r = {(0, 0): 0.01, (1, 0): 0.02, (2, 0): 0.03, (0, 1): 0.5, (1, 1): 2.0}
-    assert nearest(r, None) == [(0, 0), (1, 0), (2, 0), (0, 1)]
-    assert nearest(r, 1) == [(0, 0), (0, 1), (1, 0), (2, 0)]
+    assert nearest_to_boundary(r, None) == [(0, 0), (1, 0), (2, 0), (0, 1)]
+    assert nearest_to_boundary(r, 1) == [(0, 0), (0, 1), (1, 0), (2, 0)]
 
 
 def test_a_sweep_repeats_what_is_near_and_calls_it_undecided(study, tmp_path):
@@ -96,7 +96,7 @@ def test_a_sweep_repeats_what_is_near_and_calls_it_undecided(study, tmp_path):
     plain = run_study(study(""), tmp_path / "plain", workers=0, run=halved, pictures=False).map
     sweep = run_study(study(), out, workers=0, run=halved, pictures=False)
     data = load_map(out / "map.nc")
-    strips = strips_of(data)
+    strips = uncertainty_strips(data)
     assert strips[NUMERICS].runs == 4 and strips[MODEL].runs == 2
     # All refined runs fall by half as much again: a shift without scatter, and no other shift.
     assert strips[NUMERICS].high == pytest.approx(math.log(BIAS), abs=0.05) and strips[NUMERICS].low == 0
@@ -104,7 +104,7 @@ def test_a_sweep_repeats_what_is_near_and_calls_it_undecided(study, tmp_path):
     names, before = np.array(LABELS)[data["label"].values], np.array(LABELS)[plain["label"].values]
     open_ = names == "undecided"
     r = np.log(plain["drop_rel"].values / 0.1)
-    low, high = reach(strips.values())
+    low, high = total_change(strips.values())
     assert open_.any() and (open_ == ((r + low < 0) & (r + high >= 0))).all()
     assert (names[~open_] == before[~open_]).all() and np.isfinite(data["refined_ratio"].values).sum() == 4
     assert "undecided" in to_csv(data) and "refined_ratio" in to_csv(data).splitlines()[0]
@@ -131,7 +131,7 @@ def test_nothing_is_repeated_unless_asked_for(study):
     plain = study("")
     plan = plan_of(plain)
     rows = {case.id: row_of(analytic_runs.computed(case), plain.regime) for case in plan.ask({})}
-    assert plan.repeats(rows) == [] and strips_of(build_map(plain, rows)) == {}
+    assert plan.repeats(rows) == [] and uncertainty_strips(build_map(plain, rows)) == {}
     asked = plan_of(study())
     asked.ask({})
     first = asked.repeats(rows)

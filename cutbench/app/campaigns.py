@@ -14,7 +14,7 @@ from cutbench.data.campaign import load_campaign
 from cutbench.data.conversion import TAKEN_OFF
 
 #: A file of readings is no larger, bytes.
-LARGEST = 20_000_000
+MAX_FILE_BYTES = 20_000_000
 _NAME = re.compile(r"[\w][\w .+-]{0,80}\.(csv|txt|tsv|dat)", re.IGNORECASE)
 #: What a request may hold: the fields of an experiment, each a text or an object of texts.
 _FIELDS = ("kind", "columns", "units", "specimen", "blade", "speed", *TAKEN_OFF)
@@ -27,8 +27,8 @@ def keep_file(folder: Path, name: str, content: bytes) -> dict:
         raise BadInput(
             "file", name, "a name such as curve.csv: letters, digits, blanks; .csv, .txt, .tsv or .dat"
         )
-    if not content or len(content) > LARGEST:
-        raise BadInput(name, f"{len(content)} bytes", f"1 to {LARGEST} bytes")
+    if not content or len(content) > MAX_FILE_BYTES:
+        raise BadInput(name, f"{len(content)} bytes", f"1 to {MAX_FILE_BYTES} bytes")
     if b"\0" in content and content[:2] not in (b"\xff\xfe", b"\xfe\xff"):
         raise BadInput(name, "binary", "a table as text")
     folder.mkdir(parents=True, exist_ok=True)

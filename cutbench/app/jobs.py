@@ -16,7 +16,7 @@ from cutbench.base.errors import BadInput, CutbenchError
 #: How a job stands; only the first goes on.
 STATES = ("running", "done", "failed", "stopped")
 #: So many at once: the machine is its user's, too.
-MOST = 2
+MAX_RUNNING = 2
 _SPAWN = multiprocessing.get_context("spawn")
 
 
@@ -28,10 +28,10 @@ class Job:
     title: str
     folder: Path
     state: str = STATES[0]
-    told: list[dict] = field(default_factory=list)
+    messages: list[dict] = field(default_factory=list)
     process: Any = None
 
-    def shown(self) -> dict:
+    def summary(self) -> dict:
         """For a list of jobs."""
         return {"id": self.id, "title": self.title, "state": self.state, "folder": self.folder.name}
 
@@ -49,9 +49,9 @@ class Jobs:
         return self._jobs.get(id)
 
     def start(self, title: str, folder: Path, task: Callable, *given: object) -> Job:
-        """Begin ``task(*given, folder, tell)``. Raises BadInput while ``MOST`` are under way."""
-        if sum(job.state == STATES[0] for job in self) >= MOST:
-            raise BadInput("jobs", title, f"at most {MOST} at once: wait for one, or stop it")
+        """Begin ``task(*given, folder, tell)``. Raises BadInput while ``MAX_RUNNING`` are under way."""
+        if sum(job.state == STATES[0] for job in self) >= MAX_RUNNING:
+            raise BadInput("jobs", title, f"at most {MAX_RUNNING} at once: wait for one, or stop it")
         job = Job(f"{len(self._jobs) + 1}", title, folder)
         folder.mkdir(parents=True, exist_ok=True)
         listen, speak = _SPAWN.Pipe(duplex=False)
@@ -95,7 +95,7 @@ def _listen(job: Job, listen: Connection) -> None:
         while True:
             what = listen.recv()
             ended = what.pop("state", ended)
-            job.told.append(what)
+            job.messages.append(what)
     except (EOFError, OSError):
         pass
     job.process.join()

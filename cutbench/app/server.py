@@ -30,17 +30,17 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from cutbench.app.campaigns import LARGEST, keep_file, write_campaign
-from cutbench.app.choices import asked, materials, shown, tools
+from cutbench.app.campaigns import MAX_FILE_BYTES, keep_file, write_campaign
+from cutbench.app.case_choices import case_from_request, case_preview, materials, tools
 from cutbench.app.jobs import STATES, Jobs
-from cutbench.app.tasks import discovered, fitted, run
+from cutbench.app.tasks import run, run_discovery, run_fit
 from cutbench.base.errors import BadInput
 from cutbench.base.files import check_writable
 from cutbench.case.numerics import PRESETS
 
 HOST = "127.0.0.1"
 #: Seconds between two looks at what a job told.
-_LOOK_S = 0.1
+_POLL_S = 0.1
 #: Parts of the page in the order in which it has them.
 _SCRIPTS = ("draw.js", "app.js")
 #: Nothing is loaded from elsewhere, and no other page may hold this one.
@@ -73,33 +73,33 @@ def workbench(folder: str | Path, token: str) -> Starlette:
         )
 
     async def check(request: Request) -> Answer:
-        return JSONResponse(shown(asked(await _body(request))))
+        return JSONResponse(case_preview(case_from_request(await _body(request))))
 
     async def start_run(request: Request) -> Answer:
-        case = asked(await _body(request))
-        return JSONResponse(jobs.start(case.name, place("run"), run, case).shown(), 201)
+        case = case_from_request(await _body(request))
+        return JSONResponse(jobs.start(case.name, place("run"), run, case).summary(), 201)
 
     async def upload(request: Request) -> Answer:
         content = b""
         async for part in request.stream():
             content += part
-            if len(content) > LARGEST:
-                raise BadInput("file", "larger", f"at most {LARGEST} bytes")
+            if len(content) > MAX_FILE_BYTES:
+                raise BadInput("file", "larger", f"at most {MAX_FILE_BYTES} bytes")
         return JSONResponse(keep_file(root / "readings", request.path_params["name"], content), 201)
 
     async def start_campaign(request: Request) -> Answer:
         body = await _body(request)
-        task = {"fit": fitted, "discover": discovered}.get(str(body.get("task")))
+        task = {"fit": run_fit, "discover": run_discovery}.get(str(body.get("task")))
         if task is None:
             raise BadInput("task", body.get("task"), "fit or discover")
         file = write_campaign(root / "readings", body)
         kept = place(str(body["task"]))
         kept.mkdir()
         (kept / "campaign.toml").write_bytes(file.read_bytes())
-        return JSONResponse(jobs.start(file.stem, kept, task, file).shown(), 201)
+        return JSONResponse(jobs.start(file.stem, kept, task, file).summary(), 201)
 
     async def listed(request: Request) -> Answer:
-        return JSONResponse([job.shown() for job in jobs])
+        return JSONResponse([job.summary() for job in jobs])
 
     async def events(request: Request) -> Answer:
         if (job := jobs.get(request.path_params["id"])) is None:
@@ -109,13 +109,13 @@ def workbench(folder: str | Path, token: str) -> Starlette:
             seen = 0
             while True:
                 going = job.state == STATES[0]
-                for what in job.told[seen:]:
+                for what in job.messages[seen:]:
                     seen += 1
                     yield f"data: {json.dumps(what)}\n\n"
                 if not going:
                     yield f"data: {json.dumps({'state': job.state, 'folder': job.folder.name})}\n\n"
                     return
-                await asyncio.sleep(_LOOK_S)
+                await asyncio.sleep(_POLL_S)
 
         return StreamingResponse(told(), media_type="text/event-stream")
 
@@ -123,7 +123,7 @@ def workbench(folder: str | Path, token: str) -> Starlette:
         if (job := jobs.get(request.path_params["id"])) is None:
             return PlainTextResponse("no such job", 404)
         jobs.stop(job)
-        return JSONResponse(job.shown())
+        return JSONResponse(job.summary())
 
     async def refused(request: Request, error: Exception) -> Answer:
         assert isinstance(error, BadInput)

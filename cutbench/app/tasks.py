@@ -17,13 +17,13 @@ from cutbench.data.campaign import load_campaign
 from cutbench.discovery.page import write_discovery
 from cutbench.discovery.report import summary as discovery_summary
 from cutbench.discovery.search import discover
-from cutbench.run.blade_shape import blade_outline
+from cutbench.run.blade_geometry import blade_outline
 from cutbench.run.figures.curve import plot_curve
 from cutbench.run.figures.section import scale_end, split
 from cutbench.run.files import write_run
 from cutbench.run.result import Snapshot
 from cutbench.run.runner import run_case
-from cutbench.run.said import said
+from cutbench.run.sentence import run_sentence
 
 #: The section is shown so many times on the way down.
 _SECTIONS = 60
@@ -46,21 +46,21 @@ def run(case: Case, folder: Path, tell: Tell) -> None:
     save(plot_curve(result), folder / "curve.png")
     numbers = {name: _short(value) for name, value in result.measures.items() if np.isfinite(value)}
     tell({
-        "said": said(case, result.outcome, result.measures),
+        "said": run_sentence(case, result.outcome, result.measures),
         "outcome": str(result.outcome),
         "measures": numbers,
         "files": sorted(path.name for path in folder.iterdir() if path.is_file()),
     })  # fmt: skip
 
 
-def fitted(campaign: Path, folder: Path, tell: Tell) -> None:
+def run_fit(campaign: Path, folder: Path, tell: Tell) -> None:
     """Fit the campaign's free parameters; tells the summary and the files."""
     found = fit(load_campaign(campaign), workers=1, on_progress=_progress(tell))
     write_fit(found, folder)
     _done(tell, fit_summary(found), folder)
 
 
-def discovered(campaign: Path, folder: Path, tell: Tell) -> None:
+def run_discovery(campaign: Path, folder: Path, tell: Tell) -> None:
     """Look for what the model lacks; tells the summary, the page and the files."""
     found = discover(load_campaign(campaign), workers=1, on_progress=_progress(tell))
     write_discovery(found, folder)

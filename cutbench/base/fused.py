@@ -27,7 +27,7 @@ from cutbench.base.symbols import leaf
 
 #: Readings of one function that are kept, the last ones; and different formulas of one: with more there is
 #: something that changes from call to call, and each would be compiled.
-MOST, FORMULAS = 64, 256
+MAX_TRACES, MAX_FORMULAS = 64, 256
 #: By which an answer may differ from NumPy's, over its largest number.
 ROUNDING = 1e-8
 _FLOAT, _COMPLEX = np.dtype(float), np.dtype(complex)
@@ -51,10 +51,10 @@ class Fused:
                 if k:  # it is asked for again, most likely
                     self._known.insert(0, self._known.pop(k))
                 return found
-        if len(self._formulas) < FORMULAS:
+        if len(self._formulas) < MAX_FORMULAS:
             reading = _Reading(self.plain, given, self._loops)
             self._known.insert(0, reading)
-            del self._known[MOST:]
+            del self._known[MAX_TRACES:]
             self._formulas.add(reading.source)
             if (found := reading.answer(given)) is not _MISS:
                 return found

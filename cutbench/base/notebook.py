@@ -16,7 +16,7 @@ Call = TypeVar("Call", bound=Callable[..., Any])
 #: Seconds between two looks of the line: more often a browser need not draw it.
 EVERY_S = 0.3
 
-_SHOWN = {"now": False}
+_LINE_SHOWN = {"now": False}
 
 
 def watched(unit: str) -> Callable[[Call], Call]:
@@ -26,7 +26,7 @@ def watched(unit: str) -> Callable[[Call], Call]:
     def give(call: Call) -> Call:
         @functools.wraps(call)
         def wrapped(*args: Any, **kwargs: Any) -> Any:
-            if "on_progress" in kwargs or _SHOWN["now"] or not in_notebook():
+            if "on_progress" in kwargs or _LINE_SHOWN["now"] or not in_notebook():
                 return call(*args, **kwargs)
             with _line(call.__name__, unit) as on_progress:
                 return call(*args, **kwargs, on_progress=on_progress)
@@ -47,7 +47,7 @@ def in_notebook() -> bool:
 @contextmanager
 def _line(title: str, unit: str) -> Iterator[OnProgress]:
     display = sys.modules["IPython"].display
-    handle = display.display(_Said(f"{title} …"), display_id=True)
+    handle = display.display(_StatusLine(f"{title} …"), display_id=True)
     clock, drawn = Clock(), 0.0
 
     def on_progress(done: float, total: float, text: str) -> None:
@@ -55,17 +55,17 @@ def _line(title: str, unit: str) -> Iterator[OnProgress]:
         said = line(title, done, total, unit, text, clock.left(done, total, text))
         if time.monotonic() - drawn >= EVERY_S:
             drawn = time.monotonic()
-            handle.update(_Said(said))
+            handle.update(_StatusLine(said))
 
-    _SHOWN["now"] = True
+    _LINE_SHOWN["now"] = True
     try:
         yield on_progress
     finally:
-        _SHOWN["now"] = False
-        handle.update(_Said(""))
+        _LINE_SHOWN["now"] = False
+        handle.update(_StatusLine(""))
 
 
-class _Said(str):
+class _StatusLine(str):
     """A text that notebooks show without quotes."""
 
     def __repr__(self) -> str:

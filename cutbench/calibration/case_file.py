@@ -8,8 +8,8 @@ from pathlib import Path
 
 from cutbench.base.files import write_text
 from cutbench.case.case import Case, load_case
+from cutbench.case.case_file_text import case_text
 from cutbench.case.model import Model
-from cutbench.case.text import case_text
 from cutbench.data.campaign import Campaign, cut_case
 from cutbench.data.experiment import SLOTS
 from cutbench.mechanisms import registry

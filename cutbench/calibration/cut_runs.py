@@ -22,9 +22,10 @@ from cutbench.case.case import Case
 from cutbench.data.experiment import Experiment
 from cutbench.data.field_comparison import at_travel, sample, sampled_slopes
 from cutbench.emulator import RunDatabase
+from cutbench.run.outcome import Outcome
 from cutbench.run.pool.job import Job
 from cutbench.run.pool.pool import TaskPool
-from cutbench.run.result import Outcome, Result
+from cutbench.run.result import Result
 from cutbench.run.runner import run_case
 from cutbench.run.sensitivity import Added
 from cutbench.run.store.runs import Store
@@ -83,7 +84,7 @@ def compute_cut(case: Case, names: Sequence[str], added: Sequence[Added], folder
     """The run of ``case`` with derivatives, out of the store in ``folder`` or computed and left there. Raises
     BadInput, ComputationFailed."""
     store = None if folder is None else Store(folder)
-    keys = [*names, *(_key(each) for each in added)]
+    keys = [*names, *(_key_of_added(each) for each in added)]
     if store is not None and (old := store.get(case.id)) is not None:
         found = ComputedCut.of(old)
         if not keys:
@@ -92,11 +93,11 @@ def compute_cut(case: Case, names: Sequence[str], added: Sequence[Added], folder
             return replace(found, slopes=known[0], by_added=known[1])
     result = run_case(case, sensitivities=names, added=added)
     if store is not None and store.put(result, replace=bool(keys)) and keys:
-        _keep(store.path(case.id), result, added)
+        _store_derivatives(store.path(case.id), result, added)
     return ComputedCut.of(result)
 
 
-def _key(added: Added) -> str:
+def _key_of_added(added: Added) -> str:
     return "-".join([without_rig(added.case).id, *sorted(added.names)])
 
 
@@ -106,7 +107,7 @@ def _derivatives(home: Path, names: Sequence[str], added: Sequence[Added]) -> De
         try:
             with np.load(path, allow_pickle=False) as data:
                 by_name = {name: data[f"by {name}"] for name in names}
-                keys = [_key(each) for each in added]
+                keys = [_key_of_added(each) for each in added]
                 by_added = [
                     {name: data[f"{key} by {name}"] for name in each.names}
                     for key, each in zip(keys, added, strict=True)
@@ -117,10 +118,10 @@ def _derivatives(home: Path, names: Sequence[str], added: Sequence[Added]) -> De
     return None
 
 
-def _keep(home: Path, result: Result, added: Sequence[Added]) -> None:
+def _store_derivatives(home: Path, result: Result, added: Sequence[Added]) -> None:
     arrays = {f"by {name}": values for name, values in result.sensitivities.items()}
     for each, by in zip(added, result.by_added, strict=True):
-        arrays |= {f"{_key(each)} by {name}": values for name, values in by.items()}
+        arrays |= {f"{_key_of_added(each)} by {name}": values for name, values in by.items()}
     digest = hashlib.sha256(json.dumps(sorted(arrays)).encode()).hexdigest()[:8]
     with replacing(home / f"derivatives-{digest}.npz") as draft:
         np.savez_compressed(draft, **arrays)  # type: ignore[arg-type]
@@ -220,7 +221,7 @@ class CutRuns:
         KeyboardInterrupt
             If it is stopped.
         """
-        keys, wanted = tuple(_key(each) for each in added), dict[str, Case]()
+        keys, wanted = tuple(_key_of_added(each) for each in added), dict[str, Case]()
         for case in cases:
             known = self._known.get(case.id)
             if known is None or not ({*names} <= {*known[0]} and keys == known[1][: len(keys)]):

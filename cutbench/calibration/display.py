@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from cutbench.base.figure_style import COLOURS
 from cutbench.base.files import check_writable
+from cutbench.calibration.fitting import Fit
 from cutbench.calibration.report import write_fit
 
-if TYPE_CHECKING:
-    from cutbench.calibration.fitting import Fit
 
-
-def told(fit: Fit) -> list:
+def summary_lines(fit: Fit) -> list:
     """Head, then pairs of words."""
     lines = [("model", fit.case.model.described), ("status", fit.message or fit.status)]
     for e in fit.estimates:

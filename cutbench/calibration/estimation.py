@@ -23,7 +23,7 @@ from cutbench.calibration.cut_runs import CutRuns
 from cutbench.calibration.identifiability import identifiable
 from cutbench.calibration.mesh_error import field_block
 from cutbench.calibration.posterior import Estimated, LinearFields, MeshError, Posterior
-from cutbench.calibration.prediction import STEEPEST, NotKnown
+from cutbench.calibration.prediction import MAX_SLOPE, NotComputed
 from cutbench.calibration.settings import SETTINGS
 from cutbench.data.covariance import Covariance
 from cutbench.data.experiment import Experiment
@@ -34,15 +34,17 @@ from cutbench.data.measured import MeasuredCut
 #: looked for.
 PLACES, STARTS = 64, 3
 #: So often at most cuts are computed at the best place where a place is near already.
-NEAR = 3
+MAX_ROUNDS_NEARBY = 3
 #: A place that moves by less than this part of all standard deviations stays where it is.
-STILL = 0.3
+STATIONARY = 0.3
 #: Half of the sides of a box about a place that other tests, or another model's fit, say: so many standard
 #: deviations of theirs, between a sixth and the box without them.
-DEVIATIONS, LEAST = 2.5, 0.15
+HALF_SIDE_IN_SD, SMALLEST_HALF_SIDE = 2.5, 0.15
 
 
-def choose(posterior: Posterior, asked: Sequence[str] = ()) -> tuple[Posterior, dict[str, str], np.ndarray]:
+def drop_unidentifiable(
+    posterior: Posterior, asked: Sequence[str] = ()
+) -> tuple[Posterior, dict[str, str], np.ndarray]:
     """Leave at their start the parameters that the data do not tell there.
 
     Parameters
@@ -62,8 +64,8 @@ def choose(posterior: Posterior, asked: Sequence[str] = ()) -> tuple[Posterior, 
         Whitened derivatives of all readings at the start, by all parameters.
     """
     J, residual, y = {}, {}, {}
-    q, cuts = np.zeros(len(posterior.parameters)), posterior.runs_wanted
-    exact = dict(zip([e.id for e in cuts], _exact(posterior, cuts, q), strict=True))
+    q, cuts = np.zeros(len(posterior.parameters)), posterior.tests_with_runs
+    exact = dict(zip([e.id for e in cuts], _exact_sensitivities(posterior, cuts, q), strict=True))
     for e in posterior.tests:
         if e.id in exact:
             y[e.id], J[e.id] = exact[e.id]
@@ -75,17 +77,17 @@ def choose(posterior: Posterior, asked: Sequence[str] = ()) -> tuple[Posterior, 
     error = {e.id: posterior.mesh_error(e, y[e.id]).covariance for e in posterior.tests}
     white = Covariance.of(posterior.predictions.grids, kinds, y, error).white(J)
     kept, why = identifiable(white, posterior.parameters, asked)
-    return _only(posterior, kept), why, white
+    return _restricted_to(posterior, kept), why, white
 
 
-def _only(posterior: Posterior, kept: Sequence[int]) -> Posterior:
+def _restricted_to(posterior: Posterior, kept: Sequence[int]) -> Posterior:
     parameters = tuple(posterior.parameters[k] for k in kept)
     made = posterior.predictions.with_free([u.name for u in parameters])
-    widths, centres = posterior.widths[kept], posterior.centres[kept]
-    return replace(posterior, predictions=made, parameters=parameters, widths=widths, centres=centres)
+    widths, centres = posterior.prior_sds[kept], posterior.prior_means[kept]
+    return replace(posterior, predictions=made, parameters=parameters, prior_sds=widths, prior_means=centres)
 
 
-def _exact(
+def _exact_sensitivities(
     posterior: Posterior, cuts: Sequence[Experiment], q: np.ndarray
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Of each cut the readings (m,) and their derivatives (m, k) by the exact ones of its own run."""
@@ -98,16 +100,16 @@ def _exact(
             raise ComputationFailed(f"'{e.id}': {p.runs.failed[case.id]}")
         values = posterior.values(e, q)
         y, J = p.read(e, values, run.course), np.zeros((p.grids[e.id].mean.size, q.size))
-        for k in posterior.mine[e.id]:
+        for k in posterior.parameter_numbers[e.id]:
             u = posterior.parameters[k]
             slope = run.slopes.get(u.name, np.zeros(run.course.shape[1]))
-            most = {u.name: STEEPEST * float(np.abs(run.course[1]).max()) / abs(u.slope(0.0))}
+            most = {u.name: MAX_SLOPE * float(np.abs(run.course[1]).max()) / abs(u.slope(0.0))}
             J[:, k] = p.read_slopes(e, values, run.course, {u.name: slope}, most)[:, 0] * u.slope(0.0)
         found.append((y, J))
     return found
 
 
-def estimates(
+def successive_estimates(
     posterior: Posterior,
     start: np.ndarray | None = None,
     *,
@@ -140,10 +142,10 @@ def estimates(
     ComputationFailed
         If a test cannot be computed anywhere near.
     """
-    cuts = posterior.runs_wanted
+    cuts = posterior.tests_with_runs
     q = np.zeros(len(posterior.parameters)) if start is None else start
     if not cuts:
-        starts = [q] if start is not None else [q, *_others(q)]
+        starts = [q] if start is not None else [q, *_further_starts(q)]
         best: Estimated | None = None
         for number, each in enumerate(starts):
             on_progress(number, len(starts), "looking for the most probable values")
@@ -156,64 +158,64 @@ def estimates(
             posterior.maximum(q)  # says why not
         return
     runs, count = posterior.predictions.runs, SETTINGS.first + SETTINGS.each * q.size
-    told = _Progress(runs, on_progress, count + len(cuts) * (2 + 4 * refine))
+    progress = _Progress(runs, on_progress, count + len(cuts) * (2 + 4 * refine))
     best = None
     if start is None:
-        q, low, high = _box(posterior, q)
-        told.text = "computing the cuts where the search begins"
-        _compute(posterior, cuts, [q] * len(cuts))
-        best = _there(posterior, q)
+        q, low, high = _search_box(posterior, q)
+        progress.text = "computing the cuts where the search begins"
+        _compute_cuts(posterior, cuts, [q] * len(cuts))
+        best = _evaluated_at(posterior, q)
         yield best
-        told.text = f"computing {count} cuts that fill the box; where it begins, {missed_by(best)}"
-        _fill(posterior, cuts, low, high, count)
-        best = _there(posterior, q)
-        found, reach = _best(posterior, places(posterior, q, low, high)), (high - low) / 4
+        progress.text = f"computing {count} cuts that fill the box; where it begins, {worst_misfit(best)}"
+        _compute_initial_design(posterior, cuts, low, high, count)
+        best = _evaluated_at(posterior, q)
+        found, reach = _best_maximum(posterior, best_places(posterior, q, low, high)), (high - low) / 4
     else:
-        found, reach = first_look(posterior, q), _beside(posterior, q)
+        found, reach = estimate_by_emulator(posterior, q), _search_radius(posterior, q)
     settled = False
-    for _ in range(rounds or (SETTINGS.rounds if start is None else NEAR)):
-        told.text, told.left = missed_by(best or found), len(cuts) * (2 + 4 * refine)
-        _compute(posterior, cuts, [found.q] * len(cuts))
-        there = _there(posterior, found.q)
+    for _ in range(rounds or (SETTINGS.rounds if start is None else MAX_ROUNDS_NEARBY)):
+        progress.text, progress.left = worst_misfit(best or found), len(cuts) * (2 + 4 * refine)
+        _compute_cuts(posterior, cuts, [found.q] * len(cuts))
+        there = _evaluated_at(posterior, found.q)
         worse = best is not None and there.log_posterior <= best.log_posterior
         if best is None or not worse:
             best = there
             yield best
         # What the emulator promises is asked only as far from the best place as its promises hold.
         reach = reach / 2 if worse else reach
-        about = _about(best)
+        about = _surrogate_about(best)
         found = about.maximum(best.q, reach)
-        still = np.all(np.abs(found.q - best.q) < STILL * np.sqrt(np.diag(best.covariance)))
-        gained = found.log_posterior - _there(about, best.q).log_posterior
+        still = np.all(np.abs(found.q - best.q) < STATIONARY * np.sqrt(np.diag(best.covariance)))
+        gained = found.log_posterior - _evaluated_at(about, best.q).log_posterior
         if settled := bool(still) or gained < SETTINGS.gained:
             break
     assert best is not None, "there is a round at least"
     if refine:
-        told.text = "measuring the error of the mesh on finer ones"
-        best = _refined(posterior, cuts, best)
+        progress.text = "measuring the error of the mesh on finer ones"
+        best = _with_mesh_error(posterior, cuts, best)
     runs.on_run = lambda: None  # what others compute is not of this search
     yield replace(best, settled=settled)
 
 
-def _about(best: Estimated) -> Posterior:
+def _surrogate_about(best: Estimated) -> Posterior:
     """The posterior as the emulator has it, made to agree with the cuts that were computed at a place: they
     jag, and what is near is smooth."""
     post, mesh = best.posterior, dict(best.posterior.mesh)
     smooth = replace(post, predictions=post.predictions.smooth)
-    at = smooth.evaluate(best.q, post.runs_wanted, differentiate=False)
-    for e in post.runs_wanted:
+    at = smooth.evaluate(best.q, post.tests_with_runs, differentiate=False)
+    for e in post.tests_with_runs:
         known = post.mesh_error(e, at.y[e.id])
         mesh[e.id] = replace(known, shift=known.shift + best.at.y[e.id] - at.y[e.id])
-    return replace(smooth, mesh=mesh, local=True)
+    return replace(smooth, mesh=mesh, local_mesh_error=True)
 
 
-def _there(posterior: Posterior, q: np.ndarray) -> Estimated:
+def _evaluated_at(posterior: Posterior, q: np.ndarray) -> Estimated:
     """The posterior at a place (k,)."""
     at = posterior.evaluate(q)
     return Estimated(posterior, at, posterior.covariance(at))
 
 
-def missed_by(found: Estimated) -> str:
+def worst_misfit(found: Estimated) -> str:
     """What a model misses most, in a sentence."""
     grids = found.w.grids
     parts = {id: np.abs(r) / np.abs(grids[id].mean).max() for id, r in found.at.residual.items()}
@@ -235,9 +237,9 @@ class _Progress:
 
     def __init__(self, runs: CutRuns, on_progress: OnProgress, left: int):
         self.text, self._done, self._on_progress, self.left = "", 0, on_progress, left
-        runs.on_run = self._told
+        runs.on_run = self._report
 
-    def _told(self) -> None:
+    def _report(self) -> None:
         self._done, self.left = self._done + 1, max(self.left - 1, 1)
         self._on_progress(self._done, self._done + self.left, self.text)
 
@@ -250,18 +252,18 @@ def estimate(
     rounds: int | None = None,
     on_progress: OnProgress = silent,
 ) -> Estimated:
-    """The last of ``estimates``."""
-    *_, found = estimates(posterior, start, refine=refine, rounds=rounds, on_progress=on_progress)
+    """The last of ``successive_estimates``."""
+    *_, found = successive_estimates(posterior, start, refine=refine, rounds=rounds, on_progress=on_progress)
     return found
 
 
-def _others(q: np.ndarray) -> list[np.ndarray]:
+def _further_starts(q: np.ndarray) -> list[np.ndarray]:
     """Other starts of what has a formula."""
     rows = qmc.Sobol(q.size, seed=0).random(4)[1:]
     return [q + SETTINGS.reach * (2 * row - 1) for row in rows]
 
 
-def _best(posterior: Posterior, starts: Sequence[np.ndarray]) -> Estimated:
+def _best_maximum(posterior: Posterior, starts: Sequence[np.ndarray]) -> Estimated:
     """The likeliest of the maxima that are reached. Raises ComputationFailed."""
     found, why = [], "nothing to start from"
     for q in starts:
@@ -274,76 +276,79 @@ def _best(posterior: Posterior, starts: Sequence[np.ndarray]) -> Estimated:
     return max(found, key=lambda each: each.log_posterior)
 
 
-def answers(posterior: Posterior, q: np.ndarray) -> bool:
+def is_within_emulator(posterior: Posterior, q: np.ndarray) -> bool:
     """Whether enough cuts are known for the emulator to say what all tests read."""
     try:
-        for e in posterior.runs_wanted:
+        for e in posterior.tests_with_runs:
             posterior.predictions.predict(e, posterior.values(e, q))
-    except NotKnown:
+    except NotComputed:
         return False
     return True
 
 
-def first_look(posterior: Posterior, q: np.ndarray) -> Estimated:
+def estimate_by_emulator(posterior: Posterior, q: np.ndarray) -> Estimated:
     """The most probable parameters near ``q`` (k,) as far as the emulator knows; where it does not, all cuts
     are computed there first. Raises ComputationFailed."""
-    if not answers(posterior, q):
-        _compute(posterior, cuts := posterior.runs_wanted, [q] * len(cuts))
+    if not is_within_emulator(posterior, q):
+        _compute_cuts(posterior, cuts := posterior.tests_with_runs, [q] * len(cuts))
     return posterior.maximum(q)
 
 
-def _beside(posterior: Posterior, q: np.ndarray) -> np.ndarray:
+def _search_radius(posterior: Posterior, q: np.ndarray) -> np.ndarray:
     """How far (k,) the emulator is asked about a place that is near already; of a strength, to off."""
-    half = np.full(q.size, 2 * LEAST)
+    half = np.full(q.size, 2 * SMALLEST_HALF_SIDE)
     for k, u in enumerate(posterior.parameters):
         if not u.logarithmic:
-            half[k] = max(abs(q[k] - posterior.centres[k]), LEAST)
+            half[k] = max(abs(q[k] - posterior.prior_means[k]), SMALLEST_HALF_SIDE)
     return half
 
 
-def _box(posterior: Posterior, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _search_box(posterior: Posterior, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Where cuts are worth computing, as far as tests that have a formula say: a place, and the ends."""
     half, low, high = np.full(q.size, SETTINGS.reach), *posterior.bounds
-    exact = tuple(e for e in posterior.tests if e not in posterior.runs_wanted)
+    exact = tuple(e for e in posterior.tests if e not in posterior.tests_with_runs)
     if exact:
         p = posterior.predictions
         alone = replace(p.campaign, experiments=exact)
         some = Posterior(p.of(alone), posterior.parameters, half.copy(), q)
-        told = some.maximum(q)
-        q, half = told.q, np.clip(DEVIATIONS * np.sqrt(np.diag(told.covariance)), LEAST, half)
+        found = some.maximum(q)
+        q, half = (
+            found.q,
+            np.clip(HALF_SIDE_IN_SD * np.sqrt(np.diag(found.covariance)), SMALLEST_HALF_SIDE, half),
+        )
     return q, np.maximum(q - half, low), np.minimum(q + half, high)
 
 
-def _fill(
+def _compute_initial_design(
     posterior: Posterior, cuts: Sequence[Experiment], low: np.ndarray, high: np.ndarray, count: int
 ) -> None:
     """Cuts that fill the box, by turns of each test; those that are known count."""
     try:
         known = min(posterior.predictions.emulator(e).count for e in cuts) - len(cuts)
-    except NotKnown:
+    except NotComputed:
         known = 0
     if (count := count - known) <= 0:
         return
     made = qmc.Sobol(low.size, seed=0).random_base2(math.ceil(math.log2(count)))[:count]
     tests = [cuts[i % len(cuts)] for i in range(count)]
-    _compute(posterior, tests, [low + (high - low) * row for row in made])
+    _compute_cuts(posterior, tests, [low + (high - low) * row for row in made])
 
 
-def _compute(posterior: Posterior, tests: Sequence[Experiment], places: Sequence[np.ndarray]) -> None:
+def _compute_cuts(posterior: Posterior, tests: Sequence[Experiment], places: Sequence[np.ndarray]) -> None:
     p = posterior.predictions
     found = p.runs([p.case(e, posterior.values(e, q)) for e, q in zip(tests, places, strict=True)])
     if not any(run is not None for run in found):
         raise ComputationFailed(f"no cut can be computed: {next(iter(p.runs.failed.values()), '')}")
 
 
-def places(posterior: Posterior, q: np.ndarray, low: np.ndarray, high: np.ndarray) -> list[np.ndarray]:
+def best_places(posterior: Posterior, q: np.ndarray, low: np.ndarray, high: np.ndarray) -> list[np.ndarray]:
     """The best places of the box by the emulator."""
     rows = low + (high - low) * qmc.Sobol(q.size, seed=0).random(PLACES)
-    worth = [_worth(posterior, row) for row in rows]
+    worth = [_approximate_log_posterior(posterior, row) for row in rows]
     return [rows[i] for i in np.argsort(worth)[::-1][:STARTS]]
 
 
-def _worth(posterior: Posterior, q: np.ndarray) -> float:
+def _approximate_log_posterior(posterior: Posterior, q: np.ndarray) -> float:
     try:
         at = posterior.evaluate(q, differentiate=False)
     except ComputationFailed:
@@ -351,11 +356,11 @@ def _worth(posterior: Posterior, q: np.ndarray) -> float:
     return Estimated(posterior, at, posterior.noise(at)).log_posterior
 
 
-def _refined(posterior: Posterior, cuts: Sequence[Experiment], found: Estimated) -> Estimated:
+def _with_mesh_error(posterior: Posterior, cuts: Sequence[Experiment], found: Estimated) -> Estimated:
     """With the error of each cut's mesh, from one on a finer mesh, and with the fields that were measured."""
     p, q, mesh = posterior.predictions, found.q, {}
     coarse = [p.case(e, posterior.values(e, q)) for e in cuts]
-    fine = p.runs([mesh_error.finer(case) for case in coarse])
+    fine = p.runs([mesh_error.refined_case(case) for case in coarse])
     for e, plain, better in zip(cuts, p.runs(coarse), fine, strict=True):
         if plain is None or better is None:
             continue
@@ -365,27 +370,27 @@ def _refined(posterior: Posterior, cuts: Sequence[Experiment], found: Estimated)
         size = math.sqrt(np.trace(error) / np.trace(mesh_error.guessed_error(grid, y)))
         mesh[e.id] = MeshError(shift, error, exact - y, size)
     posterior = replace(posterior, mesh=mesh)
-    for _ in range(NEAR if any(e.fields for e in cuts) else 1):
+    for _ in range(MAX_ROUNDS_NEARBY if any(e.fields for e in cuts) else 1):
         before = q
-        fields = {e.id: _linear(posterior, e, q) for e in cuts if e.fields}
+        fields = {e.id: _linearised_fields(posterior, e, q) for e in cuts if e.fields}
         posterior = replace(posterior, fields={id: f for id, f in fields.items() if f is not None})
         q = posterior.maximum(q).q
-        _compute(posterior, cuts, [q] * len(cuts))
-        there = _there(posterior, q)
-        if np.all(np.abs(q - before) < STILL * np.sqrt(np.diag(there.covariance))):
+        _compute_cuts(posterior, cuts, [q] * len(cuts))
+        there = _evaluated_at(posterior, q)
+        if np.all(np.abs(q - before) < STATIONARY * np.sqrt(np.diag(there.covariance))):
             break
     return there
 
 
-def _linear(posterior: Posterior, e: Experiment, q: np.ndarray) -> LinearFields | None:
+def _linearised_fields(posterior: Posterior, e: Experiment, q: np.ndarray) -> LinearFields | None:
     """The fields of a cut about a place (k,); None where it cannot be computed."""
     p, J = posterior.predictions, np.zeros((laid_out(e.fields).size, q.size))
     case = p.case(e, posterior.values(e, q))
-    names = [posterior.parameters[k].name for k in posterior.mine[e.id]]
+    names = [posterior.parameters[k].name for k in posterior.parameter_numbers[e.id]]
     names = [name for name in dict.fromkeys(names) if name in case.values]
     if (run := p.runs.with_fields(case, names, e)) is None:
         return None
-    for k in posterior.mine[e.id]:
+    for k in posterior.parameter_numbers[e.id]:
         u = posterior.parameters[k]
         if u.name in names:
             J[:, k] = run.field_slopes[:, names.index(u.name)] * u.slope(q[k])

@@ -19,24 +19,24 @@ from typing import ClassVar
 import numpy as np
 from scipy import stats
 
+from cutbench.base.display import Displayed
 from cutbench.base.errors import BadInput, ComputationFailed
-from cutbench.base.handled import Handled
 from cutbench.base.notebook import watched
 from cutbench.base.progress import ALWAYS, OnProgress, Until, silent
 from cutbench.base.toml import one_of
 from cutbench.calibration.cut_runs import CutRuns
-from cutbench.calibration.estimation import choose, estimates
+from cutbench.calibration.estimation import drop_unidentifiable, successive_estimates
 from cutbench.calibration.identifiability import Identifiability, correlations, identifiability
 from cutbench.calibration.parameters import FreeParameter, free_parameters
 from cutbench.calibration.posterior import Estimated, Posterior
 from cutbench.calibration.prediction import Predictions
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
-from cutbench.data.discrepancy import discrepancy_mean, independent
+from cutbench.data.discrepancy import degrees_of_freedom, discrepancy_mean
 from cutbench.data.experiment import Experiment
 from cutbench.data.fields import laid_out
 from cutbench.data.measured import MeasuredCut
-from cutbench.data.repetition import unrepeated
+from cutbench.data.repetition import note_on_single_repetition
 from cutbench.run.measures import TRANSITION
 from cutbench.run.pool.pool import TaskPool, cores
 
@@ -174,7 +174,7 @@ class Profile:
 
 
 @dataclass(frozen=True, repr=False)
-class Fit(Handled):
+class Fit(Displayed):
     """A fitted model.
 
     Attributes
@@ -207,7 +207,7 @@ class Fit(Handled):
         Those that were asked for.
     """
 
-    handled_in: ClassVar[str] = "cutbench.calibration.display"
+    display_module: ClassVar[str] = "cutbench.calibration.display"
 
     campaign: Campaign
     estimated: Estimated | None
@@ -367,11 +367,13 @@ class Fitting:
         """Estimate until it is found, or stopped. Raises ComputationFailed."""
         parameters = self.posterior.parameters
         try:
-            some, fixed, white = choose(self.posterior, self.campaign.plan.own)
+            some, fixed, white = drop_unidentifiable(self.posterior, self.campaign.plan.own)
             self.before = identifiability(white, parameters)
             if self.campaign.plan.free is None:
                 self.posterior, self.fixed = some, fixed
-            for found in estimates(self.posterior, refine=self.refine, on_progress=self._on_progress):
+            for found in successive_estimates(
+                self.posterior, refine=self.refine, on_progress=self._on_progress
+            ):
                 self.best = found
             self.status = CONVERGED if self.best is not None and self.best.settled else STOPPED
         except KeyboardInterrupt:
@@ -386,7 +388,11 @@ class Fitting:
         case = posterior.case(np.zeros(len(posterior.parameters)) if self.best is None else self.best.q)
         compared = _compared(posterior, self.best, notes, done)
         notes += _at_bounds(posterior, found, compared)
-        notes += [unrepeated(id) for id, grid in posterior.predictions.grids.items() if grid.estimated]
+        notes += [
+            note_on_single_repetition(id)
+            for id, grid in posterior.predictions.grids.items()
+            if grid.estimated
+        ]
         profiles: list[Profile] = []
         for label in profile if done else ():
             if self.best is None or label in self.fixed:
@@ -452,7 +458,7 @@ def _degrees_of_freedom(best: Estimated) -> np.ndarray:
         if w.grids[id].independent:  # how well measures are known is stated
             parts.append((block.share(mine, np.diag(w.grids[id].reading ** 2)), math.inf))
         if np.any(block.discrepancy):
-            parts.append((block.share(mine, block.discrepancy), independent(block)))
+            parts.append((block.share(mine, block.discrepancy), degrees_of_freedom(block)))
     parts += [(by_factor[kind], pooled.dof) for kind, pooled in factors.items()]
     uncertain = np.zeros(rest.size)
     for part, dof in parts:
@@ -555,7 +561,7 @@ def _profiled(best: Estimated, label: str, on_progress: OnProgress) -> Profile:
             q = float(np.clip(best.q[k] + side * way, low[k], high[k]))
             on_progress(math.nan, math.nan, f"profile of {label}")
             try:
-                risen = 2 * (best.log_posterior - _held(best, k, q))
+                risen = 2 * (best.log_posterior - _constrained_log_posterior(best, k, q))
             except ComputationFailed:
                 break
             points.append((q, risen))
@@ -569,7 +575,7 @@ def _profiled(best: Estimated, label: str, on_progress: OnProgress) -> Profile:
     return Profile(label, values, np.array([risen for _, risen in points]), ends[-1], ends[1])
 
 
-def _held(best: Estimated, k: int, q: float) -> float:
+def _constrained_log_posterior(best: Estimated, k: int, q: float) -> float:
     """The largest log posterior with one parameter held at ``q``."""
     start = best.q + best.covariance[:, k] / best.covariance[k, k] * (q - best.q[k])
-    return replace(best.posterior, held={k: q}).maximum(start).log_posterior
+    return replace(best.posterior, fixed_q={k: q}).maximum(start).log_posterior

@@ -17,13 +17,13 @@ import numpy as np
 from cutbench.calibration.parameters import FreeParameter
 
 #: Standard deviation along a direction of q beyond which the data do not tell: half of the value.
-BLIND = 0.5
+MAX_DETERMINED_SD = 0.5
 #: Components of a direction that count, relative to its largest.
-PART = 0.25
+MIN_COMPONENT = 0.25
 #: A column this much smaller than the largest is no sensitivity at all.
-NOTHING = 1e-9
+NO_SENSITIVITY = 1e-9
 #: A parameter that a fit may choose is left at its start where the data know it worse than this.
-HOPELESS = 3.0
+MAX_FITTED_SD = 3.0
 
 
 @dataclass(frozen=True)
@@ -46,8 +46,8 @@ def identifiability(J: np.ndarray, parameters: Sequence[FreeParameter]) -> Ident
     """For whitened derivatives ``J`` (m, k) by q."""
     labels = tuple(u.label for u in parameters)
     size = np.linalg.norm(J, axis=0)
-    blind = size <= NOTHING * max(size.max(initial=0.0), 1e-300)
-    _, s, Vt = _decomposed(J)
+    blind = size <= NO_SENSITIVITY * max(size.max(initial=0.0), 1e-300)
+    _, s, Vt = _singular_values(J)
     with np.errstate(divide="ignore"):
         alone = np.where(blind, np.inf, 1 / np.where(blind, 1, size))
     covariance = information_inverse(J)
@@ -55,7 +55,7 @@ def identifiability(J: np.ndarray, parameters: Sequence[FreeParameter]) -> Ident
     sentences = [f"No reading depends on {labels[i]}." for i in np.flatnonzero(blind)]
     for value, v in zip(s, Vt, strict=True):
         sd = 1 / value if value > 0 else math.inf
-        if sd <= BLIND or blind[int(np.argmax(np.abs(v)))]:
+        if sd <= MAX_DETERMINED_SD or blind[int(np.argmax(np.abs(v)))]:
             continue
         sentences.append(_sentence(v, sd, parameters))
     return Identifiability(labels, s, alone, joint, correlations(covariance), tuple(sentences))
@@ -65,12 +65,12 @@ def information_inverse(J: np.ndarray) -> np.ndarray:
     """(JᵀJ)⁻¹, by scaled columns; directions without information get a huge variance, not an error."""
     size = np.linalg.norm(J, axis=0)
     size = np.where(size > 0, size, 1.0)
-    _, s, Vt = _decomposed(J / size)
+    _, s, Vt = _singular_values(J / size)
     floor = max(s.max(initial=0.0), 1e-100) * 1e-10
     return (Vt.T / np.maximum(s, floor) ** 2 @ Vt) / np.outer(size, size)
 
 
-def _decomposed(J: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _singular_values(J: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Singular values (k,) of J (m, k) and its vectors, also those that too few readings leave at 0."""
     missing = max(J.shape[1] - J.shape[0], 0)
     return np.linalg.svd(np.pad(J, ((0, missing), (0, 0))), full_matrices=False)
@@ -84,7 +84,7 @@ def correlations(covariance: np.ndarray) -> np.ndarray:
 def _sentence(v: np.ndarray, sd: float, parameters: Sequence[FreeParameter]) -> str:
     """What it means that the data know q only to ``sd`` along ``v``."""
     largest = int(np.argmax(np.abs(v)))
-    parts = [i for i in np.argsort(-np.abs(v)) if abs(v[i]) >= PART * abs(v[largest])]
+    parts = [i for i in np.argsort(-np.abs(v)) if abs(v[i]) >= MIN_COMPONENT * abs(v[largest])]
     how = "at all" if sd > 10 else f"to better than {_amount(parameters[largest], sd)}"
     if len(parts) == 1:
         return f"These data do not determine {parameters[largest].label} {how}."
@@ -114,15 +114,15 @@ def identifiable(
     """
     kept, fixed = list(range(len(parameters))), {}
     while len(kept) > 1:
-        said = identifiability(J[:, kept], [parameters[i] for i in kept])
+        found = identifiability(J[:, kept], [parameters[i] for i in kept])
         may_go = [i for i in range(len(kept)) if parameters[kept[i]].name not in asked]
-        worst = max(may_go, key=lambda i: said.joint[i], default=None)
-        if worst is None or said.joint[worst] <= HOPELESS:
+        worst = max(may_go, key=lambda i: found.joint[i], default=None)
+        if worst is None or found.joint[worst] <= MAX_FITTED_SD:
             break
-        u, alone = parameters[kept.pop(worst)], said.alone[worst]
+        u, alone = parameters[kept.pop(worst)], found.alone[worst]
         fixed[u.label] = (
             "no reading depends on it" if not np.isfinite(alone)
-            else "the data do not determine it" if alone > HOPELESS
+            else "the data do not determine it" if alone > MAX_FITTED_SD
             else "the data do not tell it from other parameters"
         )  # fmt: skip
     return kept, fixed

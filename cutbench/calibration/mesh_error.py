@@ -14,22 +14,22 @@ from __future__ import annotations
 import numpy as np
 
 from cutbench.case.case import Case
-from cutbench.data.covariance import Block, matern, scatter_covariance, sound
+from cutbench.data.covariance import Block, matern, positive_definite, scatter_covariance
 from cutbench.data.experiment import Experiment
 from cutbench.data.fields import laid_out
-from cutbench.data.jags import jags, nearby
 from cutbench.data.repetition import Averaged
+from cutbench.data.sawtooth import local_mean, roughness_variance
 
 #: Numerics of the finer computation, relative to those of the fit.
-FINER = {"h_mm": 0.7, "step_mm": 0.5, "penalty": 2.0, "stick": 2.0}
+REFINEMENT = {"h_mm": 0.7, "step_mm": 0.5, "penalty": 2.0, "stick": 2.0}
 #: What is added of the difference's smooth part, and what stays uncertain of it.
-ADDED, UNSURE = 1.5, 0.7
-#: In grid values: the window of the smooth part (standard deviation), and the length of jags.
-WINDOW, JAG = 6.0, 4.0
+CORRECTION_FACTOR, UNCERTAINTY_FACTOR = 1.5, 0.7
+#: In grid values: the window of the smooth part (standard deviation), and the length of its roughness.
+SMOOTHING_WINDOW, ROUGHNESS_LENGTH = 6.0, 4.0
 #: Specimens' displacements differ by this part: they hardly depend on how stiff all of a specimen is.
 FIELD_FACTOR = 0.01
-#: Error of a computed curve before it has been measured: of its smooth part, and of its jags.
-FIRST_GUESS, FIRST_JAGS = 0.05, 0.02
+#: Error of a computed curve before it has been measured: of its smooth part, and of its roughness.
+SMOOTH_ERROR_GUESS, ROUGH_ERROR_GUESS = 0.05, 0.02
 
 
 def field_block(e: Experiment, computed: np.ndarray, fine: np.ndarray | None = None) -> Block:
@@ -42,20 +42,20 @@ def field_block(e: Experiment, computed: np.ndarray, fine: np.ndarray | None = N
     measured = laid_out(e.fields)
     known = np.isfinite(measured) & np.isfinite(computed)
     if fine is None:
-        change = FIRST_GUESS * np.where(known, np.abs(computed), 0.0)
+        change = SMOOTH_ERROR_GUESS * np.where(known, np.abs(computed), 0.0)
     else:
         known &= np.isfinite(fine)
         change = np.where(known, fine - computed, 0.0)
     size = np.where(known, computed, 0.0)
     total = FIELD_FACTOR**2 * np.outer(size, size) + np.outer(change, change)
     # Next to the cut one step more or less moves much; nobody can use such a place.
-    return Block(sound(total + np.diag(change**2 + e.field_noise_mm**2)), known=known)
+    return Block(positive_definite(total + np.diag(change**2 + e.field_noise_mm**2)), known=known)
 
 
-def finer(case: Case) -> Case:
+def refined_case(case: Case) -> Case:
     """The same test with smaller elements and steps and a stiffer blade surface."""
     n = case.numerics
-    numbers = {name: factor * getattr(n, name) for name, factor in FINER.items()}
+    numbers = {name: factor * getattr(n, name) for name, factor in REFINEMENT.items()}
     numbers["step_mm"] = max(numbers["step_mm"], n.step_min_mm)
     return case.set(**numbers)
 
@@ -64,39 +64,41 @@ def guessed_error(grid: Averaged, y: np.ndarray) -> np.ndarray:
     """Covariance (m, m) of a computed curve's own error before it has been measured."""
     x = grid.along
     if grid.independent:
-        return np.diag((FIRST_JAGS * y) ** 2)
+        return np.diag((ROUGH_ERROR_GUESS * y) ** 2)
     size = np.maximum(np.abs(y), 0.1 * np.abs(y).max())
     length = np.ptp(x) / 3
-    smooth = FIRST_GUESS**2 * np.outer(size, size) * matern(np.abs(x[:, None] - x), length)
-    rough = np.outer(size, size) * matern(np.abs(x[:, None] - x), JAG * np.ptp(x) / (x.size - 1))
-    return smooth + FIRST_JAGS**2 * rough + np.diag((0.1 * FIRST_JAGS * size) ** 2)
+    smooth = SMOOTH_ERROR_GUESS**2 * np.outer(size, size) * matern(np.abs(x[:, None] - x), length)
+    rough = np.outer(size, size) * matern(np.abs(x[:, None] - x), ROUGHNESS_LENGTH * np.ptp(x) / (x.size - 1))
+    return smooth + ROUGH_ERROR_GUESS**2 * rough + np.diag((0.1 * ROUGH_ERROR_GUESS * size) ** 2)
 
 
 def measured_error(grid: Averaged, y: np.ndarray, fine: np.ndarray) -> np.ndarray:
     """Covariance (m, m) of a computed curve with ``correction`` added, on an even grid (m,)."""
     if grid.independent:
-        return np.diag((UNSURE * (fine - y)) ** 2)
+        return np.diag((UNCERTAINTY_FACTOR * (fine - y)) ** 2)
     x = grid.along
     e, spacing = fine - y, np.ptp(x) / (x.size - 1)
-    gentle = smooth(x, e)
+    gentle = local_linear_smooth(x, e)
     missing = scatter_covariance(x, np.stack([gentle, -gentle]) / np.sqrt(2), np.zeros((x.size, x.size)))
-    size = np.sqrt(2 * nearby(x, x, (e - gentle) ** 2))  # of both meshes, and of what neither resolves
-    rough = size[:, None] * size * matern(np.abs(x[:, None] - x), JAG * spacing)
-    return UNSURE**2 * missing + rough + np.diag(jags(x, e) + jags(x, y))
+    size = np.sqrt(2 * local_mean(x, x, (e - gentle) ** 2))  # of both meshes, and of what neither resolves
+    rough = size[:, None] * size * matern(np.abs(x[:, None] - x), ROUGHNESS_LENGTH * spacing)
+    return (
+        UNCERTAINTY_FACTOR**2 * missing + rough + np.diag(roughness_variance(x, e) + roughness_variance(x, y))
+    )
 
 
 def correction(grid: Averaged, y: np.ndarray, fine: np.ndarray) -> np.ndarray:
     """What (m,) brings a computed curve nearer to the limit of fine meshes."""
     if grid.independent:
-        return ADDED * (fine - y)
+        return CORRECTION_FACTOR * (fine - y)
     x = grid.along
-    gentle = smooth(x, fine - y)
-    return ADDED * gentle + (fine - y - gentle)
+    gentle = local_linear_smooth(x, fine - y)
+    return CORRECTION_FACTOR * gentle + (fine - y - gentle)
 
 
-def smooth(x: np.ndarray, e: np.ndarray) -> np.ndarray:
+def local_linear_smooth(x: np.ndarray, e: np.ndarray) -> np.ndarray:
     """Local lines through ``e`` (m,) under a Gaussian window."""
-    width = WINDOW * np.ptp(x) / (x.size - 1)
+    width = SMOOTHING_WINDOW * np.ptp(x) / (x.size - 1)
     d = x - x[:, None]
     weight = np.exp(-((d / width) ** 2) / 2)
     s0, s1, s2 = (weight.sum(axis=1), (weight * d).sum(axis=1), (weight * d * d).sum(axis=1))

@@ -14,7 +14,7 @@ from cutbench.data.experiment import SLOTS, Experiment
 from cutbench.run.sensitivity import differentiable
 
 #: A value that may not be its bound keeps this part of its size away from it.
-INSIDE = 1e-6
+OPEN_BOUND_MARGIN = 1e-6
 
 
 @dataclass(frozen=True)
@@ -63,9 +63,9 @@ class FreeParameter:
         raw = self.start * math.exp(min(q, 200.0)) if self.logarithmic else self.start + self.scale * q
         low, high, quantity = self.low, self.high, self.quantity
         if quantity.open_low and low == quantity.bounds[0]:
-            low += INSIDE * self.scale
+            low += OPEN_BOUND_MARGIN * self.scale
         if quantity.open_high and high == quantity.bounds[1]:
-            high -= INSIDE * self.scale
+            high -= OPEN_BOUND_MARGIN * self.scale
         return min(max(raw, low), high)
 
     def slope(self, q: float) -> float:
@@ -85,7 +85,7 @@ class FreeParameter:
         return max(low, -wide), min(high, wide)
 
 
-def visible(experiment: Experiment, case: Case) -> set[str]:
+def parameters_felt_by(experiment: Experiment, case: Case) -> set[str]:
     """Names of the parameters that a test of its kind can depend on."""
     slots = SLOTS[experiment.kind]
     laws = [law for law in case.model.all if law.slot in slots]
@@ -100,7 +100,7 @@ def free_parameters(campaign: Campaign) -> list[FreeParameter]:
     plan, case = campaign.plan, campaign.base
     # A speed is known; a test of its own has one of its own.
     possible = [name for name in differentiable(case.model) if name != "speed"]
-    seen = set().union(*(visible(e, case) for e in campaign.train))
+    seen = set().union(*(parameters_felt_by(e, case) for e in campaign.train))
     given = {name: e.id for e in campaign.train for name in (*e.blade, *e.specimen)}
     known = [name for name in possible if name in seen]
     for key, name in [*(("free", name) for name in plan.free or ()), *(("own", name) for name in plan.own)]:
@@ -122,16 +122,20 @@ def free_parameters(campaign: Campaign) -> list[FreeParameter]:
     found = []
     for name in possible:
         if name in plan.own:
-            found += [_unknown(campaign, name, e.id) for e in campaign.train if name in visible(e, case)]
+            found += [
+                _free_parameter(campaign, name, e.id)
+                for e in campaign.train
+                if name in parameters_felt_by(e, case)
+            ]
         elif name in chosen:
-            found.append(_unknown(campaign, name, None))
+            found.append(_free_parameter(campaign, name, None))
     if not found:
         expected = f"one parameter or more of {', '.join(possible)}"
         raise BadInput("free", "(nothing)", expected)
     return found
 
 
-def _unknown(campaign: Campaign, name: str, experiment: str | None) -> FreeParameter:
+def _free_parameter(campaign: Campaign, name: str, experiment: str | None) -> FreeParameter:
     q = campaign.model.parameters()[name]
     low, high = campaign.plan.bounds.get(name, q.bounds)
     start = min(max(campaign.base.values[name], low), high)

@@ -19,8 +19,8 @@ from scipy.optimize import least_squares
 
 from cutbench.base.errors import ComputationFailed
 from cutbench.calibration.mesh_error import guessed_error
-from cutbench.calibration.parameters import FreeParameter, visible
-from cutbench.calibration.prediction import NotKnown, Predicted, Predictions
+from cutbench.calibration.parameters import FreeParameter, parameters_felt_by
+from cutbench.calibration.prediction import NotComputed, Predicted, Predictions
 from cutbench.calibration.settings import SETTINGS
 from cutbench.case.case import Case
 from cutbench.data.covariance import Block, Covariance
@@ -28,12 +28,12 @@ from cutbench.data.discrepancy import twice_log_likelihood, with_discrepancy
 from cutbench.data.experiment import Experiment
 
 #: A prediction that is so many times the largest reading counts as none.
-ABSURD = 1e4
+MAX_PREDICTION_RATIO = 1e4
 #: A parameter is at a bound that is nearer than this.
 AT_BOUND = 1e-6
 #: So many steps at most are made with one covariance, and so often at most it is found anew, until no
 #: parameter moves by more than this part of its own standard deviation.
-STEPS, TURNS, STILL = 12, 8, 0.1
+MAX_STEPS, MAX_FIXED_POINT_ITERATIONS, STATIONARY = 12, 8, 0.1
 
 
 @dataclass(frozen=True)
@@ -84,26 +84,26 @@ class Posterior:
         What the model says.
     parameters : tuple of FreeParameter
         What is looked for. One with an ``experiment`` is that test's own.
-    widths, centres : ndarray, shape (k,)
-        Standard deviations and means beforehand of the scaled parameters.
+    prior_sds, prior_means : ndarray, shape (k,)
+        Standard deviations and means of the scaled parameters' prior distribution.
     mesh : mapping
         By id, the error of the mesh of a cut.
     fields : mapping
         By id, the displacement fields of a cut.
-    held : mapping
+    fixed_q : mapping
         By number, scaled parameters that stay where they are.
-    local : bool
+    local_mesh_error : bool
         Whether the error of the mesh is that of the place where it was measured, or only as large.
     """
 
     predictions: Predictions
     parameters: tuple[FreeParameter, ...]
-    widths: np.ndarray
-    centres: np.ndarray
+    prior_sds: np.ndarray
+    prior_means: np.ndarray
     mesh: Mapping[str, MeshError] = field(default_factory=dict)
     fields: Mapping[str, LinearFields] = field(default_factory=dict)
-    held: Mapping[int, float] = field(default_factory=dict)
-    local: bool = True
+    fixed_q: Mapping[int, float] = field(default_factory=dict)
+    local_mesh_error: bool = True
 
     @classmethod
     def of(cls, predictions: Predictions, parameters: Sequence[FreeParameter]) -> Posterior:
@@ -117,7 +117,7 @@ class Posterior:
         return self.predictions.campaign.train
 
     @property
-    def runs_wanted(self) -> list[Experiment]:
+    def tests_with_runs(self) -> list[Experiment]:
         """Those of them that are known from runs."""
         return [e for e in self.tests if self.predictions.needs_runs(e)]
 
@@ -125,18 +125,18 @@ class Posterior:
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Of the scaled parameters (k,) each."""
         reach = np.array([u.reach for u in self.parameters]).reshape(-1, 2)
-        for k, q in self.held.items():
+        for k, q in self.fixed_q.items():
             reach[k] = q - AT_BOUND, q + AT_BOUND
         return reach[:, 0], reach[:, 1]
 
     @cached_property
-    def mine(self) -> dict[str, list[int]]:
+    def parameter_numbers(self) -> dict[str, list[int]]:
         """By id, the numbers of the parameters that a test depends on."""
         base = self.predictions.base
         return {
             e.id: [
                 k for k, u in enumerate(self.parameters)
-                if u.name in visible(e, base) and u.experiment in (None, e.id)
+                if u.name in parameters_felt_by(e, base) and u.experiment in (None, e.id)
             ]
             for e in self.predictions.campaign.experiments
         }  # fmt: skip
@@ -168,7 +168,7 @@ class Posterior:
         ComputationFailed."""
         y, residual, J, error, onset = {}, {}, {}, {}, {}
         for e in self.tests if tests is None else tests:
-            mine = self.mine[e.id] if differentiate else []
+            mine = self.parameter_numbers[e.id] if differentiate else []
             names = tuple(dict.fromkeys(self.parameters[k].name for k in mine))
             p = self.predicted(e, self.values(e, q), names)
             mesh = self.mesh_error(e, p.y)
@@ -185,16 +185,16 @@ class Posterior:
         """What a test reads. Raises NotKnown, ComputationFailed."""
         try:
             p = self.predictions.predict(e, values, names)
-        except NotKnown:  # a cut that was computed says itself what it gives
+        except NotComputed:  # a cut that was computed says itself what it gives
             p = self.predictions.computed(e, values, names)
-        largest = ABSURD * np.abs(self.predictions.grids[e.id].mean).max()
+        largest = MAX_PREDICTION_RATIO * np.abs(self.predictions.grids[e.id].mean).max()
         if not (np.isfinite(p.slopes).all() and np.isfinite(p.root).all() and np.abs(p.y).max() < largest):
             raise ComputationFailed(f"'{e.id}': what is predicted makes no sense")
         return p
 
     def mesh_error(self, e: Experiment, y: np.ndarray) -> MeshError:
         """What is known of the mesh's error, or guessed before it was measured; none of what has no mesh."""
-        if self.local and e.id in self.mesh:
+        if self.local_mesh_error and e.id in self.mesh:
             return self.mesh[e.id]
         if self.predictions.needs_runs(e):
             size = self.mesh[e.id].size if e.id in self.mesh else 1.0
@@ -221,8 +221,8 @@ class Posterior:
     def log_prior(self, q: np.ndarray) -> float:
         """Logarithm of the density of ``q`` beforehand."""
         return (
-            -0.5 * float((((q - self.centres) / self.widths) ** 2).sum())
-            - float(np.log(self.widths).sum())
+            -0.5 * float((((q - self.prior_means) / self.prior_sds) ** 2).sum())
+            - float(np.log(self.prior_sds).sum())
             - (0.5 * q.size * math.log(2 * math.pi))
         )
 
@@ -233,7 +233,7 @@ class Posterior:
         more = [
             (f.block.white(f.residual + f.J @ (at.q - f.q)), f.block.white(f.J)) for f in self.fields.values()
         ]
-        before = (at.q - self.centres) / self.widths, np.diag(1 / self.widths)
+        before = (at.q - self.prior_means) / self.prior_sds, np.diag(1 / self.prior_sds)
         rows, columns = zip((r, J), *more, before, strict=True)
         return np.concatenate(rows), np.vstack(columns)
 
@@ -249,11 +249,11 @@ class Posterior:
                 known[x.tobytes()] = self.evaluate(x)
             return known[x.tobytes()]
 
-        at = evaluated(_within(np.clip(q, low, high), low, high))
+        at = evaluated(_strictly_within(np.clip(q, low, high), low, high))
         size = (
             sum(y.size for y in at.y.values()) + sum(f.residual.size for f in self.fields.values()) + q.size
         )
-        for _ in range(TURNS):
+        for _ in range(MAX_FIXED_POINT_ITERATIONS):
             w, before = self.covariance(at), at.q
 
             def white(x: np.ndarray, w: Covariance = w) -> tuple[np.ndarray, np.ndarray]:
@@ -264,16 +264,16 @@ class Posterior:
 
             found = least_squares(
                 lambda x: white(x)[0], before, lambda x: white(x)[1], bounds=(low, high), x_scale="jac",
-                max_nfev=STEPS, xtol=1e-4, ftol=1e-4,
+                max_nfev=MAX_STEPS, xtol=1e-4, ftol=1e-4,
             )  # fmt: skip
-            at = evaluated(_within(found.x, low, high))
+            at = evaluated(_strictly_within(found.x, low, high))
             precision = np.linalg.norm(self.whitened(at, w)[1], axis=0)
-            if np.all(np.abs(at.q - before) * precision <= STILL):
+            if np.all(np.abs(at.q - before) * precision <= STATIONARY):
                 return Estimated(self, at, self.covariance(at))
         return Estimated(self, at, self.covariance(at), settled=False)
 
 
-def _within(q: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def _strictly_within(q: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Off the bounds, as the search wants its start."""
     width = np.where(np.isfinite(high - low), high - low, 1.0)
     return np.clip(q, low + 1e-8 * width, high - 1e-8 * width)
@@ -354,7 +354,9 @@ class Estimated:
     def predicted(self, e: Experiment) -> Predicted:
         """What the model says of any test, with derivatives by its free parameters. Raises
         ComputationFailed."""
-        names = tuple(dict.fromkeys(self.posterior.parameters[k].name for k in self.posterior.mine[e.id]))
+        names = tuple(
+            dict.fromkeys(self.posterior.parameters[k].name for k in self.posterior.parameter_numbers[e.id])
+        )
         return self.posterior.predicted(e, self.posterior.values(e, self.q), names)
 
     def scaled_slopes(self, e: Experiment) -> np.ndarray:

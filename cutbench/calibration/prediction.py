@@ -25,22 +25,22 @@ from cutbench.homogeneous import slopes
 
 #: Cuts are computed deeper than they were measured by this part, where the specimen is high enough: a machine
 #: whose zero was set late shows less than the blade went.
-DEEPER = 0.12
+EXTRA_DEPTH = 0.12
 #: Derivatives of a run beyond the onset are those of a stair: none counts for more than so many times the
 #: largest force.
-STEEPEST = 6.0
+MAX_SLOPE = 6.0
 
 
-def _deeper(case: Case) -> Case:
+def _with_greater_depth(case: Case) -> Case:
     """``case`` as far down as its cuts are computed."""
     if case.motion:
         return case
     with suppress(BadInput):
-        return replace(case, values={**case.values, "depth": (1 + DEEPER) * case.values["depth"]})
+        return replace(case, values={**case.values, "depth": (1 + EXTRA_DEPTH) * case.values["depth"]})
     return case
 
 
-class NotKnown(ComputationFailed):
+class NotComputed(ComputationFailed):
     """Too few cuts are known to say what a test would read."""
 
 
@@ -94,7 +94,9 @@ class Predictions:
         self.campaign, self.base, self.grids, self.runs = campaign, base, grids, runs
         rig = {q.name for law in base.model.laws("rig") for q in law.parameters}
         self.free = tuple(dict.fromkeys(n for n in free if n not in rig))
-        self._cuts = {e.id: _deeper(campaign.case(e, base)) for e in campaign.experiments if e.kind == "cut"}
+        self._cuts = {
+            e.id: _with_greater_depth(campaign.case(e, base)) for e in campaign.experiments if e.kind == "cut"
+        }
         self._recorders = {
             e.id: Recorder.of(e, grids[e.id], base.model) for e in campaign.experiments if e.id in self._cuts
         }
@@ -144,7 +146,7 @@ class Predictions:
             cases = [without_rig(case) for case in self._cuts.values() if case.motion == motion]
             found = self.runs.database.emulator(cases, self.free)
             if found is None:
-                raise NotKnown(f"{known} cuts are too few")
+                raise NotComputed(f"{known} cuts are too few")
             self._emulators[1][motion] = found
         return self._emulators[1][motion]
 
@@ -185,7 +187,7 @@ class Predictions:
             try:
                 return self._cut(e, values, names)
             except OutOfRange as error:
-                raise NotKnown(str(error)) from error
+                raise NotComputed(str(error)) from error
         self.runs.check()
         case = self.case(e, values)
         try:
@@ -199,7 +201,7 @@ class Predictions:
         where it was not computed."""
         run = self.runs.known(self.case(e, values))
         if run is None:
-            raise NotKnown(f"'{e.id}' was not computed there")
+            raise NotComputed(f"'{e.id}' was not computed there")
         every, recorder = {**self._cuts[e.id].values, **values}, self._recorders[e.id]
         y, by = recorder.read(run.course, every, run.slopes, names)
         return Predicted(y, by, np.zeros((y.size, 0)), run.onset_mm)
@@ -214,7 +216,7 @@ class Predictions:
             every, emulator = {**self._cuts[e.id].values, **values}, self.emulator(e)
             return emulator.travel(every), emulator.forces([every])[0]
         except OutOfRange as error:
-            raise NotKnown(str(error)) from error
+            raise NotComputed(str(error)) from error
 
     def _cut(self, e: Experiment, values: Mapping[str, float], names: Sequence[str]) -> Predicted:
         case, emulator = self._cuts[e.id], self.emulator(e)

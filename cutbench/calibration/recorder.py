@@ -17,7 +17,7 @@ from cutbench.case.model import Model
 from cutbench.data.campaign import lead_s
 from cutbench.data.experiment import Experiment
 from cutbench.data.measured import MeasuredCut
-from cutbench.data.repetition import Averaged, averaging
+from cutbench.data.repetition import Averaged, averaging_matrix
 from cutbench.mechanisms.base import STEP
 
 #: A reading this part of all beyond the end of a curve is read at its end.
@@ -66,7 +66,7 @@ class Recorder:
             _, along, matrices = self.experiment.averaging(self.grid.x.size)
             return lead_s(self.experiment) + np.concatenate(along), np.hstack(matrices) / len(matrices)
         places, grid = [np.sort(r.x) for r in self.experiment.repetitions], self.grid.x
-        parts = [np.eye(x.size) if np.array_equal(x, grid) else averaging(x, grid) for x in places]
+        parts = [np.eye(x.size) if np.array_equal(x, grid) else averaging_matrix(x, grid) for x in places]
         return np.concatenate(places), np.hstack(parts) / len(parts)
 
     def read(

@@ -17,8 +17,8 @@ from types import MappingProxyType, SimpleNamespace
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.toml import in_short, located, read_toml, refuse_other, written
 from cutbench.case import materials
-from cutbench.case.calibrated import Far, far
 from cutbench.case.computation import computation_of, mesh_digest
+from cutbench.case.group_ranges import UntypicalGroup, untypical_groups
 from cutbench.case.model import DEFAULT, Model
 from cutbench.case.motion import DEPTH, Polyline, checked_motion, read_motion
 from cutbench.case.numerics import ALIASES, KEYS, Numerics, defaults, preset
@@ -41,7 +41,7 @@ from cutbench.case.values import (
     section_hint,
     unknown,
 )
-from cutbench.mechanisms.registered import folders_of, take_up
+from cutbench.mechanisms.law_registry import folders_of, take_up
 
 _TOP = ("material", "base", "mechanisms", *SECTIONS, "numerics")
 
@@ -149,9 +149,9 @@ class Case:
         return doubts(self.p, self.model.tool, self.numerics)
 
     @property
-    def far(self) -> list[Far]:
+    def far(self) -> list[UntypicalGroup]:
         """Its dimensionless groups that are far from all that the known materials have."""
-        return far(self.model, self.values)
+        return untypical_groups(self.model, self.values)
 
     def groups(self) -> dict[str, float]:
         """The dimensionless groups of all its mechanisms."""

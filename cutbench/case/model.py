@@ -17,8 +17,8 @@ from cutbench.base.toml import among, one_of
 from cutbench.base.units import Parameter
 from cutbench.mechanisms import Group, Mechanism, Tool, Volumetric, registry
 from cutbench.mechanisms.base import Bulk, Rig
-from cutbench.mechanisms.given import PROTOCOL, SPECIMEN
-from cutbench.mechanisms.registered import folders_of, take_up
+from cutbench.mechanisms.law_registry import folders_of, take_up
+from cutbench.mechanisms.specimen_and_protocol import PROTOCOL, SPECIMEN
 
 
 def _built_in(flag: str) -> tuple[str, ...]:

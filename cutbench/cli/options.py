@@ -22,15 +22,16 @@ from cutbench.cli.progress import bar
 from cutbench.cli.show import loudness, show
 
 if TYPE_CHECKING:
-    from cutbench.case.calibrated import Far
     from cutbench.case.case import Case
-    from cutbench.run.result import Outcome, Result
+    from cutbench.case.group_ranges import UntypicalGroup
+    from cutbench.run.outcome import Outcome
+    from cutbench.run.result import Result
 
 #: What the command that runs holds until it ends.
-_held: ContextVar[ExitStack] = ContextVar("held")
+_locks: ContextVar[ExitStack] = ContextVar("held")
 
 
-def exits(command: Callable) -> Callable:
+def with_exit_status(command: Callable) -> Callable:
     """Turn what the code raises on purpose into one message and an exit status."""
 
     @functools.wraps(command)
@@ -39,7 +40,7 @@ def exits(command: Callable) -> Callable:
 
         try:
             with ExitStack() as held:
-                _held.set(held)
+                _locks.set(held)
                 return command(*args, **kwargs)
         except CutbenchError as error:
             typer.echo(f"cutbench: {error}", err=True)
@@ -74,7 +75,7 @@ def with_laws(command: Callable) -> Callable:
     and ``-v``."""
 
     @functools.wraps(command)
-    @exits
+    @with_exit_status
     def wrapped(
         *args: object,
         laws: list[Path] | None = None,
@@ -98,10 +99,10 @@ def with_laws(command: Callable) -> Callable:
             ("loud", False, Loud),
         )
     ]
-    return _taking(wrapped, [*own, *more])
+    return _with_signature(wrapped, [*own, *more])
 
 
-def _taking(command: Callable, options: list[inspect.Parameter]) -> Callable:
+def _with_signature(command: Callable, options: list[inspect.Parameter]) -> Callable:
     """A command with these options: typer reads them from the signature."""
     vars(command)["__signature__"] = inspect.Signature(options)
     command.__annotations__ = {each.name: each.annotation for each in options}
@@ -188,10 +189,10 @@ def changes(
     return {**changes, **given, **lists}
 
 
-def doubted(*cases: Case) -> None:
+def print_doubts(*cases: Case) -> None:
     """Say once what there is to know before runs of these ``cases`` are believed; of each dimensionless group
     the case that is farthest off."""
-    worst: dict[str, Far] = {}
+    worst: dict[str, UntypicalGroup] = {}
     for one in (one for case in cases for one in case.far):
         if one.group not in worst or one.times > worst[one.group].times:
             worst[one.group] = one
@@ -200,7 +201,7 @@ def doubted(*cases: Case) -> None:
         typer.echo(f"cutbench: note: {sentence}", err=True)
 
 
-def asked(
+def case_and_folder(
     material: str, changes: dict[str, object], out: Path | None, *, dim: int, under: str = "runs"
 ) -> tuple[Case, Path]:
     """The case and a folder that can be written to, by default one of its own ``under`` this name."""
@@ -209,19 +210,19 @@ def asked(
 
     case = load_case(material, changes, dim=dim)
     check_driven(case.model)
-    doubted(case)
-    return case, folder_of(out if out is not None else Path(under) / f"{slug(case.name)}-{case.id}")
+    print_doubts(case)
+    return case, locked_folder(out if out is not None else Path(under) / f"{slug(case.name)}-{case.id}")
 
 
-def folder_of(out: Path) -> Path:
+def locked_folder(out: Path) -> Path:
     """The folder that a command writes to, made if need be and held until the command ends."""
     from cutbench.base.files import folder_lock
 
-    return _held.get().enter_context(folder_lock(out))
+    return _locks.get().enter_context(folder_lock(out))
 
 
 @dataclass(frozen=True)
-class Wanted:
+class RunRequest:
     """What the options of a run ask for: a case, a folder to write to, seconds between checkpoints, how many
     frames."""
 
@@ -232,7 +233,7 @@ class Wanted:
 
 
 def run_options(*, dim: int) -> Callable[[Callable], Callable]:
-    """Give the options of a run to a command that takes what is ``Wanted`` and options of its own."""
+    """Give the options of a run to a command that takes a ``RunRequest`` and options of its own."""
 
     def give(command: Callable) -> Callable:
         def wrapped(
@@ -261,18 +262,18 @@ def run_options(*, dim: int) -> Callable[[Callable], Callable]:
             if quick and numerics not in (None, "fast"):
                 raise BadInput("--quick", numerics, "one of --quick and --numerics, not both")
             options |= {"numerics": "fast" if quick else numerics, "until": until}
-            case, folder = asked(material, changes(sets, options, with_, without), out, dim=dim)
-            command(Wanted(case, folder, every_s, count), **own)
+            case, folder = case_and_folder(material, changes(sets, options, with_, without), out, dim=dim)
+            command(RunRequest(case, folder, every_s, count), **own)
 
         shared = [*inspect.signature(wrapped, eval_str=True).parameters.values()][:-1]
         own = [*inspect.signature(command, eval_str=True).parameters.values()][1:]
         functools.update_wrapper(wrapped, command)
-        return _taking(wrapped, [*shared, *own])
+        return _with_signature(wrapped, [*shared, *own])
 
     return give
 
 
-def computed(
+def run_with_progress(
     case: Case,
     snapshots: Sequence[float] = (),
     folder: Path | None = None,
@@ -303,15 +304,15 @@ def finish(result: Result, folder: Path, plane: Result | None = None) -> None:
     """
     from cutbench.cli.tables import result_table
 
-    keep(result, folder, plane)
+    write_result(result, folder, plane)
     show(result_table(result))
     typer.echo(str(result.outcome))
     typer.echo(f"written to {folder}")
     typer.echo(result.sentence())
-    leave(result.outcome)
+    exit_by_outcome(result.outcome)
 
 
-def keep(result: Result, folder: Path, plane: Result | None = None) -> None:
+def write_result(result: Result, folder: Path, plane: Result | None = None) -> None:
     """Write a run; its checkpoint goes where there is nothing to go on from."""
     from cutbench.run.checkpoint import NAME
     from cutbench.run.files import write_run
@@ -321,7 +322,7 @@ def keep(result: Result, folder: Path, plane: Result | None = None) -> None:
         (folder / NAME).unlink(missing_ok=True)
 
 
-def whole(key: str, text: str | None) -> int | None:
+def whole_number(key: str, text: str | None) -> int | None:
     """A whole number of 0 or more. Raises BadInput, which names the value where typer would not."""
     from cutbench.base.errors import BadInput
 
@@ -357,11 +358,11 @@ def slug(name: str) -> str:
     return "".join(c if c.isalnum() or c in "-_." else "-" for c in name).strip("-.") or "case"
 
 
-def leave(outcome: Outcome) -> None:
+def exit_by_outcome(outcome: Outcome) -> None:
     """With the exit status that an outcome asks for; stays after one that is done."""
     if not outcome.done:
         raise typer.Exit(130 if outcome.kind == "interrupted" else 1)
 
 
-def written(paths: Sequence[Path]) -> None:
+def print_written(paths: Sequence[Path]) -> None:
     typer.echo("written: " + ", ".join(map(str, paths)))

@@ -24,7 +24,7 @@ from cutbench.cli.show import PLAIN, table, verbose
 from cutbench.mechanisms import registry
 from cutbench.mechanisms.checks import Finding
 from cutbench.run.result import Result
-from cutbench.run.told import told
+from cutbench.run.summary import summary_lines
 
 
 def _table(*heads: str, rows: Iterable[Sequence[str]] = (), title: str | None = None) -> Table:
@@ -131,7 +131,7 @@ def _number(value: float | None) -> str:
 
 def result_table(result: Result) -> RenderableType:
     """What a run found, in the order in which a person asks; ``-v``: all measures and counters, too."""
-    head, *lines = told(result)
+    head, *lines = summary_lines(result)
     made = _table("", "value", rows=[(name, text) for name, text in lines[1:]], title=head)
     made.add_section()
     for text in result.case.groups():

@@ -9,7 +9,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "campaign": ["Campaign", "FitPlan", "load_campaign", "start_case"],
-        "examples": ["copy_examples"],
+        "example_files": ["copy_examples"],
         "experiment": ["Experiment"],
         "field_comparison": ["Comparison", "at_travel", "compare", "sample"],
         "fields": ["Field", "read_fields"],

@@ -16,8 +16,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from cutbench.base.display import Displayed
 from cutbench.base.errors import BadInput
-from cutbench.base.handled import Handled
 from cutbench.base.toml import among, in_short, located, one_of, read_toml, refuse_other, written
 from cutbench.case.case import Case, load_case
 from cutbench.case.model import SETS, Model, mechanism
@@ -27,8 +27,8 @@ from cutbench.case.values import names, resolve
 from cutbench.data import plausible
 from cutbench.data.contact import bounds_by
 from cutbench.data.experiment import SLOTS, Experiment
-from cutbench.data.recorded import placed, read_experiment
-from cutbench.data.repetition import unrepeated
+from cutbench.data.read_experiment import errors_at_experiment, read_experiment
+from cutbench.data.repetition import note_on_single_repetition
 from cutbench.mechanisms import Volumetric, registry
 
 #: Places in time at which the way of a blade that holds or returns is read off, before it is simplified.
@@ -61,7 +61,7 @@ class FitPlan:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Campaign(Handled):
+class Campaign(Displayed):
     """A validated campaign. ``base`` holds the baseline's mechanisms and the start values, of which
     ``material``, a known name or a file, may know more than its tests see.
 
@@ -69,7 +69,7 @@ class Campaign(Handled):
     material (see ``cutbench.data.plausible``).
     """
 
-    handled_in: ClassVar[str] = "cutbench.data.handled"
+    display_module: ClassVar[str] = "cutbench.data.display"
 
     title: str
     base: Case
@@ -122,7 +122,9 @@ class Campaign(Handled):
     def all_notes(self) -> list[str]:
         """What was assumed or is not known, of the campaign and of each experiment."""
         of_tests = [f"'{e.id}': {note}" for e in self.experiments for note in e.notes]
-        alone = [unrepeated(e.id) for e in self.experiments if e.curve and len(e.repetitions) == 1]
+        alone = [
+            note_on_single_repetition(e.id) for e in self.experiments if e.curve and len(e.repetitions) == 1
+        ]
         return [*self.notes, *of_tests, *alone]
 
 
@@ -240,7 +242,7 @@ def load_campaign(path: str | Path) -> Campaign:
             )  # fmt: skip
     experiments: list[Experiment] = []
     for number, part in enumerate(tables):
-        with placed(path, text, number):
+        with errors_at_experiment(path, text, number):
             made = read_experiment(part, path.parent)
             if made.id in [e.id for e in experiments]:
                 raise BadInput(key="id", value=made.id, expected="each id once")
@@ -251,9 +253,9 @@ def load_campaign(path: str | Path) -> Campaign:
     with located(path, text):
         candidates = _candidates(table, base.model, kinds)
     with located(path, text, "fit"):
-        plan = _plan(table.get("fit", {}), base.model, candidates, _known(experiments))
+        plan = _plan(table.get("fit", {}), base.model, candidates, _bounds_by_approaches(experiments))
     for number, made in enumerate(experiments):
-        with placed(path, text, number):
+        with errors_at_experiment(path, text, number):
             _check(made, base)
     cuts = (cut_case(e, base) for e in experiments if e.kind == "cut")
     notes += tuple(dict.fromkeys(sentence for cut in cuts for sentence in cut.doubts))
@@ -263,7 +265,7 @@ def load_campaign(path: str | Path) -> Campaign:
 
 def _check(experiment: Experiment, base: Case) -> None:
     """Raise BadInput if a test cannot be of the material, or cannot be computed."""
-    plausible.check(experiment, base)
+    plausible.refuse_implausible(experiment, base)
     if experiment.kind == "cut":
         cut_case(experiment, base)
 
@@ -313,7 +315,7 @@ def _candidates(table: Mapping, baseline: Model, kinds: list[str]) -> tuple[str,
     return listed
 
 
-def _known(experiments: Iterable[Experiment]) -> dict[str, tuple[float, float]]:
+def _bounds_by_approaches(experiments: Iterable[Experiment]) -> dict[str, tuple[float, float]]:
     """Bounds that the approaches of the tests in which the machine is felt give."""
     felt = (e for e in experiments if "rig" in SLOTS[e.kind] and e.mounted and e.curve)
     return bounds_by([r for e in felt for r in e.repetitions])

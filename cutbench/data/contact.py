@@ -13,62 +13,32 @@ u₀ may lie before the first reading, as in a test that was recorded from a tri
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cutbench.data.contact_point import COVERAGE_FACTOR, Contact
 from cutbench.data.covariance import roughness
+from cutbench.data.repetition import Repetition
 from cutbench.mechanisms import registry
 
-if TYPE_CHECKING:
-    from cutbench.data.repetition import Repetition
-
 #: Parts of the largest rise of the force up to which readings count, the widest first.
-PARTS = (0.2, 0.1, 0.05)
+RISE_FRACTIONS = (0.2, 0.1, 0.05)
 #: Fewest readings before contact, and of the rise.
 BEFORE, AFTER = 5, 4
 #: Residual in units of the noise up to which the rise counts as described.
-WITHIN = 1.3
+MAX_RESIDUAL = 1.3
 #: A rise below so many times the noise is none.
-CLEAR = 10.0
+MIN_SIGNAL_TO_NOISE = 10.0
 #: Places that are tried, in intervals that narrow around the likeliest by turns.
 PLACES, TURNS = 40, 3
 #: More readings than that are averaged in groups first.
-MOST = 1000
+MAX_READINGS = 1000
 #: Travel without force above this part of the whole is spoken of.
-EARLY = 0.03
-#: Standard deviations within which a contact that was found is believed.
-ROOM = 4.0
+MIN_FREE_TRAVEL = 0.03
 #: A force before contact is spoken of above this part of the largest.
-AMISS = 2e-3
+MIN_FORCE_OFFSET = 2e-3
 #: With which the force begins to rise.
-POWERS = (1.0, 1.5, 2.0)
-
-
-@dataclass(frozen=True)
-class Contact:
-    """Contact at ``at`` mm of the recorded displacement, known to ``sd``, after so many ``readings``; before
-    it the force is ``force``, known to ``force_sd``, later ``largest`` at the most, in ``unit``.
-    ``taken_off``: which of ``displacement`` and ``force`` was found and taken off; a force that was given is
-    taken off ``force``, too. ``first``: so many readings come before the way out begins, as of a machine that
-    first drives back."""
-
-    at: float
-    sd: float
-    force: float
-    force_sd: float
-    readings: int
-    largest: float
-    unit: str = "N"
-    taken_off: tuple[str, ...] = ()
-    first: int = 0
-
-    def leaves(self, what: str) -> float:
-        """How far the ``displacement`` (mm) or ``force`` (N) that was found here and taken off may be wrong,
-        with room for what the rule itself may be off; infinite where it was not."""
-        sd = self.sd if what == "displacement" else self.force_sd if self.unit == "N" else np.inf
-        return ROOM * sd if what in self.taken_off and sd > 0 else np.inf
+CONTACT_EXPONENTS = (1.0, 1.5, 2.0)
 
 
 def contact_at(u: np.ndarray, y: np.ndarray, at: float, sd: float = 0.0) -> Contact:
@@ -87,16 +57,16 @@ def find_contact(u: np.ndarray, y: np.ndarray, air: float | None = None) -> Cont
     is none. Where the force before contact is known, ``air``, contact may lie before the first reading."""
     far = int(np.argmax(u)) + 1
     all_u, all_y = u[:far], y[:far]
-    u, y = (_thinned(values, -(-far // MOST)) for values in (all_u, all_y))
+    u, y = (_averaged_in_groups(values, -(-far // MAX_READINGS)) for values in (all_u, all_y))
     far = u.size
     if far < BEFORE + AFTER:
         return f"{far} readings on the way out, fewer than {BEFORE + AFTER}"
     base = float(np.median(y[:BEFORE])) if air is None else air
     noise, top = float(np.median(roughness(np.arange(far), y))), float(y.max()) - base
-    if top < CLEAR * noise:
-        return f"the force rises by no more than {CLEAR:g} times its noise"
-    found = [_change_point(u[:end], y[:end], air) for end in _ends(y - base, top, noise)]
-    best = next((i for i, (_, _, rms) in enumerate(found) if rms < WITHIN * noise), len(found) - 1)
+    if top < MIN_SIGNAL_TO_NOISE * noise:
+        return f"the force rises by no more than {MIN_SIGNAL_TO_NOISE:g} times its noise"
+    found = [_change_point(u[:end], y[:end], air) for end in _rise_ends(y - base, top, noise)]
+    best = next((i for i, (_, _, rms) in enumerate(found) if rms < MAX_RESIDUAL * noise), len(found) - 1)
     other = found[best + 1 if best + 1 < len(found) else max(best - 1, 0)][0]
     at, sd, _ = found[best]
     spacing = float(np.median(np.abs(np.diff(u))))
@@ -110,29 +80,29 @@ def late_contact(u: np.ndarray, y: np.ndarray) -> Contact | None:
     """The contact of a test that begins with travel in which its force does not rise, ``u`` and ``y`` as
     above; None for others. Most are told at a glance."""
     way = float(np.ptp(u))
-    still = int(np.argmax(u - u[0] > EARLY * way))
+    still = int(np.argmax(u - u[0] > MIN_FREE_TRAVEL * way))
     rise = y - np.median(y[:BEFORE])
-    if still < BEFORE or np.abs(rise[:still]).max() > EARLY * rise.max():
+    if still < BEFORE or np.abs(rise[:still]).max() > MIN_FREE_TRAVEL * rise.max():
         return None
     found = find_contact(u, y)
-    late = isinstance(found, Contact) and found.at - ROOM * found.sd > u[0] + EARLY * way
+    late = isinstance(found, Contact) and found.at - COVERAGE_FACTOR * found.sd > u[0] + MIN_FREE_TRAVEL * way
     return found if late and isinstance(found, Contact) else None
 
 
-def _thinned(values: np.ndarray, by: int) -> np.ndarray:
+def _averaged_in_groups(values: np.ndarray, by: int) -> np.ndarray:
     """Means of so many values each; what is left over at the end is left out."""
     return values[: values.size // by * by].reshape(-1, by).mean(axis=1)
 
 
-def _ends(rise: np.ndarray, top: float, noise: float) -> Iterator[int]:
+def _rise_ends(rise: np.ndarray, top: float, noise: float) -> Iterator[int]:
     """How many readings count, for each part of the curve that has enough of them above the noise."""
     last = 0
-    for part in PARTS:
+    for part in RISE_FRACTIONS:
         above = rise > part * top
         lasting = above & np.append(above[1:], True)
         end = int(np.argmax(lasting)) + 1
         rising = int((rise[:end] > 3 * noise).sum())
-        if last == 0 or (rising >= AFTER and part * top > CLEAR * noise and end < last):
+        if last == 0 or (rising >= AFTER and part * top > MIN_SIGNAL_TO_NOISE * noise and end < last):
             end = min(max(end, end + AFTER - rising), rise.size)
             last = end
             yield end
@@ -144,7 +114,7 @@ def _change_point(u: np.ndarray, y: np.ndarray, air: float | None) -> tuple[floa
     low, high = first, last
     for _ in range(TURNS):
         places = np.linspace(low, high, PLACES + 2)[1:-1]
-        squares = np.array([[_misfit(u, y, air, at, m) for m in POWERS] for at in places])
+        squares = np.array([[_misfit(u, y, air, at, m) for m in CONTACT_EXPONENTS] for at in places])
         chance = (squares / squares.min()) ** (-(u.size - 4) / 2)
         weight = chance.sum(axis=1) / chance.sum()
         at = float(weight @ places)
@@ -184,7 +154,7 @@ def contact_notes(repetitions: Sequence[Repetition]) -> tuple[str, ...]:
             f"readings before the lowest, with which the way out begins, are left out: {_listed(early)}"
         )
     airs = [(r, c) for r, c in known if np.isfinite(c.force)]
-    if tared or any(abs(c.force) > max(3 * c.force_sd, AMISS * c.largest) for _, c in airs):
+    if tared or any(abs(c.force) > max(3 * c.force_sd, MIN_FORCE_OFFSET * c.largest) for _, c in airs):
         forces = _listed([(r.name, f"{c.force:.3g} ± {c.force_sd:.2g} {c.unit}") for r, c in airs])
         used = "taken off" if tared else "which is not taken off: force_zero = 'auto' does"
         notes.append(f"the force before contact is {forces}, {used}")
@@ -203,7 +173,9 @@ def bounds_by(repetitions: Sequence[Repetition]) -> dict[str, tuple[float, float
     found: dict[str, tuple[float, float]] = {}
     for law in registry().values():
         if what := getattr(law, "approach", ""):
-            rooms = [np.inf if r.contact is None else r.contact.leaves(what) for r in repetitions]
+            rooms = [
+                np.inf if r.contact is None else r.contact.remaining_uncertainty(what) for r in repetitions
+            ]
             room = max(rooms, default=np.inf)
             if np.isfinite(room):
                 found |= {q.name: (-room, room) for q in law.parameters}

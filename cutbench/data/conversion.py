@@ -13,9 +13,10 @@ import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.units import parse_quantity
-from cutbench.data.contact import BEFORE, EARLY, Contact, contact_at, find_contact, late_contact
+from cutbench.data.contact import BEFORE, MIN_FREE_TRAVEL, contact_at, find_contact, late_contact
+from cutbench.data.contact_point import Contact
 from cutbench.data.experiment import HOMOGENEOUS, area_of
-from cutbench.data.jumps import check_steps
+from cutbench.data.outliers import check_steps
 from cutbench.data.repetition import JITTER, Repetition, first_return
 from cutbench.data.table import Table
 
@@ -46,7 +47,7 @@ def repetitions_of(
         check_steps(mine, files, lines)
         specimen = sizes[title]
         own = {**written, **{key: values[title] for key, values in zeros.items()}}
-        here, contact = _begun(mine, own, factors, title)
+        here, contact = _zeros_taken_off(mine, own, factors, title)
         x, y = _abscissa(here, kind, specimen, speed), _ordinate(here, kind, specimen)
         if kind in HOMOGENEOUS and written.get("stress", "nominal") == "cauchy":
             y = y / np.where(x > 0, x, np.nan)
@@ -54,7 +55,7 @@ def repetitions_of(
         if "normal_force" in here:
             pressure = here["normal_force"] / area_of(kind, specimen)
         first = contact.first if contact is not None and "zero" in written else 0
-        keep = _kept(written, kind, x, first)
+        keep = _selected_readings(written, kind, x, first)
         x, y, lines, files = x[keep], y[keep], lines[keep], files[keep]
         time, pressure = (None if a is None else a[keep] for a in (here.get("time"), pressure))
         if time is None and speed is not None and not (kind == "cut" and first_return(x) is not None):
@@ -87,7 +88,7 @@ def _ordinate(here: Mapping, kind: str, specimen: Mapping[str, float]) -> np.nda
 
 
 # -- contact ----------------------------------------------------------------------------------------
-def _begun(
+def _zeros_taken_off(
     read: Mapping[str, np.ndarray], written: Mapping, factors: Mapping[str, float], title: str
 ) -> tuple[dict[str, np.ndarray], Contact | None]:
     """The columns times their factors, displacement from contact and force from its zero, if that is asked
@@ -101,7 +102,7 @@ def _begun(
         contact = _contact(read, written, factors, load, title)
         zeros["displacement"] = contact.at if "zero" in written else 0.0
     elif "displacement" in read and load in read and not {"from", "force_zero"} & written.keys():
-        contact = _noticed(read, factors, load)
+        contact = _unreported_contact(read, factors, load)
     if "force_zero" in written:
         zeros[load] = _force_zero(written["force_zero"], load, contact)
     if contact is not None:
@@ -112,7 +113,7 @@ def _begun(
     return here, contact
 
 
-def _outward(
+def _loading_path(
     read: Mapping[str, np.ndarray], factors: Mapping[str, float], load: str
 ) -> tuple[int, np.ndarray, np.ndarray, float, float]:
     """The reading with which the way out begins, displacement and force from there on, both growing on the
@@ -123,10 +124,10 @@ def _outward(
     signs = [float(np.sign(factors.get(role, 1.0))) for role in ("displacement", load)]
     if read[load].size < BEFORE:
         return 0, signs[0] * read["displacement"], signs[1] * read[load], signs[0], signs[1]
-    way = _way(signs[0] * read["displacement"], read[load])
+    way = _direction(signs[0] * read["displacement"], read[load])
     sense, pull = (way * sign for sign in signs)
     u = sense * read["displacement"]
-    rise = u - np.minimum.accumulate(u) > EARLY * np.ptp(u[1:])
+    rise = u - np.minimum.accumulate(u) > MIN_FREE_TRAVEL * np.ptp(u[1:])
     ahead = u[: int(np.argmax(rise)) + 1] if rise.any() else u
     lowest = int(np.argmin(ahead))
     above = np.flatnonzero(ahead[:lowest] > ahead[lowest] + JITTER * np.ptp(u[1:]))
@@ -137,7 +138,7 @@ def _outward(
 def _contact(
     read: Mapping[str, np.ndarray], written: Mapping, factors: Mapping[str, float], load: str, title: str
 ) -> Contact:
-    first, u, y, sense, pull = _outward(read, factors, load)
+    first, u, y, sense, pull = _loading_path(read, factors, load)
     zero = written.get("zero", AUTO)
     if zero != AUTO:
         at = parse_quantity(zero, "mm", key="zero")
@@ -157,22 +158,24 @@ def _contact(
             " from contact, or give force_zero where it began at a trigger force"
         )
         raise BadInput(key=key, value=AUTO, expected=expected)
-    return replace(_recorded(found, sense, pull, load), first=first)
+    return replace(_in_recorded_units(found, sense, pull, load), first=first)
 
 
-def _recorded(found: Contact, sense: float, pull: float, load: str) -> Contact:
+def _in_recorded_units(found: Contact, sense: float, pull: float, load: str) -> Contact:
     unit = "N" if load == "force" else "MPa"
     return replace(found, at=sense * found.at, force=pull * found.force, unit=unit)
 
 
-def _noticed(read: Mapping[str, np.ndarray], factors: Mapping[str, float], load: str) -> Contact | None:
+def _unreported_contact(
+    read: Mapping[str, np.ndarray], factors: Mapping[str, float], load: str
+) -> Contact | None:
     """Travel before contact that nobody spoke of."""
-    _, u, y, sense, pull = _outward(read, factors, load)
+    _, u, y, sense, pull = _loading_path(read, factors, load)
     found = late_contact(u, y) if np.isfinite(u).all() and np.isfinite(y).all() else None
-    return None if found is None else _recorded(found, sense, pull, load)
+    return None if found is None else _in_recorded_units(found, sense, pull, load)
 
 
-def _way(x: np.ndarray, y: np.ndarray | None = None) -> float:
+def _direction(x: np.ndarray, y: np.ndarray | None = None) -> float:
     """1 or -1: towards which end the test goes, wherever its first reading is: that of the largest change of
     ``y``, as a machine may first drive back, or the farther one."""
     start = float(np.median(x[:3]))
@@ -202,12 +205,12 @@ def _force_zero(raw: object, load: str, contact: Contact | None) -> float:
 
 
 # -- from here to there -----------------------------------------------------------------------------
-def _kept(written: Mapping, kind: str, x: np.ndarray, first: int) -> np.ndarray:
+def _selected_readings(written: Mapping, kind: str, x: np.ndarray, first: int) -> np.ndarray:
     """The readings (k,) that count: from contact on, on the way out that begins with reading ``first``, where
     that is known, from ``from`` up to the first beyond ``until``, which is ``return`` for the farthest.
     Raises BadInput if none are left."""
     rest = 1.0 if kind in HOMOGENEOUS else 0.0
-    way = _way(x[first:])
+    way = _direction(x[first:])
     out, unit = way * (x - rest), "1" if kind in HOMOGENEOUS else "mm"
     keep = np.arange(x.size)
     if "until" in written:

@@ -9,7 +9,7 @@ what else differs between them, smooth along the curve; e_r is the noise of sing
   variance of the noise; a smooth curve adds next to nothing to it (Gasser, Sroka & Jennen-Steinmetz
   1986, 10.1093/biomet/73.3.625). Its size is 1.4826 times the median of the absolute value, which
   jumps of the curve do not move; half from all readings, half from a window along the curve. What the force
-  of a cut saws by in wider teeth comes on top (``cutbench.data.jags``).
+  of a cut saws by in wider teeth comes on top (``cutbench.data.sawtooth``).
 - Factor. Its variance is pooled over all tests of a kind: by the few repetitions of one test it would look
   far better known than it is. It is drawn towards what is usual of soft solids, worth a few specimens. It
   stands on a computed curve, not on the measured one: in proportion to the measured one, a curve that misses
@@ -35,23 +35,23 @@ from scipy.linalg import cholesky, solve_triangular
 from cutbench.data.repetition import Averaged
 
 #: Weight of the smooth target against the sample covariance, in repetitions.
-PRIOR = 4.0
+TARGET_WEIGHT = 4.0
 #: The noise is never taken for smaller than this part of the largest value: no load cell is better.
-FLOOR = 1e-3
+NOISE_FLOOR = 1e-3
 #: 1/Φ⁻¹(3/4): from the median of |x| to the standard deviation of normal x.
-_MAD = 1.4826
+_MAD_TO_SD = 1.4826
 #: Factor between specimens: what is taken for it before any is measured, and how many specimens that is
 #: worth.
-USUAL_FACTOR, WORTH = 0.02, 2
+USUAL_FACTOR, USUAL_FACTOR_WEIGHT = 0.02, 2
 #: Smooth difference of one specimen's curve from another's where only one was measured, relative.
 USUAL_SHAPE = 0.03
 #: What is left to the laws' time steps; a fit does not count it.
-LEAST_SHAPE = 0.002
+MIN_SHAPE = 0.002
 
 
 def roughness(s: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Standard deviation (n,) of the reading noise of ``y`` (n,) along ``s`` (n,), ascending."""
-    floor = FLOOR * float(np.max(np.abs(y), initial=0.0))
+    floor = NOISE_FLOOR * float(np.max(np.abs(y), initial=0.0))
     s, where, back = np.unique(s, return_index=True, return_inverse=True)
     values = y[where]
     reach = 2 if s.size >= 12 else 1
@@ -68,10 +68,10 @@ def roughness(s: np.ndarray, y: np.ndarray) -> np.ndarray:
         guess += weight * values[middle + k]
         gain += weight**2
     rough = np.abs(values[middle] - guess) / np.sqrt(gain)
-    overall = _MAD * np.median(rough)
+    overall = _MAD_TO_SD * np.median(rough)
     half = max(5, middle.size // 12)
     centres = np.unique(np.linspace(0, middle.size - 1, min(middle.size, 60)).round().astype(int))
-    here = _MAD * np.array([np.median(rough[max(0, i - half) : i + half + 1]) for i in centres])
+    here = _MAD_TO_SD * np.array([np.median(rough[max(0, i - half) : i + half + 1]) for i in centres])
     sigma = np.sqrt((overall**2 + here**2) / 2)
     along_s = np.interp(np.arange(s.size), middle[centres], sigma)
     return np.maximum(along_s[back.ravel()], floor)
@@ -85,11 +85,11 @@ def scatter_covariance(grid: np.ndarray, residuals: np.ndarray, noise: np.ndarra
     """
     count = residuals.shape[0] - 1
     sample = residuals.T @ residuals / count - noise
-    variance = _smooth(grid, np.clip(np.diag(sample), 0, None))
+    variance = _gaussian_smoothed(grid, np.clip(np.diag(sample), 0, None))
     deviation = np.sqrt(np.maximum(variance, 0.01 * variance.mean()))
     distance = np.abs(grid[:, None] - grid)
     target = deviation[:, None] * deviation * matern(distance, _length(grid, sample, deviation))
-    C = (PRIOR * target + count * sample) / (PRIOR + count)
+    C = (TARGET_WEIGHT * target + count * sample) / (TARGET_WEIGHT + count)
     root = _root(C)
     return root @ root.T
 
@@ -100,13 +100,13 @@ def matern(distance: np.ndarray, length: float) -> np.ndarray:
     return (1 + r) * np.exp(-r)
 
 
-def deviating(x: np.ndarray, y: np.ndarray, part: float) -> np.ndarray:
+def smooth_deviation(x: np.ndarray, y: np.ndarray, part: float) -> np.ndarray:
     """Covariance (m, m) of a deviation by ``part`` of ``y`` (m,), smooth along ``x`` over a third of it."""
     size = np.maximum(np.abs(y), 0.05 * np.abs(y).max())
     return part**2 * np.outer(size, size) * matern(np.abs(x[:, None] - x), np.ptp(x) / 3)
 
 
-def _smooth(grid: np.ndarray, values: np.ndarray) -> np.ndarray:
+def _gaussian_smoothed(grid: np.ndarray, values: np.ndarray) -> np.ndarray:
     """``values`` (n,) under a Gaussian window, a tenth of the grid wide."""
     width = (grid[-1] - grid[0]) / 10
     weight = np.exp(-(((grid[:, None] - grid) / width) ** 2) / 2)
@@ -132,7 +132,7 @@ def _root(C: np.ndarray) -> np.ndarray:
     return vectors * np.sqrt(np.clip(values, 0, None))
 
 
-def sound(C: np.ndarray) -> np.ndarray:
+def positive_definite(C: np.ndarray) -> np.ndarray:
     """Symmetric, and with a diagonal that keeps it positive definite."""
     C = (C + C.T) / 2
     return C + np.diag(1e-8 * np.diag(C) + 1e-12 * np.diag(C).max())
@@ -159,11 +159,11 @@ class Factors:
     @property
     def usual(self) -> Factors:
         """Drawn towards what is usual."""
-        dof = self.dof + WORTH
-        return Factors((self.dof * self.variance + WORTH * USUAL_FACTOR**2) / dof, dof)
+        dof = self.dof + USUAL_FACTOR_WEIGHT
+        return Factors((self.dof * self.variance + USUAL_FACTOR_WEIGHT * USUAL_FACTOR**2) / dof, dof)
 
 
-def _nothing() -> np.ndarray:
+def _zero() -> np.ndarray:
     return np.zeros(())
 
 
@@ -179,15 +179,15 @@ class Block:
     """
 
     total: np.ndarray
-    by_factor: np.ndarray = field(default_factory=_nothing)
-    other: np.ndarray = field(default_factory=_nothing)
-    scatter: np.ndarray = field(default_factory=_nothing)
-    deviation: np.ndarray = field(default_factory=_nothing)
+    by_factor: np.ndarray = field(default_factory=_zero)
+    other: np.ndarray = field(default_factory=_zero)
+    scatter: np.ndarray = field(default_factory=_zero)
+    deviation: np.ndarray = field(default_factory=_zero)
     dof: int = 0
-    computed: np.ndarray = field(default_factory=_nothing)
-    shift: np.ndarray = field(default_factory=_nothing)
+    computed: np.ndarray = field(default_factory=_zero)
+    shift: np.ndarray = field(default_factory=_zero)
     known: np.ndarray | None = None
-    discrepancy: np.ndarray = field(default_factory=_nothing)
+    discrepancy: np.ndarray = field(default_factory=_zero)
 
     @property
     def noise(self) -> np.ndarray:
@@ -211,9 +211,9 @@ class Block:
         """About the curve ``y`` (m,) with ``shift`` in it; of the mean of ``count`` specimens (default: those
         that were measured)."""
         count, along = count or grid.repetitions, grid.along
-        computed, shift = (_nothing() if given is None else given for given in (computed, shift))
+        computed, shift = (_zero() if given is None else given for given in (computed, shift))
         if grid.independent:
-            total = sound(np.diag(grid.reading**2) / count + computed)
+            total = positive_definite(np.diag(grid.reading**2) / count + computed)
             none, deviation = np.zeros(total.shape), np.sqrt(np.diag(total))
             return cls(total, none, none, none, deviation, grid.dof, computed, shift)
         if grid.repetitions > 1:
@@ -221,13 +221,13 @@ class Block:
             scatter = scatter_covariance(along, alike - alike.mean(axis=0), np.diag(grid.reading**2))
             other = scatter / count
         else:
-            scatter = deviating(along, y, USUAL_SHAPE)
+            scatter = smooth_deviation(along, y, USUAL_SHAPE)
             other = scatter / count
         by_factor = pooled.variance / count * np.outer(y, y)
         rest = np.diag(grid.reading**2) / count + computed
-        least = deviating(along, y, LEAST_SHAPE)
+        least = smooth_deviation(along, y, MIN_SHAPE)
         deviation = np.sqrt(np.diag(by_factor + scatter / count + least + rest))
-        total = sound(by_factor + other + rest)
+        total = positive_definite(by_factor + other + rest)
         return cls(total, by_factor, other, scatter, deviation, grid.dof, computed, shift)
 
     @cached_property
@@ -289,7 +289,7 @@ class Covariance:
     @property
     def noise(self) -> Covariance:
         """Without discrepancies."""
-        alone = {id: replace(b, total=b.noise, discrepancy=_nothing()) for id, b in self.tests.items()}
+        alone = {id: replace(b, total=b.noise, discrepancy=_zero()) for id, b in self.tests.items()}
         return replace(self, tests=alone)
 
     def white(self, by: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -323,7 +323,7 @@ class Covariance:
         return {
             id: (
                 _root(np.asarray(b.scatter)),
-                _root(deviating(self.grids[id].along, self.y[id], LEAST_SHAPE) + b.computed),
+                _root(smooth_deviation(self.grids[id].along, self.y[id], MIN_SHAPE) + b.computed),
             )
             for id, b in self.tests.items()
         }

@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
-from cutbench.data.covariance import Block, Covariance, matern, sound
+from cutbench.data.covariance import Block, Covariance, matern, positive_definite
 from cutbench.data.repetition import Averaged
 
 #: Correlation length, as a part of a test's course: well within it, as a longer one would let a discrepancy
@@ -30,7 +30,7 @@ SHARED = 0.5
 #: changes by more than this part.
 TURNS, SAME = 6, 0.02
 #: Farthest that parameters may move to take up a residual, in q.
-FARTHEST = 2.0
+MAX_STEP = 2.0
 
 
 class Discrepancies:
@@ -64,7 +64,9 @@ class Discrepancies:
         return (self.scale * size) ** 2 * self.correlation
 
 
-def sizes(tried: Mapping[str, Discrepancies], residual: Mapping[str, np.ndarray]) -> dict[str, float]:
+def likeliest_sizes(
+    tried: Mapping[str, Discrepancies], residual: Mapping[str, np.ndarray]
+) -> dict[str, float]:
     """The likeliest by id, each drawn towards the others'."""
     own = {id: t.tried[t.gains(residual[id][:, None])[:, 0].argmax()] for id, t in tried.items()}
     smooth = [id for id, t in tried.items() if t.tried.size > 1]
@@ -81,7 +83,7 @@ def with_discrepancy(
     tried = {id: Discrepancies(block, noise.grids[id]) for id, block in noise.tests.items()}
     w, before = noise, dict.fromkeys(tried, 0.0)
     for _ in range(TURNS):
-        found = sizes(tried, projected(w, residual, J))
+        found = likeliest_sizes(tried, projected_residual(w, residual, J))
         blocks = {id: noise.tests[id].with_discrepancy(t.covariance(found[id])) for id, t in tried.items()}
         w = replace(noise, tests=blocks)
         if all(abs(found[id] - before[id]) <= SAME * found[id] for id in found):
@@ -96,13 +98,13 @@ def twice_log_likelihood(noise: Covariance, residual: Mapping[str, np.ndarray]) 
     return float(sum(t.likelihood(residual[id][:, None])[0] for id, t in tried.items()))
 
 
-def projected(w: Covariance, residual: Mapping[str, np.ndarray], J: Mapping[str, np.ndarray]):
+def projected_residual(w: Covariance, residual: Mapping[str, np.ndarray], J: Mapping[str, np.ndarray]):
     """``residual`` (m,) by id after the step of the parameters that makes it least."""
     white = w.white({id: np.column_stack([J[id], residual[id]]) for id in w.tests})
     size = np.linalg.norm(white[:, :-1], axis=0)
     size = np.where(size > 0, size, 1.0)
     step = np.linalg.lstsq(white[:, :-1] / size, -white[:, -1], rcond=1e-9)[0] / size
-    step *= min(1.0, FARTHEST / max(np.abs(step).max(initial=0.0), 1e-300))
+    step *= min(1.0, MAX_STEP / max(np.abs(step).max(initial=0.0), 1e-300))
     return {id: residual[id] + J[id] @ step for id in w.tests}
 
 
@@ -110,16 +112,16 @@ def discrepancy_mean(block: Block, residual: np.ndarray) -> np.ndarray:
     """The discrepancy (m,), measured less computed, that ``residual`` (m,), computed less measured, tells."""
     if not np.any(block.discrepancy):
         return np.zeros(residual.size)
-    solved = np.linalg.solve(sound(block.total), residual)
+    solved = np.linalg.solve(positive_definite(block.total), residual)
     return -(np.asarray(block.discrepancy) @ solved)
 
 
-def misfit(w: Covariance, id: str, residual: np.ndarray) -> float:
+def relative_discrepancy(w: Covariance, id: str, residual: np.ndarray) -> float:
     """The root mean square of that, as a part of the largest reading of test ``id``."""
     gap = discrepancy_mean(w.tests[id], residual)
     return float(np.sqrt(np.mean(gap**2)) / np.abs(w.grids[id].mean).max())
 
 
-def independent(block: Block) -> float:
+def degrees_of_freedom(block: Block) -> float:
     """How many independent values of the discrepancy readings tell: degrees of freedom of its size."""
-    return float(np.trace(np.linalg.solve(sound(block.total), np.asarray(block.discrepancy))))
+    return float(np.trace(np.linalg.solve(positive_definite(block.total), np.asarray(block.discrepancy))))

@@ -12,26 +12,24 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import among, written
 from cutbench.data.covariance import roughness, scatter_covariance
-from cutbench.data.jags import teeth
+from cutbench.data.fields import Field
 from cutbench.data.repetition import (
     Averaged,
     Repetition,
-    averaging,
+    ascending_order,
+    averaging_matrix,
     first_return,
     is_monotone,
-    order,
     turning_points,
 )
-
-if TYPE_CHECKING:
-    from cutbench.data.fields import Field
+from cutbench.data.sawtooth import sawtooth_variance
 
 HOMOGENEOUS = ("uniaxial", "equibiaxial", "pure_shear")
 KINDS = ("cut", *HOMOGENEOUS, "sliding", "separation")
@@ -266,7 +264,7 @@ class Experiment:
         with the turning points added. One repetition of no more than ``n`` readings stays as it is.
         """
         reps = self.repetitions
-        orders = [order(r) if self.monotone else np.arange(r.x.size) for r in reps]
+        orders = [ascending_order(r) if self.monotone else np.arange(r.x.size) for r in reps]
         grid, along, matrices = self.averaging(n)
 
         def brought(key: str) -> np.ndarray:
@@ -278,7 +276,7 @@ class Experiment:
         mean, reading = curves.mean(axis=0), np.mean(noises, axis=0)
         if self.kind == "cut" and self.monotone:
             # A grid with turning points is not even, and they are no teeth.
-            reading += len(reps) * np.diag(teeth(grid, mean, np.diag(reading) / len(reps)))
+            reading += len(reps) * np.diag(sawtooth_variance(grid, mean, np.diag(reading) / len(reps)))
         several = len(reps) > 1
         scatter = scatter_covariance(grid, curves - mean, reading) if several else np.zeros_like(reading)
         return Averaged(
@@ -300,7 +298,7 @@ class Experiment:
         grid, sharp = self._grid(along, n)
         if len(reps) == 1 and reps[0].x.size <= n and np.all(np.diff(along[0]) > 0):
             return along[0], along, [np.eye(along[0].size)]
-        return grid, along, [averaging(s, grid, sharp) for s in along]
+        return grid, along, [averaging_matrix(s, grid, sharp) for s in along]
 
     def _grid(self, along: list[np.ndarray], n: int) -> tuple[np.ndarray, np.ndarray]:
         """Grid (m,) and where on it the way turns, or its speed changes (m,)."""
@@ -311,9 +309,9 @@ class Experiment:
         if not self.monotone:
             turns = turning_points(first.x)
             corners = along[0][turns]
-            grid = _spaced(along[0], first.x, turns, grid)
+            grid = _spaced_grid(along[0], first.x, turns, grid)
         elif first.time_s is not None:
-            corners = along[0][turning_points(first.time_s[order(first)])]
+            corners = along[0][turning_points(first.time_s[ascending_order(first)])]
         corners = corners[(corners > low) & (corners < high)]
         # The nearest grid value moves onto each corner, so that peaks are met exactly, and no mean is taken
         # of readings at two speeds.
@@ -325,7 +323,7 @@ class Experiment:
         return grid, sharp
 
 
-def _spaced(along: np.ndarray, x: np.ndarray, turns: np.ndarray, grid: np.ndarray) -> np.ndarray:
+def _spaced_grid(along: np.ndarray, x: np.ndarray, turns: np.ndarray, grid: np.ndarray) -> np.ndarray:
     """``grid`` (n,) from first to last value, spaced evenly half by the way and half by ``along``: a ramp
     before a long hold bends within a small part of its time, and has as many values as the hold."""
     ends = np.unique(np.concatenate([[0], turns, [x.size - 1]]).astype(int))

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from cutbench.base.figure_style import DOUBLE_MM, FIELD_MAP, new_figure, style
-
-if TYPE_CHECKING:
-    from cutbench.data.field_comparison import Comparison
+from cutbench.data.field_comparison import Comparison
 
 #: Colours of a field end at these percentiles: single points at the blade would flatten the rest.
 _RANGE = (1, 99)

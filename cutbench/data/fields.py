@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import among, in_short, one_of
 from cutbench.base.units import parse_quantity
-from cutbench.data.layout import others
+from cutbench.data.layout import matching_titles
 from cutbench.data.table import read_table
 
 CONFIGURATIONS = ("deformed", "reference")
@@ -127,7 +127,7 @@ def read_fields(
         if columns is not None and role not in asked:
             raise BadInput(key=f"columns.{role}", value="(missing)", expected=f"the column of {role}")
         asked.setdefault(role, role)
-    more = others(path, asked, ["travel", *VALID])
+    more = matching_titles(path, asked, ["travel", *VALID])
     if columns is None and "travel" in more:
         asked["travel"] = more.pop("travel")
     rule = _rule(more, valid)

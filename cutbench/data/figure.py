@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cutbench.base.figure_style import COLOURS, DOUBLE_MM, GREY, SINGLE_MM, legend_below, new_figure, style
+from cutbench.data.campaign import Campaign
+from cutbench.data.experiment import Experiment
 from cutbench.data.measured import MeasuredCut
-
-if TYPE_CHECKING:
-    from cutbench.data.campaign import Campaign
-    from cutbench.data.experiment import Experiment
-    from cutbench.data.repetition import Averaged
+from cutbench.data.repetition import Averaged
 
 
 def plot_data(campaign: Campaign, n: int = 80) -> Figure:

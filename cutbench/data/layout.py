@@ -13,10 +13,18 @@ from functools import cached_property
 from pathlib import Path
 
 from cutbench.base.errors import BadInput
-from cutbench.base.spelling import size_of
 from cutbench.base.toml import nearest
-from cutbench.data.cells import is_empty, is_missing, is_value, lines_of, split, uncommented, wrong
-from cutbench.data.titles import UNITS, bracketed, parted
+from cutbench.base.unit_spelling import size_of
+from cutbench.data.column_titles import UNITS, bracketed, parted
+from cutbench.data.text_cells import (
+    error_at_line,
+    is_empty,
+    is_missing,
+    is_value,
+    lines_of,
+    split_line,
+    uncommented,
+)
 
 LABEL = "repetition"
 #: One column: its name in the header, or its number from 1.
@@ -67,7 +75,7 @@ class Layout:
         """Whether ``line`` is the header once more."""
         if self.header < 0 or not self.names[0].casefold() or self.names[0].casefold() not in line.casefold():
             return False
-        cells, names = split(uncommented(line), self.separator), list(self.names)
+        cells, names = split_line(uncommented(line), self.separator), list(self.names)
         return ";".join(cells).rstrip(";").casefold() == ";".join(names).rstrip(";").casefold()
 
     def is_text(self, cells: Sequence[str], reading: Sequence[str] | None) -> bool:
@@ -110,7 +118,7 @@ def find_layout(
     return Layout(separator, header, names, body, where, below, specimens)
 
 
-def others(path: Path, columns: Mapping[str, Column], names: Sequence[str]) -> dict[str, str]:
+def matching_titles(path: Path, columns: Mapping[str, Column], names: Sequence[str]) -> dict[str, str]:
     """The titles of those of ``names`` that stand in the header with ``columns``. Raises BadInput."""
     if all(isinstance(c, int) for c in columns.values()):
         return {}
@@ -128,7 +136,7 @@ def _first_row(path: Path, lines: list[str], asked: Mapping, widest: int) -> tup
     full = [i for i, line in enumerate(lines) if not is_empty(line)]
 
     def is_row(i: int, separator: str | None) -> bool:
-        cells = split(lines[i], separator)
+        cells = split_line(lines[i], separator)
         return len(cells) >= widest and all(is_value(cells[at]) for at in where)
 
     # A few rows of numbers among lines above the table are none of its rows.
@@ -140,16 +148,16 @@ def _first_row(path: Path, lines: list[str], asked: Mapping, widest: int) -> tup
                 if runs[separator] == least and (least > 1 or i == full[-1]):
                     return separator, full[k + 1 - least]
     wanted = f"a file with {widest} columns, numbers in those that are read"
-    raise wrong(path, None, "columns", f"column {widest}", wanted)
+    raise error_at_line(path, None, "columns", f"column {widest}", wanted)
 
 
 def _titles(lines: list[str], separator: str | None, first: int, asked: Mapping) -> tuple[int, list[str]]:
     """Header and titles above the first row, if there are any that are as wide."""
-    width = len(split(lines[first], separator))
+    width = len(split_line(lines[first], separator))
     where = {role: tuple(int(c) - 1 for c in _listed(given)) for role, given in asked.items()}
     above = [i for i in range(first - 1, max(first - 6, -1), -1) if not is_empty(lines[i])][:2]
     for i in above:
-        cells = split(lines[i], separator)
+        cells = split_line(lines[i], separator)
         if len(cells) != width or any(is_value(cell) and not is_missing(cell) for cell in cells):
             break
         if units_row(lines, i - 1, separator, where)[1] and i == above[0] and len(above) > 1:
@@ -166,7 +174,7 @@ def _header(path: Path, lines: list[str], asked: Mapping) -> tuple[int, str | No
     best: list[tuple[list[int], int, str | None, list[str]]] = []
     for separator in _SEPARATORS:
         for i, line in enumerate(lines[:_HEAD]):
-            names = split(uncommented(line), separator)
+            names = split_line(uncommented(line), separator)
             hits = [hit[0] for _, name in named if (hit := _matches(name, names))]
             if len(hits) > most:
                 most, best = len(hits), []
@@ -176,14 +184,14 @@ def _header(path: Path, lines: list[str], asked: Mapping) -> tuple[int, str | No
         names = _likely_header(lines)
         role, name = named[0]
         wanted = f"a column of the file ({', '.join(names[:12])})" + _meant(name, names)
-        raise wrong(path, None, f"columns.{role}", name, wanted)
+        raise error_at_line(path, None, f"columns.{role}", name, wanted)
 
     headings = {i for _, i, *_ in best}
 
     def above_a_table(found: tuple) -> bool:
         at, i, separator, _ = found
         end = min((k for k in headings if k > i), default=i + 4 * _TABLE)
-        rows = [split(line, separator) for line in lines[i + 1 : end] if not is_empty(line)]
+        rows = [split_line(line, separator) for line in lines[i + 1 : end] if not is_empty(line)]
         return sum(len(r) > max(at) and all(is_value(r[k]) for k in at) for r in rows) >= _TABLE
 
     found = best[0] if len(best) == 1 else next(filter(above_a_table, best), best[0])
@@ -198,7 +206,7 @@ def _where(
     found: dict[str, list[int]] = {}
 
     def refused(role: str, column: object, expected: str) -> BadInput:
-        return wrong(path, line, f"columns.{role}", str(column), expected)
+        return error_at_line(path, line, f"columns.{role}", str(column), expected)
 
     for role, given in asked.items():
         found[role] = []
@@ -245,7 +253,7 @@ def _specimens(
     count = len(own[0])
     starts = [min(at[k] for at in own) for k in range(count)]
     if header > 0 and starts == sorted(starts):
-        cells = split(lines[header - 1], separator)
+        cells = split_line(lines[header - 1], separator)
         parts = [cells[a:b] for a, b in zip(starts, [*starts[1:], len(cells)], strict=True)]
         titles = [next((cell for cell in part if cell), "") for part in parts]
         if all(titles) and len(set(titles)) == count:
@@ -285,7 +293,7 @@ def _likely_header(lines: list[str]) -> list[str]:
     """The columns of the first line that has more than one, for a message."""
     for line in lines[:_HEAD]:
         for separator in _SEPARATORS[:4]:
-            cells = [c for c in split(line, separator) if c]
+            cells = [c for c in split_line(line, separator) if c]
             if len(cells) > 1:
                 return cells
     return [lines[0].strip()]
@@ -299,7 +307,7 @@ def units_row(
     line = next((i for i in range(body, min(body + 3, len(lines))) if lines[i].strip()), None)
     if header < 0 or line is None:
         return body, {}
-    cells, found, fits = split(lines[line], separator), {}, False
+    cells, found, fits = split_line(lines[line], separator), {}, False
     for role, columns in where.items():
         for at in columns:
             if at >= len(cells) or (is_value(cells[at]) and not is_missing(cells[at])):

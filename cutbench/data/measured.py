@@ -21,7 +21,7 @@ from cutbench.base.toml import among, in_short
 from cutbench.base.units import parse_quantity
 from cutbench.data.experiment import Experiment
 from cutbench.data.repetition import Averaged, Repetition
-from cutbench.data.sizes import part_of
+from cutbench.data.specimen_sizes import section_of
 from cutbench.data.table import read_table
 from cutbench.run.read_off import READ_OFF
 
@@ -202,16 +202,16 @@ def read_measured(
     depth = parse_quantity(table["depth"], "mm", key="depth")
     listed = table["measures"]
     if not isinstance(listed, list):
-        written = part_of(table, "measures")
+        written = section_of(table, "measures")
         return tuple(Measure.of(name, raw) for name, raw in written.items()), depth, ()
     if not isinstance(data := table.get("data"), str):
         expected = "the table with a row a specimen, such as data = 'specimens.csv'"
         raise BadInput(key="data", value=in_short(data), expected=expected)
     for name in listed:
         among("measures", name, READ_OFF, value=in_short(listed))
-    titles = part_of(table, "columns")
+    titles = section_of(table, "columns")
     columns = {str(name): titles.get(name, str(name)) for name in listed}
-    read = read_table(folder / data, columns, part_of(table, "units"))
+    read = read_table(folder / data, columns, section_of(table, "units"))
     count = read.lines.size
     if count < SPECIMENS:
         expected = f"{SPECIMENS} rows or more, a specimen each, or measures with their ± in the campaign"

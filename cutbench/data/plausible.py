@@ -22,14 +22,14 @@ NEO_HOOKE: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "pure_shear": lambda x: x - x**-3,
 }
 #: A modulus this many times that of the material, or as little of it, is not believed.
-MODULUS = 100.0
+MAX_MODULUS_RATIO = 100.0
 #: Force on a blade over G · length · travel: real cuts lie between 0.05 and 5.
-CUT = (0.005, 50.0)
+CUT_FORCE_RANGE = (0.005, 50.0)
 #: A shear or cohesive strength against the material's.
-STRENGTH = 300.0
+MAX_STRENGTH_RATIO = 300.0
 
 
-def check(experiment: Experiment, case: Case) -> None:
+def refuse_implausible(experiment: Experiment, case: Case) -> None:
     """Raise BadInput if the readings cannot be of the material of ``case``."""
     modulus_MPa = case.model.shear_modulus(case.p)
     if experiment.kind == "cut":
@@ -46,7 +46,7 @@ def check(experiment: Experiment, case: Case) -> None:
             _separation(r, case)
 
 
-def modulus(experiment: Experiment, r: Repetition) -> float:
+def apparent_modulus(experiment: Experiment, r: Repetition) -> float:
     """Shear modulus in MPa of neo-Hooke through the readings of a homogeneous test below a stretch of 1.5."""
     small = np.abs(np.log(r.x)) < np.log(1.5)
     if small.sum() < 3:
@@ -55,7 +55,7 @@ def modulus(experiment: Experiment, r: Repetition) -> float:
     return float(unit @ r.y[small] / (unit @ unit)) if unit @ unit > 0 else float("nan")
 
 
-def _times(ratio: float) -> str:
+def _ratio_text(ratio: float) -> str:
     return f"{ratio:.2g} times" if ratio >= 1 else f"1/{1 / ratio:.2g} of"
 
 
@@ -67,11 +67,11 @@ def _stretch(r: Repetition) -> None:
 
 
 def _modulus(experiment: Experiment, r: Repetition, G: float) -> None:
-    found = modulus(experiment, r)
-    if found > 0 and not 1 / MODULUS < found / G < MODULUS:
+    found = apparent_modulus(experiment, r)
+    if found > 0 and not 1 / MAX_MODULUS_RATIO < found / G < MAX_MODULUS_RATIO:
         expected = (
-            f"about that of the material, {1e3 * G:.3g} kPa; {_times(found / G)} it looks like a wrong unit"
-            " of force, stress, length or area, or a wrong material"
+            f"about that of the material, {1e3 * G:.3g} kPa; {_ratio_text(found / G)} it looks like a"
+            " wrong unit of force, stress, length or area, or a wrong material"
         )
         raise r.wrong("stress", f"a shear modulus of {1e3 * found:.3g} kPa", expected, _largest(r))
 
@@ -101,10 +101,10 @@ def _cut(experiment: Experiment, r: Repetition, G: float) -> None:
         return
     natural = G * experiment.specimen["length"] * x[-1] ** 2 / 2
     ratio = work / natural
-    if not CUT[0] < ratio < CUT[1]:
+    if not CUT_FORCE_RANGE[0] < ratio < CUT_FORCE_RANGE[1]:
         expected = (
             f"a force of the order of G · length · travel, {natural / x[-1]:.3g} N (the material has G ="
-            f" {1e3 * G:.3g} kPa); {_times(ratio)} it looks like a wrong unit or a wrong material"
+            f" {1e3 * G:.3g} kPa); {_ratio_text(ratio)} it looks like a wrong unit or a wrong material"
         )
         raise r.wrong("force", f"{work / x[-1]:.3g} N on average", expected, _largest(r))
 
@@ -115,10 +115,10 @@ def _sliding(experiment: Experiment, r: Repetition, case: Case) -> None:
     laws = [law for law in case.model.all if isinstance(law, Blade)]
     strength = sum(float(law.strength(np.array([pressure]), case.p, {}, at)[0]) for law in laws)
     found = float(np.median(np.abs(r.y)))
-    if strength > 0 and found > 0 and not 1 / STRENGTH < found / strength < STRENGTH:
+    if strength > 0 and found > 0 and not 1 / MAX_STRENGTH_RATIO < found / strength < MAX_STRENGTH_RATIO:
         expected = (
             f"about the strength of the material's interface, {1e3 * strength:.3g} kPa;"
-            f" {_times(found / strength)} it looks like a wrong unit of force or area"
+            f" {_ratio_text(found / strength)} it looks like a wrong unit of force or area"
         )
         raise r.wrong("traction", f"{1e3 * found:.3g} kPa (median)", expected, _largest(r))
 
@@ -133,8 +133,9 @@ def _separation(r: Repetition, case: Case) -> None:
         ("traction", 1e3 * r.y[i], 1e3 * strength, "kPa"),
         ("opening", r.x[i], opening, "mm"),
     ):
-        if found > 0 and not 1 / STRENGTH < found / wanted < STRENGTH:
+        if found > 0 and not 1 / MAX_STRENGTH_RATIO < found / wanted < MAX_STRENGTH_RATIO:
             expected = (
-                f"about that of the material, {wanted:.3g} {unit}; {_times(found / wanted)} it looks like"
+                f"about that of the material, {wanted:.3g} {unit}; {_ratio_text(found / wanted)} it looks"
+                " like"
             )
             raise r.wrong(key, f"{found:.3g} {unit} at the peak", expected + " a wrong unit", i)

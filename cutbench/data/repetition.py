@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.case.motion import corners
-
-if TYPE_CHECKING:
-    from cutbench.data.contact import Contact
+from cutbench.data.contact_point import Contact
 
 #: A step back of more than this part of the range is no jitter but a return.
 JITTER = 0.005
@@ -121,7 +118,7 @@ class Averaged:
         return np.append(0.0, np.cumsum(np.abs(np.diff(self.x)) + 1e-9 * np.ptp(self.x)))
 
 
-def unrepeated(id: str) -> str:
+def note_on_single_repetition(id: str) -> str:
     """What to know of a test in which nothing was repeated."""
     return (
         f"'{id}' has one repetition: its noise is estimated from the roughness of the curve, and its scatter"
@@ -129,7 +126,7 @@ def unrepeated(id: str) -> str:
     )
 
 
-def averaging(s: np.ndarray, grid: np.ndarray, sharp: np.ndarray | None = None) -> np.ndarray:
+def averaging_matrix(s: np.ndarray, grid: np.ndarray, sharp: np.ndarray | None = None) -> np.ndarray:
     """Matrix A (m, n) that brings readings at ``s`` (n,), ascending, to ``grid`` (m,), ascending.
 
     A local line through the readings between the midpoints to the neighbouring grid values, where
@@ -160,7 +157,7 @@ def turning_points(x: np.ndarray, part: float = 0.02) -> np.ndarray:
     return np.array(corners(np.arange(float(x.size)), x, part * np.ptp(x)), dtype=int)
 
 
-def order(r: Repetition) -> np.ndarray:
+def ascending_order(r: Repetition) -> np.ndarray:
     return np.argsort(r.x if r.x[-1] > r.x[0] else -r.x, kind="stable")
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from cutbench.base.errors import BadInput
-from cutbench.data.cells import is_empty, split, wrong
 from cutbench.data.layout import LABEL, Layout, units_row
+from cutbench.data.text_cells import error_at_line, is_empty, split_line
 
 #: Separators that no number has in it, so that cells beyond the header harm nothing.
 _SAFE = (";", "\t", "|")
@@ -23,7 +23,7 @@ SPECIMENS = re.compile(r"\W*(specimen|sample|test|probe|run|repetition|replicate
 _SKIP = "; lines that are no readings are passed over by how they begin, as in skip = ['Mean']"
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}[,.]\d{3}")
 #: Lines that are shown of those that are passed over.
-_SHOWN = 3
+_MAX_LINES_SHOWN = 3
 
 
 class Row(NamedTuple):
@@ -53,7 +53,7 @@ def rows_of(
             body, below = units_row(lines, number - 1, layout.separator, layout.where)
             if below != layout.below:
                 wanted = "the units of the first heading in all of the file"
-                raise wrong(path, number + 1, "row", lines[number][:60], wanted)
+                raise error_at_line(path, number + 1, "row", lines[number][:60], wanted)
             number = body
         else:
             row = Row([] if is_empty(line) else _cells(path, layout, line, number), number)
@@ -79,24 +79,24 @@ def rows_of(
         heading = heads
         if not heads:
             if fault := _width(layout, row.cells):
-                raise wrong(path, row.line, "row", line.strip()[:60], fault)
+                raise error_at_line(path, row.line, "row", line.strip()[:60], fault)
             rows.append(Row(row.cells, number, len(titles) - 1))
     if not rows and words:
         raise _no_reading(path, layout, lines, words[0])
     if not rows:
-        raise wrong(path, layout.body, "data", "no reading below the header", "readings")
+        raise error_at_line(path, layout.body, "data", "no reading below the header", "readings")
     titles = titles[: rows[-1].block + 1]
     passed = sorted(passed + [word.line for word in words])
     if not passed:
         return rows, titles, []
-    shown = ", ".join(f"line {at} '{lines[at - 1].strip()[:40]}'" for at in passed[:_SHOWN])
-    more = f" and {len(passed) - _SHOWN} more" if len(passed) > _SHOWN else ""
+    shown = ", ".join(f"line {at} '{lines[at - 1].strip()[:40]}'" for at in passed[:_MAX_LINES_SHOWN])
+    more = f" and {len(passed) - _MAX_LINES_SHOWN} more" if len(passed) > _MAX_LINES_SHOWN else ""
     return rows, titles, [f"{path.name}: no readings, and passed over: {shown}{more}"]
 
 
 def _title(layout: Layout, line: str) -> str:
     """What a line of words above a block says, without signs around it."""
-    words = split(line, layout.separator) if layout.separator else [line]
+    words = split_line(line, layout.separator) if layout.separator else [line]
     return " ".join(word for word in words if word).strip(" \t#%/[]()<>:*=-")
 
 
@@ -107,9 +107,9 @@ def _names_a_block(row: Row) -> bool:
 
 def _cells(path: Path, layout: Layout, line: str, number: int) -> list[str]:
     try:
-        cells = split(line, layout.separator)
+        cells = split_line(line, layout.separator)
     except csv.Error as error:
-        raise wrong(path, number, "row", line[:40], f"a row of cells ({error})") from error
+        raise error_at_line(path, number, "row", line[:40], f"a row of cells ({error})") from error
     if len(layout.specimens) > 1 and layout.separator is not None and any(cells):
         cells += [""] * (layout.needed - len(cells))  # of specimens that have ended
     return cells
@@ -127,10 +127,10 @@ def _width(layout: Layout, cells: list[str]) -> str:
 
 def _no_reading(path: Path, layout: Layout, lines: list[str], row: Row) -> BadInput:
     if fault := _width(layout, row.cells):
-        return wrong(path, row.line, "row", lines[row.line - 1].strip()[:60], fault)
+        return error_at_line(path, row.line, "row", lines[row.line - 1].strip()[:60], fault)
     role = next(role for role in layout.where if role != LABEL)
     cell = row.cells[layout.where[role][0]]
-    return wrong(path, row.line, layout.title(role), cell, "a number in every reading" + _SKIP)
+    return error_at_line(path, row.line, layout.title(role), cell, "a number in every reading" + _SKIP)
 
 
 def decimal_comma(path: Path, layout: Layout, rows: list[Row]) -> bool:
@@ -147,8 +147,8 @@ def decimal_comma(path: Path, layout: Layout, rows: list[Row]) -> bool:
         if signed and all(_THOUSANDS.fullmatch(text) for _, text in signed):
             whole = [len(text.lstrip("+-")) for _, text in column if text.lstrip("+-").isdigit()]
             if max(whole, default=0) == 3:
-                raise wrong(path, signed[0][0], "number", signed[0][1], wanted)
+                raise error_at_line(path, signed[0][0], "number", signed[0][1], wanted)
     if len(first) == 2:
         line, text = max(first.values())
-        raise wrong(path, line, "number", text, wanted)
+        raise error_at_line(path, line, "number", text, wanted)
     return "," in first

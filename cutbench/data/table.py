@@ -16,12 +16,12 @@ from pathlib import Path
 import numpy as np
 
 from cutbench.base.errors import BadInput
-from cutbench.base.spelling import meant_unit, size_of
-from cutbench.data.cells import is_missing, lines_of, number_in, wrong
-from cutbench.data.clock import is_clock, seconds
+from cutbench.base.unit_spelling import meant_unit, size_of
+from cutbench.data.clock_times import is_clock, seconds
+from cutbench.data.column_titles import UNITS, bracketed, parted
 from cutbench.data.layout import LABEL, Column, Layout, find_layout
 from cutbench.data.rows import Row, decimal_comma, rows_of
-from cutbench.data.titles import UNITS, bracketed, parted
+from cutbench.data.text_cells import error_at_line, is_missing, lines_of, number_in
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def read_table(
             if role == "time" and cells and is_clock(cells[0]):
                 times, at, wanted = seconds(cells, units.get(role))
                 if at is not None:
-                    raise wrong(path, part[at].line, title, cells[at], wanted)
+                    raise error_at_line(path, part[at].line, title, cells[at], wanted)
                 clock, found[role] = True, [*found[role], *times]
                 continue
             factor, note = _factor(path, layout, role, k, units.get(role))
@@ -96,7 +96,7 @@ def read_table(
         labels = [row.cells[layout.where[LABEL][0]] for row in rows]
         if "" in labels:
             wanted = "the name of a repetition in every reading"
-            raise wrong(path, rows[labels.index("")].line, layout.title(LABEL), "", wanted)
+            raise error_at_line(path, rows[labels.index("")].line, layout.title(LABEL), "", wanted)
     beside = layout.specimens if len(layout.specimens) > 1 else ()
     return Table(
         path,
@@ -143,12 +143,14 @@ def _factor(
         return 1.0, None
     instead = f"units = {{ {role} = '{target}' }} in the campaign says it where the file does not, or wrongly"
     line = layout.header + 1 if layout.header >= 0 else None
-    raise wrong(path, line, title, other or "no unit", f"{meant_unit(other or '', target)}; {instead}")
+    raise error_at_line(
+        path, line, title, other or "no unit", f"{meant_unit(other or '', target)}; {instead}"
+    )
 
 
 def _number(path: Path, title: str, cell: str, line: int, comma: bool) -> float:
     value = number_in(cell, comma)
     if value is None:
         wanted = "a number in every reading" + ("" if cell.strip() else "; the cell is empty")
-        raise wrong(path, line, title, cell, wanted)
+        raise error_at_line(path, line, title, cell, wanted)
     return value

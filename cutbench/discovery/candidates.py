@@ -17,7 +17,7 @@ import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.units import Parameter, powers_of, ureg
-from cutbench.calibration.parameters import visible
+from cutbench.calibration.parameters import parameters_felt_by
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
 from cutbench.data.experiment import SLOTS, Experiment
@@ -25,21 +25,21 @@ from cutbench.mechanisms import registry
 from cutbench.run.sensitivity import differentiable, extended
 
 #: Values tried of one shape parameter, and of each of two together.
-ALONE, TOGETHER = 5, 4
+GRID_OF_ONE_SHAPE, GRID_OF_SEVERAL_SHAPES = 5, 4
 #: What is asked first, in the order in which an experimenter would.
-ORDER = ("reading", "rig", "parameter", "mechanism")
+CAUSES = ("reading", "rig", "parameter", "mechanism")
 #: Slot of a candidate that is a parameter.
 FIXED = "parameter"
 #: Why a law with a time in its parameters is not asked of tests that have none.
-CLOCKLESS = "no fitted test has a time or a speed"
+NO_TIME_MEASURED = "no fitted test has a time or a speed"
 #: Around the typical value, where no scale of the tests is known.
-AROUND = (1.0, 0.2, 5.0, 0.04, 25.0)
+FACTORS_OF_TYPICAL = (1.0, 0.2, 5.0, 0.04, 25.0)
 
 
 @dataclass(frozen=True)
 class Candidate:
     """One mechanism beside (or in place of one of) those of ``case``; ``strengths`` are at their off values.
-    Or a parameter of the model, in the slot ``parameter``; ``cause`` is one of ``ORDER``.
+    Or a parameter of the model, in the slot ``parameter``; ``cause`` is one of ``CAUSES``.
 
     ``grid``: values of the shapes that are tried, internal units; one empty mapping without shapes.
     """
@@ -62,7 +62,7 @@ class Candidate:
     def parameters(self) -> tuple[Parameter, ...]:
         return (*self.strengths, *self.shapes)
 
-    def seen_by(self, experiment: Experiment) -> bool:
+    def acts_on(self, experiment: Experiment) -> bool:
         if self.slot == FIXED:
             return experiment.kind in self.kinds
         if self.slot == "rig" and not experiment.mounted:
@@ -90,7 +90,7 @@ def candidates(
     dict
         By name, why another mechanism is left out.
     """
-    found, left_out = _held(campaign, base, estimated), dict[str, str]()
+    found, left_out = _fixed_parameters(campaign, base, estimated), dict[str, str]()
     clock = any(e.timed or e.speed for e in campaign.train)
     for name in campaign.candidates:
         m = registry()[name]
@@ -98,12 +98,12 @@ def candidates(
             continue
         kinds = getattr(m, "kinds", ())
         asked = Candidate(name, m.title, m.slot, (), (), ({},), cause_of(name), kinds)
-        if not any(asked.seen_by(e) for e in campaign.train):
+        if not any(asked.acts_on(e) for e in campaign.train):
             mute = m.slot == "rig" and any(e.kind in kinds or not kinds for e in campaign.train)
             left_out[name] = "no fitted test " + ("gives its length and area" if mute else "shows it")
             continue
         if not clock and any(powers_of(q.unit)[1] for q in m.parameters):
-            left_out[name] = CLOCKLESS
+            left_out[name] = NO_TIME_MEASURED
             continue
         try:
             _model, new = base.model.extended(name)
@@ -141,7 +141,7 @@ def family_of(name: str) -> str:
     return name if law is None else law.family or law.title
 
 
-def _held(campaign: Campaign, base: Case, estimated: Collection[str]) -> list[Candidate]:
+def _fixed_parameters(campaign: Campaign, base: Case, estimated: Collection[str]) -> list[Candidate]:
     """Parameters that tests feel and no fit looks for, but for those that the campaign names as fixed; none
     where nothing is a candidate."""
     found, known = [], {*estimated, *campaign.plan.fixed}
@@ -152,7 +152,7 @@ def _held(campaign: Campaign, base: Case, estimated: Collection[str]) -> list[Ca
     )
     for name in differentiable(base.model) if campaign.candidates else ():
         q = base.model.parameters()[name]
-        kinds = tuple(dict.fromkeys(e.kind for e in campaign.train if name in visible(e, base)))
+        kinds = tuple(dict.fromkeys(e.kind for e in campaign.train if name in parameters_felt_by(e, base)))
         if name in known or name in given or name not in own or name == "speed" or not kinds:
             continue
         held = replace(q, off=base.values[name] / q.factor)
@@ -163,19 +163,23 @@ def _held(campaign: Campaign, base: Case, estimated: Collection[str]) -> list[Ca
 def _grid(shapes: Sequence[Parameter], campaign: Campaign, base: Case) -> tuple[dict[str, float], ...]:
     if not shapes:
         return ({},)
-    count = ALONE if len(shapes) == 1 else TOGETHER
+    count = GRID_OF_ONE_SHAPE if len(shapes) == 1 else GRID_OF_SEVERAL_SHAPES
     axes = []
     for q in shapes:
         # A relaxation time lies beside one that the model has already, not on it.
         known = base.model.parameters().values()
-        taken = [base.values[o.name] for o in known if o.off is None and o.unit == q.unit and _kin(o, q)]
+        taken = [
+            base.values[o.name]
+            for o in known
+            if o.off is None and o.unit == q.unit and _differ_by_number(o, q)
+        ]
         axes.append(_values(q, campaign, count, taken))
-    alike = len(shapes) > 1 and all(_kin(shapes[0], q) for q in shapes[1:])
+    alike = len(shapes) > 1 and all(_differ_by_number(shapes[0], q) for q in shapes[1:])
     places = itertools.combinations(axes[0], len(shapes)) if alike else itertools.product(*axes)
     return tuple(dict(zip([q.name for q in shapes], place, strict=True)) for place in places)
 
 
-def _kin(one: Parameter, other: Parameter) -> bool:
+def _differ_by_number(one: Parameter, other: Parameter) -> bool:
     """Whether two parameters' names differ by their numbers only: τ₁ and τ₂."""
     return one.name != other.name and one.name.rstrip("0123456789") == other.name.rstrip("0123456789")
 
@@ -187,7 +191,7 @@ def _values(q: Parameter, campaign: Campaign, count: int, taken: Sequence[float]
         reach = min(high, math.pi)
         return list(np.linspace(-reach, reach, count, endpoint=False))
     span = _span(q, campaign)
-    around = [q.typical * q.factor * part for part in AROUND[:count]]
+    around = [q.typical * q.factor * part for part in FACTORS_OF_TYPICAL[:count]]
     values = around if span is None else np.geomspace(*span, count)
     values = sorted({float(np.clip(v, max(low, 1e-300), high)) for v in values})
     return [v * (1.6 if any(0.8 < v / t < 1.25 for t in taken) else 1.0) for v in values]

@@ -18,12 +18,12 @@ import numpy as np
 
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.progress import OnProgress, silent
-from cutbench.calibration.estimation import estimate, first_look, places
+from cutbench.calibration.estimation import best_places, estimate, estimate_by_emulator
 from cutbench.calibration.parameters import FreeParameter
 from cutbench.calibration.posterior import Estimated, Posterior
 from cutbench.calibration.settings import SETTINGS
 from cutbench.data.discrepancy import discrepancy_mean
-from cutbench.discovery.candidates import FIXED, ORDER, Candidate, candidates, family_of
+from cutbench.discovery.candidates import CAUSES, FIXED, Candidate, candidates, family_of
 from cutbench.discovery.held_out import TESTS, HeldOut, held_out
 from cutbench.discovery.score import Score, Scores, score
 from cutbench.discovery.screening import sensitivities
@@ -32,13 +32,13 @@ from cutbench.mechanisms.base import Mechanism
 from cutbench.run.sensitivity import extended
 
 #: What else a model may fail with that a person could not have known.
-_FAILS = (ComputationFailed, BadInput, np.linalg.LinAlgError)
+_FAILURES = (ComputationFailed, BadInput, np.linalg.LinAlgError)
 #: A candidate is fitted from so many values of its shapes, and from these parts of what its score proposes.
-SHAPES, PARTS = 3, (1.0, 0.2, 0.04)
+MAX_SHAPES_TRIED, STEP_FRACTIONS = 3, (1.0, 0.2, 0.04)
 
 
 @dataclass(frozen=True)
-class Compared:
+class ComparedModel:
     """A model with one more cause, beside the one without.
 
     Attributes
@@ -51,7 +51,7 @@ class Compared:
         Logarithm of the ratio of marginal likelihoods.
     p : float
         Probability that chance alone makes any candidate gain as much.
-    share : float
+    explained_variance : float
         Part of what the model misses beyond noise that it explains.
     held_out : HeldOut
         How both predict what was not fitted.
@@ -65,7 +65,7 @@ class Compared:
     fitted: Estimated
     evidence: float
     p: float
-    share: float
+    explained_variance: float
     held_out: HeldOut
     significant: bool
     computed: bool = True
@@ -85,8 +85,8 @@ class Compared:
             found.append(f"chance alone gains as much in {100 * self.p:.2g} % of such data")
         if self.evidence <= 0:
             found.append("the evidence is for the model without it")
-        if self.significant and self.share < SETTINGS.share:
-            found.append(f"it explains {100 * max(self.share, 0):.0f} % of what is missed")
+        if self.significant and self.explained_variance < SETTINGS.share:
+            found.append(f"it explains {100 * max(self.explained_variance, 0):.0f} % of what is missed")
         if not self.held_out.better:
             found.append("it predicts what was not fitted no better")
         return tuple(found)
@@ -98,7 +98,7 @@ class Compared:
 
 
 @dataclass(frozen=True)
-class Step:
+class ComparisonRound:
     """One round of the comparison.
 
     Attributes
@@ -107,7 +107,7 @@ class Step:
         The model that it began with.
     scores : Scores
         Of all candidates.
-    compared : tuple of Compared
+    compared : tuple of ComparedModel
         What was fitted, the most probable first.
     left_out, failed : mapping
         By name, why candidates do not apply, or could not be tried.
@@ -115,12 +115,12 @@ class Step:
 
     null: Estimated
     scores: Scores
-    compared: tuple[Compared, ...]
+    compared: tuple[ComparedModel, ...]
     left_out: Mapping[str, str]
     failed: Mapping[str, str]
 
     @property
-    def group(self) -> tuple[Compared, ...]:
+    def group(self) -> tuple[ComparedModel, ...]:
         """What the evidence cannot tell from the best that convinces; in the order of kinds."""
         good = [c for c in self.compared if c.convincing]
         if not good:
@@ -133,7 +133,7 @@ class Step:
             sorted(
                 alike,
                 key=lambda c: (
-                    ORDER.index(c.candidate.cause), -(c.held_out.gain if by_tests else c.evidence),
+                    CAUSES.index(c.candidate.cause), -(c.held_out.gain if by_tests else c.evidence),
                 ),
             )
         )  # fmt: skip
@@ -145,11 +145,11 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundCause:
     """A cause that was found: ``compared`` in its ``step``."""
 
-    compared: Compared
-    step: Step
+    compared: ComparedModel
+    step: ComparisonRound
 
     @property
     def name(self) -> str:
@@ -167,8 +167,8 @@ class Comparison:
     """All that was compared until now: the rounds, what was found, in its order, and the model with all of
     it."""
 
-    steps: tuple[Step, ...]
-    found: tuple[Found, ...]
+    steps: tuple[ComparisonRound, ...]
+    found: tuple[FoundCause, ...]
     final: Estimated
 
 
@@ -192,34 +192,34 @@ def comparisons(
         After each round; the last one is what was looked for.
     """
     null = baseline
-    if baseline.posterior.runs_wanted:
+    if baseline.posterior.tests_with_runs:
         # The mesh errs elsewhere in another model, whose cuts begin elsewhere; but as much.
-        post = replace(baseline.posterior, local=False, fields={})
+        post = replace(baseline.posterior, local_mesh_error=False, fields={})
         at = post.evaluate(baseline.q)
         null = baseline = Estimated(post, at, post.covariance(at))
-    steps, found = list[Step](), list[Found]()
-    whole = missed_square(baseline)
+    steps, found = list[ComparisonRound](), list[FoundCause]()
+    whole = squared_discrepancy(baseline)
     while len(found) < SETTINGS.most:
         beside = f" beside {' and '.join(f.name for f in found)}" if found else ""
         on_progress(math.nan, math.nan, f"looking for a cause{beside}")
-        step = step_from(null, seed, on_progress)
-        if step.compared and (better := _elsewhere(step)) is not None:
+        step = comparison_round(null, seed, on_progress)
+        if step.compared and (better := _refit_null_model(step)) is not None:
             # Some of the gain was that of other values: the cause is asked beside these.
             null, baseline = better, better if null is baseline else baseline
-            step = step_from(null, seed, on_progress)
+            step = comparison_round(null, seed, on_progress)
         steps.append(step)
         yield Comparison(tuple(steps), tuple(found), null)
         best = step.group[0] if step.group else None
-        if best is None or (found and not _worth_a_name(step, best, whole)):
+        if best is None or (found and not _worth_adding(step, best, whole)):
             break
-        found.append(Found(best, step))
+        found.append(FoundCause(best, step))
         null = best.fitted
         yield Comparison(tuple(steps), tuple(found), null)
-    found, null = _without_idle(baseline, found, null, on_progress)
+    found, null = _backward_elimination(baseline, found, null, on_progress)
     yield Comparison(tuple(steps), tuple(found), null)
 
 
-def _elsewhere(step: Step) -> Estimated | None:
+def _refit_null_model(step: ComparisonRound) -> Estimated | None:
     """The model without a cause, at the other parameters' values beside the cause that would be named, or
     has the most evidence; None where it is no likelier there."""
     null = step.null
@@ -228,27 +228,27 @@ def _elsewhere(step: Step) -> Estimated | None:
         found = null.posterior.maximum(q)
         if found.log_posterior < null.log_posterior + SETTINGS.gained:
             return None
-        better = _estimated(null.posterior, found.q)
-    except _FAILS:
+        better = _estimated_nearby(null.posterior, found.q)
+    except _FAILURES:
         return None
     if better is None or better.log_posterior < null.log_posterior + SETTINGS.gained:
         return None
     return better
 
 
-def _worth_a_name(step: Step, best: Compared, whole: float) -> bool:
+def _worth_adding(step: ComparisonRound, best: ComparedModel, whole: float) -> bool:
     """Whether a later cause is more than the error of a formula that was found: what it is found in is more
     than chance, and more than a trifle or told by tests that were not fitted."""
-    more = missed_square(step.null) >= SETTINGS.trifle**2 * whole
-    return step.significant and (more or best.held_out.much)
+    more = squared_discrepancy(step.null) >= SETTINGS.trifle**2 * whole
+    return step.significant and (more or best.held_out.gains_much)
 
 
-def step_from(null: Estimated, seed: int, on_progress: OnProgress = silent) -> Step:
+def comparison_round(null: Estimated, seed: int, on_progress: OnProgress = silent) -> ComparisonRound:
     """One formula of each class first, the one that promises most; then the others of the class that the
     evidence prefers."""
     campaign = null.posterior.predictions.campaign
     chosen, left_out = candidates(campaign, null.case, {u.name for u in null.posterior.parameters})
-    chosen = _of_classes(chosen, null.posterior, left_out)
+    chosen = _simplest_of_each_class(chosen, null.posterior, left_out)
     sensed = sensitivities(null, chosen)
     scores = score(sensed, null.w.noise, null.at.residual, seed=seed)
     known, failed = {s.name for s in scores.scores}, dict[str, str]()
@@ -258,18 +258,20 @@ def step_from(null: Estimated, seed: int, on_progress: OnProgress = silent) -> S
         else:
             failed[c.name] = "it has no answer at off"
     # Of cuts the first order says little; what the emulator knows costs no run, and is fitted in any case.
-    runs = bool(null.posterior.runs_wanted)
+    runs = bool(null.posterior.tests_with_runs)
     promising = [
-        s for s in _asked(scores, null) if s.gain > SETTINGS.undecided or (runs and not s.column.by_runs)
+        s
+        for s in _chosen_for_fit(scores, null)
+        if s.gain > SETTINGS.undecided or (runs and not s.sensitivity.by_runs)
     ]
-    compared: list[Compared] = []
+    compared: list[ComparedModel] = []
 
     def compare(asked: Sequence[Score]) -> None:
         for number, s in enumerate(asked):
             on_progress(number, len(asked), f"fitting the model with {s.name}")
             fitted = _fitted(null, s, scores)
             if fitted is not None:
-                compared.append(_beside(null, s.column.candidate, fitted, scores))
+                compared.append(_compared_with_null(null, s.sensitivity.candidate, fitted, scores))
             elif s.name not in failed:
                 failed[s.name] = "the model with it has no answer"
 
@@ -281,43 +283,43 @@ def step_from(null: Estimated, seed: int, on_progress: OnProgress = silent) -> S
             [s for s in scores.scores if family_of(s.name) == family_of(best.name) and s.name not in done]
         )
     compared.sort(key=lambda c: (-c.evidence, c.name))
-    if null.posterior.runs_wanted:
-        compared = _with_runs(null, compared, scores, on_progress)
-    return Step(null, scores, tuple(compared), left_out, failed)
+    if null.posterior.tests_with_runs:
+        compared = _with_computed_cuts(null, compared, scores, on_progress)
+    return ComparisonRound(null, scores, tuple(compared), left_out, failed)
 
 
-def _asked(scores: Scores, null: Estimated) -> list[Score]:
+def _chosen_for_fit(scores: Scores, null: Estimated) -> list[Score]:
     """One formula of each class of laws, and all that is no law; of what takes runs, so many as may be
     computed, those that promise most."""
     first: dict[str, Score] = {}
     for s in scores.scores:
         first.setdefault(family_of(s.name), s)
-    laws = [s for s in first.values() if s.column.candidate.cause == "mechanism"]
-    others = [s for s in scores.scores if s.column.candidate.cause != "mechanism"]
-    if not null.posterior.runs_wanted:
+    laws = [s for s in first.values() if s.sensitivity.candidate.cause == "mechanism"]
+    others = [s for s in scores.scores if s.sensitivity.candidate.cause != "mechanism"]
+    if not null.posterior.tests_with_runs:
         return [*others, *laws[: SETTINGS.tried]]
     # What the emulator knows costs no run, whatever its class.
-    free = [s for s in scores.scores if not s.column.by_runs]
-    costly = sorted((s for s in [*others, *laws] if s.column.by_runs), key=lambda s: -s.gain)
+    free = [s for s in scores.scores if not s.sensitivity.by_runs]
+    costly = sorted((s for s in [*others, *laws] if s.sensitivity.by_runs), key=lambda s: -s.gain)
     return [*free, *costly[: SETTINGS.tried]]
 
 
-def _with_runs(
-    null: Estimated, compared: list[Compared], scores: Scores, on_progress: OnProgress
-) -> list[Compared]:
+def _with_computed_cuts(
+    null: Estimated, compared: list[ComparedModel], scores: Scores, on_progress: OnProgress
+) -> list[ComparedModel]:
     """The best of them with cuts computed at their best places: while one that was not may be the best."""
-    open_, done = [c for c in compared if _promised(c) > 0], list[Compared]()
-    for c in sorted(open_, key=_promised, reverse=True)[: SETTINGS.computed]:
-        if max((d.evidence for d in done), default=-math.inf) > _promised(c) + SETTINGS.undecided:
+    open_, done = [c for c in compared if _attainable_evidence(c) > 0], list[ComparedModel]()
+    for c in sorted(open_, key=_attainable_evidence, reverse=True)[: SETTINGS.computed]:
+        if max((d.evidence for d in done), default=-math.inf) > _attainable_evidence(c) + SETTINGS.undecided:
             break
         on_progress(math.nan, math.nan, f"computing cuts of the model with {c.name}")
-        fitted = _estimated(c.fitted.posterior, c.fitted.q, on_progress)
-        done.append(c if fitted is None else _beside(null, c.candidate, fitted, scores))
+        fitted = _estimated_nearby(c.fitted.posterior, c.fitted.q, on_progress)
+        done.append(c if fitted is None else _compared_with_null(null, c.candidate, fitted, scores))
     rest = [replace(c, computed=False) for c in compared if c.name not in {d.name for d in done}]
     return sorted([*done, *rest], key=lambda c: (-c.evidence, c.name))
 
 
-def _promised(c: Compared) -> float:
+def _attainable_evidence(c: ComparedModel) -> float:
     """The evidence that there would be if cuts, once computed, were where the data want them as far as the
     emulator's error allows: its error is no noise, and takes up none of the probability."""
     post, at = c.fitted.posterior, c.fitted.at
@@ -326,12 +328,12 @@ def _promised(c: Compared) -> float:
     return c.evidence + 0.5 * sum(w.volume - without.tests[id].volume for id, w in with_.tests.items())
 
 
-def _of_classes(
+def _simplest_of_each_class(
     chosen: Sequence[Candidate], posterior: Posterior, left_out: dict[str, str]
 ) -> list[Candidate]:
     """All of them where tests have formulas; of laws that take runs of their own the simplest of each class,
     beside those that do what another value does."""
-    if not posterior.runs_wanted:
+    if not posterior.tests_with_runs:
         return list(chosen)
     laws, found = registry(), []
     simplest: dict[str, Candidate] = {}
@@ -346,17 +348,19 @@ def _of_classes(
     return found
 
 
-def _beside(null: Estimated, candidate: Candidate, fitted: Estimated, scores: Scores) -> Compared:
+def _compared_with_null(
+    null: Estimated, candidate: Candidate, fitted: Estimated, scores: Scores
+) -> ComparedModel:
     gain = 2 * (fitted.log_likelihood - null.log_likelihood)
-    share = 1 - missed_square(fitted) / max(missed_square(null), 1e-300)
+    share = 1 - squared_discrepancy(fitted) / max(squared_discrepancy(null), 1e-300)
     p = scores.p_any(candidate.name, max(gain, 0.0))
     evidence = float(fitted.log_evidence - null.log_evidence)
     # Runs jag: of what they leave, a part must be explained even where chance could make it.
-    significant = scores.p_residual < SETTINGS.chance or bool(null.posterior.runs_wanted)
-    return Compared(candidate, fitted, evidence, p, share, held_out(null, fitted), significant)
+    significant = scores.p_residual < SETTINGS.chance or bool(null.posterior.tests_with_runs)
+    return ComparedModel(candidate, fitted, evidence, p, share, held_out(null, fitted), significant)
 
 
-def missed_square(fitted: Estimated) -> float:
+def squared_discrepancy(fitted: Estimated) -> float:
     """Square of what a model misses beyond noise, as a part of each curve's largest value; mean of all."""
     w, total = fitted.w, 0.0
     for id, block in w.tests.items():
@@ -370,44 +374,44 @@ def missed_square(fitted: Estimated) -> float:
 def _fitted(null: Estimated, s: Score, scores: Scores) -> Estimated | None:
     """The model with a candidate, from the steps that its scores propose; None where it has no answer."""
     best: Estimated | None = None
-    tried = [s, *scores.others.get(s.name, [])[: SHAPES - 1], _sized(s)]
-    for each in tried[-1:] if s.column.by_runs else tried:
-        found = _from(null, each)
+    tried = [s, *scores.others.get(s.name, [])[: MAX_SHAPES_TRIED - 1], _with_typical_strengths(s)]
+    for each in tried[-1:] if s.sensitivity.by_runs else tried:
+        found = _fitted_from_score(null, each)
         if found is not None and (best is None or found.log_posterior > best.log_posterior):
             best = found
-    if null.posterior.runs_wanted:
-        found = _anywhere(null, tried[-1])
+    if null.posterior.tests_with_runs:
+        found = _fitted_within_box(null, tried[-1])
         if found is not None and (best is None or found.log_posterior > best.log_posterior):
             best = found
     return best
 
 
-def _anywhere(null: Estimated, s: Score) -> Estimated | None:
+def _fitted_within_box(null: Estimated, s: Score) -> Estimated | None:
     """The model with a candidate wherever it is likeliest within the box that the baseline's cuts fill: what
     a cause does to cuts other parameters may have taken up, far from where they are without it."""
     try:
-        posterior, q = _extended(null, s)
+        posterior, q = _extended_posterior(null, s)
         half = np.full(q.size, SETTINGS.reach)
-        half[null.q.size :] = np.maximum(np.abs(q - posterior.centres)[null.q.size :], 1e-3)
-        middle = np.append(np.zeros(null.q.size), posterior.centres[null.q.size :])
+        half[null.q.size :] = np.maximum(np.abs(q - posterior.prior_means)[null.q.size :], 1e-3)
+        middle = np.append(np.zeros(null.q.size), posterior.prior_means[null.q.size :])
         low, high = (np.clip(middle + side * half, *posterior.bounds) for side in (-1, 1))
-        return posterior.maximum(places(posterior, q, low, high)[0])
-    except _FAILS:
+        return posterior.maximum(best_places(posterior, q, low, high)[0])
+    except _FAILURES:
         return None
 
 
-def _from(null: Estimated, s: Score) -> Estimated | None:
+def _fitted_from_score(null: Estimated, s: Score) -> Estimated | None:
     """The model with a candidate from a score's step, and from parts of it where a law may lock before."""
     best: Estimated | None = None
-    quick = not (s.column.by_runs or s.column.candidate.shapes)
-    for part in PARTS:
+    quick = not (s.sensitivity.by_runs or s.sensitivity.candidate.shapes)
+    for part in STEP_FRACTIONS:
         try:
-            posterior, q = _extended(null, replace(s, strengths=part * s.strengths))
+            posterior, q = _extended_posterior(null, replace(s, strengths=part * s.strengths))
             # What the emulator says of a model is enough to rank it; cuts are computed for the best.
-            found = first_look(posterior, q)
+            found = estimate_by_emulator(posterior, q)
             if found.log_likelihood < null.log_likelihood:  # it lost its way: from where it does nothing
-                found = posterior.maximum(np.append(null.q, posterior.centres[null.q.size :]))
-        except _FAILS:
+                found = posterior.maximum(np.append(null.q, posterior.prior_means[null.q.size :]))
+        except _FAILURES:
             continue
         if best is None or found.log_posterior > best.log_posterior:
             best = found
@@ -416,32 +420,34 @@ def _from(null: Estimated, s: Score) -> Estimated | None:
     return best
 
 
-def _sized(s: Score) -> Score:
+def _with_typical_strengths(s: Score) -> Score:
     """A score whose strengths are of a size that runs tell: derivatives at off say little of it where a cut
     begins elsewhere."""
     found = []
-    for q, strength in zip(s.column.candidate.strengths, s.strengths, strict=True):
+    for q, strength in zip(s.sensitivity.candidate.strengths, s.strengths, strict=True):
         typical = abs(q.typical * q.factor - q.off_value) or abs(q.off_value) or 1.0
         sign = np.sign(strength) or (1.0 if q.bounds[1] > q.off_value else -1.0)
         found.append(sign * float(np.clip(abs(strength), typical / 3, typical)))
     return replace(s, strengths=np.array(found), free=np.zeros_like(s.free))
 
 
-def _estimated(posterior: Posterior, q: np.ndarray, on_progress: OnProgress = silent) -> Estimated | None:
+def _estimated_nearby(
+    posterior: Posterior, q: np.ndarray, on_progress: OnProgress = silent
+) -> Estimated | None:
     """The fit from a place that is near already; None where it has no answer."""
     try:
         return estimate(posterior, q, refine=False, on_progress=on_progress)
-    except _FAILS:
+    except _FAILURES:
         return None
 
 
-def _extended(null: Estimated, s: Score) -> tuple[Posterior, np.ndarray]:
+def _extended_posterior(null: Estimated, s: Score) -> tuple[Posterior, np.ndarray]:
     """The posterior of the model with a candidate, and the place that a score proposes."""
-    post, c, base = null.posterior, s.column.candidate, null.case
-    case = extended(base, c.added, s.column.shapes) if c.added else base
-    case = replace(case, values={**case.values, **s.column.shapes})
+    post, c, base = null.posterior, s.sensitivity.candidate, null.case
+    case = extended(base, c.added, s.sensitivity.shapes) if c.added else base
+    case = replace(case, values={**case.values, **s.sensitivity.shapes})
     new, centres, widths, start = [], [], [], []
-    bounds, scales = post.predictions.campaign.plan.bounds, _scales(s, null)
+    bounds, scales = post.predictions.campaign.plan.bounds, _strength_scales(s, null)
     for q, strength, scale in zip(c.strengths, s.strengths, scales, strict=True):
         low, high = bounds.get(q.name, q.bounds)
         value = float(np.clip(q.off_value + strength, low, high))
@@ -460,34 +466,36 @@ def _extended(null: Estimated, s: Score) -> tuple[Posterior, np.ndarray]:
     parameters = (*post.parameters, *new)
     made = post.predictions.extended(case, [u.name for u in parameters])
     posterior = replace(
-        post, predictions=made, parameters=parameters, widths=np.append(post.widths, widths),
-        centres=np.append(post.centres, centres), fields={},
+        post, predictions=made, parameters=parameters, prior_sds=np.append(post.prior_sds, widths),
+        prior_means=np.append(post.prior_means, centres), fields={},
     )  # fmt: skip
     return posterior, np.append(null.q + np.clip(s.free, -1.0, 1.0), start)
 
 
-def _scales(s: Score, null: Estimated) -> list[float]:
+def _strength_scales(s: Score, null: Estimated) -> list[float]:
     """What a candidate's strengths may be: as large as is typical, or as changes the readings by a third of
     themselves, whatever the units and sizes of the tests."""
     found = []
-    for k, q in enumerate(s.column.candidate.strengths):
+    for k, q in enumerate(s.sensitivity.candidate.strengths):
         typical = max(abs(q.typical * q.factor), 1e-12)
-        parts = [np.linalg.norm(by[:, k]) / np.linalg.norm(null.at.y[id]) for id, by in s.column.by.items()]
+        parts = [
+            np.linalg.norm(by[:, k]) / np.linalg.norm(null.at.y[id]) for id, by in s.sensitivity.by.items()
+        ]
         steep = max(parts, default=0.0)
         found.append(float(max(typical, 1 / (3 * steep)) if steep > 1e-3 / typical else typical))
     return found
 
 
-def _without_idle(
-    baseline: Estimated, found: list[Found], last: Estimated, on_progress: OnProgress
-) -> tuple[list[Found], Estimated]:
+def _backward_elimination(
+    baseline: Estimated, found: list[FoundCause], last: Estimated, on_progress: OnProgress
+) -> tuple[list[FoundCause], Estimated]:
     """Take out causes, the first ones, that the others do without (backward elimination)."""
     kept = list(found)
     for each in found[:-1]:
         on_progress(math.nan, math.nan, f"the model without {each.name}")
         rest, fitted = [f for f in kept if f is not each], baseline
         for f in rest:
-            again = _again(fitted, f, last)
+            again = _refitted(fitted, f, last)
             if again is None:
                 break
             fitted = again
@@ -497,16 +505,16 @@ def _without_idle(
     return kept, last
 
 
-def _again(null: Estimated, f: Found, last: Estimated) -> Estimated | None:
+def _refitted(null: Estimated, f: FoundCause, last: Estimated) -> Estimated | None:
     """The model with a cause that was found beside others, from its values there; with the prior that it was
     found with."""
     values, c = last.values(), f.compared.candidate
     strengths = np.array([values[q.name] - q.off_value for q in c.strengths])
     shapes = {q.name: values[q.name] for q in c.shapes}
     scored = next(s for s in f.step.scores.scores if s.name == c.name)
-    column = replace(scored.column, shapes=shapes)
-    s = replace(scored, column=column, strengths=strengths, free=np.zeros(null.q.size))
+    column = replace(scored.sensitivity, shapes=shapes)
+    s = replace(scored, sensitivity=column, strengths=strengths, free=np.zeros(null.q.size))
     try:
-        return _estimated(*_extended(null, s))
-    except _FAILS:
+        return _estimated_nearby(*_extended_posterior(null, s))
+    except _FAILURES:
         return None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from matplotlib.axes import Axes
 
@@ -12,13 +11,11 @@ from cutbench.base.figure_style import COLOURS, GREY
 from cutbench.base.files import check_writable
 from cutbench.discovery.candidates import family_of
 from cutbench.discovery.page import write_discovery
-from cutbench.discovery.report import called, gain_sentence, ranking, verdict_sentence
-
-if TYPE_CHECKING:
-    from cutbench.discovery.search import Discovery
+from cutbench.discovery.report import cause_title, gain_sentence, ranking, verdict_sentence
+from cutbench.discovery.search import Discovery
 
 
-def told(d: Discovery) -> list:
+def summary_lines(d: Discovery) -> list:
     """Head, then pairs of words."""
     lines = [("baseline", d.fit.case.model.described), ("said", verdict_sentence(d))]
     if text := gain_sentence(d):
@@ -30,7 +27,7 @@ def plot(d: Discovery, ax: Axes) -> None:
     """The candidates' scores; what was added is dark."""
     shown = [] if d.telling is None else ranking(d.telling)[:12][::-1]
     colours = [COLOURS["blue"] if s.name in d.names else GREY for s, _ in shown]
-    ax.barh([called(s.name) for s, _ in shown], [s.z for s, _ in shown], color=colours)
+    ax.barh([cause_title(s.name) for s, _ in shown], [s.z for s, _ in shown], color=colours)
     ax.set_xlabel("score (standard deviations)")
     ax.set_title(f"{d.campaign.title}: {d.verdict}", loc="left")
 
@@ -41,10 +38,10 @@ def table(d: Discovery) -> dict[str, list]:
     return {
         "candidate": [s.name for s, _ in rows],
         "class": [family_of(s.name) for s, _ in rows],
-        "kind": [s.column.candidate.cause for s, _ in rows],
+        "kind": [s.sensitivity.candidate.cause for s, _ in rows],
         "score": [s.z for s, _ in rows],
         "log_evidence": [math.nan if c is None else c.evidence for _, c in rows],
-        "explains": [math.nan if c is None else c.share for _, c in rows],
+        "explains": [math.nan if c is None else c.explained_variance for _, c in rows],
         "gain_heldout": [math.nan if c is None else c.held_out.gain for _, c in rows],
         "gain_se": [math.nan if c is None else c.held_out.gain_se for _, c in rows],
         "added": [s.name in d.names for s, _ in rows],

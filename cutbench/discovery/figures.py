@@ -85,7 +85,12 @@ def ranking(d: Discovery) -> Figure | None:
         left, right = figure.subplots(1, 2, sharey=True)
         y = np.arange(len(names))[::-1]
         colours = [COLOURS["blue"] if n in d.names else COLOURS["sky"] if n in group else GREY for n in names]
-        left.barh(y, [100 * min(max(c.share, 0), 1.1) for c in step.compared], color=colours, height=0.6)
+        left.barh(
+            y,
+            [100 * min(max(c.explained_variance, 0), 1.1) for c in step.compared],
+            color=colours,
+            height=0.6,
+        )
         left.set_yticks(y, names)
         left.set_xlabel("Explains of what is wrong (%)")
         gains = [100 * max(c.held_out.gain, -1.0) for c in step.compared]

@@ -22,11 +22,11 @@ from cutbench.data.experiment import Experiment
 
 TESTS, FIFTHS = "test experiments", "one fifth of the readings after the other"
 #: So many parts of a test are held out, one after the other.
-PARTS = 5
+FOLDS = 5
 #: Two models whose predictions differ by less than this part of the error say the same, as squares.
-SAME = 0.01
+SAME_PREDICTION = 0.01
 #: Less of a test's largest value is no change.
-NOTHING = 1e-3
+NO_CHANGE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class HeldOut:
         return not self.tells or self.gain > 0 or but_for_factor
 
     @property
-    def much(self) -> bool:
+    def gains_much(self) -> bool:
         """Whether much of the error of tests that were not fitted goes, as it is and but for a factor."""
         return self.how == TESTS and self.tells and min(self.gain, self.gain_of_shape) > SETTINGS.share
 
@@ -105,14 +105,14 @@ def held_out(before: Estimated, after: Estimated) -> HeldOut:
     """
     parts, how = list(_tests(before, after)), TESTS
     if not parts:
-        parts, how = list(_fifths(before, after)), FIFTHS
+        parts, how = list(_cross_validated(before, after)), FIFTHS
     units = {part.e.y_unit for part in parts}
     relative, sums, shape, count = len(units) > 1, np.zeros(4), np.zeros(2), 0
     for part in parts:
         scale, d = part.size if relative else 1.0, part.after - part.before
         errors = [((y - part.measured) ** 2).sum() for y in (part.before, part.after)]
         sums += np.array([*errors, 4 * d @ part.noise @ d / scale**2, (part.deviation**2).sum()]) / scale**2
-        shape += [_beyond_factor(y, part.measured) / scale**2 for y in (part.before, part.after)]
+        shape += [_error_up_to_factor(y, part.measured) / scale**2 for y in (part.before, part.after)]
         count += d.size
     change = sum(float(((p.after - p.before) ** 2).sum()) / (p.size if relative else 1.0) ** 2 for p in parts)
     e0, e1 = np.sqrt(sums[:2] / count)
@@ -121,15 +121,15 @@ def held_out(before: Estimated, after: Estimated) -> HeldOut:
     of_shape = 1 - np.sqrt(shape[1] / shape[0]) if shape[0] > 0 else 0.0
     floor, unit = float(np.sqrt(sums[3] / count)), "1" if relative else units.pop()
     told = float(gain), float(se), float(of_shape), float(e0), float(e1)
-    return HeldOut(how, *told, floor, unit, bool(change > SAME * sums[0]))
+    return HeldOut(how, *told, floor, unit, bool(change > SAME_PREDICTION * sums[0]))
 
 
-def _beyond_factor(y: np.ndarray, measured: np.ndarray) -> float:
+def _error_up_to_factor(y: np.ndarray, measured: np.ndarray) -> float:
     """Squared error of the prediction ``y`` (m,) times the factor that makes it least."""
     return float(((measured - y * (y @ measured) / max(y @ y, 1e-300)) ** 2).sum())
 
 
-def expected(fitted: Estimated, e: Experiment) -> Block:
+def predictive_covariance(fitted: Estimated, e: Experiment) -> Block:
     """Covariance of the mean of a predicted test's readings about what a right model says."""
     p = fitted.posterior.predictions
     alike = [p.grids[other.id] for other in p.campaign.experiments if other.kind == e.kind]
@@ -140,15 +140,15 @@ def _tests(before: Estimated, after: Estimated) -> Iterator[_Part]:
     for e in before.posterior.predictions.campaign.test:
         try:
             one, other = (fitted.predicted(e).y for fitted in (before, after))
-            if not _shows(before, after, e, other):
+            if not _is_changed(before, after, e, other):
                 continue
         except ComputationFailed:
             continue
-        block, mean = expected(before, e), before.posterior.predictions.grids[e.id].mean
+        block, mean = predictive_covariance(before, e), before.posterior.predictions.grids[e.id].mean
         yield _Part(e, mean, one, other, block.noise, block.deviation, float(np.abs(mean).max()))
 
 
-def _shows(before: Estimated, after: Estimated, e: Experiment, y: np.ndarray) -> bool:
+def _is_changed(before: Estimated, after: Estimated, e: Experiment, y: np.ndarray) -> bool:
     """Whether what the extended model has more changes its prediction ``y`` of a test at all: where it does
     not, only the other parameters' values differ."""
     known = {u.label for u in before.posterior.parameters}
@@ -157,19 +157,19 @@ def _shows(before: Estimated, after: Estimated, e: Experiment, y: np.ndarray) ->
         return True
     values = after.posterior.values(e, after.q) | {u.name: u.quantity.off_value for u in new}
     off = after.posterior.predictions.predict(e, values).y
-    return bool(np.abs(y - off).max() > NOTHING * np.abs(y).max())
+    return bool(np.abs(y - off).max() > NO_CHANGE * np.abs(y).max())
 
 
-def _fifths(before: Estimated, after: Estimated) -> Iterator[_Part]:
+def _cross_validated(before: Estimated, after: Estimated) -> Iterator[_Part]:
     for e in before.posterior.tests:
         mean, block = before.w.grids[e.id].mean, before.w.tests[e.id]
-        for out in np.array_split(np.arange(mean.size), PARTS):
-            one, other = (_without(fitted, e.id, out)[out] for fitted in (before, after))
+        for out in np.array_split(np.arange(mean.size), FOLDS):
+            one, other = (_prediction_without(fitted, e.id, out)[out] for fitted in (before, after))
             noise, size = block.noise[np.ix_(out, out)], float(np.abs(mean).max())
             yield _Part(e, mean[out], one, other, noise, block.deviation[out], size)
 
 
-def _without(fitted: Estimated, id: str, out: np.ndarray) -> np.ndarray:
+def _prediction_without(fitted: Estimated, id: str, out: np.ndarray) -> np.ndarray:
     """Prediction (m,) of a test by a fit that has not seen its readings ``out``."""
     w, J, r = fitted.w.tests[id], fitted.at.J[id], fitted.at.residual[id]
     kept = np.setdiff1d(np.arange(r.size), out)

@@ -15,16 +15,16 @@ from scipy.linalg import cholesky, solve_triangular
 
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.calibration.posterior import Estimated
-from cutbench.data.covariance import deviating
+from cutbench.data.covariance import smooth_deviation
 from cutbench.data.experiment import HOMOGENEOUS, Experiment
 from cutbench.discovery.candidates import duration
 from cutbench.homogeneous import LoadingHistory, predict, respond
 
 READINGS = 40
 #: From so many standard errors on a further test is worth its trouble.
-ENOUGH = 4.0
+MIN_STANDARD_ERRORS = 4.0
 #: A proposal must tell this much more than the same test as it was.
-MORE = 1.3
+MIN_IMPROVEMENT = 1.3
 #: What a stretch of each kind is called, and the part of the test's own that is proposed for it.
 MODES = {"uniaxial": ("tension", 1.0), "pure_shear": ("pure shear", 1.0),
          "equibiaxial": ("equibiaxial tension", 0.6)}  # fmt: skip
@@ -62,19 +62,19 @@ def next_tests(first: Estimated, second: Estimated) -> list[Proposal]:
                 a, b = (respond(kind, history, c.model, c.p, direction=e.direction) for c in cases)
             except (ComputationFailed, BadInput):
                 continue
-            made = _judged(first, e, text, a, b, np.arange(a.size, dtype=float))
+            made = _proposal(first, e, text, a, b, np.arange(a.size, dtype=float))
             if text is None:
                 known = made.standard_errors
-            elif made.standard_errors > MORE * known:
+            elif made.standard_errors > MIN_IMPROVEMENT * known:
                 found.append(made)
         if e.kind in HOMOGENEOUS and e.mounted:
-            found += _shorter(first, second, e)
-    for e in first.posterior.runs_wanted[:1]:
+            found += _with_half_length(first, second, e)
+    for e in first.posterior.tests_with_runs[:1]:
         found += _cuts(first, second, e)
     return sorted(found, key=lambda p: -p.standard_errors)
 
 
-def _shorter(first: Estimated, second: Estimated, e: Experiment) -> list[Proposal]:
+def _with_half_length(first: Estimated, second: Estimated, e: Experiment) -> list[Proposal]:
     """The same test on a specimen of half the length: machines, grips and plates act on it otherwise."""
     half = replace(e, specimen={**e.specimen, "length": e.specimen["length"] / 2})
     grid = first.posterior.predictions.grids[e.id]
@@ -82,7 +82,7 @@ def _shorter(first: Estimated, second: Estimated, e: Experiment) -> list[Proposa
         a, b = (predict(half, fitted.case.model, fitted.case.p, grid) for fitted in (first, second))
     except (ComputationFailed, BadInput):
         return []
-    return [_judged(first, e, f"'{e.id}' on a specimen half as long", a, b, np.arange(a.size, dtype=float))]
+    return [_proposal(first, e, f"'{e.id}' on a specimen half as long", a, b, np.arange(a.size, dtype=float))]
 
 
 def _cuts(first: Estimated, second: Estimated, e: Experiment) -> list[Proposal]:
@@ -108,7 +108,7 @@ def _cuts(first: Estimated, second: Estimated, e: Experiment) -> list[Proposal]:
                 f.posterior.predictions.read(e, f.posterior.values(e, f.q), course)
                 for f, course in zip((first, second), courses, strict=True)
             )
-            found.append(_judged(first, e, text, a, b, grid.x))
+            found.append(_proposal(first, e, text, a, b, grid.x))
     return found
 
 
@@ -144,7 +144,7 @@ def _histories(e: Experiment):
             yield f"{name} to a stretch of {x[-1]:.2g}", kind, history(x, t)
 
 
-def _judged(
+def _proposal(
     fitted: Estimated, e: Experiment, text: str | None, a: np.ndarray, b: np.ndarray, x: np.ndarray
 ) -> Proposal:
     grid = fitted.posterior.predictions.grids[e.id]
@@ -153,7 +153,7 @@ def _judged(
         return Proposal(text or "", float(np.linalg.norm(b - a)), far)
     noise = float(np.median(grid.reading) / np.abs(grid.mean).max())
     count, top = max(grid.repetitions, 3), np.abs(a).max()
-    C = fitted.w.factors[e.kind].variance / count * np.outer(a, a) + deviating(x, a, 0.01) / count
+    C = fitted.w.factors[e.kind].variance / count * np.outer(a, a) + smooth_deviation(x, a, 0.01) / count
     C += np.diag(np.full(a.size, (max(noise, 1e-3) * top) ** 2 / count))
     away = solve_triangular(cholesky(C, lower=True), b - a, lower=True)
     return Proposal(text or "", float(np.linalg.norm(away)), float(np.abs(b - a).max() / top))
@@ -165,12 +165,12 @@ def sentence(names: Sequence[str], found: Sequence[Proposal]) -> str:
     if not found:
         return f"No further test was found that would tell {pair} apart."
     best = found[0]
-    if best.standard_errors < ENOUGH:
+    if best.standard_errors < MIN_STANDARD_ERRORS:
         return (
             f"None of the tests tried would tell {pair} apart with three specimens; most would {best.text}:"
             f" the two differ by {best.standard_errors:.1f} standard errors there."
         )
-    others = [p.text for p in found[1:3] if p.standard_errors > ENOUGH]
+    others = [p.text for p in found[1:3] if p.standard_errors > MIN_STANDARD_ERRORS]
     more = f" (next best: {'; '.join(others)})" if others else ""
     return (
         f"{best.text[0].upper()}{best.text[1:]} would tell {pair} apart: they differ by up to"

@@ -10,9 +10,10 @@ from pathlib import Path
 from cutbench.base.files import replacing, write_json
 from cutbench.calibration.case_file import write_case
 from cutbench.discovery.figures import curves, ranking, svg
+from cutbench.discovery.misfit_sections import Section
 from cutbench.discovery.report import (
     GAIN,
-    called,
+    cause_title,
     estimates,
     gain_sentence,
     to_dict,
@@ -20,7 +21,6 @@ from cutbench.discovery.report import (
 )
 from cutbench.discovery.report import ranking as ranked
 from cutbench.discovery.search import Discovery
-from cutbench.discovery.sections import Section
 
 _SAID = {
     "mechanism": "A mechanism was found",
@@ -118,9 +118,9 @@ def _ranking(d: Discovery) -> str:
         fitted = ["", "", "", ""]
         if c is not None:
             values = ", ".join(f"{q.symbol} = {q.show(float(f'{v:.3g}'))}" for q, v, _ in estimates(c))
-            fitted = [f"{c.evidence:+.1f}", f"{100 * c.share:.0f} %", c.held_out.percent, values]
+            fitted = [f"{c.evidence:+.1f}", f"{100 * c.explained_variance:.0f} %", c.held_out.percent, values]
         said = "added" if s.name in d.names else marks.get(s.name, "; ".join(c.doubts) if c else "")
-        rows.append([called(s.name), f"{s.z:.1f}", *fitted, said])
+        rows.append([cause_title(s.name), f"{s.z:.1f}", *fitted, said])
     head = [
         "score (standard deviations)",
         "log evidence",
@@ -140,7 +140,7 @@ def _found(d: Discovery) -> str:
             + f" ({q.doc})"
             for q, v, sd in estimates(f.compared)
         )
-        items.append(f"<li><b>{_text(called(f.name))}</b>: {_text(values)}.</li>")
+        items.append(f"<li><b>{_text(cause_title(f.name))}</b>: {_text(values)}.</li>")
     return f"<ul>{''.join(items)}</ul>" if items else ""
 
 
@@ -151,7 +151,8 @@ def _numerical(d: Discovery) -> str:
         return "<p>Not asked: the baseline does not fail.</p>"
     shares = {name: f"{100 * max(share, 0):.0f} %" for name, share in d.numerics.shares.items()}
     rows = [
-        [f"{s.name} ({s.column.candidate.title})", f"{s.z:.1f}", shares[s.name]] for s in d.numerics.scores
+        [f"{s.name} ({s.sensitivity.candidate.title})", f"{s.z:.1f}", shares[s.name]]
+        for s in d.numerics.scores
     ]
     return _table(["cause", "score (standard deviations)", "would explain"], rows)
 

@@ -11,24 +11,24 @@ from cutbench.base.units import Parameter
 from cutbench.base.versions import versions
 from cutbench.calibration.posterior import Estimated
 from cutbench.calibration.settings import SETTINGS
-from cutbench.data.discrepancy import misfit
+from cutbench.data.discrepancy import relative_discrepancy
 from cutbench.discovery.candidates import cause_of, family_of
-from cutbench.discovery.comparison import Compared, Found, Step
+from cutbench.discovery.comparison import ComparedModel, ComparisonRound, FoundCause
+from cutbench.discovery.misfit_sections import Section
 from cutbench.discovery.score import Score
 from cutbench.discovery.search import Discovery
-from cutbench.discovery.sections import Section
 from cutbench.mechanisms import registry
 
 SCHEMA = 2
 #: 95 % of a normal distribution lie within so many standard deviations.
-WIDE = 1.96
+NORMAL_QUANTILE = 1.96
 #: Where more than this part of what was wrong remains, what was found is said to be a part of it.
-PART = 0.25
+PARTIAL_EXPLANATION = 0.25
 #: What is reported of a gain.
 GAIN = ("baseline_rmse", "extended_rmse", "noise_floor", "unit", "gain", "gain_se", "how")
 
 
-def called(name: str) -> str:
+def cause_title(name: str) -> str:
     """Class and formula of a cause: ``strain stiffening (gent)``, ``the fixed value of nu``; of a rig or a
     reading its title."""
     if name not in registry():
@@ -51,7 +51,7 @@ def verdict_sentence(d: Discovery) -> str:
         )
     if d.verdict == "undecided":
         early = {"the search ended early": d.stopped} if d.stopped else {}
-        why = early | {called(name): reason for name, reason in d.not_tried.items()}
+        why = early | {cause_title(name): reason for name, reason in d.not_tried.items()}
         reasons = "; ".join(": ".join(each) for each in why.items())
         return (
             f"The baseline is wrong beyond the scatter (most in {place}). The cause is undecided, since"
@@ -60,12 +60,12 @@ def verdict_sentence(d: Discovery) -> str:
     if d.verdict == "unexplained":
         return (
             f"The baseline is wrong beyond the scatter (most in {place}), and none of the candidates explains"
-            f" it: the cause is unexplained.{_nearest(d)}"
+            f" it: the cause is unexplained.{_nearest_candidate(d)}"
         )
     physics = any(cause_of(n) == "mechanism" for n in d.names)
-    part = "A part of what" if d.remains and d.rest > PART else "What"
-    names = " and ".join(called(n) for n in d.names)
-    words = [f"{part} the baseline {'lacks' if physics else 'gets wrong'} is {names}{_others(d)}."]
+    part = "A part of what" if d.remains and d.rest > PARTIAL_EXPLANATION else "What"
+    names = " and ".join(cause_title(n) for n in d.names)
+    words = [f"{part} the baseline {'lacks' if physics else 'gets wrong'} is {names}{_confounded_with(d)}."]
     words += [meaning(n) for n in d.names]
     if d.remains and d.final is not None:
         id, missed = max(misfits(d.final).items(), key=lambda item: item[1])
@@ -74,25 +74,25 @@ def verdict_sentence(d: Discovery) -> str:
     return " ".join(words)
 
 
-def _others(d: Discovery) -> str:
+def _confounded_with(d: Discovery) -> str:
     """What the data cannot tell from the first cause, of other classes."""
     first = d.found[0]
     others = [n for n in first.group if family_of(n) != family_of(first.name) and n not in d.names]
     if not others:
         return ""
-    it = called(first.name) if len(d.found) > 1 else "it"
-    return f"; these data cannot tell {it} from {' or '.join(called(n) for n in others)}"
+    it = cause_title(first.name) if len(d.found) > 1 else "it"
+    return f"; these data cannot tell {it} from {' or '.join(cause_title(n) for n in others)}"
 
 
-def _nearest(d: Discovery) -> str:
+def _nearest_candidate(d: Discovery) -> str:
     """Which candidate came nearest, and why it is not named."""
     best = next(iter(d.steps[0].compared), None)
-    return "" if best is None else f" Nearest came {called(best.name)}: {'; '.join(best.doubts)}."
+    return "" if best is None else f" Nearest came {cause_title(best.name)}: {'; '.join(best.doubts)}."
 
 
 def misfits(fitted: Estimated) -> dict[str, float]:
     """What a model misses of each curve, as a part of its largest value (root mean square), by id."""
-    return {id: misfit(fitted.w, id, r) for id, r in fitted.at.residual.items()}
+    return {id: relative_discrepancy(fitted.w, id, r) for id, r in fitted.at.residual.items()}
 
 
 def meaning(name: str) -> str:
@@ -112,10 +112,10 @@ def gain_sentence(d: Discovery) -> str:
     return (
         f"On {where} the error falls from {g.baseline_rmse:.3g} to {g.extended_rmse:.3g} {unit}, by"
         f" {100 * g.gain:.0f} ± {100 * g.gain_se:.0f} %; the scatter alone makes {g.noise_floor:.2g}."
-    ) + _clean(d)
+    ) + _noise_free_sentence(d)
 
 
-def _clean(d: Discovery) -> str:
+def _noise_free_sentence(d: Discovery) -> str:
     return (
         ""
         if d.noise_free is None
@@ -164,23 +164,25 @@ def summary(d: Discovery) -> str:
     return "\n".join(lines)
 
 
-def _line(s: Score, c: Compared | None, found: tuple[str, ...]) -> str:
+def _line(s: Score, c: ComparedModel | None, found: tuple[str, ...]) -> str:
     text = f"{s.name:<20} z = {s.z:4.1f}"
     if c is None:
         return text
     values = ", ".join(f"{q.symbol} = {q.show(v)}" for q, v, _ in estimates(c))
     mark = " <- added" if s.name in found else ""
-    return f"{text} {c.evidence:+6.1f} {100 * c.share:4.0f} %  {c.held_out.percent}  {values}{mark}"
+    return (
+        f"{text} {c.evidence:+6.1f} {100 * c.explained_variance:4.0f} %  {c.held_out.percent}  {values}{mark}"
+    )
 
 
-def ranking(step: Step) -> list[tuple[Score, Compared | None]]:
+def ranking(step: ComparisonRound) -> list[tuple[Score, ComparedModel | None]]:
     """What was fitted, the most probable first, then the other candidates by their score."""
     scored, fitted = {s.name: s for s in step.scores.scores}, [c.name for c in step.compared]
     rest = [(s, None) for s in step.scores.scores if s.name not in fitted]
     return [*((scored[c.name], c) for c in step.compared), *rest]
 
 
-def estimates(c: Compared) -> list[tuple[Parameter, float, float]]:
+def estimates(c: ComparedModel) -> list[tuple[Parameter, float, float]]:
     """Parameters of the candidate with values and standard deviations, internal units; inf: held."""
     fitted = c.fitted
     sd = np.sqrt(np.diag(fitted.covariance))
@@ -225,7 +227,7 @@ def to_dict(d: Discovery) -> dict:
             for p in d.proposed
         ],
         "numerical": [
-            {"cause": s.name, "what": s.column.candidate.title, "score_z": s.z,
+            {"cause": s.name, "what": s.sensitivity.candidate.title, "score_z": s.z,
              "explains": d.numerics.shares[s.name]}
             for s in d.numerics.scores
         ],
@@ -247,17 +249,17 @@ def to_dict(d: Discovery) -> dict:
     }  # fmt: skip
 
 
-def _cause(f: Found) -> dict:
+def _cause(f: FoundCause) -> dict:
     """Name, kind, and what the model gained by it."""
     c = f.compared
     return {
         "name": f.name, "title": c.candidate.title, "kind": c.candidate.cause, "class": family_of(f.name),
-        "log_evidence": c.evidence, "explains": c.share, "gain": _fields(c.held_out, *GAIN),
+        "log_evidence": c.evidence, "explains": c.explained_variance, "gain": _fields(c.held_out, *GAIN),
     }  # fmt: skip
 
 
-def _ranked(s: Score, c: Compared | None, found: tuple[str, ...]) -> dict:
-    candidate = s.column.candidate
+def _ranked(s: Score, c: ComparedModel | None, found: tuple[str, ...]) -> dict:
+    candidate = s.sensitivity.candidate
     entry = {"mechanism": s.name, "title": candidate.title, "kind": candidate.cause, "score_z": s.z,
              "fitted": c is not None}  # fmt: skip
     if c is None:
@@ -271,7 +273,7 @@ def _ranked(s: Score, c: Compared | None, found: tuple[str, ...]) -> dict:
         "gain_se": c.held_out.gain_se,
         "heldout": c.held_out.how,
         "log_evidence": c.evidence,
-        "explains": c.share,
+        "explains": c.explained_variance,
         "chance": c.p,
         "doubts": list(c.doubts),
         "accepted": s.name in found,
@@ -280,7 +282,7 @@ def _ranked(s: Score, c: Compared | None, found: tuple[str, ...]) -> dict:
 
 def _value(q: Parameter, v: float, sd: float) -> dict:
     low, high = (-math.inf if q.low is None else q.low, math.inf if q.high is None else q.high)
-    value, reach = v / q.factor, WIDE * sd / q.factor
+    value, reach = v / q.factor, NORMAL_QUANTILE * sd / q.factor
     near = 1e-6 * max(abs(value), abs(q.typical) * 1e-3)
     return {
         "value": value, "unit": q.unit, "low": max(value - reach, low), "high": min(value + reach, high),
@@ -325,7 +327,7 @@ def _train(d: Discovery) -> dict | None:
     return {**errors, "unit": "1" if relative else units.pop()}
 
 
-def _residual(step: Step) -> dict:
+def _residual(step: ComparisonRound) -> dict:
     s = step.scores
     return {
         "chi2": s.chi2, "expected_chi2": s.expected, "degrees_of_freedom": s.dof, "chance": s.p_residual,
@@ -345,7 +347,7 @@ def _model(fitted: Estimated | None) -> dict | None:
     return {"model": model.described, "mechanisms": list(model.mechanisms), "parameters": parameters}
 
 
-def _round(step: Step, d: Discovery) -> dict:
+def _round(step: ComparisonRound, d: Discovery) -> dict:
     taken = next((f.name for f in d.found if f.step is step), None)
     return {
         "mechanisms": list(step.null.case.mechanisms),

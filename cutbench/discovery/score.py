@@ -21,12 +21,12 @@ from scipy import linalg, optimize, stats
 
 from cutbench.data.covariance import Covariance
 from cutbench.data.discrepancy import Discrepancies, with_discrepancy
-from cutbench.discovery.screening import Column, Sensitivities
+from cutbench.discovery.screening import CandidateSensitivity, Sensitivities
 
 #: Draws without effect.
 DRAWS = 240
 #: Degrees of freedom tried for the tail of the draws.
-TAILS = (1, 2, 3, 4, 6, 8, 12, 20, 40, 100, 1000)
+TAIL_DOF = (1, 2, 3, 4, 6, 8, 12, 20, 40, 100, 1000)
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Score:
     the free parameters that goes with them; ``direction`` (M,): its whitened change of the readings, freed of
     the free parameters'. ``p``: so much by chance."""
 
-    column: Column
+    sensitivity: CandidateSensitivity
     gain: float
     strengths: np.ndarray
     free: np.ndarray
@@ -44,11 +44,11 @@ class Score:
 
     @property
     def name(self) -> str:
-        return self.column.candidate.name
+        return self.sensitivity.candidate.name
 
     @property
     def z(self) -> float:
-        return deviations(self.p)
+        return z_score(self.p)
 
 
 @dataclass(frozen=True)
@@ -72,10 +72,10 @@ class Scores:
 
     def p_any(self, name: str, gain: float) -> float:
         """Probability that chance alone makes any candidate gain as much, for its kind, as this one."""
-        return tail(self.largest, gain / self.scale[name])
+        return tail_probability(self.largest, gain / self.scale[name])
 
 
-def deviations(p: float) -> float:
+def z_score(p: float) -> float:
     """How many standard deviations a normal variable has to be off for a two-sided probability ``p``."""
     return float(stats.norm.isf(max(p, 1e-300) / 2))
 
@@ -89,7 +89,7 @@ def score(
 ) -> Scores:
     """``residual`` (m,) by id, computed less measured; ``w``: the noise alone. The order of tests does not
     matter."""
-    stacked = _Stack(sensitivities)
+    stacked = _StackedSensitivities(sensitivities)
     chi2, found = stacked.scored(w, residual)
     mine: dict[str, list[int]] = {}
     for i, s in enumerate(found):
@@ -105,12 +105,14 @@ def score(
     best, others = [], {}
     for name, numbers in mine.items():
         s, *others[name] = sorted((found[i] for i in numbers), key=lambda s: -s.gain)
-        best.append(replace(s, p=tail(by_name[name], s.gain)))
+        best.append(replace(s, p=tail_probability(by_name[name], s.gain)))
     best.sort(key=lambda s: (-s.gain, s.name))
-    return Scores(best, others, chi2, stacked.dof, tail(noise, chi2), float(noise.mean()), scale, largest)
+    return Scores(
+        best, others, chi2, stacked.dof, tail_probability(noise, chi2), float(noise.mean()), scale, largest
+    )
 
 
-def tail(draws: np.ndarray, value: float) -> float:
+def tail_probability(draws: np.ndarray, value: float) -> float:
     """Probability of ``value`` or more: counted where draws reach it, else by the F distribution whose
     quantiles are most like theirs."""
     count = int((draws >= value).sum())
@@ -120,21 +122,21 @@ def tail(draws: np.ndarray, value: float) -> float:
     seen = np.quantile(draws, levels)
     use = seen > 0.01 * seen[-1]
     fits = []
-    for a, b in itertools.product((1, 2, 3, 6, 12, 40), TAILS):
+    for a, b in itertools.product((1, 2, 3, 6, 12, 40), TAIL_DOF):
         ratio = np.log(seen[use] / stats.f.ppf(levels[use], a, b))
         fits.append((ratio.std(), a, b, math.exp(ratio.mean())))
     _, a, b, scale = min(fits, key=lambda fit: fit[0])
     return float(min(stats.f.sf(value / scale, a, b), (count + 1) / (draws.size + 1)))
 
 
-class _Stack:
+class _StackedSensitivities:
     """All columns side by side, so that one triangular solve whitens them."""
 
     def __init__(self, sensitivities: Sensitivities):
-        self.columns = sensitivities.columns
+        self.by_candidate = sensitivities.by_candidate
         self.k = next(iter(sensitivities.J.values())).shape[1]
         self.all = {
-            id: np.hstack([J, *(c.by[id] for c in self.columns)]) for id, J in sensitivities.J.items()
+            id: np.hstack([J, *(c.by[id] for c in self.by_candidate)]) for id, J in sensitivities.J.items()
         }
         self.dof = sum(y.size for y in sensitivities.y.values()) - self.k
 
@@ -143,16 +145,16 @@ class _Stack:
         J_by, k = {id: all_[:, : self.k] for id, all_ in self.all.items()}, self.k
         beside = {id: np.column_stack([self.all[id], residual[id]]) for id in w.tests}
         plain = w.white({id: beside[id][:, [*range(k), -1]] for id in w.tests})
-        rest = Projected(plain[:, :k]).of(plain[:, k])
+        rest = Projection(plain[:, :k]).of(plain[:, k])
         white = with_discrepancy(w, residual, J_by).white(beside)
-        C, r, freed = white[:, k:-1], white[:, -1], Projected(white[:, :k])
+        C, r, freed = white[:, k:-1], white[:, -1], Projection(white[:, :k])
         left, cols = freed.of(r), freed.of(C)
         # A column that the free parameters can make is no column.
         cols[:, np.linalg.norm(cols, axis=0) <= 1e-6 * np.linalg.norm(C, axis=0)] = 0
-        strengths, directions, first = np.zeros((C.shape[1], len(self.columns))), [], 0
-        for i, column in enumerate(self.columns):
+        strengths, directions, first = np.zeros((C.shape[1], len(self.by_candidate))), [], 0
+        for i, column in enumerate(self.by_candidate):
             own = slice(first, first := first + len(column.candidate.strengths))
-            strengths[own, i] = _bounded(cols[:, own], left, _signs(column))
+            strengths[own, i] = _bounded_least_squares(cols[:, own], left, _signs(column))
             directions.append(cols[:, own] @ strengths[own, i])
         # The last is that of the free parameters alone.
         strengths = np.column_stack([strengths, np.zeros(C.shape[1])])
@@ -164,13 +166,13 @@ class _Stack:
             )
         gains = np.maximum(likely[:-1] - likely[-1], 0.0)
         scores, first = [], 0
-        for i, column in enumerate(self.columns):
+        for i, column in enumerate(self.by_candidate):
             own = slice(first, first := first + len(column.candidate.strengths))
             scores.append(Score(column, float(gains[i]), strengths[own, i], free[:, i], directions[i]))
         return float(rest @ rest), scores
 
 
-class Projected:
+class Projection:
     """What is left of whitened values when the span of ``J`` (M, k) is taken out; ``back``: its inverse."""
 
     def __init__(self, J: np.ndarray):
@@ -184,13 +186,13 @@ class Projected:
         return values - self.Q @ (self.Q.T @ values)
 
 
-def _signs(column: Column) -> list[int]:
+def _signs(column: CandidateSensitivity) -> list[int]:
     """1 for a strength that can only grow from off, -1 only fall, 0 both."""
     strengths = column.candidate.strengths
     return [int(q.off_value <= q.bounds[0]) or -int(q.off_value >= q.bounds[1]) for q in strengths]
 
 
-def _bounded(A: np.ndarray, r: np.ndarray, signs: Sequence[int]) -> np.ndarray:
+def _bounded_least_squares(A: np.ndarray, r: np.ndarray, signs: Sequence[int]) -> np.ndarray:
     """b (p,) of the right signs that makes |r + A b| least."""
     size = np.linalg.norm(A, axis=0)
     size = np.where(size > 0, size, 1.0)

@@ -21,12 +21,12 @@ from cutbench.homogeneous import scan
 from cutbench.run.sensitivity import Added, extended
 
 #: A derivative of a cut counts no more than what would change the largest force by so many times itself.
-LARGEST = 2.0
-Parts = dict[tuple[str, int, str], np.ndarray]
+MAX_RELATIVE_SLOPE = 2.0
+SensitivityParts = dict[tuple[str, int, str], np.ndarray]
 
 
 @dataclass(frozen=True)
-class Column:
+class CandidateSensitivity:
     """Derivatives (m, p) of each fitted test's readings by a candidate's p strengths, by id, at ``shapes``
     (internal units); ``by_runs``: whether only runs of its own say more."""
 
@@ -38,11 +38,12 @@ class Column:
 
 @dataclass(frozen=True)
 class Sensitivities:
-    """Computed curves (m,) and their derivatives by the free parameters (m, k), by id; all columns."""
+    """Computed curves (m,) and their derivatives by the free parameters (m, k), by id; the
+    sensitivities to all candidates."""
 
     y: Mapping[str, np.ndarray]
     J: Mapping[str, np.ndarray]
-    columns: Sequence[Column]
+    by_candidate: Sequence[CandidateSensitivity]
 
 
 def sensitivities(null: Estimated, chosen: Sequence[Candidate]) -> Sensitivities:
@@ -59,30 +60,30 @@ def sensitivities(null: Estimated, chosen: Sequence[Candidate]) -> Sensitivities
     -------
     Sensitivities
     """
-    post, parts = null.posterior, Parts()
+    post, parts = null.posterior, SensitivityParts()
     for c in chosen:
-        seen = [e for e in post.tests if c.seen_by(e)]
+        seen = [e for e in post.tests if c.acts_on(e)]
         cuts = [e for e in seen if post.predictions.needs_runs(e)]
         for e in (e for e in seen if e not in cuts):
             parts.update({(c.name, k, e.id): by for k, by in enumerate(_by_formula(null, e, c))})
         for k in range(len(c.grid)) if cuts else ():
             parts.update(_by_emulator(null, c, k, cuts))
-    known = {(name, k) for name, k, id in parts if post.predictions.needs_runs(_test(null, id))}
+    known = {(name, k) for name, k, id in parts if post.predictions.needs_runs(_experiment(null, id))}
     asked = [c for c in chosen if (c.name, len(c.grid) // 2) not in known]
     parts.update(_by_runs(null, asked))
-    run = {c.name for c in asked if any(post.predictions.needs_runs(e) for e in post.tests if c.seen_by(e))}
+    run = {c.name for c in asked if any(post.predictions.needs_runs(e) for e in post.tests if c.acts_on(e))}
     columns = []
     for c in chosen:
         nothing = {id: np.zeros((y.size, len(c.strengths))) for id, y in null.at.y.items()}
         for k, shapes in enumerate(c.grid):
-            if all((c.name, k, e.id) in parts for e in post.tests if c.seen_by(e)):
+            if all((c.name, k, e.id) in parts for e in post.tests if c.acts_on(e)):
                 by = {id: np.nan_to_num(parts.get((c.name, k, id), none)) for id, none in nothing.items()}
-                columns.append(Column(c, shapes, by, c.name in run))
+                columns.append(CandidateSensitivity(c, shapes, by, c.name in run))
     inside = post.inside(null.q)
     return Sensitivities(null.at.y, {id: J * inside for id, J in null.at.J.items()}, columns)
 
 
-def _test(null: Estimated, id: str) -> Experiment:
+def _experiment(null: Estimated, id: str) -> Experiment:
     return null.posterior.predictions.campaign.experiment(id)
 
 
@@ -98,7 +99,7 @@ def _by_formula(null: Estimated, e: Experiment, c: Candidate) -> list[np.ndarray
         return []
 
 
-def _by_emulator(null: Estimated, c: Candidate, k: int, cuts: Sequence[Experiment]) -> Parts:
+def _by_emulator(null: Estimated, c: Candidate, k: int, cuts: Sequence[Experiment]) -> SensitivityParts:
     """The same of cuts, where those that are known say it."""
     post = null.posterior
     try:
@@ -110,11 +111,11 @@ def _by_emulator(null: Estimated, c: Candidate, k: int, cuts: Sequence[Experimen
         return {}
 
 
-def _by_runs(null: Estimated, asked: Sequence[Candidate]) -> Parts:
+def _by_runs(null: Estimated, asked: Sequence[Candidate]) -> SensitivityParts:
     """The same by the exact derivatives of the cuts at the place that was found, with shapes in the middle of
     their grids."""
-    post, p, parts = null.posterior, null.posterior.predictions, Parts()
-    cuts = [e for e in post.runs_wanted if any(c.seen_by(e) for c in asked)]
+    post, p, parts = null.posterior, null.posterior.predictions, SensitivityParts()
+    cuts = [e for e in post.tests_with_runs if any(c.acts_on(e) for c in asked)]
     if not cuts:
         return parts
     cases = [p.case(e, post.values(e, null.q)) for e in cuts]
@@ -124,7 +125,7 @@ def _by_runs(null: Estimated, asked: Sequence[Candidate]) -> Parts:
         for c in asked:
             with suppress(BadInput):
                 more = extended(case, c.added, c.grid[len(c.grid) // 2])
-                if (added := Added(more, tuple(s.name for s in c.strengths))).beside(case):
+                if (added := Added(more, tuple(s.name for s in c.strengths))).shares_unknowns_with(case):
                     beside[e.id].append((c, added))
     # The pool has one list of laws a call, and each test's hold the sizes of its own specimen.
     for e, case in zip(cuts, cases, strict=True):
@@ -134,7 +135,7 @@ def _by_runs(null: Estimated, asked: Sequence[Candidate]) -> Parts:
         top = float(np.abs(null.at.y[e.id]).max())
         for (c, _), by in zip(beside[e.id], run.by_added, strict=True):
             sizes = {s.name: max(abs(s.typical * s.factor), 1e-12) for s in c.strengths}
-            most = {name: LARGEST * top / size for name, size in sizes.items()}
+            most = {name: MAX_RELATIVE_SLOPE * top / size for name, size in sizes.items()}
             values = post.values(e, null.q)
             parts[c.name, len(c.grid) // 2, e.id] = p.read_slopes(e, values, run.course, by, most)
     return parts

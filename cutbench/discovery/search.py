@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar
 
+from cutbench.base.display import Displayed
 from cutbench.base.errors import ComputationFailed
-from cutbench.base.handled import Handled
 from cutbench.base.notebook import watched
 from cutbench.base.progress import ALWAYS, OnProgress, silent
 from cutbench.calibration.cut_runs import CutRuns
@@ -17,17 +17,23 @@ from cutbench.calibration.fitting import INTERRUPTED, LATE, Fit, Fitting, runs_f
 from cutbench.calibration.parameters import free_parameters
 from cutbench.calibration.posterior import Estimated
 from cutbench.data.campaign import Campaign
-from cutbench.discovery.candidates import CLOCKLESS, baseline_of, family_of
-from cutbench.discovery.comparison import Comparison, Found, Step, comparisons, missed_square
-from cutbench.discovery.gain import NoiseFreeGain, noise_free_gain
+from cutbench.discovery.candidates import NO_TIME_MEASURED, baseline_of, family_of
+from cutbench.discovery.comparison import (
+    Comparison,
+    ComparisonRound,
+    FoundCause,
+    comparisons,
+    squared_discrepancy,
+)
 from cutbench.discovery.held_out import HeldOut, held_out
+from cutbench.discovery.misfit_sections import Section, sections
 from cutbench.discovery.next_test import Proposal, next_tests, sentence
-from cutbench.discovery.numerical import NumericalCauses, numerical_causes
-from cutbench.discovery.sections import Section, sections
+from cutbench.discovery.noise_free_gain import NoiseFreeGain, noise_free_gain
+from cutbench.discovery.numerical_causes import NumericalCauses, numerical_causes
 
 
 @dataclass(frozen=True, repr=False)
-class Discovery(Handled):
+class Discovery(Displayed):
     """All that was found out.
 
     Attributes
@@ -39,9 +45,9 @@ class Discovery(Handled):
     verdict : str
         ``mechanism``: a cause was found; ``none``: the baseline describes the tests; ``unexplained``: no
         candidate explains what it misses; ``undecided``: candidates could not be tried.
-    found : tuple of Found
+    found : tuple of FoundCause
         The causes, in the order in which they were found.
-    steps : tuple of Step
+    steps : tuple of ComparisonRound
         What was compared; none where the baseline was not fitted to its end.
     final : Estimated or None
         The model with all causes.
@@ -61,13 +67,13 @@ class Discovery(Handled):
         Why it ended before all was asked; empty where all was.
     """
 
-    handled_in: ClassVar[str] = "cutbench.discovery.display"
+    display_module: ClassVar[str] = "cutbench.discovery.display"
 
     campaign: Campaign
     fit: Fit
     verdict: str
-    found: tuple[Found, ...]
-    steps: tuple[Step, ...]
+    found: tuple[FoundCause, ...]
+    steps: tuple[ComparisonRound, ...]
     final: Estimated | None
     numerics: NumericalCauses
     held_out: HeldOut | None
@@ -95,7 +101,7 @@ class Discovery(Handled):
         """The part of what the baseline misses that the final model does, as squares."""
         if self.first is None or self.final is None or not self.found:
             return 1.0
-        return missed_square(self.final) / max(missed_square(self.first), 1e-300)
+        return squared_discrepancy(self.final) / max(squared_discrepancy(self.first), 1e-300)
 
     @property
     def remains(self) -> bool:
@@ -103,7 +109,7 @@ class Discovery(Handled):
         return bool(self.steps) and self.steps[-1].significant
 
     @property
-    def telling(self) -> Step | None:
+    def telling(self) -> ComparisonRound | None:
         """The round that found the first cause, else the first."""
         return self.found[0].step if self.found else self.steps[0] if self.steps else None
 
@@ -123,7 +129,7 @@ class Discovery(Handled):
 
 
 @dataclass
-class _Known:
+class _SearchState:
     """What is known of a search until now."""
 
     comparison: Comparison | None = None
@@ -178,7 +184,7 @@ def discover(
         If the baseline cannot be computed.
     """
     began, due, campaign = time.perf_counter(), time.monotonic() + limit_s, baseline_of(campaign)
-    known = _Known()
+    known = _SearchState()
     with runs_for(campaign, workers, store, limit_s, runs) as ready:
         fitting = Fitting(campaign, ready, free_parameters(campaign), on_progress, refine)
         check = ready.check
@@ -195,7 +201,7 @@ def discover(
     return _result(campaign, fit, known, time.perf_counter() - began, seed)
 
 
-def _search(baseline: Estimated, known: _Known, seed: int, on_progress: OnProgress) -> None:
+def _search(baseline: Estimated, known: _SearchState, seed: int, on_progress: OnProgress) -> None:
     """All rounds; what is ``known`` is up to date whenever it ends. Raises KeyboardInterrupt."""
     comparison: Comparison | None = None
     for comparison in comparisons(baseline, seed=seed, on_progress=on_progress):
@@ -213,7 +219,7 @@ def _search(baseline: Estimated, known: _Known, seed: int, on_progress: OnProgre
                 fitted.posterior.predictions.compute(e, fitted.posterior.values(e, fitted.q))
             except ComputationFailed:
                 continue  # the fit's notes say why
-    pair = _pair(comparison)
+    pair = _confounded_pair(comparison)
     if pair is not None:
         names = [each.name for each in pair]
         on_progress(math.nan, math.nan, f"looking for a test that tells {' from '.join(names)}")
@@ -221,7 +227,7 @@ def _search(baseline: Estimated, known: _Known, seed: int, on_progress: OnProgre
         known.next_experiment = sentence(names, known.proposed)
 
 
-def _pair(comparison: Comparison):
+def _confounded_pair(comparison: Comparison):
     """The first cause that is not told from another, and that one: of another class, if there is any."""
     steps = [f.step for f in comparison.found] or list(comparison.steps[:1])
     for step in steps:
@@ -231,7 +237,7 @@ def _pair(comparison: Comparison):
     return None
 
 
-def _result(campaign: Campaign, fit: Fit, known: _Known, seconds: float, seed: int) -> Discovery:
+def _result(campaign: Campaign, fit: Fit, known: _SearchState, seconds: float, seed: int) -> Discovery:
     comparison, baseline = known.comparison, fit.estimated
     found = () if comparison is None or known.numerics.explains else comparison.found
     steps = () if comparison is None else comparison.steps
@@ -244,18 +250,18 @@ def _result(campaign: Campaign, fit: Fit, known: _Known, seconds: float, seed: i
     notes = list(fit.notes)
     if known.stopped:
         notes.insert(0, f"Ended early ({known.stopped}): what else there may be was not asked.")
-    timed = [name for name, why in steps[0].left_out.items() if why == CLOCKLESS] if steps else []
+    timed = [name for name, why in steps[0].left_out.items() if why == NO_TIME_MEASURED] if steps else []
     if timed:
-        notes.append(f"What depends on time is not asked ({', '.join(timed)}): {CLOCKLESS}.")
+        notes.append(f"What depends on time is not asked ({', '.join(timed)}): {NO_TIME_MEASURED}.")
     return Discovery(
         campaign, fit, verdict, tuple(found), tuple(steps), final, known.numerics, told, clean,
         tuple(sections(baseline)) if baseline else (), tuple(sections(final)) if final else (),
-        tuple(known.proposed), known.next_experiment or _next(verdict, known), seconds,
+        tuple(known.proposed), known.next_experiment or _next_test_text(verdict, known), seconds,
         tuple(dict.fromkeys(notes)), known.stopped,
     )  # fmt: skip
 
 
-def _verdict(steps: tuple[Step, ...], found: tuple[Found, ...], known: _Known) -> str:
+def _verdict(steps: tuple[ComparisonRound, ...], found: tuple[FoundCause, ...], known: _SearchState) -> str:
     if found:
         return "mechanism"
     if not steps:
@@ -270,7 +276,7 @@ def _verdict(steps: tuple[Step, ...], found: tuple[Found, ...], known: _Known) -
     return "unexplained" if tried else "undecided"
 
 
-def _next(verdict: str, known: _Known) -> str:
+def _next_test_text(verdict: str, known: _SearchState) -> str:
     if known.stopped:
         return f"Not asked: {known.stopped}."
     return {

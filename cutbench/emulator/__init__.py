@@ -15,6 +15,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "atlas": ["Atlas", "Estimate", "NotInAtlas", "estimate", "shipped"],
         "database": ["CutEmulator", "OutOfRange", "Run", "RunDatabase"],
         "groups": ["Groups"],
-        "process": ["GaussianProcess", "Kernel"],
+        "gaussian_process": ["GaussianProcess", "Kernel"],
     },
 )

@@ -13,18 +13,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutbench.emulator.process import GaussianProcess, Kernel
+from cutbench.emulator.gaussian_process import GaussianProcess, Kernel
 
 #: A part of the usual largest force: a force below counts as it is, one above by its logarithm.
-SMALL = 0.05
+SMALL_FORCE = 0.05
 #: A cut that did not begin begins beyond its end by this part, at the least.
-BEYOND = 0.01
+UNCUT_MARGIN = 0.01
 #: More curves than coordinates, beside the trend, before a process says anything.
-SPARE = 3
+MIN_SPARE_CURVES = 3
 #: Places that differ by less are one.
-SAME = 1e-9
+SAME_PLACE = 1e-9
 #: Groups of curves that reach equally far beyond their onsets.
-REACHES = 6
+GROUPS_BY_REACH = 6
 
 
 @dataclass(frozen=True)
@@ -72,24 +72,27 @@ class AlignedCurves:
         beyond: np.ndarray | None = None,
         kernels: Sequence[Kernel | None] = (None, None, None),
     ):
-        if len(X) < X.shape[1] + 1 + SPARE:
+        if len(X) < X.shape[1] + 1 + MIN_SPARE_CURVES:
             raise ValueError(f"{len(X)} curves are too few for {X.shape[1]} coordinates")
         self.x, self.X, self.courses = x, X, courses
         largest = [int(np.abs(c.force).argmax()) for c in courses]
         ends = np.array([(abs(c.force[i]), c.x[i]) for i, c in zip(largest, courses, strict=True)])
-        self.small, self._soft = SMALL * np.median(ends[:, 0]), SMALL * np.median(ends[:, 0] / ends[:, 1])
+        self.small, self._soft = (
+            SMALL_FORCE * np.median(ends[:, 0]),
+            SMALL_FORCE * np.median(ends[:, 0] / ends[:, 1]),
+        )
         begun = np.isfinite([c.onset for c in courses])
         self._onset, at = _onsets(X, courses, begun, x[-1], kernels[0])
         #: Parts of the way to the onset, and the travel beyond it.
         self.part = np.linspace(0, 1, x.size)
         self.beyond = np.linspace(0, x[-1], x.size) if beyond is None else beyond
         # What it takes to cut matters little before: force over travel is smoother than force.
-        rising = np.array([_read(self.part[1:] * o, c) for o, c in zip(at, courses, strict=True)])
+        rising = np.array([_force_at(self.part[1:] * o, c) for o, c in zip(at, courses, strict=True)])
         travel = self.part[1:] * at[:, None]
         self._before = Curves(X, np.arcsinh(rising / travel / self._soft), kernels[1])
         self._after: Curves | None = None
         if self._onset is not None:
-            after = [_read(self.beyond + o, c) for o, c, b in zip(at, courses, begun, strict=True) if b]
+            after = [_force_at(self.beyond + o, c) for o, c, b in zip(at, courses, begun, strict=True) if b]
             # What is beyond, by that where the cut begins: so an error of that is not taken for a drop.
             there = np.arcsinh(rising[begun, -1:] / self.small)
             self._after = Curves(X[begun], np.arcsinh(np.array(after) / self.small) - there, kernels[2])
@@ -127,7 +130,7 @@ class AlignedCurves:
         onset = np.exp(np.clip(self._onset.mean(places)[:, None] + sd[:, None] * normal(0, 1).T[0], -50, 50))
         rising = self._rising(self._before.draws(places, normal), onset)
         begun = np.arcsinh(rising[..., -1:] / self.small)
-        after = begun + self._after.draws(places, lambda part, r: normal(REACHES + part, r))
+        after = begun + self._after.draws(places, lambda part, r: normal(GROUPS_BY_REACH + part, r))
         return onset, rising, self._force(after)
 
     def mean(self, places: np.ndarray) -> np.ndarray:
@@ -155,7 +158,7 @@ class AlignedCurves:
 
     def computed(self, place: np.ndarray) -> Course | None:
         """The run at a place (d,); None where there is none."""
-        same = np.flatnonzero(np.abs(self.X - place).max(axis=1, initial=0.0) <= SAME)
+        same = np.flatnonzero(np.abs(self.X - place).max(axis=1, initial=0.0) <= SAME_PLACE)
         return self.courses[same[0]] if same.size else None
 
     def root(self, place: np.ndarray, runs: bool = True) -> np.ndarray:
@@ -164,13 +167,13 @@ class AlignedCurves:
         (o,), (force,) = self.onset(place[None]), self.mean(place[None])
         beyond = self.x > o
         rising = self._before.root(place, runs)
-        parts = [_over(self.part[1:] * o, rising, np.where(beyond, np.nan, self.x))]
+        parts = [_interpolated_root(self.part[1:] * o, rising, np.where(beyond, np.nan, self.x))]
         parts[0][beyond] = rising[-1]
         slope = np.gradient(force, self.x)
         if self._onset is not None:
             if beyond.any() and self._after is not None:
                 after = np.where(beyond, self.x, np.nan)
-                parts.append(_over(self.beyond + o, self._after.root(place, runs), after))
+                parts.append(_interpolated_root(self.beyond + o, self._after.root(place, runs), after))
             # A shift of the onset takes along what is beyond, with the force that it begins at.
             shift = self._onset.spread(place[None], runs)[0] * (np.minimum(self.x, o) * slope - force)
             parts.append((shift / np.hypot(force, self.small))[:, None])
@@ -195,10 +198,10 @@ def _onsets(
     X: np.ndarray, courses: Sequence[Course], begun: np.ndarray, end: float, kernel: Kernel | None
 ) -> tuple[GaussianProcess | None, np.ndarray]:
     """The process of the onset's logarithm, None where too few cuts begin; and all onsets (n,)."""
-    if begun.sum() < X.shape[1] + 1 + SPARE:
+    if begun.sum() < X.shape[1] + 1 + MIN_SPARE_CURVES:
         return None, np.full(len(X), end)
     values = np.log([c.onset if b else np.nan for c, b in zip(courses, begun, strict=True)])
-    last = np.log([(1 + BEYOND) * c.end for c in courses])
+    last = np.log([(1 + UNCUT_MARGIN) * c.end for c in courses])
     process = GaussianProcess(X[begun], values[begun], kernel=kernel)
     for _ in range(2 if not begun.all() else 0):
         values[~begun] = np.maximum(process.mean(X[~begun]), last[~begun])
@@ -212,10 +215,10 @@ class Curves:
 
     def __init__(self, X: np.ndarray, Y: np.ndarray, kernel: Kernel | None = None):
         count = np.isfinite(Y).sum(axis=0)
-        few = X.shape[1] + 1 + SPARE
+        few = X.shape[1] + 1 + MIN_SPARE_CURVES
         last = int(np.flatnonzero(count >= min(few, count[0])).max()) + 1
         self.size = Y.shape[1]
-        levels = np.unique(np.linspace(count[0], count[last - 1], REACHES).astype(int))[::-1]
+        levels = np.unique(np.linspace(count[0], count[last - 1], GROUPS_BY_REACH).astype(int))[::-1]
         self.blocks: list[tuple[slice, GaussianProcess]] = []
         first = 0
         weights, trend = np.zeros((len(X), self.size)), np.zeros((1 + X.shape[1], self.size))
@@ -243,7 +246,7 @@ class Curves:
         """Values (p, s, m) that runs at places (p, d) may have; ``normal``: see ``AlignedCurves.draws``."""
         parts = []
         for number, (_, made) in enumerate(self.blocks):
-            noise = normal(1 + number, made.shapes.shape[1]) @ made.shapes.T
+            noise = normal(1 + number, made.curve_root.shape[1]) @ made.curve_root.T
             sd = made.spread(places, runs=True)
             parts.append(made.mean(places)[:, None, :] + sd[:, None, None] * noise)
         found = np.concatenate(parts, axis=2)
@@ -251,7 +254,7 @@ class Curves:
 
     def root(self, place: np.ndarray, runs: bool) -> np.ndarray:
         """(m, r); blocks err each by itself."""
-        parts = [made.shapes * made.spread(place[None], runs)[0] for _, made in self.blocks]
+        parts = [made.curve_root * made.spread(place[None], runs)[0] for _, made in self.blocks]
         root = np.zeros((self.size, sum(part.shape[1] for part in parts)))
         column = 0
         for (where, _), part in zip(self.blocks, parts, strict=True):
@@ -262,12 +265,12 @@ class Curves:
         return root
 
 
-def _read(at: np.ndarray, c: Course) -> np.ndarray:
+def _force_at(at: np.ndarray, c: Course) -> np.ndarray:
     """The curve at travels, nan beyond its end."""
     return np.where(at <= c.x[-1] * (1 + 1e-9), np.interp(at, c.x, c.force), np.nan)
 
 
-def _over(way: np.ndarray, root: np.ndarray, at: np.ndarray) -> np.ndarray:
+def _interpolated_root(way: np.ndarray, root: np.ndarray, at: np.ndarray) -> np.ndarray:
     """``root`` (n, r), along ``way`` (n,), at the travels ``at`` (k,); 0 where these are nan."""
     read = np.stack([np.interp(at, way, column) for column in root.T], axis=1)
     return np.where(np.isnan(at)[:, None], 0.0, read)

@@ -19,16 +19,16 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.special import ndtr, ndtri
 
+from cutbench.base.display import Displayed
 from cutbench.base.errors import BadInput
-from cutbench.base.handled import Handled
 from cutbench.case.case import Case, load_case
 from cutbench.case.model import groups
 from cutbench.case.motion import TRANSITION as UNTIL
 from cutbench.case.values import CLAMP
 from cutbench.emulator.alignment import AlignedCurves, Course, Curves
-from cutbench.emulator.box import BLUNT, REACH, Box
-from cutbench.emulator.groups import Groups, same
-from cutbench.emulator.process import GaussianProcess, Kernel
+from cutbench.emulator.design_space import BLUNT_BLADES, MAX_DEPTH, DesignSpace
+from cutbench.emulator.gaussian_process import GaussianProcess, Kernel
+from cutbench.emulator.groups import Groups, is_same_value
 from cutbench.run.measures import (
     ABRUPT,
     ABRUPT_DROP,
@@ -41,27 +41,27 @@ from cutbench.run.measures import (
 )
 
 #: Travels beyond the onset, in halves of the blade's thickness, between which curves are straight.
-BEYOND = np.array(
+TRAVELS_BEYOND_ONSET = np.array(
     [0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.65, 0.8, 1, 1.2, 1.5, 1.8, 2.2, 2.6, 3, 3.5, 4, 4.5, 5, 6, 7, 8, 9, 10,
      12, 14, 17, 20, 25, 30, 38]
 )  # fmt: skip
 #: Parts of the way to the onset.
-RISE = 24
+INTERVALS_TO_ONSET = 24
 #: The blade's thickness, in halves of it: the window of a drop.
-WINDOW = 2.0
+DROP_WINDOW = 2.0
 #: η v/a below which viscosity hardly matters.
-SLOW = 0.05
+SMALL_VISCOSITY = 0.05
 #: τ_W/G below which adhesion hardly deforms the gel.
-STICKY = 0.2
+SMALL_ADHESION = 0.2
 #: Where the work is told apart by mechanism: parts of the way to the onset, and travels beyond.
-PARTS, LATER = np.array([0.2, 0.5, 0.8, 1.0]), np.array([1.0, 3.0, 6.0, 10.0, 20.0])
+WORK_FRACTIONS, WORK_TRAVELS = np.array([0.2, 0.5, 0.8, 1.0]), np.array([1.0, 3.0, 6.0, 10.0, 20.0])
 #: Curves that are drawn, and the level of intervals.
 DRAWS, LEVEL = 200, 0.9
-WIDE = float(ndtri((1 + LEVEL) / 2))
+NORMAL_QUANTILE = float(ndtri((1 + LEVEL) / 2))
 #: What an estimate has intervals of, and their units.
 MEASURES = {"onset_mm": "mm", "peak_N": "N", "drop": "", "steady_N": "N"}
 #: The processes of the curves, and the measures that have one of their own.
-CURVES, OWN = ("onset", "before", "after"), ("peak", "drop", "steady")
+CURVES, MEASURES_WITH_PROCESS = ("onset", "before", "after"), ("peak", "drop", "steady")
 
 
 class NotInAtlas(BadInput):
@@ -83,7 +83,7 @@ class Interval:
 
 
 @dataclass(frozen=True, repr=False)
-class Estimate(Handled):
+class Estimate(Displayed):
     """What the atlas says of a case.
 
     Attributes
@@ -104,7 +104,7 @@ class Estimate(Handled):
         Groups of the nearest runs, with their distances in lengths along which the onset changes.
     """
 
-    handled_in: ClassVar[str] = "cutbench.emulator.display"
+    display_module: ClassVar[str] = "cutbench.emulator.display"
 
     case: Case
     x_mm: np.ndarray
@@ -169,19 +169,19 @@ class Measures:
 
 
 class Atlas:
-    """Runs of one box, and what lies between them.
+    """Runs of one design space, and what lies between them.
 
     Parameters
     ----------
-    box : Box
-        The box.
+    space : DesignSpace
+        The ranges of its groups.
     groups : ndarray, shape (n, d)
         Values of its groups.
     courses : sequence of Course
         The runs, in units of half the blade's thickness and of a force.
     measured : mapping
         ``peak``, ``drop`` and ``steady`` (n,) of the runs, nan where they have none, in the same units.
-    works : mapping
+    cumulative_work : mapping
         By mechanism, the work (n arrays) that it took up at the travels of each run.
     kernels : mapping
         Of its processes, as ``kernels`` of an earlier one says; the likeliest unless given, which takes a
@@ -194,26 +194,26 @@ class Atlas:
 
     def __init__(
         self,
-        box: Box,
+        space: DesignSpace,
         groups: np.ndarray,
         courses: Sequence[Course],
         measured: Mapping[str, np.ndarray],
-        works: Mapping[str, Sequence[np.ndarray]] | None = None,
+        cumulative_work: Mapping[str, Sequence[np.ndarray]] | None = None,
         kernels: Mapping[str, Kernel | None] | None = None,
         wider: Mapping[str, float] | None = None,
         about: Mapping[str, Any] | None = None,
     ):
-        self.box, self.groups, self.courses, self.measured = box, groups, courses, measured
-        self.works, self.wider, self.about = works or {}, wider or {}, about or {}
+        self.space, self.groups, self.courses, self.measured = space, groups, courses, measured
+        self.cumulative_work, self.wider, self.about = cumulative_work or {}, wider or {}, about or {}
         known = kernels or {}
         self.X = self._coordinates(groups)
-        rise = np.linspace(0, REACH, RISE + 1)
+        rise = np.linspace(0, MAX_DEPTH, INTERVALS_TO_ONSET + 1)
         of_curves = [known.get(name) for name in CURVES]
-        self.curves = AlignedCurves(self.X, courses, rise, BEYOND, of_curves)
+        self.curves = AlignedCurves(self.X, courses, rise, TRAVELS_BEYOND_ONSET, of_curves)
         onsets, ends = (np.array([getattr(c, n) for c in courses]) for n in ("onset", "end"))
         self._own = {}
-        for name in OWN:
-            values = self._normal(name, measured[name], groups, onsets, ends)
+        for name in MEASURES_WITH_PROCESS:
+            values = self._normal_variable(name, measured[name], groups, onsets, ends)
             there = np.isfinite(values)
             self._own[name] = GaussianProcess(self.X[there], values[there], kernel=known.get(name))
 
@@ -224,30 +224,30 @@ class Atlas:
         return of_curves | {name: made.kernel for name, made in self._own.items()}
 
     @classmethod
-    def read(cls, file: Any, box: Box = BLUNT) -> Atlas:
+    def read(cls, file: Any, space: DesignSpace = BLUNT_BLADES) -> Atlas:
         """Out of a file that ``write`` made."""
         with np.load(file) as data:
             about = json.loads(str(data["about"]))
             ends = np.cumsum(data["sizes"])[:-1]
             x, force = (np.split(data[name].astype(float), ends) for name in ("x", "force"))
             work = [np.split(each.astype(float), ends) for each in data["work"].T]
-            works = dict(zip(about["works"], work, strict=True))
+            cumulative_work = dict(zip(about["works"], work, strict=True))
             onset = data["onset"].astype(float).tolist()
             courses = [Course(a, b, at) for a, b, at in zip(x, force, onset, strict=True)]
-            measured = {name: data[name].astype(float) for name in OWN}
+            measured = {name: data[name].astype(float) for name in MEASURES_WITH_PROCESS}
             kernels = {n: k and Kernel(tuple(k["lengths"]), k["nugget"]) for n, k in about["kernels"].items()}
             groups = data["groups"].astype(float)
-            return cls(box, groups, courses, measured, works, kernels, about["wider"], about)
+            return cls(space, groups, courses, measured, cumulative_work, kernels, about["wider"], about)
 
     def write(self, file: Path, about: Mapping[str, Any]) -> None:
         """Into a file."""
         kernels = {n: k and {"lengths": k.lengths, "nugget": k.nugget} for n, k in self.kernels.items()}
-        record = {**about, "works": [*self.works], "kernels": kernels, "wider": {**self.wider}}
+        record = {**about, "works": [*self.cumulative_work], "kernels": kernels, "wider": {**self.wider}}
         arrays = {
             "groups": self.groups, "x": np.concatenate([c.x for c in self.courses]),
             "force": np.concatenate([c.force for c in self.courses]),
             "onset": np.array([c.onset for c in self.courses]),
-            "work": np.stack([np.concatenate(each) for each in self.works.values()], axis=1),
+            "work": np.stack([np.concatenate(each) for each in self.cumulative_work.values()], axis=1),
             **self.measured,
         }  # fmt: skip
         small: dict[str, Any] = {name: each.astype(np.float32) for name, each in arrays.items()}
@@ -256,40 +256,40 @@ class Atlas:
 
     def _coordinates(self, values: np.ndarray) -> np.ndarray:
         by_name = self._by_name(values)
-        columns = {side.name: side.coordinate(by_name[side.name]) for side in self.box.sides}
+        columns = {side.name: side.coordinate(by_name[side.name]) for side in self.space.ranges}
         # How fast a blade opens the cut is a matter of its own width: η v/a is smoother than η v/δ_c.
-        columns["viscosity"] = np.arcsinh(by_name["viscosity"] * by_name["delta_c"] / SLOW)
+        columns["viscosity"] = np.arcsinh(by_name["viscosity"] * by_name["delta_c"] / SMALL_VISCOSITY)
         # What adheres deforms the gel: τ_W/G.
-        columns["adhesion"] = np.arcsinh(by_name["adhesion"] * by_name["cohesion"] / STICKY)
+        columns["adhesion"] = np.arcsinh(by_name["adhesion"] * by_name["cohesion"] / SMALL_ADHESION)
         return np.stack(list(columns.values()), axis=1)
 
     def _by_name(self, values: np.ndarray) -> dict[str, np.ndarray]:
-        return dict(zip([side.name for side in self.box.sides], values.T, strict=True))
+        return dict(zip([side.name for side in self.space.ranges], values.T, strict=True))
 
-    def _normal(
+    def _normal_variable(
         self, name: str, value: np.ndarray, groups: np.ndarray, onset: np.ndarray, depth: np.ndarray
     ) -> np.ndarray:
         """What is normal of a measure."""
         if name == "drop":
             return np.sqrt(value)
-        usual = np.log(onset) if name == "peak" else np.log(self._cutting(groups, onset, depth))
+        usual = np.log(onset) if name == "peak" else np.log(self._steady_cutting_force(groups, onset, depth))
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.log(np.where(value > 0, value, np.nan)) - usual
 
-    def _cutting(self, groups: np.ndarray, onset: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    def _steady_cutting_force(self, groups: np.ndarray, onset: np.ndarray, depth: np.ndarray) -> np.ndarray:
         """Force (n,) that cutting at a steady pace takes about (Atkins 2009, The Science and Engineering of
         Cutting): the toughness with its viscous part, and adhesion along both faces, at the middle of the
         travel where it is measured."""
         g = self._by_name(groups)
-        end = np.minimum(depth, g["height"] - CLAMP * WINDOW)
-        start = np.maximum((1 - TAIL) * end, onset + TRANSITION * WINDOW)
+        end = np.minimum(depth, g["height"] - CLAMP * DROP_WINDOW)
+        start = np.maximum((1 - TAIL) * end, onset + TRANSITION * DROP_WINDOW)
         toughness = g["cohesion"] * g["delta_c"] * (1 + g["viscosity"])
         return toughness + g["adhesion"] * g["cohesion"] * (start + np.maximum(end, start)) / 2
 
     def values(self, case: Case) -> list[float]:
         """Values of the groups of a case. Raises NotInAtlas, which says what lies outside."""
-        found = values_of(self.box, case)
-        for side, value in zip(self.box.sides, found, strict=True):
+        found = values_of(self.space, case)
+        for side, value in zip(self.space.ranges, found, strict=True):
             if not side.low * (1 - 1e-6) <= value <= side.high * (1 + 1e-6):
                 expected = f"{side.low:g} to {side.high:g}, which the atlas has"
                 raise NotInAtlas(side.name, f"{value:.3g}", expected)
@@ -302,12 +302,12 @@ class Atlas:
         onset = np.stack(self.curves.log_onset(places), axis=1)
         onset[:, 1] *= self.wider.get("onset", 1.0)
         found = {"onset": onset}
-        for name in OWN:
+        for name in MEASURES_WITH_PROCESS:
             made = self._own[name]
             mean, sd = made.mean(places), made.spread(places, runs=True) * self.wider.get(name, 1.0)
             if name != "drop":
                 at = np.exp(onset[:, 0])
-                mean = mean - self._normal(name, np.ones(len(at)), groups, at, depths)
+                mean = mean - self._normal_variable(name, np.ones(len(at)), groups, at, depths)
             if name == "peak":
                 sd = np.hypot(sd, onset[:, 1])  # the force rises with the travel to the onset
             found[name] = np.stack([mean, sd], axis=1)
@@ -324,15 +324,15 @@ class Atlas:
         groups, units = np.array([self.values(case)]), Groups.of(case)
         assert units is not None, "of the atlas' model"
         half, force = units.length(case.values), units.force(case.values)
-        depth = min(case.values["depth"] / half, REACH)
+        depth = min(case.values["depth"] / half, MAX_DEPTH)
         m, place = self.measures(groups, np.array([depth])), self._coordinates(groups)
         uncut = float(m.uncut(np.array([depth]))[0])
         abrupt = (1 - uncut) * float(ndtr(m.falls(ABRUPT_DROP))[0])
         cut = uncut < 0.5
-        end = float(np.exp(m.onset[0, 0])) + (KNOWN if case.until == UNTIL else math.inf) * WINDOW
+        end = float(np.exp(m.onset[0, 0])) + (KNOWN if case.until == UNTIL else math.inf) * DROP_WINDOW
         x = np.linspace(0, min(depth, end), 161)
         low, middle, high = force * self.band(groups, x)
-        whole = cut and end > depth and depth - math.exp(m.onset[0, 0]) > (TRANSITION + 1) * WINDOW
+        whole = cut and end > depth and depth - math.exp(m.onset[0, 0]) > (TRANSITION + 1) * DROP_WINDOW
         onset, peak, drop, steady = (getattr(m, n)[0] for n in ("onset", "peak", "drop", "steady"))
         return Estimate(
             case, x * half, middle, low, high,
@@ -355,14 +355,16 @@ class Atlas:
         curves = []
         for at, rising, later in zip(onset, before, after, strict=True):
             rise = np.linspace(0, at, rising.size)
-            curves.append(np.where(x <= at, np.interp(x, rise, rising), np.interp(x - at, BEYOND, later)))
+            curves.append(
+                np.where(x <= at, np.interp(x, rise, rising), np.interp(x - at, TRAVELS_BEYOND_ONSET, later))
+            )
         return np.quantile(curves, [(1 - LEVEL) / 2, 0.5, (1 + LEVEL) / 2], axis=0)
 
     def _nearest(self, place: np.ndarray, count: int = 3) -> tuple[tuple[float, Mapping[str, float]], ...]:
         kernel = self.curves.kernels[0]
         assert kernel is not None
-        far = kernel.apart(place, self.X)[0]
-        names = [side.name for side in self.box.sides]
+        far = kernel.distances(place, self.X)[0]
+        names = [side.name for side in self.space.ranges]
         return tuple(
             (float(far[i]), dict(zip(names, map(float, self.groups[i]), strict=True)))
             for i in np.argsort(far)[:count]
@@ -370,21 +372,23 @@ class Atlas:
 
     def _shares(self, place: np.ndarray, x: np.ndarray, onset: float) -> dict[str, np.ndarray]:
         """By mechanism, the part (k,) of the work until travels (k,)."""
-        if not self.works:
+        if not self.cumulative_work:
             return {}
-        shares = np.maximum(self._work.mean(place)[0].reshape(-1, len(self.works)), 0.0)
+        shares = np.maximum(self._work.mean(place)[0].reshape(-1, len(self.cumulative_work)), 0.0)
         shares /= shares.sum(axis=1, keepdims=True)
-        stations = np.concatenate([onset * PARTS, onset + LATER])
-        return {n: np.interp(x, stations, share) for n, share in zip(self.works, shares.T, strict=True)}
+        stations = np.concatenate([onset * WORK_FRACTIONS, onset + WORK_TRAVELS])
+        return {
+            n: np.interp(x, stations, share) for n, share in zip(self.cumulative_work, shares.T, strict=True)
+        }
 
     @cached_property
     def _work(self) -> Curves:
         """Of the parts of the work at stations of the way, mechanism by mechanism."""
         rows = []
         for run, course in enumerate(self.courses):
-            works = np.stack([each[run] for each in self.works.values()], axis=1)
+            works = np.stack([each[run] for each in self.cumulative_work.values()], axis=1)
             onset = course.onset if math.isfinite(course.onset) else course.x[-1]
-            at = np.concatenate([onset * PARTS, onset + LATER])
+            at = np.concatenate([onset * WORK_FRACTIONS, onset + WORK_TRAVELS])
             taken = np.stack([np.interp(at, course.x, w) for w in works.T], axis=1)
             taken /= taken.sum(axis=1, keepdims=True)
             taken[at > course.x[-1] * (1 + 1e-9)] = np.nan
@@ -392,12 +396,12 @@ class Atlas:
         return Curves(self.X, np.array(rows), self.curves.kernels[1])
 
 
-def values_of(box: Box, case: Case) -> list[float]:
-    """Values of a box's groups of a case, of whatever size. Raises NotInAtlas for another model."""
-    base, known = box.base, groups()
-    of = {s.name: known[s.name].parameter if s.name in known else s.name for s in box.sides}
+def values_of(space: DesignSpace, case: Case) -> list[float]:
+    """Values of a design space's groups of a case, of whatever size. Raises NotInAtlas for another model."""
+    base, known = space.base, groups()
+    of = {s.name: known[s.name].parameter if s.name in known else s.name for s in space.ranges}
     # A side that begins at 0 does so where a law has no effect: a case may lack it.
-    switched = {of[s.name] for s in box.sides if s.low == 0}
+    switched = {of[s.name] for s in space.ranges if s.low == 0}
     strange = [law.name for law in case.model.all if law.name not in base.mechanisms]
     missing = [
         law.name
@@ -412,13 +416,13 @@ def values_of(box: Box, case: Case) -> list[float]:
         raise NotInAtlas("speed", f"{case.values['speed']:g} mm/s", "a blade that moves")
     reduced, at_base = units.reduced(case.values), units.reduced(base.values)
     for name, value in reduced.items():
-        if name not in {*of.values(), units.modulus} and not same(value, at_base[name]):
+        if name not in {*of.values(), units.modulus} and not is_same_value(value, at_base[name]):
             q = base.model.parameters()[name]
             raise NotInAtlas(name, q.show(case.values[name]), f"{q.show(base.values[name])}, as in the atlas")
     return [
         0.0 if of[s.name] not in case.values
         else known[s.name].value(case.p) if s.name in known else reduced[s.name]
-        for s in box.sides
+        for s in space.ranges
     ]  # fmt: skip
 
 
@@ -454,6 +458,6 @@ def _interval(normal: np.ndarray, unit: float, there: bool, root: bool = False) 
     if not there:
         return Interval(math.nan, math.nan, math.nan)
     mean, sd = normal
-    low, middle, high = mean - WIDE * sd, mean, mean + WIDE * sd
+    low, middle, high = mean - NORMAL_QUANTILE * sd, mean, mean + NORMAL_QUANTILE * sd
     back = (lambda v: min(max(v, 0.0) ** 2, 1.0)) if root else math.exp
     return Interval(*(unit * back(v) for v in (middle, low, high)))

@@ -13,13 +13,13 @@ import numpy as np
 from cutbench.base.errors import BadInput
 from cutbench.case.case import Case
 from cutbench.case.model import Model
-from cutbench.emulator.alignment import SPARE, AlignedCurves, Course
-from cutbench.emulator.groups import Coordinate, Groups, same
+from cutbench.emulator.alignment import MIN_SPARE_CURVES, AlignedCurves, Course
+from cutbench.emulator.groups import Coordinate, Groups, is_same_value
 
 #: Beyond the range of the known runs by more than this part of it nothing is said.
-MARGIN = 0.25
+EXTRAPOLATION = 0.25
 #: Travels at which curves are said.
-PLACES = 80
+TRAVEL_POINTS = 80
 
 
 class OutOfRange(Exception):
@@ -109,33 +109,35 @@ class CutEmulator:
         self._equal = [law for law in first.model.all if law.like(first.p)]
         other_words = {q.name for law in self._equal for q in law.parameters}
         free = {*free, *(name for law in self._equal for name in law.like(first.p))}
-        ends = [_end(c) / groups.length(c.values) for c in cases]
-        asked = [groups.reduced(self._plain(c.values)) for c in cases]
+        ends = [_travel_at_end(c) / groups.length(c.values) for c in cases]
+        asked = [groups.reduced(self._with_equal_laws_replaced(c.values)) for c in cases]
         # Runs that differ in anything else, as those of other candidates do, say little of these.
-        may_differ = {n for n in groups.powers if any(not same(a[n], asked[0][n]) for a in asked)} | {*free}
+        may_differ = {
+            n for n in groups.powers if any(not is_same_value(a[n], asked[0][n]) for a in asked)
+        } | {*free}
         if groups.modulus in free:
             may_differ |= {n for n, (force, _, _) in groups.powers.items() if force}
         may_differ = may_differ & {*groups.powers} - other_words
         known: list[tuple[Run, dict[str, float], Mapping[str, float]]] = []
         for run in runs:
-            own = _seen_as(run.case, first)
+            own = _values_as_model(run.case, first)
             if own is None or run.x[-1] / groups.length(own) < min(ends) * (1 - 1e-9):
                 continue
-            seen = groups.reduced(values := self._plain(own))
+            seen = groups.reduced(values := self._with_equal_laws_replaced(own))
             fixed = (n for n in seen if n not in may_differ | other_words)
-            if all(any(same(seen[n], a[n]) for a in asked) for n in fixed):
+            if all(any(is_same_value(seen[n], a[n]) for a in asked) for n in fixed):
                 known.append((run, seen, values))
         told = [seen for _, seen, _ in known]
-        self.coordinates, columns = self._columns(
+        self.coordinates, columns = self._coordinates_of(
             may_differ, free - other_words - {groups.modulus, "thickness"}, asked, told, first
         )
-        if len(known) < len(self.coordinates) + 1 + SPARE:
+        if len(known) < len(self.coordinates) + 1 + MIN_SPARE_CURVES:
             raise ValueError("too few runs")
         courses = [
             Course(run.x / groups.length(v), run.force / groups.force(v), run.onset_mm / groups.length(v))
             for run, _, v in known
         ]
-        self.x = np.linspace(0.0, max(ends), PLACES + 1)
+        self.x = np.linspace(0.0, max(ends), TRAVEL_POINTS + 1)
         made, X = {} if curves is None else curves, np.stack(columns, axis=1)
         key = tuple(c.name for c in self.coordinates), X.tobytes(), float(self.x[-1])
         if key not in made:
@@ -143,7 +145,7 @@ class CutEmulator:
         self.curves = made[key]
 
     @staticmethod
-    def _columns(
+    def _coordinates_of(
         may_differ: Collection[str],
         free: Collection[str],
         asked: Sequence[Mapping[str, float]],
@@ -166,12 +168,12 @@ class CutEmulator:
                 raise ValueError(f"no run tells what {name} does")
             if alike:
                 continue
-            if not any(_straight(column, other) for other in columns):
+            if not any(_collinear(column, other) for other in columns):
                 coordinates.append(coordinate)
                 columns.append(column)
         return coordinates, columns
 
-    def _plain(self, values: Mapping[str, float]) -> Mapping[str, float]:
+    def _with_equal_laws_replaced(self, values: Mapping[str, float]) -> Mapping[str, float]:
         """``values`` as a model without the laws that do what another value does has them."""
         for law in self._equal:
             on = any(
@@ -244,28 +246,28 @@ class CutEmulator:
         return float(self.curves.onset(self._places([values]))[0] * self.groups.length(values))
 
     def _places(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:
-        reduced = [self.groups.reduced(self._plain(values)) for values in each]
+        reduced = [self.groups.reduced(self._with_equal_laws_replaced(values)) for values in each]
         columns = [c.of_values(np.array([r[c.name] for r in reduced])) for c in self.coordinates]
         found = np.stack(columns, axis=1) if columns else np.zeros((len(each), 0))
         low, high = self.curves.X.min(axis=0), self.curves.X.max(axis=0)
-        far = np.maximum(low - found, found - high) > MARGIN * (high - low)
+        far = np.maximum(low - found, found - high) > EXTRAPOLATION * (high - low)
         if far.any():
             names = [c.name for c, is_far in zip(self.coordinates, far.any(axis=0), strict=True) if is_far]
             raise OutOfRange(f"no cut near enough is known: {', '.join(names)}")
         return found
 
     def _units(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:
-        return np.array([self.groups.force(self._plain(values)) for values in each])
+        return np.array([self.groups.force(self._with_equal_laws_replaced(values)) for values in each])
 
 
-def _straight(one: np.ndarray, other: np.ndarray) -> bool:
+def _collinear(one: np.ndarray, other: np.ndarray) -> bool:
     """Whether two columns (n,) change together in proportion, so that one says all of the other."""
     a, b = one - one.mean(), other - other.mean()
     return bool(abs(a @ b) >= (1 - 1e-9) * np.linalg.norm(a) * np.linalg.norm(b))
 
 
 @lru_cache
-def _grows(mechanisms: tuple[str, ...], wanted: tuple[str, ...]) -> bool:
+def _is_nested_in(mechanisms: tuple[str, ...], wanted: tuple[str, ...]) -> bool:
     """Whether the model of ``mechanisms`` is the one that is ``wanted`` with some of its laws switched off,
     or in place of what is a special case of them; whatever their rigs."""
     mine, other = (Model(names).unrigged for names in (mechanisms, wanted))
@@ -276,17 +278,17 @@ def _grows(mechanisms: tuple[str, ...], wanted: tuple[str, ...]) -> bool:
     return {*grown.mechanisms} == {*other.mechanisms}
 
 
-def _end(case: Case) -> float:
+def _travel_at_end(case: Case) -> float:
     """Where it ends, mm: its depth, or its duration times its speed."""
     return case.motion[-1][0] * case.values["speed"] if case.motion else case.values["depth"]
 
 
-def _seen_as(run: Case, wanted: Case) -> dict[str, float] | None:
+def _values_as_model(run: Case, wanted: Case) -> dict[str, float] | None:
     """The values of a run as one of the model of ``wanted``, nan where they have no effect; None if it is
     none, or was computed otherwise."""
     fixed = ("dim", "numerics", "outline", "motion")
     alike = all(getattr(run, name) == getattr(wanted, name) for name in fixed)
-    if not alike or not _grows(run.mechanisms, wanted.mechanisms):
+    if not alike or not _is_nested_in(run.mechanisms, wanted.mechanisms):
         return None
     new = {n: q for n, q in wanted.model.parameters().items() if n not in run.values}
     return {**run.values, **{n: math.nan if q.off is None else q.off_value for n, q in new.items()}}

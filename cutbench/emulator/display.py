@@ -1,9 +1,8 @@
-"""An estimate as people handle it: in words, as a picture, as a table, as files."""
+"""An estimate in words, as a picture, as a table, as files."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,13 +10,10 @@ from matplotlib.figure import Figure
 
 from cutbench.base.figure_style import COLOURS, SINGLE_MM, force_from_zero, new_figure, save, style
 from cutbench.base.files import check_writable, write_json, write_text
-from cutbench.emulator.atlas import MEASURES
-
-if TYPE_CHECKING:
-    from cutbench.emulator.atlas import Estimate
+from cutbench.emulator.atlas import MEASURES, Estimate
 
 
-def told(found: Estimate) -> list:
+def summary_lines(found: Estimate) -> list:
     """Its verdict, and a line a measure."""
     head, *lines = found.lines()
     return [f"{found.case.name}: {head[1]}", *lines]

@@ -103,6 +103,6 @@ class Coordinate:
         return np.arcsinh(group / self.unit) if self.kind == "asinh" else np.asarray(group, dtype=float)
 
 
-def same(a: float, b: float) -> bool:
+def is_same_value(a: float, b: float) -> bool:
     """Whether two values of a group are one."""
     return math.isclose(a, b, rel_tol=1e-9, abs_tol=1e-300)

@@ -14,10 +14,10 @@ import numpy as np
 
 from cutbench.base.fused import fused
 from cutbench.forms.base import AT_REST, Form, Local, Step, blend, component_major, gather
-from cutbench.forms.gap import Approach, Met, ToolGap
-from cutbench.forms.gap import met as points_met
+from cutbench.forms.blade_gap import Approach, Met, ToolGap
+from cutbench.forms.blade_gap import met as points_met
+from cutbench.forms.contact_assembly import Contact, Found, Sliding, pressed, sandwich
 from cutbench.forms.normals import cross, inward, unit
-from cutbench.forms.pressed import Contact, Found, Sliding, pressed, sandwich
 from cutbench.forms.sliding import Strengths
 from cutbench.forms.space import Faces
 from cutbench.mechanisms.base import Tool

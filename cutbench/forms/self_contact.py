@@ -21,7 +21,7 @@ import numpy as np
 from cutbench.case.tuning import SelfContactTuning
 from cutbench.forms.barrier import barrier, plain_barrier
 from cutbench.forms.base import Form, Local, same
-from cutbench.forms.line import crossings, meeting, near, room
+from cutbench.forms.surface_lines import crossings, meeting, near, room
 from cutbench.mechanisms.base import Bulk
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from cutbench.forms.pressed import way
+from cutbench.forms.contact_assembly import way
 from cutbench.mechanisms.base import STEP, Points
 
 

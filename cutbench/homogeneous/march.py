@@ -25,7 +25,7 @@ from cutbench.base.symbols import leaf
 from cutbench.mechanisms.base import STEP
 
 #: Marches of one model without compiling; of code that is kept, none.
-PATIENCE = 8
+MARCHES_BEFORE_COMPILING = 8
 
 #: By which an answer may differ from NumPy's, over its largest number.
 ROUNDING = 1e-6
@@ -121,7 +121,7 @@ class March:
             source = _sources.get(key)
             if source is None:
                 source = _sources[key] = _source(stress, laws, mode, p, names, state)
-            if source and not (_asked[key] > PATIENCE or is_kept(source)):
+            if source and not (_asked[key] > MARCHES_BEFORE_COMPILING or is_kept(source)):
                 return None
             _known[key] = cls(source, names, shapes) if source else None
         return _known[key]

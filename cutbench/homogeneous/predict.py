@@ -59,7 +59,7 @@ def slopes(
             raise BadInput("parameter", name, one_of(name, vars(p)))
     if not names:
         return predict(experiment, model, p, at), np.zeros((at.x.size, 0))
-    out = _stepped(experiment, model, p, [({}, name) for name in names], at)
+    out = _complex_stepped(experiment, model, p, [({}, name) for name in names], at)
     return out[:, 0].real.copy(), out.imag / STEP
 
 
@@ -76,11 +76,11 @@ def scan(
     All of them come from one pass along the history where the model has a memory.
     """
     at = at or experiment.on_grid()
-    out = _stepped(experiment, model, p, [(values, name) for values in sets for name in names], at)
+    out = _complex_stepped(experiment, model, p, [(values, name) for values in sets for name in names], at)
     return (out.imag / STEP).reshape(at.x.size, len(sets), len(names)).transpose(1, 0, 2)
 
 
-def _stepped(
+def _complex_stepped(
     experiment: Experiment,
     model: Model,
     p: SimpleNamespace,
@@ -89,7 +89,7 @@ def _stepped(
 ) -> np.ndarray:
     """Readings (n, len(pairs)) with the values of each pair in ``p`` and a complex step in what it names."""
     batch = SimpleNamespace(**vars(p))
-    if experiment.kind == "sliding" or (experiment.kind in HOMOGENEOUS and not _remembers(model, p)):
+    if experiment.kind == "sliding" or (experiment.kind in HOMOGENEOUS and not _has_history(model, p)):
         # Without memory all readings are solved at once, so the parameters come one by one.
         parts = []
         for values, name in pairs:
@@ -114,7 +114,7 @@ def _read(experiment: Experiment, model: Model, p: SimpleNamespace, at: Averaged
     return machine.reading(_respond(experiment.kind, own, model, p, experiment.direction, count))
 
 
-def _remembers(model: Model, p: SimpleNamespace) -> bool:
+def _has_history(model: Model, p: SimpleNamespace) -> bool:
     return any(law.start(1, p) for law in model.laws("bulk"))
 
 

@@ -11,7 +11,7 @@ from cutbench.homogeneous.history import LoadingHistory
 from cutbench.mechanisms.base import Points, cut_answers
 
 #: Steps to each reading: laws may take means over a step, which lag by half of it.
-STEPS = 8
+STEPS_TO_READING = 8
 
 
 def traction(
@@ -26,7 +26,7 @@ def traction(
     for law in laws:
         state |= law.start(count, p)
     old, out = np.zeros((3, count)), []
-    for x, dt, reached in history.steps(np.inf, STEPS):
+    for x, dt, reached in history.steps(np.inf, STEPS_TO_READING):
         jump = np.zeros((3, count), dtype=np.result_type(x, float))
         jump[axis] = x
         # The middle of a specimen: no skin.

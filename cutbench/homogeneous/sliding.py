@@ -15,7 +15,7 @@ from cutbench.homogeneous.history import SLOW, LoadingHistory
 from cutbench.mechanisms.base import Points
 
 #: Slower than this part of the mean speed is rest.
-REST = 0.01
+REST_SPEED_FRACTION = 0.01
 
 
 def traction(history: LoadingHistory, model: Model, p: SimpleNamespace) -> np.ndarray:
@@ -35,6 +35,6 @@ def traction(history: LoadingHistory, model: Model, p: SimpleNamespace) -> np.nd
     strength = np.zeros(n)
     for law in model.laws("blade"):
         strength = strength + law.strength(history.pressure_MPa, p, {}, at)
-    moving = np.abs(way) > REST * np.abs(way).mean()
+    moving = np.abs(way) > REST_SPEED_FRACTION * np.abs(way).mean()
     latest = np.maximum.accumulate(np.where(moving, np.arange(n), np.argmax(moving)))
     return np.sign(way[latest]) * strength

@@ -25,11 +25,11 @@ from cutbench.mechanisms import Volumetric
 from cutbench.mechanisms.base import STEP, Bulk, Points
 
 #: Largest step of ln λ of laws with state, and fewest steps to a reading: their errors are of first order.
-LARGEST, FEWEST = 0.02, 4
+MAX_LOG_STRETCH_STEP, MIN_STEPS_TO_READING = 0.02, 4
 #: A change of ln of the free stretch below this leaves less than its square.
-CLOSE = 1e-7
+STRETCH_TOLERANCE = 1e-7
 #: Depth in mm at which the skin of a specimen is not felt.
-DEEP = 1e6
+DEPTH_WITHOUT_SKIN = 1e6
 
 
 def nominal_stress(
@@ -39,8 +39,8 @@ def nominal_stress(
     p: SimpleNamespace,
     *,
     count: int = 1,
-    largest: float = LARGEST,
-    fewest: int = FEWEST,
+    largest: float = MAX_LOG_STRETCH_STEP,
+    fewest: int = MIN_STEPS_TO_READING,
 ) -> np.ndarray:
     """P₁₁ (n, count) in MPa at each reading of ``history``; ``count`` is the length of array parameters.
 
@@ -50,24 +50,24 @@ def nominal_stress(
     if not body.start(1):
         # Without memory the order does not matter.
         x = np.broadcast_to(history.x.reshape(history.x.shape[0], -1), (history.x.shape[0], count))
-        body = _Body(model, _repeated(p, x.shape), body.mode)
+        body = _Body(model, _at_every_reading(p, x.shape), body.mode)
         flat = x.ravel()
         found = body.advance(flat, np.log(flat.real) * body.mode.lateral, {}, 1.0)[0]
         return found.reshape(x.shape)
     steps = list(history.steps(largest, fewest, log=True))
     state = body.start(count)
-    march = March.of(_answer, tuple(body.laws), body.mode, p, state, count)
+    march = March.of(_stresses, tuple(body.laws), body.mode, p, state, count)
     found = None
     if march is not None:
         ways = np.array([np.broadcast_to(x, (count,)) for x, _, _ in steps])
         gone = ways, np.array([dt for _, dt, _ in steps], float), np.array([last for *_, last in steps])
-        found = march.along(gone, p, state, body.mode.lateral, body.resists_volume, CLOSE)
+        found = march.along(gone, p, state, body.mode.lateral, body.resists_volume, STRETCH_TOLERANCE)
     if march is None or found is None:
         return body.along(steps, state)
     P, failed = found
     if failed >= 0:
         if march.checked:
-            raise _unbalanced(ways[failed])
+            raise _no_lateral_balance(ways[failed])
         return body.along(steps, state)
     P = P if body.complex or np.iscomplexobj(ways) else P.real.copy()
     return P if march.checked else march.holds(P, body.along(steps, state))
@@ -101,7 +101,7 @@ class _Body:
         return np.array(out)
 
     def _stress(self, stretch, b, p, state, dt):
-        return _answer(self.mode, self.laws, stretch, b, p, state, dt)
+        return _stresses(self.mode, self.laws, stretch, b, p, state, dt)
 
     def advance(self, stretch, guess, state, dt):
         """P₁₁ (N,), ln of the free stretch (N,) (real) and the new state after a step of ``dt`` s."""
@@ -130,16 +130,16 @@ class _Body:
             b = b + np.clip(change, -0.2, 0.2)
             if not np.all(np.isfinite(b)):
                 break
-            if np.all(np.abs(change) < CLOSE):
+            if np.all(np.abs(change) < STRETCH_TOLERANCE):
                 return b, slope
-        raise _unbalanced(stretch)
+        raise _no_lateral_balance(stretch)
 
 
-def _answer(mode: Mode, laws: Sequence[Bulk], stretch, b, p, state, dt):
+def _stresses(mode: Mode, laws: Sequence[Bulk], stretch, b, p, state, dt):
     """P₁₁ and P₃₃ (N,) at the free stretch exp(b), and the new state; of numbers or symbols."""
     F = mode.deformation(stretch, np.exp(b))
     n = F.shape[-1]
-    at = Points(X=np.zeros((3, n)), depth=np.full(n, DEEP), dt=dt, laws=laws)
+    at = Points(X=np.zeros((3, n)), depth=np.full(n, DEPTH_WITHOUT_SKIN), dt=dt, laws=laws)
     P = np.zeros((3, 3, n))
     new: dict[str, np.ndarray] = {}
     for law in laws:
@@ -149,7 +149,7 @@ def _answer(mode: Mode, laws: Sequence[Bulk], stretch, b, p, state, dt):
     return P[0, 0], P[2, 2], new
 
 
-def _repeated(p: SimpleNamespace, shape: tuple[int, int]) -> SimpleNamespace:
+def _at_every_reading(p: SimpleNamespace, shape: tuple[int, int]) -> SimpleNamespace:
     """``p`` with its arrays (count,) at every reading (n, count), in a row."""
     return SimpleNamespace(**{
         name: np.broadcast_to(value, shape).ravel() if np.shape(value) == shape[1:] else value
@@ -157,6 +157,6 @@ def _repeated(p: SimpleNamespace, shape: tuple[int, int]) -> SimpleNamespace:
     })  # fmt: skip
 
 
-def _unbalanced(stretch: np.ndarray) -> ComputationFailed:
+def _no_lateral_balance(stretch: np.ndarray) -> ComputationFailed:
     most = np.max(np.real(stretch))
     return ComputationFailed(f"no lateral stretch balances a stretch of {most:.3g} with these parameters")

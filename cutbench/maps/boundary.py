@@ -17,27 +17,27 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from cutbench.emulator.process import GaussianProcess, Kernel
+from cutbench.emulator.gaussian_process import GaussianProcess, Kernel
 from cutbench.maps.sampling import coarse_to_fine
 
 #: Two-sided 95 % of a normal distribution: what "sure" means.
-SURE = 1.96
+NORMAL_QUANTILE = 1.96
 #: The kernel is chosen anew when there are so many times more runs than at the last choice.
 _REFIT = 1.1
 #: Rounds of probes on both sides of a boundary that seems known, none of which may contradict it; half as
 #: many where it is thought to be there beforehand.
 _PROBES = 4
 #: Steepest rise of the margin, over the whole of an axis, that is taken as it is.
-STEEPEST = 14.0
+MAX_SLOPE = 14.0
 #: Length along which margins are expected to change, in parts of the box, and bounds of their size.
 #: Of their size where they are thought to be somewhere beforehand, in standard deviations of that.
-EXPECTED, SIZES, INFORMED = 0.5, (0.2, 3.0), (1.0, 3.0)
+EXPECTED_LENGTH, MARGIN_SIZES, INFORMED_SIZES = 0.5, (0.2, 3.0), (1.0, 3.0)
 #: So often at most margins on the wrong side of zero are given less freedom.
 _SIGN_ROUNDS = 4
 #: Least nugget where no run is known yet, and least standard deviation of what is expected beforehand.
-_LEAST, _CERTAIN = 1e-3, 0.02
+_MIN_NUGGET, _MIN_SPREAD = 1e-3, 0.02
 #: Lattices larger than this are judged, and asked for, at every second point only.
-_DENSE = 8000
+_MAX_JUDGED = 8000
 
 Index = tuple[int, ...]
 
@@ -77,25 +77,27 @@ class Margins:
         self, process: GaussianProcess | None, shape: tuple[int, ...], expected: BoundaryEstimate | None
     ):
         self._process, self._last, self._expected = process, np.array(shape) - 1, expected
-        self.kernel = Kernel((EXPECTED,) * len(shape), _LEAST) if process is None else process.kernel
+        self.kernel = (
+            Kernel((EXPECTED_LENGTH,) * len(shape), _MIN_NUGGET) if process is None else process.kernel
+        )
         self._size = 1.0 if process is None else process.size
 
-    def before(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def prior(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What is expected at places (p, d), and its standard deviation."""
-        return expected_at(self._expected, np.rint(at * self._last).astype(int))
+        return prior_margins(self._expected, np.rint(at * self._last).astype(int))
 
     def mean(self, at: np.ndarray) -> np.ndarray:
         """(p,)."""
-        mean, spread = self.before(at)
+        mean, spread = self.prior(at)
         return mean if self._process is None else mean + spread * self._process.mean(at)
 
     def unit(self, at: np.ndarray) -> np.ndarray:
         """Standard deviations (p,) far from all runs."""
-        return self._size * self.before(at)[1]
+        return self._size * self.prior(at)[1]
 
     def spread(self, at: np.ndarray) -> np.ndarray:
         """Standard deviations (p,)."""
-        unit = self.before(at)[1]
+        unit = self.prior(at)[1]
         return unit if self._process is None else unit * self._process.spread(at)
 
     def influence(self, at: np.ndarray) -> np.ndarray:
@@ -103,15 +105,15 @@ class Margins:
         return np.zeros((0, len(at))) if self._process is None else self._process.influence(at)
 
 
-def expected_at(expected: BoundaryEstimate | None, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def prior_margins(expected: BoundaryEstimate | None, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """What is expected of margins at indices (p, d), and its standard deviation: 0 and 1 if nothing is."""
     if expected is None:
         return np.zeros(len(index)), np.ones(len(index))
     where = tuple(index.T)
-    return expected.mean[where], np.maximum(expected.spread[where], _CERTAIN)
+    return expected.mean[where], np.maximum(expected.spread[where], _MIN_SPREAD)
 
 
-class Seeker:
+class BoundarySearch:
     """The search over one box. ``shape`` are the points of its lattice, ``known`` margins by index
     (nan: a run that failed, or was not cut); ``expected``: margins as they are thought to be beforehand."""
 
@@ -129,7 +131,7 @@ class Seeker:
         index = np.stack(np.unravel_index(np.arange(math.prod(shape)), shape), axis=1)
         self._index = index
         self._places = index / (np.array(shape) - 1)
-        coarse = len(index) > _DENSE
+        coarse = len(index) > _MAX_JUDGED
         self._judged = np.flatnonzero((index % 2 == 0).all(axis=1)) if coarse else np.arange(len(index))
         self._step = 2 if coarse else 1
         self._asked: list[int] = []
@@ -144,7 +146,7 @@ class Seeker:
         return [tuple(map(int, self._index[i])) for i in self._asked]
 
     @property
-    def most(self) -> int:
+    def max_runs(self) -> int:
         """Points that are asked for at the most."""
         return self._runs
 
@@ -154,24 +156,24 @@ class Seeker:
             ticks = [np.rint(np.linspace(0, n - 1, self._start)).astype(int) for n in self.shape]
             first = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, len(self.shape))
             order = list(coarse_to_fine((self._start,) * len(self.shape)))
-            return self._hand_out(self._flat(first[order]))
+            return self._register(self._flat(first[order]))
         room = min(self._batch, self._runs - len(self._asked))
         if room <= 0:
             return []
-        process = self._between(known, stand_ins=True)
+        process = self._process_through_margins(known, stand_ins=True)
         if process is None:
             return []
         judged = self._judged
         mean = process.mean(self._places[judged])
         spread = process.spread(self._places[judged])
-        away = self._away(mean)
-        doubt = SURE * spread - np.abs(mean)
+        away = self._distances(mean)
+        doubt = NORMAL_QUANTILE * spread - np.abs(mean)
         free = ~np.isin(judged, self._asked)
         if ((doubt > 0) & (away > 1)).any():
             self._clean, self._expected = 0, {}
             pool = np.flatnonzero((doubt > 0) & free)
-            chosen = self._spread_out(process, pool, mean, spread, room)
-            return self._hand_out(judged[chosen])
+            chosen = self._most_doubtful(process, pool, mean, spread, room)
+            return self._register(judged[chosen])
         # It seems known. A process may be too sure of itself: try both sides of the boundary where
         # runs are far, and stop when they hold no surprise.
         surprise = any(
@@ -185,9 +187,9 @@ class Seeker:
             return []
         near = (away > 0.6) & (away < 1.3) if np.isfinite(away).any() else np.ones(len(judged), dtype=bool)
         pool = np.flatnonzero(near & free)
-        chosen = self._spread_out(process, pool, 0 * mean, spread, room)
+        chosen = self._most_doubtful(process, pool, 0 * mean, spread, room)
         self._expected = {int(judged[k]): bool(mean[k] >= 0) for k in chosen}
-        return self._hand_out(judged[chosen])
+        return self._register(judged[chosen])
 
     def estimate(self, known: Mapping[Index, float]) -> BoundaryEstimate:
         """What ``known`` says about the whole lattice; without a margin yet, nothing is sure.
@@ -195,19 +197,19 @@ class Seeker:
         May be asked at any moment: the search goes on as if it had not been.
         """
         before = self._kernel, self._fitted
-        process = self._between(known, stand_ins=False)
+        process = self._process_through_margins(known, stand_ins=False)
         self._kernel, self._fitted = before
         if process is None:
             flat = np.zeros(self.shape)
             return BoundaryEstimate(flat, flat + 1, np.ones(self.shape, dtype=bool))
         mean = process.mean(self._places)
         spread = process.spread(self._places)
-        away = distances(mean.reshape(self.shape) >= 0).ravel() / 2
-        unsure = (SURE * spread > np.abs(mean)) & (away > 1)
+        away = distance_to_boundary(mean.reshape(self.shape) >= 0).ravel() / 2
+        unsure = (NORMAL_QUANTILE * spread > np.abs(mean)) & (away > 1)
         mean, spread, unsure = (part.reshape(self.shape) for part in (mean, spread, unsure))
         return BoundaryEstimate(mean, spread, unsure, None if self._before is None else self._before.drop)
 
-    def _between(self, known: Mapping[Index, float], *, stand_ins: bool) -> Margins | None:
+    def _process_through_margins(self, known: Mapping[Index, float], *, stand_ins: bool) -> Margins | None:
         """Through the margins; ``stand_ins``: and at runs that failed, or were not cut, through what is
         expected there, so that the search does not ask for their neighbours again and again."""
         good = sorted((i, m) for i, m in known.items() if not math.isnan(m))
@@ -215,7 +217,7 @@ class Seeker:
             return None if self._before is None else Margins(None, self.shape, self._before)
         index = np.array([i for i, _ in good])
         at = self._places[self._flat(index)]
-        values = softened(at, np.array([m for _, m in good]))
+        values = limited_slope(at, np.array([m for _, m in good]))
         new = self._kernel is None or len(good) > _REFIT * self._fitted
         process = self._through(index, values, None if new else self._kernel)
         if new:
@@ -229,15 +231,15 @@ class Seeker:
 
     def _through(self, index: np.ndarray, values: np.ndarray, kernel: Kernel | None) -> Margins:
         at = self._places[self._flat(index)]
-        before = None if self._before is None else expected_at(self._before, index)
+        before = None if self._before is None else prior_margins(self._before, index)
         return Margins(margins_between(at, values, kernel, before), self.shape, self._before)
 
-    def _spread_out(
+    def _most_doubtful(
         self, process: Margins, pool: np.ndarray, mean: np.ndarray, spread: np.ndarray, count: int
     ) -> list[int]:
         """``count`` of ``pool``, each the most doubtful once those before it are known."""
         if pool.size > 3000:
-            pool = pool[np.argsort(np.abs(mean[pool]) - SURE * spread[pool], kind="stable")[:3000]]
+            pool = pool[np.argsort(np.abs(mean[pool]) - NORMAL_QUANTILE * spread[pool], kind="stable")[:3000]]
         kernel = process.kernel
         at = self._places[self._judged[pool]]
         data, unit = process.influence(at), process.unit(at)
@@ -245,7 +247,7 @@ class Seeker:
         chosen: list[int] = []
         open_ = np.ones(pool.size, dtype=bool)
         for _ in range(min(count, pool.size)):
-            score = SURE * unit * np.sqrt(np.maximum(left, 0)) - np.abs(mean[pool])
+            score = NORMAL_QUANTILE * unit * np.sqrt(np.maximum(left, 0)) - np.abs(mean[pool])
             k = int(np.argmax(np.where(open_, score, -np.inf)))
             open_[k] = False
             chosen.append(int(pool[k]))
@@ -255,15 +257,15 @@ class Seeker:
             left = left - shared**2 / alone
         return chosen
 
-    def _away(self, mean: np.ndarray) -> np.ndarray:
+    def _distances(self, mean: np.ndarray) -> np.ndarray:
         """Distances of the judged points to the boundary, in tolerances."""
         shape = tuple(-(-n // self._step) for n in self.shape)
-        return distances(mean.reshape(shape) >= 0).ravel() * self._step / 2
+        return distance_to_boundary(mean.reshape(shape) >= 0).ravel() * self._step / 2
 
     def _flat(self, index: np.ndarray) -> np.ndarray:
         return np.ravel_multi_index(tuple(np.asarray(index).T), self.shape)
 
-    def _hand_out(self, flat: np.ndarray) -> list[Index]:
+    def _register(self, flat: np.ndarray) -> list[Index]:
         self._asked += [int(i) for i in flat]
         return [tuple(map(int, self._index[i])) for i in flat]
 
@@ -291,8 +293,10 @@ def margins_between(
         What was expected of them, and its standard deviations: the process is of how far off that was.
     """
     mean, spread = (np.zeros_like(y), np.ones_like(y)) if before is None else before
-    z, sizes = (y - mean) / spread, SIZES if before is None else INFORMED
-    made = GaussianProcess(x, z, kernel=kernel, lengths=(EXPECTED,) * x.shape[1], trend="none", sizes=sizes)
+    z, sizes = (y - mean) / spread, MARGIN_SIZES if before is None else INFORMED_SIZES
+    made = GaussianProcess(
+        x, z, kernel=kernel, lengths=(EXPECTED_LENGTH,) * x.shape[1], trend="none", sizes=sizes
+    )
     noise = np.full(y.size, made.kernel.nugget)
     for _ in range(_SIGN_ROUNDS):
         wrong = (mean + spread * made.mean(x) >= 0) != (y >= 0)
@@ -303,8 +307,8 @@ def margins_between(
     return made
 
 
-def softened(at: np.ndarray, margins: np.ndarray) -> np.ndarray:
-    """Margins (n,) at places (n, d) with jumps made ramps, of ``STEEPEST`` a box at the most.
+def limited_slope(at: np.ndarray, margins: np.ndarray) -> np.ndarray:
+    """Margins (n,) at places (n, d) with jumps made ramps, of ``MAX_SLOPE`` a box at the most.
 
     Between two runs of different regime only the place of the boundary is unknown; a jump as such
     would make a smooth process ring. Signs stay, and what is less steep stays as it is.
@@ -314,14 +318,14 @@ def softened(at: np.ndarray, margins: np.ndarray) -> np.ndarray:
         return margins
     apart = np.sqrt(((at[up][:, None] - at[down]) ** 2).sum(axis=2))
     rise = margins[up][:, None] - margins[down]
-    part = np.minimum(1.0, STEEPEST * apart / rise)
+    part = np.minimum(1.0, MAX_SLOPE * apart / rise)
     soft = margins.copy()
     soft[up] *= part.min(axis=1)
     soft[down] *= part.min(axis=0)
     return soft
 
 
-def distances(side: np.ndarray) -> np.ndarray:
+def distance_to_boundary(side: np.ndarray) -> np.ndarray:
     """Steps from each point of a lattice to the boundary between True and False; inf where there is none."""
     if side.all() or not side.any():
         return np.full(side.shape, np.inf)

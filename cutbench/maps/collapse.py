@@ -21,16 +21,16 @@ from matplotlib.lines import Line2D
 from cutbench.base.errors import BadInput
 from cutbench.base.figure_style import COLOURS, DOUBLE_MM, Look, new_figure, save, style
 from cutbench.case.model import groups
-from cutbench.maps.cases import physics_on
-from cutbench.maps.coordinates import plain_log, symbol, unit_of
 from cutbench.maps.dataset import places_of
-from cutbench.maps.regimes import HELD, KIND, KINDS, SAID, SNAP, SNAP_SPEED, STABLE, VISCOSITY
+from cutbench.maps.map_cases import physics_by_place
+from cutbench.maps.plot_coordinates import plain_log, symbol, unit_of
+from cutbench.maps.regimes import HELD, KIND, KIND_WORDS, KINDS, SNAP, SNAP_SPEED, STABLE, VISCOSITY
 
 #: Speeds of the front from which its own is read: nearer to 1 it is a difference of nearly equal numbers, and
 #: above, the length of the jump limits it.
-READ = (1.15, 10.0)
+FRONT_SPEED_RANGE = (1.15, 10.0)
 #: So many such runs make a line.
-FEWEST = 6
+MIN_RUNS = 6
 _SHAPES = "os^Dv<>p"
 _LINE: Look = {"color": "black", "lw": 1.2, "ls": "-"}
 _PALETTE = ("blue", "vermilion", "green", "orange")
@@ -41,7 +41,7 @@ class Collapse:
     """Runs (n,) of a map: V, S, what is freed at rest over the toughness, kind, level of the panels' axis.
 
     V* = ``factor`` freed^``power``, to a factor of ``scatter`` (rms), from ``fitted`` runs; nan where there
-    are fewer than ``FEWEST``.
+    are fewer than ``MIN_RUNS``.
     """
 
     viscosity: np.ndarray
@@ -72,7 +72,7 @@ def collapse_of(data: xr.Dataset) -> Collapse:
     """The runs of a map with runs at rest. Raises BadInput if it has none, or its model has no viscosity."""
     if KIND not in data:
         raise BadInput("map", data.attrs["title"], "a map of a study with rest = true in [regime]")
-    places, physics = places_of(data), physics_on(data)
+    places, physics = places_of(data), physics_by_place(data)
     panel = data.attrs["plot_panel"]
     group = groups()[VISCOSITY]
     rows = []
@@ -85,10 +85,10 @@ def collapse_of(data: xr.Dataset) -> Collapse:
             found = (data[name].values[here] for name in ("front_speed", "rest_freed_rel", KIND))
             rows.append((viscosity, *found, values.get(panel, 0.0)))
     V, S, freed, kind, level = np.array(rows, dtype=float).reshape(-1, 5).T
-    ok = (READ[0] < S) & (READ[1] > S)
+    ok = (FRONT_SPEED_RANGE[0] < S) & (FRONT_SPEED_RANGE[1] > S)
     factor = power = scatter = math.nan
     fitted = int(ok.sum())
-    if fitted >= FEWEST and np.ptp(freed[ok]) > 0:
+    if fitted >= MIN_RUNS and np.ptp(freed[ok]) > 0:
         x, y = np.log(freed[ok]), np.log((S[ok] - 1) * V[ok])
         power, shift = np.polyfit(x, y, 1)
         factor, scatter = math.exp(shift), math.exp(np.sqrt(np.mean((y - shift - power * x) ** 2)))
@@ -140,7 +140,7 @@ def _looks(marker: str, colour: str) -> dict[str, Look]:
 
 def _handles(data: xr.Dataset, panel: str, levels: np.ndarray, found: Collapse) -> list[Line2D]:
     handles = [
-        Line2D([], [], label=SAID[name], **look)
+        Line2D([], [], label=KIND_WORDS[name], **look)
         for name, look in _looks("o", "black").items()
         if (found.kind == name).any()
     ]

@@ -26,9 +26,9 @@ from cutbench.case.case import Case
 from cutbench.case.numerics import Numerics, defaults
 from cutbench.forms.base import Step
 from cutbench.maps import dataset as maps
-from cutbench.maps.cases import case_on
 from cutbench.maps.confirmed_points import ANOTHER, CONFIRMED, NUMERICS, RECORD, UNFINISHED
 from cutbench.maps.guidance import margins_of
+from cutbench.maps.map_cases import case_on
 from cutbench.run.build import build
 from cutbench.run.files import read_run
 from cutbench.run.measures import ABRUPT, SMOOTH, UNDECIDED
@@ -105,7 +105,7 @@ def least_certain(data: xr.Dataset, count: int) -> list[MapPoint]:
     return points
 
 
-def marked(data: xr.Dataset) -> list[MapPoint]:
+def marked_points(data: xr.Dataset) -> list[MapPoint]:
     """The materials that the map marks, each at its own place."""
     points = []
     for mark in json.loads(data.attrs.get("marks", "[]")):
@@ -116,7 +116,7 @@ def marked(data: xr.Dataset) -> list[MapPoint]:
     return points
 
 
-def solid(case: Case, changes: Mapping[str, object] | None = None) -> Case:
+def block_case(case: Case, changes: Mapping[str, object] | None = None) -> Case:
     """The plane-strain ``case`` as a block: its physics and laws, a solid's mesh, then ``changes``."""
     flat = vars(Numerics())
     mesh = {name: value for name, value in vars(defaults(3)).items() if value != flat[name]}
@@ -125,7 +125,7 @@ def solid(case: Case, changes: Mapping[str, object] | None = None) -> Case:
     return block.set(**dict(changes)) if changes else block
 
 
-def alike(flat: Case, block: Case) -> Case:
+def section_as_block(flat: Case, block: Case) -> Case:
     """The section ``flat`` with the numerics, the depth and the end of its ``block``."""
     values = {**flat.values, "depth": block.values["depth"]}
     numerics = replace(block.numerics, mesh=None, symmetry="auto")
@@ -134,7 +134,7 @@ def alike(flat: Case, block: Case) -> Case:
     )
 
 
-def expected_s(block: Case, like: Result) -> float:
+def expected_seconds(block: Case, like: Result) -> float:
     """About how long ``block`` takes: the time of the section of equal numerics, part by part as much longer
     as the part is in the block. nan where the section did not say."""
     built = build(block)
@@ -179,33 +179,33 @@ def confirm(
     """
     done: list[Confirmed] = []
     # All cases first: what does not fit is refused before hours of computing.
-    blocks = [solid(point.case, changes) for point in points]
+    blocks = [block_case(point.case, changes) for point in points]
     for number, (point, block) in enumerate(zip(points, blocks, strict=True), start=1):
         results: list[Result] = []
-        for case in (point.case, alike(point.case, block), block):
+        for case in (point.case, section_as_block(point.case, block), block):
             place = folder / "runs" / case.id
-            if announce and case is block and _kept(block, place) is None:
-                announce(_announced(block, results[-1], number, len(points)))
+            if announce and case is block and _stored_run(block, place) is None:
+                announce(_cost_announcement(block, results[-1], number, len(points)))
             began = time.monotonic()
-            results.append(_found(case, place, run))
+            results.append(_run_or_stored(case, place, run))
             ended = results[-1].outcome.kind != "interrupted" or time.monotonic() - began >= limit_s
             if not ended:
                 break
         if ended:
             done.append(_compared(data, point, *results))
-        write_json(record(data, done, source, len(points)), folder / RECORD)
+        write_json(confirmation_record(data, done, source, len(points)), folder / RECORD)
         if not ended:
             break
     return done
 
 
-def _announced(block: Case, like: Result, number: int, of: int) -> str:
-    seconds = expected_s(block, like)
+def _cost_announcement(block: Case, like: Result, number: int, of: int) -> str:
+    seconds = expected_seconds(block, like)
     about = f"about {duration(seconds)}" if math.isfinite(seconds) else "its cost is not known"
     return f"block {number} of {of}, {block.name}: {about}"
 
 
-def record(data: xr.Dataset, done: Sequence[Confirmed], source: str, asked: int) -> dict:
+def confirmation_record(data: xr.Dataset, done: Sequence[Confirmed], source: str, asked: int) -> dict:
     """The content of confirm.json."""
     counts = Counter(point.verdict for point in done)
     return {
@@ -221,7 +221,7 @@ def record(data: xr.Dataset, done: Sequence[Confirmed], source: str, asked: int)
     }
 
 
-def _kept(case: Case, folder: Path) -> Result | None:
+def _stored_run(case: Case, folder: Path) -> Result | None:
     """The run of ``case`` that ended in ``folder`` before."""
     try:
         old = read_run(folder)
@@ -230,9 +230,9 @@ def _kept(case: Case, folder: Path) -> Result | None:
     return old if old.id == case.id and old.outcome.kind in ("done", "stalled") else None
 
 
-def _found(case: Case, folder: Path, run: Runner) -> Result:
+def _run_or_stored(case: Case, folder: Path, run: Runner) -> Result:
     """The run of ``case`` in ``folder``, computed unless it ended there before."""
-    if (old := _kept(case, folder)) is not None:
+    if (old := _stored_run(case, folder)) is not None:
         return old
     folder.mkdir(parents=True, exist_ok=True)
     return run(case, folder)

@@ -13,8 +13,8 @@ from matplotlib.lines import Line2D
 
 from cutbench.base.errors import BadInput
 from cutbench.base.figure_style import Look
-from cutbench.maps.coordinates import edges, is_log, nearest_level
 from cutbench.maps.dataset import axes_of
+from cutbench.maps.plot_coordinates import edges, is_log, nearest_level
 
 #: Name of the record, and of the folder beside a map in which it is looked for.
 RECORD, FOLDER = "confirm.json", "confirm"

@@ -10,7 +10,6 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -20,17 +19,24 @@ from cutbench.base.files import replacing
 from cutbench.base.versions import versions
 from cutbench.case.values import parameter_of
 from cutbench.maps.axes import Axis
-from cutbench.maps.boundary import margin
+from cutbench.maps.boundary import BoundaryEstimate, margin
+from cutbench.maps.marked_materials import Mark
 from cutbench.maps.regimes import AT_REST, KIND, KINDS, rest_variables
-from cutbench.maps.sections import Regime
-from cutbench.maps.uncertainty import CAUSES, RATIOS, Checks, ratio, reach, strips_of, undecided, variables
+from cutbench.maps.study import Study
+from cutbench.maps.study_sections import Regime
+from cutbench.maps.uncertainty import (
+    CAUSES,
+    RATIOS,
+    RepeatedRuns,
+    log_ratio,
+    total_change,
+    uncertainty_strips,
+    uncertainty_variables,
+    undecided,
+)
 from cutbench.run.measures import ABRUPT, MEASURES, NOTED, SMOOTH, UNCUT, UNDECIDED
-from cutbench.run.result import OUTCOMES, Result
-
-if TYPE_CHECKING:
-    from cutbench.maps.boundary import BoundaryEstimate
-    from cutbench.maps.marks import Mark
-    from cutbench.maps.study import Study
+from cutbench.run.outcome import OUTCOMES
+from cutbench.run.result import Result
 
 NOT_COMPUTED = "not_computed"
 #: Values of the variable ``label``: position in this tuple.
@@ -74,7 +80,7 @@ def build_map(
     ids: Mapping[tuple[int, ...], str] | None = None,
     estimates: Mapping[tuple[int, ...], BoundaryEstimate] | None = None,
     rest: Mapping[str, str] | None = None,
-    checks: Checks | None = None,
+    checks: RepeatedRuns | None = None,
 ) -> xr.Dataset:
     """The map; ``rows`` by run id, as far as there are any.
 
@@ -105,9 +111,9 @@ def build_map(
     }
     data |= _regimes(table_ids, dims, rows, rest)
     if estimates:
-        data |= _estimated(study, estimates)
+        data |= _boundary_variables(study, estimates)
     if marks := study.marks():
-        data |= _own_runs(marks, rows)
+        data |= _marked_runs(marks, rows)
         coords["mark"] = "mark", [mark.name for mark in marks], {"long_name": "marked material"}
     about = {
         "title": study.title,
@@ -131,7 +137,7 @@ def build_map(
         "marks": json.dumps([{"name": m.name} | dict(m.at) for m in study.marks()]),
     }
     found = xr.Dataset(data, coords, about)
-    return with_strips(found, checks, rows) if checks and (checks.refined or checks.others) else found
+    return with_strips(found, checks, rows) if checks and (checks.refined or checks.alternatives) else found
 
 
 def _margin(row: MapRow, drop: float, surge: float) -> float:
@@ -140,16 +146,16 @@ def _margin(row: MapRow, drop: float, surge: float) -> float:
     return float(margin(told[0], told[1], np.array(False), drop=drop, surge_min=surge))
 
 
-def with_strips(data: xr.Dataset, checks: Checks, rows: Mapping[str, MapRow]) -> xr.Dataset:
+def with_strips(data: xr.Dataset, checks: RepeatedRuns, rows: Mapping[str, MapRow]) -> xr.Dataset:
     """A map with what was repeated of it, and labels undecided where that leaves either."""
     drop, surge = data.attrs["drop_threshold"], data.attrs["surge_threshold"]
     # A run that is not cut at its depth has no measure yet.
     known = {id: row for id, row in rows.items() if row.outcome == "done" and row.label != UNCUT}
-    r = {id: ratio(_margin(row, drop, surge)) for id, row in known.items()}
+    r = {id: log_ratio(_margin(row, drop, surge)) for id, row in known.items()}
     ids = data["run_id"].values
-    new = variables(checks, r, ids, [str(dim) for dim in data["run_id"].dims])
+    new = uncertainty_variables(checks, r, ids, [str(dim) for dim in data["run_id"].dims])
     data = data.assign(new).assign_coords(cause=list(CAUSES), end=["low", "high"])
-    low, high = reach(strips_of(data).values())
+    low, high = total_change(uncertainty_strips(data).values())
     for name, runs in (("label", "run_id"), ("mark_label", "mark_run_id")):
         if name in data:
             here = np.array([r.get(str(id), math.nan) for id in data[runs].values.ravel()])
@@ -189,7 +195,7 @@ def _regimes(
     return {name: (dims, *column) for name, column in found.items()}
 
 
-def _own_runs(marks: Sequence[Mark], rows: Mapping[str, MapRow]) -> dict[str, tuple]:
+def _marked_runs(marks: Sequence[Mark], rows: Mapping[str, MapRow]) -> dict[str, tuple]:
     """The marked materials' own runs: the variables of runs as ``mark_...`` along ``mark``."""
     table = np.empty(len(marks), dtype=object)
     table[:] = [rows.get(mark.case.id, MapRow()) for mark in marks]
@@ -200,7 +206,9 @@ def _own_runs(marks: Sequence[Mark], rows: Mapping[str, MapRow]) -> dict[str, tu
     return data
 
 
-def _estimated(study: Study, estimates: Mapping[tuple[int, ...], BoundaryEstimate]) -> dict[str, tuple]:
+def _boundary_variables(
+    study: Study, estimates: Mapping[tuple[int, ...], BoundaryEstimate]
+) -> dict[str, tuple]:
     """The boundary that was sought, on the map's own dimensions."""
     dims = [axis.name for axis in study.axes]
     free = [k for k, axis in enumerate(study.axes) if axis.continuous]

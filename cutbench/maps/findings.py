@@ -18,15 +18,15 @@ from cutbench.base.files import replacing
 from cutbench.case.physics import Physics
 from cutbench.case.values import CLAMP
 from cutbench.maps.dataset import LABELS, NOT_COMPUTED, OUTCOME_FLAGS, axes_of, axis_of, places_of
-from cutbench.maps.regimes import said_of_kinds
-from cutbench.maps.uncertainty import said_of_strips
+from cutbench.maps.regimes import kind_sentences
+from cutbench.maps.uncertainty import strip_sentences
 from cutbench.run.measures import ABRUPT, KNOWN, UNCUT
 
 FILE = "summary.txt"
 #: Reasons that are told of each kind of end.
-_REASONS = 3
+_MAX_REASONS = 3
 #: An onset that is foreseen from others' may be so much later.
-_LATE = 1.15
+_ONSET_MARGIN = 1.15
 
 
 @dataclass(frozen=True)
@@ -60,8 +60,8 @@ class Findings:
         if self.crossed:
             rows.append(("crossed", self.crossed, "of them pass through themselves"))
         for kind, reasons in self.short.items():
-            told = [f"{n} × {reason}" for reason, n in list(reasons.items())[:_REASONS]]
-            more = [f"and {len(reasons) - _REASONS} other reasons"] if len(reasons) > _REASONS else []
+            told = [f"{n} × {reason}" for reason, n in list(reasons.items())[:_MAX_REASONS]]
+            more = [f"and {len(reasons) - _MAX_REASONS} other reasons"] if len(reasons) > _MAX_REASONS else []
             rows.append((kind, sum(reasons.values()), f"({'; '.join([*told, *more])})"))
         if self.missing:
             rows.append(("to come", self.missing, ""))
@@ -107,7 +107,7 @@ def findings(data: xr.Dataset) -> Findings:
     told = ~np.isin(label, [ABRUPT, NOT_COMPUTED])
     early = told & (reached < known * (1 - 1e-6))
     uncut = label == UNCUT
-    deepen = [*known[early], *(_foreseen(data, first, uncut) + KNOWN * thickness[uncut])]
+    deepen = [*known[early], *(_extrapolated_onsets(data, first, uncut) + KNOWN * thickness[uncut])]
     crossed = values("crossed_mm") if "crossed_mm" in data else np.full(first.size, np.nan)
     high = vars(physics.p).get("height", math.nan) if physics else math.nan
     marks = (
@@ -126,11 +126,11 @@ def findings(data: xr.Dataset) -> Findings:
         high - CLAMP * float(np.nanmax(thickness, initial=0.0)),
         int(np.isfinite(crossed).sum()),
         tuple(marks),
-        tuple(said_of_kinds(data)),
+        tuple(kind_sentences(data)),
     )
 
 
-def said_of_boundary(data: xr.Dataset) -> list[str]:
+def boundary_sentences(data: xr.Dataset) -> list[str]:
     """How well a boundary is known that was sought, in a sentence; nothing of other maps."""
     if "margin" not in data:
         return []
@@ -146,7 +146,7 @@ def save_findings(data: xr.Dataset, folder: Path, more: Sequence[str] = ()) -> P
     """Write ``summary.txt`` into ``folder``: the title, the findings, and ``more`` lines."""
     found = findings(data)
     with replacing(folder / FILE) as draft:
-        told = [*found.lines(), *said_of_boundary(data), *said_of_strips(data), *more]
+        told = [*found.lines(), *boundary_sentences(data), *strip_sentences(data), *more]
         lines = [data.attrs["title"], f"{found.runs} runs", *told]
         draft.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return folder / FILE
@@ -167,7 +167,7 @@ def _thickness(data: xr.Dataset, physics: Physics | None) -> np.ndarray:
     return np.full(data["label"].size, blade)
 
 
-def _foreseen(data: xr.Dataset, points: np.ndarray, where: np.ndarray) -> np.ndarray:
+def _extrapolated_onsets(data: xr.Dataset, points: np.ndarray, where: np.ndarray) -> np.ndarray:
     """Onsets, mm, of the ``points`` (flat) at ``where``: the others' logarithm is linear over the axes in
     their own scales; nan where too few have one."""
     axes = [axis_of(data, name) for name in axes_of(data)]
@@ -180,4 +180,6 @@ def _foreseen(data: xr.Dataset, points: np.ndarray, where: np.ndarray) -> np.nda
     if has.sum() < x.shape[1] + 1:
         return np.full(int(where.sum()), np.nan)
     slope = np.linalg.lstsq(x[has], np.log(onset[has]), rcond=None)[0]
-    return _LATE * np.maximum(np.exp(x[where] @ slope), data["reached_mm"].values.ravel()[points][where])
+    return _ONSET_MARGIN * np.maximum(
+        np.exp(x[where] @ slope), data["reached_mm"].values.ravel()[points][where]
+    )

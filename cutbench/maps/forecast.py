@@ -11,7 +11,7 @@ from pathlib import Path
 from cutbench.case.case import Case, load_case
 from cutbench.case.motion import TRANSITION
 from cutbench.maps.dataset import MapRow, row_of
-from cutbench.maps.plan import plan_of
+from cutbench.maps.sampling_plan import plan_of
 from cutbench.maps.study import Study
 from cutbench.run.pool.pool import cores
 from cutbench.run.runner import run_case
@@ -25,27 +25,27 @@ PER_MM, RUBBING, REFINED, TRANSITION_MM = 4.5, 4.0, 5.0, 6.0
 
 @dataclass(frozen=True)
 class Forecast:
-    """``reused`` runs are in the store; ``first`` are to be computed for certain, ``most`` if a search takes
-    all that it may. A run takes ``seconds``, the mean of ``timed`` in the store (0: by a short run)."""
+    """``reused`` runs are in the store; ``first`` are to be computed for certain, ``max_runs`` if a search
+    takes all that it may. A run takes ``seconds``, the mean of ``timed`` in the store (0: by a short run)."""
 
     reused: int
     first: int
-    most: int
+    max_runs: int
     seconds: float
     timed: int
     workers: int
 
     @property
     def total_s(self) -> float:
-        """Wall time of ``most`` runs on the workers."""
-        return self.most * self.seconds / max(self.workers, 1)
+        """Wall time of ``max_runs`` runs on the workers."""
+        return self.max_runs * self.seconds / max(self.workers, 1)
 
     def text(self) -> str:
         """In one sentence."""
-        runs = f"{self.first}" if self.first == self.most else f"{self.first} to {self.most}"
+        runs = f"{self.first}" if self.first == self.max_runs else f"{self.first} to {self.max_runs}"
         source = f"the mean of {self.timed} in the store" if self.timed else "by a short run here and now"
         hands = f"{self.workers} workers" if self.workers > 1 else "one process"
-        most = "" if self.first == self.most else "at most "
+        most = "" if self.first == self.max_runs else "at most "
         time = f"{self.total_s / 60:.2g} minutes" if self.total_s >= 60 else f"{self.total_s:.2g} s"
         return (
             f"{runs} runs to compute, {self.reused} in the store: {most}about {time} on {hands}"
@@ -72,7 +72,7 @@ def forecast(study: Study, store: str | os.PathLike[str], workers: int | None = 
         times = [head["seconds"] for head in runs.heads().values()
                  if head["seconds"] and head["numerics"] == alike
                  and head["computation"] == study.base.computation]  # fmt: skip
-    most = plan.most - len(rows) if study.search and missing else len(missing)
+    most = plan.max_runs - len(rows) if study.search and missing else len(missing)
     if times:
         seconds = sum(times) / len(times)
     elif not missing:

@@ -19,18 +19,18 @@ from cutbench.base.errors import BadInput
 from cutbench.case.case import Case, load_case
 from cutbench.case.model import levers
 from cutbench.maps.axes import Axis, places, values_on
-from cutbench.maps.boundary import SURE, margin, margins_between, softened
-from cutbench.maps.cases import case_on, physics_on
+from cutbench.maps.boundary import NORMAL_QUANTILE, limited_slope, margin, margins_between
 from cutbench.maps.dataset import LABELS, MapRow, axes_of, axis_of, places_of, regime_of, row_of
-from cutbench.maps.uncertainty import MODEL, NUMERICS, ratio, reach, strips_of, undecided
+from cutbench.maps.map_cases import case_on, physics_by_place
+from cutbench.maps.uncertainty import MODEL, NUMERICS, log_ratio, total_change, uncertainty_strips, undecided
 from cutbench.run.measures import ABRUPT, SMOOTH, UNCUT, UNDECIDED
 from cutbench.run.result import Result
 from cutbench.run.store.runs import Store
 
 #: Largest factor that is tried, either way, and how many steps it is reached in.
-_FACTOR, _STEPS = 100.0, 400
+_MAX_FACTOR, _STEPS = 100.0, 400
 #: Most runs that the process is put through; of a larger map those nearest to the boundary.
-_MOST = 500
+_MAX_RUNS = 500
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ class Guide:
         return "\n".join(lines)
 
 
-class Reader:
+class MapReader:
     """A map as a function of place: margin and standard deviation between its runs."""
 
     def __init__(self, data: xr.Dataset, switched: dict[str, float] | None = None):
@@ -124,14 +124,16 @@ class Reader:
             keep &= at[name] == state
         if keep.sum() < 4:
             raise BadInput("map", data.attrs["title"], "at least 4 runs that reached their depth")
-        self._of = {axis.name: _coordinate(axis) for axis in self.free}
+        self._of = {axis.name: _unit_coordinate(axis) for axis in self.free}
         x = np.stack([self._of[axis.name](at[axis.name][keep]) for axis in self.free], axis=1)
         y = values[keep]
-        if y.size > _MOST:
+        if y.size > _MAX_RUNS:
             nearest = np.argsort(np.abs(y), kind="stable")
-            chosen = np.sort(np.concatenate([nearest[: _MOST // 2], nearest[_MOST // 2 :: 7][: _MOST // 2]]))
+            chosen = np.sort(
+                np.concatenate([nearest[: _MAX_RUNS // 2], nearest[_MAX_RUNS // 2 :: 7][: _MAX_RUNS // 2]])
+            )
             x, y = x[chosen], y[chosen]
-        self._between = margins_between(x, softened(x, y))
+        self._between = margins_between(x, limited_slope(x, y))
 
     def inside(self, at: dict[str, float]) -> bool:
         """Whether a place is on the map."""
@@ -163,7 +165,7 @@ def guide(data: xr.Dataset, material: str) -> Guide:
     at, missing = values_on(axes, case)
     if missing:
         raise BadInput("--material", material, f"a material that has a value of {', '.join(missing)}")
-    reader = Reader(data, {a.name: at[a.name] for a in axes if a.mechanism})
+    reader = MapReader(data, {a.name: at[a.name] for a in axes if a.mechanism})
     if not reader.inside(at):
         ranges = ", ".join(
             f"{a.name} {a.values[0]:.3g} to {a.values[-1]:.3g} (it has {at[a.name]:.3g})" for a in reader.free
@@ -175,23 +177,23 @@ def guide(data: xr.Dataset, material: str) -> Guide:
         if parameter not in case.values:
             still[lever] = f"its model has no {parameter}"
             continue
-        found = [_follow(reader, case, lever, parameter, way, mean >= 0) for way in (1, -1)]
+        found = [_change_along_lever(reader, case, lever, parameter, way, mean >= 0) for way in (1, -1)]
         moved = [f for f in found if isinstance(f, LeverChange)]
         changes += moved
         if not moved:
             still[lever] = str(max(found, key=lambda reason: len(str(reason))))
     changes.sort(key=lambda change: (change.effort, change.to))
-    side, doubt = ABRUPT if mean >= 0 else SMOOTH, _doubt(data, float(mean))
+    side, doubt = ABRUPT if mean >= 0 else SMOOTH, _undecided_reason(data, float(mean))
     return Guide(
-        case.name, at, UNDECIDED if doubt else side, bool(abs(mean) > SURE * spread), float(mean),
+        case.name, at, UNDECIDED if doubt else side, bool(abs(mean) > NORMAL_QUANTILE * spread), float(mean),
         float(spread), tuple(changes), still, _differences(data, case, at), doubt,
     )  # fmt: skip
 
 
-def _doubt(data: xr.Dataset, margin: float) -> str:
+def _undecided_reason(data: xr.Dataset, margin: float) -> str:
     """Which of a map's strips a margin lies in, and what that means; empty if in none."""
-    strips, r = strips_of(data), ratio(margin)
-    low, high = reach(strips.values())
+    strips, r = uncertainty_strips(data), log_ratio(margin)
+    low, high = total_change(strips.values())
     if not undecided(r, low, high):
         return ""
     words = {NUMERICS: "the numerics", MODEL: "what the model leaves open"}
@@ -204,14 +206,14 @@ def _doubt(data: xr.Dataset, margin: float) -> str:
     )
 
 
-def _follow(
-    reader: Reader, case: Case, lever: str, parameter: str, way: int, abrupt: bool
+def _change_along_lever(
+    reader: MapReader, case: Case, lever: str, parameter: str, way: int, abrupt: bool
 ) -> LeverChange | str:
     """Move one parameter until the regime changes; or why it does not."""
     quantity = case.model.parameters()[parameter]
     now = case.values[parameter] / quantity.factor
     if now:
-        values = now * np.geomspace(1, _FACTOR, _STEPS) ** way
+        values = now * np.geomspace(1, _MAX_FACTOR, _STEPS) ** way
     elif way > 0:
         values = np.concatenate([[0.0], quantity.typical * np.geomspace(1e-3, 1e4, _STEPS)])
     else:
@@ -243,9 +245,9 @@ def _follow(
     j = max(k - 1, 0)
     part = side[j] / (side[j] - side[k]) if k > j else 0.0
     to = float(values[j] + part * (values[k] - values[j]))
-    doubtful = np.flatnonzero(np.abs(mean) < SURE * spread)
+    doubtful = np.flatnonzero(np.abs(mean) < NORMAL_QUANTILE * spread)
     near = min(doubtful[0], k) if doubtful.size else k
-    sure = np.flatnonzero((side < -SURE * spread) & (np.arange(side.size) >= k))
+    sure = np.flatnonzero((side < -NORMAL_QUANTILE * spread) & (np.arange(side.size) >= k))
     far = int(sure[0]) if sure.size else None
     beyond = far if far is not None else len(path) - 1
     return LeverChange(
@@ -255,7 +257,7 @@ def _follow(
 
 
 @dataclass(frozen=True)
-class Checked:
+class CheckedChange:
     """A change tried by runs: the material's own place on the map, and the place beyond the boundary."""
 
     before: MapRow
@@ -279,7 +281,7 @@ class Checked:
 
 def check(
     data: xr.Dataset, found: Guide, runs: str | Path, run: Callable[[Case], Result] | None = None
-) -> Checked:
+) -> CheckedChange:
     """Run the map's case at the material's place and after the first change; they go into the store ``runs``.
 
     Raises BadInput if there is no change to check, or the map is of numerics that are no longer there.
@@ -301,10 +303,10 @@ def check(
     known = cases[0].model.parameters()
     moved = [f"{n} {known[n].show(a[n])} and {known[n].show(b[n])}" for n in a if n in known and a[n] != b[n]]
     before, after = rows
-    return Checked(before, after, f"at {places[0]} and at {places[1]} ({', '.join(moved)})")
+    return CheckedChange(before, after, f"at {places[0]} and at {places[1]} ({', '.join(moved)})")
 
 
-def _coordinate(axis: Axis) -> Callable[[np.ndarray], np.ndarray]:
+def _unit_coordinate(axis: Axis) -> Callable[[np.ndarray], np.ndarray]:
     """An axis' values as 0 to 1. Listed levels that grow by ratios count by ratios, zero among them."""
     low, high = axis.values[0], axis.values[-1]
     if high == low:
@@ -319,7 +321,7 @@ def _coordinate(axis: Axis) -> Callable[[np.ndarray], np.ndarray]:
 
 def _differences(data: xr.Dataset, case: Case, at: dict[str, float]) -> dict[str, tuple[float, float]]:
     """Dimensionless groups of the map's own case and of the material where they differ by a per cent."""
-    ours, theirs = physics_on(data)(at).groups(), case.groups()
+    ours, theirs = physics_by_place(data)(at).groups(), case.groups()
     return {
         name: (ours[name], theirs[name])
         for name in ours.keys() & theirs.keys()

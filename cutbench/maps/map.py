@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import xarray as xr
 
-from cutbench.base.handled import Handled
+from cutbench.base.display import Displayed
 from cutbench.maps.dataset import load_map
 
 if TYPE_CHECKING:
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Map(Handled):
+class Map(Displayed):
     """What a sweep has left: ``data`` as in ``map.nc``, in ``folder``."""
 
-    handled_in: ClassVar[str] = "cutbench.maps.handled"
+    display_module: ClassVar[str] = "cutbench.maps.display"
 
     data: xr.Dataset
     folder: Path

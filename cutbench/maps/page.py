@@ -20,18 +20,18 @@ from cutbench.base.figure_style import COLOURS
 from cutbench.base.files import replacing
 from cutbench.case.case import Case
 from cutbench.case.physics import Physics
-from cutbench.maps.cases import computed_by, physics_on
-from cutbench.maps.coordinates import DROPS
+from cutbench.maps.boundary_line import shown_strips
 from cutbench.maps.dataset import LABELS, NUMBERS, OUTCOME_FLAGS, axes_of, axis_of, places_of
-from cutbench.maps.line import shown_strips
-from cutbench.maps.page_curves import POINTS, curve_of, titles_of
+from cutbench.maps.map_cases import computed_by, physics_by_place
+from cutbench.maps.page_curves import MAX_CURVE_POINTS, curve_of, titles_of
 from cutbench.maps.page_layers import layers_of
+from cutbench.maps.plot_coordinates import DROP_COLOURS
 from cutbench.run.measures import NOTED
 from cutbench.run.result import Result
 from cutbench.run.store.runs import Store
 
 #: Of more runs than these the curves have half the points.
-_MANY = 300
+_MAX_RUNS_IN_DETAIL = 300
 #: Parts of the page in the order in which its script has them.
 _SCRIPTS = ("plot.js", "map.js", "detail.js", "page.js")
 #: Numbers of a run whose names alone do not tell them apart.
@@ -81,7 +81,7 @@ def contents(data: xr.Dataset, store: Store | None) -> dict:
     """What the page shows, as plain data: axes, layers, runs and materials with their numbers and curves."""
     names, runs = axes_of(data), _runs(data)
     results = [store.get(run.id) if store is not None and run.id else None for run in runs]
-    most = POINTS if len(runs) <= _MANY else POINTS // 2
+    most = MAX_CURVE_POINTS if len(runs) <= _MAX_RUNS_IN_DETAIL else MAX_CURVE_POINTS // 2
     curves = [curve_of(result, most) if result else None for result in results]
     quantities, values = _quantities(data, runs, results)
     numbers = [name for name in NUMBERS if name in data]
@@ -107,7 +107,7 @@ def contents(data: xr.Dataset, store: Store | None) -> dict:
         "strips": shown_strips(data),
         "entries": [{"name": name, "title": title} for name, title in titles_of(entries).items()],
         "colours": [colour for name, colour in COLOURS.items() if name != "black"],
-        "drops": [to_hex(DROPS(k / 16)) for k in range(17)],
+        "drops": [to_hex(DROP_COLOURS(k / 16)) for k in range(17)],
         "error": max((curve["error"] for curve in curves if curve), default=None),
     }
 
@@ -191,7 +191,7 @@ def _quantities(
     they are made of; and by run, group and parameter of those that are not the same everywhere. Nothing where
     places stand for no physics."""
     try:
-        by_place = physics_on(data)
+        by_place = physics_by_place(data)
     except BadInput:
         return [], [[] for _ in runs]
     physics: list[Physics | Case | None] = []

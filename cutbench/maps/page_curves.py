@@ -14,14 +14,14 @@ from cutbench.run.result import Result
 
 #: A curve is thinned until what is drawn is so near to it, relative to its largest force; to so many points
 #: at the most.
-NEAR, POINTS = 0.005, 120
+CURVE_TOLERANCE, MAX_CURVE_POINTS = 0.005, 120
 #: Numbers of a curve are whole multiples of its largest force divided by this.
 STEPS = 2000
 #: Shares that are small throughout, together; and what the energy balance leaves of the mean force.
 OTHERS, REST = "others", "rest"
 
 
-def curve_of(result: Result, points: int = POINTS) -> dict | None:
+def curve_of(result: Result, points: int = MAX_CURVE_POINTS) -> dict | None:
     """Travel ``d`` (mm), ``force`` over it and, until the blade first rests, ``mean`` and its ``split``.
 
     Forces are whole numbers, times ``scale`` N. A mechanism's share is the slope of its work over ``window``
@@ -43,7 +43,7 @@ def curve_of(result: Result, points: int = POINTS) -> dict | None:
         lines[:down, k], lines[down:, k] = share, share[-1]
     # Of a curve that is zero throughout nothing is lost by any scale.
     largest = float(np.max(np.abs(lines))) or 1.0
-    keep, error = thinned(d, lines / largest, NEAR, points)
+    keep, error = thinned(d, lines / largest, CURVE_TOLERANCE, points)
     keep = np.union1d(keep, [down - 1])
     scale = float(f"{largest / STEPS:.4g}")
     whole = np.rint(lines[keep] / scale).astype(int)

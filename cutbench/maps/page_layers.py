@@ -11,18 +11,18 @@ import xarray as xr
 
 from cutbench.base.errors import BadInput
 from cutbench.maps.axes import Axis
-from cutbench.maps.coordinates import LEAST, between
+from cutbench.maps.closed_form_estimates import estimated_margin
 from cutbench.maps.dataset import LABELS, axes_of, axis_of
-from cutbench.maps.estimates import estimated_margin
-from cutbench.maps.guidance import Reader
+from cutbench.maps.guidance import MapReader
+from cutbench.maps.plot_coordinates import SMALLEST_IN_LOG, between
 from cutbench.run.measures import UNCUT
 
 #: Levels of an estimate along an axis that is walked by a slider; points along those that are shown.
 LEVELS, FINE = 17, 41
 #: Points of the classical estimates along an axis that is shown.
-_TRIED = 13
+_ESTIMATED_POINTS = 13
 #: Points of an estimate at the most: the page grows by each of them.
-_MOST = 60_000
+_MAX_POINTS = 60_000
 #: Numbers of a layer are thousandths.
 PER = 1000
 
@@ -57,7 +57,7 @@ def _line(data: xr.Dataset) -> xr.DataArray:
         if math.isfinite(data.attrs["surge_threshold"]):
             over = np.minimum(over, data["surge"] / data.attrs["surge_threshold"])
         over = xr.where(data["label"] == LABELS.index(UNCUT), np.nan, over)
-        return np.log(np.maximum(over, LEAST))
+        return np.log(np.maximum(over, SMALLEST_IN_LOG))
 
 
 def _pick(data: xr.Dataset) -> dict[str, np.ndarray]:
@@ -94,7 +94,7 @@ def _chance(data: xr.Dataset) -> dict | None:
     shown = [n for n in (data.attrs["plot_x"], data.attrs["plot_y"]) if n]
     for fine in (FINE, FINE // 2, FINE // 4, 0):
         values = [refined(axes[n], fine if n in shown else 0) for n in names]
-        if math.prod(map(len, values)) <= _MOST or not fine:
+        if math.prod(map(len, values)) <= _MAX_POINTS or not fine:
             break
     shape = tuple(map(len, values))
     margin, sd = np.full(shape, math.nan), np.full(shape, math.nan)
@@ -105,7 +105,7 @@ def _chance(data: xr.Dataset) -> dict | None:
             where[k] = i
         here: Mapping[str, float] = {names[k]: values[k][i] for k, i in zip(switches, chosen, strict=True)}
         try:
-            reader = Reader(data, dict(here))
+            reader = MapReader(data, dict(here))
         except BadInput:
             continue
         free = [n for n in names if n not in here]
@@ -127,12 +127,12 @@ def _classical(data: xr.Dataset) -> dict[str, dict]:
     for name in axes_of(data):
         v, axis = data[name].values, axis_of(data, name)
         if name in shown and v.size > 1 and not axis.mechanism:
-            v = (np.geomspace if axis.scale == "log" else np.linspace)(v[0], v[-1], _TRIED)
+            v = (np.geomspace if axis.scale == "log" else np.linspace)(v[0], v[-1], _ESTIMATED_POINTS)
         elif v.size > LEVELS:
             v = v[np.rint(np.linspace(0, v.size - 1, LEVELS)).astype(int)]
         values.append([float(f"{u:.5g}") for u in v])
     margin = estimated_margin(data)
-    if math.prod(map(len, values)) > _MOST:
+    if math.prod(map(len, values)) > _MAX_POINTS:
         return {}
     z = np.array([margin(dict(zip(axes_of(data), at, strict=True))) for at in itertools.product(*values)])
     known = z[np.isfinite(z)]

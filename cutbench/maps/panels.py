@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from cutbench.base.figure_style import DOUBLE_MM, Size, new_figure, sized
-from cutbench.maps.coordinates import symbol, unit_of
+from cutbench.maps.plot_coordinates import symbol, unit_of
 
 
 def figure_of(panels: int, size: Size | None) -> tuple[Figure, np.ndarray]:

@@ -35,10 +35,16 @@ from cutbench.base.figure_style import (
     style,
 )
 from cutbench.maps.axes import BOUNDARY, ONE
-from cutbench.maps.boundary import SURE
+from cutbench.maps.boundary import NORMAL_QUANTILE
+from cutbench.maps.boundary_line import draw_line, draw_strips, strip_handles
+from cutbench.maps.closed_form_estimates import estimated_margin
 from cutbench.maps.confirmed_points import FOLDER, RECORD, draw_confirmed, handles_of, read_confirmed
-from cutbench.maps.coordinates import (
-    DROPS,
+from cutbench.maps.dataset import LABELS, NOT_COMPUTED, OUTCOME_FLAGS, axes_of, places_of
+from cutbench.maps.material_markers import draw_materials, marks_of
+from cutbench.maps.material_markers import handles_of as handles_of_marks
+from cutbench.maps.panels import figure_of, label, panel_key, title
+from cutbench.maps.plot_coordinates import (
+    DROP_COLOURS,
     axis_text,
     edges,
     finer,
@@ -49,12 +55,6 @@ from cutbench.maps.coordinates import (
     symbol,
     unit_of,
 )
-from cutbench.maps.dataset import LABELS, NOT_COMPUTED, OUTCOME_FLAGS, axes_of, places_of
-from cutbench.maps.estimates import estimated_margin
-from cutbench.maps.line import draw_line, draw_strips, strip_handles
-from cutbench.maps.marked_points import draw_materials, marks_of
-from cutbench.maps.marked_points import handles_of as handles_of_marks
-from cutbench.maps.panels import figure_of, label, panel_key, title
 from cutbench.run.measures import ABRUPT, SMOOTH, UNCUT, UNDECIDED
 
 _MARKERS: dict[str, Look] = {
@@ -67,7 +67,7 @@ _MARKERS: dict[str, Look] = {
 #: Of a line in a legend beside the panels.
 _LETTERS = 26
 #: Points along each axis at which the classical estimates are drawn.
-_TRIED = 13
+_ESTIMATED_POINTS = 13
 _DASHES = (0, (4, 1.5, 1, 1.5))
 MISSING = "to come"
 _MARKERS[MISSING] = {"marker": ".", "mec": "0.55", "mfc": "0.55", "ms": 3.5, "mew": 0.0, "label": MISSING}
@@ -129,7 +129,7 @@ def draw_plane(ax: Axes, data: xr.Dataset) -> None:
     if list(data["label"].dims) != axes_of(data):
         x, y = (data.attrs[f"plot_{name}"] for name in ("x", "y"))
         places, drop = places_of(data), data["drop_rel"].values
-        ax.scatter(places[x], places[y] if y else drop, c=drop, cmap=DROPS)
+        ax.scatter(places[x], places[y] if y else drop, c=drop, cmap=DROP_COLOURS)
         ax.set(xlabel=axis_text(data[x]), ylabel=axis_text(data[y]) if y else "relative force drop")
         return
     whole, fixed = _reduce(data)
@@ -188,7 +188,7 @@ def _cells(ax: Axes, part: xr.Dataset, x: str, y: str, top: float):
     grid = [edges(part[name].values, is_log(part[name])) for name in (x, y)]
     colour, width = ("white", 0.25) if drop.size < 1000 else ("face", 0.1)
     look: Look = {"edgecolors": colour, "linewidth": width, "rasterized": True}
-    image = ax.pcolormesh(*grid, np.ma.masked_invalid(drop), cmap=DROPS, vmin=0, vmax=top, **look)
+    image = ax.pcolormesh(*grid, np.ma.masked_invalid(drop), cmap=DROP_COLOURS, vmin=0, vmax=top, **look)
     for which, e in zip("xy", grid, strict=True):
         getattr(ax, f"set_{which}lim")(e[0], e[-1])
         getattr(ax, f"{which}axis").set_tick_params(which="minor", size=1.5, width=0.4)
@@ -199,7 +199,7 @@ def _band(ax: Axes, part: xr.Dataset, x: str, y: str) -> None:
     """Hatch where the regime is not known with 95 %."""
     if "margin" not in part:
         return
-    doubt = (SURE * part["margin_sd"] - np.abs(part["margin"])).transpose(y, x).values
+    doubt = (NORMAL_QUANTILE * part["margin_sd"] - np.abs(part["margin"])).transpose(y, x).values
     if min(doubt.shape) > 1 and (doubt > 0).any():
         look: Look = {"levels": [0, np.inf], "colors": "none", "hatches": ["//////"], "zorder": 2.5}
         grids = part[x].values, part[y].values
@@ -210,7 +210,9 @@ def _classical(ax: Axes, part: xr.Dataset, x: str, y: str) -> bool:
     """The boundary of the classical estimates; False where they have none."""
     fixed = {name: float(part[name].values) for name in axes_of(part) if name not in (x, y)}
     grids = [
-        (np.geomspace if is_log(part[n]) else np.linspace)(part[n].values[0], part[n].values[-1], _TRIED)
+        (np.geomspace if is_log(part[n]) else np.linspace)(
+            part[n].values[0], part[n].values[-1], _ESTIMATED_POINTS
+        )
         for n in (x, y)
     ]
     margin = estimated_margin(part)

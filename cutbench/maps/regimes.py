@@ -34,7 +34,7 @@ UNKNOWN, STABLE, HELD, SNAP = "unknown", "stable", "held_back", "snap"
 KINDS = (UNKNOWN, STABLE, HELD, SNAP)
 KIND = "kind"
 #: In words.
-SAID = {STABLE: "stable", HELD: "held back by viscosity", SNAP: "snap", UNKNOWN: "not known"}
+KIND_WORDS = {STABLE: "stable", HELD: "held back by viscosity", SNAP: "snap", UNKNOWN: "not known"}
 #: What a run at rest says, as variables of a map: of which measure, unit, meaning.
 AT_REST = {
     "rest_front_speed": ("front_speed", "1", "front_speed of the run at rest"),
@@ -42,7 +42,7 @@ AT_REST = {
 }
 
 
-def at_rest(case: Case) -> Case:
+def quasi_static_case(case: Case) -> Case:
     """``case`` with viscosity of ``REST``; as it is, where it has less or none."""
     if VISCOSITY not in case.model.settable_groups() or groups()[VISCOSITY].value(case.p) <= REST:
         return case
@@ -92,12 +92,12 @@ def rest_variables(
     return found
 
 
-def said_of_kinds(data: xr.Dataset) -> list[str]:
+def kind_sentences(data: xr.Dataset) -> list[str]:
     """How many runs are of which kind, in a sentence; nothing of maps without runs at rest."""
     if KIND not in data:
         return []
     ids, kinds = data["run_id"].values.ravel(), data[KIND].values.ravel()
     _, first = np.unique(ids, return_index=True)
     counted = Counter(KINDS[kinds[i]] for i in first if ids[i])
-    told = [f"{counted[name]} {text}" for name, text in SAID.items() if counted[name]]
+    told = [f"{counted[name]} {text}" for name, text in KIND_WORDS.items() if counted[name]]
     return [f"by limit point at rest and speed of the front: {', '.join(told)}"] if told else []

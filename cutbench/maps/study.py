@@ -37,9 +37,9 @@ from cutbench.maps.axes import (
     switched,
     value_on,
 )
-from cutbench.maps.marks import Mark, read_mark
+from cutbench.maps.marked_materials import Mark, read_mark
 from cutbench.maps.sampling import coarse_to_fine, latin_hypercube, one_at_a_time
-from cutbench.maps.sections import (
+from cutbench.maps.study_sections import (
     Doubtful,
     Plot,
     Regime,

@@ -22,22 +22,22 @@ from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.notebook import watched
 from cutbench.base.progress import OnProgress, silent
 from cutbench.case.case import Case
+from cutbench.maps.closed_form_estimates import save_estimates
 from cutbench.maps.collapse import save_collapse
 from cutbench.maps.dataset import MapRow, build_map, path_from, row_of, save_map
-from cutbench.maps.estimates import save_estimates
-from cutbench.maps.findings import Findings, findings, said_of_boundary, save_findings
+from cutbench.maps.findings import Findings, boundary_sentences, findings, save_findings
 from cutbench.maps.page import save_page
 from cutbench.maps.phase import save_phase
-from cutbench.maps.plan import plan_of
+from cutbench.maps.sampling_plan import plan_of
 from cutbench.maps.study import Study, load_study
-from cutbench.maps.uncertainty import said_of_strips
+from cutbench.maps.uncertainty import strip_sentences
 from cutbench.run.pool.job import Done, Job
 from cutbench.run.pool.pool import TaskPool
 from cutbench.run.pool.worker import PoolLost, Run, WorkerLost, failure, work
 from cutbench.run.store.runs import Store
 
 #: Part of the time that may go into writing the map while runs are computed.
-DRAWING = 0.03
+MAX_DRAWING_FRACTION = 0.03
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class Sweep:
             )
         found += self.findings.lines()
         if not self.interrupted:
-            found += [*said_of_boundary(self.map), *said_of_strips(self.map)]
+            found += [*boundary_sentences(self.map), *strip_sentences(self.map)]
         return [*found, self.verdict] if self.verdict else found
 
 
@@ -249,7 +249,7 @@ class _Sweep:
             self._write_map()
             # The workers wait meanwhile: a large map is written less often.
             now = time.monotonic()
-            self.due = now + max(self.pace[1], (now - begun) / DRAWING)
+            self.due = now + max(self.pace[1], (now - begun) / MAX_DRAWING_FRACTION)
             self._report()
 
     def _write_map(self, *, last: bool = False) -> xr.Dataset:

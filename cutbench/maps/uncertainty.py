@@ -20,11 +20,11 @@ import xarray as xr
 
 from cutbench.case.case import Case
 from cutbench.case.mesh_sizes import chosen, near_blade
-from cutbench.case.unmeasured import others
-from cutbench.maps.boundary import SURE, Index
+from cutbench.case.model_alternatives import alternative_cases
+from cutbench.maps.boundary import NORMAL_QUANTILE, Index
 
 #: Of logarithms: a margin says no more.
-MOST = 2.0
+MAX_LOG_RATIO = 2.0
 NUMERICS, MODEL = "numerics", "model"
 CAUSES = (NUMERICS, MODEL)
 #: Variables of a map: what repeated runs say at their place.
@@ -46,13 +46,13 @@ def refined(case: Case) -> Case:
     return replace(case, numerics=finer)
 
 
-def ratio(margin: float) -> float:
-    """r of a margin, between −``MOST`` and ``MOST``; nan of nan."""
-    return float(np.clip(np.arctanh(np.clip(margin, -0.9999, 0.9999)), -MOST, MOST))
+def log_ratio(margin: float) -> float:
+    """r of a margin, between −``MAX_LOG_RATIO`` and that; nan of nan."""
+    return float(np.clip(np.arctanh(np.clip(margin, -0.9999, 0.9999)), -MAX_LOG_RATIO, MAX_LOG_RATIO))
 
 
 @dataclass(frozen=True)
-class Strip:
+class UncertaintyStrip:
     """By how much r may change, ``low`` ≤ 0 ≤ ``high``, and how many runs say it; none: not known, 0."""
 
     low: float = 0.0
@@ -61,11 +61,11 @@ class Strip:
 
 
 @dataclass
-class Checks:
+class RepeatedRuns:
     """What is repeated of a map: the refined run of a run, and its runs with one thing changed; all ids."""
 
     refined: dict[str, str] = field(default_factory=dict)
-    others: dict[str, dict[str, str]] = field(default_factory=dict)
+    alternatives: dict[str, dict[str, str]] = field(default_factory=dict)
 
     def ask(self, cases: Mapping[str, Case], near: Sequence[str], runs: int, bands: int) -> list[Case]:
         """The cases to run for the ``runs`` first of ``near`` (ids), and of these the ``bands`` first."""
@@ -74,53 +74,53 @@ class Checks:
             asked.append(fine := refined(cases[id]))
             self.refined[id] = fine.id
         for id in near[:bands]:
-            found = others(cases[id])[0]
-            self.others[id] = {name: other.id for name, other in found.items()}
+            found = alternative_cases(cases[id])[0]
+            self.alternatives[id] = {name: other.id for name, other in found.items()}
             asked += found.values()
         return asked
 
-    def numerics(self, r: Mapping[str, float]) -> Strip:
+    def numerics(self, r: Mapping[str, float]) -> UncertaintyStrip:
         """From r by id, of all runs that have ended."""
         shifts = [r.get(fine, math.nan) - r.get(id, math.nan) for id, fine in self.refined.items()]
         known = np.array([s for s in shifts if math.isfinite(s)])
         if not known.size:
-            return Strip()
-        wide = SURE * float(known.std(ddof=1)) if known.size > 1 else 0.0
+            return UncertaintyStrip()
+        wide = NORMAL_QUANTILE * float(known.std(ddof=1)) if known.size > 1 else 0.0
         mean = float(known.mean())
-        return Strip(min(0.0, mean - wide), max(0.0, mean + wide), known.size)
+        return UncertaintyStrip(min(0.0, mean - wide), max(0.0, mean + wide), known.size)
 
-    def model(self, r: Mapping[str, float]) -> Strip:
+    def model(self, r: Mapping[str, float]) -> UncertaintyStrip:
         """Likewise, of what the model leaves open."""
         ends = []
-        for id, changed in self.others.items():
+        for id, changed in self.alternatives.items():
             shifts = [r.get(other, math.nan) - r.get(id, math.nan) for other in changed.values()]
             if known := [s for s in shifts if math.isfinite(s)]:
                 ends.append((min(0.0, *known), max(0.0, *known)))
         if not ends:
-            return Strip()
+            return UncertaintyStrip()
         low, high = map(float, np.mean(ends, axis=0))
-        return Strip(low, high, len(ends))
+        return UncertaintyStrip(low, high, len(ends))
 
 
-def nearest(r: Mapping[Index, float], panel: int | None) -> list[Index]:
+def nearest_to_boundary(r: Mapping[Index, float], panel: int | None) -> list[Index]:
     """Places by |r|, those of all levels of the axis ``panel`` in turn; none that says only its side."""
-    known = sorted((i for i in r if abs(r[i]) < MOST), key=lambda i: (abs(r[i]), i))
+    known = sorted((i for i in r if abs(r[i]) < MAX_LOG_RATIO), key=lambda i: (abs(r[i]), i))
     if panel is None:
         return known
     levels = [[i for i in known if i[panel] == level] for level in sorted({i[panel] for i in known})]
     return [i for turn in itertools.zip_longest(*levels) for i in turn if i is not None]
 
 
-def strips_of(data: xr.Dataset) -> dict[str, Strip]:
+def uncertainty_strips(data: xr.Dataset) -> dict[str, UncertaintyStrip]:
     """A map's strips by cause; nothing of maps without."""
     if "strip" not in data:
         return {}
-    found = (Strip(float(part.values[0]), float(part.values[1]), int(n)) for part, n in zip(
+    found = (UncertaintyStrip(float(part.values[0]), float(part.values[1]), int(n)) for part, n in zip(
         data["strip"], data["strip_runs"].values, strict=True))  # fmt: skip
     return {cause: strip for cause, strip in zip(data["cause"].values, found, strict=True) if strip.runs}
 
 
-def reach(strips: Iterable[Strip]) -> tuple[float, float]:
+def total_change(strips: Iterable[UncertaintyStrip]) -> tuple[float, float]:
     """By how much r may change in all."""
     strips = list(strips)
     return sum(s.low for s in strips), sum(s.high for s in strips)
@@ -131,8 +131,8 @@ def undecided(r: np.ndarray | float, low: float, high: float) -> np.ndarray:
     return (np.asarray(r) + low < 0) & (np.asarray(r) + high >= 0)
 
 
-def variables(
-    checks: Checks, r: Mapping[str, float], ids: np.ndarray, dims: Sequence[str]
+def uncertainty_variables(
+    checks: RepeatedRuns, r: Mapping[str, float], ids: np.ndarray, dims: Sequence[str]
 ) -> dict[str, tuple]:
     """What the repeated runs add to a map of the runs ``ids``: strips by cause, and what they say."""
     strips = {NUMERICS: checks.numerics(r), MODEL: checks.model(r)}
@@ -143,7 +143,7 @@ def variables(
 
     known = {
         id: [s for other in changed.values() if math.isfinite(s := r.get(other, math.nan))]
-        for id, changed in checks.others.items()
+        for id, changed in checks.alternatives.items()
     }
     bands = {id: values for id, values in known.items() if values}
     fine = {id: r.get(other, math.nan) for id, other in checks.refined.items()}
@@ -162,7 +162,7 @@ def variables(
     }
 
 
-def said_of_strips(data: xr.Dataset) -> list[str]:
+def strip_sentences(data: xr.Dataset) -> list[str]:
     """By which factor the measure at the line may be off, a sentence a cause."""
     words = {
         NUMERICS: "elements and steps half as large change the drop",
@@ -171,5 +171,5 @@ def said_of_strips(data: xr.Dataset) -> list[str]:
     return [
         f"at the line {words[cause]} to {math.exp(s.low):.2f} to {math.exp(s.high):.2f} times"
         f" ({s.runs} places)"
-        for cause, s in strips_of(data).items()
+        for cause, s in uncertainty_strips(data).items()
     ]

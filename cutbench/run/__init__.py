@@ -10,7 +10,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         "checkpoint": ["Checkpoint"],
         "files": ["read_curve", "read_run", "write_run"],
-        "result": ["Outcome", "Result", "Snapshot"],
+        "outcome": ["Outcome"],
+        "result": ["Result", "Snapshot"],
         "runner": ["run_case"],
         "snap_back": ["trace_snap_back"],
         "store.runs": ["Store"],

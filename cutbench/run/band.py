@@ -1,7 +1,7 @@
 """A run with its band: repeated over what the model leaves open, one thing at a time.
 
-What that is the laws and the numerics declare (``cutbench.case.unmeasured``). The band of a measure is what
-the repetitions make of it; a label is undecided where the drop's band holds the threshold of abrupt.
+What that is the laws and the numerics declare (``cutbench.case.model_alternatives``). The band of a measure
+is what the repetitions make of it; a label is undecided where the drop's band holds the threshold of abrupt.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from cutbench.base.notebook import watched
 from cutbench.base.progress import OnProgress, silent
 from cutbench.base.versions import versions
 from cutbench.case.case import Case, load_case
+from cutbench.case.model_alternatives import alternative_cases
 from cutbench.case.motion import TRANSITION
-from cutbench.case.unmeasured import others
 from cutbench.run.figures.choices import plot_choices
 from cutbench.run.measures import ABRUPT, ABRUPT_DROP, MEASURES, SMOOTH, UNCUT, UNDECIDED, label
 from cutbench.run.pool.batch import CUT, Batch
@@ -119,7 +119,7 @@ class Band:
         }
 
 
-def banded(case: Case) -> Case:
+def case_to_transition(case: Case) -> Case:
     """``case`` as a band has it by default: each run ends with its transition, unless it has a motion."""
     return case if case.motion else replace(case, until=TRANSITION)
 
@@ -143,8 +143,8 @@ def band(
     Raises BadInput.
     """
     case = source.set(**changes) if isinstance(source, Case) else load_case(source, changes)
-    case = case if "until" in changes else banded(case)
-    changed, refused = others(case)
+    case = case if "until" in changes else case_to_transition(case)
+    changed, refused = alternative_cases(case)
     cases = {AS_ASKED: case, **changed}
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory()) if out is None else check_writable(out)

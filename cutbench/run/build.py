@@ -20,13 +20,13 @@ from cutbench.forms.cut import CutForm
 from cutbench.forms.damping import DampingForm
 from cutbench.forms.geometry import Geometry, paired
 from cutbench.forms.gradient import GradientForm
-from cutbench.forms.line import surface_lines
 from cutbench.forms.mixed import MixedVolumetric
 from cutbench.forms.prisms import Prisms
 from cutbench.forms.self_contact import SelfContactForm
 from cutbench.forms.space import Faces, Space
 from cutbench.forms.support import SupportForm
 from cutbench.forms.surface import Rim, Share, SurfaceForm
+from cutbench.forms.surface_lines import surface_lines
 from cutbench.forms.tension import HeldForm, SpanForm, TensionForm
 from cutbench.mechanisms import Skin, Volumetric
 from cutbench.models2d.plane_strain import geometry as section_geometry

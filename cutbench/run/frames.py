@@ -10,7 +10,7 @@ from cutbench.base.errors import BadInput
 from cutbench.run.result import Snapshot
 
 #: More than a film of half a minute has.
-MOST = 500
+MAX_FRAMES = 500
 #: So many snapshots for a frame are kept while the end is not known: the one that is shown is then no farther
 #: from its place than about a quarter of the way to the next.
 _SPARE = 4
@@ -24,8 +24,8 @@ def checked_frames(count: int | str | None) -> int:
         found = int(count)
     except (TypeError, ValueError, OverflowError):
         found = 0
-    if count not in (found, str(found)) or not 1 <= found <= MOST:
-        raise BadInput("frames", count, f"a whole number from 1 to {MOST}")
+    if count not in (found, str(found)) or not 1 <= found <= MAX_FRAMES:
+        raise BadInput("frames", count, f"a whole number from 1 to {MAX_FRAMES}")
     return found
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from cutbench.base.files import replacing
 from cutbench.case.case import Case
-from cutbench.run.blade_shape import blade_mesh
+from cutbench.run.blade_geometry import blade_mesh
 from cutbench.run.result import Snapshot
 
 #: Unit of each nodal field, appended to its name in the files.

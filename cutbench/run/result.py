@@ -5,20 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar, Final, Protocol
+from typing import ClassVar, Final, Protocol
 
 import numpy as np
 
-from cutbench.base.handled import Handled
+from cutbench.base.display import Displayed
 from cutbench.base.versions import versions
+from cutbench.case.case import Case
 from cutbench.case.motion import TRANSITION
-from cutbench.run.said import said
-
-if TYPE_CHECKING:
-    from cutbench.case.case import Case
-
-#: How a run can end; only ``"done"`` reached what was asked for, its depth or its transition.
-OUTCOMES: Final = ("done", "stalled", "interrupted", "failed")
+from cutbench.run.outcome import Outcome
+from cutbench.run.sentence import run_sentence
 
 _LEADING = ("displacement_mm", "force_N", "time_s", "cut_length_mm")
 _TRAILING = ("reaction_N", "closure")
@@ -32,27 +28,6 @@ TRANSFER: Final = "transfer"
 
 #: Before a parameter's name: the derivative of the displacements by it.
 SLOPE = "displacement_by_"
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """How a run ended and, where it fell short, what to try."""
-
-    kind: str
-    message: str
-    advice: str = ""
-    reached_mm: float = 0.0
-
-    def __post_init__(self):
-        if self.kind not in OUTCOMES:
-            raise ValueError(f"outcome '{self.kind}' is none of {', '.join(OUTCOMES)}")
-
-    @property
-    def done(self) -> bool:
-        return self.kind == "done"
-
-    def __str__(self) -> str:
-        return f"{self.kind}: {self.message}" + (f" {self.advice}" if self.advice else "")
 
 
 @dataclass
@@ -96,7 +71,7 @@ def unwatched(row: Mapping[str, float], snapshot: Snapshot | None) -> None:
 
 
 @dataclass(repr=False)
-class Result(Handled):
+class Result(Displayed):
     """One run: what was asked (``case``), what came out, and what it cost.
 
     ``curve`` maps column names (units in the name) to arrays of one length, a value a step;
@@ -105,7 +80,7 @@ class Result(Handled):
     it: this process, unless they are read from a file.
     """
 
-    handled_in: ClassVar[str] = "cutbench.run.handled"
+    display_module: ClassVar[str] = "cutbench.run.display"
 
     case: Case
     curve: dict[str, np.ndarray]
@@ -146,7 +121,7 @@ class Result(Handled):
 
     def sentence(self, band: tuple[float, float] | None = None) -> str:
         """What it found; ``band``: the least and the largest drop over what the model leaves open."""
-        return said(self.case, self.outcome, self.measures, band)
+        return run_sentence(self.case, self.outcome, self.measures, band)
 
     @property
     def ledger(self) -> tuple[str, ...]:

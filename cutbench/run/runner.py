@@ -15,17 +15,18 @@ from cutbench.case.case import Case
 from cutbench.case.values import check_driven
 from cutbench.run.build import Built
 from cutbench.run.checkpoint import Checkpoint
-from cutbench.run.crossing import Crossing
-from cutbench.run.ending import Ending
 from cutbench.run.fields import add_slopes, snapshot
 from cutbench.run.frames import Frames, checked_frames
-from cutbench.run.freed import freed_rel
 from cutbench.run.front import Front
 from cutbench.run.ledger import Ledger
 from cutbench.run.measures import forward, measures
+from cutbench.run.outcome import Outcome
+from cutbench.run.released_energy import freed_rel
 from cutbench.run.remeshing import Place, RemeshedMarch, Transfer
-from cutbench.run.result import OnStep, Outcome, Result, Snapshot, unwatched
+from cutbench.run.result import OnStep, Result, Snapshot, unwatched
+from cutbench.run.self_intersection import SelfIntersection
 from cutbench.run.sensitivity import Added, Following, checked
+from cutbench.run.stopping_criterion import StoppingCriterion
 from cutbench.solver.march import Accepted, Progress, Stalled
 
 _log = logging.getLogger(__name__)
@@ -41,7 +42,9 @@ _ADVICE = {
 }
 
 #: Said of a run whose surface passes through itself.
-CROSSED = "(Beside the blade the surface passes through itself: nothing keeps one part of it off another.)"
+SELF_INTERSECTION_ADVICE = (
+    "(Beside the blade the surface passes through itself: nothing keeps one part of it off another.)"
+)
 
 
 def run_case(
@@ -87,7 +90,7 @@ def run_case(
 
     ledger = Ledger(meshes)
     front = Front(built) if built.space.dim == 3 else None
-    crossing, ending = Crossing(), Ending(case, built.march.motion, ledger)
+    crossing, ending = SelfIntersection(), StoppingCriterion(case, built.march.motion, ledger)
     wanted = sorted(snapshots_mm)
     pictures: list[Snapshot] = []
     interrupted, stalled, seen = False, "", 0
@@ -221,7 +224,7 @@ class _Keeper:
         meshes: RemeshedMarch,
         ledger: Ledger,
         front: Front | None,
-        crossing: Crossing,
+        crossing: SelfIntersection,
         pictures: list[Snapshot],
         album: Frames,
         began: float,
@@ -265,7 +268,7 @@ class _Keeper:
 
 
 def _outcome(
-    built: Built, reached: float, interrupted: bool, stalled: str, crossed: bool, ending: Ending
+    built: Built, reached: float, interrupted: bool, stalled: str, crossed: bool, ending: StoppingCriterion
 ) -> Outcome:
     motion = built.march.motion
     depth = motion.depth
@@ -277,7 +280,7 @@ def _outcome(
             reached,
         )
     if not stalled:
-        caution = CROSSED if crossed else ""
+        caution = SELF_INTERSECTION_ADVICE if crossed else ""
         if ending.known():
             return Outcome("done", str(ending), caution, reached)
         if motion.points:

@@ -23,7 +23,7 @@ from cutbench.forms.bulk import BulkForm
 from cutbench.forms.cut import CutForm
 from cutbench.mechanisms.base import STEP
 from cutbench.run.build import Built, contact_numerics, damping_viscosity, surfaces_of
-from cutbench.solver.beside import Beside
+from cutbench.solver.linearised_perturbation import LinearisedPerturbation
 from cutbench.solver.sensitivity import Direction, Sensitivities
 
 #: Sizes that move the mesh, and the travel itself: no derivative by them.
@@ -75,7 +75,7 @@ class Added(NamedTuple):
     case: Case
     names: tuple[str, ...]
 
-    def beside(self, base: Case) -> bool:
+    def shares_unknowns_with(self, base: Case) -> bool:
         """Whether its unknowns are those of ``base``, which lacks the laws: no run of its own is needed."""
         same = self.case.model.laws("support") == base.model.laws("support")
         return same and base.numerics.element != "P2P1"
@@ -86,22 +86,25 @@ class Following:
 
     def __init__(self, built: Built, names: Sequence[str], added: Sequence[Added] = ()):
         self._names, self._added = tuple(names), tuple(added)
-        self._besides = [Beside(_forms(built, each.case), each.case.p) for each in added]
+        self._perturbations = [
+            LinearisedPerturbation(_forms(built, each.case), each.case.p) for each in added
+        ]
         self.sensitivities = Sensitivities(built.problem, built.march.speed, self._directions(built))
 
     def _directions(self, built: Built) -> list[Direction]:
         found = directions(built, self._names)
-        for each, beside in zip(self._added, self._besides, strict=True):
-            forms = (beside.forms.get(form.name, form) for form in built.blades)
+        for each, perturbation in zip(self._added, self._perturbations, strict=True):
+            forms = (perturbation.forms.get(form.name, form) for form in built.blades)
             blades = [form for form in forms if isinstance(form, BladeForm)]
             for name in each.names:
-                found.append(replace(_direction(each.case, name, blades), beside=beside))
+                found.append(replace(_direction(each.case, name, blades), perturbation=perturbation))
         return found
 
     def go_on(self, built: Built, displacements, states) -> None:
         """On the mesh of ``built``; ``displacements`` and ``states`` as ``Sensitivities.go_on`` has them."""
-        self._besides = [
-            old.on(_forms(built, each.case)) for each, old in zip(self._added, self._besides, strict=True)
+        self._perturbations = [
+            old.on(_forms(built, each.case))
+            for each, old in zip(self._added, self._perturbations, strict=True)
         ]
         self.sensitivities.go_on(built.problem, self._directions(built), displacements, states)
 

@@ -29,13 +29,13 @@ from cutbench.solver.arc_length import RELEASE, Path
 from cutbench.solver.stability import lowest_eigenvalue
 
 #: Viscosities of the limit, in units of the case's; the last one also with half the steps.
-FADING = (0.1, 0.01)
+VISCOSITY_FACTORS = (0.1, 0.01)
 #: A jump spans more elements than this along the cut plane, or it may be theirs.
-ELEMENTS = 3.0
+MIN_JUMP_ELEMENTS = 3.0
 #: A path that goes back by less than this part of the blade's thickness does not turn.
-TURNED = 0.01
+MIN_TURN_BACK = 0.01
 #: How far the path goes on behind a jump, and how long a cut ends a path without one, in blade thicknesses.
-BEHIND, LONG = 1.0, 4.0
+FOLLOWED_BEHIND_JUMP, MAX_PATH_LENGTH = 1.0, 4.0
 
 PHYSICAL, MESH, STABLE, OPEN = "physical", "mesh", "stable", "open"
 INTERRUPTED = "interrupted"
@@ -93,12 +93,12 @@ class SnapBack:
         jump = self.jump
         if jump is None:
             return OPEN if self.stopped is not None else STABLE
-        if jump.advance_mm > ELEMENTS * self.case.numerics.h_mm:
+        if jump.advance_mm > MIN_JUMP_ELEMENTS * self.case.numerics.h_mm:
             return PHYSICAL
         return MESH if jump.landed else OPEN
 
 
-def timeless(case: Case) -> Case:
+def rate_independent_case(case: Case) -> Case:
     """``case`` without viscosity, at rest. Raises BadInput where another law of it depends on time.
 
     A law depends on time only if one of its parameters has time in its unit (beside forces).
@@ -137,29 +137,32 @@ def trace_snap_back(
     """Trace the path of ``case`` at rest, and repeat ``run``, the run as asked for, with less viscosity.
 
     ``on_progress`` has the travel in mm and the force. A KeyboardInterrupt ends the path with what it
-    has, and leaves the limit out. Raises BadInput as ``timeless`` does.
+    has, and leaves the limit out. Raises BadInput as ``rate_independent_case`` does.
     """
     began = time.perf_counter()
-    curve, stopped, interrupted = trace(timeless(case), on_progress)
+    curve, stopped, interrupted = trace_path(rate_independent_case(case), on_progress)
     jumps = tuple(jumps_of(curve, case.p.thickness))
     runs = []
     if limit and not interrupted:
         farthest = max((jump.travel_mm for jump in jumps), default=0.0)
         onset = run.measures.get("onset_mm", math.nan)
-        reach = max(farthest, onset if math.isfinite(onset) else 0.0) + 4 * BEHIND * case.p.thickness
+        reach = (
+            max(farthest, onset if math.isfinite(onset) else 0.0)
+            + 4 * FOLLOWED_BEHIND_JUMP * case.p.thickness
+        )
         try:
-            for text, changed in fading(case, min(case.p.depth, reach)):
+            for text, changed in viscosity_limit_cases(case, min(case.p.depth, reach)):
                 runs.append((text, run_case(changed)))
         except KeyboardInterrupt:
             pass
     return SnapBack(case, curve, jumps, stopped, tuple(runs), run, time.perf_counter() - began)
 
 
-def fading(case: Case, depth: float) -> list[tuple[str, Case]]:
+def viscosity_limit_cases(case: Case, depth: float) -> list[tuple[str, Case]]:
     """Cases of less and less viscosity, up to ``depth`` mm of travel, and the last with half the steps."""
     fade = [q for law in case.model.all if law.regularises for q in law.parameters]
     eta = {q: v for q in fade if q.off is not None and (v := case.values[q.name]) != q.off_value}
-    factors = FADING if eta else (1.0,)
+    factors = VISCOSITY_FACTORS if eta else (1.0,)
     cases = []
     for factor in factors:
         values = {**case.values, "depth": depth} | {q.name: factor * value for q, value in eta.items()}
@@ -173,18 +176,18 @@ def fading(case: Case, depth: float) -> list[tuple[str, Case]]:
     return [*cases, (f"{text}, half the steps", finer)]
 
 
-def trace(
+def trace_path(
     case: Case,
     on_progress: OnProgress = silent,
     rules: PathTuning | None = None,
 ):
     """The path of a case without time: columns by name, why it stopped (None: it did not), interrupted.
 
-    It ends a blade thickness behind its first jump of more than ``ELEMENTS`` elements, at the case's depth,
-    or where a cut without one is ``LONG`` thicknesses long.
+    It ends a blade thickness behind its first jump of more than ``MIN_JUMP_ELEMENTS`` elements, at the case's
+    depth, or where a cut without one is ``MAX_PATH_LENGTH`` thicknesses long.
     """
     # One mesh, with small elements as far down as a path goes.
-    around = LONG + BEHIND if follows(case) else 0.0
+    around = MAX_PATH_LENGTH + FOLLOWED_BEHIND_JUMP if follows(case) else 0.0
     meshes = RemeshedMarch(replace(case, numerics=replace(case.numerics, around=around)))
     built = meshes.built
     march = built.march
@@ -225,13 +228,13 @@ def trace(
             rows.append(row)
             on_progress(point.travel, case.p.depth, f"{row['force_N']:.3g} N")
             farthest = max(farthest, point.travel)
-            if turned is None and back > TURNED * thickness:
+            if turned is None and back > MIN_TURN_BACK * thickness:
                 turned = farthest
-            if turned is not None and point.travel > turned + BEHIND * thickness:
+            if turned is not None and point.travel > turned + FOLLOWED_BEHIND_JUMP * thickness:
                 jump = max(jumps_of(_columns(rows), thickness), key=lambda j: j.advance_mm, default=None)
-                if jump is not None and jump.advance_mm > ELEMENTS * case.numerics.h_mm:
+                if jump is not None and jump.advance_mm > MIN_JUMP_ELEMENTS * case.numerics.h_mm:
                     break
-            if point.broken > LONG * thickness:
+            if point.broken > MAX_PATH_LENGTH * thickness:
                 break
     except KeyboardInterrupt:
         interrupted = True
@@ -246,7 +249,7 @@ def jumps_of(curve: Mapping[str, np.ndarray], thickness: float) -> list[Jump]:
     """What a blade that only moves forward jumps over, in the order of the path.
 
     From each turning point to the first point of the path at the same travel again; loops that go back by
-    less than ``TURNED`` blade thicknesses are left out.
+    less than ``MIN_TURN_BACK`` blade thicknesses are left out.
     """
     d, F, c = (np.asarray(curve[name]) for name in ("displacement_mm", "force_N", "cut_length_mm"))
     released, soft = curve["released"] > 0, curve["softest"]
@@ -260,7 +263,7 @@ def jumps_of(curve: Mapping[str, np.ndarray], thickness: float) -> list[Jump]:
         landed = ahead.size > 0
         last = i + 1 + int(ahead[0]) if landed else d.size - 1
         back = float(d[i] - d[i : last + 1].min())
-        if back > TURNED * thickness or released[i + 1 : last + 1].any():
+        if back > MIN_TURN_BACK * thickness or released[i + 1 : last + 1].any():
             part = (d[i] - d[last - 1]) / (d[last] - d[last - 1]) if landed else 1.0
 
             def at(values, last=last, part=part):
@@ -297,7 +300,7 @@ def jumps_of(curve: Mapping[str, np.ndarray], thickness: float) -> list[Jump]:
     return found
 
 
-def forward(followed: SnapBack) -> dict[str, np.ndarray]:
+def as_seen_by_advancing_blade(followed: SnapBack) -> dict[str, np.ndarray]:
     """The path as a blade sees it that only moves forward, at rest between jumps: columns of a curve."""
     curve = followed.curve
     d = curve["displacement_mm"]

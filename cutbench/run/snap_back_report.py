@@ -6,7 +6,16 @@ import math
 
 from cutbench.run.measures import measures
 from cutbench.run.result import SNAP
-from cutbench.run.snap_back import ELEMENTS, MESH, OPEN, PHYSICAL, STABLE, Jump, SnapBack, forward
+from cutbench.run.snap_back import (
+    MESH,
+    MIN_JUMP_ELEMENTS,
+    OPEN,
+    PHYSICAL,
+    STABLE,
+    Jump,
+    SnapBack,
+    as_seen_by_advancing_blade,
+)
 
 #: Steady force and slope mean nothing here; these are measures of the transition.
 TRANSITION = ("drop_rel", "onset_mm", "peak_N", "peak_mm")
@@ -19,7 +28,7 @@ def limit_rows(followed: SnapBack) -> list[dict[str, object]]:
     for text, result in (("as asked", followed.run), *followed.limit):
         spent = [result.curve[key][-1] for name in viscous if (key := f"work_{name}_mJ") in result.curve]
         rows.append((text, result.measures, str(result.outcome), float(sum(spent))))
-    shape, p = forward(followed), followed.case.p
+    shape, p = as_seen_by_advancing_blade(followed), followed.case.p
     if shape["displacement_mm"].size > 2:
         found = measures(shape, window_mm=p.thickness, height_mm=p.height)
         rows.append(("path at rest", found, followed.stopped or "done", 0.0))
@@ -60,7 +69,7 @@ def sentence(followed: SnapBack) -> str:
     )
     heads = {
         PHYSICAL: "The jump is physical: ",
-        MESH: f"A jump of fewer than {ELEMENTS:g} elements, which may be theirs (try a smaller h): ",
+        MESH: f"A jump of fewer than {MIN_JUMP_ELEMENTS:g} elements, which may be theirs (try a smaller h): ",
         OPEN: "Open: ",
     }
     parts = ""

@@ -104,7 +104,7 @@ class Path:
             if at.travel >= self.depth - 1e-9:
                 return
             begun = self.problem.touched(at.states)
-            found = self._first_that_holds(by, amount, at, begun, before)
+            found = self._first_converged_step(by, amount, at, begun, before)
             if found is None:
                 for point in self._release(at, rules.nudge if still else 0.0):
                     yield point
@@ -141,7 +141,7 @@ class Path:
             amount = max(abs(last.travel), rules.travel / 10)
         return TRAVEL, min(amount, rules.travel)
 
-    def _first_that_holds(self, by, amount, at, begun, before):
+    def _first_converged_step(self, by, amount, at, begun, before):
         """What was given, how much, and the step that found an equilibrium; None if none did."""
         rules = self.rules
         while True:

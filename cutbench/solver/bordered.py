@@ -52,7 +52,7 @@ class Bordered:
         floor = settings.smallest_ratio * min(1.0, problem.bulk.smallest_volume_ratio(old))
         if not problem.sound(u, floor):
             raise NoConvergence("the predicted state has inverted elements, or passes through itself")
-        current, C, slope, step = self._look(u, reached, travel, states, old)
+        current, C, slope, step = self._evaluated(u, reached, travel, states, old)
         for iteration in range(self._iterations + 1):
             gap = amount - (C - broken)
             size, worst = problem.out_of_balance(current), problem.relative_residual(current)
@@ -66,7 +66,7 @@ class Bordered:
             try:
                 problem.factorize(current.data)
                 w = problem.back_substitute(current.residual)
-                v = problem.back_substitute(self._pushed(u, states, step))
+                v = problem.back_substitute(self._residual_by_travel(u, states, step))
             except SingularMatrix as error:
                 raise NoConvergence(f"singular tangent: {error}") from error
             speed = float(slope @ v)
@@ -88,7 +88,7 @@ class Bordered:
             best = None
             for part in (1.0, 0.5, 0.25, 0.1, 0.03):
                 trial = (u + part * alpha * du, reached + part * alpha * way)
-                seen = self._look(*trial, travel, states, old)
+                seen = self._evaluated(*trial, travel, states, old)
                 r = problem.out_of_balance(seen[0])
                 if np.isfinite(r) and (best is None or r < best[0]):
                     best = (r, trial, seen)
@@ -99,12 +99,12 @@ class Bordered:
             (u, reached), (current, C, slope, step) = best[1:]
         raise NoConvergence(f"{iteration} iterations, residual {worst:.1e} of the forces")
 
-    def _look(self, u, reached, travel, states, old):
+    def _evaluated(self, u, reached, travel, states, old):
         step = step_to(self._centre0, reached, travel, old)
         current = self._problem.evaluate(u, states, step)
         return current, *self.broken(u, states, step), step
 
-    def _pushed(self, u, states, step) -> np.ndarray:
+    def _residual_by_travel(self, u, states, step) -> np.ndarray:
         """∂R/∂travel (ndof,): the blade moves against a body that stands still."""
         moving = replace(step, centre=step.centre - 1j * STEP * np.array([0.0, 1.0, 0.0]))
         out = np.zeros(self._problem.ndof)

@@ -38,7 +38,7 @@ OLD, WORTH = 5, 25
 #: The same of the symmetric part, just factorized: one that takes more is not worth what it saves.
 HALF = 20
 #: The same for a hierarchy, which is cheaper to make, and the largest number of iterations with a fresh one.
-OLD_HIERARCHY, MOST = 60, 400
+OLD_HIERARCHY, MAX_ITERATIONS = 60, 400
 #: Directions that GMRES keeps before it restarts.
 RESTART = 100
 
@@ -345,7 +345,7 @@ class Multigrid:
             if fresh and not self._fresh:
                 self._renew()
             try:
-                most = MOST if fresh else OLD_HIERARCHY
+                most = MAX_ITERATIONS if fresh else OLD_HIERARCHY
                 assert self._cycle is not None, "a hierarchy is made before it is used"
                 x, count = gmres(self._matrix.__matmul__, self._cycle, b, tolerance=tolerance, most=most)
             except Stagnation as error:

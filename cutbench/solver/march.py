@@ -11,7 +11,7 @@ import numpy as np
 
 from cutbench.case.motion import Motion
 from cutbench.forms.base import Step
-from cutbench.solver.held import Held
+from cutbench.solver.fixed_point import FixedPointIteration
 from cutbench.solver.newton import BadGuess, NewtonSettings, NoConvergence
 from cutbench.solver.predictor.history import History
 from cutbench.solver.predictor.window import Window
@@ -197,10 +197,10 @@ class March:
         while pace.rests or now.pseudo_time_mm < motion.end - 1e-9:
             known = None
             if plan is not None:
-                told = next(plan, None)
-                if told is None:
+                given_step = next(plan, None)
+                if given_step is None:
                     return
-                pace, known = pace.told(told.advance, told.damping_factor), told.u
+                pace, known = pace.with_next_step(given_step.advance, given_step.damping_factor), given_step.u
             if not pace.rests:
                 pace = replace(pace, size=min(pace.size, motion.room(now.pseudo_time_mm)))
             pseudo_time_mm, u, states, size = now.pseudo_time_mm, now.u, now.states, pace.advance
@@ -223,7 +223,7 @@ class March:
                 if now.jumped and ratio and not self._nearer(straight, u, begun, step):
                     straight = None
                 straight = self._improved(straight, known, u, begun, step)
-                found = self._first_that_holds(u, straight, begun, step, now.force, travel, ahead)
+                found = self._first_converged_step(u, straight, begun, step, now.force, travel, ahead)
                 growth, nascent = (damage_growth(states, found.result.states, at) for at in (~whole, whole))
                 # What the ledger leaves open is the error of the step, against the blade's work over the
                 # largest step: within a small jump of a fine step nothing is gained by closing better than
@@ -303,7 +303,7 @@ class March:
         finally:
             self.problem.timer.add("window", began)
 
-    def _first_that_holds(self, u, straight, states, step, force, before, travel) -> _Found:
+    def _first_converged_step(self, u, straight, states, step, force, before, travel) -> _Found:
         """A step from ``straight``; where it is None, or has elements inside out, from the last state."""
         try:
             guess = self.load.begun(u, before, travel) if straight is None else straight
@@ -314,6 +314,6 @@ class March:
             return self._found(self.load.placed(u, travel), states, step, force)
 
     def _found(self, guess, states, step, force) -> _Found:
-        held = Held(self.problem, self.newton, self.rules.augmentations, self.rules.staggered)
+        held = FixedPointIteration(self.problem, self.newton, self.rules.augmentations, self.rules.staggered)
         u, result = held.solved(guess, states, step)
         return _Found(self.problem, self.load, states, step, force, u, result, held.effort, held.solves)

@@ -22,8 +22,8 @@ import scipy.sparse as sp
 
 from cutbench.forms.base import Form, Step
 from cutbench.mechanisms.base import STEP
-from cutbench.solver.beside import Beside
 from cutbench.solver.linear import SingularMatrix, make_solver
+from cutbench.solver.linearised_perturbation import LinearisedPerturbation
 from cutbench.solver.march import Accepted
 from cutbench.solver.problem import Problem
 
@@ -40,8 +40,8 @@ class Direction:
     """A complex step ``STEP`` in one parameter, at every place that knows it.
 
     ``forms`` holds, by name, those forms that keep numbers of their own that depend on it. ``volume``: the
-    stateless forms see it. ``viscosity``: the damping's. ``beside``: the law whose strength it is, where the
-    problem is without that law.
+    stateless forms see it. ``viscosity``: the damping's. ``perturbation``: the law whose strength it is,
+    where the problem is without that law.
     """
 
     name: str
@@ -50,11 +50,11 @@ class Direction:
     forms: Mapping[str, Form] = field(default_factory=dict)
     volume: bool = True
     viscosity: complex = 0.0
-    beside: Beside | None = None
+    perturbation: LinearisedPerturbation | None = None
 
     def seen(self, form: Form) -> Form:
         """``form`` of the problem as this parameter has it."""
-        own = {} if self.beside is None else self.beside.forms
+        own = {} if self.perturbation is None else self.perturbation.forms
         return self.forms.get(form.name) or own.get(form.name) or form
 
 
@@ -122,8 +122,10 @@ class Sensitivities:
             self.lost = accepted.travel
             return forces
         self._rates = after
-        for beside in {id(d.beside): d.beside for d in self._directions if d.beside is not None}.values():
-            beside.ended(accepted.u, beside.begun(accepted.solves[-1][0]), accepted.step)
+        for perturbation in {
+            id(d.perturbation): d.perturbation for d in self._directions if d.perturbation is not None
+        }.values():
+            perturbation.ended(accepted.u, perturbation.begun(accepted.solves[-1][0]), accepted.step)
         for i, rates in enumerate(after):
             forces[i] = sum(form.force(rates.states[form.name])[1] for form in self._problem.blades)
         return forces
@@ -204,9 +206,9 @@ class Sensitivities:
         ih = 1j * STEP
         dt = step.dt * self._speed / direction.speed if direction.speed.imag else step.dt
         moving = replace(step, dt=dt, u_old=step.u_old + ih * old)
-        beside = direction.beside
-        if beside is not None:
-            states = beside.begun(states)
+        perturbation = direction.perturbation
+        if perturbation is not None:
+            states = perturbation.begun(states)
         complex_states = {
             form.name: {
                 key: value + ih * rates[form.name][key] if key in rates.get(form.name, ()) else value
@@ -222,7 +224,7 @@ class Sensitivities:
                 local = form.evaluate(u, direction.p, states[form.name], moving)
                 trial.rest += self._problem.pattern.vector(form.name, local.vector).imag / STEP
         known = {form.name for form in self._problem.forms}
-        for form in () if beside is None else beside.forms.values():
+        for form in () if perturbation is None else perturbation.forms.values():
             if form.name not in known:
                 local = form.evaluate(u, direction.p, states[form.name], moving)
                 np.add.at(trial.rest, form.dofs, np.imag(local.vector) / STEP)

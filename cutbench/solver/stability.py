@@ -13,7 +13,9 @@ from cutbench.solver.arc_length import PathPoint
 from cutbench.solver.linear import SingularMatrix
 from cutbench.solver.problem import Problem
 
-SMALL = 200  # unknowns: as dense matrices below. Arnoldi breaks down where it spans nearly all there is.
+MAX_DENSE_UNKNOWNS = (
+    200  # unknowns: as dense matrices below. Arnoldi breaks down where it spans nearly all there is.
+)
 
 
 def lowest_eigenvalue(problem: Problem, point: PathPoint, of: int = 4) -> float:
@@ -23,7 +25,7 @@ def lowest_eigenvalue(problem: Problem, point: PathPoint, of: int = 4) -> float:
     shear modulus G, whatever the mesh. Below zero the state is unstable; one eigenvalue passes zero where a
     path turns smoothly. Looked for among the ``of`` eigenvalues nearest to zero; real part, as friction and
     the material's normal make K unsymmetric. Shift-invert Arnoldi (scipy's eigs), or all eigenvalues of dense
-    matrices where there are fewer than ``SMALL`` unknowns.
+    matrices where there are fewer than ``MAX_DENSE_UNKNOWNS`` unknowns.
     """
     if problem.metric is None:
         return np.nan
@@ -40,7 +42,7 @@ def lowest_eigenvalue(problem: Problem, point: PathPoint, of: int = 4) -> float:
         return problem.back_substitute(b)[free]
 
     K, L = whole(current.data), problem.shear_modulus * whole(problem.metric)
-    if free.size < SMALL:
+    if free.size < MAX_DENSE_UNKNOWNS:
         values = sl.eigvals(K.toarray(), L.toarray())
         values = values[np.isfinite(values)]  # L does not see a body that moves as a whole
         nearest = values[np.argsort(abs(values))[:of]]

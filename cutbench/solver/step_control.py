@@ -82,7 +82,7 @@ class StepState:
             return self
         return replace(self, blade=SETTLES, vain=0)
 
-    def told(self, advance: float, damping_factor: float) -> StepState:
+    def with_next_step(self, advance: float, damping_factor: float) -> StepState:
         """The same with the next step given."""
         blade = GOES if advance else SETTLES if self.blade == SETTLES else RESTS
         return replace(self, size=advance or self.size, damping_factor=damping_factor, blade=blade)

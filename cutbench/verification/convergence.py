@@ -35,7 +35,7 @@ COMPARED = {
 #: A refinement may move a measure by this part of it.
 TOLERANCE = 0.03
 #: A drop and a slope may be zero; they are compared against no less than these (1, N/mm over a steady N).
-LEAST_DROP, LEAST_SLOPE = 0.1, 0.1
+MIN_DROP, MIN_SLOPE = 0.1, 0.1
 
 _TOP = ("title", "materials", "base", "change")
 _KINDS = ("refinement", "choice")
@@ -156,7 +156,10 @@ def compute(
         base = runner.results[cases[""].id]
         for name, case in cases.items():
             result = runner.results[case.id]
-            kind, change = result.outcome.kind, moved(base.measures, result.measures) if name else {}
+            kind, change = (
+                result.outcome.kind,
+                relative_changes(base.measures, result.measures) if name else {},
+            )
             compared = {key: result.measures.get(key, math.nan) for key in COMPARED}
             seconds, closure = result.timings.get("total", math.nan), result.measures.get("closure", math.nan)
             refinement = refinements.get(name, False)
@@ -166,9 +169,9 @@ def compute(
     return rows
 
 
-def moved(base: Mapping[str, float], other: Mapping[str, float]) -> dict[str, float]:
+def relative_changes(base: Mapping[str, float], other: Mapping[str, float]) -> dict[str, float]:
     """Relative changes by measure; nan where neither run has it, infinite where one alone has it."""
-    least = {"drop_rel": LEAST_DROP, "slope_N_per_mm": LEAST_SLOPE * abs(base.get("steady_N", 0.0))}
+    least = {"drop_rel": MIN_DROP, "slope_N_per_mm": MIN_SLOPE * abs(base.get("steady_N", 0.0))}
 
     def change(key: str) -> float:
         a, b = base.get(key, math.nan), other.get(key, math.nan)

@@ -29,7 +29,7 @@ class Runner(Batch):
     ):
         super().__init__(store, workers=workers, on_progress=on_progress, runs={**RUNS, **(runs or {})})
 
-    def _kept(self, id: str, kind: str) -> Result | None:
+    def _stored_run(self, id: str, kind: str) -> Result | None:
         """If it holds what claims read: a sweep's run lacks the looks at its fields."""
         result = self.store.get(id)
         if result is None or kind != CUT or result.outcome.kind == "failed" or COLUMNS[0] in result.curve:

@@ -8,10 +8,10 @@ from typing import Annotated
 
 import typer
 
-from cutbench.cli.options import exits
+from cutbench.cli.options import with_exit_status
 
 
-@exits
+@with_exit_status
 def app(
     folder: Annotated[
         Path, typer.Argument(metavar="[DIR]", help="All that is written goes there; its maps can be opened.")

@@ -17,11 +17,11 @@ from cutbench.cli.options import (
     With,
     Without,
     Workers,
-    asked,
+    case_and_folder,
     changes,
-    exits,
     in_mm,
-    whole,
+    whole_number,
+    with_exit_status,
 )
 from cutbench.cli.progress import bar
 from cutbench.cli.show import PLAIN, show, table
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from cutbench.run.band import Band
 
 
-@exits
+@with_exit_status
 def band(
     material: Source,
     sets: Sets = None,
@@ -50,12 +50,12 @@ def band(
     leave_cores_to_workers()
     from cutbench.case.case import load_case
     from cutbench.run.band import band as repeat
-    from cutbench.run.band import banded
+    from cutbench.run.band import case_to_transition
 
     given = changes(sets, {"h": in_mm(h), "depth": in_mm(depth), "until": until}, with_, without)
-    processes = whole("--workers", workers)
-    given.setdefault("until", banded(load_case(material, given)).until)
-    case, folder = asked(material, given, out, dim=2, under="bands")
+    processes = whole_number("--workers", workers)
+    given.setdefault("until", case_to_transition(load_case(material, given)).until)
+    case, folder = case_and_folder(material, given, out, dim=2, under="bands")
     try:
         with bar(case.name, "runs") as on_progress:
             found = repeat(case, until=case.until, out=folder, workers=processes, on_progress=on_progress)

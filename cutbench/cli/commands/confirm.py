@@ -16,13 +16,13 @@ from cutbench.cli.options import (
     Sets,
     Size,
     changes,
-    computed,
-    exits,
-    folder_of,
     in_mm,
-    keep,
+    locked_folder,
+    run_with_progress,
     seconds,
-    whole,
+    whole_number,
+    with_exit_status,
+    write_result,
 )
 from cutbench.cli.show import show, table
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from cutbench.run.result import Result
 
 
-@exits
+@with_exit_status
 def confirm(
     map_: Annotated[Path, typer.Argument(metavar="MAP.nc", help="A map that a sweep has written.")],
     points: Annotated[
@@ -60,23 +60,23 @@ def confirm(
     """
     from cutbench.base.errors import BadInput
     from cutbench.maps import dataset as maps
-    from cutbench.maps.cases import remarks
     from cutbench.maps.confirmation import confirm as compare
-    from cutbench.maps.confirmation import least_certain, marked
+    from cutbench.maps.confirmation import least_certain, marked_points
     from cutbench.maps.confirmed_points import FOLDER, NUMERICS, RECORD, UNFINISHED
+    from cutbench.maps.map_cases import remarks
     from cutbench.maps.phase import save_phase
 
-    count, every_s = whole("--points", points), seconds("--checkpoint", checkpoint, 60.0)
+    count, every_s = whole_number("--points", points), seconds("--checkpoint", checkpoint, 60.0)
     limit_s = seconds("--limit", limit, math.inf)
     asked = changes(sets, {"h": in_mm(h), "depth": in_mm(depth), "element": element}, None, None)
     data = maps.load_map(map_)
     for note in remarks(data):
         typer.echo(note)
-    chosen = least_certain(data, 3 if count is None else count) + (marked(data) if materials else [])
+    chosen = least_certain(data, 3 if count is None else count) + (marked_points(data) if materials else [])
     if not chosen:
         expected = "points to compare: the map has none that were computed"
         raise BadInput("--points", str(count), expected)
-    folder = folder_of(out if out is not None else map_.parent / FOLDER)
+    folder = locked_folder(out if out is not None else map_.parent / FOLDER)
     done = compare(
         data, chosen, folder, _runner(every_s, limit_s), source=str(map_), changes=asked,
         announce=typer.echo, limit_s=limit_s,
@@ -113,8 +113,8 @@ def confirm(
 
 def _runner(every_s: float, limit_s: float):
     def run(case: Case, folder: Path) -> Result:
-        result = computed(case, (0.25, 0.5, 0.75, 1.0), folder, every_s, limit_s=limit_s)
-        keep(result, folder)
+        result = run_with_progress(case, (0.25, 0.5, 0.75, 1.0), folder, every_s, limit_s=limit_s)
+        write_result(result, folder)
         return result
 
     return run

@@ -8,11 +8,11 @@ from typing import Annotated
 import typer
 
 from cutbench.base.threads import leave_cores_to_workers
-from cutbench.cli.options import Workers, exits, whole, written
+from cutbench.cli.options import Workers, print_written, whole_number, with_exit_status
 from cutbench.cli.progress import bar
 
 
-@exits
+@with_exit_status
 def converge(
     study: Annotated[
         Path, typer.Argument(metavar="STUDY.toml", help="Materials, and changes of the numerics.")
@@ -26,7 +26,7 @@ def converge(
     from cutbench.verification.convergence import compute, load_plan
     from cutbench.verification.convergence_report import markdown, write
 
-    plan, processes = load_plan(study), whole("--workers", workers)
+    plan, processes = load_plan(study), whole_number("--workers", workers)
     check_writable(out)
 
     try:
@@ -40,4 +40,4 @@ def converge(
     failed = [f"{row.material}, {row.change}" for row in rows if row.holds is False]
     if failed:
         typer.echo(f"moved by more than 3 %: {'; '.join(failed)}")
-    written(paths)
+    print_written(paths)

@@ -8,7 +8,19 @@ from typing import Annotated
 
 import typer
 
-from cutbench.cli.options import Out, Sets, Size, Source, With, Without, asked, changes, exits, in_mm, leave
+from cutbench.cli.options import (
+    Out,
+    Sets,
+    Size,
+    Source,
+    With,
+    Without,
+    case_and_folder,
+    changes,
+    exit_by_outcome,
+    in_mm,
+    with_exit_status,
+)
 from cutbench.cli.progress import bar
 from cutbench.cli.show import show
 
@@ -29,7 +41,7 @@ def _named(columns: str | None) -> dict[str, str | int] | None:
     return found
 
 
-@exits
+@with_exit_status
 def dic(
     material: Source,
     fields: Annotated[
@@ -91,7 +103,7 @@ def dic(
         expected = "blade travels above 0, as a column 'travel [mm]' or by --travel"
         raise BadInput("travel", value, expected, file=str(fields))
     options = {"h": in_mm(h), "depth": f"{measured[-1].travel_mm!r} mm", "until": "depth"}
-    case, folder = asked(material, changes(sets, options, with_, without), out, dim=2)
+    case, folder = case_and_folder(material, changes(sets, options, with_, without), out, dim=2)
     # One step before each field too: between the two the displacements are interpolated.
     step = case.numerics.step_mm
     wanted = sorted({max(f.travel_mm - back, 0.0) for f in measured for back in (step, 0.0)})
@@ -104,4 +116,4 @@ def dic(
         typer.echo(path)
     if not result.outcome.done:
         typer.echo(str(result.outcome))
-        leave(result.outcome)
+        exit_by_outcome(result.outcome)

@@ -14,16 +14,16 @@ from cutbench.cli.options import (
     Limit,
     Refine,
     Workers,
-    exits,
-    folder_of,
+    locked_folder,
+    print_written,
     seconds,
-    whole,
-    written,
+    whole_number,
+    with_exit_status,
 )
 from cutbench.cli.progress import bar
 
 
-@exits
+@with_exit_status
 def discover(
     campaign: CampaignFile,
     out: Annotated[
@@ -37,8 +37,8 @@ def discover(
     from cutbench.data.campaign import load_campaign
 
     loaded = load_campaign(campaign)
-    count, limit_s = whole("workers", workers), seconds("--limit", limit, math.inf)
-    folder = folder_of(out)
+    count, limit_s = whole_number("workers", workers), seconds("--limit", limit, math.inf)
+    folder = locked_folder(out)
 
     from cutbench.calibration.fitting import INTERRUPTED
     from cutbench.discovery import discover as run
@@ -52,7 +52,7 @@ def discover(
         )  # fmt: skip
     paths = write_discovery(found, folder)
     typer.echo(summary(found))
-    written(paths)
+    print_written(paths)
     if found.stopped == INTERRUPTED:
         raise typer.Exit(130)
     if found.verdict == "undecided":

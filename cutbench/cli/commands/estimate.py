@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from cutbench.cli.options import Depth, Sets, Source, Until, With, Without, changes, exits, in_mm
+from cutbench.cli.options import Depth, Sets, Source, Until, With, Without, changes, in_mm, with_exit_status
 
 
-@exits
+@with_exit_status
 def estimate(
     material: Source,
     sets: Sets = None,

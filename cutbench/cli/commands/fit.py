@@ -13,16 +13,16 @@ from cutbench.cli.options import (
     Limit,
     Refine,
     Workers,
-    exits,
-    folder_of,
+    locked_folder,
+    print_written,
     seconds,
-    whole,
-    written,
+    whole_number,
+    with_exit_status,
 )
 from cutbench.cli.progress import bar
 
 
-@exits
+@with_exit_status
 def fit(
     campaign: CampaignFile,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Where fit.json and fit.png are written.")] = Path(
@@ -40,8 +40,8 @@ def fit(
     from cutbench.data.campaign import load_campaign
 
     loaded = load_campaign(campaign)
-    count, limit_s = whole("workers", workers), seconds("--limit", limit, math.inf)
-    folder = folder_of(out)
+    count, limit_s = whole_number("workers", workers), seconds("--limit", limit, math.inf)
+    folder = locked_folder(out)
 
     from cutbench.calibration.fitting import fit as run
     from cutbench.calibration.report import summary, write_fit
@@ -53,6 +53,6 @@ def fit(
         )  # fmt: skip
     paths = write_fit(found, folder)
     typer.echo(summary(found))
-    written(paths)
+    print_written(paths)
     if found.status != "converged":
         raise typer.Exit(130 if found.status == "interrupted" else 1)

@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from cutbench.cli.options import exits
+from cutbench.cli.options import with_exit_status
 
 
-@exits
+@with_exit_status
 def guide(
     source: Annotated[Path, typer.Argument(metavar="DIR|MAP.nc", help="Folder of a sweep, or its map.")],
     material: Annotated[str, typer.Option(metavar="MATERIAL|FILE.toml", help="What is to be cut.")],
@@ -20,8 +20,8 @@ def guide(
 ) -> None:
     """Say how far a material is from the other regime, and which change gets it there soonest."""
     from cutbench.maps import guidance as guides
-    from cutbench.maps.cases import remarks
     from cutbench.maps.dataset import load_map, store_of
+    from cutbench.maps.map_cases import remarks
 
     path = source / "map.nc" if source.is_dir() else source
     data = load_map(path)

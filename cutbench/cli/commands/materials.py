@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
-from cutbench.cli.options import exits
+from cutbench.cli.options import with_exit_status
 from cutbench.cli.show import show
 
 
-@exits
+@with_exit_status
 def materials(
     name: Annotated[
         str | None,
@@ -36,7 +36,7 @@ def _begin(name: str, file: str | None) -> None:
     """Write the file of a material called ``name``, beside those that cutbench knows. Raises BadInput."""
     from cutbench.base.errors import BadInput
     from cutbench.case.materials import names
-    from cutbench.cli.begun import begin
+    from cutbench.cli.from_template import write_template
     from cutbench.cli.options import slug
 
     if name in names() or not name.strip() or not name.isprintable():
@@ -46,5 +46,5 @@ def _begin(name: str, file: str | None) -> None:
         raise BadInput("--new", name, expected)
     if file is None and name.endswith(".toml"):  # a file was meant
         file, name = name, Path(name).stem
-    for line in begin("material", Path(file or f"{slug(name)}.toml"), name=name):
+    for line in write_template("material", Path(file or f"{slug(name)}.toml"), name=name):
         typer.echo(line)

@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
-from cutbench.cli.options import exits
+from cutbench.cli.options import with_exit_status
 from cutbench.cli.show import show
 
 
-@exits
+@with_exit_status
 def mechanisms(
     name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="Show all about one.")] = None,
     check: Annotated[

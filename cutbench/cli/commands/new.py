@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from cutbench.cli.options import exits
+from cutbench.cli.options import with_exit_status
 
 _KINDS = "run: one cut; material: one of your own; study: a map; campaign: measured curves."
 
@@ -22,7 +22,7 @@ class Kind(StrEnum):
     CAMPAIGN = "campaign"
 
 
-@exits
+@with_exit_status
 def new(
     kind: Annotated[Kind, typer.Argument(help=_KINDS)],
     file: Annotated[
@@ -30,11 +30,11 @@ def new(
     ] = None,
 ) -> None:
     """Write a commented file that runs as it stands, to be changed."""
-    from cutbench.cli.begun import begin
+    from cutbench.cli.from_template import write_template
 
     target = file or Path(f"{kind.value}.toml")
     readings = {target.with_name(f"{target.stem}-readings.csv"): _readings} if kind is Kind.CAMPAIGN else {}
-    for line in begin(kind.value, target, name=target.stem, beside=readings):
+    for line in write_template(kind.value, target, name=target.stem, beside=readings):
         typer.echo(line)
 
 

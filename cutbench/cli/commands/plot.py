@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cutbench.cli.options import exits
+from cutbench.cli.options import with_exit_status
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _SOURCE = "a folder with run.json or map.nc in it, or a map.nc"
 
 
-@exits
+@with_exit_status
 def plot(
     sources: Annotated[
         list[Path],
@@ -56,10 +56,10 @@ def plot(
 
         paths = save(plot_curve(read_run(source)), source / "curve.png")
     elif grid.is_file():
+        from cutbench.maps.closed_form_estimates import save_estimates
         from cutbench.maps.collapse import save_collapse
         from cutbench.maps.dataset import load_map, store_of
-        from cutbench.maps.estimates import save_estimates
-        from cutbench.maps.findings import findings, said_of_boundary, save_findings
+        from cutbench.maps.findings import boundary_sentences, findings, save_findings
         from cutbench.maps.page import save_page
         from cutbench.maps.phase import save_phase
         from cutbench.run.store.runs import Store
@@ -72,10 +72,10 @@ def plot(
         page = save_page(data, Store(runs) if runs.is_dir() else None, grid.parent)
         paths = [*save_phase(data, grid.parent), *pictures, *more, page]
         paths.append(save_findings(data, grid.parent, said))
-        for note in (*findings(data).lines(), *said_of_boundary(data), *said):
+        for note in (*findings(data).lines(), *boundary_sentences(data), *said):
             typer.echo(note)
         if against is not None:
-            from cutbench.maps.agreement import agreement
+            from cutbench.maps.grid_agreement import agreement
 
             other = against / "map.nc" if against.is_dir() else against
             typer.echo(agreement(data, load_map(other)).text())

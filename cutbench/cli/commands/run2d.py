@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cutbench.cli.options import Wanted, computed, exits, finish, run_options
+from cutbench.cli.options import RunRequest, finish, run_options, run_with_progress, with_exit_status
 from cutbench.cli.progress import bar
 from cutbench.cli.show import show, table
 
@@ -20,10 +20,10 @@ _SNAPSHOTS = (0.25, 0.5, 0.75, 1.0)
 _FOLLOWED = ("follow.json", "path.csv", "follow.png")
 
 
-@exits
+@with_exit_status
 @run_options(dim=2)
 def run2d(
-    wanted: Wanted,
+    wanted: RunRequest,
     follow: Annotated[
         bool,
         typer.Option(
@@ -36,10 +36,10 @@ def run2d(
     for name in _FOLLOWED:
         (folder / name).unlink(missing_ok=True)
     if follow:
-        from cutbench.run.snap_back import timeless
+        from cutbench.run.snap_back import rate_independent_case
 
-        timeless(case)  # what cannot be followed is refused before anything is computed
-    result = computed(case, _SNAPSHOTS, folder, wanted.every_s, wanted.frames)
+        rate_independent_case(case)  # what cannot be followed is refused before anything is computed
+    result = run_with_progress(case, _SNAPSHOTS, folder, wanted.every_s, wanted.frames)
     try:
         finish(result, folder)
     finally:

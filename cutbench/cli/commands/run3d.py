@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cutbench.cli.options import Wanted, computed, exits, finish, run_options
+from cutbench.cli.options import RunRequest, finish, run_options, run_with_progress, with_exit_status
 
 if TYPE_CHECKING:
     from cutbench.case.case import Case
@@ -17,23 +17,25 @@ if TYPE_CHECKING:
 _SNAPSHOTS = tuple(i / 12 for i in range(1, 13))
 
 
-@exits
+@with_exit_status
 @run_options(dim=3)
 def run3d(
-    wanted: Wanted,
+    wanted: RunRequest,
     plane_strain: Annotated[
         bool, typer.Option(help="Compute the same case in plane strain too, for the end effect.")
     ] = True,
 ) -> None:
     """Cut a block in three dimensions: as run2d, with the front of the cut along the blade."""
     case, folder = wanted.case, wanted.folder
-    result = computed(case, _SNAPSHOTS, folder, wanted.every_s, wanted.frames)
+    result = run_with_progress(case, _SNAPSHOTS, folder, wanted.every_s, wanted.frames)
     plane = None
     if plane_strain and result.outcome.kind != "interrupted":
         from cutbench.run.front import end_effect
 
         # A transition comes elsewhere in plane strain: as far as the block was meant to go.
-        plane = computed(_flat(case, case.p.depth if not result.whole else result.outcome.reached_mm))
+        plane = run_with_progress(
+            _flat(case, case.p.depth if not result.whole else result.outcome.reached_mm)
+        )
         result.measures |= end_effect(result.measures, plane.measures)
     finish(result, folder, plane)
 

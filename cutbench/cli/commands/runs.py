@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
-from cutbench.cli.options import exits
+from cutbench.cli.options import with_exit_status
 from cutbench.cli.show import show, table
 
 
-@exits
+@with_exit_status
 def runs(
     source: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a sweep, or its runs.")],
     where: Annotated[
@@ -75,7 +75,7 @@ def runs(
             column.no_wrap = str(column.header) == "id"
         show(shown)
     typer.echo(f"{len(ids)} of {len(heads)} runs")
-    for writer, count in listing.others(heads[id] for id in ids).items():
+    for writer, count in listing.other_computations(heads[id] for id in ids).items():
         typer.echo(f"{count} of {len(ids)} are by {writer}: sweeps compute these anew", err=True)
     for id, reason in store.unreadable().items():
         typer.echo(f"{id}: {reason}", err=True)

@@ -8,11 +8,11 @@ from typing import Annotated
 import typer
 
 from cutbench.base.threads import leave_cores_to_workers
-from cutbench.cli.options import doubted, exits, folder_of, whole
+from cutbench.cli.options import locked_folder, print_doubts, whole_number, with_exit_status
 from cutbench.cli.progress import bar
 
 
-@exits
+@with_exit_status
 def sweep(
     study: Annotated[Path, typer.Argument(metavar="STUDY.toml", help="The axes and the base of the map.")],
     out: Annotated[
@@ -44,20 +44,20 @@ def sweep(
     from cutbench.maps.sweep import run_study
 
     out = out or Path("maps") / (f"{study.stem}-estimate" if estimate else study.stem)
-    plan, processes = load_study(study), whole("--workers", workers)
+    plan, processes = load_study(study), whole_number("--workers", workers)
     if dry_run:
         from cutbench.maps.forecast import forecast
 
         typer.echo(forecast(plan, store or out / "runs", processes).text())
         return
-    folder_of(out)
+    locked_folder(out)
     if estimate:
-        from cutbench.maps.estimated import write_estimated
+        from cutbench.maps.atlas_map import write_estimated
 
         write_estimated(plan, out)
         typer.echo(f"estimated map in {out}; hatched where it is unsure (95 %)")
         return
-    doubted(plan.base, *plan.cases())
+    print_doubts(plan.base, *plan.cases())
     with bar(plan.title, "runs") as on_progress:
         done = run_study(
             plan, out, workers=processes, on_progress=on_progress, retry_failed=retry_failed,

@@ -16,16 +16,16 @@ from cutbench.cli.options import (
     With,
     Without,
     changes,
-    exits,
-    folder_of,
+    exit_by_outcome,
     in_mm,
-    leave,
+    locked_folder,
+    with_exit_status,
 )
 from cutbench.cli.progress import bar
 from cutbench.cli.show import show, table
 
 
-@exits
+@with_exit_status
 def tension(
     material: Source,
     notched: Annotated[bool, typer.Option("--notched", help="Pull a strip with a notch.")] = False,
@@ -56,7 +56,7 @@ def tension(
         length = NOTCH.check(parse_quantity(raw, "mm", key="--notch"), key="--notch")
     case = strip_case(load_case(material, model, dim=3), asked, notch_mm=length)
     name = f"{case.name}-tension" + ("-notched" if length else "")
-    folder = folder_of(out if out is not None else Path("runs") / f"{name}-{case.id}")
+    folder = locked_folder(out if out is not None else Path("runs") / f"{name}-{case.id}")
     with bar(case.name, "mm") as on_progress:
         test = run_tension(case, length, on_progress=on_progress)
     save_tension(test, folder)
@@ -66,4 +66,4 @@ def tension(
     show(table(("number", "value", "unit", "meaning"), rows, title=said))
     typer.echo(str(test.outcome))
     typer.echo(f"written to {folder}")
-    leave(test.outcome)
+    exit_by_outcome(test.outcome)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cutbench.base.toml import among
-from cutbench.cli.options import exits
+from cutbench.cli.options import with_exit_status
 from cutbench.cli.progress import bar
 from cutbench.cli.show import show, table
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from cutbench.verification.reference import Reference, Verified
 
 
-@exits
+@with_exit_status
 def verify(
     quick: Annotated[bool, typer.Option("--quick", help="Only the quick ones, in a minute.")] = False,
     only: Annotated[

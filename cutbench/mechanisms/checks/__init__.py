@@ -11,8 +11,8 @@ from cutbench.mechanisms.base import Mechanism
 from cutbench.mechanisms.checks import every_slot, of_bulk, of_cut, of_surfaces  # noqa: F401
 from cutbench.mechanisms.checks.base import CHECKS, Check
 from cutbench.mechanisms.checks.trial import Trial
-from cutbench.mechanisms.complete import refuse_incomplete
-from cutbench.mechanisms.registered import laws_of, load_file, registry
+from cutbench.mechanisms.law_registry import laws_of, load_file, registry
+from cutbench.mechanisms.law_validation import refuse_incomplete
 
 
 class Finding(NamedTuple):

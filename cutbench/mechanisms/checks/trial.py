@@ -14,8 +14,8 @@ import numpy as np
 
 from cutbench.base.units import Parameter, ureg
 from cutbench.mechanisms.base import Answer, Mechanism, Points, Tool, cut_answers
-from cutbench.mechanisms.complete import declared, typical
-from cutbench.mechanisms.registered import registry
+from cutbench.mechanisms.law_registry import registry
+from cutbench.mechanisms.law_validation import declared, typical
 
 HEIGHT, DT, N = 21.0, 0.4, 40
 PRESSURE = np.concatenate([[0.0], np.geomspace(1e-5, 1.0, N - 1)])  # MPa

@@ -12,7 +12,7 @@ from cutbench.base.figure_style import DOUBLE_MM, GREY, LINE_COLOURS, style
 from cutbench.run.measures import ABRUPT_DROP
 
 #: What is shown: measure -> (words for its value, its factor, words for it over the first's, for none).
-SHOWN = {
+SHOWN_MEASURES = {
     "onset_mm": ("onset (mm)", 1.0, "onset over the first's", "not cut"),
     "peak_N": ("peak of the force (N)", 1.0, "peak over the first's", "no peak"),
     "drop_rel": ("fall of the force (%)", 100.0, "fall of the force (%)", "not cut"),
@@ -30,8 +30,8 @@ def plot_choices(found: Mapping[str, Mapping[str, Mapping[str, float]]]) -> Figu
     alone = len(found) == 1
     with style():
         figure = Figure(figsize=(DOUBLE_MM / 25.4, (24 + 5.2 * len(names)) / 25.4), layout="constrained")
-        axes = figure.subplots(1, len(SHOWN), sharey=True)
-        for ax, (key, (value, factor, relative, none)) in zip(axes, SHOWN.items(), strict=True):
+        axes = figure.subplots(1, len(SHOWN_MEASURES), sharey=True)
+        for ax, (key, (value, factor, relative, none)) in zip(axes, SHOWN_MEASURES.items(), strict=True):
             drop = key == "drop_rel"
             ax.set_xlabel(value if alone else relative)
             for k, (material, rows) in enumerate(found.items()):

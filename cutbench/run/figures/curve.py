@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from textwrap import wrap
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -28,10 +27,7 @@ from cutbench.base.figure_style import (
 )
 from cutbench.mechanisms import registry
 from cutbench.run.measures import forward
-from cutbench.run.result import SNAP, TRANSFER
-
-if TYPE_CHECKING:
-    from cutbench.run.result import Result
+from cutbench.run.result import SNAP, TRANSFER, Result
 
 #: Of both panels with the legend beside them: a column and a half.
 WIDTH_MM = 140.0

@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 from matplotlib import colormaps
@@ -26,16 +26,14 @@ from cutbench.base.figure_style import COLOURS, DOUBLE_MM, FIELD_MAP, GREY, new_
 from cutbench.base.files import replacing
 from cutbench.run.figures.section import Half, draw_half, frame
 from cutbench.run.figures.solid import TOP_PERCENTILE, cut_plane_of, front_line, look_of
-
-if TYPE_CHECKING:
-    from cutbench.run.result import Result, Snapshot
+from cutbench.run.result import Result, Snapshot
 
 #: Folder of the single pictures.
 FOLDER = "frames"
 #: Pixels of a picture: 180 mm by 80 mm.
 _HEIGHT_MM, _DPI = 80.0, 140
 #: What an animation lasts, the least and the most of a frame, and the last one more, ms.
-_LASTS, _LEAST, _MOST, _RESTS = 6000, 40, 300, 1500
+_DURATION_MS, _MIN_FRAME_MS, _MAX_FRAME_MS, _LAST_FRAME_MS = 6000, 40, 300, 1500
 #: Where on its curve the force is.
 _POINT = COLOURS["vermilion"]
 
@@ -205,10 +203,10 @@ def _animate(pictures: list[Path], path: Path) -> None:
             with Image.open(each) as picture:
                 yield picture.quantize(palette=palette, dither=Image.Dither.NONE)
 
-    each_ms = int(np.clip(_LASTS / len(pictures), _LEAST, _MOST))
+    each_ms = int(np.clip(_DURATION_MS / len(pictures), _MIN_FRAME_MS, _MAX_FRAME_MS))
     frames = turned()
     with replacing(path) as draft:
         next(frames).save(
             draft, format="gif", save_all=True, append_images=frames, loop=0,
-            duration=[each_ms] * (len(pictures) - 1) + [each_ms + _RESTS], disposal=1,
+            duration=[each_ms] * (len(pictures) - 1) + [each_ms + _LAST_FRAME_MS], disposal=1,
         )  # fmt: skip

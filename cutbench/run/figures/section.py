@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,10 +13,8 @@ from matplotlib.tri import Triangulation
 
 from cutbench.base.figure_style import DOUBLE_MM, FIELD_MAP, Look, new_figure, style
 from cutbench.case.case import Case
-from cutbench.run.blade_shape import blade_outline
-
-if TYPE_CHECKING:
-    from cutbench.run.result import Result, Snapshot
+from cutbench.run.blade_geometry import blade_outline
+from cutbench.run.result import Result, Snapshot
 
 #: Colours end where this percentage of the material has less stress: that at the tip would flatten the rest.
 TOP_PERCENTILE = 99.9

@@ -6,7 +6,6 @@ The cut plane is drawn from the side: z along the blade, y the height, the blade
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.colors import Normalize
@@ -30,9 +29,7 @@ from cutbench.base.figure_style import (
     style,
 )
 from cutbench.run.figures.section import drawable, spread
-
-if TYPE_CHECKING:
-    from cutbench.run.result import Result, Snapshot
+from cutbench.run.result import Result, Snapshot
 
 #: Colours end at this percentile of the nodes' stress; the few nodes at the tip would flatten the rest.
 TOP_PERCENTILE = 99.5

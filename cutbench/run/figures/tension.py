@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
@@ -19,9 +18,7 @@ from cutbench.base.figure_style import (
     style,
 )
 from cutbench.run.files import write_curve, write_json
-
-if TYPE_CHECKING:
-    from cutbench.run.tension import Tension
+from cutbench.run.tension import Tension
 
 
 def plot_tension(tests: Sequence[Tension]) -> Figure:

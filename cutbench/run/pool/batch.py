@@ -47,7 +47,7 @@ class Batch:
         self.kinds |= {id: kind for id, (_, kind) in new.items()}
         todo = []
         for id, (case, kind) in new.items():
-            kept = self._kept(id, kind)
+            kept = self._stored_run(id, kind)
             if kept is None:
                 todo.append((case, kind))
             else:
@@ -66,7 +66,7 @@ class Batch:
                 self._take(done.key)
                 self._report(len(todo) - count)
 
-    def _kept(self, id: str, kind: str) -> Result | None:
+    def _stored_run(self, id: str, kind: str) -> Result | None:
         """A run of this kind from the store, if it has one."""
         return self.store.get(id)
 

@@ -14,12 +14,12 @@ from typing import Any
 from cutbench.base.errors import BadInput
 from cutbench.base.threads import ONE_THREAD
 from cutbench.run.pool.job import Job
-from cutbench.run.pool.worker import LOSSES, PoolLost, WorkerLost
+from cutbench.run.pool.worker import MAX_LOSSES, PoolLost, WorkerLost
 
 #: Seconds to wait for a scheduler to answer.
-PATIENCE_S = 30.0
+SCHEDULER_TIMEOUT_S = 30.0
 #: Jobs handed out beyond the workers' threads, so that none waits for this process.
-_AHEAD = 2
+_EXTRA_JOBS = 2
 
 
 def check_scheduler(scheduler: str) -> None:
@@ -51,10 +51,10 @@ class DaskWorkers:
         import dask
         from distributed import Client, LocalCluster
 
-        timeout = f"{PATIENCE_S:g}s"
+        timeout = f"{SCHEDULER_TIMEOUT_S:g}s"
         self._settings = dask.config.set(
             {
-                "distributed.scheduler.allowed-failures": LOSSES - 1,
+                "distributed.scheduler.allowed-failures": MAX_LOSSES - 1,
                 "distributed.comm.timeouts.connect": timeout,
                 "distributed.worker.memory.terminate": False,
             }
@@ -74,7 +74,7 @@ class DaskWorkers:
         if self._client is None:
             self._start()
         try:
-            return sum(self._client.nthreads().values()) + _AHEAD
+            return sum(self._client.nthreads().values()) + _EXTRA_JOBS
         except (OSError, TimeoutError) as error:
             raise PoolLost(error) from error
 
@@ -93,7 +93,7 @@ class DaskWorkers:
             raise PoolLost(error) from error
         running = self._client.status == "running"
         self._silent_since = None if running else self._silent_since or time.monotonic()
-        if self._silent_since is not None and time.monotonic() - self._silent_since > PATIENCE_S:
+        if self._silent_since is not None and time.monotonic() - self._silent_since > SCHEDULER_TIMEOUT_S:
             raise PoolLost("it no longer answers")
         return done
 
@@ -103,7 +103,7 @@ class DaskWorkers:
         if future.status == "error":
             error = future.exception()
             if isinstance(error, KilledWorker):
-                raise WorkerLost(f"its worker was lost {LOSSES} times") from error
+                raise WorkerLost(f"its worker was lost {MAX_LOSSES} times") from error
             raise error
         try:
             return future.result()

@@ -1,8 +1,8 @@
 """Compute many jobs at once: in this process, in processes of this machine, or on a Dask scheduler's workers.
 
 A pool knows nothing of what is computed. It takes jobs one by one while there is room for them, and yields
-them as they end. A job whose process dies is tried again, alone, and given up when that happens ``LOSSES``
-times.
+them as they end. A job whose process dies is tried again, alone, and given up when that happens
+``MAX_LOSSES`` times.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from cutbench.base.errors import BadInput
 from cutbench.run.pool.cluster import DaskWorkers
 from cutbench.run.pool.job import Done, Job
 from cutbench.run.pool.local import Broken, LocalWorkers
-from cutbench.run.pool.worker import LOSSES, PoolLost, WorkerLost
+from cutbench.run.pool.worker import MAX_LOSSES, PoolLost, WorkerLost
 
 #: Seconds between two looks at what has ended.
-_LOOK_S = 0.2
+_POLL_S = 0.2
 
 
 class Workers(Protocol):
@@ -96,7 +96,7 @@ class TaskPool:
                 if not flying and not more:
                     return
                 broken = []
-                for future in workers.wait(list(flying), _LOOK_S):
+                for future in workers.wait(list(flying), _POLL_S):
                     try:
                         done = Done(flying[future].key, workers.result(future))
                     except Broken:
@@ -110,10 +110,10 @@ class TaskPool:
                     yield done
                 for job in broken:
                     lost[job.key] += len(broken) == 1
-                    if lost[job.key] < LOSSES:
+                    if lost[job.key] < MAX_LOSSES:
                         suspects.append(job)
                     else:
-                        yield Done(job.key, error=WorkerLost(f"its process died {LOSSES} times"))
+                        yield Done(job.key, error=WorkerLost(f"its process died {MAX_LOSSES} times"))
                 on_wait()
         finally:
             for future in flying:

@@ -14,13 +14,14 @@ import numpy as np
 from cutbench.base.errors import ComputationFailed, CutbenchError
 from cutbench.case.case import Case
 from cutbench.run import runner
-from cutbench.run.result import Outcome, Result
+from cutbench.run.outcome import Outcome
+from cutbench.run.result import Result
 from cutbench.run.store.runs import Store
 
 Run = Callable[[Case], Result]
 
 #: A job that takes its process down so often, with no other beside it, is given up.
-LOSSES = 3
+MAX_LOSSES = 3
 
 
 class WorkerLost(ComputationFailed):

@@ -82,7 +82,7 @@ def row_of(id: str, head: Head) -> dict[str, object]:
     return general | numerics | values | groups | measures
 
 
-def others(heads: Iterable[Head]) -> dict[str, int]:
+def other_computations(heads: Iterable[Head]) -> dict[str, int]:
     """How many runs are of another computation than this process's, by what wrote them."""
     of_others = (head for head in heads if head["computation"] != computation_here(head["mechanisms"]))
     return dict(Counter(writer(head) for head in of_others))

@@ -28,7 +28,8 @@ from cutbench.base.errors import BadInput
 from cutbench.base.files import number
 from cutbench.base.versions import written_by
 from cutbench.case.case import Case
-from cutbench.run.result import Outcome, Result
+from cutbench.run.outcome import Outcome
+from cutbench.run.result import Result
 from cutbench.run.store.index import Head, Index
 
 #: Layout of an entry; another number is read as "not there".

@@ -19,7 +19,7 @@ from cutbench.forms.space import Faces, Space
 from cutbench.forms.strips import Strips
 from cutbench.solver.newton import BadGuess, NewtonSettings, NoConvergence, newton, on_the_way
 from cutbench.solver.predictor.history import History
-from cutbench.solver.predictor.part import SubProblem
+from cutbench.solver.predictor.sub_problem import SubProblem
 from cutbench.solver.problem import Problem
 
 

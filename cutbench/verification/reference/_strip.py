@@ -20,7 +20,7 @@ from cutbench.forms.damping import DampingForm
 from cutbench.forms.space import Space
 from cutbench.solver.newton import NoConvergence
 from cutbench.solver.problem import Problem
-from cutbench.verification.reference._parts import DEGREE, bulk_forms, law, solve, space_of, stay
+from cutbench.verification.reference._common import DEGREE, bulk_forms, law, solve, space_of, step_at_rest
 
 #: Height of the strip, mm, and its parts ahead of the front and behind it in units of the height.
 H = 21.0
@@ -150,7 +150,7 @@ def pulled(strip: Strip, parts: Sequence[float]) -> Iterator[tuple[np.ndarray, d
             guess = homogeneous(strip, stretch) if before is None else u + again * (u - before[0])
             guess[strip.grip] = (stretch - 1) * H / 2
             try:
-                new, result = solve(problem, guess, states, stay(u))
+                new, result = solve(problem, guess, states, step_at_rest(u))
             except NoConvergence:
                 size /= 2
                 if size < 1e-3 * (goal - 1):

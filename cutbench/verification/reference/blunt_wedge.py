@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from cutbench.mechanisms.blade._rigid import SKIN
-from cutbench.verification.reference._parts import parameters
+from cutbench.verification.reference._common import parameters
 from cutbench.verification.reference._punch import pressed
 from cutbench.verification.reference.base import Check, Reference
 

@@ -10,7 +10,7 @@ import numpy as np
 from cutbench.forms.cut import CutForm
 from cutbench.forms.geometry import paired
 from cutbench.mechanisms.base import Points
-from cutbench.verification.reference._parts import law, parameters, space_of, split_block, stay
+from cutbench.verification.reference._common import law, parameters, space_of, split_block, step_at_rest
 from cutbench.verification.reference.base import Check, Reference
 
 BETA = 0.8
@@ -31,7 +31,7 @@ class Interface:
         right = self.space.X[0] > 0
         right[np.unique(self.form.faces.nodes)] = True  # of the nodes at x = 0 those of the right piece
         u = (right * np.array([[opening], [sliding]])).T.ravel()
-        step = stay(self.u, dt)
+        step = step_at_rest(self.u, dt)
         local = self.form.evaluate(u, self.p, self.state, step)
         work = self.form.work(u, self.p, self.state, local.state, step)
         self.state, self.u = local.state, u

@@ -11,7 +11,7 @@ import skfem
 
 from cutbench.solver.newton import NewtonSettings, newton
 from cutbench.solver.problem import Problem
-from cutbench.verification.reference._parts import DeadLoad, bulk_forms, nu_of, space_of, stay
+from cutbench.verification.reference._common import DeadLoad, bulk_forms, nu_of, space_of, step_at_rest
 from cutbench.verification.reference.base import Check, Reference
 
 G = 80.1938  # MPa
@@ -62,7 +62,7 @@ def membrane(
     u, most, work, before = np.zeros(ndof), 0, 0.0, 0.0
     stored = {law.name: 0.0 for form in forms for law in form.laws}
     for part in np.arange(1, loads + 1) / loads:
-        step, load.loaded = stay(u), part
+        step, load.loaded = step_at_rest(u), part
         u, _, iterations = newton(problem, u, problem.start(), step, FREELY)
         most = max(most, iterations)
         work += (before + part) / 2 * total @ (u - step.u_old)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cutbench.verification.reference._parts import nu_of
+from cutbench.verification.reference._common import nu_of
 from cutbench.verification.reference.base import Check, Reference
 from cutbench.verification.reference.cook import KAPPA, G, membrane
 

@@ -19,7 +19,7 @@ from cutbench.forms.damping import DampingForm
 from cutbench.forms.self_contact import SelfContactForm
 from cutbench.solver.newton import NewtonSettings, newton
 from cutbench.solver.problem import Problem
-from cutbench.verification.reference._parts import DEGREE, bulk_forms, law, space_of, stay
+from cutbench.verification.reference._common import DEGREE, bulk_forms, law, space_of, step_at_rest
 from cutbench.verification.reference._strip import energy, graded, transverse
 from cutbench.verification.reference.base import Check, Reference
 
@@ -67,7 +67,7 @@ class Block:
         down = flat[self._tip] - depth - u[self._tip]
         u[1::2] += down * np.exp(-(X[0] ** 2 + (X[1] - H) ** 2) / (DEPTH / 2) ** 2)
         for drag in drags:
-            step = replace(stay(u), damping_factor=drag)
+            step = replace(step_at_rest(u), damping_factor=drag)
             u, found, _ = newton(self.problem, u, self.problem.start(), step, NewtonSettings())
         self._strain, self.u = strain, u
         return float(found.residual[self._tip])

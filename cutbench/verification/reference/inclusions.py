@@ -24,7 +24,7 @@ from cutbench.forms.geometry import paired
 from cutbench.forms.space import Space
 from cutbench.mechanisms.base import Bulk, Cut
 from cutbench.solver.problem import Problem
-from cutbench.verification.reference._parts import law, solve, stay
+from cutbench.verification.reference._common import law, solve, step_at_rest
 from cutbench.verification.reference.base import Check, Reference
 
 G_C, SIGMA_C, BETA = 0.5, 50.0, 2.0
@@ -118,7 +118,7 @@ def curve() -> np.ndarray:
     problem = Problem([*bodies, cut], space.ndof, fixed, p)
     u, states, force = np.zeros(space.ndof), problem.start(), []
     for i in range(1, STEPS + 1):
-        step = stay(u)
+        step = step_at_rest(u)
         u[2 * right] = i * STEP_MM
         u, states["cohesion"], pull = fixed_point(problem, cut, u, states, step, right)
         force.append(pull)

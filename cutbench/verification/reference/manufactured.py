@@ -10,7 +10,14 @@ import skfem
 
 from cutbench.forms.base import blend, component_major, gather
 from cutbench.solver.problem import Problem
-from cutbench.verification.reference._parts import DeadLoad, body_force, bulk_forms, solve, space_of, stay
+from cutbench.verification.reference._common import (
+    DeadLoad,
+    body_force,
+    bulk_forms,
+    solve,
+    space_of,
+    step_at_rest,
+)
 from cutbench.verification.reference.base import Check, Reference
 
 G = 1.0
@@ -48,7 +55,7 @@ def error(element: str, n: int, nu: float) -> float:
     # The nodes start on the solution sought, which is not the discrete one.
     u = np.zeros(ndof)
     u[: space.ndof] = exact.T.ravel()
-    u, _ = solve(problem, u, problem.start(), stay(np.zeros(ndof)), tolerance=1e-10)
+    u, _ = solve(problem, u, problem.start(), step_at_rest(np.zeros(ndof)), tolerance=1e-10)
     fine = space.volume(6)
     N = np.repeat(fine.phi[:, :, None], fine.nodes.shape[1], axis=2)
     true = field(fine.X.reshape(2, -1)).reshape(fine.X.shape)

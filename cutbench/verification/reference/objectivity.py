@@ -7,13 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from cutbench.solver.problem import Problem
-from cutbench.verification.reference._parts import (
+from cutbench.verification.reference._common import (
     ELEMENTS,
     bulk_forms,
     parameters,
     space_of,
     split_block,
-    stay,
+    step_at_rest,
 )
 from cutbench.verification.reference.base import Check, Reference
 
@@ -43,7 +43,7 @@ def compute() -> Iterator[Check]:
             Q, shift = rotation(dim), np.array([0.4, -0.3, 0.2])[:dim, None]
             turned = u.copy()
             turned[: space.ndof] = (Q @ (X + u[: space.ndof].reshape(-1, dim).T) + shift - X).T.ravel()
-            step = stay(np.zeros(ndof))
+            step = step_at_rest(np.zeros(ndof))
             R, S = (problem.evaluate(v, problem.start(), step).residual for v in (u, turned))
             forces = Q @ R[: space.ndof].reshape(-1, dim).T
             off = np.abs(S[: space.ndof].reshape(-1, dim).T - forces).max() / np.abs(forces).max()

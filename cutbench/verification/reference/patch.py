@@ -10,7 +10,7 @@ from scipy.optimize import root
 from cutbench.forms.cut import CutForm
 from cutbench.forms.geometry import paired
 from cutbench.solver.problem import Problem
-from cutbench.verification.reference._parts import (
+from cutbench.verification.reference._common import (
     ELEMENTS,
     bulk_forms,
     law,
@@ -19,7 +19,7 @@ from cutbench.verification.reference._parts import (
     solve,
     space_of,
     split_block,
-    stay,
+    step_at_rest,
 )
 from cutbench.verification.reference.base import Check, Reference
 
@@ -79,7 +79,7 @@ def solved(mesh, element: str, p, F: np.ndarray, jump: np.ndarray, T: np.ndarray
     guess[: space.ndof] = exact
     free = problem.free[problem.free < space.ndof]
     guess[free] += 0.02 * np.random.default_rng(1).uniform(-1, 1, free.size)
-    u, result = solve(problem, guess, problem.start(), stay(np.zeros(ndof)), tolerance=1e-11)
+    u, result = solve(problem, guess, problem.start(), step_at_rest(np.zeros(ndof)), tolerance=1e-11)
     # Virtual work of all nodal forces on a field that grows from 0 at the cut to T/|T| at the grip.
     pull = np.zeros(ndof)
     pull[: space.ndof] = (np.where(right, X[0], 0.0) * T[:dim, None] / np.linalg.norm(T)).T.ravel()

@@ -9,7 +9,7 @@ import numpy as np
 from cutbench.case.case import load_case
 from cutbench.mechanisms.base import Points
 from cutbench.run.runner import run_case
-from cutbench.verification.reference._parts import law, parameters
+from cutbench.verification.reference._common import law, parameters
 from cutbench.verification.reference._strip import BEHIND, H, process_zone, pulled, stretch_for, strip
 from cutbench.verification.reference.base import Check, Reference
 

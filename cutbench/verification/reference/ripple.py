@@ -11,7 +11,7 @@ from cutbench.forms.geometry import Geometry
 from cutbench.forms.space import Space
 from cutbench.run.build import surface_forms
 from cutbench.solver.problem import Problem
-from cutbench.verification.reference._parts import DeadLoad, bulk_forms, law, parameters, solve, stay
+from cutbench.verification.reference._common import DeadLoad, bulk_forms, law, parameters, solve, step_at_rest
 from cutbench.verification.reference.base import Check, Reference
 
 #: Half of a wave, mm; G in MPa, Poisson's ratio; wave number times the amplitude on bare ground.
@@ -75,7 +75,7 @@ def amplitude(space: Space, geometry: Geometry, ground: float, name: str = "", *
     held = [space.nodes_on(face) * dim + i for face, i in (*geometry.held, ("cut", 0))]
     problem = Problem(forms, ndof, np.unique(np.concatenate([clamped.ravel(), *held])), p)
     start = np.zeros(ndof)
-    u = solve(problem, start, problem.start(), stay(start), tolerance=1e-10)[0].reshape(-1, dim)
+    u = solve(problem, start, problem.start(), step_at_rest(start), tolerance=1e-10)[0].reshape(-1, dim)
     on_top = space.nodes_on("top")
     crest, trough = (u[on_top[np.abs(X[0, on_top] - x) < 1e-9], 1].mean() for x in (0.0, HALF))
     return (crest - trough) / 2

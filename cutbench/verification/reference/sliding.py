@@ -12,7 +12,7 @@ from cutbench.forms.blade import BladeForm, ContactNumerics
 from cutbench.models2d.section import named
 from cutbench.models3d.block import block
 from cutbench.models3d.mesh import quarter
-from cutbench.verification.reference._parts import law, parameters, space_of
+from cutbench.verification.reference._common import law, parameters, space_of
 from cutbench.verification.reference.base import Check, Reference
 
 #: How deep the face lies inside the blade, and its height (times 0.5 mm of length in 3D).

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from cutbench.mechanisms.base import Points
-from cutbench.verification.reference._parts import law, parameters
+from cutbench.verification.reference._common import law, parameters
 from cutbench.verification.reference._strip import process_zone, pulled, stretch_for, strip
 from cutbench.verification.reference.base import Check, Reference
 

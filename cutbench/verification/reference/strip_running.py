@@ -8,7 +8,7 @@ import numpy as np
 
 from cutbench.solver.newton import NoConvergence
 from cutbench.solver.problem import Problem
-from cutbench.verification.reference._parts import nu_of, parameters, solve, stay
+from cutbench.verification.reference._common import nu_of, parameters, solve, step_at_rest
 from cutbench.verification.reference._strip import (
     H,
     Strip,
@@ -64,7 +64,7 @@ def running(p) -> tuple[float, float, float]:
         u, new, stretch, pull = equilibrium(body, u, states, stretch, node, p.delta_c / 2)
         work: dict[str, float] = {}
         for form in body.problem.forms:
-            work |= form.work(u, p, states[form.name], new[form.name], stay(old))
+            work |= form.work(u, p, states[form.name], new[form.name], step_at_rest(old))
         states = new
         work.pop("snap")  # the viscosity is there for Newton's method only
         spent = 2 * work.pop("smith_ferrante")
@@ -90,7 +90,7 @@ def equilibrium(body: Strip, u, states: dict, stretch: float, node: int, opening
     """Unknowns, states, stretch and force of both grips (N/mm): ``node`` moved to ``opening``, unforced."""
     fixed = np.append(body.problem.fixed, 2 * node)
     problem = Problem(body.problem.forms, body.problem.ndof, fixed, body.problem.p)
-    step = stay(u)
+    step = step_at_rest(u)
 
     def led_to(u: np.ndarray, value: float, opening: float):
         """In parts as small as need be: all at once would turn elements inside out."""

@@ -1,0 +1,350 @@
+"""One [[experiment]] of a campaign file: from what a person wrote and a machine recorded to an Experiment."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from glob import glob
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from cutbench.base.errors import BadInput
+from cutbench.base.toml import among, in_short, located, nearest, one_of, written
+from cutbench.base.units import parse_quantity
+from cutbench.data.blocks import BLOCKS, joined_files, with_blocks_read
+from cutbench.data.column_titles import UNITS
+from cutbench.data.contact import contact_notes
+from cutbench.data.conversion import TAKEN_OFF, repetitions_of, titles_of
+from cutbench.data.experiment import HOMOGENEOUS, ROLES, Experiment, area_of
+from cutbench.data.experiment_kinds import ABSCISSA, ORDINATE, SIZES, kind_of
+from cutbench.data.fields import read_fields_of
+from cutbench.data.layout import LABEL
+from cutbench.data.measured import MeasuredCut, read_measured
+from cutbench.data.plausible import travel_fits
+from cutbench.data.specimen_sizes import (
+    by_repetition,
+    require_sizes,
+    section_of,
+    size_notes,
+    sizes_by_repetition,
+    written_sizes,
+)
+from cutbench.data.table import Table, read_table
+
+#: Other names under which a column may be given.
+_ALIASES = {"opening": "displacement", "slip": "displacement", "traction": "stress"}
+#: What a cut has of which measures are known.
+_KEYS_OF_MEASURES = (
+    "id", "kind", "role", "source", "measures", "depth", "data", "columns", "units", "specimen", "blade",
+    "speed",
+)  # fmt: skip
+#: Files of a folder that a message names.
+_MAX_FILES_SHOWN = 12
+
+
+@contextmanager
+def errors_at_experiment(file: Path, text: str, number: int) -> Iterator[None]:
+    """Errors inside without a file get this one and the line of their key in the ``number``-th experiment."""
+    with located(file, text, find=lambda key: _line(text, key, number)):
+        yield
+
+
+def _line(text: str, key: str, number: int) -> int | None:
+    """Line of ``key`` within the ``number``-th [[experiment]] (from 0); else of its opening."""
+    lines = text.splitlines()
+    heads = [i for i, line in enumerate(lines) if re.match(r"\s*\[\[\s*[\"']?experiment[\"']?\s*\]\]", line)]
+    if number >= len(heads):
+        return None
+    end = heads[number + 1] if number + 1 < len(heads) else len(lines)
+    section, _, name = key.partition(".")
+    section, name = (section, name.rpartition(".")[2]) if name else ("", section)
+
+    def first(word: str, begin: int, stop: int) -> int | None:
+        pattern = re.compile(rf"(^|[\s{{,.\[]){re.escape(word)}[\"']?\s*(=|\.|\])")
+        return next((i for i in range(begin, stop) if pattern.search(lines[i].split("#")[0])), None)
+
+    opened = first(section, heads[number] + 1, end) if section else heads[number]
+    if opened is None:
+        return heads[number] + 1
+    # A table in one line, or its own section up to the next.
+    stop = end if lines[opened].lstrip().startswith("[") else opened + 1
+    found = first(name, opened, stop)
+    return (opened if found is None else found) + 1
+
+
+def read_experiment(table: Mapping[str, object], folder: Path) -> Experiment:
+    """The experiment that ``table`` describes, with its data from files beside ``folder``.
+
+    Raises BadInput; where the fault is in a data file, the error names that file and its line.
+    """
+    kind = kind_of(table)
+    name = table.get("id")
+    name = written("id", name, "a name, such as id = 'slow'", value=in_short(name))
+    role = _choice(table, "role", ROLES, "train")
+    sizes = written_sizes(table, "specimen", SIZES[kind], several=kind != "cut")
+    if "measures" in table:
+        return _measured(table, folder, name, role, sizes)
+    columns = _columns(table, kind)
+    require_sizes(kind, sizes, columns)
+    blade = _blade(table, kind)
+    units, factors = _units(table, columns), _factors(table, columns)
+    blocks = _choice(table, "blocks", BLOCKS) if "blocks" in table else None
+    skip = table.get("skip", [])
+    skip = [skip] if isinstance(skip, str) else skip
+    if not isinstance(skip, list) or not all(isinstance(text, str) and text.strip() for text in skip):
+        expected = "how lines that are no readings begin, such as skip = ['Mean', 'Maximum']"
+        raise BadInput(key="skip", value=str(skip)[:60], expected=expected)
+    tables = [
+        (
+            joined_files(
+                [with_blocks_read(read_table(p, columns, units, wide=True, skip=skip), blocks) for p in paths]
+            ),
+            label,
+        )
+        for paths, label in _files(table, folder)
+    ]
+    _refuse_consecutive_files([read for read, _ in tables])
+    titles = [title for read, label in tables for title in titles_of(read, label).values()]
+    for label, count in Counter(titles).items():
+        if count > 1:
+            raise BadInput(key=LABEL, value=label, expected="each repetition in one file only")
+    own, specimen = sizes_by_repetition(sizes, titles)
+    speed = _speed(table, kind, specimen)
+    pressure = _pressure(table, columns, specimen) if kind == "sliding" else 0.0
+    zeros = {key: by_repetition(key, table[key], titles) for key in TAKEN_OFF if key in table}
+    repetitions = [
+        r
+        for read, label in tables
+        for r in repetitions_of(read, kind, label, table, own, speed, factors, zeros)
+    ]
+    source = table.get("source", "")
+    if not isinstance(source, str):
+        raise BadInput(key="source", value=str(source)[:60], expected="a text in quotes")
+    notes: tuple[str, ...] = (f"source: {source}",) if source else ()
+    if table.get("stress") == "cauchy":
+        notes += ("Cauchy stress turned into nominal stress at constant volume, P = σ/λ",)
+    for read, _ in tables:
+        if len(read.specimens) > 1:
+            notes += (f"{read.path.name} holds specimens side by side: {', '.join(read.specimens)}",)
+        notes += read.notes
+    notes += contact_notes(repetitions)
+    notes += size_notes(kind, sizes, specimen, all(r.x.max() <= 1.01 for r in repetitions))
+    if kind == "sliding" and not pressure and not {"pressure", "normal_force"} & columns.keys():
+        notes += ("no pressure given: 0, so that only adhesion resists",)
+    fields, noise_mm = read_fields_of(table["fields"], folder) if "fields" in table else ((), 0.0)
+    notes += tuple(dict.fromkeys(note for field in fields for note in field.notes))
+    made = Experiment(
+        name, kind, tuple(repetitions), role, specimen, blade, speed, pressure,
+        _choice(table, "direction", ("opening", "sliding"), "opening") if kind == "separation" else "opening",
+        notes, fields, noise_mm,
+    )  # fmt: skip
+    if kind == "cut":
+        travel_fits(made)
+    _check_speed(made)
+    return made
+
+
+def _measured(table: Mapping, folder: Path, name: str, role: str, sizes: Mapping) -> MeasuredCut:
+    """A cut of which no curve is known."""
+    for key in table:
+        if key not in _KEYS_OF_MEASURES:
+            expected = "it beside a curve, not beside measures"
+            raise BadInput(key=key, value=in_short(table[key]), expected=expected)
+    require_sizes("cut", sizes, {})
+    measures, depth_mm, notes = read_measured(table, folder)
+    speed = _speed(table, "cut", {})
+    if speed is None:
+        expected = "the blade's speed, such as speed = '0.021 mm/s'"
+        raise BadInput(key="speed", value="(missing)", expected=expected)
+    source = table.get("source", "")
+    notes = ((f"source: {source}",) if source else ()) + notes
+    return MeasuredCut.of(name, measures, depth_mm, sizes, _blade(table, "cut"), speed, role, notes)
+
+
+# -- what a person wrote ----------------------------------------------------------------------------
+def _blade(table: Mapping, kind: str) -> dict[str, float]:
+    sharp = written_sizes(table, "blade", ("thickness", "tip", "edge_radius", "shoulder") * (kind == "cut"))
+    blade = {key: size for key, size in sharp.items() if isinstance(size, float)}
+    if kind == "cut" and "thickness" not in blade:
+        raise BadInput(key="blade.thickness", value="(missing)", expected="blade = { thickness = '0.7 mm' }")
+    return blade
+
+
+def _choice(table: Mapping, key: str, known: tuple[str, ...], default: str | None = None) -> str:
+    value = table.get(key, default)
+    if value not in known or not isinstance(value, str):
+        raise BadInput(key=key, value=in_short(value), expected=one_of(str(value), known))
+    return value
+
+
+def _columns(table: Mapping, kind: str) -> dict[str, str | int | list[str | int]]:
+    """Column by role, or one for each specimen; without ``columns`` they are looked for by their roles."""
+    optional = ("time", LABEL) + (("pressure", "normal_force") if kind == "sliding" else ())
+    known = (*ABSCISSA[kind], *ORDINATE[kind], *optional)
+    given = section_of(table, "columns")
+    found: dict[str, str | int | list[str | int]] = {}
+    for key, name in given.items():
+        role = _ALIASES.get(key, key) if kind not in ("cut", *HOMOGENEOUS) else key
+        if role not in known:
+            raise BadInput(key=f"columns.{key}", value=str(name)[:60], expected=one_of(key, known))
+        listed = name if isinstance(name, list) and role != LABEL else [name]
+        if not listed or not all(_is_column(one) for one in listed):
+            expected = "the column's name in the header, or its number from 1"
+            raise BadInput(key=f"columns.{key}", value=str(name)[:60], expected=expected)
+        found[role] = name
+    counts = {key: len(name) for key, name in given.items() if isinstance(name, list)}
+    for key, count in counts.items():
+        if LABEL in found or count != max(counts.values()):
+            expected = f"a column for each specimen, {max(counts.values())} in every list, and no repetition"
+            raise BadInput(key=f"columns.{key}", value=str(given[key])[:60], expected=expected)
+    if not given:
+        found = {ABSCISSA[kind][0]: ABSCISSA[kind][0], ORDINATE[kind][0]: ORDINATE[kind][0]}
+    for what, choices in (("x", ABSCISSA[kind]), ("y", ORDINATE[kind])):
+        named = [role for role in choices if role in found]
+        if len(named) > 1:
+            expected = f"it or {named[0]}, not both"
+            raise BadInput(key=f"columns.{named[1]}", value=str(found[named[1]]), expected=expected)
+        if not named and not (what == "x" and kind == "sliding" and "time" in found):
+            expected = f"a column of {' or '.join(choices)}"
+            raise BadInput(key=f"columns.{choices[0]}", value="(missing)", expected=expected)
+    return found
+
+
+def _is_column(name: object) -> bool:
+    return bool(name.strip()) if isinstance(name, str) else type(name) is int and name >= 1
+
+
+def _speed(table: Mapping, kind: str, specimen: Mapping[str, float]) -> float | None:
+    """mm/s; for a homogeneous test 1/s of stretch, for which a speed is divided by the length."""
+    if "speed" not in table:
+        return None
+    raw, rate = table["speed"], None
+    if kind in HOMOGENEOUS:
+        with suppress(BadInput):
+            rate = parse_quantity(raw, "1/s", key="speed")
+    if rate is None:
+        rate = parse_quantity(raw, "mm/s", key="speed")
+        if kind in HOMOGENEOUS:
+            if "length" not in specimen:
+                expected = "specimen.length beside it, or a rate such as '0.1 1/s'"
+                raise BadInput(key="speed", value=str(raw), expected=expected)
+            rate /= specimen["length"]
+    if not (np.isfinite(rate) and rate > 0):
+        raise BadInput(key="speed", value=str(raw), expected="a speed above 0, such as '0.02 mm/s'")
+    return rate
+
+
+def _by_role(table: Mapping, section: str, columns: Mapping) -> Iterator[tuple[str, str, object]]:
+    """Full key, role of the column and what is written, for each entry of ``section``. Raises BadInput."""
+    known = [name for name in columns if name != LABEL]
+    for key, raw in section_of(table, section).items():
+        role = _ALIASES[key] if _ALIASES.get(key) in columns else key
+        among(f"{section}.{key}", role, known, value=str(raw)[:60])
+        yield f"{section}.{key}", role, raw
+
+
+def _units(table: Mapping, columns: Mapping) -> dict[str, str]:
+    found = {}
+    for key, role, unit in _by_role(table, "units", columns):
+        expected = f"a unit in quotes, such as '{UNITS[role]}'"
+        found[role] = written(key, unit, expected, value=str(unit)[:60])
+    return found
+
+
+def _factors(table: Mapping, columns: Mapping) -> dict[str, float]:
+    found = {}
+    for key, role, raw in _by_role(table, "factors", columns):
+        found[role] = parse_quantity(raw, "1", key=key)
+        if not np.isfinite(found[role]) or found[role] == 0:
+            raise BadInput(key=key, value=str(raw), expected="a factor other than 0, such as -1")
+    return found
+
+
+def _pressure(table: Mapping, columns: Mapping, specimen: Mapping[str, float]) -> float:
+    given = [k for k in ("pressure", "normal_force") if k in table or k in columns]
+    if len(given) > 1 or any(k in table and k in columns for k in given):
+        expected = "the pressure once: as value or as column"
+        raise BadInput(key=given[-1], value="given twice", expected=expected)
+    if "pressure" in table:
+        value = parse_quantity(table["pressure"], "MPa", key="pressure")
+    elif "normal_force" in table:
+        area = area_of("sliding", specimen)
+        if area is None:
+            raise BadInput(key="specimen.area", value="(missing)", expected="specimen = { area = '… mm^2' }")
+        value = parse_quantity(table["normal_force"], "N", key="normal_force") / area
+    else:
+        return 0.0
+    if not (np.isfinite(value) and value >= 0):
+        raise BadInput(key=given[0], value=str(table[given[0]]), expected="0 or more")
+    return value
+
+
+def _files(table: Mapping, folder: Path) -> list[tuple[list[Path], str | None]]:
+    """The files of each specimen, one or several that follow one another, and its name if there are several
+    specimens."""
+    data = table.get("data")
+    entries = data if isinstance(data, list) else [data]
+    found: list[list[str]] = []
+    for entry in entries:
+        parts = entry if isinstance(entry, list) else [entry]
+        if not parts or not all(isinstance(name, str) and name.strip() for name in parts):
+            expected = (
+                "a file beside this one, such as data = 'slow.csv', a list of files, one a specimen, or, for"
+                " files of one specimen that follow one another, data = [['ramp.csv', 'hold.csv']]"
+            )
+            raise BadInput(key="data", value=in_short(data), expected=expected)
+        files = [file for name in parts for file in _matching(str(name), folder)]
+        found += [files] if isinstance(entry, list) else [[file] for file in files]
+    every = [file for files in found for file in files]
+    if len(set(every)) < len(every):
+        raise BadInput(key="data", value=str(every)[:200], expected="each file once")
+    several = len(found) > 1
+    return [([folder / name for name in files], Path(files[0]).stem if several else None) for files in found]
+
+
+def _refuse_consecutive_files(tables: list[Table]) -> None:
+    """Raise BadInput where a file begins at the travel at which the one before it ends: they follow one
+    another, and are no specimens."""
+    for role in ("displacement", "stretch", "strain"):
+        for one, other in pairwise(tables):
+            if role not in one.columns or one.labels is not None or one.lines.size < 2:
+                continue
+            x, begins = one.columns[role], other.columns[role][0]
+            if abs(begins - x[0]) > 0.5 * np.ptp(x) and abs(begins - x[-1]) < 0.02 * np.ptp(x):
+                names = [read.path.name for read in tables]
+                expected = (
+                    f"data = [{names}], files of one specimen that follow one another: {other.path.name}"
+                    f" begins where {one.path.name} ends; a plain list is a specimen a file"
+                )
+                raise BadInput(key="data", value=str(names)[:60], expected=expected)
+
+
+def _matching(name: str, folder: Path) -> list[str]:
+    """The file called ``name``, or those that match it as a pattern such as cut_*.csv, by their numbers."""
+    if (folder / name).is_file():
+        return [name]
+    found = [file for file in glob(name, root_dir=folder) if (folder / file).is_file()]
+    if not found:
+        there = sorted(path.name for path in folder.iterdir() if path.is_file() and path.suffix != ".toml")
+        shown = ", ".join(there[:_MAX_FILES_SHOWN]) + (", …" if len(there) > _MAX_FILES_SHOWN else "")
+        guess = nearest(name, there)
+        expected = (
+            f"a file that exists in {folder}" + (f"; there are {shown}" if there else ", which has none")
+        ) + (f"; did you mean '{guess}'?" if guess else "")
+        raise BadInput(key="data", value=name, expected=expected)
+    return sorted(found, key=lambda file: [int(p) if p.isdigit() else p for p in re.split(r"(\d+)", file)])
+
+
+def _check_speed(e: Experiment) -> None:
+    """The written speed against that of the time column: a factor of 60 is a minute taken for a second."""
+    if e.speed is None or not e.timed:
+        return
+    moved = e.travel_speed
+    if not 1 / 3 < moved / e.speed < 3:
+        unit = "1/s" if e.kind in HOMOGENEOUS else "mm/s"
+        expected = f"the speed of the readings, {moved:.4g} {unit}; with a time column it may be left out"
+        raise BadInput(key="speed", value=f"{e.speed:.4g} {unit}", expected=expected)

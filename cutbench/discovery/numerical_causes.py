@@ -1,0 +1,114 @@
+"""Numerical causes beside the physical ones: would another mesh or contact normal explain the residual?
+
+The change of a computed curve by a numerical choice is one more column for the score test. The mesh and the
+steps have been halved, roughly, by the fit already, which corrects for what that changes and allows for what
+it leaves open (``cutbench.calibration.mesh_error``); what is scored here is what remains along that change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cutbench.base.units import Parameter
+from cutbench.calibration.posterior import Estimated
+from cutbench.calibration.settings import SETTINGS
+from cutbench.case.case import Case
+from cutbench.data.discrepancy import with_discrepancy
+from cutbench.discovery.candidates import Candidate
+from cutbench.discovery.comparison import ComparisonRound, squared_discrepancy
+from cutbench.discovery.score import Score, score
+from cutbench.discovery.screening import CandidateSensitivity, Sensitivities
+
+#: Name, and what it is.
+CHOICES = {
+    "element size and step": "elements and steps about half as large",
+    "contact normal": "another direction of the contact pressure",
+}
+
+
+@dataclass(frozen=True)
+class NumericalCauses:
+    """What numerical choices would explain.
+
+    Attributes
+    ----------
+    scores : tuple of Score
+        Of each choice, the best first.
+    shares : mapping
+        By name, the part of what the baseline misses that it would explain.
+    explains : str or None
+        Name of one that explains as much as any candidate that convinces.
+    missing : mapping
+        What could not be computed, and why.
+    """
+
+    scores: tuple[Score, ...] = ()
+    shares: Mapping[str, float] = field(default_factory=dict)
+    explains: str | None = None
+    missing: Mapping[str, str] = field(default_factory=dict)
+
+
+def numerical_causes(step: ComparisonRound, seed: int) -> NumericalCauses:
+    """Of tests that are known from runs, where the baseline fails."""
+    null = step.null
+    if not null.posterior.tests_with_runs or not (step.significant or step.group):
+        return NumericalCauses()
+    columns, missing = _numerical_sensitivities(null)
+    if not columns:
+        return NumericalCauses(missing=missing)
+    sensed = Sensitivities(null.at.y, null.at.J, columns)
+    scores = score(sensed, null.w.noise, null.at.residual, seed=seed)
+    shares = {
+        s.name: max(1 - _remaining_square(null, sensed, s) / squared_discrepancy(null), 0.0)
+        for s in scores.scores
+    }
+    best = scores.scores[0]
+    rival = max((2 * (c.fitted.log_likelihood - null.log_likelihood) for c in step.group), default=0.0)
+    enough = best.p < SETTINGS.chance and shares[best.name] >= SETTINGS.share and best.gain >= rival
+    return NumericalCauses(tuple(scores.scores), shares, best.name if enough else None, missing)
+
+
+def _numerical_sensitivities(null: Estimated) -> tuple[list[CandidateSensitivity], dict[str, str]]:
+    """A column for each numerical choice of the cuts, and why others are missing."""
+    post, p, columns = null.posterior, null.posterior.predictions, []
+    by = {id: mesh.change for id, mesh in post.mesh.items()}
+    if any(np.any(change) for change in by.values()):
+        columns.append(_sensitivity_to_choice("element size and step", by, null))
+    name, by = "contact normal", {}
+    cuts = [(e, p.case(e, post.values(e, null.q))) for e in post.tests_with_runs]
+    plain, turned = p.runs([case for _, case in cuts]), p.runs([_with_other_normal(case) for _, case in cuts])
+    for (e, case), one, other in zip(cuts, plain, turned, strict=True):
+        if one is None or other is None:
+            return columns, {
+                name: p.runs.failed.get((case if one is None else _with_other_normal(case)).id, "")
+            }
+        values = post.values(e, null.q)
+        by[e.id] = p.read(e, values, other.course) - p.read(e, values, one.course)
+    return [*columns, _sensitivity_to_choice(name, by, null)], {}
+
+
+def _with_other_normal(case: Case) -> Case:
+    """The run with the contact pressure in its other direction."""
+    return case.set(normal="tool" if case.numerics.normal == "material" else "material")
+
+
+def _sensitivity_to_choice(name: str, by: Mapping[str, np.ndarray], null: Estimated) -> CandidateSensitivity:
+    share = Parameter("share", "1", "s", "part of the change that is taken", off=0.0)
+    c = Candidate(name, CHOICES[name], "numerics", (share,), (), ({},))
+    return CandidateSensitivity(
+        c, {}, {id: by.get(id, np.zeros(y.size))[:, None] for id, y in null.at.y.items()}
+    )
+
+
+def _remaining_square(null: Estimated, sensed: Sensitivities, s: Score) -> float:
+    """What is missed after the score's step."""
+    residual = {
+        id: r + sensed.J[id] @ s.free + s.sensitivity.by[id] @ s.strengths
+        for id, r in null.at.residual.items()
+    }
+    w = with_discrepancy(null.w.noise, residual, null.at.J)
+    at = Estimated(null.posterior, type(null.at)(null.q, null.at.y, residual, null.at.J, null.at.error), w)
+    return squared_discrepancy(at)

@@ -1,0 +1,166 @@
+"""A map from the atlas: a whole phase diagram at once, with what is unsure hatched."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from scipy.interpolate import RegularGridInterpolator
+
+from cutbench.base.errors import BadInput
+from cutbench.case.case import Case
+from cutbench.emulator.atlas import Atlas, Measures, NotInAtlas, shipped
+from cutbench.emulator.design_space import MAX_DEPTH
+from cutbench.maps.axes import BOUNDARY
+from cutbench.maps.boundary import NORMAL_QUANTILE, BoundaryEstimate, distance_to_boundary, margin
+from cutbench.maps.dataset import LABELS, MapRow, build_map, save_map
+from cutbench.maps.phase import save_phase
+from cutbench.maps.study import Study
+from cutbench.run.measures import ABRUPT, SMOOTH, UNCUT, label
+
+#: Places along each axis of a boundary at which the atlas is asked; between them it is interpolated.
+PLACES = 17
+#: What a point says that no run has.
+ESTIMATED = "estimated"
+
+
+def estimated_map(study: Study) -> xr.Dataset:
+    """What the runs of a study would give.
+
+    Parameters
+    ----------
+    study : Study
+        The study; a boundary that is sought, or points.
+
+    Returns
+    -------
+    Dataset
+        A map like that of runs, in which no point has one.
+
+    Raises
+    ------
+    NotInAtlas
+        If a part of it lies outside the atlas.
+    """
+    if study.regime.surge_min is not None:
+        raise BadInput("surge", study.regime.surge_min, "no [regime] surge where a map is estimated")
+    known = shipped()
+    rows = _rows(known, [mark.case for mark in study.marks() if _inside(known, mark.case)], study)
+    if study.mode != BOUNDARY:
+        return build_map(study, rows | _rows(known, [case for _, case in study.points()], study))
+    margins, drops = {}, np.full(study.shape, math.nan)
+    labels = np.zeros(study.shape, dtype=np.int8)
+    for chosen, where, level in _levels(known, study):
+        margins[chosen], drops[where], labels[where] = level
+    made = build_map(study, rows, {}, margins)
+    made["drop_rel"].values[...], made["label"].values[...] = drops, labels
+    return made
+
+
+def expected_margins(study: Study) -> dict[tuple[int, ...], BoundaryEstimate]:
+    """Margins of a boundary that is sought as the atlas has them, by the indices of the levels; none where
+    it says nothing of the study, or has other numerics."""
+    known = shipped()
+    numerics = study.base.to_dict()["numerics"]
+    if study.regime.surge_min is not None or numerics != known.about["numerics"]:
+        return {}
+    try:
+        return {chosen: level[0] for chosen, _, level in _levels(known, study)}
+    except BadInput:
+        return {}
+
+
+Where = tuple[slice | int, ...]
+Level = tuple[BoundaryEstimate, np.ndarray, np.ndarray]
+
+
+def _levels(known: Atlas, study: Study) -> Iterator[tuple[tuple[int, ...], Where, Level]]:
+    """Of each combination of levels its indices, where it lies in the map, and what is estimated there."""
+    free = [k for k, axis in enumerate(study.axes) if axis.continuous]
+    levels = [k for k in range(len(study.axes)) if k not in free]
+    for chosen in np.ndindex(*(study.shape[k] for k in levels)):
+        fixed = dict(zip(levels, chosen, strict=True))
+        where = tuple(fixed.get(k, slice(None)) for k in range(len(study.axes)))
+        yield chosen, where, _level(known, study, free, fixed)
+
+
+def _level(known: Atlas, study: Study, free: Sequence[int], fixed: dict[int, int]) -> Level:
+    """Of one combination of levels: margins, drops and labels on the lattice of the other axes."""
+    shape = [study.shape[k] for k in free]
+    ticks = [np.unique(np.linspace(0, n - 1, PLACES).round().astype(int)) for n in shape]
+    indices = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, len(free))
+    cases = []
+    for index in indices:
+        at = fixed | dict(zip(free, map(int, index), strict=True))
+        cases.append(study.case_at([axis.values[at[k]] for k, axis in enumerate(study.axes)]))
+    mean, score, drop, uncut = _margins(known, cases, study.regime.drop)
+    found = np.stack([mean, score, drop, uncut], axis=1)
+    every = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1)
+    coarse = [len(t) for t in ticks]
+    mean, score, drop, uncut = (
+        RegularGridInterpolator(ticks, column.reshape(coarse))(every) for column in found.T
+    )
+    spread = np.abs(mean / np.where(score == 0, 1e-9, score))
+    away = distance_to_boundary(mean >= 0) / 2
+    unsure = (np.abs(score) < NORMAL_QUANTILE) & (away > 1)
+    labels = np.where(mean >= 0, LABELS.index(ABRUPT), LABELS.index(SMOOTH))
+    labels = np.where(uncut > 0.5, LABELS.index(UNCUT), labels)
+    return BoundaryEstimate(mean, spread, unsure, drop), np.where(uncut > 0.5, np.nan, drop), labels
+
+
+def _margins(
+    known: Atlas, cases: Sequence[Case], threshold: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Margins of cases, how many standard deviations these are from 0, drops, and the probability that a case
+    is not cut; (p,) each. Raises NotInAtlas."""
+    m, depths = _measures(known, cases)
+    drop = np.clip(m.drop[:, 0], 0.01, 1.0) ** 2
+    margins = margin(drop, drop, np.zeros(drop.size, dtype=bool), drop=threshold)
+    return margins, m.falls(threshold), drop, m.uncut(depths)
+
+
+def _measures(known: Atlas, cases: Sequence[Case]) -> tuple[Measures, np.ndarray]:
+    """Of cases, and their depths (p,) in halves of the blade's thickness. Raises NotInAtlas."""
+    values = np.array([known.values(case) for case in cases])
+    depths = np.array([min(c.values["depth"] / (c.values["thickness"] / 2), MAX_DEPTH) for c in cases])
+    return known.measures(values, depths), depths
+
+
+def _inside(known: Atlas, case: Case) -> bool:
+    try:
+        known.values(case)
+    except NotInAtlas:
+        return False
+    return True
+
+
+def _rows(known: Atlas, cases: Sequence[Case], study: Study) -> dict[str, MapRow]:
+    """What a map shows of cases, by id. Raises NotInAtlas."""
+    found: dict[str, MapRow] = {}
+    if not cases:
+        return found
+    m, depths = _measures(known, cases)
+    drops, uncut = np.clip(m.drop[:, 0], 0.0, 1.0) ** 2, m.uncut(depths) > 0.5
+    for case, onset, drop, is_uncut in zip(cases, np.exp(m.onset[:, 0]), drops, uncut, strict=True):
+        drop_rel = math.nan if is_uncut else float(drop)
+        of_curve = {
+            "drop_rel": drop_rel,
+            "onset_mm": math.nan if is_uncut else float(onset) * case.values["thickness"] / 2,
+        }
+        found[case.id] = MapRow(
+            "done", ESTIMATED, case.values["depth"], label(drop_rel, drop=study.regime.drop),
+            {**MapRow().measures, **of_curve},
+        )  # fmt: skip
+    return found
+
+
+def write_estimated(study: Study, folder: Path) -> xr.Dataset:
+    """``map.nc``, ``map.csv``, ``phase.png`` and ``phase.svg`` of ``estimated_map`` into ``folder``."""
+    folder.mkdir(parents=True, exist_ok=True)
+    data = estimated_map(study)
+    save_map(data, folder)
+    save_phase(data, folder)
+    return data

@@ -1,0 +1,219 @@
+"""What pencil and paper say about a map: force at onset, steady force, stored energy; and where it fails.
+
+For a blade of thickness 2a on a block of height H and length L, with strength σ_c = G_c/(e δ_c):
+
+- Indenting a block as a line load does a half-plane of that depth (Johnson, Contact Mechanics, 1985,
+  §2.2, ν = ½): F = k G L d with k = 2π/(ln(2H/a) − ½).
+- Onset, when the mean pressure under the blade reaches the strength: F_on = 2a L σ_c at d_on = F_on/(k G L).
+- Steady cutting (Atkins, The Science and Engineering of Cutting, 2009): F_s(d) = L G_c (1 + V) + 2 τ_W L d,
+  where the viscous part V is the opening's speed 2a/b · v against the term that resists it: over δ_c
+  where it fades with the cohesion, V = (η v/δ_c)(2a/b), over the whole opening 2a where it does not.
+- Stored energy against what cutting takes: U = F_on²/(2 k G L) must carry the cut a blade's thickness
+  further, U ≥ F_s(d_on) · 2a, or the transition is smooth however far the steady force lies below.
+
+Abrupt, then: 1 − F_s(d_on)/F_on ≥ the study's threshold, and U ≥ 2a F_s(d_on).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+from cutbench.base.errors import BadInput
+from cutbench.base.figure_style import COLOURS, DOUBLE_MM, Look, new_figure, save, style
+from cutbench.case.case import Case
+from cutbench.case.physics import Physics
+from cutbench.maps.dataset import LABELS, places_of
+from cutbench.maps.map_cases import physics_by_place
+from cutbench.maps.plot_coordinates import axis_text, is_log, plain_log
+from cutbench.run.measures import ABRUPT, CLAMP, SMOOTH
+
+#: Part of the travel that counts as steady: the default of ``cutbench.run.measures.measures``.
+STEADY_FRACTION = 0.4
+#: What is compared besides the regime: its name, and the run's and the estimate's column.
+_FORCES = (("peak", "peak_N", "onset_N"), ("steady force", "steady_N", "steady_estimate_N"))
+
+
+@dataclass(frozen=True)
+class Classical:
+    """The classical numbers of one case; forces in N, lengths in mm, energies in mJ."""
+
+    onset_N: float
+    onset_mm: float
+    steady_N: float  # at the onset
+    slope_N_per_mm: float  # of the steady force
+    stored_mJ: float
+    needed_mJ: float  # to cut a blade's thickness further
+
+    @property
+    def drop_rel(self) -> float:
+        """Relative fall from the onset to steady cutting; 0 where the stored energy cannot drive it."""
+        if self.stored_mJ < self.needed_mJ:
+            return 0.0
+        return max(0.0, 1 - self.steady_N / self.onset_N)
+
+    def margin(self, threshold: float) -> float:
+        """Above 0 where the estimate is abrupt: the smaller logarithm of two ratios that must exceed 1."""
+        fall = max(1 - self.steady_N / self.onset_N, 1e-3)
+        return min(math.log(fall / threshold), math.log(self.stored_mJ / self.needed_mJ))
+
+    def steady_at(self, travel_mm: float) -> float:
+        """Steady force at a blade travel."""
+        return self.steady_N + self.slope_N_per_mm * (travel_mm - self.onset_mm)
+
+
+def classical(case: Case | Physics) -> Classical | None:
+    """The estimates for a case; None where its model has no blade or no cohesion."""
+    p, tool = case.p, case.model.tool
+    if tool is None:
+        return None
+    a, b = p.thickness / 2, tool.height(p)
+    parts = [law.estimate(p, 2 * a / b * p.speed, 2 * a) for law in case.model.all]
+    strength, _, work, drag = (sum(each) for each in zip(*parts, strict=True))
+    if not strength:
+        return None
+    k = 2 * math.pi / (math.log(2 * p.height / a) - 0.5)
+    onset = 2 * a * p.length * strength
+    travel = onset / (k * case.model.shear_modulus(p) * p.length)
+    slope = 2 * drag * p.length
+    steady = p.length * work + slope * travel
+    return Classical(onset, travel, steady, slope, onset * travel / 2, steady * 2 * a)
+
+
+@dataclass(frozen=True)
+class EstimateComparison:
+    """Map and estimate side by side, a row for each run that reached its depth.
+
+    ``table`` holds equally long arrays: ``drop``, ``peak_N``, ``steady_N`` of the run (nan where it has
+    none), ``drop_estimate``, ``onset_N``, ``steady_estimate_N``, ``abrupt``, ``abrupt_estimate`` (bool).
+    """
+
+    axes: dict[str, np.ndarray]
+    table: dict[str, np.ndarray]
+
+    @property
+    def agreement(self) -> float:
+        """Part of the runs whose regime the estimate has right."""
+        right = self.table["abrupt"] == self.table["abrupt_estimate"]
+        return float(right.mean()) if right.size else math.nan
+
+    def text(self) -> str:
+        """Where the estimate fails, in one sentence."""
+        t = self.table
+        if not t["abrupt"].size:
+            return "No run to compare with the classical estimates."
+        late = int((t["abrupt_estimate"] & ~t["abrupt"]).sum())
+        early = int((~t["abrupt_estimate"] & t["abrupt"]).sum())
+        parts = [
+            f"The classical estimates have the regime right at {100 * self.agreement:.0f} % of"
+            f" {t['abrupt'].size} runs (abrupt where the run is smooth: {late},"
+            f" smooth where it is abrupt: {early})"
+        ]
+        for name, ours, theirs in _FORCES:
+            ratio = t[ours] / t[theirs]
+            ratio = ratio[np.isfinite(ratio)]
+            if ratio.size:
+                low, mid, high = np.quantile(ratio, [0, 0.5, 1])
+                parts.append(f"the computed {name} is {mid:.2g} times the estimate ({low:.2g} to {high:.2g})")
+        return "; ".join(parts) + "."
+
+
+def estimated_margin(data: xr.Dataset) -> Callable[[Mapping[str, float]], float]:
+    """``Classical.margin`` by place of a map (axis name -> value); nan where there is none."""
+    physics = physics_by_place(data)
+
+    def margin(values: Mapping[str, float]) -> float:
+        try:
+            found = classical(physics(values))
+        except BadInput:
+            return math.nan
+        return math.nan if found is None else found.margin(data.attrs["drop_threshold"])
+
+    return margin
+
+
+def compare(data: xr.Dataset) -> EstimateComparison:
+    """Every run of a map that reached its depth against the estimates."""
+    places, physics = places_of(data), physics_by_place(data)
+    decided = np.isin(data["label"].values, [LABELS.index(ABRUPT), LABELS.index(SMOOTH)])
+    axes: dict[str, list[float]] = {name: [] for name in places}
+    keys = ("drop", "peak_N", "steady_N", "drop_estimate", "onset_N", "steady_estimate_N")
+    table: dict[str, list] = {key: [] for key in (*keys, "abrupt", "abrupt_estimate")}
+    for index in np.argwhere(decided):
+        here = tuple(index)
+        values = {name: float(along[here]) for name, along in places.items()}
+        case = physics(values)
+        found = classical(case)
+        if found is None:
+            continue
+        for name, value in values.items():
+            axes[name].append(value)
+        row = (
+            data["drop_rel"].values[here], data["peak_N"].values[here], data["steady_N"].values[here],
+            found.drop_rel, found.onset_N, found.steady_at(_middle_of_steady(case)),
+            data["label"].values[here] == LABELS.index(ABRUPT),
+            found.margin(data.attrs["drop_threshold"]) >= 0,
+        )  # fmt: skip
+        for key, value in zip(table, row, strict=True):
+            table[key].append(value)
+    arrays = {k: np.array(v, dtype=bool if k.startswith("abrupt") else float) for k, v in table.items()}
+    return EstimateComparison({name: np.array(v) for name, v in axes.items()}, arrays)
+
+
+def _middle_of_steady(case: Case | Physics) -> float:
+    """The middle of the travel over which ``cutbench.run.measures.measures`` takes the steady force."""
+    end = min(case.p.depth, case.p.height - CLAMP * case.p.thickness)
+    return (1 - STEADY_FRACTION / 2) * (end if end > 0 else case.p.depth)
+
+
+def draw_estimates(data: xr.Dataset, compared: EstimateComparison) -> Figure:
+    """Where map and estimate agree, and the two forces against the computed ones."""
+    x, y = data.attrs["plot_x"], data.attrs["plot_y"]
+    t = compared.table
+    with style():
+        figure = new_figure(DOUBLE_MM, 66)
+        left, middle, right = figure.subplots(1, 3, width_ratios=(1.25, 1, 1))
+        up = compared.axes[y] if y else t["drop"]
+        kinds = (
+            ("both abrupt", t["abrupt"] & t["abrupt_estimate"], "o", "black", "black"),
+            ("both smooth", ~t["abrupt"] & ~t["abrupt_estimate"], "o", "white", "black"),
+            ("estimate abrupt", ~t["abrupt"] & t["abrupt_estimate"], "^", COLOURS["vermilion"], "none"),
+            ("estimate smooth", t["abrupt"] & ~t["abrupt_estimate"], "v", COLOURS["blue"], "none"),
+        )
+        for text, where, marker, face, edge in kinds:
+            if where.any():
+                left.plot(compared.axes[x][where], up[where], ls="", marker=marker, mfc=face, mec=edge,
+                          ms=4, mew=0.6, label=text)  # fmt: skip
+        for axis, name in (("x", x), ("y", y)):
+            if name and is_log(data[name]) and compared.axes[name].size:
+                plain_log(left, axis, compared.axes[name].min() / 1.3, compared.axes[name].max() * 1.3)
+        left.set_xlabel(axis_text(data[x]))
+        left.set_ylabel(axis_text(data[y]) if y else "relative force drop")
+        if t["abrupt"].size:
+            left.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, handletextpad=0.2)
+        for ax, (name, ours, theirs) in zip((middle, right), _FORCES, strict=True):
+            ok = np.isfinite(t[ours]) & (t[ours] > 0)
+            look: Look = {"ls": "", "marker": "o", "mfc": "none", "mec": COLOURS["blue"], "ms": 3, "mew": 0.7}
+            ax.plot(t[theirs][ok], t[ours][ok], **look)
+            if ok.any():
+                both = np.concatenate([t[theirs][ok], t[ours][ok]])
+                ends = [both.min() / 1.2, both.max() * 1.2]
+                ax.plot(ends, ends, "-", color="black", lw=0.8)
+                for axis in "xy":
+                    plain_log(ax, axis, *ends)
+            ax.set_xlabel(f"estimated {name} [N]")
+            ax.set_ylabel(f"computed {name} [N]")
+    return figure
+
+
+def save_estimates(data: xr.Dataset, folder: str | Path) -> tuple[list[Path], str]:
+    """Write ``estimates.png`` into ``folder``; returns its path and the verdict in words."""
+    compared = compare(data)
+    paths = save(draw_estimates(data, compared), Path(folder) / "estimates.png", also=("svg",))
+    return paths, compared.text()

@@ -1,0 +1,115 @@
+"""The marked materials in pictures: each at its place, filled with the drop of its own run."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import xarray as xr
+from matplotlib import patheffects
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+
+from cutbench.base.figure_style import Look
+from cutbench.maps.dataset import LABELS
+from cutbench.maps.plot_coordinates import DROP_COLOURS, edges, is_log, nearest_level
+
+_HALO = [patheffects.withStroke(linewidth=2.2, foreground="white")]
+_LOOK: Look = {"marker": "D", "mfc": "white", "mec": "#D55E00", "ms": 7.0, "mew": 1.5, "ls": ""}
+
+
+@dataclass(frozen=True)
+class OwnRun:
+    """What a marked material's own run says: its drop (nan before there is one), label, and in what it
+    differs from the map's at its place."""
+
+    drop_rel: float
+    label: str
+    differs: str
+
+    @property
+    def done(self) -> bool:
+        return math.isfinite(self.drop_rel)
+
+
+def own_of(data: xr.Dataset, name: str) -> OwnRun | None:
+    """The own run of a marked material; None in a map that has none of it."""
+    if "mark" not in data.coords or name not in data["mark"].values:
+        return None
+    at = data.sel(mark=name)
+    return OwnRun(float(at["mark_drop_rel"]), LABELS[int(at["mark_label"])], str(at["mark_differs"].values))
+
+
+def marks_of(data: xr.Dataset, x: str, y: str, panel: str) -> tuple[list[dict], list[str]]:
+    """The materials of the study, each on the panel of the nearest level; and those outside the axes."""
+    inside: list[dict] = []
+    outside: list[str] = []
+    for mark in json.loads(data.attrs["marks"]):
+        ranges = [edges(data[n].values, is_log(data[n])) for n in (x, y) if n]
+        here = [mark[n] for n in (x, y) if n]
+        if not all(e[0] <= v <= e[-1] for e, v in zip(ranges, here, strict=True)):
+            outside.append(mark["name"])
+            continue
+        level, text = 0, ""
+        if panel:
+            values = data[panel].values
+            level = nearest_level(mark[panel], values)
+            if abs(mark[panel] - values[level]) > 0.02 * max(abs(mark[panel]), abs(values[level])):
+                text = f" ({mark[panel]:.2g})"
+        text = mark["name"] + text
+        own = own_of(data, mark["name"])
+        drop = own.drop_rel if own and own.done else -1.0
+        for other in inside:
+            # Where a picture lacks the axis that parts two materials, they share a mark; of two drops it
+            # has none, but where drops are what is up they are apart.
+            same = other["panel"] == level and all(
+                math.isclose(other[n], mark[n], rel_tol=0.02) for n in (x, y) if n
+            )
+            alike = abs(other["drop"] - drop) < 0.005
+            if same and (y or alike):
+                other["text"] += f", {text}"
+                other["own"] = other["own"] if alike else None
+                break
+        else:
+            inside.append(mark | {"panel": level, "text": text, "own": own, "drop": drop})
+    return inside, outside
+
+
+def draw_materials(ax: Axes, marks: Sequence[Mapping], x: str, y: str, part: xr.Dataset, top: float) -> None:
+    """Diamonds, filled as the cells are, up to the drop ``top``, where the material's own run is done."""
+    for mark in marks:
+        own = mark["own"]
+        fill = {"mfc": DROP_COLOURS(own.drop_rel / top)} if own and own.done else {}
+        px = mark[x]
+        py = mark[y] if y else own.drop_rel if own and own.done else part.attrs["drop_threshold"]
+        ax.plot([px], [py], zorder=6, clip_on=False, **(_LOOK | fill))
+        # The label goes to the side with more room, above or below, away from the rows of markers.
+        place = ax.transData.transform((px, py))
+        right = ax.transAxes.inverted().transform(place)[0] < 0.6
+        up = 1
+        if y:
+            points = ax.figure.dpi / 72
+            rows = ax.transData.transform([(px, v) for v in part[y].values])[:, 1]
+            free = {sign: abs(rows - (place[1] + sign * 9 * points)).min() for sign in (1, -1)}
+            up = 1 if free[1] >= free[-1] else -1
+        ax.annotate(
+            mark["text"], (px, py), xytext=(5 if right else -5, 4 * up), textcoords="offset points",
+            ha="left" if right else "right", va="bottom" if up > 0 else "top",
+            fontsize=8.5, fontweight="bold", zorder=7, path_effects=_HALO,
+        )  # fmt: skip
+
+
+def handles_of(marks: Sequence[Mapping], top: float) -> list[Line2D]:
+    """What the legend says of them: what they are, and each whose own run is another than the map's."""
+    if not marks:
+        return []
+    runs = any(mark["own"] for mark in marks)
+    found = [Line2D([], [], label="material, own run" if runs else "material", **_LOOK)]
+    for mark in marks:
+        if (own := mark["own"]) and own.differs:
+            fill = {"mfc": DROP_COLOURS(own.drop_rel / top)} if own.done else {}
+            said = f": {own.label}" if own.done else ""
+            found.append(Line2D([], [], label=f"{mark['name']} ({own.differs}){said}", **(_LOOK | fill)))
+    return found

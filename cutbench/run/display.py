@@ -1,0 +1,55 @@
+"""A run in words, as a picture, as tables, as files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+
+from cutbench.base.figure_style import save
+from cutbench.base.files import check_writable
+from cutbench.run.figures.curve import FORCE, draw_force, plot_curve
+from cutbench.run.figures.section import plot_section
+from cutbench.run.files import write_run
+from cutbench.run.result import Result
+from cutbench.run.summary import summary_lines
+
+__all__ = ["dataset", "plot", "summary_lines", "table", "write"]
+
+
+def plot(result: Result, ax: Axes) -> None:
+    """Force over travel, with onset and peak; of several runs, the name of each is in the legend."""
+    if others := [line for line in ax.lines if line.get_gid() == FORCE]:
+        if name := ax.get_title(loc="left"):
+            others[0].set_label(name)
+        ax.set_title("", loc="left")
+    else:
+        ax.set_title(result.case.name, loc="left")
+    draw_force(ax, result)
+    ax.set_xlabel("blade travel (mm)")
+
+
+def table(result: Result) -> dict[str, np.ndarray]:
+    """The curve, a row a step; units in the names."""
+    return dict(result.curve)
+
+
+def dataset(result: Result) -> xr.Dataset:
+    """The curve over its steps; the blade's travel and the time are coordinates."""
+    data = xr.Dataset(attrs={"case": result.case.name, "run": result.id, "said": result.sentence()})
+    for name, values in result.curve.items():
+        head, _, unit = name.rpartition("_")
+        known = unit in ("mm", "N", "s", "mJ")
+        data[head if known else name] = ("step", values, {"units": unit if known else "1"})
+    return data.set_coords(["displacement", "time"])
+
+
+def write(result: Result, folder: Path) -> None:
+    """What ``cutbench run2d --out`` writes."""
+    folder = check_writable(folder)
+    write_run(result, folder)
+    save(plot_curve(result), folder / "curve.png")
+    if any(s.cell_type.startswith("triangle") for s in result.snapshots):
+        save(plot_section(result), folder / "section.png")
