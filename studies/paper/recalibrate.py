@@ -22,6 +22,7 @@ from cutbench.base.errors import CutbenchError
 from cutbench.base.files import markdown_table, write_json, write_text
 from cutbench.calibration.fitting import Fit, fit
 from cutbench.calibration.report import to_dict
+from cutbench.case.case import load_case
 from cutbench.cli.progress import bar
 from cutbench.cli.show import show, table
 from cutbench.data.campaign import Campaign, load_campaign
@@ -33,17 +34,19 @@ HEAD = ("material", "blade", "most probable", "computed (standard deviations off
 
 @dataclass(frozen=True)
 class Blade:
-    """A reading of the blade: what its case sets, and what of it a fit looks for."""
+    """A reading of the blade: what its case sets, what of it a fit looks for, and whether that begins from the
+    published values."""
 
     name: str
     sets: Mapping[str, object]
     free: tuple[str, ...] = ()
     bounds: Mapping[str, tuple[float, float]] | None = None
+    published: bool = False
 
 
 #: The first is the paper's drawing, its length free; the others are as utility blades are ground.
 BLADES = (
-    Blade("ellipse", {"with_": "contact", "tip": "1.05 mm"}, ("tip",), {"tip": (0.35, 4.2)}),
+    Blade("ellipse", {"with_": "contact", "tip": "1.05 mm"}, ("tip",), {"tip": (0.35, 4.2)}, True),
     Blade("wedge 20°, edge 50 µm", {}),
     Blade("wedge 20°, edge 20 µm", {"edge_radius": "0.02 mm"}),
     Blade("wedge 30°, edge 50 µm", {"angle": "30 deg"}),
@@ -56,7 +59,9 @@ def under(campaign: Campaign, blade: Blade) -> Campaign:
     plan = replace(
         plan, free=(*(plan.free or ()), *blade.free), bounds={**plan.bounds, **(blade.bounds or {})}
     )
-    return replace(campaign, base=campaign.base.set(**blade.sets), plan=plan)
+    known = load_case(str(campaign.material)).shown()
+    start = {name: known[name] for name in ("G_c", "eta_reg")} if blade.published else {}
+    return replace(campaign, base=campaign.base.set(**blade.sets, **start), plan=plan)
 
 
 def told(found: Fit, blade: Blade) -> dict:
