@@ -34,8 +34,8 @@ HEAD = ("material", "blade", "most probable", "computed (standard deviations off
 
 @dataclass(frozen=True)
 class Blade:
-    """A reading of the blade: what its case sets, what of it a fit looks for, and whether that begins from the
-    published values."""
+    """A reading of the blade: what its case sets, what of it a fit looks for, and whether that begins from
+    the published values."""
 
     name: str
     sets: Mapping[str, object]
