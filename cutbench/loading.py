@@ -43,8 +43,37 @@ class Record(Mapping[str, Any]):
 
 
 def load(path: str | os.PathLike[str]) -> Result | Map | Record | Case | Study | Campaign:
-    """What ``path`` holds: the folder of a run, a map, a fit or a discovery, one of their files, or a case, a
-    study or a campaign as TOML; a known material by its name. Raises BadInput for anything else."""
+    """Load whatever cutbench has written, or a file that it reads, by its path.
+
+    Parameters
+    ----------
+    path : str or path
+        The folder of a run, a map, a fit, a discovery or a band, or the file run.json, map.nc, fit.json,
+        discovery.json or band.json in one; a case, a study or a campaign as TOML; the name of a known
+        material.
+
+    Returns
+    -------
+    Result, Map, Record, Case, Study or Campaign
+        By what is there: a ``Record`` is a mapping with the content of a fit, a discovery or a band.
+
+    Raises
+    ------
+    BadInput
+        For anything else.
+
+    Examples
+    --------
+    >>> import cutbench
+    >>> cutbench.load("gelatin").name
+    'gelatin'
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     examples = cutbench.copy_examples(folder + "/examples")
+    ...     study, campaign = (cutbench.load(examples / n) for n in ("regimes.toml", "rubber/treloar.toml"))
+    >>> type(study).__name__, type(campaign).__name__
+    ('Study', 'Campaign')
+    """
     given = Path(path)
     if given.is_dir():
         for name in ("run.json", "map.nc", *_RECORDS):

@@ -17,7 +17,7 @@ author = "cutbench developers"
 copyright = author
 version = release = __version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 exclude_patterns = ["**/README.md"]
 source_suffix = {".md": "markdown"}
 root_doc = "index"
@@ -34,6 +34,11 @@ maximum_signature_line_length = 88
 autodoc_preserve_defaults = True
 autodoc_default_options = {"no-value": True}
 python_use_unqualified_type_names = True
+
+# Docstrings have the sections of numpydoc; attributes stand in a list, as some have a text of their own, too.
+napoleon_google_docstring = False
+napoleon_use_ivar = True
+napoleon_use_rtype = False
 
 html_theme = "pydata_sphinx_theme"
 html_title = "cutbench"

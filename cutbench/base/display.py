@@ -19,7 +19,7 @@ def _pictures() -> Any:
 
 
 class Displayed:
-    """A result with ``plot``, ``to_dataframe`` and, where it has them, ``to_xarray`` and ``save``."""
+    """This is the base of results that can be drawn, tabulated and, where it makes sense, saved."""
 
     #: The module with the functions ``summary_lines``, ``plot``, ``table`` and, perhaps, ``dataset`` and
     #: ``write``.
@@ -54,22 +54,60 @@ class Displayed:
         return f"<div><b>{html.escape(head)}</b><table>{rows}</table>{drawn}</div>"
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw into ``ax``, or into axes of a new figure; returns the axes. Nothing is shown or saved."""
+        """Draw the result into axes of matplotlib; nothing is shown or saved.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; axes of a new figure unless given.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes that were drawn into.
+        """
         draw = self._function("plot")
         ax = _pictures().own_axes() if ax is None else ax
         draw(self, ax)
         return ax
 
     def to_dataframe(self) -> Any:
-        """A ``pandas.DataFrame``."""
+        """Make a table of the result for pandas, which must be installed.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Units stand in the names of columns.
+        """
         return importlib.import_module("pandas").DataFrame(dict(self._function("table")(self)))
 
     def to_xarray(self) -> Any:
-        """An ``xarray.Dataset``, units in the attributes of its variables."""
+        """Make a data set of the result for xarray.
+
+        Returns
+        -------
+        xarray.Dataset
+            Units stand in the attributes of its variables.
+        """
         return self._function("dataset")(self)
 
     def save(self, folder: str | Path) -> Path:
-        """Write it into ``folder``, as the command line does; returns the folder, which ``cutbench.load``
-        takes. Raises BadInput for a folder that cannot be written."""
+        """Write the result into a folder, as the command line does; ``cutbench.load`` reads it back.
+
+        Parameters
+        ----------
+        folder : str or Path
+            The folder, made where it is not there.
+
+        Returns
+        -------
+        Path
+            The folder.
+
+        Raises
+        ------
+        BadInput
+            For a folder that cannot be written.
+        """
         self._function("write")(self, Path(folder))
         return Path(folder)

@@ -4,13 +4,54 @@ from __future__ import annotations
 
 
 class CutbenchError(Exception):
-    """Base of every error that cutbench raises on purpose."""
+    """This is the base of every error that cutbench raises on purpose.
+
+    Attributes
+    ----------
+    exit_code : int
+        What a command ends with: 1 where a computation failed, 2 where the input was wrong.
+
+    Examples
+    --------
+    >>> import cutbench
+    >>> try:
+    ...     cutbench.load_case("no such material")
+    ... except cutbench.CutbenchError as error:
+    ...     print(type(error).__name__, error.exit_code)
+    BadInput 2
+    """
 
     exit_code = 1
 
 
 class BadInput(CutbenchError):
-    """What a person wrote cannot be used: names the file, the key, the value and what would be right."""
+    """This error says that what a person wrote cannot be used, and names what would be right.
+
+    Its text names the file with the line, the key, the value and what was expected. These are its attributes,
+    too.
+
+    Parameters
+    ----------
+    key : str
+        The parameter, option or section that is wrong, as it is written.
+    value : object
+        What was written there.
+    expected : str
+        What would be right, in words.
+    file : str, optional
+        The file in which it stands.
+    line : int, optional
+        The line of that file, counted from 1.
+
+    Examples
+    --------
+    >>> import cutbench
+    >>> try:
+    ...     cutbench.load_case("gelatin", {"G": "7.5 mm"})
+    ... except cutbench.BadInput as error:
+    ...     print(error)
+    G = '7.5 mm' cannot be used; expected a value with a unit, such as '1 kPa'
+    """
 
     exit_code = 2
 
@@ -21,6 +62,13 @@ class BadInput(CutbenchError):
         super().__init__(self.message())
 
     def message(self) -> str:
+        """Return the text of the error, put together from its parts.
+
+        Returns
+        -------
+        str
+            One line: file and line where they are known, the key, the value and what was expected.
+        """
         where = "" if self.file is None else f"{self.file}: "
         if self.line is not None:
             where = f"{self.file or '<input>'}, line {self.line}: "
@@ -29,7 +77,22 @@ class BadInput(CutbenchError):
 
 
 class ComputationFailed(CutbenchError):
-    """A run ended before its target; what it reached is kept in ``result`` where there is one."""
+    """This error says that a computation ended before its target.
+
+    Parameters
+    ----------
+    message : str
+        What failed, and where.
+    result : object, optional
+        What was reached until then, where there is anything.
+
+    Examples
+    --------
+    >>> import cutbench
+    >>> error = cutbench.ComputationFailed("no smaller step converges at 3 mm")
+    >>> print(error, error.result)
+    no smaller step converges at 3 mm None
+    """
 
     def __init__(self, message: str, result: object = None):
         super().__init__(message)

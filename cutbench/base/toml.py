@@ -13,7 +13,25 @@ from cutbench.base.errors import BadInput
 
 
 def read_toml(path: str | Path) -> tuple[dict, str]:
-    """The table in ``path`` and its text. BadInput if there is no such file or it is not TOML."""
+    """Read a TOML file into a dictionary, and keep its text for messages that name lines.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, saved as UTF-8.
+
+    Returns
+    -------
+    dict
+        The table in the file.
+    str
+        Its text.
+
+    Raises
+    ------
+    BadInput
+        If there is no such file, it cannot be read, or it is not TOML; with the line where that is known.
+    """
     path = Path(path)
     name = str(path)
     try:

@@ -28,15 +28,44 @@ _BASE = {"[length]": "mm", "[time]": "s", "[mass]": "tonne"}
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of a mechanism, as a person sees it.
+    """A parameter is one number of a mechanism, as a person sees it: with name, unit, meaning and bounds.
 
-    ``unit`` is the unit shown and expected at the edges; ``low``/``high`` bound the value in that
-    unit (``None``: unbounded; bounds are inclusive unless ``open_low``/``open_high``). ``off`` is
-    the value that removes the mechanism's effect, ``None`` where no value does. ``typical`` is a
-    value in the middle of the field's experience (not given: ``default`` where that has an effect, else 1): a
-    start for fits and tests. ``lever`` is what a designer calls it who can change it, for guides.
-    ``sought``: a fit looks for it by itself. ``trial``: a further test that would change it, in words, and by
-    which factor. ``unmeasured``: factors by which it could as well be another, for all that tests have told.
+    A value that a person writes or reads is in the parameter's own ``unit``; laws compute in the consistent
+    system of mm, N and s (so MPa and mJ), which is called internal here.
+
+    Attributes
+    ----------
+    name : str
+        Its name in files and in keywords, such as ``G_c``.
+    unit : str
+        The unit shown and expected at the edges, such as ``kPa``; ``1`` for a number without one.
+    symbol : str
+        Its symbol as on paper.
+    doc : str
+        What it is, in words.
+    low : float or None
+        The lower bound in ``unit``; None where there is none.
+    high : float or None
+        The upper bound in ``unit``; None where there is none.
+    off : float or None
+        The value, in ``unit``, that removes the mechanism's effect; None where no value does.
+    default : float or None
+        The value, in ``unit``, that it has where none is given; None where one has to be.
+    typical : float
+        A value, in ``unit``, in the middle of the field's experience: a start for fits and tests. Where it is
+        not given, ``default`` where that has an effect, else 1.
+    open_low : bool
+        Whether ``low`` itself is not allowed; bounds are inclusive unless they are open.
+    open_high : bool
+        Whether ``high`` itself is not allowed.
+    lever : str
+        What a designer calls it who can change it, for guides; empty where nobody can.
+    sought : bool
+        Whether a fit looks for it by itself.
+    trial : tuple of (str, float) or None
+        A further test that would change it, in words, and by which factor.
+    unmeasured : tuple of float
+        Factors by which it could as well be another, for all that tests have told.
     """
 
     name: str
@@ -62,39 +91,93 @@ class Parameter:
 
     @classmethod
     def positive(cls, name: str, unit: str, symbol: str, doc: str, **rest: Any) -> Parameter:
-        """That of a size, above 0."""
+        """Make the parameter of a size: its value must be above 0.
+
+        Parameters
+        ----------
+        name, unit, symbol, doc : str
+            As the attributes of the class.
+        **rest : Any
+            Other attributes of the class, by name.
+
+        Returns
+        -------
+        Parameter
+            With an open lower bound at 0.
+        """
         return cls(name, unit, symbol, doc, low=0.0, open_low=True, **rest)
 
     @classmethod
     def effect(cls, name: str, unit: str, symbol: str, doc: str, low: float = 0.0, **rest: Any) -> Parameter:
-        """That of an effect which 0 switches off, the default; 0 is its lowest value if ``low`` is not."""
+        """Make the parameter of an effect that 0, its default, switches off.
+
+        Parameters
+        ----------
+        name, unit, symbol, doc : str
+            As the attributes of the class.
+        low : float
+            The lowest value allowed, in ``unit``: 0 unless given.
+        **rest : Any
+            Other attributes of the class, by name.
+
+        Returns
+        -------
+        Parameter
+            With 0 for ``off`` and ``default``.
+        """
         return cls(name, unit, symbol, doc, low=low, off=0.0, default=0.0, **rest)
 
     @property
     def factor(self) -> float:
-        """Multiply a value in ``unit`` by this to have it in the consistent system."""
+        """This is what a value in ``unit`` is multiplied by to have it in internal units (mm, N, s)."""
         return unit_factor(self.unit)
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """``low`` and ``high`` in the consistent system; infinite where there is none."""
+        """These are ``low`` and ``high`` in internal units (mm, N, s), infinite where there is none."""
         low, high = -math.inf if self.low is None else self.low, math.inf if self.high is None else self.high
         return low * self.factor, high * self.factor
 
     @property
     def off_value(self) -> float:
-        """``off`` in the consistent system; nan where no value removes the effect."""
+        """This is ``off`` in internal units (mm, N, s), nan where no value removes the effect."""
         return math.nan if self.off is None else self.off * self.factor
 
     def range_text(self) -> str:
-        """The admissible range in words, for error messages: ``"0 kPa < G"``."""
+        """Write the admissible range in words, as error messages show it: ``"0 kPa < G"``.
+
+        Returns
+        -------
+        str
+            Bounds with their unit around the name.
+        """
         unit = "" if self.unit == "1" else f" {self.unit}"
         left = "" if self.low is None else f"{self.low:g}{unit} {'<' if self.open_low else '<='} "
         right = "" if self.high is None else f" {'<' if self.open_high else '<='} {self.high:g}{unit}"
         return f"{left}{self.name}{right}"
 
     def check(self, value: float, *, file: str | None = None, key: str | None = None) -> float:
-        """Return ``value`` (in ``unit``) if it lies within the bounds, else raise BadInput."""
+        """Return a value if it lies within the bounds.
+
+        Parameters
+        ----------
+        value : float
+            The value in ``unit``.
+        file : str, optional
+            The file that it comes from, for the message.
+        key : str, optional
+            What it is called there; the parameter's name unless given.
+
+        Returns
+        -------
+        float
+            ``value``, unchanged.
+
+        Raises
+        ------
+        BadInput
+            If it is not finite, or outside the bounds.
+        """
         bad = not math.isfinite(value)
         if self.low is not None:
             bad |= value < self.low or (self.open_low and value == self.low)
@@ -106,16 +189,44 @@ class Parameter:
         return value
 
     def parse(self, raw: object, *, file: str | None = None, key: str | None = None) -> float:
-        """Read what a person wrote (``"7.5 kPa"``) into the consistent system.
+        """Read what a person wrote, such as ``"7.5 kPa"``, into internal units.
 
-        Raises BadInput for a bare number where a unit is due, a unit of the wrong dimension, or a
-        value outside the bounds.
+        Parameters
+        ----------
+        raw : object
+            Text with a number and a unit; a bare number where the parameter has no unit.
+        file : str, optional
+            The file that it comes from, for the message.
+        key : str, optional
+            What it is called there; the parameter's name unless given.
+
+        Returns
+        -------
+        float
+            The value in internal units (mm, N, s).
+
+        Raises
+        ------
+        BadInput
+            For a bare number where a unit is due, a unit of the wrong dimension, or a value beyond the
+            bounds.
         """
         value = parse_quantity(raw, self.unit, file=file, key=key or self.name)
         return self.check(value, file=file, key=key) * self.factor
 
     def show(self, internal: float) -> str:
-        """The value as a person reads it: ``"7.5 kPa"``."""
+        """Write a value as a person reads it, such as ``"7.5 kPa"``.
+
+        Parameters
+        ----------
+        internal : float
+            The value in internal units (mm, N, s).
+
+        Returns
+        -------
+        str
+            Six digits at most, and the unit.
+        """
         value = internal / self.factor
         return f"{value:.6g}" if self.unit == "1" else f"{value:.6g} {self.unit}"
 
@@ -154,9 +265,28 @@ def dimensions_of(unit: str) -> tuple[float, float, float]:
 
 
 def parse_quantity(raw: object, unit: str, *, file: str | None = None, key: str = "") -> float:
-    """Value of ``raw`` in ``unit``. ``"1"`` stands for a dimensionless number.
+    """Read a quantity with its unit, and return its value in another unit.
 
-    Raises BadInput when the unit is missing, unknown, or of the wrong dimension.
+    Parameters
+    ----------
+    raw : object
+        What was written: text such as ``"7.5 kPa"``, or a number where ``unit`` is ``"1"``.
+    unit : str
+        The unit in which the value is wanted; ``"1"`` stands for a number without one.
+    file : str, optional
+        The file that it comes from, for the message.
+    key : str, optional
+        What it is called there, for the message.
+
+    Returns
+    -------
+    float
+        The value in ``unit``.
+
+    Raises
+    ------
+    BadInput
+        When the unit is missing, unknown, or of the wrong dimension.
     """
     wanted = "a number without unit" if unit == "1" else f"a value with a unit, such as '1 {unit}'"
     if isinstance(raw, bool) or raw is None or isinstance(raw, (list, dict, tuple)):

@@ -175,7 +175,11 @@ class Profile:
 
 @dataclass(frozen=True, repr=False)
 class Fit(Displayed):
-    """A fitted model.
+    """A fit is a model whose free parameters were estimated from all tests of a campaign at once.
+
+    Intervals are of 95 %. What stems from the scatter between R specimens is known with R − 1 degrees of
+    freedom, and the parts are combined after Welch (1947, 10.1093/biomet/34.1-2.28) and Satterthwaite (1946,
+    10.2307/3002019).
 
     Attributes
     ----------
@@ -186,25 +190,45 @@ class Fit(Displayed):
     case : Case
         The model with the fitted values.
     estimates : tuple of Estimate
-        The fitted parameters.
-    fixed : mapping
-        By label, why a parameter was left at its start.
+        The k fitted parameters, with their intervals.
+    fixed : mapping of str to str
+        Why a parameter was left at its start, by its label.
     covariance : ndarray, shape (k, k)
         Of the scaled parameters; nan where nothing was estimated.
-    status, message : str
-        ``converged``, ``stopped``, ``interrupted`` or ``out of time``, and more of that.
+    status : str
+        ``converged``, ``stopped``, ``interrupted`` or ``out of time``.
+    message : str
+        More of that.
     compared : tuple of ComparedCurve
         Each test beside its computed curve.
-    before, after : Identifiability
-        What the data can tell, at the start and at the end.
+    before : Identifiability
+        What the data can tell at the start.
+    after : Identifiability
+        What they can tell at the end.
     notes : tuple of str
         What else a person should know.
     runs : int
         Cuts that were computed.
-    seconds : float
+    seconds : float, s
         How long it took.
     profiles : tuple of Profile
-        Those that were asked for.
+        Profile likelihoods, where they were asked for.
+
+    Examples
+    --------
+    >>> import cutbench
+    >>> import numpy as np
+    >>> from cutbench.data import Experiment, FitPlan, Repetition, start_case
+    >>> stretch = np.linspace(1.02, 1.5, 30)
+    >>> stress = 0.01 * (stretch - stretch**-2)  # MPa, of a solid whose shear modulus is 10 kPa
+    >>> pulled = Experiment("pulled", "uniaxial", (Repetition(stretch, stress),))
+    >>> laws, soft = ["neo_hookean", "volumetric"], {"G": "20 kPa", "nu": 0.499}
+    >>> base, _ = start_case(None, baseline=laws, kinds=["uniaxial"], parameters=soft)
+    >>> campaign = cutbench.Campaign("Pulled", base, (pulled,), plan=FitPlan(free=("G",)))
+    >>> found = cutbench.fit(campaign, workers=0)
+    >>> one = found.estimate("G")
+    >>> found.status, one.low < 0.01 < one.high
+    ('converged', True)
     """
 
     display_module: ClassVar[str] = "cutbench.calibration.display"
@@ -232,32 +256,32 @@ class Fit(Displayed):
 
     @property
     def values(self) -> dict[str, float]:
-        """By label, in internal units."""
+        """The fitted values by label, in internal units."""
         return {e.label: e.value for e in self.estimates}
 
     @property
     def correlation(self) -> np.ndarray:
-        """(k, k)."""
+        """The correlations (k, k) of the fitted parameters."""
         return correlations(self.covariance)
 
     @property
     def readings(self) -> int:
-        """How many values are compared."""
+        """The number of values that are compared."""
         return sum(c.x.size for c in self.compared if c.experiment.role == "train")
 
     @property
     def chi2(self) -> float:
-        """Square of the whitened residuals; nan where nothing was estimated."""
+        """The square of the whitened residuals; nan where nothing was estimated."""
         return math.nan if self.estimated is None else self.estimated.chi2
 
     @property
     def reduced_chi2(self) -> float:
-        """Over the degrees of freedom."""
+        """The square of the whitened residuals over the degrees of freedom."""
         return self.chi2 / max(self.readings - len(self.estimates), 1)
 
     @property
     def far(self) -> str:
-        """That no parameters bring the model near the data, and how near; empty where some do."""
+        """A sentence that no parameters bring the model near the data, and how near; empty where some do."""
         off, id = max(((c.misfit, c.experiment.id) for c in self.compared), default=(0.0, ""))
         if off <= FAR:
             return ""
@@ -267,7 +291,23 @@ class Fit(Displayed):
         )
 
     def estimate(self, label: str) -> Estimate:
-        """The estimate of one parameter. Raises BadInput for a label that was not fitted."""
+        """Return the estimate of one parameter.
+
+        Parameters
+        ----------
+        label : str
+            The parameter, such as ``G_c``, or ``tau_W[slow]`` for one test's own.
+
+        Returns
+        -------
+        Estimate
+            Its value, interval and standard deviation, internal units.
+
+        Raises
+        ------
+        BadInput
+            For a label that was not fitted.
+        """
         for e in self.estimates:
             if e.label == label:
                 return e
@@ -287,7 +327,9 @@ def fit(
     store: str | Path | None = None,
     runs: CutRuns | None = None,
 ) -> Fit:
-    """Fit what the campaign leaves free to all its train tests, and predict the others.
+    """Fit the free parameters of a campaign's model to all its train tests, and predict the other tests.
+
+    Ctrl-C ends the fit with what is there.
 
     Parameters
     ----------
@@ -300,17 +342,18 @@ def fit(
     profile : sequence of str
         Labels whose profile likelihood is computed.
     on_progress : callable
-        Told what was computed, what is left, and what is known. Ctrl-C ends with what is there.
-    limit_s : float
-        So does this time, in seconds.
-    store : path, optional
-        Store of runs: what is there is not computed again, and the rest is left there.
+        Called as ``on_progress(done, total, text)`` with what was computed, what is left, and what is known.
+    limit_s : float, s
+        The fit ends after this time, too, with what is there.
+    store : str or Path, optional
+        Folder with a store of runs: what is there is not computed again, and the rest is left there.
     runs : CutRuns, optional
         Computes cuts in place of ``workers`` and ``store``.
 
     Returns
     -------
     Fit
+        Estimates with intervals, and each test beside its computed curve.
 
     Raises
     ------
@@ -318,6 +361,21 @@ def fit(
         If a name cannot be fitted.
     ComputationFailed
         If the tests cannot be computed.
+
+    Examples
+    --------
+    >>> import cutbench
+    >>> import numpy as np
+    >>> from cutbench.data import Experiment, FitPlan, Repetition, start_case
+    >>> stretch = np.linspace(1.02, 1.5, 30)
+    >>> stress = 0.01 * (stretch - stretch**-2)  # MPa, of a solid whose shear modulus is 10 kPa
+    >>> pulled = Experiment("pulled", "uniaxial", (Repetition(stretch, stress),))
+    >>> laws, soft = ["neo_hookean", "volumetric"], {"G": "20 kPa", "nu": 0.499}
+    >>> base, _ = start_case(None, baseline=laws, kinds=["uniaxial"], parameters=soft)
+    >>> campaign = cutbench.Campaign("Pulled", base, (pulled,), plan=FitPlan(free=("G",)))
+    >>> found = cutbench.fit(campaign, workers=0)
+    >>> print(found.status, f"{1e3 * found.values['G']:.1f} kPa")
+    converged 10.0 kPa
     """
     began, parameters = time.perf_counter(), free_parameters(campaign)
     for label in profile:

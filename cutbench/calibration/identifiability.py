@@ -28,10 +28,24 @@ MAX_FITTED_SD = 3.0
 
 @dataclass(frozen=True)
 class Identifiability:
-    """Singular values of J (descending) and what they mean.
+    """Identifiability says which of k parameters the data can tell, alone and together.
 
-    ``alone`` (k,): standard deviation of each q if all others were known; ``joint`` (k,): with all of them
-    unknown (inf where the data do not tell). ``correlation`` (k, k). ``sentences`` for a person.
+    It comes from the singular values of the whitened derivatives J by the scaled parameters q.
+
+    Attributes
+    ----------
+    labels : tuple of str
+        The parameters.
+    singular_values : ndarray, shape (k,)
+        Of J, descending.
+    alone : ndarray, shape (k,)
+        Standard deviation of each q if all others were known.
+    joint : ndarray, shape (k,)
+        The same with all of them unknown; inf where the data do not tell.
+    correlation : ndarray, shape (k, k)
+        Correlations of the parameters.
+    sentences : tuple of str
+        What a person should know: what no reading depends on, and what is known only in combination.
     """
 
     labels: tuple[str, ...]
@@ -43,7 +57,20 @@ class Identifiability:
 
 
 def identifiability(J: np.ndarray, parameters: Sequence[FreeParameter]) -> Identifiability:
-    """For whitened derivatives ``J`` (m, k) by q."""
+    """Find out which parameters the data can tell, from whitened derivatives.
+
+    Parameters
+    ----------
+    J : ndarray, shape (m, k)
+        Derivatives of the m whitened readings by the scaled parameters.
+    parameters : sequence of FreeParameter
+        The k parameters.
+
+    Returns
+    -------
+    Identifiability
+        Singular values, standard deviations, correlations, and sentences for a person.
+    """
     labels = tuple(u.label for u in parameters)
     size = np.linalg.norm(J, axis=0)
     blind = size <= NO_SENSITIVITY * max(size.max(initial=0.0), 1e-300)

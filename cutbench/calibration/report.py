@@ -35,7 +35,18 @@ def by_regime(c: ComparedCurve) -> dict[str, dict[str, float]]:
 
 
 def summary(fit: Fit) -> str:
-    """The report as text."""
+    """Write the report of a fit as text.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit.
+
+    Returns
+    -------
+    str
+        Several lines: status, parameters with intervals, correlations, tests, identifiability, notes.
+    """
     k = len(fit.estimates)
     lines = [
         fit.campaign.title,
@@ -205,8 +216,22 @@ def _profile(fit: Fit, p) -> dict:
 
 
 def write_fit(fit: Fit, folder: Path) -> list[Path]:
-    """``fit.json``, ``fit.png`` and the case file ``fitted.toml`` in ``folder``, each whole or not at all. A
-    fit that was stopped before its end has no case file."""
+    """Write ``fit.json``, ``fit.png`` and the case file ``fitted.toml``, each whole or not at all.
+
+    A fit that was stopped before its end has no case file.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit.
+    folder : Path
+        Where to; it must be there.
+
+    Returns
+    -------
+    list of Path
+        What was written.
+    """
     from cutbench.base.figure_style import save
     from cutbench.calibration.figure import plot_fit
 

@@ -48,20 +48,57 @@ _TOP = ("material", "base", "mechanisms", *SECTIONS, "numerics")
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Case:
-    """A complete, checked description of one run; ``values`` are in internal units. Raises BadInput if one is
-    missing, out of its bounds, or does not fit another."""
+    """A case describes one cutting test to compute, completely, with everything checked.
+
+    It holds the mechanisms, their numbers, the numerical choices and the motion of the blade. A case never
+    changes: ``set`` returns a new one. People rarely build one by hand: ``load_case`` makes it from a
+    material's name or a TOML file.
+
+    Attributes
+    ----------
+    name : str
+        What it is called in tables and pictures; it is no part of the identity.
+    dim : int
+        2 for plane strain, 3 for a block.
+    mechanisms : tuple of str
+        Names of the mechanisms of its model.
+    values : mapping of str to float
+        The value of every parameter by name, in internal units (mm, N, s, so MPa and mJ).
+    numerics : Numerics
+        Mesh, elements, contact, steps and tolerances.
+    motion : tuple of (float, float)
+        Times (s) and travels (mm) from (0, 0) of a blade that holds, returns or changes its speed; without
+        any it goes down to ``depth`` at ``speed``.
+    outline : tuple of (float, float)
+        Measured points (mm) of the blade's profile, where the blade is a mechanism that takes them.
+    until : str
+        ``"depth"``: the run ends at its depth. ``"transition"``: it ends where its transition is known, if
+        that is before the depth.
+
+    Raises
+    ------
+    BadInput
+        If a value is missing, out of its bounds, or does not fit another.
+
+    Examples
+    --------
+    >>> import cutbench
+    >>> case = cutbench.load_case("gelatin").set(G="8 kPa", h="0.2 mm")
+    >>> case.values["G"]  # MPa
+    0.008
+    >>> case.shown()["G"], case.numerics.h_mm
+    ('8 kPa', 0.2)
+    >>> case.id == case.set(name="another name").id
+    True
+    """
 
     name: str
     dim: int
     mechanisms: tuple[str, ...]
     values: Mapping[str, float]
     numerics: Numerics = field(default_factory=Numerics)
-    #: Times (s) and travels (mm) from (0, 0) of a blade that holds, returns or changes its speed; without any
-    #: it goes down to ``depth`` at ``speed``.
     motion: Polyline = ()
-    #: Measured points (mm) of the blade's profile, where the blade is a mechanism that takes them.
     outline: Points = ()
-    #: "transition": the run ends where its transition is known, if that is before the depth.
     until: str = DEPTH
 
     def __post_init__(self) -> None:
@@ -90,11 +127,12 @@ class Case:
 
     @cached_property
     def model(self) -> Model:
+        """The mechanisms as a ``Model``, which knows their parameters and groups."""
         return Model(self.mechanisms)
 
     @property
     def p(self) -> SimpleNamespace:
-        """The values by attribute, as laws read them."""
+        """The values by attribute, in internal units, as laws read them."""
         return namespace(self.values, self.outline)
 
     @property
@@ -103,9 +141,10 @@ class Case:
 
     @cached_property
     def computation(self) -> str:
-        """12 hex digits of the source that computes this model: see ``cutbench.case.computation``.
+        """The 12 hex digits that stand for the source which computes this model.
 
-        Raises ComputationFailed in a process that has other code than the one that sent the case.
+        See ``cutbench.case.computation``. Raises ComputationFailed in a process that has other code than the
+        one that sent the case.
         """
         found = computation_of(self.model)
         if (asked := vars(self).get("_asked", found)) != found:
@@ -117,9 +156,10 @@ class Case:
 
     @cached_property
     def id(self) -> str:
-        """16 hex digits of all that decides the outcome; the name and the order of writing do not.
+        """The 16 hex digits that stand for all that decides the outcome.
 
-        The computation counts by its source, a mesh file by its content; BadInput if that cannot be read.
+        The name and the order of writing do not count. The computation counts by its source, a mesh file by
+        its content; BadInput if that cannot be read.
         """
         numerics = self.numerics.digits()
         if self.numerics.mesh is not None:
@@ -140,42 +180,75 @@ class Case:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What to know before its run is believed: sentences, none for most."""
+        """Sentences to know before its run is believed; for most cases there are none."""
         return (*self.cautions, *map(str, self.far))
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """Of the doubts, those about elements."""
+        """The doubts that are about elements."""
         return doubts(self.p, self.model.tool, self.numerics)
 
     @property
     def far(self) -> list[UntypicalGroup]:
-        """Its dimensionless groups that are far from all that the known materials have."""
+        """The dimensionless groups that are far from all that the known materials have."""
         return untypical_groups(self.model, self.values)
 
     def groups(self) -> dict[str, float]:
-        """The dimensionless groups of all its mechanisms."""
+        """Compute the dimensionless groups of all its mechanisms.
+
+        Returns
+        -------
+        dict of str to float
+            Values by the formula of the group, such as ``"(G_c/delta_c)/G"``.
+        """
         return self.model.groups(self.p)
 
     def shown(self) -> dict[str, str]:
-        """Every value with its unit, as a person reads it."""
+        """Write every value with its unit, as a person reads it.
+
+        Returns
+        -------
+        dict of str to str
+            Text such as ``"7.5 kPa"`` by parameter.
+        """
         return {name: q.show(self.values[name]) for name, q in self.model.parameters().items()}
 
     def set(self, **changes: object) -> Case:
-        """A case with changes as a person writes them.
+        """Return a new case with changes as a person writes them.
 
-        Parameters by name (``G="8 kPa"``), ``eta_v="0.05 mm"``, groups (``cohesion=9.0``), numerics
-        (``h="0.2 mm"``, ``element="P1"``), ``numerics="paper"`` (all of them as the paper has them, and its
-        viscous term), ``with_``, ``without`` and ``mechanisms`` (a name or several), ``motion`` (pairs of
-        time and travel of a blade that holds, returns or changes its speed), ``until`` (``"depth"``, or
-        ``"transition"``: no further than that needs to be known), ``outline`` (a CSV file), ``name``.
-        Groups are solved after the parameters. Raises BadInput.
+        Groups are solved after the parameters.
+
+        Parameters
+        ----------
+        **changes : object
+            By keyword: parameters with their unit (``G="8 kPa"``, ``eta_v="0.05 mm"``), groups
+            (``cohesion=9.0``), numerics (``h="0.2 mm"``, ``element="P1"``); ``numerics="paper"`` (all of them
+            as the paper has them, and its viscous term); ``with_``, ``without`` and ``mechanisms`` (a name or
+            several); ``motion`` (pairs of time and travel of a blade that holds, returns or changes its
+            speed); ``until`` (``"depth"``, or ``"transition"``: no further than that needs to be known);
+            ``outline`` (a CSV file); ``name``.
+
+        Returns
+        -------
+        Case
+            Complete and checked, as every case.
+
+        Raises
+        ------
+        BadInput
+            For an unknown name, a value that cannot be used, or values that do not fit one another.
         """
         given = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "mechanisms"}
         return _Draft(model=self.model, **given).changed(changes).case()
 
     def to_dict(self) -> dict:
-        """Plain data with units, for JSON; ``from_dict`` gives the same case."""
+        """Describe the case as plain data with units, for JSON; ``from_dict`` gives the same case.
+
+        Returns
+        -------
+        dict
+            Name, dimension, mechanisms, values with their units, numerics, tuning, and what else it has.
+        """
         known = self.model.parameters()
         return {
             "name": self.name,
@@ -192,7 +265,23 @@ class Case:
 
     @classmethod
     def from_dict(cls, data: Mapping) -> Case:
-        """The case that ``to_dict`` described. Raises BadInput for what is missing or wrong."""
+        """Make the case that ``to_dict`` described.
+
+        Parameters
+        ----------
+        data : mapping
+            What ``to_dict`` returned, or JSON has kept of it.
+
+        Returns
+        -------
+        Case
+            The same case.
+
+        Raises
+        ------
+        BadInput
+            For what is missing or wrong.
+        """
         try:
             model = Model(tuple(data["mechanisms"]))
             written = as_written(data["values"])
@@ -266,10 +355,34 @@ def _unpickled(folders: tuple[Path, ...], given: dict) -> Case:
 def load_case(
     source: str | Path, overrides: Mapping[str, object] | Iterable[str] = (), *, dim: int = 2
 ) -> Case:
-    """A case from a material's name or a TOML file, with ``overrides``.
+    """Make a case from a material's name or a TOML file, with changes.
 
-    ``overrides`` is a mapping as ``Case.set`` takes, or texts such as ``"eta_reg=0.5 s"``; one may
-    give what the file leaves out. The defaults of the numerics depend on ``dim``. Raises BadInput.
+    Parameters
+    ----------
+    source : str or Path
+        The name of a known material, or a TOML file of a material or a case.
+    overrides : mapping, or iterable of str
+        Changes as ``Case.set`` takes them, or texts such as ``"eta_reg=0.5 s"``. They may give what the file
+        leaves out.
+    dim : int
+        2 for plane strain, 3 for a block. The defaults of the numerics depend on it.
+
+    Returns
+    -------
+    Case
+        Complete and checked.
+
+    Raises
+    ------
+    BadInput
+        For a source that is not there, and for what is missing or wrong in it or in the changes.
+
+    Examples
+    --------
+    >>> import cutbench
+    >>> case = cutbench.load_case("gelatin", ["eta_reg=0.5 s", "G=8 kPa"])
+    >>> case.shown()["eta_reg"], case.shown()["G"]
+    ('0.5 s', '8 kPa')
     """
     changes = dict(overrides) if isinstance(overrides, Mapping) else parse_overrides(overrides)
     draft, path, text = _load(source, (), dim)
@@ -285,7 +398,20 @@ def load_case(
 
 
 def known_materials() -> dict[str, Case]:
-    """The known materials by name, each as the case that ``run2d`` computes."""
+    """Return the known materials by name, each as the case that ``run2d`` computes.
+
+    Returns
+    -------
+    dict of str to Case
+        A case for each name that ``load_case`` and ``run2d`` take.
+
+    Examples
+    --------
+    >>> import cutbench
+    >>> materials = cutbench.known_materials()
+    >>> materials["gelatin"].shown()["G"]
+    '7.5 kPa'
+    """
     return {name: load_case(name) for name in materials.names()}
 
 

@@ -26,7 +26,8 @@ def _built_in(flag: str) -> tuple[str, ...]:
     return tuple(m.name for m in laws if getattr(m, flag))
 
 
-#: The default model, and the model as the paper states it: they differ in a viscous term that converges.
+#: Names of the mechanisms of the default model, and of the model as the paper states it. They differ in the
+#: cohesive law, in a viscous term that converges, and in the gradient of the surface.
 DEFAULT, PAPER = _built_in("standard"), _built_in("published")
 #: Models by a name of their own.
 SETS = {"default": DEFAULT, "paper": PAPER}
@@ -68,9 +69,28 @@ def owners(parameter: str) -> list[str]:
 
 @dataclass(frozen=True)
 class Model:
-    """A set of mechanisms, kept in the registry's order so that equal sets are equal models.
+    """A model is the set of mechanisms of a run: its bulk, fracture, contact, friction and surface laws.
 
-    Raises BadInput for an unknown name, two mechanisms of one role, or no bulk law.
+    They are kept in the registry's order so that equal sets are equal models.
+
+    Attributes
+    ----------
+    mechanisms : tuple of str
+        Names of the mechanisms; those of the default model unless given.
+
+    Raises
+    ------
+    BadInput
+        For an unknown name, two mechanisms of one role, or no bulk law.
+
+    Examples
+    --------
+    >>> import cutbench
+    >>> model = cutbench.Model().without("adhesion").with_("smith_ferrante")
+    >>> "adhesion" in model.mechanisms, "smith_ferrante" in model.mechanisms
+    (False, True)
+    >>> model.parameters()["G_c"].unit
+    'J/m^2'
     """
 
     mechanisms: tuple[str, ...] = DEFAULT
@@ -103,15 +123,43 @@ class Model:
 
     @cached_property
     def all(self) -> tuple[Mechanism, ...]:
-        """Its mechanisms, by slot, rank and name."""
+        """The mechanisms themselves, by slot, rank and name."""
         return tuple(registry()[name] for name in self.mechanisms)
 
     def laws(self, slot: str) -> tuple[Any, ...]:
-        """The mechanisms of one slot in the order in which they are evaluated."""
+        """Return the mechanisms of one slot in the order in which they are evaluated.
+
+        Parameters
+        ----------
+        slot : str
+            The part of the problem that laws belong to: ``bulk``, ``cut``, ``blade``, ``skin``, ``support``
+            or ``rig``.
+
+        Returns
+        -------
+        tuple of Mechanism
+            None, one or several.
+        """
         return tuple(m for m in self.all if m.slot == slot)
 
     def with_(self, *names: str) -> Model:
-        """The model with ``names`` added; each replaces what had its role."""
+        """Return the model with mechanisms added; each replaces what had its role.
+
+        Parameters
+        ----------
+        *names : str
+            Names of known mechanisms.
+
+        Returns
+        -------
+        Model
+            A new one.
+
+        Raises
+        ------
+        BadInput
+            For a name that no mechanism has.
+        """
         kept = list(self.mechanisms)
         for name in names:
             new = mechanism(name, key="with")
@@ -123,11 +171,26 @@ class Model:
         return Model(tuple(kept))
 
     def extended(self, *names: str) -> tuple[Model, dict[str, float]]:
-        """The model with ``names`` added where they have no effect, and what that takes.
+        """Return the model with mechanisms added where they have no effect, and the values which that takes.
 
-        The numbers (internal units) are those of the parameters that the model did not have: the off
-        value, else the default, else the typical one. Raises BadInput where no new parameter switches a
-        mechanism off, or where it would replace one that is not among its special cases.
+        Parameters
+        ----------
+        *names : str
+            Names of known mechanisms.
+
+        Returns
+        -------
+        model : Model
+            With the mechanisms.
+        values : dict of str to float
+            The parameters that the model did not have, in internal units: the off value, else the default,
+            else the typical one.
+
+        Raises
+        ------
+        BadInput
+            Where no new parameter switches a mechanism off, or where it would replace one that is not among
+            its special cases.
         """
         model, values = self, {}
         for name in names:
@@ -154,26 +217,55 @@ class Model:
 
     @property
     def described(self) -> str:
-        """``default: neo_hookean, …``, ``paper: …``, or the mechanisms alone where the set has no name."""
+        """The model in words: ``default: neo_hookean, …``, ``paper: …``, or the mechanisms alone."""
         name = next((f"{k}: " for k, each in SETS.items() if set(each) == set(self.mechanisms)), "")
         return name + ", ".join(self.mechanisms)
 
     @property
     def unrigged(self) -> Model:
-        """Without the testing machine and how it reads: what the specimen and the blade do is the same."""
+        """The model without the testing machine and how it reads.
+
+        What the specimen and the blade do is the same.
+        """
         return self.without(*(law.name for law in self.laws("rig")))
 
     def without(self, *names: str) -> Model:
-        """The model without ``names``."""
+        """Return the model with mechanisms taken out.
+
+        Parameters
+        ----------
+        *names : str
+            Names of mechanisms of this model.
+
+        Returns
+        -------
+        Model
+            A new one.
+
+        Raises
+        ------
+        BadInput
+            For a name that the model does not have, or where no bulk law is left.
+        """
         for name in names:
             among("without", name, self.mechanisms)
         return Model(tuple(m for m in self.mechanisms if m not in names))
 
     def parameters(self) -> dict[str, Parameter]:
-        """Every number the model needs, by name: of its mechanisms, the specimen and the protocol.
+        """Return every number the model needs, by name: of its mechanisms, the specimen and the protocol.
 
-        A parameter that a law reads from a mechanism stays when that mechanism is taken out: the
-        blade keeps its thickness without contact, and a viscous term scaled by G_c keeps G_c.
+        A parameter that a law reads from a mechanism stays when that mechanism is taken out: the blade keeps
+        its thickness without contact, and a viscous term scaled by G_c keeps G_c.
+
+        Returns
+        -------
+        dict of str to Parameter
+            With units and bounds.
+
+        Raises
+        ------
+        ValueError
+            If two mechanisms declare a parameter differently, or one reads a parameter that none declares.
         """
         found: dict[str, Parameter] = {}
         for m in self.all:
@@ -194,37 +286,96 @@ class Model:
         return found
 
     def groups(self, p: SimpleNamespace) -> dict[str, float]:
-        """All dimensionless groups of its mechanisms for parameters ``p`` (internal units)."""
+        """Compute all dimensionless groups of its mechanisms.
+
+        Parameters
+        ----------
+        p : SimpleNamespace
+            The parameters by attribute, internal units; a case has them as ``case.p``.
+
+        Returns
+        -------
+        dict of str to float
+            Values by the formula of the group.
+        """
         return {text: float(value) for m in self.all for text, value in m.groups(p).items()}
 
     def shear_modulus(self, p: SimpleNamespace) -> float:
-        """Of slow loading at small strain, MPa."""
+        """Compute the shear modulus of slow loading at small strain.
+
+        Parameters
+        ----------
+        p : SimpleNamespace
+            The parameters by attribute, internal units.
+
+        Returns
+        -------
+        float
+            The modulus, MPa.
+        """
         return sum(law.shear_modulus(p) for law in self.all if isinstance(law, Bulk))
 
     @property
     def tool(self) -> Tool | None:
-        """The law by which the blade meets the specimen, if there is one."""
+        """The law by which the blade meets the specimen, None where there is none."""
         return next((law for law in self.all if isinstance(law, Tool)), None)
 
     def as_published(self) -> Model:
-        """The model with laws of the default model as the paper has them, where the two differ."""
+        """Return the model with laws of the default model as the paper has them, where the two differ.
+
+        Returns
+        -------
+        Model
+            A new one; the other laws stay.
+        """
         own = {(m.slot, m.role): m.name for m in self.all if m.standard and not m.published}
         theirs = {(registry()[name].slot, registry()[name].role): name for name in PAPER}
         bare = self.without(*(name for place, name in own.items() if place not in theirs))
         return bare.with_(*(name for place, name in theirs.items() if place in own))
 
     def record(self, displacement, force, time, p: SimpleNamespace):
-        """What the rig records (displacement, force) of the true ones, (n,) each, in mm, N, s."""
+        """Compute what the testing machine records of a true displacement and force.
+
+        Parameters
+        ----------
+        displacement : ndarray, shape (n,), mm
+            How far the blade has truly gone.
+        force : ndarray, shape (n,), N
+            The true force on it.
+        time : ndarray, shape (n,), s
+            When.
+        p : SimpleNamespace
+            The parameters by attribute, internal units.
+
+        Returns
+        -------
+        displacement : ndarray, shape (n,), mm
+            As recorded.
+        force : ndarray, shape (n,), N
+            As recorded.
+        """
         for law in self.all:
             if isinstance(law, Rig):
                 displacement, force = law.record(displacement, force, time, p)
         return displacement, force
 
     def shown(self, course: np.ndarray, p: SimpleNamespace) -> np.ndarray:
-        """What the rig shows (3, k) of a ``course`` (3, n) of displacement, force and time that is driven on.
+        """Compute what the testing machine shows of a blade that is driven on.
 
-        Where its compliance would take the record back, while the force falls faster than the blade moves,
-        it stands still until the record is beyond where it was: the specimen has snapped meanwhile.
+        Where the machine's compliance would take the record back, while the force falls faster than the blade
+        moves, it stands still until the record is beyond where it was: the specimen has snapped meanwhile.
+
+        Parameters
+        ----------
+        course : ndarray, shape (3, n)
+            True displacement in mm, force in N and time in s.
+        p : SimpleNamespace
+            The parameters by attribute, internal units.
+
+        Returns
+        -------
+        ndarray, shape (3, k)
+            Recorded displacement in mm, force in N and time in s, with k ≤ n.
         """
         displacement, force, time = course
         x, force = self.record(displacement, force, time, p)
@@ -232,7 +383,13 @@ class Model:
         return np.stack([x[on], force[on], time[on]])
 
     def settable_groups(self) -> dict[str, Group]:
-        """The groups that can be set in this model, in the order in which they are applied."""
+        """Return the groups that can be set in this model, in the order in which they are applied.
+
+        Returns
+        -------
+        dict of str to Group
+            By the name that ``Case.set`` takes.
+        """
         here = self.parameters()
         return {n: g for n, g in groups().items() if g.parameter in here and all(q in here for q in g.needs)}
 

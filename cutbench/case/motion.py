@@ -21,9 +21,19 @@ UNTIL = (DEPTH, TRANSITION)
 
 @dataclass(frozen=True)
 class Motion:
-    """Blade travel over time; steps are counted in time × ``speed``, a way in mm.
+    """A motion says how far the blade has travelled at any time.
 
-    Without ``points`` the blade goes to ``depth`` at ``speed``, and the way is the travel.
+    Steps are counted in time × ``speed``, a way in mm. Without ``points`` the blade goes to ``depth`` at
+    ``speed``, and the way is the travel.
+
+    Attributes
+    ----------
+    depth : float, mm
+        How far the blade goes.
+    speed : float, mm/s
+        How fast.
+    points : tuple of (float, float)
+        Times in s and travels in mm, from (0, 0), of a blade that holds, returns or changes its speed.
     """
 
     depth: float
@@ -37,24 +47,57 @@ class Motion:
 
     @property
     def end(self) -> float:
-        """The way at which it is over."""
+        """The way, in mm, at which the motion is over."""
         return self.points[-1][0] * self.speed if self.points else self.depth
 
     def travel(self, pseudo_time_mm: float) -> float:
-        """Blade travel, mm."""
+        """Return the travel of the blade.
+
+        Parameters
+        ----------
+        pseudo_time_mm : float, mm
+            The way: time × ``speed``.
+
+        Returns
+        -------
+        float
+            The travel, mm.
+        """
         return (
             float(np.interp(pseudo_time_mm / self.speed, *self._columns)) if self.points else pseudo_time_mm
         )
 
     def room(self, pseudo_time_mm: float) -> float:
-        """Way to the next corner, or to the end: no step goes across."""
+        """Return the way that is left to the next corner, or to the end, which no step goes across.
+
+        Parameters
+        ----------
+        pseudo_time_mm : float, mm
+            The way: time × ``speed``.
+
+        Returns
+        -------
+        float
+            The way that is left, mm.
+        """
         for time, _ in self.points:
             if time * self.speed > pseudo_time_mm + 1e-9:
                 return time * self.speed - pseudo_time_mm
         return self.end - pseudo_time_mm
 
     def turns(self, pseudo_time_mm: float) -> bool:
-        """Whether there is a corner here, so that nothing goes on as it did."""
+        """Return whether there is a corner here, so that nothing goes on as it did.
+
+        Parameters
+        ----------
+        pseudo_time_mm : float, mm
+            The way: time × ``speed``.
+
+        Returns
+        -------
+        bool
+            True at a corner.
+        """
         return any(abs(time * self.speed - pseudo_time_mm) < 1e-9 for time, _ in self.points)
 
 

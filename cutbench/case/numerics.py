@@ -28,7 +28,89 @@ def _one_of(default: str, *others: str) -> Any:
 
 @dataclass(frozen=True)
 class Numerics:
-    """Every choice that is numerical; part of a case's identity. docs/tables.py makes the table of it."""
+    """Numerics holds every numerical choice of a run: mesh, elements, contact, steps and tolerances.
+
+    All are part of a case's identity. docs/tables.py makes its table of the texts under the fields.
+
+    ``Case.set`` takes them by their names, with a unit where there is one (``h="0.2 mm"`` for ``h_mm``), and
+    ``preset`` has named sets of them.
+
+    Attributes
+    ----------
+    h_mm : float, mm
+        Element size at the cut plane, from where elements grow.
+    corner : float
+        Element size under the tip, in units of ``h_mm``; 0: by the size of the blade.
+    shallow : float
+        Element size on the cut plane where cutting begins, in units of ``h_mm``; 0: by the size of the blade.
+    around : float
+        How far around the front of the cut elements are that small, in blade thicknesses; 0: all the way.
+    slender : float
+        How many times taller than wide elements at the cut plane are.
+    along : float
+        How many times longer along the blade than tall elements are at most, in three dimensions.
+    layers : int
+        Layers along half the blade of a block that is a section drawn out; 0: tetrahedra of its own.
+    element : {"P2", "P1", "P2P1"}
+        Quadratic or linear displacements, or quadratic ones with a linear pressure.
+    normal : {"tool", "material"}
+        Direction of the contact pressure.
+    gap : {"distance", "ellipse"}
+        How the distance to the blade is measured.
+    penalty : float, 1/mm
+        Contact stiffness, in shear moduli per mm of penetration.
+    stick : float, 1/mm
+        Stiffness of sticking, in shear moduli per mm of slip.
+    release_mm : float, mm
+        Gap up to which a face that had touched the blade keeps its adhesion; 0: for ever.
+    scaled : {"none", "cell"}
+        Stiffnesses of contact as they are, or times 1 mm over the diameter of the element.
+    closing : float
+        Pressure at which the closed cut plane would overlap by the opening δ_c, in shear moduli.
+    multiplier : {"carried", "none"}
+        With which contact pressure and shear a step begins.
+    augmentations : int
+        Uzawa updates a step at the most.
+    facet_degree : int
+        Quadrature degree on faces.
+    bulk_degree : int
+        Quadrature degree in elements; 0: what the element needs.
+    scheme : {"monolithic", "staggered"}
+        Whether damage is solved with the displacements.
+    stepping : {"adaptive", "paper"}
+        The rule for the size of steps.
+    predictor : {"front", "line"}
+        Where Newton's method begins.
+    step_mm : float, mm
+        Largest step of blade travel.
+    step_min_mm : float, mm
+        Smallest step; a run that needs a smaller one ends as stalled.
+    damage_step : float
+        Growth of damage in a step that makes the next one smaller.
+    energy_step : float
+        Part of the blade's work over the largest step that a step may leave open.
+    damping_mm : float, mm
+        Bulk viscosity over the shear modulus, times the speed.
+    self_contact : {"on", "off"}
+        Whether a section's surface is kept from passing through itself.
+    tolerance : float
+        Newton's residual relative to the forces in balance.
+    symmetry : {"auto", "quarter", "half", "full"}
+        Part of the block that is meshed.
+    solver : {"auto", "superlu", "pardiso", "kept", "multigrid"}
+        Linear solver.
+    mesh : str or None
+        A mesh file.
+    tuning : Tuning
+        The numbers that nobody sets.
+
+    Examples
+    --------
+    >>> import cutbench
+    >>> coarse = cutbench.Numerics().set({"h": "0.2 mm", "element": "P1"})
+    >>> coarse.h_mm, coarse.element
+    (0.2, 'P1')
+    """
 
     h_mm: float = _within(0.0625, 1e-3, 10.0)
     """Element size at the cut plane, from where elements grow; at most 3 times the blade's thickness."""
@@ -103,7 +185,13 @@ class Numerics:
     """The numbers that nobody sets."""
 
     def digits(self) -> dict[str, Any]:
-        """As it counts in a case's id."""
+        """Write the choices as they count in a case's id.
+
+        Returns
+        -------
+        dict
+            Values by name, floats as text of 14 digits.
+        """
 
         def shown(value: object) -> object:
             if isinstance(value, dict):
@@ -115,7 +203,23 @@ class Numerics:
         return {k: shown(v) for k, v in asdict(self).items()}
 
     def set(self, values: Mapping[str, object]) -> Numerics:
-        """With ``values`` as a person wrote them. BadInput names the key and what would be right."""
+        """Return new choices with values as a person wrote them.
+
+        Parameters
+        ----------
+        values : mapping of str to object
+            By name: numbers, words, or text with a unit, such as ``{"h": "0.2 mm"}``.
+
+        Returns
+        -------
+        Numerics
+            All others stay.
+
+        Raises
+        ------
+        BadInput
+            For an unknown name or a value that is not allowed; it names the key and what would be right.
+        """
         new: dict[str, Any] = {}
         for key, raw in values.items():
             name = ALIASES.get(key, key)
@@ -180,7 +284,18 @@ _FAST: dict[str, Any] = {**_COARSE, "penalty": 16000.0, "stick": 400.0}
 
 
 def defaults(dim: int) -> Numerics:
-    """The choices of a case that makes none, in 2 or 3 dimensions."""
+    """Return the numerical choices of a case that makes none.
+
+    Parameters
+    ----------
+    dim : int
+        2 for plane strain, 3 for a block.
+
+    Returns
+    -------
+    Numerics
+        The converged ones.
+    """
     return _SOLID if dim == 3 else Numerics()
 
 
@@ -202,16 +317,36 @@ SOLID_PRESETS = (*PRESETS, "tetrahedra")
 
 
 def preset(name: object, dim: int, modulus: float, thickness: float) -> Numerics:
-    """The numerics called ``name``, for a shear ``modulus`` and a blade. BadInput for an unknown name.
+    """Return a named set of numerical choices, for a shear modulus and a blade.
 
     ``converged``: the defaults. ``fast``: elements twice as tall and a contact four times as soft;
     docs/validation/convergence.md says what that costs; of a block, elements twice as tall in fewer layers.
     ``tetrahedra``: a block of elements of its own, coarse and graded along the blade, too, as a mesh file's
-    are. ``paper``: linear elements of the paper's
-    size, the material's normal, its dimensionless gap 1 − (x−c)ᵀA(x−c) with ε_N/h, h the element's diameter,
-    and multipliers that are updated until they stand still, sticking with ε_T/h, a cut plane that resists
-    closing as it resists opening, damage staggered, its steps. Strengths of friction and adhesion follow the
-    last step's pressure all the same, not this one's.
+    are. ``paper``: linear elements of the paper's size, the material's normal, its dimensionless gap 1 −
+    (x−c)ᵀA(x−c) with ε_N/h, h the element's diameter, and multipliers that are updated until they stand
+    still, sticking with ε_T/h, a cut plane that resists closing as it resists opening, damage staggered, its
+    steps. Strengths of friction and adhesion follow the last step's pressure all the same, not this one's.
+
+    Parameters
+    ----------
+    name : object
+        The name of the set.
+    dim : int
+        2 for plane strain, 3 for a block.
+    modulus : float, MPa
+        Shear modulus, by which the paper's stiffnesses become those of this package.
+    thickness : float, mm
+        Thickness of the blade, for the same.
+
+    Returns
+    -------
+    Numerics
+        The whole set.
+
+    Raises
+    ------
+    BadInput
+        For an unknown name.
     """
     among("numerics", name, SOLID_PRESETS if dim == 3 else PRESETS)
     start = defaults(dim)

@@ -40,9 +40,23 @@ _TOP = ("title", "material", "baseline", "candidates", "parameters", "numerics",
 
 @dataclass(frozen=True)
 class FitPlan:
-    """What a fit may change. ``free`` None: the fit chooses; ``own``: one value for each experiment.
+    """A plan says what a fit may change.
 
-    ``bounds`` in internal units, (low, high) by parameter.
+    Attributes
+    ----------
+    free : tuple of str or None
+        Parameters that are fitted; None: the fit chooses.
+    fixed : tuple of str
+        Parameters that stay as they are.
+    own : tuple of str
+        Parameters with one value for each experiment.
+    bounds : mapping of str to (float, float)
+        The lowest and the highest value by parameter, internal units.
+
+    Raises
+    ------
+    BadInput
+        For a parameter that is fixed, and also free or each experiment's own.
     """
 
     free: tuple[str, ...] | None = None
@@ -62,11 +76,49 @@ class FitPlan:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Campaign(Displayed):
-    """A validated campaign. ``base`` holds the baseline's mechanisms and the start values, of which
-    ``material``, a known name or a file, may know more than its tests see.
+    """A campaign holds measured tests of one material, the start of a fit, and candidates for its laws.
 
-    Raises BadInput if two experiments share an id, none is to be fitted, or readings cannot be of the
-    material (see ``cutbench.data.plausible``).
+    It is checked when it is made. ``load_campaign`` reads one from a TOML file.
+
+    Attributes
+    ----------
+    title : str
+        What it is called.
+    base : Case
+        The baseline's mechanisms and the start values.
+    experiments : tuple of Experiment
+        The tests.
+    candidates : tuple of str
+        Mechanisms that a discovery may add.
+    plan : FitPlan
+        What a fit may change.
+    path : Path or None
+        The file that it was read from.
+    notes : tuple of str
+        What was assumed.
+    material : str, Path or None
+        The known name or the file of the start values, which may know more than the tests see.
+
+    Raises
+    ------
+    BadInput
+        If two experiments share an id, none is to be fitted, or readings cannot be of the material (see
+        ``cutbench.data.plausible``).
+
+    Examples
+    --------
+    >>> import cutbench
+    >>> import numpy as np
+    >>> from cutbench.data import Experiment, Repetition, start_case
+    >>> stretch = np.linspace(1.02, 1.5, 30)
+    >>> stress = 0.01 * (stretch - stretch**-2)  # MPa, of a solid whose shear modulus is 10 kPa
+    >>> pulled = Experiment("pulled", "uniaxial", (Repetition(stretch, stress),))
+    >>> laws, soft = ["neo_hookean", "volumetric"], {"G": "20 kPa", "nu": 0.499}
+    >>> base, _ = start_case(None, baseline=laws, kinds=["uniaxial"], parameters=soft)
+    >>> cutbench.Campaign("Pulled", base, (pulled,))
+    Campaign: Pulled
+      baseline  neo_hookean, volumetric
+      pulled    uniaxial, 1 repetition, 30 readings, train
     """
 
     display_module: ClassVar[str] = "cutbench.data.display"
@@ -94,33 +146,74 @@ class Campaign(Displayed):
 
     @property
     def model(self) -> Model:
-        """The baseline."""
+        """The mechanisms of the baseline."""
         return self.base.model
 
     @property
     def train(self) -> tuple[Experiment, ...]:
+        """The experiments that a fit uses."""
         return tuple(e for e in self.experiments if e.role == "train")
 
     @property
     def test(self) -> tuple[Experiment, ...]:
+        """The experiments that are predicted and never fitted."""
         return tuple(e for e in self.experiments if e.role == "test")
 
     def experiment(self, id: str) -> Experiment:
-        """The experiment called ``id``. Raises BadInput."""
+        """Return an experiment by its id.
+
+        Parameters
+        ----------
+        id : str
+            What it is called.
+
+        Returns
+        -------
+        Experiment
+            The one of that id.
+
+        Raises
+        ------
+        BadInput
+            If there is none; it names the nearest.
+        """
         for e in self.experiments:
             if e.id == id:
                 return e
         raise BadInput(key="experiment", value=id, expected=one_of(id, [e.id for e in self.experiments]))
 
     def case(self, experiment: Experiment | str, base: Case | None = None) -> Case:
-        """The run of a ``cut`` test: ``base`` (default: the campaign's) with its specimen, blade, speed
-        and depth; one with holds, returns or several speeds along its way. Raises BadInput if they do not fit
-        together."""
+        """Make the case that computes a ``cut`` test.
+
+        Parameters
+        ----------
+        experiment : Experiment or str
+            The test, or its id.
+        base : Case, optional
+            The model and its values; those of the campaign unless given.
+
+        Returns
+        -------
+        Case
+            ``base`` with the test's specimen, blade, speed and depth. That of a test with holds, returns or
+            several speeds has its motion.
+
+        Raises
+        ------
+        BadInput
+            If they do not fit together.
+        """
         e = self.experiment(experiment) if isinstance(experiment, str) else experiment
         return cut_case(e, base or self.base)
 
     def all_notes(self) -> list[str]:
-        """What was assumed or is not known, of the campaign and of each experiment."""
+        """Return what was assumed or is not known, of the campaign and of each experiment.
+
+        Returns
+        -------
+        list of str
+            A sentence each.
+        """
         of_tests = [f"'{e.id}': {note}" for e in self.experiments for note in e.notes]
         alone = [
             note_on_single_repetition(e.id) for e in self.experiments if e.curve and len(e.repetitions) == 1
@@ -187,12 +280,36 @@ def start_case(
     parameters: Mapping[str, object] | None = None,
     name: str = "start",
 ) -> tuple[Case, tuple[str, ...]]:
-    """The case that a campaign starts from, and notes on what was added to it.
+    """Make the case that a campaign starts from, with notes on what was added to it.
 
-    ``baseline`` is a list of mechanisms or the name of a set, ``default`` (that of every run) or ``paper``:
-    of a set, the part that tests of these ``kinds`` see. A baseline without a law for volume change gets the
-    default one: a soft solid hardly changes its volume, and a run without such a law has no unique answer.
-    Raises BadInput.
+    A baseline without a law for volume change gets the default one: a soft solid hardly changes its volume,
+    and a run without such a law has no unique answer.
+
+    Parameters
+    ----------
+    material : str, Path or None
+        A known name or a file of start values; None where ``parameters`` have all of them.
+    baseline : iterable of str
+        Mechanisms, or the name of a set, ``default`` (that of every run) or ``paper``: of a set, the part
+        that tests of these ``kinds`` see.
+    kinds : iterable of str
+        Kinds of the tests, such as ``cut`` or ``uniaxial``.
+    parameters : mapping of str to object, optional
+        Start values with their units, as ``Case.set`` takes them.
+    name : str
+        What the case is called where no material names it.
+
+    Returns
+    -------
+    Case
+        The start.
+    tuple of str
+        The notes.
+
+    Raises
+    ------
+    BadInput
+        For an unknown name, or values that are missing or cannot be used.
     """
     notes: tuple[str, ...] = ()
     listed = (baseline,) if isinstance(baseline, str) else tuple(baseline)
@@ -223,7 +340,33 @@ def all_candidates(baseline: Model, kinds: Iterable[str]) -> tuple[str, ...]:
 
 
 def load_campaign(path: str | Path) -> Campaign:
-    """The campaign in a TOML file, its data read; every error a person can make is a BadInput."""
+    """Read a campaign from a TOML file, with the data that it names.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; it names the files of its data beside it.
+
+    Returns
+    -------
+    Campaign
+        Checked, with the readings.
+
+    Raises
+    ------
+    BadInput
+        For every error that a person can make, with file and line.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import cutbench
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     examples = cutbench.copy_examples(folder + "/examples")
+    ...     campaign = cutbench.load_campaign(examples / "rubber" / "treloar.toml")
+    >>> [experiment.kind for experiment in campaign.experiments]
+    ['uniaxial', 'pure_shear', 'equibiaxial']
+    """
     path = Path(path)
     table, text = read_toml(path)
     refuse_other(table, path, "experiment")

@@ -12,9 +12,34 @@ _PLACES = (Path(__file__).parent / "examples", Path(__file__).parents[2] / "stud
 
 
 def copy_examples(folder: str | Path) -> Path:
-    """Copy the examples into a new ``folder`` and return it: studies of maps, measured campaigns with
-    their readings and licences, and notebooks. Raises BadInput for a folder that is there already or
-    cannot be written."""
+    """Copy the examples that come with cutbench into a new folder.
+
+    They are studies of maps, measured campaigns with their readings and licences, and notebooks.
+
+    Parameters
+    ----------
+    folder : str or Path
+        The folder to make.
+
+    Returns
+    -------
+    Path
+        The folder.
+
+    Raises
+    ------
+    BadInput
+        For a folder that is there already or cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import cutbench
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     examples = cutbench.copy_examples(folder + "/examples")
+    ...     (examples / "boundary.toml").is_file()
+    True
+    """
     folder = Path(folder)
     source = next((place for place in _PLACES if place.is_dir()), None)
     if source is None:

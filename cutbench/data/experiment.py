@@ -58,13 +58,43 @@ def area_of(kind: str, specimen: Mapping[str, float]) -> float | None:
 
 @dataclass(frozen=True, eq=False)
 class Experiment:
-    """A measured test of one kind with its repetitions, in internal units (mm, N, s, MPa).
+    """An experiment is a measured test of one kind with its repetitions, in internal units (mm, N, s, MPa).
 
-    ``specimen``, ``blade``: lengths in mm (``width``, ``length``, ``height``; ``thickness``, ``tip``) and
-    ``area`` in mm²; ``speed`` in mm/s, or 1/s of stretch. ``pressure_MPa``: contact pressure of a
-    sliding test; ``direction``: ``opening`` or ``sliding`` of a separation test. ``role``: a ``test``
-    experiment is never fitted, only predicted. ``fields``: displacements on one specimen of a cut, known to
-    ``field_noise_mm``. Raises BadInput for what no test can be.
+    Every kind has one abscissa x and one ordinate y: blade travel (mm) and force (N) for ``cut``; stretch (1)
+    and nominal stress (MPa) for ``uniaxial``, ``equibiaxial`` and ``pure_shear``; slip or opening (mm) and
+    traction (MPa) for ``sliding`` and ``separation``.
+
+    Attributes
+    ----------
+    id : str
+        What it is called.
+    kind : str
+        One of those above.
+    repetitions : tuple of Repetition
+        The readings of each specimen.
+    role : str
+        ``train``: it is fitted. ``test``: it is never fitted, only predicted.
+    specimen : mapping of str to float
+        Sizes in mm (``width``, ``length``, ``height``) and ``area`` in mm².
+    blade : mapping of str to float
+        Sizes in mm (``thickness``, ``tip``).
+    speed : float or None
+        In mm/s, or 1/s of stretch; None where it is not known.
+    pressure_MPa : float, MPa
+        Contact pressure of a sliding test.
+    direction : str
+        ``opening`` or ``sliding`` of a separation test.
+    notes : tuple of str
+        What was assumed.
+    fields : tuple of Field
+        Displacements on one specimen of a cut.
+    field_noise_mm : float, mm
+        To how much these are known.
+
+    Raises
+    ------
+    BadInput
+        For what no test can be.
     """
 
     id: str
@@ -121,19 +151,22 @@ class Experiment:
 
     @property
     def y_name(self) -> str:
+        """``force``, ``stress`` or ``traction``."""
         return "force" if self.kind == "cut" else "stress" if self.kind in HOMOGENEOUS else "traction"
 
     @property
     def x_unit(self) -> str:
+        """The unit of the abscissa, ``mm`` or ``1``."""
         return "1" if self.kind in HOMOGENEOUS else "mm"
 
     @property
     def y_unit(self) -> str:
+        """The unit of the ordinate, ``N`` or ``MPa``."""
         return "N" if self.kind == "cut" else "MPa"
 
     @property
     def shown(self) -> tuple[float, str]:
-        """What the ordinate is times so much in the unit in which people read it."""
+        """The factor and the unit with which people read the ordinate."""
         return {"MPa": (1e3, "kPa")}.get(self.y_unit, (1.0, self.y_unit))
 
     @property
@@ -143,7 +176,7 @@ class Experiment:
 
     @property
     def area_mm2(self) -> float | None:
-        """Over which the force acts; None where it is not known."""
+        """The area in mm² over which the force acts, None where it is not known."""
         return area_of(self.kind, self.specimen)
 
     @property
@@ -170,11 +203,15 @@ class Experiment:
 
     @property
     def readings(self) -> int:
+        """The number of readings of all repetitions."""
         return sum(r.x.size for r in self.repetitions)
 
     @property
     def travel_speed(self) -> float:
-        """Mean speed of what moves (mm/s, or 1/s of stretch), from the time where there is one; or nan."""
+        """The mean speed of what moves (mm/s, or 1/s of stretch), nan where it is not known.
+
+        It comes from the time where there is one.
+        """
         rates = []
         for r in self.repetitions:
             if r.time_s is None:
@@ -258,10 +295,21 @@ class Experiment:
         return np.append(0.0, np.cumsum(np.abs(np.diff(r.x)))) / np.abs(np.diff(r.x)).sum()
 
     def on_grid(self, n: int = 80) -> Averaged:
-        """Mean, scatter and reading noise on at most ``n`` values (see ``cutbench.data.covariance``).
+        """Bring the repetitions to one grid: their mean, scatter and reading noise.
 
-        The grid is even along x, or, in a test with holds or returns, half by the way and half by time,
-        with the turning points added. One repetition of no more than ``n`` readings stays as it is.
+        The grid is even along x, or, in a test with holds or returns, half by the way and half by time, with
+        the turning points added. One repetition of no more than ``n`` readings stays as it is. See
+        ``cutbench.data.covariance``.
+
+        Parameters
+        ----------
+        n : int
+            Values of the grid at the most.
+
+        Returns
+        -------
+        Averaged
+            Mean, scatter and noise on the grid.
         """
         reps = self.repetitions
         orders = [ascending_order(r) if self.monotone else np.arange(r.x.size) for r in reps]
@@ -290,9 +338,25 @@ class Experiment:
         )
 
     def averaging(self, n: int) -> tuple[np.ndarray, list[np.ndarray], list[np.ndarray]]:
-        """The grid (m,) along which repetitions are compared, the places (r,) of each one's readings, and the
-        matrices (m, r) that bring these to the grid. Of a test with holds or returns they count in seconds
-        from its first reading."""
+        """Return the grid along which repetitions are compared, and the matrices that bring readings to it.
+
+        r is the number of a repetition's readings. Of a test with holds or returns places count in seconds
+        from its first reading.
+
+        Parameters
+        ----------
+        n : int
+            Values of the grid at the most.
+
+        Returns
+        -------
+        grid : ndarray, shape (m,)
+            The grid.
+        places : list of ndarray, shape (r,)
+            Where each repetition's readings lie along it.
+        matrices : list of ndarray, shape (m, r)
+            What brings each one's readings to the grid.
+        """
         reps = self.repetitions
         along = [self._along(r) for r in reps]
         grid, sharp = self._grid(along, n)

@@ -30,34 +30,49 @@ _APART = 0.2
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """A measured field and what a run gives on its grid."""
+    """A comparison puts a measured field beside what a run gives on its grid.
+
+    Attributes
+    ----------
+    measured : Field
+        As measured.
+    computed : Field
+        As computed, on the same grid, in the same configuration.
+    """
 
     measured: Field
     computed: Field
 
     @property
     def both(self) -> np.ndarray:
-        """Where both are known (ny, nx)."""
+        """The points (ny, nx) at which both are known."""
         return np.isfinite(self.measured.u).all(axis=0) & np.isfinite(self.computed.u).all(axis=0)
 
     @property
     def scale(self) -> np.ndarray:
-        """mean |u_num| (2,) in mm over the points that both have."""
+        """The mean (2,) of ``|u_num|`` in mm over the points that both have."""
         return np.abs(self.computed.u[:, self.both]).mean(axis=1)
 
     @property
     def relative_error(self) -> np.ndarray:
-        """|u_exp − u_num| / mean |u_num| (2, ny, nx); nan where one of them is not known."""
+        """``|u_exp − u_num| / mean |u_num|`` (2, ny, nx); nan where one of them is not known."""
         off = np.abs(self.measured.u - self.computed.u) / self.scale[:, None, None]
         return np.where(self.both, off, np.nan)
 
     @property
     def strain_error(self) -> np.ndarray:
-        """E_exp − E_num (2, 2, ny, nx)."""
+        """The difference E_exp − E_num (2, 2, ny, nx) of Green–Lagrange strains."""
         return self.measured.strain - self.computed.strain
 
     def numbers(self) -> dict[str, float]:
-        """Points compared, scale, root mean square of the difference and relative errors by component."""
+        """Say in numbers how far the two are apart.
+
+        Returns
+        -------
+        dict of str to float
+            Points compared, and by component the scale and the root mean square of the difference, in mm,
+            relative errors, and root mean squares of strain differences.
+        """
         found: dict[str, float] = {
             "points": float(self.measured.u[0].size),
             "measured": float(np.isfinite(self.measured.u).all(axis=0).sum()),
@@ -82,9 +97,21 @@ def _rms(off: np.ndarray) -> float:
 
 
 def sample(snapshot: Snapshot, field: Field) -> Field:
-    """The run's displacements on the grid of ``field``, in its configuration; nan outside the body.
+    """Sample the displacements of a run on the grid of a measured field.
 
     A half or quarter model stands for its mirror image too. Of a block the end face is sampled.
+
+    Parameters
+    ----------
+    snapshot : Snapshot
+        The run's fields.
+    field : Field
+        The grid, and the configuration that its points are positions in.
+
+    Returns
+    -------
+    Field
+        On the same grid, in the same configuration; nan outside the body.
     """
     weights, element, flip, (_, u, triangles) = _found(snapshot, field)
     found = np.full(flip.shape, np.nan)
@@ -134,9 +161,19 @@ def _found(snapshot: Snapshot, field: Field):
 
 
 def at_travel(snapshots: Sequence[Snapshot], travel_mm: float) -> Snapshot | None:
-    """Displacements at one blade travel, interpolated between the nearest snapshots before and after.
+    """Interpolate displacements at one blade travel between the nearest snapshots before and after.
 
-    The nearest alone where there is only one side; None if none is within 0.2 mm.
+    Parameters
+    ----------
+    snapshots : sequence of Snapshot
+        Fields of one run, at any travels.
+    travel_mm : float, mm
+        The blade travel.
+
+    Returns
+    -------
+    Snapshot or None
+        The nearest alone where there is only one side; None if none is within 0.2 mm.
     """
     near = [s for s in snapshots if abs(s.displacement_mm - travel_mm) <= _APART]
     if not near:
@@ -154,7 +191,25 @@ def at_travel(snapshots: Sequence[Snapshot], travel_mm: float) -> Snapshot | Non
 
 
 def compare(field: Field, snapshot: Snapshot) -> Comparison:
-    """``field`` beside what the run gives. Raises BadInput if no point lies in the body or travels differ."""
+    """Put a measured field beside what a run gives at the same blade travel.
+
+    Parameters
+    ----------
+    field : Field
+        As measured.
+    snapshot : Snapshot
+        The run's fields.
+
+    Returns
+    -------
+    Comparison
+        Both, on the grid of ``field``.
+
+    Raises
+    ------
+    BadInput
+        If no point lies in the body, or travels differ by more than 0.2 mm.
+    """
     if abs(field.travel_mm - snapshot.displacement_mm) > _APART:
         expected = f"the travel of the run's fields, {snapshot.displacement_mm:g} mm"
         raise BadInput(key="travel", value=f"{field.travel_mm:g} mm", expected=expected)

@@ -42,8 +42,30 @@ POINTS = 150
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """Displacements ``u`` (2, ny, nx) in mm on the grid ``x`` (nx,), ``y`` (ny,) in mm, at a blade travel;
-    nan where unknown."""
+    """A field holds displacements on a grid of points of a specimen, at one blade travel.
+
+    x is across the blade with 0 in its middle plane, y up with 0 at the base.
+
+    Attributes
+    ----------
+    x : ndarray, shape (nx,), mm
+        Columns of the grid.
+    y : ndarray, shape (ny,), mm
+        Rows of the grid.
+    u : ndarray, shape (2, ny, nx), mm
+        Displacements across and up; nan where unknown.
+    travel_mm : float, mm
+        Blade travel; nan where it is not known.
+    configuration : str
+        What the points are positions in: ``deformed`` (after deformation) or ``reference`` (before).
+    notes : tuple of str
+        What was left out.
+
+    Raises
+    ------
+    BadInput
+        For another configuration, or arrays that do not fit together.
+    """
 
     x: np.ndarray
     y: np.ndarray
@@ -59,7 +81,7 @@ class Field:
 
     @property
     def grid(self) -> np.ndarray:
-        """Positions (2, ny, nx) in mm."""
+        """Positions (2, ny, nx) in mm, in the field's configuration."""
         return np.stack(np.meshgrid(self.x, self.y))
 
     @property
@@ -69,7 +91,7 @@ class Field:
 
     @property
     def strain(self) -> np.ndarray:
-        """Green–Lagrange strain (2, 2, ny, nx)."""
+        """Green–Lagrange strain (2, 2, ny, nx), from central differences on the grid."""
         gradient = np.stack(
             [np.stack([np.gradient(c, self.x, axis=1), np.gradient(c, self.y, axis=0)]) for c in self.u]
         )
@@ -93,28 +115,34 @@ def read_fields(
     travel_mm: float = math.nan,
     valid: str | None = None,
 ) -> list[Field]:
-    """The fields in a text file, in the order of blade travel: a row a point.
+    """Read displacement fields from a text file with a row a point.
 
     Parameters
     ----------
-    path
+    path : str or Path
         The file. A cell that is empty, nan, -nan(ind), #N/A and the like was not measured.
-    columns, units
-        As in a campaign. By default x, y, u_x, u_y, or X, Y, U, V, and, if the file has it, travel.
-    configuration
+    columns : mapping of str to (str or int), optional
+        The columns of x, y, u_x, u_y and, perhaps, travel, as in a campaign. By default x, y, u_x, u_y, or X,
+        Y, U, V, and, if the file has it, travel.
+    units : mapping of str to str, optional
+        Units by the same names, as in a campaign.
+    configuration : str
         What x and y are positions in, ``deformed`` or ``reference``.
-    shift_mm, y_down
-        ``y_down``: y and u_y count downwards, as in pictures. ``shift_mm`` is then added to x and y.
-    travel_mm
+    shift_mm : (float, float), mm
+        Added to x and y, after ``y_down``.
+    y_down : bool
+        Whether y and u_y count downwards, as in pictures.
+    travel_mm : float, mm
         The travel of a file without such a column.
-    valid
+    valid : str, optional
         Which points were measured, such as ``"sigma >= 0"``, or ``"none"`` for all; by default as ``VALID``
         says of a column that the file has.
 
     Returns
     -------
     list of Field
-        What was not measured is nan in them; their ``notes`` say what was left out.
+        In the order of blade travel. What was not measured is nan in them; their ``notes`` say what was left
+        out.
 
     Raises
     ------

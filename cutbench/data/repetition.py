@@ -17,11 +17,28 @@ JITTER = 0.005
 
 @dataclass(frozen=True, eq=False)
 class Repetition:
-    """The readings of one specimen: ``x``, ``y`` (n,) as the module says, ``time_s`` (n,) or None.
+    """A repetition holds the readings of one specimen.
 
-    ``pressure_MPa`` (n,): contact pressure of a sliding test where it was measured. ``lines`` (n,)
-    and ``file``, one for all or one for each, say where each reading stands; they are for messages alone.
-    ``contact``: where the machine met the specimen, in recorded values, where that was asked for.
+    Abscissa and ordinate are those of the experiment's kind (see ``Experiment``).
+
+    Attributes
+    ----------
+    x : ndarray, shape (n,)
+        Abscissa, in mm or 1.
+    y : ndarray, shape (n,)
+        Ordinate, in N or MPa.
+    time_s : ndarray, shape (n,), s, or None
+        Times of the readings; None where they are not known.
+    name : str
+        What the specimen is called.
+    pressure_MPa : ndarray, shape (n,), MPa, or None
+        Contact pressure of a sliding test where it was measured.
+    file : str, tuple of str or None
+        The file of the readings, one for all or one for each, for messages alone.
+    lines : ndarray of int, shape (n,), or None
+        Where in the file each reading stands, for messages alone.
+    contact : Contact or None
+        Where the machine met the specimen, in recorded values, where that was asked for.
     """
 
     x: np.ndarray
@@ -43,11 +60,28 @@ class Repetition:
 
     @property
     def duration_s(self) -> float:
-        """From the first reading to the last; nan where times are not known."""
+        """The time in s from the first reading to the last; nan where times are not known."""
         return math.nan if self.time_s is None else float(self.time_s[-1] - self.time_s[0])
 
     def wrong(self, key: str, value: object, expected: str, at: int | None = None) -> BadInput:
-        """The error about reading ``at`` (or all of them), where it stands in the file."""
+        """Make the error about one reading, or about all of them, with its place in the file.
+
+        Parameters
+        ----------
+        key : str
+            What is wrong.
+        value : object
+            What it is.
+        expected : str
+            What would be right, in words.
+        at : int, optional
+            The reading, counted from 0; all of them unless given.
+
+        Returns
+        -------
+        BadInput
+            To be raised.
+        """
         line = None if at is None or self.lines is None else int(self.lines[at])
         place = "" if self.name == "1" else f" in repetition '{self.name}'"
         if at is not None and line is None:
@@ -58,12 +92,26 @@ class Repetition:
 
 @dataclass(frozen=True, eq=False)
 class Averaged:
-    """The repetitions of a test on one grid of n values.
+    """An averaged test has its repetitions on one grid of n values.
 
-    ``x`` (n,) abscissa and ``time_s`` (n,) or None; ``pressure_MPa`` (n,) or None; ``mean`` (n,) of the
-    ordinate; ``scatter`` (n,) and ``reading`` (n,): standard deviations between specimens and of one
-    repetition's reading noise on the grid; ``curves`` (R, n) the repetitions. ``independent``: the values are
-    of no curve but measures, each known by itself.
+    Attributes
+    ----------
+    x : ndarray, shape (n,)
+        Abscissa, in mm or 1.
+    mean : ndarray, shape (n,)
+        Mean ordinate, in N or MPa.
+    scatter : ndarray, shape (n,)
+        Standard deviation between specimens, in the unit of the mean.
+    reading : ndarray, shape (n,)
+        Standard deviation of one repetition's reading noise on the grid, in the same unit.
+    curves : ndarray, shape (R, n)
+        The ordinates of the R repetitions.
+    time_s : ndarray, shape (n,), s, or None
+        Times; None where they are not known.
+    pressure_MPa : ndarray, shape (n,), MPa, or None
+        Contact pressure of a sliding test where it was measured.
+    independent : bool
+        Whether the values are of no curve but measures, each known by itself.
     """
 
     x: np.ndarray
@@ -77,12 +125,15 @@ class Averaged:
 
     @property
     def estimated(self) -> bool:
-        """Whether there was nothing to repeat: the noise is then taken from the roughness of one curve, and
-        nothing is known of the scatter."""
+        """Whether there was nothing to repeat.
+
+        The noise is then taken from the roughness of one curve, and nothing is known of the scatter.
+        """
         return self.repetitions == 1 and not self.independent
 
     @property
     def repetitions(self) -> int:
+        """The number of repetitions."""
         return self.curves.shape[0]
 
     @property
@@ -97,7 +148,7 @@ class Averaged:
 
     @property
     def factors(self) -> np.ndarray:
-        """Of the repetitions' least-squares lines on the mean (R,), 1 on average."""
+        """The slopes (R,) of the repetitions' least-squares lines on the mean, 1 on average."""
         return self.curves @ self.mean / (self.mean @ self.mean)
 
     @property
@@ -109,8 +160,10 @@ class Averaged:
 
     @property
     def along(self) -> np.ndarray:
-        """The coordinate (n,) along which the curve is smooth: x if it only grows, else the time, else the
-        path."""
+        """The coordinate (n,) along which the curve is smooth.
+
+        It is x if that only grows, else the time, else the path.
+        """
         if np.all(np.diff(self.x) > 0):
             return self.x
         if self.time_s is not None:

@@ -31,8 +31,22 @@ _SAID = {
 
 
 def write_discovery(d: Discovery, folder: Path) -> list[Path]:
-    """``discovery.json``, ``discovery.html`` and the case file ``case.toml`` in ``folder``, each whole or not
-    at all."""
+    """Write ``discovery.json``, ``discovery.html`` and the case file ``case.toml``, each whole or not at all.
+
+    A discovery without a final model has no case file.
+
+    Parameters
+    ----------
+    d : Discovery
+        The discovery.
+    folder : Path
+        Where to; it must be there.
+
+    Returns
+    -------
+    list of Path
+        What was written.
+    """
     paths = [folder / "discovery.json", folder / "discovery.html", folder / "case.toml"]
     write_json(to_dict(d), paths[0])
     name = f" of {d.campaign.path.name}" if d.campaign.path else ""

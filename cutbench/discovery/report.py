@@ -38,7 +38,18 @@ def cause_title(name: str) -> str:
 
 
 def verdict_sentence(d: Discovery) -> str:
-    """The sentence that names the cause, or says that there is none to name."""
+    """Say which cause was found, or that there is none to name.
+
+    Parameters
+    ----------
+    d : Discovery
+        The discovery.
+
+    Returns
+    -------
+    str
+        A sentence or several.
+    """
     if d.verdict == "none":
         return "The baseline describes the tests to within their scatter: nothing needs to be added."
     if not d.steps:
@@ -103,7 +114,18 @@ def meaning(name: str) -> str:
 
 
 def gain_sentence(d: Discovery) -> str:
-    """What the extension gains on data that it was not fitted to."""
+    """Say what the extension gains on data that it was not fitted to.
+
+    Parameters
+    ----------
+    d : Discovery
+        The discovery.
+
+    Returns
+    -------
+    str
+        A sentence or two; empty where nothing was found or held out.
+    """
     if d.held_out is None or not d.found:
         return ""
     g = d.held_out
@@ -130,7 +152,19 @@ def place_of(s: Section) -> str:
 
 
 def summary(d: Discovery) -> str:
-    """For the terminal."""
+    """Write the report of a discovery as text.
+
+    Parameters
+    ----------
+    d : Discovery
+        The discovery.
+
+    Returns
+    -------
+    str
+        Several lines: the verdict, where the baseline is wrong, causes and candidates, the next experiment,
+        notes.
+    """
     lines = [
         d.campaign.title,
         *([d.fit.far] if d.fit.far else []),

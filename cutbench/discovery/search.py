@@ -34,14 +34,14 @@ from cutbench.discovery.numerical_causes import NumericalCauses, numerical_cause
 
 @dataclass(frozen=True, repr=False)
 class Discovery(Displayed):
-    """All that was found out.
+    """A discovery says what a baseline model gets wrong of measured tests, and which cause explains it.
 
     Attributes
     ----------
     campaign : Campaign
         The tests.
     fit : Fit
-        Of the baseline.
+        The fit of the baseline.
     verdict : str
         ``mechanism``: a cause was found; ``none``: the baseline describes the tests; ``unexplained``: no
         candidate explains what it misses; ``undecided``: candidates could not be tried.
@@ -53,18 +53,40 @@ class Discovery(Displayed):
         The model with all causes.
     numerics : NumericalCauses
         What numerical choices would explain.
-    held_out, noise_free : HeldOut, NoiseFreeGain or None
-        What the causes gain on what was not fitted, and would gain without noise and scatter.
-    wrong, left : tuple of Section
-        Where the baseline misses the tests, and where the final model does; the most significant first.
+    held_out : HeldOut or None
+        What the causes gain on what was not fitted.
+    noise_free : NoiseFreeGain or None
+        What they would gain without noise and scatter.
+    wrong : tuple of Section
+        Where the baseline misses the tests, the most significant first.
+    left : tuple of Section
+        Where the final model does.
     proposed : tuple of Proposal
-        Tests that would tell apart what these do not; ``next_experiment`` says it in a sentence.
-    seconds : float
+        Tests that would tell apart what these do not.
+    next_experiment : str
+        The same in a sentence.
+    seconds : float, s
         How long it took.
     notes : tuple of str
         What else a person should know.
     stopped : str
         Why it ended before all was asked; empty where all was.
+
+    Examples
+    --------
+    >>> import cutbench
+    >>> import numpy as np
+    >>> from cutbench.data import Experiment, FitPlan, Repetition, start_case
+    >>> stretch = np.linspace(1.02, 1.5, 30)
+    >>> stress = 0.01 * (stretch - stretch**-2)  # MPa, of a solid whose shear modulus is 10 kPa
+    >>> pulled = Experiment("pulled", "uniaxial", (Repetition(stretch, stress),))
+    >>> laws, soft = ["neo_hookean", "volumetric"], {"G": "20 kPa", "nu": 0.499}
+    >>> base, _ = start_case(None, baseline=laws, kinds=["uniaxial"], parameters=soft)
+    >>> plan = FitPlan(free=("G",))
+    >>> campaign = cutbench.Campaign("Pulled", base, (pulled,), candidates=("gent",), plan=plan)
+    >>> found = cutbench.discover(campaign, workers=0)
+    >>> found.verdict, found.names, found.fit.status
+    ('none', (), 'converged')
     """
 
     display_module: ClassVar[str] = "cutbench.discovery.display"
@@ -88,7 +110,7 @@ class Discovery(Displayed):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the causes."""
+        """The names of the causes."""
         return tuple(f.name for f in self.found)
 
     @property
@@ -98,7 +120,7 @@ class Discovery(Displayed):
 
     @property
     def rest(self) -> float:
-        """The part of what the baseline misses that the final model does, as squares."""
+        """The part of what the baseline misses that the final model does, too, as squares."""
         if self.first is None or self.final is None or not self.found:
             return 1.0
         return squared_discrepancy(self.final) / max(squared_discrepancy(self.first), 1e-300)
@@ -115,8 +137,10 @@ class Discovery(Displayed):
 
     @property
     def not_tried(self) -> dict[str, str]:
-        """Candidates that could not be tried at last, with the reason; where none was, also those that do not
-        apply."""
+        """The candidates that could not be tried at last, with the reason.
+
+        Where no candidate was tried, also those that do not apply.
+        """
         if not self.steps:
             return {}
         last = self.steps[-1]
@@ -124,7 +148,7 @@ class Discovery(Displayed):
 
     @property
     def groups(self) -> list[tuple[str, ...]]:
-        """Of causes that cannot be told apart, for each that was found."""
+        """The groups of causes that cannot be told apart, for each cause that was found."""
         return [f.group for f in self.found if len(f.group) > 1]
 
 
@@ -151,7 +175,9 @@ def discover(
     limit_s: float = math.inf,
     runs: CutRuns | None = None,
 ) -> Discovery:
-    """Fit the baseline, and look for what it misses.
+    """Fit the baseline model of a campaign, and find which cause explains what it gets wrong.
+
+    Ctrl-C ends the search with what was found until then.
 
     Parameters
     ----------
@@ -162,19 +188,20 @@ def discover(
     refine : bool
         Whether the error of a cut's mesh is measured.
     on_progress : callable
-        Told what is done. Ctrl-C ends the search with what was found until then.
+        Called as ``on_progress(done, total, text)`` with what is done.
     seed : int
-        Of the draws of chance.
-    store : path, optional
-        Store of runs: what is there is not computed again, and the rest is left there.
-    limit_s : float
-        The search ends after so many seconds, too.
+        Seed of the draws of chance.
+    store : str or Path, optional
+        Folder with a store of runs: what is there is not computed again, and the rest is left there.
+    limit_s : float, s
+        The search ends after this time, too, with what was found until then.
     runs : CutRuns, optional
         Computes cuts in place of ``workers`` and ``store``.
 
     Returns
     -------
     Discovery
+        The verdict, the causes, and the test to do next.
 
     Raises
     ------
@@ -182,6 +209,23 @@ def discover(
         If a name of the campaign cannot be fitted.
     ComputationFailed
         If the baseline cannot be computed.
+
+    Examples
+    --------
+    >>> import cutbench
+    >>> import numpy as np
+    >>> from cutbench.data import Experiment, FitPlan, Repetition, start_case
+    >>> rng, stretch = np.random.default_rng(0), np.linspace(1.02, 1.5, 12)
+    >>> stress = 0.01 * (stretch - stretch**-2) * (1 + 2 * (stretch - 1) ** 2)  # MPa; it stiffens
+    >>> def specimen(name):
+    ...     return Repetition(stretch, stress * (1 + 0.01 * rng.standard_normal()), name=name)
+    >>> pulled = Experiment("pulled", "uniaxial", tuple(map(specimen, "abc")))
+    >>> laws, soft = ["neo_hookean", "volumetric"], {"G": "20 kPa", "nu": 0.499}
+    >>> base, _ = start_case(None, baseline=laws, kinds=["uniaxial"], parameters=soft)
+    >>> plan = FitPlan(free=("G",))
+    >>> campaign = cutbench.Campaign("Pulled", base, (pulled,), candidates=("gent",), plan=plan)
+    >>> cutbench.discover(campaign, workers=0).names
+    ('gent',)
     """
     began, due, campaign = time.perf_counter(), time.monotonic() + limit_s, baseline_of(campaign)
     known = _SearchState()

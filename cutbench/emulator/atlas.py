@@ -65,7 +65,7 @@ CURVES, MEASURES_WITH_PROCESS = ("onset", "before", "after"), ("peak", "drop", "
 
 
 class NotInAtlas(BadInput):
-    """A case that lies outside the atlas' box, or whose model has none."""
+    """This error says that a case lies outside the ranges of an atlas, or that its model has none."""
 
 
 @dataclass(frozen=True)
@@ -84,24 +84,43 @@ class Interval:
 
 @dataclass(frozen=True, repr=False)
 class Estimate(Displayed):
-    """What the atlas says of a case.
+    """An estimate says what a run of a case would give, interpolated between earlier runs.
 
     Attributes
     ----------
     case : Case
         The case.
-    x_mm : ndarray, shape (k,)
-        Travel of the blade, mm.
-    force_N, low_N, high_N : ndarray, shape (k,)
-        Force, and the ends of its 90 % interval, N.
-    onset_mm, peak_N, drop, steady_N : Interval
-        As ``cutbench.run.measures`` has them.
-    chances : mapping
-        Of ``abrupt``, ``smooth`` and ``uncut``, in sum 1.
-    work : mapping
-        By mechanism, the part (k,) that it took of the blade's work until then.
+    x_mm : ndarray, shape (k,), mm
+        Travel of the blade.
+    force_N : ndarray, shape (k,), N
+        Force on the blade.
+    low_N : ndarray, shape (k,), N
+        The low end of its 90 % interval.
+    high_N : ndarray, shape (k,), N
+        The high end.
+    onset_mm : Interval, mm
+        Travel at which the cut begins, as ``cutbench.run.measures`` has it and all that follow.
+    peak_N : Interval, N
+        The first prominent force maximum.
+    drop : Interval
+        The relative fall of the force at the transition.
+    steady_N : Interval, N
+        The force of steady cutting.
+    chances : mapping of str to float
+        Probabilities of ``abrupt``, ``smooth`` and ``uncut``, in sum 1.
+    work : mapping of str to ndarray, shape (k,)
+        By mechanism, the part that it took of the blade's work until then.
     nearest : tuple of (float, mapping)
         Groups of the nearest runs, with their distances in lengths along which the onset changes.
+
+    Examples
+    --------
+    >>> import cutbench
+    >>> found = cutbench.estimate("gelatin")
+    >>> found.verdict, found.chance > 0.5
+    ('abrupt', True)
+    >>> found.onset_mm.low < found.onset_mm.value < found.onset_mm.high
+    True
     """
 
     display_module: ClassVar[str] = "cutbench.emulator.display"
@@ -130,7 +149,13 @@ class Estimate(Displayed):
         return self.chances[self.verdict]
 
     def sentence(self) -> str:
-        """The verdict in words."""
+        """Say the verdict in words.
+
+        Returns
+        -------
+        str
+            One sentence without a full stop.
+        """
         chance = "as good as sure" if self.chance > 0.99 else f"{100 * self.chance:.0f} % likely"
         if self.verdict == UNCUT:
             return f"uncut, {chance}: the cut does not begin within {self.x_mm[-1]:.3g} mm"
@@ -138,7 +163,13 @@ class Estimate(Displayed):
         return f"{self.verdict}, {chance}: {begins}, the force falls by {self.drop:.2f}"
 
     def lines(self) -> list[tuple[str, str]]:
-        """What there is to say, each under its name: the verdict first."""
+        """Say all there is to say, each under its name, the verdict first.
+
+        Returns
+        -------
+        list of (str, str)
+            Name and text.
+        """
         found = [("verdict", self.sentence())]
         for name, unit in MEASURES.items():
             found.append((name.removesuffix(f"_{unit}"), f"{getattr(self, name):.3g} {unit}".strip()))
@@ -169,26 +200,26 @@ class Measures:
 
 
 class Atlas:
-    """Runs of one design space, and what lies between them.
+    """An atlas holds runs over ranges of dimensionless groups, and says what lies between them.
 
     Parameters
     ----------
     space : DesignSpace
-        The ranges of its groups.
+        The ranges of its d dimensionless groups.
     groups : ndarray, shape (n, d)
         Values of its groups.
     courses : sequence of Course
-        The runs, in units of half the blade's thickness and of a force.
-    measured : mapping
-        ``peak``, ``drop`` and ``steady`` (n,) of the runs, nan where they have none, in the same units.
-    cumulative_work : mapping
+        The n runs, in units of half the blade's thickness and of a force.
+    measured : mapping of str to ndarray, shape (n,)
+        ``peak``, ``drop`` and ``steady`` of the runs, nan where they have none, in the same units.
+    cumulative_work : mapping of str to sequence of ndarray, optional
         By mechanism, the work (n arrays) that it took up at the travels of each run.
-    kernels : mapping
+    kernels : mapping of str to (Kernel or None), optional
         Of its processes, as ``kernels`` of an earlier one says; the likeliest unless given, which takes a
         while.
-    wider : mapping
+    wider : mapping of str to float, optional
         By measure, by what intervals are wider than the processes say, as runs that were left out showed.
-    about : mapping
+    about : mapping, optional
         Where it comes from.
     """
 
@@ -219,13 +250,26 @@ class Atlas:
 
     @property
     def kernels(self) -> dict[str, Kernel | None]:
-        """Of all processes."""
+        """The kernels of all processes, by name."""
         of_curves = dict(zip(CURVES, self.curves.kernels, strict=True))
         return of_curves | {name: made.kernel for name, made in self._own.items()}
 
     @classmethod
     def read(cls, file: Any, space: DesignSpace = BLUNT_BLADES) -> Atlas:
-        """Out of a file that ``write`` made."""
+        """Read an atlas from a file that ``write`` made.
+
+        Parameters
+        ----------
+        file : path or file
+            What ``numpy.load`` takes.
+        space : DesignSpace
+            The ranges of its groups.
+
+        Returns
+        -------
+        Atlas
+            Ready to be asked.
+        """
         with np.load(file) as data:
             about = json.loads(str(data["about"]))
             ends = np.cumsum(data["sizes"])[:-1]
@@ -240,7 +284,15 @@ class Atlas:
             return cls(space, groups, courses, measured, cumulative_work, kernels, about["wider"], about)
 
     def write(self, file: Path, about: Mapping[str, Any]) -> None:
-        """Into a file."""
+        """Write the atlas into a file.
+
+        Parameters
+        ----------
+        file : Path
+            The file, an npz archive.
+        about : mapping of str to Any
+            Where it comes from, as plain data.
+        """
         kernels = {n: k and {"lengths": k.lengths, "nugget": k.nugget} for n, k in self.kernels.items()}
         record = {**about, "works": [*self.cumulative_work], "kernels": kernels, "wider": {**self.wider}}
         arrays = {
@@ -287,7 +339,23 @@ class Atlas:
         return toughness + g["adhesion"] * g["cohesion"] * (start + np.maximum(end, start)) / 2
 
     def values(self, case: Case) -> list[float]:
-        """Values of the groups of a case. Raises NotInAtlas, which says what lies outside."""
+        """Compute the values of the groups of a case.
+
+        Parameters
+        ----------
+        case : Case
+            The case.
+
+        Returns
+        -------
+        list of float
+            The d values, in the order of the design space.
+
+        Raises
+        ------
+        NotInAtlas
+            Where the case lies outside; it says which group does.
+        """
         found = values_of(self.space, case)
         for side, value in zip(self.space.ranges, found, strict=True):
             if not side.low * (1 - 1e-6) <= value <= side.high * (1 + 1e-6):
@@ -297,7 +365,20 @@ class Atlas:
 
     # -- what it says ---------------------------------------------------------------------------------
     def measures(self, groups: np.ndarray, depths: np.ndarray) -> Measures:
-        """Measures of runs with values (p, d) of the groups to depths (p,), in halves of the thickness."""
+        """Estimate the measures of runs that were not computed.
+
+        Parameters
+        ----------
+        groups : ndarray, shape (p, d)
+            Values of the groups of p runs.
+        depths : ndarray, shape (p,)
+            Their depths, in halves of the thickness.
+
+        Returns
+        -------
+        Measures
+            Means and standard deviations, in the atlas' units.
+        """
         places = self._coordinates(groups)
         onset = np.stack(self.curves.log_onset(places), axis=1)
         onset[:, 1] *= self.wider.get("onset", 1.0)
@@ -314,7 +395,17 @@ class Atlas:
         return Measures(**found)
 
     def estimate(self, case: Case) -> Estimate:
-        """What a run of a case would give.
+        """Estimate what a run of a case would give.
+
+        Parameters
+        ----------
+        case : Case
+            The case.
+
+        Returns
+        -------
+        Estimate
+            Force, measures and regime, with their intervals.
 
         Raises
         ------
@@ -343,8 +434,20 @@ class Atlas:
         )  # fmt: skip
 
     def band(self, groups: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Low end, middle and high end (3, k) of the forces at travels (k,) of runs with values (1, d) of the
-        groups."""
+        """Compute the middle and the 90 % interval of the force along the travel.
+
+        Parameters
+        ----------
+        groups : ndarray, shape (1, d)
+            Values of the groups.
+        x : ndarray, shape (k,)
+            Travels, in halves of the thickness.
+
+        Returns
+        -------
+        ndarray, shape (3, k)
+            Low end, middle and high end, in the atlas' unit of force.
+        """
 
         def normal(part: int, r: int) -> np.ndarray:
             half = np.random.default_rng(part).standard_normal((DRAWS // 2, r))
@@ -428,12 +531,20 @@ def values_of(space: DesignSpace, case: Case) -> list[float]:
 
 @cache
 def shipped() -> Atlas:
-    """The atlas that the package brings along: of blunt blades."""
+    """Return the atlas that the package brings along: of blunt blades.
+
+    Returns
+    -------
+    Atlas
+        It is read once.
+    """
     return Atlas.read(files("cutbench.emulator") / "blunt.npz")
 
 
 def estimate(source: Case | str | Path) -> Estimate:
-    """What a run would give, from the atlas, at once.
+    """Estimate what a run would give from an atlas of earlier runs, without computing it.
+
+    The atlas comes with the package; its runs are of the default model with blunt blades.
 
     Parameters
     ----------
@@ -443,11 +554,19 @@ def estimate(source: Case | str | Path) -> Estimate:
     Returns
     -------
     Estimate
+        Force, measures and regime, with their intervals.
 
     Raises
     ------
     NotInAtlas
         If the atlas does not say.
+
+    Examples
+    --------
+    >>> import cutbench
+    >>> found = cutbench.estimate(cutbench.load_case("gelatin").set(eta_reg="10 s"))
+    >>> found.verdict
+    'smooth'
     """
     case = source if isinstance(source, Case) else load_case(source)
     return shipped().estimate(case)

@@ -23,13 +23,24 @@ TRAVEL_POINTS = 80
 
 
 class OutOfRange(Exception):
-    """A cut is asked for that lies too far from all that are known."""
+    """This error says that a cut was asked for that lies too far from all that are known."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """A computed cut: its case, travel ``x`` (n,) in mm, ``force`` (n,) in N, and where its cut begins. Of a
-    blade that holds or returns, ``x`` is the time times its speed."""
+    """A run of the database is a computed cut: its case and its force.
+
+    Attributes
+    ----------
+    case : Case
+        What was computed.
+    x : ndarray, shape (n,), mm
+        Blade travel; of a blade that holds or returns, the time times its speed.
+    force : ndarray, shape (n,), N
+        Force on the blade.
+    onset_mm : float, mm
+        Where the cut begins; nan where it does not.
+    """
 
     case: Case
     x: np.ndarray
@@ -39,13 +50,19 @@ class Run:
 
 @dataclass
 class RunDatabase:
-    """All cuts that are known, in whatever order they were computed."""
+    """A database holds all cuts that are known, in whatever order they were computed.
+
+    Attributes
+    ----------
+    runs : list of Run
+        The cuts.
+    """
 
     runs: list[Run] = field(default_factory=list)
     _curves: dict[tuple, AlignedCurves] = field(default_factory=dict)
 
     def add(self, case: Case, course: np.ndarray, onset_mm: float = math.nan) -> None:
-        """Take up a run.
+        """Take up a run, where its case has units and its curve more than one point.
 
         Parameters
         ----------
@@ -53,7 +70,7 @@ class RunDatabase:
             What was computed.
         course : ndarray, shape (3, n)
             Travel in mm, force in N and time in s.
-        onset_mm : float
+        onset_mm : float, mm
             Where the cut begins; nan where it does not.
         """
         if course.shape[1] > 1 and Groups.of(case) is not None:
@@ -62,7 +79,7 @@ class RunDatabase:
             self.runs.append(Run(case, x, course[1], math.nan if case.motion else onset_mm))
 
     def emulator(self, cases: Sequence[Case], free: Collection[str]) -> CutEmulator | None:
-        """What cuts like ``cases`` give with any values of the parameters that are ``free``.
+        """Make an emulator of cuts like given ones, with any values of some parameters.
 
         Parameters
         ----------
@@ -83,8 +100,21 @@ class RunDatabase:
 
 
 class CutEmulator:
-    """Forces of cuts that were not computed, from those that were; see ``RunDatabase.emulator``. Models that
-    differ in what is no part of a cut have the same ``curves``.
+    """An emulator predicts the forces of cuts that were not computed, from those that were.
+
+    ``RunDatabase.emulator`` makes one. Models that differ in what is no part of a cut have the same
+    ``curves``.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+        The cuts that are known.
+    cases : sequence of Case
+        One of each test that will be asked for: of the same model, with its speed, depth, sizes and blade.
+    free : collection of str
+        Parameters whose values will differ from those of the cases.
+    curves : dict, optional
+        Curves that earlier emulators were made of, by what they depend on; taken from here, and added to.
 
     Raises
     ------
@@ -185,26 +215,36 @@ class CutEmulator:
 
     @property
     def count(self) -> int:
-        """How many runs it knows."""
+        """The number of runs that it knows."""
         return len(self.curves.courses)
 
     def travel(self, values: Mapping[str, float]) -> np.ndarray:
-        """Travels (k,) in mm at which the forces of a cut with ``values`` are said; of a blade that holds or
-        returns, times times its speed."""
-        return self.x * self.groups.length(values)
-
-    def forces(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:
-        """Forces of cuts.
+        """Return the travels at which the forces of a cut are predicted.
 
         Parameters
         ----------
-        each : sequence of mapping
-            Of p cuts all values, internal units.
+        values : mapping of str to float
+            All values of the cut, internal units.
+
+        Returns
+        -------
+        ndarray, shape (k,)
+            Travels, mm; of a blade that holds or returns, times times its speed.
+        """
+        return self.x * self.groups.length(values)
+
+    def forces(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:
+        """Predict the forces of cuts, which are smooth in the values.
+
+        Parameters
+        ----------
+        each : sequence of mapping of str to float
+            All values of p cuts, internal units.
 
         Returns
         -------
         ndarray, shape (p, k)
-            N, at ``travel``; smooth in the values.
+            Forces at ``travel``, N.
 
         Raises
         ------
@@ -214,15 +254,50 @@ class CutEmulator:
         return self.curves.mean(self._places(each)) * self._units(each)[:, None]
 
     def computed(self, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray] | None:
-        """Travel (n,) in mm and force (n,) in N of the run with these values; None if there is none."""
+        """Return the computed run with these values, where there is one.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            All values of the cut, internal units.
+
+        Returns
+        -------
+        tuple of (ndarray, ndarray), shape (n,), or None
+            Travel in mm and force in N; None if there is none.
+
+        Raises
+        ------
+        OutOfRange
+            If it lies too far from all that are known.
+        """
         found = self.curves.computed(self._places([values])[0])
         if found is None:
             return None
         return found.x * self.groups.length(values), found.force * self._units([values])[0]
 
     def slopes(self, values: Mapping[str, float], names: Sequence[str]) -> np.ndarray:
-        """Derivatives (k, len(names)) of the forces by parameters, internal units: differences over a step
-        that is short beside the distance of runs."""
+        """Compute derivatives of the predicted forces by parameters.
+
+        They are differences over a step that is short beside the distance of runs.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            All values of the cut, internal units.
+        names : sequence of str
+            The parameters to differentiate by.
+
+        Returns
+        -------
+        ndarray, shape (k, len(names))
+            Derivatives at ``travel``, N per internal unit.
+
+        Raises
+        ------
+        OutOfRange
+            If it lies too far from all that are known.
+        """
         known, moved, changes = self.model.parameters(), [], []
         for name in names:
             q = known[name]
@@ -236,13 +311,48 @@ class CutEmulator:
         return ((forces[1::2] - forces[::2]) / np.array(changes)[:, None]).T
 
     def root(self, values: Mapping[str, float], runs: bool = True) -> np.ndarray:
-        """Root (k, r), in N, of the covariance of what a run with these values would have and is not said; of
-        the smooth part alone without ``runs``."""
+        """Compute a root of the covariance of the error of predicted forces.
+
+        The error is what a run would have and is not predicted.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            All values of the cut, internal units.
+        runs : bool
+            Whether what differs from run to run is part of it; if not, it is that of the smooth part alone.
+
+        Returns
+        -------
+        ndarray, shape (k, r)
+            The root R of the covariance R Rᵀ of forces at ``travel``, N.
+
+        Raises
+        ------
+        OutOfRange
+            If it lies too far from all that are known.
+        """
         place = self._places([values])[0]
         return self.curves.root(place, runs) * self._units([values])[0]
 
     def onset_mm(self, values: Mapping[str, float]) -> float:
-        """Where the cut begins; beyond the depth where it does not."""
+        """Predict where the cut begins.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            All values of the cut, internal units.
+
+        Returns
+        -------
+        float
+            Travel, mm; beyond the depth where it does not begin.
+
+        Raises
+        ------
+        OutOfRange
+            If it lies too far from all that are known.
+        """
         return float(self.curves.onset(self._places([values]))[0] * self.groups.length(values))
 
     def _places(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:

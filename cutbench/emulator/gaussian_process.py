@@ -59,36 +59,59 @@ _WIDE, _NUGGETS = math.exp(4.0), (1e-6, 0.3)
 
 @dataclass(frozen=True)
 class Kernel:
-    """Matérn's 5/2 correlation. ``lengths``: by coordinate; ``nugget``: relative variance of what differs
-    from run to run."""
+    """A kernel is Matérn's correlation of order 5/2, with a nugget.
+
+    Attributes
+    ----------
+    lengths : tuple of float
+        Lengths over which values change, a coordinate each.
+    nugget : float
+        Relative variance of what differs from run to run.
+    """
 
     lengths: tuple[float, ...]
     nugget: float
 
     def correlation(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """Of the smooth part.
+        """Compute the correlation of the smooth part between places.
 
         Parameters
         ----------
-        a, b : ndarray, shape (n, d), (m, d)
+        a : ndarray, shape (n, d)
+            Places.
+        b : ndarray, shape (m, d)
             Places.
 
         Returns
         -------
         ndarray, shape (n, m)
+            1 at distance 0.
         """
         r = _ROOT5 * self.distances(a, b)
         return (1 + r + r**2 / 3) * np.exp(-r)
 
     def distances(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """Distances (n, m) in lengths."""
+        """Compute the distances between places, in lengths.
+
+        Parameters
+        ----------
+        a : ndarray, shape (n, d)
+            Places.
+        b : ndarray, shape (m, d)
+            Places.
+
+        Returns
+        -------
+        ndarray, shape (n, m)
+            Distances.
+        """
         a, b = a / np.array(self.lengths), b / np.array(self.lengths)
         square = (a**2).sum(1)[:, None] + (b**2).sum(1) - 2 * a @ b.T
         return np.sqrt(np.maximum(square, 0.0))
 
 
 class GaussianProcess:
-    """The process given values at places.
+    """A Gaussian process predicts values at any place, given those at some.
 
     Parameters
     ----------
@@ -137,7 +160,18 @@ class GaussianProcess:
 
     # -- what it says -------------------------------------------------------------------------------
     def mean(self, at: np.ndarray) -> np.ndarray:
-        """Expected values (p,) or (p, m) at places (p, d), without what differs from run to run."""
+        """Predict values, without what differs from run to run.
+
+        Parameters
+        ----------
+        at : ndarray, shape (p, d)
+            Places.
+
+        Returns
+        -------
+        ndarray, shape (p,) or (p, m)
+            Values, or curves.
+        """
         parts = []
         for part in _chunks(np.atleast_2d(at)):
             near = self.kernel.correlation(part, self.X)
@@ -145,8 +179,20 @@ class GaussianProcess:
         return np.concatenate(parts).reshape(-1, *self.Y.shape[1:])
 
     def spread(self, at: np.ndarray, runs: bool = False) -> np.ndarray:
-        """Standard deviations (p,) at places (p, d): of a single value in its unit, of a curve relative to
-        ``curve_root``. Of the smooth part, or of what ``runs`` there would give."""
+        """Compute the standard deviations of predicted values.
+
+        Parameters
+        ----------
+        at : ndarray, shape (p, d)
+            Places.
+        runs : bool
+            Whether they are of what runs there would give; if not, they are of the smooth part.
+
+        Returns
+        -------
+        ndarray, shape (p,)
+            Of a single value in its unit, of a curve relative to ``curve_root``.
+        """
         found = []
         for part in _chunks(np.atleast_2d(at)):
             V = self.influence(part)
@@ -156,19 +202,19 @@ class GaussianProcess:
 
     @property
     def size(self) -> float:
-        """Standard deviation of values about the trend; of a curve's in the root mean square."""
+        """The standard deviation of values about the trend; of a curve's in the root mean square."""
         return self._fit.size
 
     @cached_property
     def curve_root(self) -> np.ndarray:
-        """Root (m, k) of the covariance among the values of a curve, far from all places."""
+        """The root (m, k) of the covariance among the values of a curve, far from all places."""
         found, vectors = np.linalg.eigh(self._fit.between)
         kept = found > max(1e-4 * found[-1], 0.0)
         return vectors[:, kept] * np.sqrt(found[kept])
 
     @property
     def weights(self) -> np.ndarray:
-        """Of the places (n, m): what each adds to a mean, by its correlation."""
+        """The weights (n, m) of the places: what each adds to a mean, by its correlation."""
         return self._fit.weights
 
     @property
@@ -178,8 +224,20 @@ class GaussianProcess:
         return np.concatenate([at_middle - self._middle @ slopes, slopes])
 
     def influence(self, at: np.ndarray) -> np.ndarray:
-        """L⁻¹ c (n, p) of the correlation c with places (p, d): inner products of its columns are what the
-        data take off the correlation of these."""
+        """Compute the whitened correlation L⁻¹ c of the data with places.
+
+        Inner products of its columns are what the data take off the correlation of these.
+
+        Parameters
+        ----------
+        at : ndarray, shape (p, d)
+            Places.
+
+        Returns
+        -------
+        ndarray, shape (n, p)
+            A column for each place.
+        """
         return self._fit.whitened(self.kernel.correlation(np.atleast_2d(at), self.X).T)
 
     def _basis(self, at: np.ndarray) -> np.ndarray:

@@ -21,13 +21,15 @@ from cutbench.case.model import Model
 
 @dataclass(frozen=True)
 class Groups:
-    """The units of a model's cuts.
+    """Groups make the values of a model's cuts dimensionless.
+
+    The units are a modulus, half the blade's thickness, and the blade's speed.
 
     Attributes
     ----------
     modulus : str
         The parameter, in MPa, that is the unit of stress.
-    powers : mapping
+    powers : mapping of str to (float, float, float)
         By parameter that a cut depends on: its powers of force, length and time.
     plane : bool
         Whether forces are in proportion to the length along the blade.
@@ -39,7 +41,18 @@ class Groups:
 
     @classmethod
     def of(cls, case: Case) -> Groups | None:
-        """Of a case's model; None where no modulus, thickness or speed sets the units."""
+        """Make the groups of a case's model.
+
+        Parameters
+        ----------
+        case : Case
+            The case.
+
+        Returns
+        -------
+        Groups or None
+            None where no modulus, thickness or speed sets the units.
+        """
         powers, values = _powers(case.mechanisms), case.values
         stress = [n for n, (force, length, time) in powers.items() if (force, length, time) == (1, -2, 0)]
         modulus = next((n for n in stress if values[n] > 0), None)
@@ -49,7 +62,18 @@ class Groups:
         return cls(modulus, {n: p for n, p in powers.items() if not (plane and n == "length")}, plane)
 
     def reduced(self, values: Mapping[str, float]) -> dict[str, float]:
-        """All parameters that a cut depends on, in these units."""
+        """Compute all parameters that a cut depends on, in these units.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            All values of the cut, internal units.
+
+        Returns
+        -------
+        dict of str to float
+            Numbers without a unit, by parameter.
+        """
         stress, length = values[self.modulus], self.length(values)
         time = length / values["speed"]
         return {
@@ -58,11 +82,34 @@ class Groups:
         }
 
     def length(self, values: Mapping[str, float]) -> float:
-        """Half the blade's thickness, mm."""
+        """Return the unit of length, half the blade's thickness.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            All values of the cut, internal units.
+
+        Returns
+        -------
+        float
+            The length, mm.
+        """
         return values["thickness"] / 2
 
     def force(self, values: Mapping[str, float]) -> float:
-        """The unit of force, N."""
+        """Return the unit of force.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            All values of the cut, internal units.
+
+        Returns
+        -------
+        float
+            The force, N: modulus times half the blade's thickness times the length along the blade, or times
+            half the thickness again in three dimensions.
+        """
         along = values["length"] if self.plane else self.length(values)
         return values[self.modulus] * self.length(values) * along
 

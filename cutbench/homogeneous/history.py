@@ -16,11 +16,21 @@ SLOW = 1e9
 
 @dataclass(frozen=True)
 class LoadingHistory:
-    """Abscissa ``x`` (n,) and duration ``dt`` (n,) in s of the way to each from the one before.
+    """A loading history says how a test moves from reading to reading, and how long each way takes.
 
     The first way starts at ``rest``; between two readings the abscissa moves at a constant rate.
-    ``pressure_MPa`` (n,) of a sliding test. Of stretches and openings ``x`` may be (n, m) and complex, for m
-    answers at once.
+
+    Attributes
+    ----------
+    x : ndarray, shape (n,) or (n, m)
+        Abscissa at each of n readings: stretch (1), slip or opening (mm). Of stretches and openings it may be
+        (n, m) and complex, for m answers at once.
+    dt : ndarray, shape (n,), s
+        Duration of the way to each reading from the one before.
+    rest : float
+        The abscissa of the undeformed specimen.
+    pressure_MPa : ndarray, shape (n,), MPa
+        Contact pressure of a sliding test.
     """
 
     x: np.ndarray
@@ -30,7 +40,22 @@ class LoadingHistory:
 
     @classmethod
     def of(cls, experiment: Experiment, at: Averaged) -> LoadingHistory:
-        """The history of a test on its grid. Without times every step is slow."""
+        """Make the history of a test on its grid.
+
+        Without times every step is slow.
+
+        Parameters
+        ----------
+        experiment : Experiment
+            The test.
+        at : Averaged
+            The grid, from ``experiment.on_grid``.
+
+        Returns
+        -------
+        LoadingHistory
+            A reading for each value of the grid.
+        """
         pressure = experiment.pressure_MPa if at.pressure_MPa is None else at.pressure_MPa
         return cls.along(at.x, at.time_s, experiment.rest, pressure)
 
@@ -42,8 +67,26 @@ class LoadingHistory:
         rest: float = 0.0,
         pressure_MPa: float | np.ndarray = 0.0,
     ) -> LoadingHistory:
-        """From abscissas and times (n,). The clock's zero does not matter: the first reading is reached
-        at the rate from there to the next."""
+        """Make a history from abscissas and times.
+
+        The clock's zero does not matter: the first reading is reached at the rate from there to the next.
+
+        Parameters
+        ----------
+        x : ndarray, shape (n,)
+            Stretch (1), slip or opening (mm) at each reading.
+        time_s : ndarray, shape (n,), s, optional
+            Times of the readings; without any every step is slow.
+        rest : float
+            The abscissa of the undeformed specimen.
+        pressure_MPa : float or ndarray, shape (n,), MPa
+            Contact pressure of a sliding test.
+
+        Returns
+        -------
+        LoadingHistory
+            The way to each reading, and how long it takes.
+        """
         x = np.asarray(x, dtype=float)
         pressure = np.broadcast_to(np.asarray(pressure_MPa, dtype=float), x.shape)
         if time_s is None:
@@ -57,17 +100,31 @@ class LoadingHistory:
 
     @property
     def rate(self) -> np.ndarray:
-        """Speed (n,) in 1/s or mm/s at which each reading was reached; the first as the second where it
-        is at rest."""
+        """The speed (n,) in 1/s or mm/s at which each reading was reached.
+
+        The first is as the second where it is at rest.
+        """
         rate = np.abs(np.diff(np.append(self.rest, self.x))) / self.dt
         if self.x[0] == self.rest and rate.size > 1:
             rate[0] = rate[1]
         return rate
 
     def steps(self, largest: float, fewest: int, *, log: bool = False) -> Iterator[tuple[float, float, bool]]:
-        """Abscissa, duration and whether a reading is reached, in steps of at most ``largest``.
+        """Divide the history into steps that are short enough to integrate over.
 
-        ``fewest`` steps to each reading; ``log``: the size is that of the logarithm.
+        Parameters
+        ----------
+        largest : float
+            Largest step of the abscissa.
+        fewest : int
+            Fewest steps to each reading.
+        log : bool
+            Whether the size of a step is that of the logarithm.
+
+        Returns
+        -------
+        iterator of (float or ndarray, float, bool)
+            Abscissa, duration in s, and whether a reading is reached.
         """
         before = self.rest
         for x, dt in zip(self.x, self.dt, strict=True):

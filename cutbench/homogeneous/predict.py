@@ -22,11 +22,30 @@ from cutbench.mechanisms.base import STEP
 def predict(
     experiment: Experiment, model: Model, p: SimpleNamespace, at: Averaged | None = None
 ) -> np.ndarray:
-    """Readings (n,) in ``experiment.y_unit`` that ``model`` with ``p`` (internal units) gives.
+    """Predict the readings of a test without a mesh.
 
-    ``at``: the grid (default: ``experiment.on_grid()``). ``p`` may be complex, see ``respond``. Raises
-    BadInput for a ``cut``, which a run computes (``run_case(campaign.case(experiment))``), and
-    ComputationFailed where the model has no answer.
+    Parameters
+    ----------
+    experiment : Experiment
+        The test, of any kind but ``cut``, which a run computes (``run_case(campaign.case(experiment))``).
+    model : Model
+        The laws.
+    p : SimpleNamespace
+        The parameters by attribute, internal units. They may be complex, see ``respond``.
+    at : Averaged, optional
+        The grid; ``experiment.on_grid()`` unless given.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Readings on the grid, in ``experiment.y_unit``.
+
+    Raises
+    ------
+    BadInput
+        For a ``cut``.
+    ComputationFailed
+        Where the model has no answer.
     """
     return _read(experiment, model, p, at or experiment.on_grid(), 1)[:, 0]
 
@@ -34,10 +53,33 @@ def predict(
 def respond(
     kind: str, history: LoadingHistory, model: Model, p: SimpleNamespace, *, direction: str = "opening"
 ) -> np.ndarray:
-    """Stress or traction (n,) in MPa along ``history``.
+    """Compute the stress or traction along a loading history.
 
-    Complex if ``p`` has complex values: with p.G = G + 1e-30j the imaginary part over 1e-30 is the
+    It is complex if ``p`` has complex values: with p.G = G + 1e-30j the imaginary part over 1e-30 is the
     exact derivative by G. What the testing machine does is no part of it.
+
+    Parameters
+    ----------
+    kind : str
+        Kind of the test: ``uniaxial``, ``equibiaxial``, ``pure_shear``, ``sliding`` or ``separation``.
+    history : LoadingHistory
+        How the test moves.
+    model : Model
+        The laws.
+    p : SimpleNamespace
+        The parameters by attribute, internal units.
+    direction : str
+        ``opening`` or ``sliding`` of a separation test.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Nominal stress or traction, MPa.
+
+    Raises
+    ------
+    BadInput
+        For another kind.
     """
     return _respond(kind, history, model, p, direction, 1)[:, 0]
 
@@ -49,9 +91,34 @@ def slopes(
     names: Sequence[str],
     at: Averaged | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Readings (n,) and their exact derivatives (n, len(names)) by parameters in internal units.
+    """Predict the readings of a test, and their exact derivatives by parameters.
 
-    All derivatives come from one pass along the history. Raises BadInput for a name not in ``p``.
+    All derivatives come from one pass along the history.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        The test, of any kind but ``cut``.
+    model : Model
+        The laws.
+    p : SimpleNamespace
+        The parameters by attribute, internal units.
+    names : sequence of str
+        The k parameters to differentiate by.
+    at : Averaged, optional
+        The grid; ``experiment.on_grid()`` unless given.
+
+    Returns
+    -------
+    readings : ndarray, shape (n,)
+        In ``experiment.y_unit``.
+    derivatives : ndarray, shape (n, k)
+        In that unit per internal unit of the parameter.
+
+    Raises
+    ------
+    BadInput
+        For a name that is not in ``p``, or a ``cut``.
     """
     at = at or experiment.on_grid()
     for name in names:
@@ -71,9 +138,29 @@ def scan(
     sets: Sequence[Mapping[str, float]],
     at: Averaged | None = None,
 ) -> np.ndarray:
-    """Exact derivatives (len(sets), n, len(names)) by ``names`` with the values of each of ``sets`` in ``p``.
+    """Compute exact derivatives of the readings of a test at several sets of values.
 
     All of them come from one pass along the history where the model has a memory.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        The test, of any kind but ``cut``.
+    model : Model
+        The laws.
+    p : SimpleNamespace
+        The parameters by attribute, internal units.
+    names : sequence of str
+        The k parameters to differentiate by.
+    sets : sequence of mapping of str to float
+        Values, internal units, each set in place of those in ``p``; s sets.
+    at : Averaged, optional
+        The grid; ``experiment.on_grid()`` unless given.
+
+    Returns
+    -------
+    ndarray, shape (s, n, k)
+        In ``experiment.y_unit`` per internal unit of the parameter.
     """
     at = at or experiment.on_grid()
     out = _complex_stepped(experiment, model, p, [(values, name) for values in sets for name in names], at)

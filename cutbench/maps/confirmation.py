@@ -170,12 +170,36 @@ def confirm(
     announce: Callable[[str], None] | None = None,
     limit_s: float = math.inf,
 ) -> list[Confirmed]:
-    """Run ``points`` as sections, as sections with their block's numerics and as blocks, and write
-    ``confirm.json`` after each; returns what was compared.
+    """Repeat points of a map in three dimensions, and compare.
 
-    ``run(case, folder)`` computes a case and leaves it there; what a folder already holds is not computed
-    again. ``announce`` has a sentence about each block's cost before it begins. Ends early, with what it has,
-    after a run that was interrupted before ``limit_s``; one that took so long is left unfinished.
+    Each point is run as a section, as a section with its block's numerics and as a block; ``confirm.json`` is
+    written after each. It ends early, with what it has, after a run that was interrupted before ``limit_s``;
+    one that took so long is left unfinished.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        The map.
+    points : sequence of MapPoint
+        The places to confirm.
+    folder : Path
+        Folder of ``confirm.json`` and of the runs.
+    run : callable
+        ``run(case, folder)`` computes a case and leaves it there; what a folder already holds is not computed
+        again.
+    source : str
+        Where the map comes from, for the record.
+    changes : mapping of str to object, optional
+        Changes of the blocks, as ``Case.set`` takes them.
+    announce : callable, optional
+        Called with a sentence about each block's cost before it begins.
+    limit_s : float, s
+        How long one run may take before ``run`` interrupts it.
+
+    Returns
+    -------
+    list of Confirmed
+        What was compared, a point each.
     """
     done: list[Confirmed] = []
     # All cases first: what does not fit is refused before hours of computing.

@@ -82,12 +82,29 @@ def build_map(
     rest: Mapping[str, str] | None = None,
     checks: RepeatedRuns | None = None,
 ) -> xr.Dataset:
-    """The map; ``rows`` by run id, as far as there are any.
+    """Put the runs of a study together into a map.
 
-    Dimensions are the study's axes, or ``point`` where the runs do not lie on a grid. ``ids`` are the
-    run ids by index (default: those of the study's grid), ``estimates`` what a search for the boundary
-    has found, by the indices of the levels, ``rest`` the run at rest of each run, by id, ``checks`` what was
-    repeated to see how far the line may be off: within that labels are undecided.
+    Dimensions are the study's axes, or ``point`` where the runs do not lie on a grid.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    rows : mapping of str to MapRow
+        What is known of the runs by their ids, as far as there are any.
+    ids : mapping of (tuple of int) to str, optional
+        The run ids by index; those of the study's grid unless given.
+    estimates : mapping of (tuple of int) to BoundaryEstimate, optional
+        What a search for the boundary has found, by the indices of the levels.
+    rest : mapping of str to str, optional
+        The id of the run at rest of each run, by its id.
+    checks : RepeatedRuns, optional
+        What was repeated to see how far the line may be off: within that labels are undecided.
+
+    Returns
+    -------
+    xarray.Dataset
+        The map, as ``map.nc`` has it; units in the attributes.
     """
     dims = [axis.name for axis in study.axes] if study.on_grid else ["point"]
     table_ids = np.full(study.shape, "", dtype=object)
@@ -237,7 +254,44 @@ def _boundary_variables(
 
 
 def load_map(path: str | os.PathLike[str]) -> xr.Dataset:
-    """A map from ``map.nc``; BadInput if the file is not there or is none."""
+    """Read the map of a study from its file ``map.nc``.
+
+    Parameters
+    ----------
+    path : str or path
+        The file.
+
+    Returns
+    -------
+    xarray.Dataset
+        Labels, outcomes and measures of the runs over the study's axes, units in the attributes.
+
+    Raises
+    ------
+    BadInput
+        If the file is not there or is none.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import cutbench
+    >>> from cutbench.maps import build_map, save_map
+    >>> text = '''
+    ... title = "Toughness"
+    ... base = "gelatin"
+    ... [[axis]]
+    ... name = "cohesion"
+    ... values = [4.0, 8.0]
+    ... '''
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "study.toml"
+    ...     _ = file.write_text(text)
+    ...     save_map(build_map(cutbench.load_study(file), {}), file.parent)  # no run has ended yet
+    ...     data = cutbench.load_map(file.parent / "map.nc")
+    >>> data.attrs["title"], data["cohesion"].values.tolist()
+    ('Toughness', [4.0, 8.0])
+    """
     if not Path(path).is_file():
         sorts = ("run", "fit", "discovery", "band")
         there = [what for what in sorts if Path(path).with_name(f"{what}.json").is_file()]
@@ -307,7 +361,15 @@ def places_of(data: xr.Dataset) -> dict[str, np.ndarray]:
 
 
 def save_map(data: xr.Dataset, folder: Path) -> None:
-    """Write ``map.nc`` and ``map.csv`` into ``folder``, each whole or not at all."""
+    """Write ``map.nc`` and ``map.csv``, each whole or not at all.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        The map.
+    folder : Path
+        Where to; it must be there.
+    """
     # A map of runs that were sought is mostly empty.
     packed = {key: {"zlib": True} for key, v in data.variables.items() if v.ndim and v.dtype.kind in "fi"}
     with replacing(folder / "map.nc") as draft:

@@ -156,9 +156,24 @@ def margins_of(data: xr.Dataset) -> np.ndarray:
 
 
 def guide(data: xr.Dataset, material: str) -> Guide:
-    """Guide a material (a name or a case file) on a map.
+    """Find what would move a material across the boundary that a map has.
 
-    Raises BadInput if it has no place on the map or the map too few runs.
+    Parameters
+    ----------
+    data : xarray.Dataset
+        The map.
+    material : str
+        A known name, or a case file.
+
+    Returns
+    -------
+    Guide
+        Where the material is, and the changes that would move it across, soonest first.
+
+    Raises
+    ------
+    BadInput
+        If it has no place on the map, or the map too few runs.
     """
     case = load_case(material)
     axes = [axis_of(data, name) for name in axes_of(data)]

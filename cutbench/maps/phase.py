@@ -151,10 +151,26 @@ def draw_plane(ax: Axes, data: xr.Dataset) -> None:
 
 
 def save_phase(data: xr.Dataset, folder: str | Path, record: Path | None = None) -> list[Path]:
-    """Write ``phase.png`` and ``phase.svg`` into ``folder``; returns their paths.
+    """Draw the phase diagram of a map into ``phase.png`` and ``phase.svg``.
 
-    With the points of ``record``, default confirm/confirm.json in ``folder``. Raises BadInput if that is
-    no record.
+    Parameters
+    ----------
+    data : xarray.Dataset
+        The map.
+    folder : str or Path
+        Where to.
+    record : Path, optional
+        Points that were confirmed in three dimensions; confirm/confirm.json in ``folder`` unless given.
+
+    Returns
+    -------
+    list of Path
+        The pictures.
+
+    Raises
+    ------
+    BadInput
+        If ``record`` is no such record.
     """
     record = record or Path(folder) / FOLDER / RECORD
     figure = draw_phase(data, read_confirmed(record, data))

@@ -63,8 +63,51 @@ Startable = TypeVar("Startable", Case, Physics)
 
 @dataclass(frozen=True, repr=False)
 class Study:
-    """A validated study. ``grid`` are its cases (of a boundary's search none: they are asked for on the way);
-    ``samples`` their values by axis, where they do not lie on a grid."""
+    """A study says over which parameters cuts are computed for a map, and how the map is drawn.
+
+    It is checked when it is read.
+
+    Attributes
+    ----------
+    path : Path
+        The file that it was read from.
+    title : str
+        What it is called.
+    text : str
+        The text of the file.
+    base : Case
+        The case that its points differ from.
+    axes : tuple of Axis
+        What is varied.
+    grid : tuple of Case
+        Its cases; none where a boundary is sought, for which cases are asked for on the way.
+    regime : Regime
+        What tells smooth from abrupt.
+    plot : Plot
+        Which axes a picture shows, and which materials it marks.
+    mode : str
+        ``grid``, ``lhs`` (samples), ``one-at-a-time`` or ``boundary``.
+    samples : tuple of tuple of float
+        Values by axis, in the axes' units, where they do not lie on a grid.
+    search : Search or None
+        How a boundary is sought.
+    start : Case or None
+        The base before the study's changes.
+    changes : mapping of str to object
+        The study's changes, as ``Case.set`` takes them.
+    doubtful : Doubtful
+        How the uncertainty of the map is found.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import cutbench
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     examples = cutbench.copy_examples(folder + "/examples")
+    ...     study = cutbench.load_study(examples / "regimes.toml")
+    >>> [axis.name for axis in study.axes], study.shape, len(study.cases())
+    (['cohesion', 'viscosity', 'adhesion'], (3, 4, 3), 36)
+    """
 
     path: Path
     title: str
@@ -87,7 +130,7 @@ class Study:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Points along each axis; without a grid, the number of points."""
+        """The number of points along each axis; without a grid, the number of points."""
         return tuple(len(axis.values) for axis in self.axes) if self.on_grid else (len(self.grid),)
 
     @property
@@ -96,13 +139,25 @@ class Study:
         return self.mode in (GRID, BOUNDARY)
 
     def points(self) -> Iterator[tuple[tuple[int, ...], Case]]:
-        """All points that are known beforehand with their index, row by row."""
+        """Iterate over all points that are known beforehand, row by row.
+
+        Returns
+        -------
+        iterator of (tuple of int, Case)
+            The index of each point on the axes, and its case.
+        """
         if self.mode == BOUNDARY:
             return iter(())
         return zip(np.ndindex(self.shape), self.grid, strict=True)
 
     def cases(self) -> list[Case]:
-        """All of them, on a grid coarse to fine: any beginning is spread over the whole map."""
+        """Return all cases, on a grid coarse to fine: any beginning is spread over the whole map.
+
+        Returns
+        -------
+        list of Case
+            In the order in which they are run.
+        """
         return [self.grid[i] for i in self._order]
 
     @cached_property
@@ -110,11 +165,38 @@ class Study:
         return coarse_to_fine(self.shape) if self.mode == GRID else tuple(range(len(self.grid)))
 
     def case_at(self, values: Sequence[float]) -> Case:
-        """The case with these values of its axes. Raises BadInput if they do not fit one another."""
+        """Make the case at a place of the map.
+
+        Parameters
+        ----------
+        values : sequence of float
+            A value for each axis, in the axis' unit.
+
+        Returns
+        -------
+        Case
+            The study's case with these values.
+
+        Raises
+        ------
+        BadInput
+            If they do not fit one another.
+        """
         return case_at(self.start or self.base, self.changes, self.axes, values)
 
     def marks(self) -> tuple[Mark, ...]:
-        """The marked materials on the study's axes."""
+        """Return the marked materials on the study's axes.
+
+        Returns
+        -------
+        tuple of Mark
+            Names, places and cases.
+
+        Raises
+        ------
+        BadInput
+            For a material that is not there, or that this study cannot run.
+        """
         return self._marks
 
     @cached_property
@@ -165,7 +247,33 @@ def case_at(
 
 
 def load_study(path: str | Path) -> Study:
-    """The study in a TOML file; every error a person can make in it is a BadInput."""
+    """Read a study of a map from a TOML file.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    Study
+        Checked, with its cases.
+
+    Raises
+    ------
+    BadInput
+        For every error that a person can make in it, with file and line.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import cutbench
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     examples = cutbench.copy_examples(folder + "/examples")
+    ...     study = cutbench.load_study(examples / "boundary.toml")
+    >>> study.mode, study.base.name
+    ('boundary', 'gelatin')
+    """
     path = Path(path)
     table, text = _read(path)
     refuse_other(table, path, "axis")

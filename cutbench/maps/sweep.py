@@ -53,7 +53,27 @@ class Status:
 
 @dataclass(frozen=True)
 class Sweep:
-    """What a sweep leaves: the map, where it is, and whether it is whole."""
+    """A sweep is what running a study has left: its map, its folder, and whether it is whole.
+
+    Attributes
+    ----------
+    map : xarray.Dataset
+        As in ``map.nc``.
+    out : Path
+        The folder of the sweep.
+    status : Status
+        How many runs were asked for, have ended, fell short, and were in the store before.
+    interrupted : bool
+        Whether it was stopped before its end.
+    verdict : str
+        What a search for the boundary came to; empty where there was none.
+    seconds : float, s
+        Wall time.
+    workers : int
+        How many computed.
+    busy : float
+        Part of the workers' time that was spent in runs.
+    """
 
     map: xr.Dataset
     out: Path
@@ -71,12 +91,17 @@ class Sweep:
 
     @property
     def findings(self) -> Findings:
-        """Regimes and what fell short, counted."""
+        """The counts of regimes and of what fell short."""
         return findings(self.map)
 
     def words(self) -> list[str]:
-        """What there is to say of the map: its findings, the boundary that was sought, the classical
-        estimates."""
+        """Say what there is to say of the map.
+
+        Returns
+        -------
+        list of str
+            Its findings, the boundary that was sought, the classical estimates; a line each.
+        """
         found = []
         here = self.status.finished - self.status.reused
         if here and self.busy:
@@ -106,19 +131,71 @@ def run_study(
     picture_every_s: float = 60.0,
     pictures: bool = True,
 ) -> Sweep:
-    """Run what is missing of ``study`` on ``workers`` processes (default: one a core; 0: in this one).
+    """Compute the cuts of a study that are missing, and write its map and pictures.
 
-    Writes ``map.nc``, ``map.csv``, ``summary.txt``, ``phase.png`` and ``phase.svg`` into ``out``, first
-    after ``first_picture_s``, then every ``picture_every_s`` and at the end, then also ``map.html`` and
-    ``estimates.png``; runs go into ``store`` (default ``out/runs``). Without ``pictures`` there are none but
-    those of the page.
-    ``scheduler`` is the address of a Dask scheduler whose workers compute, or ``"local"``.
-    ``on_progress`` counts the runs asked for so far. Runs that fell short are not repeated unless
-    ``retry_failed``. Ctrl-C ends the sweep with what is done: the returned ``Sweep``
-    says ``interrupted``.
+    It writes ``map.nc``, ``map.csv``, ``summary.txt``, ``phase.png`` and ``phase.svg``, from time to time and
+    at the end, then also ``map.html`` and ``estimates.png``. Ctrl-C ends the sweep with what is done: the
+    returned ``Sweep`` says ``interrupted``.
 
-    ``run`` (a function that other processes can import) replaces ``cutbench.run.runner.run_case``.
-    Raises BadInput for a study that cannot be read or a folder that cannot be written.
+    Parameters
+    ----------
+    study : Study, str or path
+        The study, or its TOML file.
+    out : str or path
+        The folder of the map.
+    workers : int, optional
+        Processes that compute; one a core unless given, 0: this one.
+    on_progress : callable
+        Called as ``on_progress(done, total, text)`` with numbers of the runs asked for so far.
+    run : callable, optional
+        Replaces ``cutbench.run.runner.run_case``: takes a case and returns its result. Other processes must
+        be able to import it.
+    store : str or path, optional
+        Folder that keeps the runs; ``out/runs`` unless given.
+    retry_failed : bool
+        Whether runs that fell short are repeated.
+    scheduler : str, optional
+        Address of a Dask scheduler whose workers compute, or ``"local"``.
+    first_picture_s : float, s
+        When files are first written.
+    picture_every_s : float, s
+        How long it is from then to the next time.
+    pictures : bool
+        Whether there are pictures besides those of the page.
+
+    Returns
+    -------
+    Sweep
+        The map, and how the sweep ended.
+
+    Raises
+    ------
+    BadInput
+        For a study that cannot be read or a folder that cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import cutbench
+    >>> text = '''
+    ... base = "gelatin"
+    ... mechanisms = ["neo_hookean", "volumetric", "contact"]
+    ... [protocol]
+    ... depth = "0.1 mm"
+    ... [numerics]  # too coarse for use
+    ... h = "0.8 mm"
+    ... element = "P1"
+    ... [[axis]]
+    ... name = "G"
+    ... values = ["5 kPa", "10 kPa"]
+    ... '''
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "study.toml"
+    ...     _ = file.write_text(text)
+    ...     sweep = cutbench.run_study(file, Path(folder) / "map", workers=0, pictures=False)
+    >>> sweep.complete, sweep.findings.labels
+    (True, {'uncut': 2})
     """
     study = study if isinstance(study, Study) else load_study(Path(study))
     out = Path(out)

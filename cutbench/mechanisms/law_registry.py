@@ -48,15 +48,65 @@ def registry() -> dict[str, Mechanism]:
 
 
 def known_mechanisms() -> dict[str, Mechanism]:
-    """The known mechanisms by name, in the order of slots: a copy of the registry."""
+    """Return the known mechanisms by name: the laws that a model can be made of.
+
+    They stand in the order of slots, the parts of the problem that laws belong to.
+
+    Returns
+    -------
+    dict of str to Mechanism
+        A copy of the registry: laws of the package, of installed packages, and of folders that were taken up.
+
+    Examples
+    --------
+    >>> import cutbench
+    >>> law = cutbench.known_mechanisms()["neo_hookean"]
+    >>> law.slot, [q.name for q in law.parameters]
+    ('bulk', ['G'])
+    """
     return dict(registry())
 
 
 def use_mechanisms(*folders: str | Path) -> tuple[str, ...]:
-    """Take up the laws in the files of ``folders`` beside the known ones; returns the names of theirs.
+    """Take up laws of your own, from folders with files of Python, beside the known ones.
 
-    Cases carry the folders of their laws to the processes of a sweep. Raises BadInput for a folder that is
-    not there, a file that cannot be imported, and a law that lacks something; then nothing is taken up.
+    Cases carry the folders of their laws to the processes of a sweep.
+
+    Parameters
+    ----------
+    *folders : str or Path
+        Folders with files of Python, each with one law or several.
+
+    Returns
+    -------
+    tuple of str
+        The names of the laws in these folders.
+
+    Raises
+    ------
+    BadInput
+        For a folder that is not there, a file that cannot be imported, and a law that lacks something; then
+        nothing is taken up.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import cutbench
+    >>> text = '''
+    ... from cutbench.mechanisms import NeoHookean
+    ...
+    ... class Renamed(NeoHookean):
+    ...     "Neo-Hooke under a name of its own."
+    ...     name = "renamed"
+    ... '''
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> _ = (Path(folder.name) / "renamed.py").write_text(text)
+    >>> cutbench.use_mechanisms(folder.name)
+    ('renamed',)
+    >>> "renamed" in cutbench.known_mechanisms()
+    True
+    >>> folder.cleanup()
     """
     global _folders
     before = _folders

@@ -46,8 +46,30 @@ class Range:
 
 @dataclass(frozen=True)
 class Band:
-    """``results`` by what is changed, ``AS_ASKED`` first; ``refused``: changes that the case cannot have, and
-    why."""
+    """A band holds one run and its repetitions, each with one thing changed that the model leaves open.
+
+    Such things are the radius of the blade's tip, the stiffness of contact and others that the laws and the
+    numerics declare. The range of a measure over the runs says how far it depends on them.
+
+    Attributes
+    ----------
+    case : Case
+        The run as asked.
+    results : mapping of str to Result
+        Runs by what is changed, ``"as asked"`` first.
+    refused : mapping of str to str
+        Changes that the case cannot have, and why.
+
+    Examples
+    --------
+    >>> import cutbench
+    >>> case = cutbench.load_case("gelatin")
+    >>> def invented(drop):
+    ...     return cutbench.Result(case, {}, cutbench.Outcome("done", "reached"), measures={"drop_rel": drop})
+    >>> band = cutbench.Band(case, {"as asked": invented(0.12), "tip = 2.1 mm": invented(0.06)})
+    >>> band.label, band.ranges["drop_rel"].low
+    ('undecided', 0.06)
+    """
 
     case: Case
     results: Mapping[str, Result]
@@ -60,18 +82,18 @@ class Band:
 
     @cached_property
     def labels(self) -> dict[str, str]:
-        """Abrupt, smooth or uncut, of each run that came to its end."""
+        """``abrupt``, ``smooth`` or ``uncut`` for each run that came to its end."""
         done = {name: result for name, result in self.results.items() if result.outcome.done}
         return {name: label(result.measures.get("drop_rel", math.nan)) for name, result in done.items()}
 
     @property
     def short(self) -> tuple[str, ...]:
-        """Runs that fell short: no range has them."""
+        """The runs that fell short: no range has them."""
         return tuple(name for name in self.results if name not in self.labels)
 
     @cached_property
     def ranges(self) -> dict[str, Range]:
-        """Of each measure that any run has."""
+        """The range of each measure that any run has."""
         found = {}
         for key in MEASURES:
             values = [self.results[name].measures.get(key, math.nan) for name in self.labels]
@@ -82,13 +104,22 @@ class Band:
 
     @property
     def label(self) -> str:
-        """That of the run as asked; undecided where the band of the drop holds the threshold."""
+        """The label of the run as asked; ``undecided`` where runs are abrupt and smooth.
+
+        The band of the drop then holds the threshold of abrupt.
+        """
         if {ABRUPT, SMOOTH} <= set(self.labels.values()):
             return UNDECIDED
         return label(self.asked.measures.get("drop_rel", math.nan))
 
     def sentence(self) -> str:
-        """What the run found, and what of it is left open."""
+        """Say in words what the run found, and what of it is left open.
+
+        Returns
+        -------
+        str
+            One sentence without a full stop.
+        """
         drop, cut = self.ranges.get("drop_rel"), self.labels.get(AS_ASKED) != UNCUT
         text = self.asked.sentence((drop.low, drop.high) if drop and cut else None)
         otherwise = [name for name, each in self.labels.items() if (each != UNCUT) != cut]
@@ -97,7 +128,13 @@ class Band:
         return text + (f"; fell short: {', '.join(self.short)}" if self.short else "")
 
     def describe(self) -> dict:
-        """The content of band.json."""
+        """Write the content of band.json.
+
+        Returns
+        -------
+        dict
+            Plain data: the sentence, the label, the case, ranges, runs and versions.
+        """
         return {
             "schema": 1,
             "said": self.sentence(),
@@ -134,13 +171,47 @@ def band(
     run: Run | None = None,
     **changes: object,
 ) -> Band:
-    """Repeat a run of ``source`` (a material, a TOML file or a case) over what the model leaves open.
+    """Repeat a run over what the model leaves open, changing one thing at a time.
 
-    ``changes`` are what ``Case.set`` takes; without ``until`` among them runs end with their transition.
-    Runs are kept in ``out/runs``, if there is an ``out``, and what is there is not computed again; band.json,
-    band.csv and band.png are written beside them. ``workers`` processes compute (0: this one; None: one a
-    core). ``run`` replaces how a case is run. A KeyboardInterrupt passes through: runs that ended are kept.
-    Raises BadInput.
+    Such things are the radius of the blade's tip, the stiffness of contact and others that the laws and the
+    numerics declare.
+
+    A KeyboardInterrupt passes through: runs that ended are kept.
+
+    Parameters
+    ----------
+    source : str, Path or Case
+        A material's name, a TOML file or a case.
+    out : str or Path, optional
+        Folder for band.json, band.csv and band.png. Runs are kept in ``out/runs``, and what is there is not
+        computed again. Nothing is written unless it is given.
+    workers : int, optional
+        Processes that compute; 0: this one; None: one a core.
+    on_progress : callable
+        Called as ``on_progress(done, total, text)`` with numbers of runs.
+    run : callable, optional
+        Replaces how a case is run: takes a case and returns its result.
+    **changes : object
+        What ``Case.set`` takes. Without ``until`` among them runs end with their transition.
+
+    Returns
+    -------
+    Band
+        The runs, their labels and ranges.
+
+    Raises
+    ------
+    BadInput
+        For a source or a change that cannot be used, or a folder that cannot be written.
+
+    Examples
+    --------
+    >>> import cutbench
+    >>> quick = {"h": "0.8 mm", "element": "P1", "depth": "0.1 mm"}  # leave these out for a run that cuts
+    >>> bare = ("neo_hookean", "volumetric", "contact")
+    >>> found = cutbench.band("gelatin", mechanisms=bare, **quick)
+    >>> found.label, list(found.results)[:2]
+    ('uncut', ['as asked', 'tip = 0.525 mm'])
     """
     case = source.set(**changes) if isinstance(source, Case) else load_case(source, changes)
     case = case if "until" in changes else case_to_transition(case)

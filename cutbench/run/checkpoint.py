@@ -28,10 +28,18 @@ NAME = "checkpoint.npz"
 
 @dataclass
 class Checkpoint:
-    """Keeps a run's state in ``path``, written at most every ``every_s`` seconds.
+    """A checkpoint keeps a run's state in a file, from which the run goes on after it was killed.
 
-    ``key`` says which run the file belongs to, by its id, which other code changes; a file of another one is
-    ignored, and replaced.
+    A file of another run, or of other code, is ignored, and replaced.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    key : str
+        Which run the file belongs to: its id, which other code changes.
+    every_s : float, s
+        It is written at most this often.
     """
 
     path: Path
@@ -41,7 +49,13 @@ class Checkpoint:
     _written: float = field(default_factory=time.monotonic, repr=False)
 
     def load(self) -> dict | None:
-        """The state that was kept for this run, or None."""
+        """Read the state that was kept for this run.
+
+        Returns
+        -------
+        dict or None
+            The tree that was offered last, None where there is none or it cannot be used.
+        """
         try:
             with np.load(self.path, allow_pickle=False) as file:
                 head = json.loads(str(file["head"]))
@@ -53,13 +67,19 @@ class Checkpoint:
             return None
 
     def offer(self, state: Callable[[], dict]) -> None:
-        """``state()`` is the tree to keep from now on; it is written when it is time to."""
+        """Offer a state to keep from now on; it is written when it is time to.
+
+        Parameters
+        ----------
+        state : callable
+            Takes nothing and returns the tree to keep: dictionaries, lists, arrays and plain values.
+        """
         self._latest = state
         if time.monotonic() - self._written >= self.every_s:
             self.write()
 
     def write(self) -> None:
-        """Write the state offered last. A disk that cannot take it does not end the run."""
+        """Write the state that was offered last; a disk that cannot take it does not end the run."""
         if self._latest is None:
             return
         arrays: dict[str, Any] = {}
@@ -72,7 +92,7 @@ class Checkpoint:
         self._written = time.monotonic()
 
     def remove(self) -> None:
-        """Take the file away: the run has ended."""
+        """Take the file away, since the run has ended."""
         self.path.unlink(missing_ok=True)
 
     def _head(self) -> dict:

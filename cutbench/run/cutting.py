@@ -22,12 +22,41 @@ def run2d(
     on_progress: OnProgress = silent,
     **changes: object,
 ) -> Result:
-    """Cut a material (a name or a TOML file) in plane strain.
+    """Cut a material with a blade in plane strain.
 
-    ``changes`` are what ``Case.set`` takes: ``eta_reg="0.5 s"``, ``cohesion=9.0``, ``h="0.2 mm"``,
-    ``without="adhesion"``. ``snapshots_mm`` are blade travels at which fields are kept, ``frames``
-    how many are, spread evenly over the run, for an animation. Raises BadInput; how the run ended is in
-    the result's ``outcome``.
+    Parameters
+    ----------
+    source : str, Path or Case
+        A material's name, a TOML file or a case.
+    snapshots_mm : sequence of float, mm
+        Blade travels at which fields are kept, in ``snapshots`` of the result.
+    frames : int, optional
+        How many fields are kept besides, spread evenly over the run, for an animation.
+    on_progress : callable
+        Called as ``on_progress(done, total, text)`` with travels in mm and the force.
+    **changes : object
+        What ``Case.set`` takes: ``eta_reg="0.5 s"``, ``cohesion=9.0``, ``h="0.2 mm"``,
+        ``without="adhesion"``.
+
+    Returns
+    -------
+    Result
+        The curve, the measures and the fields; how the run ended is in its ``outcome``.
+
+    Raises
+    ------
+    BadInput
+        For a source or a change that cannot be used.
+
+    Examples
+    --------
+    >>> import cutbench
+    >>> quick = {"h": "0.8 mm", "element": "P1", "depth": "0.3 mm"}  # leave these out for a run that cuts
+    >>> result = cutbench.run2d("gelatin", eta_reg="0.5 s", **quick)
+    >>> print(result.outcome)
+    done: reached 0.3 mm
+    >>> result.displacement_mm.shape == result.force_N.shape
+    True
     """
     return _cut(source, 2, snapshots_mm, frames, on_progress, changes)
 
@@ -41,9 +70,41 @@ def run3d(
     on_progress: OnProgress = silent,
     **changes: object,
 ) -> Result:
-    """Cut a material (a name or a TOML file) in three dimensions; takes and raises what ``run2d`` does.
+    """Cut a material with a blade in three dimensions.
 
     By default a quarter of the block stands for it all (``symmetry="half"`` or ``"full"`` mesh more).
+
+    Parameters
+    ----------
+    source : str, Path or Case
+        A material's name, a TOML file or a case.
+    snapshots_mm : sequence of float, mm
+        Blade travels at which fields are kept, in ``snapshots`` of the result.
+    frames : int, optional
+        How many fields are kept besides, spread evenly over the run, for an animation.
+    on_progress : callable
+        Called as ``on_progress(done, total, text)`` with travels in mm and the force.
+    **changes : object
+        What ``Case.set`` takes, as for ``run2d``.
+
+    Returns
+    -------
+    Result
+        The curve, the measures and the fields; how the run ended is in its ``outcome``.
+
+    Raises
+    ------
+    BadInput
+        For a source or a change that cannot be used.
+
+    Examples
+    --------
+    >>> import cutbench
+    >>> small = {"width": "10 mm", "length": "10 mm", "height": "5 mm", "thickness": "1 mm"}
+    >>> quick = {"numerics": "fast", "h": "2 mm", "element": "P1", "depth": "0.05 mm"}  # too coarse for use
+    >>> result = cutbench.run3d("gelatin", **small, **quick)
+    >>> result.case.dim, result.outcome.done
+    (3, True)
     """
     return _cut(source, 3, snapshots_mm, frames, on_progress, changes)
 

@@ -38,12 +38,31 @@ PICTURES = ("section.png", "cut_plane.png", "front.png", "block.png", "plane_str
 def write_run(
     result: Result, out_dir: str | Path, *, command: str | None = None, plane: Result | None = None
 ) -> dict[str, Path]:
-    """Write everything about ``result`` into ``out_dir``; returns the paths by name.
+    """Write everything about a run into a folder.
 
-    ``command`` is recorded as the line that made the run (default: this process's command line);
-    ``plane`` is the plane-strain run that a block is drawn beside.
-    Files of an earlier run in the same folder are replaced; numbers are written before pictures. Raises
-    BadInput if the folder cannot be written to, or another process writes there for longer than ``WAIT_S``.
+    Files of an earlier run in the same folder are replaced; numbers are written before pictures.
+
+    Parameters
+    ----------
+    result : Result
+        The run.
+    out_dir : str or Path
+        The folder.
+    command : str, optional
+        Recorded as the line that made the run; this process's command line unless given.
+    plane : Result, optional
+        The plane-strain run that a block is drawn beside.
+
+    Returns
+    -------
+    dict of str to Path
+        The paths by name.
+
+    Raises
+    ------
+    BadInput
+        If the folder cannot be written to, or another process writes there for longer than ``WAIT_S``
+        seconds.
     """
     with folder_lock(out_dir, WAIT_S) as out:
         return _write_run(result, out, command, plane)
@@ -138,7 +157,23 @@ def _slopes(result: Result) -> dict[str, np.ndarray]:
 
 
 def read_curve(path: str | Path) -> dict[str, np.ndarray]:
-    """Columns (n,) by name from a curve.csv, or from a run's folder. Raises BadInput naming file and line."""
+    """Read the curve of a run from its CSV file.
+
+    Parameters
+    ----------
+    path : str or Path
+        A curve.csv, or a run's folder.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (n,)
+        Columns by name, with the unit in the name.
+
+    Raises
+    ------
+    BadInput
+        For a file that is not there or is no curve; it names file and line.
+    """
     path = Path(path)
     path = path / "curve.csv" if path.is_dir() else path
     try:
@@ -169,9 +204,22 @@ def read_curve(path: str | Path) -> dict[str, np.ndarray]:
 
 
 def read_run(out_dir: str | Path) -> Result:
-    """A run as ``write_run`` left it, without its fields: case, curve, outcome, measures, cost.
+    """Read a run as ``write_run`` left it, without its fields.
 
-    Raises BadInput where the folder holds no run, run.json cannot be read, or curve.csv is of another run.
+    Parameters
+    ----------
+    out_dir : str or Path
+        The run's folder.
+
+    Returns
+    -------
+    Result
+        Case, curve, outcome, measures and cost.
+
+    Raises
+    ------
+    BadInput
+        Where the folder holds no run, run.json cannot be read, or curve.csv is of another run.
     """
     path = Path(out_dir) / "run.json"
     try:

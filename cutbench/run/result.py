@@ -32,18 +32,30 @@ SLOPE = "displacement_by_"
 
 @dataclass
 class Snapshot:
-    """Fields at one blade travel.
+    """A snapshot holds the fields of a run at one blade travel.
 
-    Of a run that is differentiated, ``point_data`` holds du/dθ (n, 3) too, in mm per internal unit, under
-    ``SLOPE`` and the parameter's name.
+    n is the number of nodes, m of elements, nn of nodes in an element, q of quadrature points on a face.
 
-    ``points`` (n, 3) are reference positions in mm, ``cells`` (m, nn) index them in meshio's order
-    for ``cell_type`` (triangle, triangle6, tetra, tetra10). ``point_data`` holds ``displacement``
-    (n, 3) mm, ``piola`` and ``cauchy`` (n, 9) MPa row by row, ``von_mises`` (n,) MPa. ``faces``
-    maps ``"cut"`` and ``"top"`` to arrays at that face's quadrature points: ``X``, ``x`` (q, 3) mm in the
-    reference and the current state, ``opening_mm``, ``damage``, ``contact_pressure_MPa``,
-    ``tangential_traction_MPa``, ``contact_state``, ``touched``, each (q,) or (q, 3). ``time_s`` is the
-    run's time, nan where it is not known.
+    Attributes
+    ----------
+    displacement_mm : float, mm
+        Blade travel.
+    points : ndarray, shape (n, 3), mm
+        Positions in the reference state.
+    cells : ndarray, shape (m, nn)
+        Indices into ``points``, in meshio's order.
+    cell_type : str
+        ``triangle``, ``triangle6``, ``tetra`` or ``tetra10``.
+    point_data : dict of str to ndarray
+        ``displacement`` (n, 3) in mm, ``piola`` and ``cauchy`` (n, 9) in MPa row by row, ``von_mises`` (n,)
+        in MPa. Of a run that is differentiated also du/dθ (n, 3), in mm per internal unit, under ``SLOPE``
+        and the parameter's name.
+    faces : dict of str to dict of str to ndarray
+        For ``"cut"`` and ``"top"`` what is known at that face's quadrature points: ``X``, ``x`` (q, 3) in mm
+        in the reference and the current state, ``opening_mm``, ``damage``, ``contact_pressure_MPa``,
+        ``tangential_traction_MPa``, ``contact_state``, ``touched``, each (q,) or (q, 3).
+    time_s : float, s
+        The run's time, nan where it is not known.
     """
 
     displacement_mm: float
@@ -72,12 +84,53 @@ def unwatched(row: Mapping[str, float], snapshot: Snapshot | None) -> None:
 
 @dataclass(repr=False)
 class Result(Displayed):
-    """One run: what was asked (``case``), what came out, and what it cost.
+    """A result holds one run: what was asked, its curve, measures and fields, and what it cost.
 
-    ``curve`` maps column names (units in the name) to arrays of one length, a value a step;
-    ``timings`` are seconds, ``counts`` integers (steps, iterations, …), ``measures`` floats whose
-    unit is in their name. ``id``, ``computation`` and ``versions`` say which run it is and what computed
-    it: this process, unless they are read from a file.
+    n is the number of steps that are kept, the start among them.
+
+    Attributes
+    ----------
+    case : Case
+        What was computed.
+    curve : dict of str to ndarray, shape (n,)
+        Columns by name, with the unit in the name, a value a step: ``displacement_mm``, ``force_N``,
+        ``time_s``, ``cut_length_mm``, the entries of the energy ledger (``force_<name>_N``,
+        ``work_<name>_mJ``), the force on the clamped base (``reaction_N``), and the part of the blade's work
+        that the ledger leaves open (``closure``).
+    outcome : Outcome
+        How it ended.
+    timings : dict of str to float, s
+        Where the time went.
+    counts : dict of str to int
+        Steps, iterations and the like.
+    snapshots : list of Snapshot
+        Fields at the travels that were asked for.
+    measures : dict of str to float
+        What is read off the curve (``cutbench.run.measures.MEASURES``), such as ``onset_mm`` and
+        ``drop_rel``, units in the names; nan where there is none.
+    sensitivities : dict of str to ndarray, shape (n,)
+        dF/dθ along the curve by parameter, N per internal unit (mm, N, s); at fixed steps.
+    id : str
+        Which run it is: the id of its case.
+    computation : str
+        What computed it: this process, unless it is read from a file.
+    versions : dict of str to str
+        The versions of cutbench and of what it builds on, by the same rule.
+    frames : list of Snapshot
+        Snapshots spread evenly over the whole run, where they were asked for.
+    by_added : list of dict
+        As ``sensitivities``, for each of the laws that the case lacks and that the run was asked for.
+
+    Examples
+    --------
+    >>> import cutbench
+    >>> result = cutbench.run2d("gelatin", h="0.8 mm", element="P1", depth="0.3 mm")  # too coarse for use
+    >>> result.outcome.done, bool(result.force_N[-1] > 0)
+    (True, True)
+    >>> result.sentence()
+    'not cut to 0.3 mm'
+    >>> sorted(result.curve)[:3]
+    ['closure', 'cut_length_mm', 'displacement_mm']
     """
 
     display_module: ClassVar[str] = "cutbench.run.display"
@@ -89,14 +142,11 @@ class Result(Displayed):
     counts: dict[str, int] = field(default_factory=dict)
     snapshots: list[Snapshot] = field(default_factory=list)
     measures: dict[str, float] = field(default_factory=dict)
-    #: dF/dθ (n,) along the curve by parameter, N per internal unit (mm, N, s); at fixed steps.
     sensitivities: dict[str, np.ndarray] = field(default_factory=dict)
     id: str = ""
     computation: str = ""
     versions: dict[str, str | None] = field(default_factory=dict)
-    #: Snapshots spread evenly over the whole run, where they were asked for.
     frames: list[Snapshot] = field(default_factory=list)
-    #: As ``sensitivities``, of each that a run was asked for laws that it has not.
     by_added: list[dict[str, np.ndarray]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -115,17 +165,28 @@ class Result(Displayed):
 
     @property
     def whole(self) -> bool:
-        """Whether it is not one that ended with its transition, before its depth."""
+        """Whether it went to its depth, or at least did not end early with its transition."""
         early = self.outcome.done and self.case.until == TRANSITION
         return not early or self.outcome.reached_mm >= self.case.p.depth - 1e-9
 
     def sentence(self, band: tuple[float, float] | None = None) -> str:
-        """What it found; ``band``: the least and the largest drop over what the model leaves open."""
+        """Say in words what the run found.
+
+        Parameters
+        ----------
+        band : tuple of (float, float), optional
+            The least and the largest drop over what the model leaves open.
+
+        Returns
+        -------
+        str
+            One sentence without a full stop.
+        """
         return run_sentence(self.case, self.outcome, self.measures, band)
 
     @property
     def ledger(self) -> tuple[str, ...]:
-        """Names of the energy ledger's entries, as the curve holds them (``force_<name>_N``)."""
+        """The names of the energy ledger's entries, as the curve holds them (``force_<name>_N``)."""
         return ledger_entries(list(self.curve))
 
 

@@ -58,19 +58,55 @@ def run_case(
     added: Sequence[Added] = (),
     checkpoint: Checkpoint | None = None,
 ) -> Result:
-    """March ``case`` to its depth, or until its transition is known.
+    """Compute one case, to its depth or until its transition is known.
 
-    ``on_progress`` has the blade's time × speed in mm, its end as far as that is known, and the force; fields
-    are kept at the first step at or past each of ``snapshots_mm``, and where it ended before the last of
-    them. ``frames`` are so many besides, spread evenly over the run's time as far as it goes, in
-    ``result.frames``; fewer where it has fewer steps. ``on_step`` has the curve's rows, and the fields at
-    ``snapshots_mm``, as they come. ``sensitivities`` are names:
-    ``result.sensitivities`` then has dF/dθ along the curve, and each snapshot du/dθ; ``result.by_added``
-    has it by the strengths of laws that the case lacks, at "off". ``checkpoint`` keeps the state
-    of the run, which begins from what it holds; derivatives are not part of it, so a run with both begins
-    anew. A KeyboardInterrupt ends the run with what it has. Raises BadInput if no law lets the blade
-    meet the specimen, the case's mesh cannot be used, it cannot be differentiated by one of the names, or
-    ``frames`` is no number of them.
+    A KeyboardInterrupt ends the run with what it has.
+
+    Parameters
+    ----------
+    case : Case
+        What to compute.
+    on_progress : callable
+        Called as ``on_progress(done, total, text)`` with the blade's time × speed in mm, its end as far as
+        that is known, and the force.
+    on_step : callable
+        Called as ``on_step(row, snapshot)`` with the curve's rows, and the fields at ``snapshots_mm``, as
+        they come.
+    snapshots_mm : sequence of float, mm
+        Fields are kept at the first step at or past each of these travels, and where the run ended before the
+        last of them.
+    frames : int, optional
+        So many fields besides, spread evenly over the run's time as far as it goes, in ``frames`` of the
+        result; fewer where it has fewer steps.
+    sensitivities : sequence of str
+        Names of parameters. The result's ``sensitivities`` then have dF/dθ along the curve, N per internal
+        unit, and each snapshot du/dθ.
+    added : sequence of Added
+        Laws that the case lacks. The result's ``by_added`` then has the derivatives by their strengths, at
+        "off".
+    checkpoint : Checkpoint, optional
+        Keeps the state of the run, which begins from what it holds. Derivatives are not part of it, so a run
+        with both begins anew.
+
+    Returns
+    -------
+    Result
+        The curve, the measures and the fields; how the run ended is in its ``outcome``.
+
+    Raises
+    ------
+    BadInput
+        If no law lets the blade meet the specimen, the case's mesh cannot be used, it cannot be
+        differentiated by one of the names, or ``frames`` is no number of them.
+
+    Examples
+    --------
+    >>> import cutbench
+    >>> quick = {"h": "0.8 mm", "element": "P1", "depth": "0.3 mm"}  # leave these out for a run that cuts
+    >>> case = cutbench.load_case("gelatin").set(**quick)
+    >>> result = cutbench.run_case(case, snapshots_mm=[0.2])
+    >>> result.id == case.id, result.snapshots[0].displacement_mm >= 0.2
+    (True, True)
     """
     began = time.perf_counter()
     check_driven(case.model)

@@ -134,10 +134,33 @@ def trace_snap_back(
     on_progress: OnProgress = silent,
     limit: bool = True,
 ) -> SnapBack:
-    """Trace the path of ``case`` at rest, and repeat ``run``, the run as asked for, with less viscosity.
+    """Trace the equilibria that a run jumps over, and repeat the run with less viscosity.
 
-    ``on_progress`` has the travel in mm and the force. A KeyboardInterrupt ends the path with what it
-    has, and leaves the limit out. Raises BadInput as ``rate_independent_case`` does.
+    The path is that of the case at rest, without its laws of time.
+
+    If it turns back, a jump follows, however fine the steps. A KeyboardInterrupt ends the path with what it
+    has, and leaves the limit out.
+
+    Parameters
+    ----------
+    case : Case
+        The case as it was run.
+    run : Result
+        Its run as asked for.
+    on_progress : callable
+        Called as ``on_progress(done, total, text)`` with travels in mm and the force.
+    limit : bool
+        Whether the run is repeated with less and less viscosity.
+
+    Returns
+    -------
+    SnapBack
+        The path's curve, its jumps, the repeated runs and a verdict.
+
+    Raises
+    ------
+    BadInput
+        Where a law besides viscosity depends on time.
     """
     began = time.perf_counter()
     curve, stopped, interrupted = trace_path(rate_independent_case(case), on_progress)

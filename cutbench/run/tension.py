@@ -50,7 +50,28 @@ ONSET_MM = 0.1
 
 @dataclass
 class Tension:
-    """One test: ``curve`` maps columns to arrays (n,), a value a step."""
+    """A tension test is a strip that was pulled until it tore or reached its elongation.
+
+    n is the number of steps that are kept, the start among them.
+
+    Attributes
+    ----------
+    case : Case
+        The strip, from ``strip_case``.
+    notch_mm : float, mm
+        Length of the notch; 0 for none.
+    curve : dict of str to ndarray, shape (n,)
+        Columns by name, a value a step: ``elongation_mm``, ``force_N``, ``time_s``, ``stress_MPa`` (nominal),
+        ``cut_length_mm``, ``closure``.
+    outcome : Outcome
+        How it ended.
+    measures : dict of str to float
+        What is read off the curve (``cutbench.run.tension.MEASURES``), units in the names.
+    counts : dict of str to int
+        Steps, iterations and the like.
+    timings : dict of str to float, s
+        Where the time went.
+    """
 
     case: Case
     notch_mm: float
@@ -62,10 +83,31 @@ class Tension:
 
 
 def strip_case(case: Case, changes: Mapping[str, object] | None = None, *, notch_mm: float) -> Case:
-    """``case`` as a strip: without blade, rig and skin, of the paper's size and speed, then ``changes``.
+    """Make the case of a strip in tension from the case of a cut.
 
-    ``depth`` is the largest elongation, by default the height, which is the distance of the clamps. A strip
-    without a notch stays whole: its laws are those of the bulk. Raises BadInput.
+    The strip is without blade, rig and skin, and of the paper's size and speed. ``depth`` is the largest
+    elongation, by default the height, which is the distance of the clamps. A strip without a notch stays
+    whole: its laws are those of the bulk.
+
+    Parameters
+    ----------
+    case : Case
+        The material, as it is cut.
+    changes : mapping of str to object, optional
+        What ``Case.set`` takes, applied at last.
+    notch_mm : float, mm
+        Length of the notch; 0 for none.
+
+    Returns
+    -------
+    Case
+        What ``run_tension`` takes.
+
+    Raises
+    ------
+    BadInput
+        For a notch as long as the strip is wide, one in a model without a law for the cut plane, or changes
+        that cannot be used.
     """
     slots = SLOTS if notch_mm > 0 else SLOTS[:1]
     kept = [law.name for law in case.model.all if law.slot in slots]
@@ -90,10 +132,23 @@ def run_tension(
     *,
     on_progress: OnProgress = silent,
 ) -> Tension:
-    """Pull the strip ``case`` (from ``strip_case``) to its depth, or until it is torn.
+    """Compute a tension test: pull a strip to its largest elongation, or until it is torn.
 
-    ``on_progress`` has the elongation in mm and the force. A KeyboardInterrupt ends the test with what
-    it has.
+    A KeyboardInterrupt ends the test with what it has.
+
+    Parameters
+    ----------
+    case : Case
+        The strip, from ``strip_case``.
+    notch_mm : float, mm
+        Length of the notch; 0 for none.
+    on_progress : callable
+        Called as ``on_progress(done, total, text)`` with elongations in mm and the force.
+
+    Returns
+    -------
+    Tension
+        The curve and the measures; how the test ended is in its ``outcome``.
     """
     began = time.perf_counter()
     p = case.p

@@ -87,7 +87,23 @@ class ConvergenceRow:
 
 
 def load_plan(path: str | Path) -> ConvergencePlan:
-    """Read a study of convergence. Raises BadInput with file, line, key, value and what would be right."""
+    """Read a study of convergence from a TOML file.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    ConvergencePlan
+        Its changes, and all cases by material.
+
+    Raises
+    ------
+    BadInput
+        With file, line, key, value and what would be right.
+    """
     path = Path(path)
     table, text = read_toml(path)
     refuse_other(table, path, "change")

@@ -42,10 +42,22 @@ _UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZi
 
 
 class Store:
-    """Runs by id. Only runs that ended by themselves are kept: an interrupted one has no result."""
+    """A store keeps runs in a folder by their ids.
+
+    Only runs that ended by themselves are kept: an interrupted one has no result.
+
+    Parameters
+    ----------
+    root : str or path
+        The folder; it is made where it is not there.
+
+    Raises
+    ------
+    BadInput
+        If the folder cannot be written.
+    """
 
     def __init__(self, root: str | os.PathLike[str]):
-        """Open or create the store in ``root``; BadInput if the folder cannot be written."""
         self.root = Path(root)
         try:
             self.root.mkdir(parents=True, exist_ok=True)
@@ -58,32 +70,93 @@ class Store:
         self._sweep_up()
 
     def path(self, id: str) -> Path:
-        """Folder of the run ``id``, there or not."""
+        """Return the folder of a run, there or not.
+
+        Parameters
+        ----------
+        id : str
+            The run's id.
+
+        Returns
+        -------
+        Path
+            Where it is, or would be.
+        """
         return self.root / id[:2] / id
 
     def has(self, id: str) -> bool:
-        """Whether a whole, readable entry of that id is there."""
+        """Return whether a whole, readable entry is there.
+
+        Parameters
+        ----------
+        id : str
+            The run's id.
+
+        Returns
+        -------
+        bool
+            True where ``get`` would have it.
+        """
         return self.get(id) is not None
 
     def get(self, id: str) -> Result | None:
-        """The run (without snapshots); None where there is none, or only one that cannot be read."""
+        """Return a run where there is one.
+
+        Parameters
+        ----------
+        id : str
+            The run's id.
+
+        Returns
+        -------
+        Result or None
+            Without snapshots; None where there is none, or only one that cannot be read.
+        """
         try:
             return self.read(id)
         except _UNREADABLE:
             return None
 
     def read(self, id: str) -> Result:
-        """The run (without snapshots). Raises BadInput, which names the version that wrote it, where its case
-        is none of this cutbench, and other errors where it is not there or damaged."""
+        """Read a run that must be there; where it may be missing, ``get`` returns None.
+
+        Parameters
+        ----------
+        id : str
+            The run's id.
+
+        Returns
+        -------
+        Result
+            Without snapshots.
+
+        Raises
+        ------
+        BadInput
+            Where its case is none of this cutbench; it names the version that wrote it.
+        OSError, ValueError, KeyError
+            Where it is not there or damaged.
+        """
         home = self.path(id)
         record = self._record(home)
         return result_of(record, home / "run.json", record["timings"], _read_curve(home / "curve.npz"))
 
     def put(self, result: Result, *, replace: bool = False) -> bool:
-        """Keep a run; True if it was written.
+        """Keep a run.
 
-        An interrupted run is not kept. A whole entry that is already there stays, unless
-        ``replace``; a damaged one is replaced.
+        An interrupted run is not kept. A damaged entry is replaced.
+
+        Parameters
+        ----------
+        result : Result
+            The run.
+        replace : bool
+            Whether a whole entry that is already there is replaced, too; it stays unless this is given.
+
+        Returns
+        -------
+        bool
+            Whether it was written.
         """
         if result.outcome.kind == "interrupted":
             return False
@@ -115,19 +188,38 @@ class Store:
         return True
 
     def remove(self, id: str) -> None:
-        """Forget a run, so that it is computed again."""
+        """Forget a run, so that it is computed again.
+
+        Parameters
+        ----------
+        id : str
+            The run's id.
+        """
         if self.path(id).exists():
             self._discard(self.path(id))
             self._index.remove(id)
 
     def heads(self) -> dict[str, Head]:
-        """What there is to say of each run without its curve, by id: name, outcome, message, reached_mm,
-        dim, mechanisms, values (with unit), numerics, measures, seconds, counts, computation, versions,
-        written (seconds since 1970). Damaged entries are left out: see ``unreadable``."""
+        """Return what there is to say of each run without its curve.
+
+        Damaged entries are left out: see ``unreadable``.
+
+        Returns
+        -------
+        dict of str to dict
+            By id: name, outcome, message, reached_mm, dim, mechanisms, values (with unit), numerics,
+            measures, seconds, counts, computation, versions, written (seconds since 1970).
+        """
         return self._index.refresh(self._there(), self._head)
 
     def unreadable(self) -> dict[str, str]:
-        """Entries that cannot be used, with the reason."""
+        """Return the entries that cannot be used.
+
+        Returns
+        -------
+        dict of str to str
+            The reason by id.
+        """
         found = {}
         for id in self._there().keys() - self.heads().keys():
             try:
@@ -142,7 +234,13 @@ class Store:
         return dict(sorted(found.items()))
 
     def mark(self) -> str:
-        """Name of a file in the store that is in no other: who finds it sees this very folder."""
+        """Return the name of a file in the store that is in no other: who finds it sees this very folder.
+
+        Returns
+        -------
+        str
+            The file's name; it is made where it is not there.
+        """
         for path in sorted(self.root.glob(".mark-*")):
             return path.name
         path = self.root / f".mark-{uuid.uuid4().hex}"

@@ -25,7 +25,29 @@ class Verified:
 
 
 def verify(references: Sequence[Reference], *, on_progress: OnProgress = silent) -> Iterator[Verified]:
-    """Compute the problems in turn. ``on_progress`` has the seconds that they take on one core, roughly."""
+    """Compute reference problems in turn, and hold the numbers against what is known.
+
+    What a problem raises is its verdict, and does not end the others.
+
+    Parameters
+    ----------
+    references : sequence of Reference
+        The problems, from ``cutbench.references``.
+    on_progress : callable
+        Called as ``on_progress(done, total, text)`` with the seconds that they take on one core, roughly.
+
+    Returns
+    -------
+    iterator of Verified
+        A problem each, as it is computed, with its checks and whether it passed.
+
+    Examples
+    --------
+    >>> import cutbench
+    >>> for found in cutbench.verify([cutbench.references()["objectivity"]]):
+    ...     print(found.reference.name, found.passed)
+    objectivity True
+    """
     total = sum(reference.seconds for reference in references)
     done = 0.0
     for i, reference in enumerate(references):

@@ -1,0 +1,151 @@
+"""Docstrings of public names: a sentence first, sections that fit the signature, examples that run."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import importlib
+import inspect
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import cutbench
+
+ROOMS = ("cutbench", *(f"cutbench.{room}" for room in (
+    "run", "case", "maps", "data", "homogeneous", "calibration", "discovery", "emulator", "verification",
+    "base",
+)))  # fmt: skip
+#: Sections in the order in which they stand.
+SECTIONS = ("Parameters", "Attributes", "Returns", "Raises", "Examples")
+#: Words that begin no sentence which says what a thing is.
+NOT_FIRST = re.compile(r"(Of|What|Where|Which|The same)\b")
+
+
+def described(room: str, name: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """A public class or function, and the methods and properties of a class that cutbench itself defines."""
+    if not callable(value):
+        return
+    yield f"{room}.{name}", value
+    for cls in value.__mro__ if inspect.isclass(value) else ():
+        for member, own in vars(cls).items() if cls.__module__.startswith("cutbench") else ():
+            own = getattr(own, "__func__", own)
+            known = inspect.isfunction(own) or isinstance(own, (property, functools.cached_property))
+            if known and not member.startswith("_"):
+                yield f"{cls.__module__}.{cls.__name__}.{member}", own
+
+
+def public() -> dict[str, Any]:
+    """All of them by their full names, each once."""
+    found: dict[int, tuple[str, Any]] = {}
+    for room in ROOMS:
+        module = importlib.import_module(room)
+        for name in module.__all__:
+            for full, value in described(room, name, getattr(module, name)):
+                found.setdefault(id(value), (full, value))
+    return dict(found.values())
+
+
+PUBLIC = public()
+CALLED = {n: v for n, v in PUBLIC.items() if not isinstance(v, (property, functools.cached_property))}
+
+
+def sections(doc: str) -> dict[str, list[str]]:
+    """The lines of each section; what stands before the first is under an empty title."""
+    found: dict[str, list[str]] = {"": []}
+    lines, now = doc.splitlines(), ""
+    for line, below in zip(lines, [*lines[1:], ""], strict=True):
+        if line and re.fullmatch("-{3,}", below):
+            assert len(line) == len(below), f"the line under {line} is as long"
+            now = line
+            found[now] = []
+        elif not re.fullmatch("-{3,}", line):
+            found[now].append(line)
+    return found
+
+
+def entries(lines: list[str]) -> dict[str, str]:
+    """Names of a section with their types: a line of several names has one type."""
+    found = {}
+    for head in (line for line in lines if line and not line.startswith(" ")):
+        names, _, type_ = head.partition(" : ")
+        found |= {name.lstrip("*"): type_ for name in names.split(", ")}
+    return found
+
+
+def asked_for(value: Any) -> tuple[str, list[str]]:
+    """The section that says what a thing is made of or called with, and the names it must have."""
+    if dataclasses.is_dataclass(value):
+        return "Attributes", [f.name for f in dataclasses.fields(value) if not f.name.startswith("_")]
+    if inspect.isclass(value):
+        own = vars(value).get("__init__")
+        return "Parameters", [] if own is None else arguments(own)
+    return "Parameters", arguments(value)
+
+
+def arguments(call: Callable[..., Any]) -> list[str]:
+    return [name for name in inspect.signature(call).parameters if name not in ("self", "cls")]
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_it_begins_with_a_sentence(name):
+    first, *rest = (inspect.getdoc(PUBLIC[name]) or "").splitlines() or [""]
+    assert first.endswith(".") and not re.search(r"[.!?] [A-Z]", first), first
+    assert not NOT_FIRST.match(first), first
+    assert not rest or not rest[0], "an empty line after the first sentence"
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_sections_are_those_of_numpydoc(name):
+    titles = [title for title in sections(inspect.getdoc(PUBLIC[name]) or "") if title]
+    assert titles == [title for title in SECTIONS if title in titles]
+
+
+@pytest.mark.parametrize("name", CALLED)
+def test_parameters_are_those_of_the_signature(name):
+    title, wanted = asked_for(CALLED[name])
+    found = entries(sections(inspect.getdoc(CALLED[name]) or "").get(title, []))
+    if wanted or title == "Parameters":
+        assert list(found) == wanted
+    assert all(found.values()), "each has a type"
+
+
+@pytest.mark.parametrize("name", [n for n, v in CALLED.items() if not inspect.isclass(v)])
+def test_what_is_returned_is_said(name):
+    asked = inspect.signature(CALLED[name]).return_annotation
+    there = "Returns" in sections(inspect.getdoc(CALLED[name]) or "")
+    assert there == (asked not in (None, "None"))
+
+
+@pytest.mark.parametrize(
+    ("doc", "names"),
+    [
+        ("Do it.\n\nParameters\n----------\na, b : int\n    Two.\n**more : object\n    Others.", "a b more"),
+        ("Do it.\n\nReturns\n-------\nint\n    One.", ""),
+    ],
+)
+def test_parameters_are_read(doc, names):
+    assert " ".join(entries(sections(doc).get("Parameters", []))) == names
+
+
+@pytest.fixture(scope="module")
+def examples():
+    """What failed of the examples by name, tried in a process of their own: some take up laws."""
+    script = Path(__file__).with_name("docstring_examples.py")
+    done = subprocess.run(
+        [sys.executable, str(script)], capture_output=True, text=True, check=True, timeout=300
+    )
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+@pytest.mark.parametrize("name", [n for n in cutbench.__all__ if callable(getattr(cutbench, n))])
+def test_the_examples_run(name, examples):
+    tried, failed = examples[name]
+    assert tried, "there is an example"
+    assert not failed, failed
