@@ -16,7 +16,9 @@ from typer.testing import CliRunner
 from cutbench.base.errors import BadInput
 from cutbench.calibration.cut_runs import CutRuns
 from cutbench.calibration.fitting import fit
+from cutbench.calibration.recorder import Recorder
 from cutbench.calibration.report import summary, to_dict
+from cutbench.case.model import Model
 from cutbench.cli.main import app
 from cutbench.data.campaign import load_campaign
 from cutbench.data.measured import Measure
@@ -177,3 +179,24 @@ def test_measures_need_a_depth(tmp_path):
     file = campaign(tmp_path, 'measures = { onset = "4 ± 1 mm" }', HEAD.replace('depth = "8 mm"\n', ""))
     with pytest.raises(BadInput, match="depth"):
         load_campaign(file)
+
+
+def test_measures_change_with_the_machine_as_differences_say(tmp_path):
+    """Of a machine that gives way the force falls later, by the force over its stiffness."""
+    text = 'measures = { onset = "2 ± 0.1 mm", peak = "0.2 ± 0.01 N" }'
+    e = load_campaign(campaign(tmp_path, text)).experiments[0]
+    case = load_campaign_case(9, 7, 8)
+    (x, force, t), _ = course(case)
+    model = Model((*case.mechanisms, "machine_compliance"))
+    recorder = Recorder.of(e, e.on_grid(), model)
+
+    def read(compliance):
+        return recorder.read(
+            np.stack([x, force, t]), {**case.values, "compliance": compliance}, {}, ["compliance"]
+        )
+
+    for at in (0.0, 0.5):
+        by = read(at)[1][:, 0]
+        (before, _), (after, _) = read(at), read(at + 0.02)
+        assert by[0] > 0
+        np.testing.assert_allclose(by, (after - before) / 0.02, rtol=0.1, atol=0.05)

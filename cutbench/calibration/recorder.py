@@ -143,11 +143,16 @@ class MeasureRecorder(Recorder):
     ) -> tuple[np.ndarray, np.ndarray]:
         """As of a ``Recorder``; derivatives by differences."""
         y, slopes = self._measures(course, values), slopes or {}
+        rig = {q.name: q for law in self.model.laws("rig") for q in law.parameters}
         by = np.zeros((y.size, len(names)))
         for k, name in enumerate(names):
             slope = np.nan_to_num(slopes.get(name, np.zeros(course.shape[1])))
-            steep = max(np.abs(slope).max(), np.abs(course[1]).max() / max(abs(values[name]), 1e-12) * MOVED)
-            step = MOVED * np.abs(course[1]).max() / steep
+            if steep := float(np.abs(slope).max()):
+                step = MOVED * float(np.abs(course[1]).max()) / steep
+            elif name in rig:  # what only the machine depends on
+                step = MOVED * max(abs(values[name]), abs(rig[name].typical * rig[name].factor))
+            else:
+                continue
             ends = []
             for side in (-step, step):
                 moved = course.copy()
