@@ -167,8 +167,7 @@ class MeasureRecorder(Recorder):
         if self.model.laws("rig"):
             shown = self.model.shown(course.astype(complex), SimpleNamespace(**values))
             x, force = shown[0].real, shown[1].real
-        there = x <= self.experiment.depth_mm
-        return self.experiment.read(x[there], force[there])
+        return self.experiment.read(x, force)
 
 
 def _polygon(at: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -181,11 +181,12 @@ class MeasuredCut(Experiment):
     def read_off(self, d: np.ndarray, force: np.ndarray) -> list[float]:
         """The measures, each in its unit, of a curve of travel (n,) in mm and force (n,) in N; nan of one
         that the curve does not have."""
-        return [READ_OFF[m.name][2](d, force, self.blade["thickness"]) for m in self.measures]
+        there = d <= self.depth_mm * (1 + 1e-9)
+        return [READ_OFF[m.name][2](d[there], force[there], self.blade["thickness"]) for m in self.measures]
 
     def read(self, d: np.ndarray, force: np.ndarray) -> np.ndarray:
         """The same (m,) as readings; one that the curve does not have would come at its end."""
-        last = [float(d[-1]) if m.unit == "mm" else 0.0 for m in self.measures]
+        last = [self.depth_mm if m.unit == "mm" else 0.0 for m in self.measures]
         found = np.where(np.isnan(values := self.read_off(d, force)), last, values)
         each = zip(self.measures, found, strict=True)
         return np.array([m.value / m.sd + m.deviation(float(y)) for m, y in each])
