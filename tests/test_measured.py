@@ -86,6 +86,13 @@ def test_one_end_counts_only_where_it_is_passed(text, within, far):
     assert m.deviation(far) * (0.3 - far) < 0 and abs(m.deviation(far)) > 5
 
 
+def test_an_interval_that_is_hardly_one_is_a_value():
+    m = Measure("onset", 4.0, 4.0 + 1e-14, 10.0)
+    assert m.deviation(24.0) == pytest.approx(2.0)
+    wide = Measure("onset", 4.0, 4.1, 10.0)
+    assert wide.deviation(24.0) == pytest.approx(2.0, rel=0.01)
+
+
 def test_an_end_far_away_is_a_value():
     """Far beyond one end the likelihood falls as that of a value there."""
     m = Measure("drop", 0.3, math.inf, 0.01)

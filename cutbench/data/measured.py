@@ -27,6 +27,8 @@ from cutbench.run.read_off import READ_OFF
 
 #: How sharp the end of an interval is meant that is written without its own ±, as a part of it.
 SHARP = 0.05
+#: An interval that is narrower than this, in standard deviations, is a value.
+NARROW = 1e-3
 #: Fewest specimens whose scatter says how well their mean is known.
 SPECIMENS = 4
 _NUMBER = r"[-+]?[\d.]+(?:[eE][-+]?\d+)?"
@@ -97,15 +99,12 @@ class Measure:
     def deviation(self, y: float) -> float:
         """How far ``y`` is off, in standard deviations: minus half its square is the logarithm of the
         likelihood, 0 at its largest."""
-        if self.low == self.high:
+        half = (self.high - self.low) / 2 / self.sd
+        if half < NARROW:
             return (y - self.value) / self.sd
-        a, b, middle = (
-            (y - self.low) / self.sd,
-            (y - self.high) / self.sd,
-            (self.high - self.low) / 2 / self.sd,
-        )
-        if math.isfinite(middle):
-            side, most = math.copysign(1.0, y - self.value), _log_between(middle, -middle)
+        a, b = (y - self.low) / self.sd, (y - self.high) / self.sd
+        if math.isfinite(half):
+            side, most = math.copysign(1.0, y - self.value), _log_between(half, -half)
         else:
             side, most = (-1.0 if math.isfinite(self.low) else 1.0), 0.0
         return side * math.sqrt(max(2 * (most - _log_between(a, b)), 0.0))

@@ -54,6 +54,10 @@ def _tail(d: np.ndarray, F: np.ndarray, w: float) -> tuple[float, float]:
     return (math.nan, math.nan) if not d[-1] - start >= w else steady_force(d, F, start, d[-1])
 
 
+def _work(d: np.ndarray, F: np.ndarray, w: float) -> float:
+    return float(np.trapezoid(F, d))
+
+
 def _plateau_from(d: np.ndarray, F: np.ndarray, w: float) -> float:
     """The travel at which the force first is what it is at its plateau."""
     return first_crossing(*blurred(d, F, w / 2, d[0], d[-1]), _tail(d, F, w)[0])
@@ -67,7 +71,7 @@ READ_OFF: dict[str, tuple[str, str, Callable[[np.ndarray, np.ndarray, float], fl
     "plateau": ("N", "mean force behind the transition", lambda d, F, w: _tail(d, F, w)[0]),
     "plateau_from": ("mm", "travel at which the force first is that of the plateau", _plateau_from),
     "slope": ("N/mm", "slope of the force behind the transition", lambda d, F, w: _tail(d, F, w)[1]),
-    "work": ("mJ", "work of the blade", lambda d, F, w: float(np.trapezoid(F, d))),
+    "work": ("mJ", "work of the blade", _work),
     "firmness": ("N", "largest force", lambda d, F, w: float(F.max())),
-    "work_of_shear": ("mJ", "work of the blade", lambda d, F, w: float(np.trapezoid(F, d))),
+    "work_of_shear": ("mJ", "work of the blade", _work),
 }

@@ -64,7 +64,7 @@ def under(campaign: Campaign, blade: Blade) -> Campaign:
     return replace(campaign, base=campaign.base.set(**blade.sets, **start), plan=plan)
 
 
-def told(found: Fit, blade: Blade) -> dict:
+def record(found: Fit, blade: Blade) -> dict:
     """What is kept of a fit."""
     whole = to_dict(found)
     kept = {key: whole[key] for key in ("status", "message", "parameters", "chi2")}
@@ -113,7 +113,7 @@ def main() -> int:
                 if found.status in ("interrupted", "out of time"):
                     return 130
                 how = {"material": material, **here(), "seconds": time.time() - began}
-                kept[key] = how | told(found, blade)
+                kept[key] = how | record(found, blade)
                 write_json(kept, file)
     except CutbenchError as error:
         print(f"studies.paper.recalibrate: {error}", file=sys.stderr)
