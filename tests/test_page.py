@@ -10,10 +10,11 @@ import numpy as np
 import page_maps
 import pytest
 
+from cutbench.base.greek import plain_symbol
 from cutbench.case.case import load_case
 from cutbench.maps.axes import Axis
 from cutbench.maps.dataset import load_map
-from cutbench.maps.page import contents, page, plain, save_page
+from cutbench.maps.page import contents, page, save_page
 from cutbench.maps.page_curves import CURVE_TOLERANCE, REST, curve_of, thinned
 from cutbench.maps.page_layers import refined
 from cutbench.run.outcome import Outcome
@@ -203,8 +204,8 @@ def test_the_force_goes_on_through_a_rest_and_its_split_does_not(uneven):
 
 
 def test_symbols_lose_their_markup():
-    assert plain(r"$\eta_\mathrm{reg}\,v/\delta_\mathrm{c}$") == "η_reg v/δ_c"
-    assert plain("$r/a$") == "r/a" and plain("b") == "b"
+    assert plain_symbol(r"$\eta_\mathrm{reg}\,v/\delta_\mathrm{c}$") == "η_reg v/δ_c"
+    assert plain_symbol("$r/a$") == "r/a" and plain_symbol("b") == "b"
 
 
 def test_the_estimate_of_a_grid_holds_the_grid_s_own_values():

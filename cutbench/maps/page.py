@@ -18,6 +18,7 @@ from matplotlib.colors import to_hex
 from cutbench.base.errors import BadInput
 from cutbench.base.figure_style import COLOURS
 from cutbench.base.files import replacing
+from cutbench.base.greek import plain_formula, plain_symbol
 from cutbench.case.case import Case
 from cutbench.case.physics import Physics
 from cutbench.maps.boundary_line import shown_strips
@@ -44,10 +45,6 @@ _TITLES = {
     "crossed_mm2": "crossed area",
     "snap_rel": "work in jumps",
 }
-_GREEK = {
-    "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "eta": "η", "kappa": "κ", "mu": "μ", "nu": "ν",
-    "rho": "ρ", "sigma": "σ", "tau": "τ",
-}  # fmt: skip
 
 
 def save_page(data: xr.Dataset, store: Store | None, folder: str | Path) -> Path:
@@ -129,7 +126,7 @@ class _Run:
         return {
             "id": self.id or f"mark-{self.mark}",
             "mark": self.mark,
-            "differs": plain_group(self.differs),
+            "differs": plain_formula(self.differs),
             "at": [_short(self.at[name]) for name in names],
             "label": LABELS[int(told["label"])] if told else "",
             "outcome": OUTCOME_FLAGS[int(told["outcome"])] if told else "",
@@ -170,18 +167,12 @@ def _axis(data: xr.Dataset, name: str, values: np.ndarray) -> dict:
     return {
         "name": name,
         "text": axis.long_name,
-        "symbol": plain(axis.symbol),
+        "symbol": plain_symbol(axis.symbol),
         "unit": "" if axis.unit == "1" else axis.unit,
         "log": axis.scale == "log",
         "switch": bool(axis.mechanism),
         "values": [_short(v) for v in (axis.values if list(data[name].dims) == [name] else values)],
     }
-
-
-def plain(symbol: str) -> str:
-    """A symbol as pictures set it, without its markup: ``$\\delta_\\mathrm{c}$`` is δ_c."""
-    text = re.sub(r"\\mathrm\{(\w+)\}", r"\1", symbol.replace("$", "").replace("\\,", " "))
-    return re.sub(r"\\(\w+?)(?=_|\W|$)", lambda m: _GREEK.get(m[1], m[1]), text)
 
 
 def _quantities(
@@ -203,10 +194,10 @@ def _quantities(
     models = {p.model for p in physics if p is not None}
     known = {n: q for model in models for n, q in model.parameters().items()}
     made = {n: g for model in models for n, g in model.settable_groups().items()}
-    told = {n: (plain(g.symbol), g.unit, known[g.parameter]) for n, g in made.items()}
+    told = {n: (plain_symbol(g.symbol), g.unit, known[g.parameter]) for n, g in made.items()}
     # What groups are made of and none sets: without it they are no values.
     scales = {n for g in made.values() for n in g.needs} - {g.parameter for g in made.values()}
-    told |= {n: (plain(q.symbol), q.unit, q) for n, q in known.items() if n in scales}
+    told |= {n: (plain_symbol(q.symbol), q.unit, q) for n, q in known.items() if n in scales}
     found, columns = [], []
     for name, (symbol, unit, parameter) in told.items():
         pairs = [_pair(p, name) for p in physics]
@@ -216,7 +207,7 @@ def _quantities(
                 "name": name,
                 "symbol": symbol,
                 "unit": "" if unit == "1" else unit,
-                "sets": plain(parameter.symbol),
+                "sets": plain_symbol(parameter.symbol),
                 "text": parameter.doc,
                 "in": "" if parameter.unit == "1" else parameter.unit,
                 "fixed": pairs[0] if alike else None,
@@ -238,11 +229,6 @@ def _pair(physics: Physics | Case | None, name: str) -> tuple[float | None, floa
     group = known[name]
     factor = physics.model.parameters()[group.parameter].factor
     return _short(group.value(physics.p)), _short(physics.values[group.parameter] / factor)
-
-
-def plain_group(text: str) -> str:
-    """``eta_reg v/delta_c`` as η_reg v/δ_c."""
-    return re.sub(r"(?<![A-Za-z_])[A-Za-z]+", lambda m: _GREEK.get(m[0], m[0]), text)
 
 
 def _closure(result: Result | None) -> float | None:
