@@ -271,7 +271,7 @@ def test_a_run_grows_in_the_page_and_is_kept(page, server):
 def test_a_run_can_be_stopped_and_keeps_what_it_has(page, server):
     one(page, "start").click()
     running = "return document.querySelectorAll('.js-plotly-plot .scatterlayer .trace').length"
-    within(120, page, lambda b: b.execute_script(running) > 3 and "left" in one(b, "job").text)
+    within(120, page, lambda b: b.execute_script(running) > 3 and "mm" in one(b, "job").text)
     one(page, "stop").click()
     within(30, page, lambda b: one(b, "job").text.endswith("stopped"))
     kinds = {json.loads(p.read_text())["outcome"]["kind"] for p in server.folder.glob("run-*/run.json")}
@@ -286,8 +286,9 @@ def test_a_map_is_estimated_and_one_of_the_folder_is_opened(page, server):
     within(10, page, lambda b: "a map of mine" in b.page_source)
     page.switch_to.default_content()
     one(page, "start-map").click()
-    within(60, page, lambda b: any("phase" in e.text for e in b.find_elements(By.LINK_TEXT, "phase.png")))
+    within(60, page, lambda b: b.find_elements(By.LINK_TEXT, "phase.png"))
     assert (server.folder / "map-1" / "map.nc").is_file()
+    within(10, page, lambda b: "map-1/map.html" in one(b, "map-page").get_property("src"))
 
 
 @NEEDED

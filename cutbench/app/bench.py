@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
 from nicegui import events, ui
@@ -39,12 +40,12 @@ class Bench:
         """Where a page finds a file of the folder."""
         return "/files/" + quote(path.relative_to(self.root).as_posix())
 
-    def with_file(self, name: str) -> dict[str, str]:
-        """Folders down to two levels that have a file ``name``, newest first, by their path from the root."""
+    def with_file(self, name: str) -> list[str]:
+        """Folders down to two levels that have a file ``name``, newest first, as seen from the root."""
         found = [path for depth in ("", "*/", "*/*/") for path in self.root.glob(f"{depth}{name}")]
-        found = [path.parent for path in found if path.resolve().is_relative_to(self.root)]
-        found.sort(key=lambda folder: (folder / name).stat().st_mtime, reverse=True)
-        return {path.relative_to(self.root).as_posix(): path.name or self.root.name for path in found}
+        found = [path for path in found if path.resolve().is_relative_to(self.root)]
+        found.sort(key=lambda path: path.stat().st_mtime, reverse=True)
+        return [path.parent.relative_to(self.root).as_posix() for path in found]
 
     def last_job(self, *kinds: str) -> Job | None:
         """The last job of one of these kinds."""
@@ -66,9 +67,9 @@ def alert() -> ui.label:
     return ui.label().classes("alert").props("role=alert")
 
 
-def choice(options: dict[str, str], value: object, label: str, mark: str, **rest: object) -> ui.select:
+def choice(options: Any, value: object, label: str, mark: str, **rest: Any) -> ui.select:
     """A select with its label and a mark that tests know it by."""
-    made = ui.select(options, value=value, label=label, **rest)  # type: ignore[arg-type]
+    made = ui.select(options, value=value, label=label, **rest)
     return made.props(f'outlined dense options-dense data-testid={mark} aria-label="{label}"')
 
 
@@ -123,16 +124,12 @@ class JobWatch:
         if seen == self._seen:
             return
         self._seen, going = seen, job.state == RUNNING
-        self._bar.props(remove="indeterminate")
-        if going and math.isnan(job.part):
-            self._bar.props("indeterminate")
-        else:
-            self._bar.set_value(job.part)
+        unknown = math.isnan(job.part)
+        self._bar.set_value(0.0 if unknown else job.part)
+        self._bar.props("indeterminate" if unknown else "", remove="" if unknown else "indeterminate")
         self._bar.set_visibility(going)
         self._stop.set_visibility(going)
-        self._text.set_text(
-            f"{job.title}: {job.text or 'beginning'}" if going else f"{job.title}: {job.state}"
-        )
+        self._text.set_text(f"{job.title}: {job.text or 'beginning' if going else job.state}")
         self._said.set_text(job.fault or job.said)
         self._files.clear()
         if not going:

@@ -97,14 +97,13 @@ class CutPage:
         with ui.row().classes("w-full items-center"):
             ui.button("PNG", on_click=self._save_png).props('outline aria-label="Save curves as PNG"')
             ui.button("CSV", on_click=self._save_csv).props('outline aria-label="Save curves as CSV"')
-            self._earlier = choice({}, [], "Earlier runs in the plot", "earlier", multiple=True)
+            self._earlier = choice([], [], "Earlier runs in the plot", "earlier", multiple=True)
             self._earlier.props("use-chips").classes("grow").on_value_change(self._draw_curves)
 
     def _run_controls(self) -> None:
         self._drawing = ui.html("", sanitize=False).classes("w-full")
         with ui.row().classes("w-full items-center"):
-            presets = {name: name for name in PRESETS}
-            numerics = choice(presets, self.choice.numerics, "Numerics", "numerics")
+            numerics = choice([*PRESETS], self.choice.numerics, "Numerics", "numerics")
             until = choice(_UNTIL, self.choice.until, "Run until", "until")
             numerics.bind_value_to(self.choice, "numerics").on_value_change(self._changed)
             until.bind_value_to(self.choice, "until").on_value_change(self._changed)
@@ -191,7 +190,7 @@ class CutPage:
                 said = self._estimate.sentence()
                 self._verdict.set_text(f"{said[0].upper()}{said[1:]}.")
             except NotInAtlas as error:
-                beyond = f"{error.key} is {error.value}, and the runs at hand hold {error.expected}"
+                beyond = f"the runs at hand hold {error.expected}, and {error.key} is {error.value}"
                 self._verdict.set_text(f"No estimate: {beyond}. Run it.")
         for name, box in self._fields.items():
             box.props("error" if name == wrong else "", remove="" if name == wrong else "error")
@@ -263,9 +262,8 @@ class CutPage:
         """Offer what is in the folder by now."""
         runs = self._bench.with_file("run.json")
         shown = [path for path in self._earlier.value if path in runs]
-        self._earlier.set_options(
-            {path: path for path in runs}, value=[*shown, newest] if newest and newest not in shown else shown
-        )
+        shown += [newest] if newest in runs and newest not in shown else []
+        self._earlier.set_options(runs, value=shown)
         self._material.set_options(case_choices.materials(self._materials))
         self._blade.set_options(case_choices.blades(self._blades))
 

@@ -70,7 +70,7 @@ class DataPage:
         with ui.column().classes("w-full gap-2") as self._about:
             with ui.row().classes("w-full"):
                 self._kind = choice(KINDS, "cut", "Test", "kind").on_value_change(self._refill)
-                self._like = choice({n: n for n in names()}, "gelatin", "Material to begin with", "like")
+                self._like = choice(names(), "gelatin", "Material to begin with", "like")
             self._fields()
             with ui.row().classes("w-full"):
                 self._speed = ui.input("Speed, where no column has the time", placeholder="0.5 mm/s")

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from cutbench.base.errors import BadInput, CutbenchError
-from cutbench.base.progress import Clock
+from cutbench.base.progress import Clock, count
 
 RUNNING, DONE, FAILED, STOPPED = "running", "done", "failed", "stopped"
 #: So many at once: the machine is its user's, too.
@@ -66,7 +66,9 @@ class Job:
 
 
 class Teller:
-    """How a task tells what it has, in its own process."""
+    """How a task tells what it has, in its own process; ``unit`` is what its progress is counted in."""
+
+    unit = ""
 
     def __init__(self, pipe: Connection):
         self._pipe, self._clock = pipe, Clock()
@@ -80,7 +82,8 @@ class Teller:
             raise KeyboardInterrupt
         part = min(1.0, done / total) if total > 0 and np.isfinite(done / total) else float("nan")
         left = self._clock.left(done, total, text)
-        self(part=part, text=f"{text}, {left} left" if left else text, stage=text.split(",")[0])
+        parts = [count(done, total, self.unit), text, left and f"{left} left"]
+        self(part=part, text=", ".join(filter(None, parts)), stage=text.split(",")[0])
 
 
 Task = Callable[..., None]
@@ -121,7 +124,7 @@ class Jobs:
         if job.stopping:
             job.process.terminate()
         elif job.pipe is not None:
-            job.stopping, job.text = True, "stopping"
+            job.stopping, job.text = True, "stopping after what is under way; again: at once"
             with suppress(OSError):  # it ends at this moment
                 job.pipe.send(STOPPED)
 

@@ -25,7 +25,7 @@ class MapsPage:
     """A form for a map of the cut that is chosen, and the maps of the folder."""
 
     def __init__(self, bench: Bench, cut: CutPage):
-        self._bench, self._cut = bench, cut
+        self._bench, self._cut, self._case = bench, cut, cut.case
         with ui.column().classes("w-full gap-2"):
             self._alert = alert().props("data-testid=map-fault")
             self._form()
@@ -34,21 +34,17 @@ class MapsPage:
             self._watch = JobWatch(bench, ("map",), self._job_changed)
             self._none = ui.label("No map is in this folder yet.")
             with ui.row().classes("w-full items-center"):
-                self._open = choice({}, None, "Maps in the folder", "map").on_value_change(self._show)
+                self._open = choice([], None, "Maps in the folder", "map").on_value_change(self._show)
             self._frame = ui.element("iframe").classes("frame").props('title="Map" data-testid=map-page')
-            self._still = ui.image().classes("picture").props('alt="Phase diagram"')
         self.offer()
 
     def _form(self) -> None:
-        ui.label().bind_text_from(
-            self._cut,
-            "case",
-            lambda case: f"A map of {case.name} as it is on the page Cut, two quantities varied.",
-        )
-        self._known = axis_choices(self._cut.case)
+        said = "A map of {} as it is on the page Cut, with one or two quantities varied.".format
+        ui.label().bind_text_from(self._cut, "case", lambda case: said(case.name))
+        known = axis_choices(self._case)
         self._axes: list[tuple[ui.select, ui.input, ui.input]] = []
         for number, first in enumerate(_FIRST):
-            options = {name: axis.title for name, axis in self._known.items()}
+            options = {name: axis.title for name, axis in known.items()}
             with ui.row().classes("w-full items-center"):
                 title = ("Across", "Up")[number]
                 if number:
@@ -68,7 +64,7 @@ class MapsPage:
 
     def _fill(self, number: int) -> None:
         chosen, low, high = self._axes[number]
-        axis = self._known.get(str(chosen.value))
+        axis = axis_choices(self._case).get(str(chosen.value))
         for box, end in ((low, axis and axis.low), (high, axis and axis.high)):
             box.set_value(f"{end:.3g}" if end else "")
             box.props(f'suffix="{axis.unit if axis and axis.unit != "1" else ""}"')
@@ -83,9 +79,9 @@ class MapsPage:
     def _start(self) -> None:
         with refusals(self._alert):
             self._bench.jobs.check_free()
-            self._known = axis_choices(self._cut.case)
+            known = axis_choices(self._cut.case)
             axes = [
-                (self._known[str(chosen.value)], str(low.value), str(high.value))
+                (known[str(chosen.value)], str(low.value), str(high.value))
                 for chosen, low, high in self._axes
                 if chosen.value != _NO_AXIS
             ]
@@ -106,32 +102,28 @@ class MapsPage:
         self._watch.watch(self._bench.jobs.start("map", study.parent.name, study.parent, task, study))
 
     def _job_changed(self, job: Job) -> None:
-        picture = job.folder / "phase.png"
-        going = job.state == RUNNING
-        self._picture.set_visibility(going and picture.is_file())
-        if picture.is_file():
-            self._picture.set_source(f"{self._bench.address(picture)}?{picture.stat().st_mtime_ns}")
-        if not going:
+        if (job.folder / "map.html").is_file() and job.state != RUNNING:
+            self._picture.set_visibility(False)
             self.offer(job.folder.name)
+        elif (picture := job.folder / "phase.png").is_file():
+            self._picture.set_visibility(True)
+            self._picture.set_source(f"{self._bench.address(picture)}?{picture.stat().st_mtime_ns}")
 
     def offer(self, newest: str = "") -> None:
-        """Offer the maps that are in the folder by now, and open the newest."""
-        found = self._bench.with_file("map.html") | self._bench.with_file("map.nc")
-        value = newest if newest in found else self._open.value
-        self._open.set_options(
-            {p: p for p in found}, value=value if value in found else next(iter(found), None)
-        )
+        """Offer the maps that are in the folder by now, with the newest open, and the axes of the case."""
+        maps = self._bench.with_file("map.html")
+        value = newest or self._open.value
+        self._open.set_options(maps, value=value if value in maps else next(iter(maps), None))
+        for part in (self._open, self._frame):
+            part.set_visibility(bool(maps))
+        self._none.set_visibility(not maps)
         self._show()
+        if self._case != self._cut.case:
+            self._case = self._cut.case
+            for number in range(len(self._axes)):
+                self._fill(number)
 
     def _show(self) -> None:
-        folder = self._bench.root / str(self._open.value) if self._open.value is not None else None
-        page = folder is not None and (folder / "map.html").is_file()
-        still = folder is not None and not page and (folder / "phase.png").is_file()
-        self._none.set_visibility(folder is None)
-        self._open.set_visibility(folder is not None)
-        self._frame.set_visibility(page)
-        self._still.set_visibility(still)
-        if folder is not None and page:
-            self._frame.props(f'src="{self._bench.address(folder / "map.html")}"')
-        elif folder is not None and still:
-            self._still.set_source(self._bench.address(folder / "phase.png"))
+        if self._open.value is not None:
+            page = self._bench.root / str(self._open.value) / "map.html"
+            self._frame.props(f'src="{self._bench.address(page)}"')

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -69,7 +70,7 @@ def write_study(
     if way not in WAYS:
         raise BadInput("way", way, f"one of {', '.join(WAYS)}")
     sought = way != GRID and len(axes) > 1
-    title = f"{case.name}: {', '.join(axis.title for axis, *_ in axes)}"
+    title = f"{case.name}: {', '.join(axis.name.replace('_', ' ') for axis, *_ in axes)}"
     lines = [
         f"title = {json.dumps(title, ensure_ascii=False)}",
         f'mode = "{BOUNDARY if sought else GRID}"',
@@ -98,9 +99,7 @@ def keep_study(folder: Path, study: str, case: str | None = None) -> Path:
     try:
         load_study(target)
     except BadInput:
-        target.unlink()
-        (folder / "case.toml").unlink(missing_ok=True)
-        folder.rmdir()
+        shutil.rmtree(folder)
         raise
     return target
 

@@ -30,6 +30,7 @@ def run(case: Case, folder: Path, tell: Teller) -> None:
         if snapshot is not None:
             _draw_section(case, snapshot, folder / SECTION)
 
+    tell.unit = "mm"
     wanted = [case.p.depth * (k + 1) / _SECTIONS for k in range(_SECTIONS)]
     result = cutbench.run_case(case, on_progress=tell.progress, on_step=on_step, snapshots_mm=wanted)
     result.snapshots = result.snapshots[-1:]
@@ -39,6 +40,7 @@ def run(case: Case, folder: Path, tell: Teller) -> None:
 
 def run_map(study: Path, folder: Path, tell: Teller) -> None:
     """Compute a study's map, with pictures on the way."""
+    tell.unit = "runs"
     done = cutbench.run_study(
         study, folder, on_progress=tell.progress, first_picture_s=_FIRST_PICTURE_S,
         picture_every_s=_PICTURE_EVERY_S,

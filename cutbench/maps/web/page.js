@@ -1,4 +1,4 @@
-"use strict"; // A plane of the map and the chosen run, drawn by plotly; words and looks are in the data.
+// A plane of the map and the chosen run, drawn by plotly; words and looks are in the data.
 const D = JSON.parse(document.getElementById("data").textContent), by = id => document.getElementById(id);
 const L = D.layers, LOOK = D.looks, map = by("map"), level = D.axes.map(axis => Math.floor(axis.levels.length / 2));
 const state = { x: D.x, y: D.y, level, shade: L.drop ? "drop" : "none", chosen: null, held: false };
@@ -42,7 +42,8 @@ function layers() {  // all that lies behind the points
     found.push({ ...LOOK.strip, ...on(base), z, contours, name: strip.text, fillcolor: LOOK.strips[strip.cause] });
   }
   const hatched = doubt.flatMap((row, j) => row.flatMap((is, i) => is ? [[on(chance).x[i], on(chance).y[j]]] : []));
-  if (hatched.length) found.push({ ...LOOK.unsure, x: hatched.map(p => p[0]), y: hatched.map(p => p[1]) });
+  const marker = { ...LOOK.unsure.marker, size: Math.max(3, 0.8 * map.clientWidth / (doubt[0]?.length ?? 1)) };
+  if (hatched.length) found.push({ ...LOOK.unsure, x: hatched.map(p => p[0]), y: hatched.map(p => p[1]), marker });
   if (L.line && doubt.length) found.push(...line(chance, plane(chance, "over"), "even chance", LOOK.lines.even));
   if (classical) found.push(...line(classical, plane(classical, "z"), "classical estimate", LOOK.lines.classical));
   // Where the regime is not known there is no firm line.
@@ -102,8 +103,7 @@ function curve(C, spots) {
 }
 const place = p => [map._fullLayout.xaxis.d2p(across(p)), map._fullLayout.yaxis.d2p(up(p))];
 const least = (list, cost) => list.reduce((a, b) => a && cost(a) <= cost(b) ? a : b, null);
-// The next run in a direction: along it counts less than beside it.
-function walk([dx, dy]) {
+function walk([dx, dy]) {  // to the next run in a direction: along it counts less than beside it
   const from = place(state.chosen), way = p => place(p).map((v, n) => v - from[n]);
   const ahead = D.points.filter(p => visible(p) && way(p)[0] * dx + way(p)[1] * dy > 0.5);
   const next = least(ahead, p => way(p)[0] * dx + way(p)[1] * dy + 3 * Math.abs(way(p)[0] * dy - way(p)[1] * dx));
