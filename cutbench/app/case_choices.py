@@ -91,11 +91,12 @@ class Choice:
 
 
 def blades(folder: Path) -> dict[str, str]:
-    """The blades that need no file, and those in ``folder``: source and title."""
+    """The material's own, the blades that need no file, and those in ``folder``: source and title."""
     laws = sorted((law for law in tools() if not law.measured), key=lambda law: (not law.standard, law.name))
-    # In brackets a title says what tells a blade from the usual one.
+    # In brackets a title says what tells a blade from the one with an elliptic tip.
     said = {law.name: re.search(r"\((.*)\)", law.title) for law in laws}
-    return {name: found[1] if found else "usual blade" for name, found in said.items()} | _files(folder)
+    named = {name: found[1] if found else "elliptic tip" for name, found in said.items()}
+    return {"": "the material's own"} | named | _files(folder)
 
 
 def materials(folder: Path) -> dict[str, str]:

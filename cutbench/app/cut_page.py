@@ -65,7 +65,7 @@ class CutPage:
             self._material = choice(known, self.choice.material, "Material", "material")
             self._material.on_value_change(self._new_material)
             blades = case_choices.blades(self._blades)
-            self._blade = choice(blades, next(iter(blades)), "Blade", "blade")
+            self._blade = choice(blades, self.choice.blade, "Blade", "blade")
             self._blade.on_value_change(self._new_blade)
             ui.button("Material's values", on_click=self._reset).props("flat data-testid=reset")
         with ui.expansion("Materials and blades of your own").classes("w-full").props("data-testid=own"):
@@ -108,7 +108,9 @@ class CutPage:
             numerics.bind_value_to(self.choice, "numerics").on_value_change(self._changed)
             until.bind_value_to(self.choice, "until").on_value_change(self._changed)
             self._start = ui.button("Run it", on_click=self._run).props("data-testid=start")
-        self._section = ui.image().classes("section").props('alt="Deformed section with the blade"')
+        self._section = (
+            ui.image().classes("section").props('fit=contain alt="Deformed section with the blade"')
+        )
         self._section.set_visibility(False)
         self._watch = JobWatch(self._bench, ("run",), self._job_changed)
         with ui.expansion("Dimensionless groups").classes("w-full").props("data-testid=more-groups"):

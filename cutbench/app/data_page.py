@@ -46,7 +46,7 @@ class DataPage:
                     ui.button("Discover what is missing", on_click=lambda: self._begin("discover")).props(
                         "data-testid=discover"
                     )
-                self._picture = ui.image().classes("picture").props('alt="The measured curves" no-spinner')
+                self._picture = ui.image().classes("picture").props('fit=contain alt="The measured curves"')
                 self._picture.set_visibility(False)
             with ui.column().classes("w-full gap-2"):
                 self._watch = JobWatch(bench, tuple(_TASKS), self._job_changed)

@@ -29,7 +29,7 @@ class MapsPage:
         with ui.column().classes("w-full gap-2"):
             self._alert = alert().props("data-testid=map-fault")
             self._form()
-            self._picture = ui.image().classes("picture").props('alt="The map as far as it is"')
+            self._picture = ui.image().classes("picture").props('fit=contain alt="The map as far as it is"')
             self._picture.set_visibility(False)
             self._watch = JobWatch(bench, ("map",), self._job_changed)
             self._none = ui.label("No map is in this folder yet.")
