@@ -21,7 +21,7 @@ from selenium.webdriver.support.ui import WebDriverWait
 
 import cutbench
 from cutbench.app import campaigns, drawings, studies
-from cutbench.app.case_choices import Choice, keep_case_files, save_blade, save_material
+from cutbench.app.case_choices import Choice, keep_case_files, save_case
 from cutbench.base.errors import BadInput
 
 
@@ -157,18 +157,18 @@ def test_readings_are_refused_as_on_the_command_line(tmp_path):
 # -- files of one's own -------------------------------------------------------------------------------
 def test_a_material_and_a_blade_are_files_that_the_command_line_takes(tmp_path):
     made = Choice(blade="wedge", texts={"G": "9", "angle": "25", "depth": "8"}, until="depth").case()
-    material, blade = save_material(made, "my gel", tmp_path), save_blade(made, "my wedge", tmp_path)
-    assert cutbench.load_case(material).set(numerics="fast").id == made.id
-    other = Choice(material="elastomer", blade=str(blade)).case()
+    saved = save_case(made, "my gel", tmp_path)
+    assert cutbench.load_case(saved).set(numerics="fast").id == made.id
+    other = Choice(material="elastomer", blade=str(saved)).case()
     assert other.shown()["angle"] == "25 deg" and other.shown()["G"] != "9 kPa"
     assert other.mechanisms == Choice(material="elastomer", blade="wedge").case().mechanisms
-    assert keep_case_files(tmp_path / "in", [("a.toml", material.read_bytes())])
+    assert keep_case_files(tmp_path / "in", [("a.toml", saved.read_bytes())])
     for name, text in (("b.toml", b"G = 3"), ("b.exe", b""), ("../b.toml", b"")):
         with pytest.raises(BadInput):
             keep_case_files(tmp_path / "in", [(name, text)])
     assert [path.name for path in (tmp_path / "in").iterdir()] == ["a.toml"]
     with pytest.raises(BadInput):
-        save_material(made, "gelatin", tmp_path)
+        save_case(made, "gelatin", tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -47,10 +47,6 @@ class Bench:
         found.sort(key=lambda path: path.stat().st_mtime, reverse=True)
         return [path.parent.relative_to(self.root).as_posix() for path in found]
 
-    def last_job(self, *kinds: str) -> Job | None:
-        """The last job of one of these kinds."""
-        return next((job for job in reversed([*self.jobs]) if job.kind in kinds), None)
-
 
 @contextmanager
 def refusals(alert: ui.label) -> Iterator[None]:
@@ -98,7 +94,8 @@ class JobWatch:
     the button that stops it."""
 
     def __init__(self, bench: Bench, kinds: tuple[str, ...], on_change: Callable[[Job], None]):
-        self._bench, self._on_change, self.job = bench, on_change, bench.last_job(*kinds)
+        self._bench, self._on_change = bench, on_change
+        self.job = next((job for job in reversed([*bench.jobs]) if job.kind in kinds), None)
         with ui.column().classes("w-full gap-1") as self._box:
             with ui.row().classes("w-full items-center no-wrap"):
                 self._bar = ui.linear_progress(0, show_value=False).props('aria-label="Progress"')

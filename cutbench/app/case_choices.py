@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from cutbench.app.campaigns import keep_file
 from cutbench.base.errors import BadInput
-from cutbench.base.files import write_text
+from cutbench.base.files import check_writable, write_text
 from cutbench.base.units import Parameter
 from cutbench.case.case import Case, load_case
 from cutbench.case.case_file_text import case_text
@@ -86,7 +86,7 @@ class Choice:
         """The case with all that is written. Raises BadInput naming the parameter."""
         case = self.start()
         units = {name: q.unit for name, q in case.model.parameters().items()}
-        values = {name: _with_unit(text, units.get(name, "1")) for name, text in self.texts.items()}
+        values = {name: with_unit(text, units.get(name, "1")) for name, text in self.texts.items()}
         return case.set(**values, numerics=self.numerics, until=self.until)
 
 
@@ -128,12 +128,9 @@ def plain_name(q: Parameter) -> str:
 
 def keep_case_files(folder: Path, given: Sequence[tuple[str, bytes]]) -> list[Path]:
     """Write uploaded case files, and the profiles that they name, into ``folder``; those that are cases.
-    Raises BadInput for a file that cannot be used, which is not kept."""
+    Raises BadInput for a file that cannot be used, and keeps no case that cannot be read."""
     for name, content in given:
-        if not re.fullmatch(r"[\w][\w .+-]{0,80}\.(toml|csv)", name) or len(content) > 1_000_000:
-            raise BadInput("file", name, "a case file such as mygel.toml, or the CSV file of a profile")
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(content)
+        keep_file(folder, name, content)
     kept = [folder / name for name, _ in given if name.endswith(".toml")]
     for path in kept:
         try:
@@ -144,28 +141,21 @@ def keep_case_files(folder: Path, given: Sequence[tuple[str, bytes]]) -> list[Pa
     return kept
 
 
-def save_material(case: Case, name: str, folder: Path) -> Path:
-    """Write all of a case as a material's file, which every command takes. Raises BadInput for a name."""
-    return write_text(case_text(case.set(name=name)), _target(name, folder))
-
-
-def save_blade(case: Case, name: str, folder: Path) -> Path:
-    """Write a case's blade as a case file of the first material with this blade. Raises BadInput."""
-    tool, text = case.model.tool, case_text(case)
-    assert tool is not None, "a section has a blade"
-    laws = list(_with(load_case(FIRST_MATERIAL), tool.name).mechanisms)
-    section = re.search(r"^\[blade\]\n(?:.+\n?)*", text, re.MULTILINE)
-    assert section is not None, "a blade has parameters"
-    head = f'base = "{FIRST_MATERIAL}"\nmechanisms = {json.dumps(laws)}\n\n'
-    return write_text(head + section[0], _target(name, folder))
-
-
-def _target(name: str, folder: Path) -> Path:
+def save_case(case: Case, name: str, folder: Path) -> Path:
+    """Write a case under a name of its own, as a file that every command takes. Raises BadInput."""
     stem = re.sub(r"[^\w+-]+", "-", name).strip("-")
     if not stem or name in names():
         raise BadInput("name", name, "a name of its own, such as my gel")
-    folder.mkdir(parents=True, exist_ok=True)
-    return folder / f"{stem}.toml"
+    return write_text(case_text(case.set(name=name)), check_writable(folder) / f"{stem}.toml")
+
+
+def with_unit(text: str, unit: str) -> object:
+    """A number in the ``unit`` that it is meant in; any other text as it is."""
+    try:
+        number = float(text)
+    except ValueError:
+        return text
+    return number if unit == "1" else f"{text.strip()} {unit}"
 
 
 def _files(folder: Path) -> dict[str, str]:
@@ -174,11 +164,3 @@ def _files(folder: Path) -> dict[str, str]:
 
 def _with(case: Case, tool: str) -> Case:
     return case if tool in case.mechanisms else case.set(with_=tool)
-
-
-def _with_unit(text: str, unit: str) -> object:
-    try:
-        number = float(text)
-    except ValueError:
-        return text
-    return number if unit == "1" else f"{text.strip()} {unit}"

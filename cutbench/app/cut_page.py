@@ -77,8 +77,8 @@ class CutPage:
                 self._upload("Load materials", self._materials, self._material)
                 self._upload("Load blades", self._blades, self._blade)
                 self._name = ui.input("Name").props("outlined dense data-testid=own-name")
-                ui.button("Save material", on_click=self._save_material).props("outline")
-                ui.button("Save blade", on_click=self._save_blade).props("outline")
+                ui.button("Save material", on_click=lambda: self._save(self._materials)).props("outline")
+                ui.button("Save blade", on_click=lambda: self._save(self._blades)).props("outline")
             self._written = ui.label().props("role=status data-testid=written")
 
     def _upload(self, label: str, into: Path, chosen: ui.select) -> None:
@@ -269,14 +269,8 @@ class CutPage:
         self._material.set_options(case_choices.materials(self._materials))
         self._blade.set_options(case_choices.blades(self._blades))
 
-    def _save_material(self) -> None:
+    def _save(self, folder: Path) -> None:
         with refusals(self._alert):
-            path = case_choices.save_material(self.case, str(self._name.value), self._materials)
+            path = case_choices.save_case(self.case, str(self._name.value), folder)
             self._written.set_text(f"Written to {path}: cutbench run2d {path}")
-            self._offer()
-
-    def _save_blade(self) -> None:
-        with refusals(self._alert):
-            path = case_choices.save_blade(self.case, str(self._name.value), self._blades)
-            self._written.set_text(f"Written to {path}")
             self._offer()

@@ -69,7 +69,9 @@ class DataPage:
         self._head = ui.label().classes("head").props("tabindex=0")
         with ui.column().classes("w-full gap-2") as self._about:
             with ui.row().classes("w-full"):
-                self._kind = choice(KINDS, "cut", "Test", "kind").on_value_change(self._refill)
+                self._kind = choice(KINDS, "cut", "Test", "kind").on_value_change(
+                    lambda: self._fields.refresh()
+                )
                 self._like = choice(names(), "gelatin", "Material to begin with", "like")
             self._fields()
             with ui.row().classes("w-full"):
@@ -104,9 +106,6 @@ class DataPage:
                 self._sizes[section] = {
                     name: field(prefix + name, text, "", f"{section}-{name}") for name, text in sizes.items()
                 }
-
-    def _refill(self) -> None:
-        self._fields.refresh()
 
     def _take(self, given: list[tuple[str, bytes]]) -> None:
         try:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from cutbench.app.case_choices import plain_name
+from cutbench.app.case_choices import plain_name, with_unit
 from cutbench.base.errors import BadInput
 from cutbench.base.files import write_text
 from cutbench.base.greek import plain_formula
@@ -81,7 +81,8 @@ def write_study(
     ]
     for axis, low, high in axes:
         lines += ["", "[[axis]]", f'name = "{axis.name}"', 'scale = "log"']
-        lines += [f"from = {_end(low, axis.unit)}", f"to = {_end(high, axis.unit)}"]
+        for key, end in (("from", low), ("to", high)):
+            lines.append(f"{key} = {json.dumps(with_unit(end, axis.unit), ensure_ascii=False)}")
         if not sought:
             lines.append(f"points = {count}")
     if sought and way == BOUNDARY:
@@ -102,11 +103,3 @@ def keep_study(folder: Path, study: str, case: str | None = None) -> Path:
         shutil.rmtree(folder)
         raise
     return target
-
-
-def _end(text: str, unit: str) -> str:
-    try:
-        number = float(text)
-    except ValueError:
-        return json.dumps(text, ensure_ascii=False)
-    return repr(number) if unit == "1" else json.dumps(f"{number:g} {unit}")
