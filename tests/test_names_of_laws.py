@@ -20,12 +20,12 @@ OF_THE_ATLAS = ("emulator/atlas.py", "emulator/design_space.py")
 #: readings.
 OTHERWISE = {
     "base/figure_style.py": {"beta", "mu", "nu"},
+    "base/greek.py": {"beta", "mu", "nu"},
     "calibration/report.py": {"contact"},
     "data/contact.py": {"contact"},
     "data/conversion.py": {"zero", "force_zero"},
     "data/experiment_kinds.py": {"zero", "force_zero"},
     "maps/__init__.py": {"phase"},
-    "maps/page.py": {"beta", "mu", "nu"},
     "solver/step_control.py": {"drift"},
 }
 

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import json
 import re
+from html import unescape
 
 import analytic_runs
 import numpy as np
 import page_maps
 import pytest
 
+from cutbench.base.greek import plain_symbol
 from cutbench.case.case import load_case
 from cutbench.maps.axes import Axis
 from cutbench.maps.dataset import load_map
-from cutbench.maps.page import contents, page, plain, save_page
-from cutbench.maps.page_curves import CURVE_TOLERANCE, REST, curve_of, thinned
-from cutbench.maps.page_layers import refined
+from cutbench.maps.page import CURVE_TOLERANCE, REST, contents, curve_of, page, refined, save_page, thinned
 from cutbench.run.outcome import Outcome
 from cutbench.run.result import Result
 from cutbench.run.store.runs import Store
@@ -34,38 +34,38 @@ def data_of(html):
     return json.loads(text)
 
 
-@pytest.mark.parametrize("kind", ["grid", "sought"])
-def test_the_page_holds_every_run_with_its_curve_and_asks_nobody_for_anything(folders, kind):
-    html = (folders[kind] / "map.html").read_text(encoding="utf-8")
-    assert not re.search(
-        r"""(src|href)\s*=|url\((?!#)|import\s|fetch\(|XMLHttp|https?://(?!www\.w3\.org/2000/svg)""",
-        html.replace("`url(#${name})`", ""),
+def words(html):
+    """Its text, without markup."""
+    return (
+        re.sub(r"\s+", " ", unescape(re.sub(r"<(?!/?sub)[^>]*>", " ", html)))
+        .replace("</sub>", "")
+        .replace("<sub>", "_")
     )
+
+
+@pytest.mark.parametrize("kind", ["grid", "sought"])
+def test_the_page_holds_every_run_with_its_curve_and_may_ask_nobody_for_anything(folders, kind):
+    html = (folders[kind] / "map.html").read_text(encoding="utf-8")
+    assert "default-src 'none'" in html and "connect-src" not in html
     found, data, store = data_of(html), load_map(folders[kind] / "map.nc"), Store(folders[kind] / "runs")
     runs = [point for point in found["points"] if not point["mark"]]
     assert {run["id"] for run in runs} == {id for id in data["run_id"].values.ravel() if id}
-    assert found["title"] == page_maps.TITLE
+    assert unescape(re.search("<title>(.*)</title>", html)[1]) == page_maps.TITLE
     for run in runs[::5]:
-        curve = run["curve"]
-        x, y = store.get(run["id"]).displacement_mm, store.get(run["id"]).force_N
-        drawn = np.interp(x, curve["d"], curve["scale"] * np.array(curve["force"]))
-        assert drawn == pytest.approx(y, abs=(found["error"] + 1e-3) * max(y))
-        assert {"neo_hookean", "adhesion"} <= set(curve["split"]) and run["closure"] == 1e-3
+        curve, result = run["curve"], store.get(run["id"])
+        drawn = np.interp(result.displacement_mm, curve["d"], curve["scale"] * np.array(curve["force"]))
+        assert drawn == pytest.approx(result.force_N, abs=(curve["error"] + 1e-3) * max(result.force_N))
+        assert {"neo_hookean", "adhesion"} <= set(curve["split"]) and "closure 0.1 %" in words(run["rows"])
 
 
 def test_a_point_has_its_groups_and_what_they_are_in_units(folders):
     found = data_of((folders["grid"] / "map.html").read_text(encoding="utf-8"))
-    run = next(p for p in found["points"] if p["at"] == [30.0, 0.2, 0.187])
-    varied = [q for q in found["quantities"] if q["fixed"] is None]
-    known = {q["name"]: (q, pair) for q, pair in zip(varied, run["values"], strict=True)}
-    q, (group, value) = known["cohesion"]
-    assert (q["symbol"], q["sets"], q["in"], group) == ("(G_c/δ_c)/G", "G_c", "J/m^2", 30.0)
-    case = load_case("gelatin", {"cohesion": 30.0, "viscosity": 0.2, "adhesion": 0.187})
-    assert value == pytest.approx(1e3 * case.p.G_c, rel=1e-3)
-    assert known["adhesion"][1] == pytest.approx([0.187, 1e3 * case.p.tau_W], rel=1e-3)
-    fixed = {q["name"]: q["fixed"] for q in found["quantities"]}
-    assert fixed["speed"] == [0.021, 0.021] and fixed["thickness"] == [0.7, 0.7], "what groups are made of"
-    assert known["viscosity"][1] == pytest.approx([0.2, case.p.eta_reg], rel=1e-3)
+    run = words(next(p for p in found["points"] if p["at"] == [30.0, 0.2, 0.187])["rows"])
+    p = load_case("gelatin", {"cohesion": 30.0, "viscosity": 0.2, "adhesion": 0.187}).p
+    assert f"cohesion (G_c/δ_c)/G 30 G_c = {1e3 * p.G_c:.3g} J/m²" in run
+    assert f"adhesion τ_W/(G_c/δ_c) 0.187 τ_W = {1e3 * p.tau_W:.3g} kPa" in run
+    assert f"viscosity η_reg v/δ_c 0.2 η_reg = {p.eta_reg:.3g} s" in run
+    assert "v 0.021 mm/s" in run and "2a 0.7 mm" in run, "what groups are made of"
 
 
 @pytest.mark.parametrize("kind", ["grid", "sought"])
@@ -74,15 +74,16 @@ def test_drop_chance_and_boundary_are_there_for_grids_and_for_boundaries(folders
         data_of((folders[kind] / "map.html").read_text(encoding="utf-8")),
         load_map(folders[kind] / "map.nc"),
     )
-    wanted = {"drop": ["z"], "chance": ["margin", "sd"]} | ({"line": ["z"]} if kind == "grid" else {})
+    wanted = {"drop": ["z"], "chance": ["over", "p"]} | ({"line": ["over"]} if kind == "grid" else {})
     assert set(found["layers"]) == set(wanted) | {"classical"}
     for layer, keys in wanted.items():
         shape = [len(values) for values in found["layers"][layer]["values"]]
         assert all(len(found["layers"][layer][key]) == np.prod(shape) for key in keys)
     chance = found["layers"]["chance"]
     shape = [len(values) for values in chance["values"]]
-    margin = np.array(chance["margin"], dtype=float).reshape(shape)
-    for run in (p for p in found["points"] if p["label"] in ("abrupt", "smooth") and not p["mark"]):
+    over = np.array(chance["over"], dtype=float).reshape(shape)
+    assert ((over > 0) == (np.array(chance["p"]).reshape(shape) > 500))[over != 0].all()
+    for run in (p for p in found["points"] if p["kind"] in ("abrupt", "smooth") and not p["mark"]):
         at = tuple(
             int(np.argmin(np.abs(np.array(v) - a))) for v, a in zip(chance["values"], run["at"], strict=True)
         )
@@ -90,24 +91,22 @@ def test_drop_chance_and_boundary_are_there_for_grids_and_for_boundaries(folders
             v[i] == pytest.approx(a, rel=1e-3)
             for v, i, a in zip(chance["values"], at, run["at"], strict=True)
         )
-        assert not near or abs(margin[at]) < 50 or (margin[at] > 0) == (run["label"] == "abrupt")
+        assert not near or abs(over[at]) < 50 or (over[at] > 0) == (run["kind"] == "abrupt")
     if kind == "grid":
         drop = np.array(found["layers"]["drop"]["z"]).reshape(data["drop_rel"].shape)
         assert drop == pytest.approx(1000 * data["drop_rel"].values, abs=0.51)
-        line = np.array(found["layers"]["line"]["z"]).reshape(drop.shape)
+        line = np.array(found["layers"]["line"]["over"]).reshape(drop.shape)
         assert ((line >= 0) == (data["drop_rel"].values >= 0.1)).all()
 
 
 def test_marked_materials_come_with_their_own_runs(folders):
-    found = data_of((folders["grid"] / "map.html").read_text(encoding="utf-8"))
-    marks = {point["mark"]: point for point in found["points"] if point["mark"]}
-    assert set(marks) == {"gelatin", "elastomer"} and "μ = 0.35" in marks["elastomer"]["differs"]
+    html = (folders["grid"] / "map.html").read_text(encoding="utf-8")
+    marks = {point["mark"]: point for point in data_of(html)["points"] if point["mark"]}
+    assert set(marks) == {"gelatin", "elastomer"} and "μ = 0.35" in marks["elastomer"]["notes"]
     data = load_map(folders["grid"] / "map.nc")
     assert {point["id"] for point in marks.values()} == set(data["mark_run_id"].values)
-    names = [q["name"] for q in found["quantities"] if q["fixed"] is None]
-    friction = names.index("friction")
-    assert marks["elastomer"]["values"][friction][1] == 0.35 and marks["gelatin"]["values"][friction][1] == 0
-    assert marks["elastomer"]["curve"]["force"]
+    assert "μ 0.35" in words(marks["elastomer"]["rows"]) and "μ 0 " in words(marks["gelatin"]["rows"])
+    assert marks["elastomer"]["curve"]["force"] and f'data-id="{marks["gelatin"]["id"]}"' in html
 
 
 def test_a_page_without_its_store_has_numbers_and_no_curves(folders, tmp_path):
@@ -115,26 +114,26 @@ def test_a_page_without_its_store_has_numbers_and_no_curves(folders, tmp_path):
     assert save_page(data, None, tmp_path).is_file()
     found = contents(data, None)
     assert len(found["points"]) == 26 and not any(point["curve"] for point in found["points"])
-    place = [number["name"] for number in found["numbers"]].index("drop_rel")
-    assert found["points"][0]["measures"][place] == pytest.approx(data["drop_rel"].values[0, 0, 0], rel=1e-3)
+    assert found["points"][0]["drop"] == pytest.approx(data["drop_rel"].values[0, 0, 0], rel=1e-3)
 
 
 def test_marks_of_a_map_without_their_runs_are_places(folders):
     data = load_map(folders["grid"] / "map.nc").drop_dims("mark")
     marks = [point for point in contents(data, None)["points"] if point["mark"]]
     assert marks[0]["at"] == pytest.approx([10.1, 0.714, 0.01057], rel=1e-3)
-    assert not any(mark["outcome"] for mark in marks) and "__" not in page(data, None).split("<body>")[0]
+    assert {mark["kind"] for mark in marks} == {"no run of its own"}
+    assert "__" not in page(data, None).split("<body>")[0]
 
 
 def test_runs_that_fell_short_say_so_and_leave_gaps(tmp_path):
     folder = page_maps.swept(tmp_path, page_maps.GRID, analytic_runs.unlucky_run)
     found = data_of((folder / "map.html").read_text(encoding="utf-8"))
-    failed = [run for run in found["points"] if run["outcome"] == "failed"]
-    assert failed and all("singular" in run["message"] and run["label"] == "not_computed" for run in failed)
+    failed = [run for run in found["points"] if run["kind"] == "not computed"]
+    assert failed and all("singular" in run["notes"] for run in failed)
     gaps = sum(not run["mark"] for run in failed)
     assert sum(z is None for z in found["layers"]["drop"]["z"]) == gaps
-    assert sum(z is None for z in found["layers"]["line"]["z"]) == gaps
-    assert None not in found["layers"]["chance"]["margin"], "estimated from the others"
+    assert sum(z is None for z in found["layers"]["line"]["over"]) == gaps
+    assert None not in found["layers"]["chance"]["over"], "estimated from the others"
 
 
 def test_runs_that_lie_on_no_grid_have_no_layers(tmp_path):
@@ -203,8 +202,8 @@ def test_the_force_goes_on_through_a_rest_and_its_split_does_not(uneven):
 
 
 def test_symbols_lose_their_markup():
-    assert plain(r"$\eta_\mathrm{reg}\,v/\delta_\mathrm{c}$") == "η_reg v/δ_c"
-    assert plain("$r/a$") == "r/a" and plain("b") == "b"
+    assert plain_symbol(r"$\eta_\mathrm{reg}\,v/\delta_\mathrm{c}$") == "η_reg v/δ_c"
+    assert plain_symbol("$r/a$") == "r/a" and plain_symbol("b") == "b"
 
 
 def test_the_estimate_of_a_grid_holds_the_grid_s_own_values():

@@ -1,6 +1,6 @@
-"""The workbench in a browser: one local page on what Python and the command line do; it holds no physics.
+"""The workbench in a browser: local pages on what Python and the command line do; they hold no physics.
 
-A server on this machine alone, in one folder, for whom has its token.
+A server on this machine alone, in one folder, for whom has its token. NiceGUI draws the pages.
 """
 
 import lazy_loader
@@ -8,7 +8,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "case_choices": ["case_from_request", "materials", "case_preview"],
+        "case_choices": ["Choice", "blades", "materials", "sliders"],
         "server": ["serve", "workbench"],
     },
 )

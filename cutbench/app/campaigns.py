@@ -1,10 +1,10 @@
-"""From a dropped file and a few fields to a campaign that ``cutbench fit`` and ``discover`` take, too."""
+"""From dropped files and a few fields to a campaign that ``cutbench fit`` and ``discover`` take, too."""
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from cutbench.base.errors import BadInput
@@ -15,28 +15,73 @@ from cutbench.data.conversion import TAKEN_OFF
 
 #: A file of readings is no larger, bytes.
 MAX_FILE_BYTES = 20_000_000
-_NAME = re.compile(r"[\w][\w .+-]{0,80}\.(csv|txt|tsv|dat)", re.IGNORECASE)
+_NAME = re.compile(r"[\w][\w .+-]{0,80}\.(csv|txt|tsv|dat|toml)", re.IGNORECASE)
 #: What a request may hold: the fields of an experiment, each a text or an object of texts.
 _FIELDS = ("kind", "columns", "units", "specimen", "blade", "speed", *TAKEN_OFF)
+#: Kinds of tests, as the page calls them.
+KINDS = {
+    "cut": "cutting",
+    "uniaxial": "tension or compression",
+    "pure_shear": "pure shear",
+    "equibiaxial": "equibiaxial tension",
+}
+#: Columns by kind of test, with the unit that is taken where none is written, and what their names look like.
+_FORCES = ("displacement", "force", "time")
+ROLES = {
+    "cut": _FORCES,
+    "uniaxial": _FORCES,
+    "pure_shear": _FORCES,
+    "equibiaxial": ("stretch", "stress", "time"),
+}
+UNITS = {"displacement": "mm", "force": "N", "time": "s", "stretch": "1", "stress": "MPa"}
+_LIKE = {
+    "displacement": r"dis|trav|ext|way|elong|position|^u\b",
+    "force": r"force|load|kraft|^f\b",
+    "time": r"time|zeit|^t\b",
+    "stretch": r"stretch",
+    "stress": r"stress",
+}
+#: Sizes by kind of test and section; those of a cut are usual ones, the others nobody can guess.
+SIZES = {
+    "cut": {
+        "specimen": {"width": "30 mm", "length": "30 mm", "height": "21 mm"},
+        "blade": {"thickness": "0.7 mm", "tip": "1.05 mm"},
+    },
+    "uniaxial": {"specimen": {"length": "", "area": ""}},
+    "pure_shear": {"specimen": {"length": "", "area": ""}},
+    "equibiaxial": {},
+}
 
 
-def keep_file(folder: Path, name: str, content: bytes) -> dict:
+def keep_file(folder: Path, name: str, content: bytes) -> list[str]:
     """Write an uploaded file into ``folder``; its first lines. Raises BadInput for a name or a content that
-    is none of a table's."""
+    is none of a table's or a campaign's."""
     if not _NAME.fullmatch(name):
         raise BadInput(
-            "file", name, "a name such as curve.csv: letters, digits, blanks; .csv, .txt, .tsv or .dat"
+            "file", name, "a name such as curve.csv: letters, digits, blanks; .csv, .txt, .tsv, .dat or .toml"
         )
     if not content or len(content) > MAX_FILE_BYTES:
         raise BadInput(name, f"{len(content)} bytes", f"1 to {MAX_FILE_BYTES} bytes")
-    if b"\0" in content and content[:2] not in (b"\xff\xfe", b"\xfe\xff"):
+    wide = content[:2] in (b"\xff\xfe", b"\xfe\xff")
+    if b"\0" in content and not wide:
         raise BadInput(name, "binary", "a table as text")
     folder.mkdir(parents=True, exist_ok=True)
     (folder / name).write_bytes(content)
-    text = content.decode(
-        "utf-16" if content[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8", errors="replace"
-    )
-    return {"name": name, "head": [line[:200] for line in text.splitlines()[:12]]}
+    text = content.decode("utf-16" if wide else "utf-8", errors="replace")
+    return [line[:200] for line in text.splitlines()[:12]]
+
+
+def likely_columns(head: Sequence[str], kind: str) -> dict[str, str]:
+    """Which column of a table plays which role, by names in its first lines; empty where none seems to."""
+    names: list[str] = []
+    for line in head:
+        cells = [cell.strip().strip('"') for cell in re.split(r"[;\t|,]", line)]
+        if len(cells) > 1 and sum(bool(re.search("[a-z]", cell, re.I)) for cell in cells) > 1:
+            names = cells
+            break
+    return {
+        role: next((name for name in names if re.search(_LIKE[role], name, re.I)), "") for role in ROLES[kind]
+    }
 
 
 def write_campaign(folder: Path, request: Mapping[str, object]) -> Path:
@@ -51,8 +96,6 @@ def write_campaign(folder: Path, request: Mapping[str, object]) -> Path:
         f"title = {_text('Readings from ' + ', '.join(map(str, names)))}",
         f"material = {_text(material)}",
     ]
-    if free := request.get("free"):
-        lines += ["", "[fit]", f"free = {json.dumps(free)}"]
     for place, name in enumerate(names):
         if not _NAME.fullmatch(str(name)) or not (folder / str(name)).is_file():
             raise BadInput("files", name, "a file that was uploaded")

@@ -1,48 +1,37 @@
-"""The server of the page: on this machine alone, for whom has the token, in one folder."""
+"""The server of the pages: on this machine alone, for whom has the token, in one folder."""
 
 from __future__ import annotations
 
 import asyncio
 import hmac
-import json
-import re
 import secrets
 import socket
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from importlib import resources
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import uvicorn
-from starlette.applications import Starlette
-from starlette.middleware import Middleware
+from fastapi import FastAPI
+from nicegui import ui
 from starlette.middleware.trustedhost import TrustedHostMiddleware
-from starlette.requests import Request
-from starlette.responses import (
-    HTMLResponse,
-    JSONResponse,
-    PlainTextResponse,
-    RedirectResponse,
-    StreamingResponse,
-)
+from starlette.requests import HTTPConnection
+from starlette.responses import PlainTextResponse, RedirectResponse
 from starlette.responses import Response as Answer
-from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from cutbench.app.campaigns import MAX_FILE_BYTES, keep_file, write_campaign
-from cutbench.app.case_choices import case_from_request, case_preview, materials, tools
-from cutbench.app.jobs import STATES, Jobs
-from cutbench.app.tasks import run, run_discovery, run_fit
+from cutbench.app.bench import Bench
+from cutbench.app.case_choices import Choice
+from cutbench.app.cut_page import CutPage
+from cutbench.app.data_page import DataPage
+from cutbench.app.maps_page import MapsPage
 from cutbench.base.errors import BadInput
 from cutbench.base.files import check_writable
-from cutbench.case.numerics import PRESETS
+from cutbench.emulator.atlas import estimate
 
 HOST = "127.0.0.1"
-#: Seconds between two looks at what a job told.
-_POLL_S = 0.1
-#: Parts of the page in the order in which it has them.
-_SCRIPTS = ("draw.js", "app.js")
 #: Nothing is loaded from elsewhere, and no other page may hold this one.
 _HEADERS = {
     "Cache-Control": "no-store",
@@ -50,109 +39,52 @@ _HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "SAMEORIGIN",
 }
+#: A plot that is fitted to its page while that is hidden says so; it is fitted again when it is shown.
+_HIDDEN_PLOT = """<script>addEventListener("unhandledrejection", event => {
+  if (/must be passed a displayed plot/.test(event.reason)) event.preventDefault(); });</script>"""
+_TABS = ("Cut", "Maps", "Measured curves")
 
 
-def workbench(folder: str | Path, token: str) -> Starlette:
-    """The application: all that it writes is in ``folder``; who has not the ``token`` is answered 403."""
-    root = check_writable(folder).resolve()
-    jobs, taken = Jobs(), {"count": 0}
+def workbench(folder: str | Path, token: str) -> FastAPI:
+    """The application: all that it writes is in ``folder``; who has not the ``token`` is answered 403.
 
-    def place(kind: str) -> Path:
-        while True:
-            taken["count"] += 1
-            target = root / f"{kind}-{taken['count']}"
-            if not target.exists():
-                return target
+    There is one in a process, because the framework keeps its pages there.
+    """
+    bench = Bench(check_writable(folder).resolve())
+    estimate(Choice().case())  # the atlas is read before anybody waits for it
+    style = resources.files("cutbench.app").joinpath("web", "app.css").read_text(encoding="utf-8")
 
-    async def index(request: Request) -> Answer:
-        return HTMLResponse(page())
-
-    async def begin(request: Request) -> Answer:
-        return JSONResponse(
-            {"materials": materials(), "tools": tools(), "numerics": PRESETS, "maps": _maps(root)}
-        )
-
-    async def check(request: Request) -> Answer:
-        return JSONResponse(case_preview(case_from_request(await _body(request))))
-
-    async def start_run(request: Request) -> Answer:
-        case = case_from_request(await _body(request))
-        return JSONResponse(jobs.start(case.name, place("run"), run, case).summary(), 201)
-
-    async def upload(request: Request) -> Answer:
-        content = b""
-        async for part in request.stream():
-            content += part
-            if len(content) > MAX_FILE_BYTES:
-                raise BadInput("file", "larger", f"at most {MAX_FILE_BYTES} bytes")
-        return JSONResponse(keep_file(root / "readings", request.path_params["name"], content), 201)
-
-    async def start_campaign(request: Request) -> Answer:
-        body = await _body(request)
-        task = {"fit": run_fit, "discover": run_discovery}.get(str(body.get("task")))
-        if task is None:
-            raise BadInput("task", body.get("task"), "fit or discover")
-        file = write_campaign(root / "readings", body)
-        kept = place(str(body["task"]))
-        kept.mkdir()
-        (kept / "campaign.toml").write_bytes(file.read_bytes())
-        return JSONResponse(jobs.start(file.stem, kept, task, file).summary(), 201)
-
-    async def listed(request: Request) -> Answer:
-        return JSONResponse([job.summary() for job in jobs])
-
-    async def events(request: Request) -> Answer:
-        if (job := jobs.get(request.path_params["id"])) is None:
-            return PlainTextResponse("no such job", 404)
-
-        async def told() -> AsyncIterator[str]:
-            seen = 0
-            while True:
-                going = job.state == STATES[0]
-                for what in job.messages[seen:]:
-                    seen += 1
-                    yield f"data: {json.dumps(what)}\n\n"
-                if not going:
-                    yield f"data: {json.dumps({'state': job.state, 'folder': job.folder.name})}\n\n"
-                    return
-                await asyncio.sleep(_POLL_S)
-
-        return StreamingResponse(told(), media_type="text/event-stream")
-
-    async def stop(request: Request) -> Answer:
-        if (job := jobs.get(request.path_params["id"])) is None:
-            return PlainTextResponse("no such job", 404)
-        jobs.stop(job)
-        return JSONResponse(job.summary())
-
-    async def refused(request: Request, error: Exception) -> Answer:
-        assert isinstance(error, BadInput)
-        return JSONResponse({"error": str(error), "key": error.key}, 400)
+    def page() -> None:
+        ui.add_css(style)
+        ui.add_body_html(_HIDDEN_PLOT)
+        ui.colors(primary="#0b6fb3")
+        with ui.header(fixed=False).classes("items-center q-py-none gap-x-6"):
+            ui.label("cutbench").classes("text-lg text-bold").props("role=heading aria-level=1")
+            with ui.tabs().props('dense no-caps inline-label aria-label="What to do"') as tabs:
+                made = [ui.tab(name).props(f"data-testid=tab-{name.split()[0].lower()}") for name in _TABS]
+        with ui.tab_panels(tabs, value=made[0], animated=False).classes("w-full"):
+            with ui.tab_panel(made[0]):
+                cut = CutPage(bench)
+            with ui.tab_panel(made[1]):
+                maps = MapsPage(bench, cut)
+            with ui.tab_panel(made[2]):
+                DataPage(bench)
+        tabs.on_value_change(lambda: maps.offer())
 
     @asynccontextmanager
-    async def lifespan(app: Starlette) -> AsyncIterator[None]:
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         yield
-        jobs.close()
+        await asyncio.to_thread(bench.jobs.close)
 
-    routes = [
-        Route("/", index),
-        Route("/api/begin", begin),
-        Route("/api/check", check, methods=["POST"]),
-        Route("/api/runs", start_run, methods=["POST"]),
-        Route("/api/files/{name}", upload, methods=["PUT"]),
-        Route("/api/campaigns", start_campaign, methods=["POST"]),
-        Route("/api/jobs", listed),
-        Route("/api/jobs/{id}/events", events),
-        Route("/api/jobs/{id}/stop", stop, methods=["POST"]),
-        Mount("/files", StaticFiles(directory=root, follow_symlink=False)),
-    ]
-    guards = [
-        Middleware(TrustedHostMiddleware, allowed_hosts=[HOST, "localhost"]),
-        Middleware(_Guard, token=token),
-    ]
-    return Starlette(
-        routes=routes, middleware=guards, lifespan=lifespan, exception_handlers={BadInput: refused}
-    )
+    application = FastAPI(lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
+    application.mount("/files", StaticFiles(directory=bench.root, follow_symlink=False))
+    ui.run_with(
+        application, root=page, title="cutbench", favicon="🔪", dark=None, language="en-US",
+        show_welcome_message=False, gzip_middleware_factory=None,
+    )  # fmt: skip
+    application.add_middleware(_Guard, token=token)
+    application.add_middleware(TrustedHostMiddleware, allowed_hosts=[HOST, "localhost"])
+    return application
 
 
 class _Guard:
@@ -162,24 +94,30 @@ class _Guard:
         self._app, self._token = app, token
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http":
+        if scope["type"] not in ("http", "websocket"):
             return await self._app(scope, receive, send)
-        request = Request(scope)
+        request = HTTPConnection(scope)
         # Browsers send one port's cookies to all ports of a host.
         cookie = f"cutbench_{(scope.get('server') or ('', 0))[1]}"
         given = request.query_params.get("token")
-        if given is not None and self._right(given):
+        if scope["type"] == "http" and given is not None and self._right(given):
             answer: Answer = RedirectResponse(request.url.path, 303)
             answer.set_cookie(cookie, self._token, httponly=True, samesite="strict")
             return await answer(scope, receive, send)
-        if not self._right(request.cookies.get(cookie, "")):
+        # A page of another port of this machine would send the cookie, too, but it says where it is from.
+        origin = request.headers.get("origin")
+        stranger = origin is not None and urlsplit(origin).netloc != request.headers.get("host")
+        if stranger or not self._right(request.cookies.get(cookie, "")):
+            if scope["type"] == "websocket":
+                return await send({"type": "websocket.close", "code": 1008})
             words = "Open the address that cutbench app has printed: it has the token of this server.\n"
             return await PlainTextResponse(words, 403)(scope, receive, send)
 
         async def with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
+                there = {name.lower() for name, _ in message["headers"]}
                 own = [(k.lower().encode(), v.encode()) for k, v in _HEADERS.items()]
-                message["headers"] = [*message["headers"], *own]
+                message["headers"] = [*message["headers"], *(pair for pair in own if pair[0] not in there)]
             await send(message)
 
         await self._app(scope, receive, with_headers)
@@ -192,40 +130,14 @@ def serve(folder: str | Path, port: int = 0, on_ready: Callable[[str], None] = p
     """Serve until interrupted; ``on_ready`` has the address with its token. Raises BadInput for a port that
     is taken."""
     token = secrets.token_urlsafe(24)
-    application = workbench(folder, token)
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as listening:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             listening.bind((HOST, port))
         except OSError as error:
             raise BadInput("--port", port, f"a port that is free ({error.strerror})") from error
+        application = workbench(folder, token)
+        listening.listen()
         on_ready(f"http://{HOST}:{listening.getsockname()[1]}/?token={token}")
         config = uvicorn.Config(application, log_level="warning", timeout_graceful_shutdown=1)
         uvicorn.Server(config).run(sockets=[listening])
-
-
-def page() -> str:
-    """The page, its style and its script in it."""
-    parts = {"__STYLE__": _web("app.css"), "__SCRIPT__": "".join(map(_web, _SCRIPTS))}
-    return re.sub("|".join(parts), lambda match: parts[match[0]], _web("app.html"))
-
-
-def _web(name: str) -> str:
-    return resources.files("cutbench.app").joinpath("web", name).read_text(encoding="utf-8")
-
-
-def _maps(root: Path) -> list[str]:
-    """Pages of maps in the folder, and one and two folders down."""
-    found = [path for depth in ("", "*/", "*/*/") for path in root.glob(f"{depth}map.html")]
-    return [path.relative_to(root).as_posix() for path in found if path.resolve().is_relative_to(root)]
-
-
-async def _body(request: Request) -> dict:
-    """The JSON object that a request holds. Raises BadInput."""
-    try:
-        body = await request.json()
-    except (ValueError, UnicodeDecodeError):
-        body = None
-    if not isinstance(body, dict):
-        raise BadInput("request", "no object", "a JSON object")
-    return body

@@ -1,108 +1,84 @@
-"""What the workbench computes, each in a process of its own: a run, a fit, a discovery."""
+"""What the workbench computes, each in a process of its own: a run, a map, a fit, a discovery."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
-
-from cutbench.base.figure_style import save
-from cutbench.base.progress import OnProgress
-from cutbench.calibration.fitting import fit
-from cutbench.calibration.report import summary as fit_summary
-from cutbench.calibration.report import write_fit
+import cutbench
+from cutbench.app.jobs import Teller
+from cutbench.base.display import Displayed
+from cutbench.base.figure_style import SINGLE_MM, new_figure, save, style
 from cutbench.case.case import Case
-from cutbench.data.campaign import load_campaign
-from cutbench.discovery.page import write_discovery
-from cutbench.discovery.report import summary as discovery_summary
-from cutbench.discovery.search import discover
-from cutbench.run.blade_geometry import blade_outline
-from cutbench.run.figures.curve import plot_curve
-from cutbench.run.figures.section import scale_end, split
-from cutbench.run.files import write_run
+from cutbench.maps.atlas_map import write_estimated
+from cutbench.run.figures.section import Half, draw_half, frame
 from cutbench.run.result import Snapshot
-from cutbench.run.runner import run_case
-from cutbench.run.sentence import run_sentence
 
-#: The section is shown so many times on the way down.
-_SECTIONS = 60
+#: The section is drawn so many times on the way down.
+_SECTIONS = 24
+#: What a run under way shows of its section.
+SECTION = "section.png"
+#: A map under way is drawn this often at first, and later, in seconds.
+_FIRST_PICTURE_S, _PICTURE_EVERY_S = 5.0, 20.0
 
-Tell = Callable[[Mapping[str, object]], None]
 
-
-def run(case: Case, folder: Path, tell: Tell) -> None:
-    """Compute ``case`` and write it to ``folder``; tells points of the curve and sections as they come."""
-    meshes: list[np.ndarray] = []
+def run(case: Case, folder: Path, tell: Teller) -> None:
+    """Compute ``case`` and write it to ``folder``; tells points of its curve, draws sections on the way."""
 
     def on_step(row: Mapping[str, float], snapshot: Snapshot | None) -> None:
-        point = {"mm": _short(row["displacement_mm"]), "N": _short(row["force_N"])}
-        tell({"point": point} | ({"section": _section(case, snapshot, meshes)} if snapshot else {}))
+        tell(point=(float(row["displacement_mm"]), float(row["force_N"])))
+        if snapshot is not None:
+            _draw_section(case, snapshot, folder / SECTION)
 
+    tell.unit = "mm"
     wanted = [case.p.depth * (k + 1) / _SECTIONS for k in range(_SECTIONS)]
-    result = run_case(case, on_progress=_progress(tell), on_step=on_step, snapshots_mm=wanted)
+    result = cutbench.run_case(case, on_progress=tell.progress, on_step=on_step, snapshots_mm=wanted)
     result.snapshots = result.snapshots[-1:]
-    write_run(result, folder)
-    save(plot_curve(result), folder / "curve.png")
-    numbers = {name: _short(value) for name, value in result.measures.items() if np.isfinite(value)}
-    tell({
-        "said": run_sentence(case, result.outcome, result.measures),
-        "outcome": str(result.outcome),
-        "measures": numbers,
-        "files": sorted(path.name for path in folder.iterdir() if path.is_file()),
-    })  # fmt: skip
+    result.save(folder)
+    tell(said=result.sentence())
 
 
-def run_fit(campaign: Path, folder: Path, tell: Tell) -> None:
-    """Fit the campaign's free parameters; tells the summary and the files."""
-    found = fit(load_campaign(campaign), workers=1, on_progress=_progress(tell))
-    write_fit(found, folder)
-    _done(tell, fit_summary(found), folder)
+def run_map(study: Path, folder: Path, tell: Teller) -> None:
+    """Compute a study's map, with pictures on the way."""
+    tell.unit = "runs"
+    done = cutbench.run_study(
+        study, folder, on_progress=tell.progress, first_picture_s=_FIRST_PICTURE_S,
+        picture_every_s=_PICTURE_EVERY_S,
+    )  # fmt: skip
+    tell(said="\n".join(done.words()))
 
 
-def run_discovery(campaign: Path, folder: Path, tell: Tell) -> None:
-    """Look for what the model lacks; tells the summary, the page and the files."""
-    found = discover(load_campaign(campaign), workers=1, on_progress=_progress(tell))
-    write_discovery(found, folder)
-    _done(tell, discovery_summary(found), folder)
+def estimate_map(study: Path, folder: Path, tell: Teller) -> None:
+    """A study's map from the atlas, without a run."""
+    write_estimated(cutbench.load_study(study), folder)
+    tell(said="Estimated from the runs that cutbench brings along; hatched where it is unsure.")
 
 
-def _done(tell: Tell, text: str, folder: Path) -> None:
-    files = sorted(path.name for path in folder.iterdir() if path.is_file())
-    tell({"said": text, "files": files})
+def run_fit(campaign: Path, folder: Path, tell: Teller) -> None:
+    """Fit the campaign's free parameters."""
+    loaded = cutbench.load_campaign(campaign)
+    _keep(cutbench.fit(loaded, on_progress=tell.progress, store=folder / "runs"), folder, tell)
 
 
-def _progress(tell: Tell) -> OnProgress:
-    def on_progress(done: float, total: float, text: str) -> None:
-        if total > 0 and np.isfinite(done / total):
-            tell({"part": min(1.0, float(f"{done / total:.4g}")), "text": text})
-        else:
-            tell({"text": text})
-
-    return on_progress
+def run_discovery(campaign: Path, folder: Path, tell: Teller) -> None:
+    """Look for what the model lacks."""
+    loaded = cutbench.load_campaign(campaign)
+    _keep(cutbench.discover(loaded, on_progress=tell.progress, store=folder / "runs"), folder, tell)
 
 
-def _section(case: Case, snapshot: Snapshot, meshes: list[np.ndarray]) -> dict:
-    """Corners' positions and stresses; the triangles only where the mesh is not that of the last one."""
-    cells, top = split(snapshot.cells), 1.2 * case.p.height
-    where, stress_kPa = snapshot.current[:, :2], 1e3 * snapshot.point_data["von_mises"]
-    drawn = {
-        "mm": _short(snapshot.displacement_mm),
-        "x": np.round(where[:, 0], 3).tolist(),
-        "y": np.round(where[:, 1], 3).tolist(),
-        "kPa": np.round(stress_kPa, 2).tolist(),
-        "top_kPa": _short(scale_end(where, cells, stress_kPa)),
-        "blade": np.round(blade_outline(case, snapshot.displacement_mm, top), 3).tolist(),
-        "full": bool(snapshot.points[:, 0].min() < -1e-9),
-        "height": case.p.height,
-        "width": case.p.width,
-        "near": 4 * float(case.p.thickness),
-    }
-    if not (meshes and np.array_equal(meshes[-1], cells)):
-        meshes[:] = [cells]
-        drawn["cells"] = cells.ravel().tolist()
-    return drawn
+def _keep(found: Displayed, folder: Path, tell: Teller) -> None:
+    found.save(folder)
+    tell(said=str(found))
 
 
-def _short(value: float) -> float:
-    return float(f"{value:.5g}")
+def _draw_section(case: Case, snapshot: Snapshot, target: Path) -> None:
+    """The deformed section with the stress in it."""
+    half = Half(snapshot)
+    with style():
+        figure = new_figure(SINGLE_MM, 70)
+        axes = figure.subplots()
+        colours = draw_half(axes, half, case, half.top_kPa or 1.0, line=0.1)
+        frame(axes, [snapshot], case.p.height)
+        axes.set_title(f"blade travel {snapshot.displacement_mm:.2f} mm", loc="left")
+        figure.colorbar(colours, ax=axes, label="von Mises stress (kPa)", shrink=0.8)
+    save(figure, target)

@@ -17,6 +17,7 @@ from cutbench.emulator.design_space import MAX_DEPTH
 from cutbench.maps.axes import BOUNDARY
 from cutbench.maps.boundary import NORMAL_QUANTILE, BoundaryEstimate, distance_to_boundary, margin
 from cutbench.maps.dataset import LABELS, MapRow, build_map, save_map
+from cutbench.maps.page import save_page
 from cutbench.maps.phase import save_phase
 from cutbench.maps.study import Study
 from cutbench.run.measures import ABRUPT, SMOOTH, UNCUT, label
@@ -158,9 +159,10 @@ def _rows(known: Atlas, cases: Sequence[Case], study: Study) -> dict[str, MapRow
 
 
 def write_estimated(study: Study, folder: Path) -> xr.Dataset:
-    """``map.nc``, ``map.csv``, ``phase.png`` and ``phase.svg`` of ``estimated_map`` into ``folder``."""
+    """``map.nc``, ``map.csv``, ``map.html`` and the pictures of ``estimated_map`` into ``folder``."""
     folder.mkdir(parents=True, exist_ok=True)
     data = estimated_map(study)
     save_map(data, folder)
     save_phase(data, folder)
+    save_page(data, None, folder)
     return data

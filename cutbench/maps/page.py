@@ -1,12 +1,19 @@
-"""``map.html``: a map as one page that needs no network; a point shows its curve and its force split."""
+"""``map.html``: a map as one page that needs no network; a point shows its curve and its force split.
+
+Plotly draws it; its part for plane axes lies in ``web/plotly`` and is written into the page. All words and
+numbers of a run are put together here, so that the script has to choose and to draw only.
+"""
 
 from __future__ import annotations
 
+import heapq
+import itertools
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from html import escape
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -14,26 +21,46 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.colors import to_hex
+from scipy.integrate import cumulative_trapezoid
+from scipy.special import ndtr
 
 from cutbench.base.errors import BadInput
 from cutbench.base.figure_style import COLOURS
 from cutbench.base.files import replacing
+from cutbench.base.greek import plain_formula, plain_symbol
+from cutbench.base.units import Parameter
 from cutbench.case.case import Case
 from cutbench.case.physics import Physics
+from cutbench.maps.axes import Axis
 from cutbench.maps.boundary_line import shown_strips
-from cutbench.maps.dataset import LABELS, NUMBERS, OUTCOME_FLAGS, axes_of, axis_of, places_of
+from cutbench.maps.closed_form_estimates import estimated_margin
+from cutbench.maps.dataset import LABELS, NOT_COMPUTED, NUMBERS, OUTCOME_FLAGS, axes_of, axis_of, places_of
+from cutbench.maps.guidance import MapReader
 from cutbench.maps.map_cases import computed_by, physics_by_place
-from cutbench.maps.page_curves import MAX_CURVE_POINTS, curve_of, titles_of
-from cutbench.maps.page_layers import layers_of
-from cutbench.maps.plot_coordinates import DROP_COLOURS
-from cutbench.run.measures import NOTED
+from cutbench.maps.plot_coordinates import DROP_COLOURS, SMALLEST_IN_LOG, between
+from cutbench.mechanisms import registry
+from cutbench.run.figures.curve import NEGLIGIBLE, NO_MECHANISM, smooth_force
+from cutbench.run.measures import NOTED, UNCUT, forward
 from cutbench.run.result import Result
 from cutbench.run.store.runs import Store
 
 #: Of more runs than these the curves have half the points.
 _MAX_RUNS_IN_DETAIL = 300
-#: Parts of the page in the order in which its script has them.
-_SCRIPTS = ("plot.js", "map.js", "detail.js", "page.js")
+#: A curve is thinned until what is drawn is so near to it, relative to its largest force; to so many points
+#: at the most.
+CURVE_TOLERANCE, MAX_CURVE_POINTS = 0.005, 120
+#: Numbers of a curve are whole multiples of its largest force divided by this.
+STEPS = 2000
+#: Shares that are small throughout, together; and what the energy balance leaves of the mean force.
+OTHERS, REST = "others", "rest"
+#: Levels of an estimate along an axis that is walked by a slider; points along those that are shown.
+LEVELS, FINE = 17, 41
+#: Points of the classical estimates along an axis that is shown.
+_ESTIMATED_POINTS = 13
+#: Points of an estimate at the most: the page grows by each of them.
+_MAX_POINTS = 60_000
+#: Numbers of a layer are thousandths.
+PER = 1000
 #: Numbers of a run whose names alone do not tell them apart.
 _TITLES = {
     "drop_rel": "force drop",
@@ -44,10 +71,11 @@ _TITLES = {
     "crossed_mm2": "crossed area",
     "snap_rel": "work in jumps",
 }
-_GREEK = {
-    "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "eta": "η", "kappa": "κ", "mu": "μ", "nu": "ν",
-    "rho": "ρ", "sigma": "σ", "tau": "τ",
-}  # fmt: skip
+#: Kinds of points where they are not the labels of runs.
+_KINDS = {NOT_COMPUTED: "not computed", UNCUT: "not cut"}
+TO_COME, NO_RUN = "to come", "no run of its own"
+#: Patterns of areas that are stacked, as plotly knows them.
+_SHAPES = ("", "/", ".", "\\", "x", "-", "+", "|")
 
 
 def save_page(data: xr.Dataset, store: Store | None, folder: str | Path) -> Path:
@@ -59,56 +87,76 @@ def save_page(data: xr.Dataset, store: Store | None, folder: str | Path) -> Path
 
 
 def page(data: xr.Dataset, store: Store | None) -> str:
-    """The whole page as HTML, its data, its style and its script in it."""
+    """The whole page as HTML, its data, its style and its scripts in it."""
+    found = contents(data, store)
     # "</script>" in a title must not end the script.
-    content = json.dumps(contents(data, store), separators=(",", ":"), ensure_ascii=False)
-    title = data.attrs["title"].replace("&", "&amp;").replace("<", "&lt;")
+    content = json.dumps(found, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
     parts = {
-        "__TITLE__": title,
-        "__STYLE__": web("page.css"),
-        "__DATA__": content.replace("<", "\\u003c"),
-        "__SCRIPT__": "".join(map(web, _SCRIPTS)),
+        "__TITLE__": escape(data.attrs["title"]),
+        "__BY__": escape(f"{_verb(data)} by {computed_by(data)}."),
+        "__STYLE__": _web("page.css"),
+        "__CONTROLS__": _controls(found),
+        "__MARKS__": _marks(found["points"]),
+        "__TABLE__": _table(data),
+        "__DATA__": content,
+        "__PLOTLY__": _web("plotly/plotly-cartesian.min.js"),
+        "__SCRIPT__": _web("page.js"),
     }
-    return re.sub("|".join(parts), lambda match: parts[match[0]], web("page.html"))
+    return re.sub("|".join(parts), lambda match: parts[match[0]], _web("page.html"))
 
 
-def web(name: str) -> str:
+def _verb(data: xr.Dataset) -> str:
+    return "Computed" if (data["run_id"].values != "").any() else "Estimated, without runs,"
+
+
+def _web(name: str) -> str:
     """A part of the page as the package has it."""
-    return resources.files("cutbench.maps").joinpath("web", name).read_text(encoding="utf-8")
+    return resources.files("cutbench.maps").joinpath("web", *name.split("/")).read_text(encoding="utf-8")
 
 
 def contents(data: xr.Dataset, store: Store | None) -> dict:
-    """What the page shows, as plain data: axes, layers, runs and materials with their numbers and curves."""
+    """What the script draws, as plain data: axes, layers, strips, points with their curves and words."""
     names, runs = axes_of(data), _runs(data)
     results = [store.get(run.id) if store is not None and run.id else None for run in runs]
     most = MAX_CURVE_POINTS if len(runs) <= _MAX_RUNS_IN_DETAIL else MAX_CURVE_POINTS // 2
     curves = [curve_of(result, most) if result else None for result in results]
-    quantities, values = _quantities(data, runs, results)
-    numbers = [name for name in NUMBERS if name in data]
-    shown = [data.attrs[f"plot_{which}"] for which in ("x", "y", "panel")]
+    shown = [data.attrs[f"plot_{which}"] for which in ("x", "y")]
     entries = list(dict.fromkeys(name for curve in curves if curve for name in curve["split"]))
+    layers, axes = layers_of(data), {name: axis_of(data, name) for name in names}
+    physics = _physics_of(data, runs, results)
+    quantities = _quantities(physics)
+    points = []
+    for run, result, curve, own in zip(runs, results, curves, physics, strict=True):
+        told = _Words(data, axes, run, result, curve, own)
+        points.append(
+            {
+                "id": run.id or f"mark-{run.mark}", "mark": run.mark, "kind": run.kind,
+                "at": [_short(run.at[name]) for name in names], "drop": run.number("drop_rel"),
+                "text": told.hover(), "head": told.head(), "notes": told.notes(),
+                "rows": told.rows(quantities), "curve": curve, "spots": told.spots(),
+            }
+        )  # fmt: skip
+    ladder = layers["chance"]["values"] if "margin" in data and "chance" in layers else None
+    drops = [run.number("drop_rel") or 0.0 for run in runs]
+    drops += [z / PER for z in layers.get("drop", {}).get("z", ()) if z is not None]
+    threshold = float(data.attrs["drop_threshold"])
     return {
-        "title": data.attrs["title"],
-        "by": [f"Computed by {computed_by(data)}."],
-        "axes": [_axis(data, name, np.unique(places_of(data)[name])) for name in names],
+        "axes": [
+            _axis(axes[name], ladder[k] if ladder else places_of(data)[name]) for k, name in enumerate(names)
+        ],
         "x": names.index(shown[0]),
         "y": names.index(shown[1]) if shown[1] else -1,
-        "numbers": [_number(name) for name in numbers],
-        "threshold": float(data.attrs["drop_threshold"]),
-        "surge": _short(data.attrs["surge_threshold"]),
+        "threshold": threshold,
+        "line": _line_title(data),
+        "top": min(1.0, max(math.ceil(10 * max(drops, default=0.0) - 1e-9) / 10, 2 * threshold)),
         "gridded": list(data["label"].dims) == names,
         "sought": "margin" in data,
-        "points": [
-            run.plain(names, numbers) | {"values": own, "curve": curve, "closure": _closure(result)}
-            for run, own, curve, result in zip(runs, values, curves, results, strict=True)
-        ],
-        "quantities": quantities,
-        "layers": layers_of(data),
+        "points": points,
+        "layers": layers,
         "strips": shown_strips(data),
-        "entries": [{"name": name, "title": title} for name, title in titles_of(entries).items()],
-        "colours": [colour for name, colour in COLOURS.items() if name != "black"],
-        "drops": [to_hex(DROP_COLOURS(k / 16)) for k in range(17)],
-        "error": max((curve["error"] for curve in curves if curve), default=None),
+        "entries": _entries(entries),
+        "colours": [[k / 16, to_hex(DROP_COLOURS(k / 16))] for k in range(17)],
+        "looks": json.loads(_web("looks.json")),
     }
 
 
@@ -123,20 +171,22 @@ class _Run:
     mark: str = ""
     differs: str = ""
 
-    def plain(self, names: list[str], numbers: list[str]) -> dict:
-        """For the page: places by axis, measures in the order of ``numbers``."""
-        told = self.columns
-        return {
-            "id": self.id or f"mark-{self.mark}",
-            "mark": self.mark,
-            "differs": plain_group(self.differs),
-            "at": [_short(self.at[name]) for name in names],
-            "label": LABELS[int(told["label"])] if told else "",
-            "outcome": OUTCOME_FLAGS[int(told["outcome"])] if told else "",
-            "reached": _short(told["reached_mm"]) if told else None,
-            "message": str(told["message"]) if told else "",
-            "measures": [_short(told.get(name, math.nan)) for name in numbers],
-        }
+    @property
+    def outcome(self) -> str:
+        """How it ended; empty without a run."""
+        return OUTCOME_FLAGS[int(self.columns["outcome"])] if self.columns else ""
+
+    @property
+    def kind(self) -> str:
+        """The regime in words, or why there is none."""
+        if not self.outcome or self.outcome == OUTCOME_FLAGS[0]:
+            return TO_COME if self.outcome else NO_RUN
+        label = LABELS[int(self.columns["label"])]
+        return _KINDS.get(label, label)
+
+    def number(self, name: str) -> float | None:
+        """One of its numbers; None where there is none."""
+        return _short(self.columns.get(name, math.nan))
 
 
 def _runs(data: xr.Dataset) -> list[_Run]:
@@ -159,97 +209,525 @@ def _runs(data: xr.Dataset) -> list[_Run]:
     return found
 
 
-def _number(name: str) -> dict:
-    unit, text = NUMBERS[name]
-    title = _TITLES.get(name, re.sub(r"_(rel|mm2?|N|mJ|N_per_mm)$", "", name).replace("_", " "))
-    return {"name": name, "title": title, "unit": unit, "text": text, "noted": name in NOTED}
+@dataclass(frozen=True)
+class _Words:
+    """What the page says of one run."""
+
+    data: xr.Dataset
+    axes: Mapping[str, Axis]
+    run: _Run
+    result: Result | None
+    curve: dict | None
+    physics: Physics | Case | None
+
+    def where(self) -> str:
+        at = self.run.at
+        return ", ".join(f"{_label(axis)} {_on_axis(axis, at[name])}" for name, axis in self.axes.items())
+
+    def hover(self) -> str:
+        drop = self.run.number("drop_rel")
+        falls = "" if drop is None else f", force drop {_percent(drop)}"
+        name = f"{escape(self.run.mark)}: " if self.run.mark else ""
+        return f"{name}{self.run.kind}{falls}<br>{self.where()}"
+
+    def head(self) -> str:
+        drop = self.run.number("drop_rel")
+        falls = "" if drop is None else f": the force falls by {_percent(drop)}"
+        return f"{self.run.mark}{': ' if self.run.mark else ''}{self.run.kind}{falls}"
+
+    def notes(self) -> str:
+        run, found = self.run, []
+        reached, crossed, drag = (run.number(n) for n in ("reached_mm", "crossed_mm", "drag_steps"))
+        if run.differs:
+            found.append(f"not as on the map: {_html(plain_formula(run.differs))}")
+        if run.outcome not in ("", "done", OUTCOME_FLAGS[0]):
+            found.append(run.outcome + ("" if reached is None else f" at {_text(reached, 'mm')}"))
+        if message := str(run.columns.get("message", "")):
+            found.append(escape(message))
+        if crossed is not None:
+            found.append(f"its surface passes through itself from {_text(crossed, 'mm')} on")
+        if drag:
+            found.append(f"{drag:.0f} points of the curve needed raised damping")
+        if run.id and run.outcome != OUTCOME_FLAGS[0] and self.curve is None:
+            found.append("its curve is not here: the page was written without the folder of the runs")
+        if self.curve and self.curve["error"]:
+            found.append(f"lines stay within {_percent(self.curve['error'])} of the largest force or share")
+        return "; ".join(found)
+
+    def rows(self, quantities: Sequence[_Quantity]) -> str:
+        """The run's numbers as rows of a table."""
+        found, drawn = [_part("Where it is")], set()
+        known = {q.name: q for q in quantities}
+        for name, axis in self.axes.items():
+            cells, q = [_on_axis(axis, self.run.at[name])], known.get(name)
+            drawn.add(plain_symbol(axis.symbol) if q is None else q.parameter.symbol)
+            pair = q and q.values(self.physics)
+            if q and pair and q.symbol != q.parameter.symbol:
+                cells.append(q.said(pair[1]))
+            symbol = "" if axis.mechanism else plain_symbol(axis.symbol)
+            found.append(_row(_label(axis), symbol, cells, axis.long_name))
+        for q in quantities:
+            pair = q.values(self.physics)
+            if pair and q.parameter.symbol not in drawn:
+                own = q.symbol == q.parameter.symbol
+                title = q.parameter.doc if own else q.name.replace("_", " ")
+                cells = [_text(pair[0], q.unit), *([] if own else [q.said(pair[1])])]
+                found.append(_row(title, q.symbol, cells, q.parameter.doc))
+        if not self.run.outcome:
+            return "".join(found)
+        found.append(_part("What was found"))
+        for name, (unit, meaning) in NUMBERS.items():
+            value = self.run.number(name)
+            if value is not None and not (name in NOTED and value == 0):
+                found.append(_row(_title(name), "", [_text(value, unit)], meaning))
+        closure = math.nan if self.result is None else float(self.result.measures.get("closure", math.nan))
+        if math.isfinite(closure):
+            meaning = "what the energy balance does not account for, relative to the work of the blade"
+            found.append(_row("closure", "", [_percent(closure)], meaning))
+        if (reached := self.run.number("reached_mm")) is not None:
+            found.append(_row("reached", "", [_text(reached, "mm")], "blade travel reached"))
+        if self.run.id:
+            found.append(_row("run", "", [self.run.id], "its folder in the store"))
+        return "".join(found)
+
+    def spots(self) -> list[tuple[float, float, str]]:
+        """Onset and peak on the curve: travel (mm), force (N), name."""
+        if self.curve is None:
+            return []
+        d, force = np.array(self.curve["d"]), self.curve["scale"] * np.array(self.curve["force"])
+        down = len(self.curve["mean"])
+        found = ((self.run.number(f"{name}_mm"), name) for name in ("onset", "peak"))
+        return [
+            (at, float(f"{np.interp(at, d[:down], force[:down]):.4g}"), name)
+            for at, name in found
+            if at is not None and at <= d[-1]
+        ]
 
 
-def _axis(data: xr.Dataset, name: str, values: np.ndarray) -> dict:
-    axis = axis_of(data, name)
-    return {
-        "name": name,
-        "text": axis.long_name,
-        "symbol": plain(axis.symbol),
-        "unit": "" if axis.unit == "1" else axis.unit,
-        "log": axis.scale == "log",
-        "switch": bool(axis.mechanism),
-        "values": [_short(v) for v in (axis.values if list(data[name].dims) == [name] else values)],
-    }
+@dataclass(frozen=True)
+class _Quantity:
+    """A group that a person can set, and the ``parameter`` that it sets; or a parameter of groups, itself."""
+
+    name: str
+    symbol: str
+    unit: str
+    parameter: Parameter
+
+    def values(self, physics: Physics | Case | None) -> tuple[float, float] | None:
+        """The group and the parameter, in their units; None where a model has none."""
+        if physics is None:
+            return None
+        group = physics.model.settable_groups().get(self.name)
+        name = group.parameter if group else self.name
+        if name not in physics.values:
+            return None
+        own = physics.values[name] / physics.model.parameters()[name].factor
+        return (group.value(physics.p) if group else own), own
+
+    def said(self, value: float) -> str:
+        """The parameter in an equation."""
+        return f"{_html(self.parameter.symbol)} = {_text(value, self.parameter.unit)}"
 
 
-def plain(symbol: str) -> str:
-    """A symbol as pictures set it, without its markup: ``$\\delta_\\mathrm{c}$`` is δ_c."""
-    text = re.sub(r"\\mathrm\{(\w+)\}", r"\1", symbol.replace("$", "").replace("\\,", " "))
-    return re.sub(r"\\(\w+?)(?=_|\W|$)", lambda m: _GREEK.get(m[1], m[1]), text)
-
-
-def _quantities(
-    data: xr.Dataset, runs: list[_Run], results: list[Result | None]
-) -> tuple[list[dict], list[list[tuple[float | None, float | None]]]]:
-    """The groups of the runs' laws with the parameter that each of them sets, and the other parameters that
-    they are made of; and by run, group and parameter of those that are not the same everywhere. Nothing where
-    places stand for no physics."""
+def _physics_of(
+    data: xr.Dataset, runs: Sequence[_Run], results: Sequence[Result | None]
+) -> list[Physics | Case | None]:
+    """Laws and values of each run; None where a place stands for none that this cutbench knows."""
     try:
         by_place = physics_by_place(data)
     except BadInput:
-        return [], [[] for _ in runs]
-    physics: list[Physics | Case | None] = []
+        return [None] * len(runs)
+    found: list[Physics | Case | None] = []
     for run, result in zip(runs, results, strict=True):
         try:
-            physics.append(result.case if result else by_place(run.at) if not run.mark else None)
+            found.append(result.case if result else by_place(run.at) if not run.mark else None)
         except BadInput:
-            physics.append(None)
+            found.append(None)
+    return found
+
+
+def _quantities(physics: Iterable[Physics | Case | None]) -> list[_Quantity]:
+    """The groups of the runs' laws, and what they are made of and none sets, which makes values of them."""
     models = {p.model for p in physics if p is not None}
     known = {n: q for model in models for n, q in model.parameters().items()}
     made = {n: g for model in models for n, g in model.settable_groups().items()}
-    told = {n: (plain(g.symbol), g.unit, known[g.parameter]) for n, g in made.items()}
-    # What groups are made of and none sets: without it they are no values.
     scales = {n for g in made.values() for n in g.needs} - {g.parameter for g in made.values()}
-    told |= {n: (plain(q.symbol), q.unit, q) for n, q in known.items() if n in scales}
-    found, columns = [], []
-    for name, (symbol, unit, parameter) in told.items():
-        pairs = [_pair(p, name) for p in physics]
-        alike = len(set(pairs)) == 1
-        found.append(
-            {
-                "name": name,
-                "symbol": symbol,
-                "unit": "" if unit == "1" else unit,
-                "sets": plain(parameter.symbol),
-                "text": parameter.doc,
-                "in": "" if parameter.unit == "1" else parameter.unit,
-                "fixed": pairs[0] if alike else None,
-            }
+    found = [_Quantity(n, plain_symbol(g.symbol), g.unit, known[g.parameter]) for n, g in made.items()]
+    return found + [_Quantity(n, q.symbol, q.unit, q) for n, q in known.items() if n in scales]
+
+
+# -- words and tables -------------------------------------------------------------------------------------
+def _text(value: float | None, unit: str = "") -> str:
+    if value is None:
+        return "–"
+    shown = f"{value:.3g}".replace("-", "−")
+    return shown if unit in ("", "1") else f"{shown}\u00a0{unit.replace('^2', '²').replace('mm2', 'mm²')}"
+
+
+def _percent(part: float) -> str:
+    return f"{100 * part:.2g}\u00a0%".replace("1e+02", "100")
+
+
+def _html(symbol: str) -> str:
+    """Plain text with its subscripts: G_c/δ_c."""
+    return re.sub(r"_(\w+)", r"<sub>\1</sub>", escape(symbol))
+
+
+def _label(axis: Axis) -> str:
+    return plain_symbol(axis.symbol) if axis.mechanism else axis.name.replace("_", " ")
+
+
+def _on_axis(axis: Axis, value: float) -> str:
+    return ("with" if value else "without") if axis.mechanism else _text(value, axis.unit)
+
+
+def _title(name: str) -> str:
+    return _TITLES.get(name, re.sub(r"_(rel|mm2?|N|mJ|N_per_mm)$", "", name).replace("_", " "))
+
+
+def _part(title: str) -> str:
+    return f'<tr class="part"><th colspan="3" scope="rowgroup">{title}</th></tr>'
+
+
+def _row(title: str, symbol: str, cells: Sequence[str], meaning: str) -> str:
+    tail = "".join(f"<td>{cell}</td>" for cell in cells)
+    name = f"{escape(title)} {_html(symbol)}".strip()
+    return f'<tr title="{escape(meaning)}"><th scope="row">{name}</th>{tail}</tr>'
+
+
+def _line_title(data: xr.Dataset) -> str:
+    surge = float(data.attrs["surge_threshold"])
+    more = f", surge of {surge:g}" if math.isfinite(surge) else ""
+    return f"drop of {_percent(data.attrs['drop_threshold'])}{more}"
+
+
+def _entries(names: Sequence[str]) -> dict[str, dict[str, str]]:
+    """Title, colour and pattern of each entry of the ledgers. Blue is the force's own."""
+    colours = [colour for name, colour in COLOURS.items() if name not in ("black", "blue")]
+    return {
+        name: {
+            "title": title,
+            "colour": "#9a9a9a" if name in (OTHERS, REST) else colours[k % len(colours)],
+            "shape": _SHAPES[k % len(_SHAPES)],
+        }
+        for k, (name, title) in enumerate(titles_of(names).items())
+    }
+
+
+def _axis(axis: Axis, values: Any) -> dict:
+    """An axis as the script needs it: ``levels`` where a slider can stand, with their ``texts``, and how
+    plotly draws it."""
+    levels = np.unique([_short(v) for v in np.ravel(values) if np.isfinite(v)]).tolist()
+    unit = "" if axis.unit == "1" else f" [{axis.unit.replace('^2', '²')}]"
+    title = axis.long_name if axis.mechanism else f"{axis.long_name} {_html(plain_symbol(axis.symbol))}{unit}"
+    ticks = list(axis.values) if axis.mechanism else _ticks(axis)
+    texts = [_on_axis(axis, v) if axis.mechanism else f"{v:g}" for v in ticks]
+    layout = {"title": {"text": title}, "type": axis.scale, "showgrid": False, "zeroline": False}
+    layout |= {"ticks": "outside", "automargin": True}
+    return {
+        "name": axis.name, "label": _label(axis), "levels": levels,
+        "texts": [_on_axis(axis, v) for v in levels],
+        "layout": layout | ({"tickvals": ticks, "ticktext": texts} if ticks else {}),
+    }  # fmt: skip
+
+
+def _ticks(axis: Axis) -> list[float]:
+    """Plain numbers on a logarithmic axis; none where plotly finds its own."""
+    if axis.scale != "log":
+        return []
+    low, high = axis.values[0], axis.values[-1]
+    decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    within = (1, 2, 5) if len(decades) < 4 else (1,)
+    found = [float(f"{m * 10.0**k:.6g}") for k in decades for m in within]
+    return [tick for tick in found if low / 1.3 <= tick <= high * 1.3]
+
+
+def _controls(found: dict) -> str:
+    """Which axes are across and up, the shading, and a slider for each other axis."""
+
+    def select(id: str, text: str, options: Mapping[Any, str]) -> str:
+        inner = "".join(f'<option value="{value}">{escape(name)}</option>' for value, name in options.items())
+        return f'<label>{text} <select id="{id}">{inner}</select></label>'
+
+    axes, parts = found["axes"], []
+    labels = {k: axis["label"] for k, axis in enumerate(axes)}
+    if found["y"] >= 0:
+        parts += [select("x", "across", labels), select("y", "up", labels)]
+        if found["layers"]:
+            shades = {"drop": "force drop", "chance": "chance of abrupt", "none": "nothing"}
+            there = {n: text for n, text in shades.items() if n in found["layers"] or n == "none"}
+            parts.append(select("shade", "shading", there))
+    for k, axis in enumerate(axes):
+        parts.append(
+            f'<label class="level" data-axis="{k}">{escape(axis["label"])} <output></output>'
+            f'<input type="range" min="0" max="{len(axis["levels"]) - 1}" id="level-{axis["name"]}"></label>'
         )
-        if not alike:
-            columns.append(pairs)
-    return found, [list(row) for row in zip(*columns, strict=True)] or [[] for _ in runs]
+    return "".join(parts)
 
 
-def _pair(physics: Physics | Case | None, name: str) -> tuple[float | None, float | None]:
-    if physics is None:
-        return None, None
-    if name not in (known := physics.model.settable_groups()):
-        if name not in physics.values:
-            return None, None
-        own = _short(physics.values[name] / physics.model.parameters()[name].factor)
-        return own, own
-    group = known[name]
-    factor = physics.model.parameters()[group.parameter].factor
-    return _short(group.value(physics.p)), _short(physics.values[group.parameter] / factor)
+def _marks(points: Sequence[dict]) -> str:
+    """The materials, each as a button that shows its own run."""
+    lines = [
+        f'<li><button type="button" data-id="{escape(p["id"])}">{escape(p["mark"])}</button> '
+        f"{p['text'].split(': ', 1)[1].replace('<br>', '; ')}</li>"
+        for p in points
+        if p["mark"]
+    ]
+    return f'<section id="marks"><h2>Materials</h2><ul>{"".join(lines)}</ul></section>' if lines else ""
 
 
-def plain_group(text: str) -> str:
-    """``eta_reg v/delta_c`` as η_reg v/δ_c."""
-    return re.sub(r"(?<![A-Za-z_])[A-Za-z]+", lambda m: _GREEK.get(m[0], m[0]), text)
+def _table(data: xr.Dataset) -> str:
+    """All runs, a row each."""
+    axes = [axis_of(data, name) for name in axes_of(data)]
+    numbers = [name for name in NUMBERS if name in data]
+    heads = ["material", *(_label(axis) + _in(axis.unit) for axis in axes), "regime"]
+    heads += [*(_title(name) + _in(NUMBERS[name][0]) for name in numbers), "reached [mm]", "end", "run"]
+    rows = []
+    for run in _runs(data):
+        if run.outcome:
+            cells = [run.mark, *(_on_axis(axis, run.at[axis.name]) for axis in axes), run.kind]
+            cells += [*(_text(run.number(name)) for name in numbers), _text(run.number("reached_mm"))]
+            cells += [run.outcome, run.id]
+            rows.append(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in cells)}</tr>")
+    head = "".join(f'<th scope="col">{escape(text)}</th>' for text in heads)
+    return f"<thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody>"
 
 
-def _closure(result: Result | None) -> float | None:
-    return None if result is None else _short(result.measures.get("closure", math.nan))
+def _in(unit: str) -> str:
+    return "" if unit in ("", "1") else f" [{unit}]"
 
 
 def _short(value: float) -> float | None:
     """Four digits; None, JSON's null, for what is not a number."""
     value = float(value)
     return float(f"{value:.4g}") if math.isfinite(value) else None
+
+
+# -- layers -----------------------------------------------------------------------------------------------
+def layers_of(data: xr.Dataset) -> dict[str, dict]:
+    """Layers by name, each with the ``values`` of all axes and whole thousandths in their order, nulls where
+    nothing is known. Of runs that lie on no grid there are none.
+
+    ``drop``: the relative force drop ``z``, of a sought boundary's map between its runs. ``chance``, by the
+    Gaussian process through all runs: the chance ``p`` of abrupt cutting, and ``over``, the logarithm of
+    measure over threshold. ``line``, of a grid: ``over`` between the runs. On the boundary it is 0.
+    ``classical``: 0 on the boundary of the classical estimates, where these have one.
+    """
+    if list(data["label"].dims) != axes_of(data):
+        return {}
+    if "margin" in data:
+        part = _thinned(data)
+        return {
+            "drop": _layer(part, z=between(data, "drop_rel").isel(_pick(data))),
+            "chance": _layer(part, over=_over(part["margin"]), p=xr.apply_ufunc(_chance, *part.values())),
+        } | _classical(data)
+    found = {"drop": _layer(data, z=data["drop_rel"]), "line": _layer(data, over=_line(data))}
+    if (chance := _estimated_chance(data)) is not None:
+        found["chance"] = chance
+    return found | _classical(data)
+
+
+def _line(data: xr.Dataset) -> xr.DataArray:
+    """The logarithm of measure over threshold: it keeps a steep drop from pushing the line aside."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        over = data["drop_rel"] / data.attrs["drop_threshold"]
+        if math.isfinite(data.attrs["surge_threshold"]):
+            over = np.minimum(over, data["surge"] / data.attrs["surge_threshold"])
+        over = xr.where(data["label"] == LABELS.index(UNCUT), np.nan, over)
+        return np.log(np.maximum(over, SMALLEST_IN_LOG))
+
+
+def _pick(data: xr.Dataset) -> dict[str, np.ndarray]:
+    """What is kept of a lattice of runs that were sought."""
+    shown = [name for name in (data.attrs["plot_x"], data.attrs["plot_y"]) if name]
+    pick = {
+        name: np.unique(np.rint(np.linspace(0, data.sizes[name] - 1, LEVELS)).astype(int))
+        for name in axes_of(data)
+        if name not in shown and data.sizes[name] > LEVELS
+    }
+    if pick:
+        pick |= {name: np.arange(0, data.sizes[name], 2) for name in shown if data.sizes[name] > 2 * LEVELS}
+    return pick
+
+
+def _thinned(data: xr.Dataset) -> xr.Dataset:
+    return data[["margin", "margin_sd"]].isel(_pick(data))
+
+
+def _layer(data: xr.Dataset, **arrays: xr.DataArray) -> dict:
+    names = axes_of(data)
+    values = [[float(f"{v:.5g}") for v in data[name].values] for name in names]
+    return {"values": values} | {key: _whole(a.transpose(*names).values) for key, a in arrays.items()}
+
+
+def _whole(values: np.ndarray) -> list[int | None]:
+    return [round(PER * v) if math.isfinite(v) else None for v in map(float, values.ravel())]
+
+
+def _over(margin: Any) -> Any:
+    """The logarithm of measure over threshold that margins stand for."""
+    return np.arctanh(np.clip(margin, -0.995, 0.995))
+
+
+def _chance(margin: np.ndarray, sd: np.ndarray) -> np.ndarray:
+    """How likely margins with these standard deviations are above 0."""
+    return ndtr(margin / np.maximum(sd, SMALLEST_IN_LOG))
+
+
+def _estimated_chance(data: xr.Dataset) -> dict | None:
+    """Margin and chance between the points of a grid; None where too few runs say."""
+    names = axes_of(data)
+    axes = {name: axis_of(data, name) for name in names}
+    shown = [n for n in (data.attrs["plot_x"], data.attrs["plot_y"]) if n]
+    for fine in (FINE, FINE // 2, FINE // 4, 0):
+        values = [refined(axes[n], fine if n in shown else 0) for n in names]
+        if math.prod(map(len, values)) <= _MAX_POINTS or not fine:
+            break
+    shape = tuple(map(len, values))
+    margin, sd = np.full(shape, math.nan), np.full(shape, math.nan)
+    switches = [k for k, n in enumerate(names) if axes[n].mechanism]
+    for chosen in itertools.product(*(range(shape[k]) for k in switches)):
+        where: list[slice | int] = [slice(None)] * len(names)
+        for k, i in zip(switches, chosen, strict=True):
+            where[k] = i
+        here: Mapping[str, float] = {names[k]: values[k][i] for k, i in zip(switches, chosen, strict=True)}
+        try:
+            reader = MapReader(data, dict(here))
+        except BadInput:
+            continue
+        free = [n for n in names if n not in here]
+        at = [
+            dict(zip(free, place, strict=True))
+            for place in itertools.product(*(values[names.index(n)] for n in free))
+        ]
+        mean, spread = reader.margin(at)
+        part = margin[tuple(where)].shape
+        margin[tuple(where)], sd[tuple(where)] = mean.reshape(part), spread.reshape(part)
+    if not np.isfinite(margin).any():
+        return None
+    short = [[float(f"{v:.5g}") for v in some] for some in values]
+    return {"values": short, "over": _whole(_over(margin)), "p": _whole(_chance(margin, sd))}
+
+
+def _classical(data: xr.Dataset) -> dict[str, dict]:
+    shown, values = (data.attrs["plot_x"], data.attrs["plot_y"]), []
+    for name in axes_of(data):
+        v, axis = data[name].values, axis_of(data, name)
+        if name in shown and v.size > 1 and not axis.mechanism:
+            v = (np.geomspace if axis.scale == "log" else np.linspace)(v[0], v[-1], _ESTIMATED_POINTS)
+        elif v.size > LEVELS:
+            v = v[np.rint(np.linspace(0, v.size - 1, LEVELS)).astype(int)]
+        values.append([float(f"{u:.5g}") for u in v])
+    margin = estimated_margin(data)
+    if math.prod(map(len, values)) > _MAX_POINTS:
+        return {}
+    z = np.array([margin(dict(zip(axes_of(data), at, strict=True))) for at in itertools.product(*values)])
+    known = z[np.isfinite(z)]
+    there = known.size and known.min() < 0 <= known.max()
+    return {"classical": {"values": values, "z": _whole(z)}} if there else {}
+
+
+def refined(axis: Axis, count: int) -> list[float]:
+    """The values of an axis with others between them on its scale, about ``count`` in all."""
+    v = np.asarray(axis.values, dtype=float)
+    if axis.mechanism or v.size < 2 or v.size >= count:
+        return v.tolist()
+    parts = max(1, round((count - 1) / (v.size - 1)))
+    at = np.arange((v.size - 1) * parts + 1) / parts
+    if axis.scale == "log":
+        return np.exp(np.interp(at, np.arange(v.size), np.log(v))).tolist()
+    return np.interp(at, np.arange(v.size), v).tolist()
+
+
+# -- curves -----------------------------------------------------------------------------------------------
+def curve_of(result: Result, points: int = MAX_CURVE_POINTS) -> dict | None:
+    """Travel ``d`` (mm), ``force`` over it and, until the blade first rests, ``mean`` and its ``split``.
+
+    Forces are whole numbers, times ``scale`` N. A mechanism's share is the slope of its work over ``window``
+    mm of travel, half a blade's thickness, and ``mean`` that of the blade's own: with ``REST`` the shares add
+    up to it exactly, at every point. ``error`` is how far thinning has moved a line, relative to the largest
+    force or share.
+    None of a run without travel.
+    """
+    d, force = result.displacement_mm, result.force_N
+    if d.size < 2:
+        return None
+    down, window = forward(d), result.case.values.get("thickness", 0.7) / 2
+    travel = d[:down]
+    shares = _shares(result, travel, window) if down > 1 else {}
+    mean = smooth_force(travel, cumulative_trapezoid(force[:down], travel, initial=0), window, travel)
+    lines = np.zeros((d.size, 2 + len(shares)))
+    lines[:, 0] = force
+    for k, share in enumerate([mean, *shares.values()], start=1):
+        lines[:down, k], lines[down:, k] = share, share[-1]
+    # Of a curve that is zero throughout nothing is lost by any scale.
+    largest = float(np.max(np.abs(lines))) or 1.0
+    keep, error = thinned(d, lines / largest, CURVE_TOLERANCE, points)
+    keep = np.union1d(keep, [down - 1])
+    scale = float(f"{largest / STEPS:.4g}")
+    whole = np.rint(lines[keep] / scale).astype(int)
+    first = keep < down
+    split = {name: whole[first, k] for k, name in enumerate(shares, start=2)}
+    if shares:
+        split[REST] = whole[first, 1] - sum(split.values())
+    return {
+        "scale": scale,
+        "window": window,
+        "error": float(f"{error:.2g}"),
+        "d": [float(f"{v:.5g}") for v in d[keep]],
+        "force": whole[:, 0].tolist(),
+        "mean": whole[first, 1].tolist(),
+        "split": {name: share.tolist() for name, share in split.items() if np.any(share)},
+    }
+
+
+def titles_of(names: Sequence[str]) -> dict[str, str]:
+    """How a page calls the entries of a ledger."""
+    known = NO_MECHANISM | {OTHERS: "others, each small", REST: "left by the energy balance"}
+    laws = registry()
+    return {n: known.get(n) or (laws[n].title if n in laws else n.replace("_", " ")) for n in names}
+
+
+def _shares(result: Result, travel: np.ndarray, window: float) -> dict[str, np.ndarray]:
+    """Mean force of each entry of the ledger (N) at each point of the travel."""
+    largest = float(np.max(np.abs(result.force_N)))
+    shares, small = {}, np.zeros(travel.size)
+    for name in result.ledger:
+        work = result.curve.get(f"work_{name}_mJ")
+        if work is None:
+            # An entry's force is that of the step which ends there: work adds up over steps.
+            steps = result.curve[f"force_{name}_N"][1 : travel.size]
+            work = np.concatenate([[0.0], np.cumsum(np.diff(travel) * steps)])
+        share = smooth_force(travel, np.asarray(work, dtype=float)[: travel.size], window, travel)
+        if np.max(np.abs(share)) < NEGLIGIBLE * largest:
+            small += share
+        else:
+            shares[name] = share
+    return shares | ({OTHERS: small} if np.any(small) else {})
+
+
+def thinned(x: np.ndarray, lines: np.ndarray, near: float, points: int) -> tuple[np.ndarray, float]:
+    """Which points of polygons over ``x`` (n,) stay ``near`` to ``lines`` (n, k), and how near they are.
+
+    The farthest first (Douglas & Peucker 1973), ``points`` at the most.
+    """
+    lines = lines.reshape(x.size, -1)
+    kept, spans = [0, x.size - 1], [_farthest(x, lines, 0, x.size - 1)]
+    while len(kept) < points and -spans[0][0] > near:
+        _, first, middle, last = heapq.heappop(spans)
+        kept.append(middle)
+        for ends in ((first, middle), (middle, last)):
+            heapq.heappush(spans, _farthest(x, lines, *ends))
+    return np.unique(kept), -spans[0][0]
+
+
+def _farthest(x: np.ndarray, lines: np.ndarray, first: int, last: int) -> tuple[float, int, int, int]:
+    """Minus the distance of the farthest point between two, and where it is."""
+    if last - first < 2:
+        return 0.0, first, first, last
+    run = x[last] - x[first]
+    part = (x[first + 1 : last] - x[first]) / run if run > 0 else np.zeros(last - first - 1)
+    straight = lines[first] + part[:, None] * (lines[last] - lines[first])
+    away = np.abs(lines[first + 1 : last] - straight).max(axis=1)
+    k = int(np.argmax(away))
+    return -float(away[k]), first, first + 1 + k, last

@@ -42,7 +42,6 @@ from cutbench.maps.confirmed_points import FOLDER, RECORD, draw_confirmed, handl
 from cutbench.maps.dataset import LABELS, NOT_COMPUTED, OUTCOME_FLAGS, axes_of, places_of
 from cutbench.maps.material_markers import draw_materials, marks_of
 from cutbench.maps.material_markers import handles_of as handles_of_marks
-from cutbench.maps.panels import figure_of, label, panel_key, title
 from cutbench.maps.plot_coordinates import (
     DROP_COLOURS,
     axis_text,
@@ -61,7 +60,7 @@ _MARKERS: dict[str, Look] = {
     ABRUPT: {"marker": "o", "mfc": "black", "mec": "white", "ms": 4.2, "mew": 0.6, "label": "abrupt"},
     SMOOTH: {"marker": "o", "mfc": "white", "mec": "black", "ms": 3.8, "mew": 0.7, "label": "smooth"},
     UNDECIDED: {"marker": "o", "mfc": "0.6", "mec": "black", "ms": 4.0, "mew": 0.7, "label": "undecided"},
-    UNCUT: {"marker": "_", "mfc": "black", "mec": "black", "ms": 5, "mew": 1.0, "label": "no cut"},
+    UNCUT: {"marker": "s", "mfc": "white", "mec": "black", "ms": 3.8, "mew": 0.7, "label": "not cut"},
     NOT_COMPUTED: {"marker": "x", "mec": "0.35", "ms": 4, "mew": 0.9, "label": "not computed"},
 }
 #: Of a line in a legend beside the panels.
@@ -86,7 +85,7 @@ def draw_phase(data: xr.Dataset, confirmed: Sequence[Mapping] = (), size: Size |
     panels = data.sizes[panel] if panel else 1
     short = size is not None and panels > 1
     with style(size):
-        figure, axes = figure_of(panels, size)
+        figure, axes = _panels(panels, size)
         top = _top(whole)
         marks, outside = marks_of(data, x, y, panel)
         seen: set[str] = set()
@@ -108,18 +107,18 @@ def draw_phase(data: xr.Dataset, confirmed: Sequence[Mapping] = (), size: Size |
             seen |= _points(ax, slab(whole, data, panel, k) if panel else part, x, y)
             draw_materials(ax, [m for m in marks if m["panel"] == k], x, y, part, top)
             solid |= draw_confirmed(ax, confirmed, part, x, y, (panel, k, data[panel or x]))
-            title(ax, data, panel, k, lettered=panels > 1, short=short)
+            _title(ax, data, panel, k, lettered=panels > 1, short=short)
         if image is not None:
             bar = figure.colorbar(image, ax=list(axes.flat), pad=0.015, aspect=28, shrink=0.96)
             bar.set_label("relative force drop")
             bar.ax.axhline(data.attrs["drop_threshold"], color="black", lw=1.4)
             bar.outline.set_linewidth(0.6)
         extra = [*handles_of_marks(marks, top), *handles_of(solid)]
-        extra += panel_key(data, panel, panels) if short else []
+        extra += _panel_key(data, panel, panels) if short else []
         _legend(figure, data, seen, bool(y), bridged, classical, extra, size)
         note = "; ".join([*fixed, *([f"outside the map: {', '.join(outside)}"] if outside else [])])
         drawn = axis_text(data[y]) if y else "relative force drop"
-        label(figure, axes, panels, axis_text(data[x]), drawn, note, short=short)
+        _label(figure, axes, panels, axis_text(data[x]), drawn, note, short=short)
         one_type(figure, size)
     return figure
 
@@ -187,6 +186,61 @@ def _reduce(data: xr.Dataset) -> tuple[xr.Dataset, list[str]]:
             texts.append(f"at {symbol(data[dim])} = {value:.3g}{unit_of(data[dim])}")
             data = data.isel({dim: data.sizes[dim] // 2})
     return data, texts
+
+
+def _panels(panels: int, size: Size | None) -> tuple[Figure, np.ndarray]:
+    """A figure for so many panels of a plane, and their axes (rows, columns)."""
+    columns = 2 if panels == 4 else min(3, panels)
+    if size is not None and size.height_mm is None:
+        columns = 1 if panels < 4 else 2
+    rows = math.ceil(panels / columns)
+    if size is None:
+        figure = new_figure(DOUBLE_MM, (66 if columns > 1 else 84) * rows + 16)
+    else:
+        figure = sized(size, (62 if columns == 1 else 40) * rows + 34)
+    return figure, figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+
+
+def _title(ax: Axes, data: xr.Dataset, panel: str, level: int, *, lettered: bool, short: bool) -> None:
+    """Letter and level of a panel; ``short``: the level's number alone, whose name ``panel_key`` says."""
+    letter = chr(ord("a") + level) if lettered else ""
+    value = data[panel].values[level] if panel else math.nan
+    if panel and (mechanism := data[panel].attrs.get("mechanism")):
+        text = f"{'with' if value else 'without'} {mechanism}"
+    elif panel:
+        name = "" if short and lettered else f"{symbol(data[panel])} = "
+        text = f"{name}{value:.3g}{unit_of(data[panel])}"
+    else:
+        text = ""
+    if letter and short:
+        ax.set_title(f"{letter}: {text}", loc="left")
+        return
+    ax.set_title(letter, loc="left", fontweight="bold")
+    ax.set_title(text, fontsize=8.5)
+
+
+def _panel_key(data: xr.Dataset, panel: str, count: int) -> list[Line2D]:
+    """What the numbers over short panels are, for the legend."""
+    if not panel or count == 1 or data[panel].attrs.get("mechanism"):
+        return []
+    return [Line2D([], [], ls="", label=f"a, b, …: {symbol(data[panel])}")]
+
+
+def _label(figure: Figure, axes: np.ndarray, panels: int, x: str, y: str, note: str, *, short: bool) -> None:
+    """What the axes are: on the outer ones, or once where ``short``; a ``note`` below."""
+    columns = axes.shape[1]
+    for k, ax in enumerate(axes.flat[:panels]):
+        if k // columns == len(axes) - 1 or k + columns >= panels:
+            ax.tick_params(labelbottom=True)
+            if not short:
+                ax.set_xlabel(x)
+        if k % columns == 0 and not short:
+            ax.set_ylabel(y)
+    if short:
+        figure.supylabel(y)
+        figure.supxlabel(f"{x}\n{note}" if note else x)
+    elif note:
+        figure.supxlabel(note, fontsize=7.5, color="0.3")
 
 
 def _top(data: xr.Dataset) -> float:

@@ -1,170 +1,150 @@
-// Controls, keys, pointer, legend, table; and the first picture.
-function controls() {
-  const home = by("controls");
-  home.replaceChildren();
-  const pick = (id, text, entries, chosen, take) => {
-    const label = make(home, "label", {}, text), select = make(label, "select", { id });
-    for (const [value, name] of entries) make(select, "option", { value, ...(value === String(chosen) ? { selected: "" } : {}) }, name);
-    select.addEventListener("change", () => take(select.value));
-  };
-  const axes = D.axes.map((axis, k) => [String(k), axis.label]);
-  const swap = (which, k) => {
-    const other = which === "x" ? "y" : "x";
-    if (state[other] === k) state[other] = state[which];
-    state[which] = k;
-    controls(); draw(); by(which).focus();
-  };
-  if (state.y >= 0 && axes.length > 1) for (const [which, text] of [["x", "across"], ["y", "up"]]) pick(which, text, axes, state[which], v => swap(which, Number(v)));
-  if (state.y >= 0 && D.layers.drop) {
-    const shades = [["drop", "force drop"], ...(D.layers.chance ? [["chance", "chance of abrupt"]] : []), ["none", "nothing"]];
-    pick("shade", "shading", shades, state.shade, v => { state.shade = v; draw(); });
-  }
-  for (const k of others()) {
-    const axis = D.axes[k], values = levels(k), name = axis.label;
-    if (state.level[k] === undefined || state.level[k] >= values.length) state.level[k] = Math.floor(values.length / 2);
-    const go = n => { state.level[k] = n; draw(); };
-    if (values.length === 1) make(make(home, "span", {}, name + " "), "output", { id: "level-" + axis.name }, axisValue(k, values[0]));
-    else if (values.length > 6) {
-      const label = make(home, "label", {}, name), slider = make(label, "input", { type: "range", min: 0, max: values.length - 1, step: 1, id: "level-" + axis.name });
-      const out = make(label, "output"), tell = () => { out.textContent = axisValue(k, values[state.level[k]]); slider.setAttribute("aria-valuetext", out.textContent); };
-      slider.value = String(state.level[k]); tell();
-      slider.addEventListener("input", () => { go(Number(slider.value)); tell(); });
-    } else {
-      const set = make(home, "fieldset", { id: "level-" + axis.name, role: "radiogroup" });
-      make(set, "legend", {}, name);
-      values.forEach((v, n) => {
-        const tab = make(set, "label", { class: "tab" }), input = make(tab, "input", { type: "radio", name: "level-" + axis.name, value: n });
-        input.checked = n === state.level[k]; tab.append(axisValue(k, v));
-        input.addEventListener("change", () => go(n));
-      });
-    }
-  }
+// A plane of the map and the chosen run, drawn by plotly; words and looks are in the data.
+const D = JSON.parse(document.getElementById("data").textContent), by = id => document.getElementById(id);
+const L = D.layers, LOOK = D.looks, map = by("map"), level = D.axes.map(axis => Math.floor(axis.levels.length / 2));
+const state = { x: D.x, y: D.y, level, shade: L.drop ? "drop" : "none", chosen: null, held: false };
+const others = () => D.gridded ? D.axes.map((_, k) => k).filter(k => k !== state.x && k !== state.y) : [];
+const visible = p => others().every(k => nearest(D.axes[k].levels, p.at[k]) === state.level[k]);
+const across = p => p.at[state.x], on = layer => ({ x: layer.values[state.x], y: layer.values[state.y] });
+const up = p => state.y >= 0 ? p.at[state.y] : p.drop ?? (p.mark ? D.threshold : 0);
+// Ratios count among positive values, and zero is a value like any.
+function nearest(values, v) {
+  const small = Math.min(...values.filter(u => u).map(Math.abs), Infinity);
+  const away = u => small < Infinity ? Math.abs(Math.asinh(u / small) - Math.asinh(v / small)) : Math.abs(u - v);
+  return values.reduce((best, u, i) => away(u) < away(values[best]) ? i : best, 0);
 }
-function legend(shown) {
-  const home = by("legend"), width = 420;
-  home.replaceChildren();
-  // On grey: signs are black and white, in the dark too.
-  const key = (draw, text) => { const span = make(home, "span"); draw(add(span, "svg", { viewBox: "0 0 22 16", "aria-hidden": "true", class: "sign" })); span.append(text); };
-  for (const name of ["abrupt", "smooth", "undecided", "not cut", "not computed", "to come"]) {
-    const n = shown.filter(p => labelOf(p) === name).length;
-    if (n) key(svg => sign(svg, name, 11, 8, 5.2), `${name} (${n})`);
+// A layer's numbers on the plane that is shown: rows of y, columns of x.
+function plane(layer, key) {
+  const stride = layer.values.map((_, k) => layer.values.slice(k + 1).reduce((size, v) => size * v.length, 1));
+  const level = k => nearest(layer.values[k], D.axes[k].levels[state.level[k]]);
+  const start = others().reduce((sum, k) => sum + level(k) * stride[k], 0);
+  const at = (i, j) => (layer[key][start + i * stride[state.x] + j * stride[state.y]] ?? NaN) / 1000;
+  return layer.values[state.y].map((_, j) => layer.values[state.x].map((_, i) => at(i, j)));
+}
+// The line on which z is 0, with a light edge; none where z does not change its sign.
+function line(layer, z, name, look) {
+  if (!z.some((row, j) => row.some((v, i) => v * row[i + 1] <= 0 || v * z[j + 1]?.[i] <= 0))) return [];
+  const one = { ...LOOK.line, ...on(layer), z, name, line: look };
+  return [{ ...one, showlegend: false, line: { color: "#fff", width: look.width + 2.5 } }, one];
+}
+// Whether the regime is not known with 95 % at the places of a plane, as part of an area wider than a cell.
+function unsure(chances) {
+  const open = (i, j) => chances[j]?.[i] > 0.025 && chances[j][i] < 0.975;
+  const square = (i, j) => open(i, j) && open(i + 1, j) && open(i, j + 1) && open(i + 1, j + 1);
+  return chances.map((row, j) => row.map((_, i) => square(i, j) || square(i - 1, j) || square(i, j - 1) || square(i - 1, j - 1)));
+}
+function layers() {  // all that lies behind the points
+  const found = [], shade = L[state.shade], { chance, classical } = L, base = L.line ?? chance;
+  if (shade) found.push({ zmax: D.top, ...LOOK.shades[state.shade], ...on(shade), z: plane(shade, shade.z ? "z" : "p"), colorscale: D.colours });
+  if (!base) return found;
+  const z = plane(base, "over"), doubt = chance && (D.sought || state.shade === "chance") ? unsure(plane(chance, "p")) : [];
+  for (const strip of D.strips) {
+    const contours = { type: "constraint", operation: "][", value: [-strip.high, -strip.low] };
+    found.push({ ...LOOK.strip, ...on(base), z, contours, name: strip.text, fillcolor: LOOK.strips[strip.cause] });
   }
-  if (by("boundary") && by("boundary").getAttribute("d")) key(svg => { add(svg, "path", { d: "M0,8h22", class: "boundary-halo" }); add(svg, "path", { d: "M0,8h22", class: "boundary" }); }, `boundary: drop of ${percent(D.threshold)}${D.surge === null ? "" : ", surge of " + show(D.surge)}`);
-  for (const [name, text] of [["even", "even chance"], ["classical", "classical estimate"]]) {
-    const line = document.querySelector("#map ." + name);
-    if (line && line.getAttribute("d")) key(svg => { add(svg, "path", { d: "M0,8h22", class: "boundary-halo" }); add(svg, "path", { d: "M0,8h22", class: "boundary " + name }); }, text);
+  const hatched = doubt.flatMap((row, j) => row.flatMap((is, i) => is ? [[on(chance).x[i], on(chance).y[j]]] : []));
+  const marker = { ...LOOK.unsure.marker, size: Math.max(3, 0.8 * map.clientWidth / (doubt[0]?.length ?? 1)) };
+  if (hatched.length) found.push({ ...LOOK.unsure, x: hatched.map(p => p[0]), y: hatched.map(p => p[1]), marker });
+  if (L.line && doubt.length) found.push(...line(chance, plane(chance, "over"), "even chance", LOOK.lines.even));
+  if (classical) found.push(...line(classical, plane(classical, "z"), "classical estimate", LOOK.lines.classical));
+  // Where the regime is not known there is no firm line.
+  const firm = D.sought ? z.map((row, j) => row.map((v, i) => doubt[j][i] ? NaN : v)) : z;
+  if (D.sought && hatched.length) found.push(...line(base, z, `boundary, likeliest: ${D.line}`, LOOK.lines.likeliest));
+  return [...found, ...line(base, firm, `boundary: ${D.line}`, LOOK.lines.firm)];
+}
+function runs(list, more) {
+  const points = { x: list.map(across), y: list.map(up), customdata: list.map(p => p.id), text: list.map(p => p.text) };
+  return list.length ? [{ ...LOOK.runs, ...points, ...more }] : [];
+}
+function draw() {
+  for (const id of ["x", "y", "shade"]) if (by(id)) by(id).value = state[id];
+  for (const label of document.querySelectorAll(".level")) {
+    const k = Number(label.dataset.axis), [output, input] = label.children;
+    label.hidden = !others().includes(k);
+    input.value = state.level[k];
+    output.textContent = input.ariaValueText = D.axes[k].texts[state.level[k]];
   }
-  if (by("threshold")) key(svg => add(svg, "path", { d: "M0,8h22", class: "gone" }), `drop of ${percent(D.threshold)}`);
-  const doubt = document.querySelector("#map .doubt");
-  if (doubt && doubt.getAttribute("d")) key(svg => add(svg, "rect", { width: 22, height: 16, fill: pattern(svg, "key-doubt", "#ddd", 1, "#000") }), "regime not known with 95 %, from the runs alone");
-  for (const s of D.strips) {
-    const strip = document.querySelector("#map .strip." + s.cause);
-    if (strip && strip.getAttribute("d")) key(svg => { add(svg, "rect", { width: 22, height: 16, fill: "#777" }); for (const t of D.strips.slice(0, D.strips.indexOf(s) + 1)) add(svg, "rect", { width: 22, height: 16, class: "strip " + t.cause }); }, s.text);
+  const flat = state.y < 0, shown = D.points.filter(visible), own = shown.filter(p => !p.mark), marks = shown.filter(p => p.mark);
+  const path = own.filter(p => p.drop !== null).sort((p, q) => across(p) - across(q));
+  const found = flat ? [{ ...LOOK.path, x: path.map(across), y: path.map(up) }] : D.gridded ? layers() : [];
+  const size = Math.max(5, Math.min(10, 200 / Math.sqrt(own.length + 1)));
+  for (const [kind, look] of Object.entries(LOOK.kinds)) {
+    const list = own.filter(p => p.kind === kind), name = `${kind} (${list.length})`;
+    found.push(...runs(list, { name, marker: { size, ...look } }));
   }
-  const named = D.points.filter(p => p.mark && visible(p) && inside(p));
-  if (named.length) key(svg => diamond(svg, 11, 8, "#fff"), (named.some(p => p.outcome) ? "material, in the colour of its own run" : "material") + (named.some(p => p.differs) ? " (*: not as on the map)" : ""));
-  const bar = by("scale");
-  bar.replaceChildren();
-  if (state.y < 0 || state.shade === "none" || !D.layers[state.shade]) return;
-  const svg = add(bar, "svg", { viewBox: `0 0 ${width} 46`, role: "img", "aria-label": "scale of the shading" });
-  const last = state.shade === "drop" ? top() : 1, s = scale(0, last, false, 8, width - 8), ramp = add(add(svg, "defs", {}), "linearGradient", { id: "ramp" });
-  for (let n = 0; n <= 16; n++) add(ramp, "stop", { offset: n / 16, "stop-color": drops(n / 16) });
-  add(svg, "rect", { x: 8, y: 2, width: width - 16, height: 12, fill: "url(#ramp)", class: "rule", style: "fill: url(#ramp)" });
-  for (const t of s.ticks) add(svg, "text", { x: s.place(t), y: 27, "text-anchor": t ? (t === last ? "end" : "middle") : "start" }, state.shade === "drop" ? show(t) : percent(t));
-  if (state.shade === "drop") add(svg, "path", { d: `M${s.place(D.threshold)},0v16`, stroke: "#000", "stroke-width": 2.5 });
-  add(svg, "text", { x: width / 2, y: 43, "text-anchor": "middle" }, state.shade === "drop" ? "relative force drop" : "chance that cutting is abrupt there, from the runs alone");
+  const marker = { ...LOOK.material, color: marks.map(p => p.drop ?? 0), colorscale: D.colours, cmax: D.top };
+  found.push(...runs(marks, { ...LOOK.materials, texttemplate: marks.map(p => `<b>${p.mark}</b>`), marker }), LOOK.ring);
+  const axes = { xaxis: D.axes[state.x].layout, ...(flat ? {} : { yaxis: D.axes[state.y].layout }) };
+  Plotly.react(map, found, { ...LOOK.map, ...axes, shapes: flat ? [{ ...LOOK.threshold, y0: D.threshold, y1: D.threshold }] : [] }, LOOK.config);
+  map.ariaLabel = `${D.axes[state.x].label} across, ${flat ? "force drop" : D.axes[state.y].label} up, ${shown.length} runs`;
+  choose(shown.includes(state.chosen) ? state.chosen : null);
 }
-// What is known where the pointer is, between the runs.
-function place(x, y) {
-  const { b, sx, sy } = view;
-  if (state.y < 0 || !D.gridded || x < b.left || x > b.left + b.width || y < b.top || y > b.top + b.height) { by("place").textContent = "\u00a0"; return; }
-  const here = { [state.x]: sx.value(x), [state.y]: sy.value(y) };
-  const pick = (layer, key) => plane(layer, key)[nearest(layer.values[state.y], here[state.y])][nearest(layer.values[state.x], here[state.x])];
-  let text = [state.x, state.y].map(k => `${D.axes[k].label} ${show(here[k], D.axes[k].unit)}`).join(", ");
-  const d = D.layers.drop ? pick(D.layers.drop, "z") : null;
-  if (d !== null) text += `: drop about ${percent(d)}`;
-  if (D.layers.chance && pick(D.layers.chance, "margin") !== null) text += `, abrupt with a chance of ${percent(chance(pick(D.layers.chance, "margin"), pick(D.layers.chance, "sd")))}`;
-  by("place").textContent = text;
+function choose(p) {  // it is ringed, and shown beside the map
+  Plotly.restyle(map, { x: [p ? [across(p)] : []], y: [p ? [up(p)] : []], "marker.line.width": state.held ? 6 : 4 }, [map.data.length - 1]);
+  if (p && p === state.chosen) return;
+  state.chosen = p;
+  by("head").textContent = p ? p.head : "No run chosen";
+  by("said").innerHTML = p ? p.notes : "Point at a run, tap it, or use the arrow keys.";
+  by("numbers").tBodies[0].innerHTML = p ? p.rows : "";
+  by("curve").hidden = !p?.curve;
+  if (p?.curve) curve(p.curve, p.spots);
 }
-function pointer() {
-  const svg = by("map"), spot = event => {
-    const rect = svg.getBoundingClientRect(), zoom = svg.viewBox.baseVal.width / rect.width;
-    return [(event.clientX - rect.left) * zoom, (event.clientY - rect.top) * zoom];
-  };
-  svg.addEventListener("pointermove", event => {
-    if (event.pointerType === "touch") return;
-    const p = spot(event), point = nearby(...p, 16);
-    place(...p);
-    if (point && !state.held) choose(point);
-  });
-  svg.addEventListener("pointerleave", () => { by("place").textContent = "\u00a0"; });
-  svg.addEventListener("click", event => {
-    const p = spot(event), point = event.detail === 0 ? state.chosen : nearby(...p, 26);
-    place(...p);
-    if (point) { hold(point); focusOn(point); }
-  });
-  svg.addEventListener("keydown", event => {
-    const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
-    const own = event.target.closest(".point"), here = own && D.points.find(p => p.id === own.dataset.id);
-    if (!here) return;
-    if (event.key === "PageUp" || event.key === "PageDown") turn(here, event.key === "PageUp" ? 1 : -1);
-    else if (way) { const there = next(here, ...way); if (there) { choose(there); focusOn(there); } }
-    else if (event.key === "Enter" || event.key === " ") hold(here);
-    else return;
-    event.preventDefault();
-  });
-  document.addEventListener("keydown", event => { if (event.key === "Escape") { state.held = false; choose(state.chosen); } });
-}
-// The level above or below along the first axis that is not drawn, and there the run nearest to this one.
-function turn(point, by) {
-  const k = others()[0], n = state.level[k] + by, [x, y] = at(point);
-  if (k === undefined || n < 0 || n >= levels(k).length) return;
-  state.level[k] = n;
-  controls(); draw();
-  const there = nearby(x, y, Infinity);
-  if (there) { choose(there); focusOn(there); }
-}
-function table() {
-  const home = by("table"), marked = D.points.some(p => p.mark);
-  if (home.rows.length) return;
-  const head = make(make(home, "thead"), "tr"), names = D.axes.map(a => a.label + (a.unit ? ` [${a.unit}]` : ""));
-  const numbers = D.numbers.map(m => m.title + (m.unit === "1" ? "" : ` [${m.unit}]`));
-  for (const name of [...(marked ? ["material"] : []), ...names, "regime", ...numbers, "reached [mm]", "end", "run"]) make(head, "th", { scope: "col" }, name);
-  const body = make(home, "tbody");
-  for (const p of D.points.filter(p => p.outcome)) {
-    const row = make(body, "tr"), cells = [...(marked ? [p.mark] : []), ...p.at.map((v, k) => axisValue(k, v)), labelOf(p), ...p.measures.map(v => show(v)), show(p.reached), p.outcome, p.id];
-    for (const cell of cells) make(row, "td", {}, cell);
+// Its force over travel and, below, what the force is made of: what takes it up above zero, what gives back below.
+function curve(C, spots) {
+  const N = values => values.map(v => v * C.scale), d = C.d.slice(0, C.mean.length), parts = Object.entries(C.split);
+  const found = [{ ...LOOK.force, x: C.d, y: N(C.force) }, ...spots.map(([x, y, name]) => ({ ...LOOK[name], x: [x], y: [y] }))];
+  for (const [legendgroup, share] of parts) {
+    const { title: name, colour, shape } = D.entries[legendgroup], fillpattern = { shape, bgcolor: colour, fgcolor: "#fff", size: 7 };
+    const area = { ...LOOK.share, x: d, legendgroup, name, fillcolor: colour, fillpattern };
+    found.push({ ...area, stackgroup: "up", y: N(share.map(v => Math.max(v, 0))) });
+    found.push({ ...area, stackgroup: "down", y: N(share.map(v => Math.min(v, 0))), showlegend: false });
   }
+  found.push({ ...LOOK.mean, x: d, y: N(C.mean), name: `mean over ${C.window.toPrecision(2)} mm` });
+  Plotly.react("curve", found, LOOK.curve, LOOK.config);
 }
-function materials() {
-  const list = by("marks").querySelector("ul"), marked = D.points.filter(p => p.mark);
-  for (const point of marked) {
-    const line = make(list, "li"), button = make(line, "button", { type: "button" }, point.mark);
-    const told = [D.axes.map((axis, k) => `${axis.label} ${axisValue(k, point.at[k])}`).join(", "), labelOf(point) + (drop(point) === null ? "" : `, drop ${percent(drop(point))}`)];
-    if (point.at.some((v, k) => v < Math.min(...D.axes[k].values) * (1 - 1e-3) || v > Math.max(...D.axes[k].values) * (1 + 1e-3))) told.unshift("outside the map");
-    symbol(make(line, "span"), ` ${told.join("; ")}${point.differs ? "; not as on the map: " + point.differs : ""}`);
-    button.addEventListener("click", () => {
-      for (const k of others()) state.level[k] = nearest(levels(k), point.at[k]);
-      controls(); draw();
-      state.held = true; choose(point);
-    });
-  }
-  by("marks").toggleAttribute("hidden", !marked.length);
+const place = p => [map._fullLayout.xaxis.d2p(across(p)), map._fullLayout.yaxis.d2p(up(p))];
+const least = (list, cost) => list.reduce((a, b) => a && cost(a) <= cost(b) ? a : b, null);
+function walk([dx, dy]) {  // to the next run in a direction: along it counts less than beside it
+  const from = place(state.chosen), way = p => place(p).map((v, n) => v - from[n]);
+  const ahead = D.points.filter(p => visible(p) && way(p)[0] * dx + way(p)[1] * dy > 0.5);
+  const next = least(ahead, p => way(p)[0] * dx + way(p)[1] * dy + 3 * Math.abs(way(p)[0] * dy - way(p)[1] * dx));
+  if (next) choose(next);
 }
-if (D.by.length) { by("by").textContent = D.by.join(" "); by("by").hidden = false; }
-controls();
+// The level above or below along the first axis that is not drawn, and there the nearest run.
+function turn(step) {
+  const k = others()[0], from = place(state.chosen);
+  if (k === undefined || !(state.level[k] + step in D.axes[k].levels)) return;
+  state.level[k] += step;
+  draw();
+  choose(least(D.points.filter(visible), p => Math.hypot(...place(p).map((v, n) => v - from[n]))));
+}
+const hold = p => { state.held = !(state.held && state.chosen === p); choose(p); };
 draw();
-pointer();
-materials();
-by("all").addEventListener("toggle", table);
-// To begin with, the run nearest the threshold.
-const first = D.points.filter(p => !p.mark && visible(p) && drop(p) !== null);
-choose(first.length ? first.reduce((a, b) => Math.abs(drop(b) - D.threshold) < Math.abs(drop(a) - D.threshold) ? b : a) : null);
-if (!state.chosen) detail(null);
-let wide = window.innerWidth;
-window.addEventListener("resize", () => {
-  if (wide === window.innerWidth) return;
-  wide = window.innerWidth;
-  const chosen = state.chosen;
-  draw(); state.chosen = null; choose(chosen);
+const KEYS = {
+  ArrowLeft: () => walk([-1, 0]), ArrowRight: () => walk([1, 0]), ArrowUp: () => walk([0, -1]), ArrowDown: () => walk([0, 1]),
+  PageUp: () => turn(1), PageDown: () => turn(-1), Enter: () => hold(state.chosen),
+};
+const hit = event => D.points.find(p => event.points.some(q => q.customdata === p.id));
+map.on("plotly_hover", event => { if (hit(event) && !state.held) choose(hit(event)); });
+map.on("plotly_click", event => { if (hit(event)) hold(hit(event)); });
+document.addEventListener("keydown", event => { if (event.key === "Escape" && state.held) hold(state.chosen); });
+map.addEventListener("keydown", event => {
+  if (!state.chosen || !(event.key in KEYS)) return;
+  event.preventDefault();
+  KEYS[event.key]();
 });
+for (const kind of ["input", "change"]) by("controls").addEventListener(kind, event => {
+  const { id, value } = event.target, k = Number(value), axis = event.target.parentElement.dataset.axis;
+  if (id === "shade") state.shade = value;
+  else if (axis) state.level[axis] = k;
+  else if (state[id === "x" ? "y" : "x"] === k) [state.x, state.y] = [state.y, state.x];
+  else state[id] = k;
+  draw();
+});
+by("marks")?.addEventListener("click", event => {
+  const p = D.points.find(q => q.id === event.target.dataset.id);
+  for (const k of p ? others() : []) state.level[k] = nearest(D.axes[k].levels, p.at[k]);
+  draw();
+  state.held = Boolean(p);
+  choose(p ?? state.chosen);
+});
+choose(least(D.points.filter(p => !p.mark && visible(p) && p.drop !== null), p => Math.abs(p.drop - D.threshold))); // to begin with
