@@ -21,9 +21,9 @@ from cutbench.run.blade_geometry import blade_outline
 from cutbench.run.figures.curve import plot_curve
 from cutbench.run.figures.section import scale_end, split
 from cutbench.run.files import write_run
+from cutbench.run.outcome import run_sentence
 from cutbench.run.result import Snapshot
 from cutbench.run.runner import run_case
-from cutbench.run.sentence import run_sentence
 
 #: The section is shown so many times on the way down.
 _SECTIONS = 60

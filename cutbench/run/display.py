@@ -13,8 +13,7 @@ from cutbench.base.files import check_writable
 from cutbench.run.figures.curve import FORCE, draw_force, plot_curve
 from cutbench.run.figures.section import plot_section
 from cutbench.run.files import write_run
-from cutbench.run.result import Result
-from cutbench.run.summary import summary_lines
+from cutbench.run.result import Result, summary_lines
 
 __all__ = ["dataset", "plot", "summary_lines", "table", "write"]
 

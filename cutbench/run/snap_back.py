@@ -22,9 +22,10 @@ from cutbench.base.units import ureg
 from cutbench.case.case import Case
 from cutbench.case.numerics import Numerics
 from cutbench.case.tuning import PathTuning
+from cutbench.run.ledger import Ledger
 from cutbench.run.remeshing import RemeshedMarch, follows
 from cutbench.run.result import Result
-from cutbench.run.runner import Ledger, run_case
+from cutbench.run.runner import run_case
 from cutbench.solver.arc_length import RELEASE, Path
 from cutbench.solver.stability import lowest_eigenvalue
 
