@@ -13,7 +13,7 @@ import platform
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,10 +23,7 @@ from cutbench.base.figure_style import save
 from cutbench.base.files import file_digest, folder_lock, plain, replacing, write_json
 from cutbench.run.paraview import write_fields
 from cutbench.run.result import Result, ordered_columns
-from cutbench.run.store.runs import result_of
-
-#: Layout of run.json; raised when a reader of the old one would misread the new one.
-SCHEMA = 1
+from cutbench.run.store.runs import record_of, result_of
 
 #: How long a run waits for another process that writes into the same folder.
 WAIT_S = 60.0
@@ -105,20 +102,10 @@ def _write_run(result: Result, out: Path, command: str | None, plane: Result | N
 
 def describe(result: Result, *, command: str | None = None) -> dict:
     """The content of run.json: all inputs with units, groups, outcome, measures, cost, versions, machine."""
-    case = result.case
     return {
-        "schema": SCHEMA,
-        "id": result.id,
-        "computation": result.computation,
-        "name": case.name,
-        "case": case.to_dict(),
-        "groups": plain(case.groups()),
-        "outcome": plain(asdict(result.outcome)),
+        **record_of(result),
+        "groups": plain(result.case.groups()),
         "said": result.sentence(),
-        "measures": plain(result.measures),
-        "counts": plain(result.counts),
-        "timings_s": plain(result.timings),
-        "versions": result.versions,
         "platform": {
             "system": platform.platform(),
             "machine": platform.machine(),
@@ -228,6 +215,6 @@ def read_run(out_dir: str | Path) -> Result:
         if record.get("curve_sha256", digest := file_digest(curve)) != digest:
             expected = "the curve that run.json was written with; this one was changed, or is of another run"
             raise BadInput(file=str(curve), key="sha256", value=digest[:12], expected=expected)
-        return result_of(record, path, record["timings_s"], read_curve(out_dir))
+        return result_of(record, path, read_curve(out_dir))
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise BadInput(key="run", value=str(path), expected="the run.json that a run wrote") from error

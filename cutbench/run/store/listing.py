@@ -16,13 +16,13 @@ from types import SimpleNamespace
 from typing import Any
 
 from cutbench.base.errors import BadInput
+from cutbench.base.files import number
 from cutbench.base.toml import one_of
 from cutbench.base.units import parse_quantity, unit_factor
 from cutbench.case.computation import computation_here
 from cutbench.case.model import groups as known_groups
 from cutbench.run.measures import MEASURES, NOTED
-from cutbench.run.store.index import Head
-from cutbench.run.store.runs import writer
+from cutbench.run.store.runs import Head, writer
 
 #: Columns that every run has, before its values.
 _GENERAL = ("id", "name", "outcome", "reached_mm", "seconds", "dim", "mechanisms", "written", "message",
@@ -70,7 +70,7 @@ def row_of(id: str, head: Head) -> dict[str, object]:
         for name, group in known_groups().items()
         if group.unit == "1" and {group.parameter, *group.needs} <= internal.keys()
     }
-    measures = {name: float(v) for name, v in head["measures"].items()}
+    measures = {name: number(v) for name, v in head["measures"].items()}
     numerics = {k: v for k, v in head["numerics"].items() if v is not None}
     shown = {
         "id": id,
