@@ -199,7 +199,7 @@ def test_workers_come_and_go_and_lost_runs_are_done_again(study, slow_log, tmp_p
 
 @pytest.mark.slow
 def test_a_lost_scheduler_loses_no_finished_run(study, slow_log, tmp_path, cluster, monkeypatch):
-    monkeypatch.setattr("cutbench.run.pool.cluster.PATIENCE_S", 6.0)
+    monkeypatch.setattr("cutbench.run.pool.cluster.SCHEDULER_TIMEOUT_S", 6.0)
     scheduler = cluster("scheduler")
     cluster("worker")
     rng = random.Random(5)

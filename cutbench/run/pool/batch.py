@@ -7,8 +7,7 @@ from collections.abc import Iterable, Mapping
 from cutbench.base.errors import ComputationFailed
 from cutbench.base.progress import OnProgress, silent
 from cutbench.case.case import Case
-from cutbench.run.pool.job import Job
-from cutbench.run.pool.pool import TaskPool
+from cutbench.run.pool.pool import Job, TaskPool
 from cutbench.run.pool.worker import Run, WorkerLost, work
 from cutbench.run.result import Result
 from cutbench.run.store.runs import Store
