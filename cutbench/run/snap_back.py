@@ -12,13 +12,12 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.progress import OnProgress, silent
-from cutbench.base.units import ureg
+from cutbench.base.units import powers_of
 from cutbench.case.case import Case
 from cutbench.case.numerics import Numerics
 from cutbench.case.tuning import PathTuning
@@ -108,7 +107,7 @@ def rate_independent_case(case: Case) -> Case:
     for law in case.model.all:
         if law.slot in ("bulk", "cut", "blade", "skin", "support") and law.name not in viscous:
             for q in law.parameters:
-                if _has_time(q.unit) and case.values[q.name] != q.off_value:
+                if powers_of(q.unit)[1] and case.values[q.name] != q.off_value:
                     raise BadInput(
                         key="--follow",
                         value=law.name,
@@ -118,14 +117,6 @@ def rate_independent_case(case: Case) -> Case:
     if case.numerics.damping_mm == 0:  # not felt at rest, but a release needs its matrix
         changes["damping_mm"] = Numerics().damping_mm
     return case.set(**changes) if changes else case
-
-
-def _has_time(unit: str) -> bool:
-    """True if ``unit``, in mm, N and s, has a power of s."""
-    if unit == "1":
-        return False
-    powers: Mapping[str, Any] = ureg.Quantity(1.0, unit).dimensionality
-    return powers.get("[time]", 0) + 2 * powers.get("[mass]", 0) != 0
 
 
 def trace_snap_back(
