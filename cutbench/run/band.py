@@ -25,7 +25,7 @@ from cutbench.case.model_alternatives import alternative_cases
 from cutbench.case.motion import TRANSITION
 from cutbench.run.figures.choices import plot_choices
 from cutbench.run.measures import ABRUPT, ABRUPT_DROP, MEASURES, SMOOTH, UNCUT, UNDECIDED, label
-from cutbench.run.pool.batch import CUT, Batch
+from cutbench.run.pool.batch import Batch
 from cutbench.run.pool.worker import Run
 from cutbench.run.result import Result
 from cutbench.run.store.runs import Store
@@ -219,8 +219,8 @@ def band(
     cases = {AS_ASKED: case, **changed}
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory()) if out is None else check_writable(out)
-        batch = Batch(Store(Path(folder) / "runs"), workers=workers, on_progress=on_progress, runs={CUT: run})
-        batch.go((each, CUT) for each in cases.values())
+        batch = Batch(Store(Path(folder) / "runs"), workers=workers, on_progress=on_progress)
+        batch.go(cases.values(), run)
     found = Band(case, {name: batch.results[each.id] for name, each in cases.items()}, refused)
     if out is not None:
         write_band(found, out)
