@@ -111,9 +111,9 @@ def test_without_dask_it_says_what_to_install(monkeypatch):
 def test_a_worker_that_does_not_see_the_store_sends_the_run_back(study, slow_log, tmp_path):
     case, store = study.grid[0], Store(tmp_path / "runs")
     sent = work(analytic_runs.fake_run, case, tmp_path / "elsewhere", store.mark(), False)
-    assert sent.case.id == case.id and not store.has(case.id)
+    assert sent.case.id == case.id and case.id not in store
     assert work(analytic_runs.fake_run, case, store.root, store.mark(), False) is None
-    assert store.has(case.id) and store.mark() == Store(store.root).mark()
+    assert case.id in store and store.mark() == Store(store.root).mark()
 
 
 @pytest.mark.slow

@@ -14,12 +14,13 @@ from analytic_runs import computed
 from refusals import refused
 from typer.testing import CliRunner
 
+from cutbench.base.files import csv_text
 from cutbench.case.case import load_case
 from cutbench.cli.main import app
 from cutbench.maps.sweep import run_study
 from cutbench.run.files import read_run
 from cutbench.run.measures import measures
-from cutbench.run.store.listing import parse_condition, row_of, table_of, to_csv
+from cutbench.run.store.listing import parse_condition, row_of, table_of
 from cutbench.run.store.runs import Store
 
 
@@ -108,7 +109,7 @@ def test_a_run_of_other_code_is_not_found_and_stays_listed_with_what_wrote_it(st
     before = store.heads()
     here = {head["computation"] for head in before.values()}
     other_code(OTHER)
-    assert not store.has(result_of(G="5 kPa").id)
+    assert result_of(G="5 kPa").id not in store
     fresh = result_of(G="5 kPa", name="gel 5")
     assert store.put(fresh) and store.get(fresh.id).computation == OTHER
     heads = store.heads()
@@ -202,7 +203,7 @@ def test_a_condition_that_cannot_be_read_is_refused(store, text, hint):
 def test_sorting_puts_what_is_missing_last_and_csv_names_units(store):
     names, rows = table_of(store.heads(), [], ["name", "tau_W", "G"], "tau_W")
     assert names == ["name", "tau_W [kPa]", "G [kPa]"] and rows[-1][0] == "bare"
-    lines = list(csv.reader(to_csv(names, rows).splitlines()))
+    lines = list(csv.reader(csv_text(names, rows).splitlines()))
     assert lines[0] == names and lines[-1][1] == ""
 
 

@@ -245,7 +245,7 @@ class _Sweep:
                     self.take(done)
             except KeyboardInterrupt:
                 interrupted = True
-                for id in [id for id in self.cases if id not in self.rows and self.store.has(id)]:
+                for id in [id for id in self.cases if id not in self.rows and id in self.store]:
                     self.ended(id)  # a worker was done before its sweep heard of it
             except PoolLost as error:
                 raise ComputationFailed(

@@ -6,7 +6,6 @@ is what the repetitions make of it; a label is undecided where the drop's band h
 
 from __future__ import annotations
 
-import csv
 import math
 import tempfile
 from collections.abc import Mapping
@@ -16,7 +15,7 @@ from functools import cached_property
 from pathlib import Path
 
 from cutbench.base.figure_style import save
-from cutbench.base.files import check_writable, plain, replacing, write_json
+from cutbench.base.files import check_writable, csv_text, plain, write_json, write_text
 from cutbench.base.notebook import watched
 from cutbench.base.progress import OnProgress, silent
 from cutbench.base.versions import versions
@@ -230,17 +229,14 @@ def band(
 def write_band(found: Band, out: str | Path) -> list[Path]:
     """band.json, band.csv and band.png in ``out``; the paths."""
     folder = check_writable(out)
-    table = folder / "band.csv"
-    with replacing(table) as draft, draft.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["change", "label", *MEASURES, "outcome", "run_id"])
-        for name, result in found.results.items():
-            values = (result.measures.get(key, math.nan) for key in MEASURES)
-            cells = ("" if math.isnan(value) else f"{value:.10g}" for value in values)
-            writer.writerow([name, found.labels.get(name, ""), *cells, result.outcome.kind, result.id])
+    rows = [
+        [name, found.labels.get(name), *map(result.measures.get, MEASURES), result.outcome.kind, result.id]
+        for name, result in found.results.items()
+    ]
+    head = ["change", "label", *MEASURES, "outcome", "run_id"]
     known = {name: found.results[name].measures for name in found.labels}
     return [
         write_json(found.describe(), folder / "band.json"),
-        table,
+        write_text(csv_text(head, rows), folder / "band.csv"),
         *save(plot_choices({found.case.name: known}), folder / "band.png"),
     ]

@@ -20,7 +20,7 @@ import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.figure_style import save
-from cutbench.base.files import file_digest, folder_lock, plain, replacing, write_json
+from cutbench.base.files import csv_text, file_digest, folder_lock, plain, write_json, write_text
 from cutbench.run.paraview import write_fields
 from cutbench.run.result import Result, ordered_columns
 from cutbench.run.store.runs import record_of, result_of
@@ -123,13 +123,8 @@ def describe(result: Result, *, command: str | None = None) -> dict:
 def write_curve(curve: Mapping[str, np.ndarray], path: str | Path, names: Sequence[str] = ()) -> None:
     """Write ``curve`` as CSV, a row a step, every digit kept; ``names`` orders columns that are no run's."""
     names = names or ordered_columns(list(curve))
-    with replacing(Path(path)) as draft, draft.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(names)
-        # float() first: the repr of numpy's own scalars names their type.
-        writer.writerows(
-            [repr(float(v)) for v in row] for row in zip(*(curve[n] for n in names), strict=True)
-        )
+    columns = (map(repr, np.asarray(curve[name], dtype=float).tolist()) for name in names)
+    write_text(csv_text(names, zip(*columns, strict=True)), path)
 
 
 def _slopes(result: Result) -> dict[str, np.ndarray]:

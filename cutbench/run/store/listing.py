@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 import math
 import operator
 import re
@@ -134,21 +131,6 @@ def table_of(
         kept.sort(key=lambda row: (_missing(row.get(sort)), str(type(row.get(sort))), row.get(sort) or 0))
     names = [f"{name} [{unit[name]}]" if name in unit else name for name in chosen]
     return names, [[row.get(name) for name in chosen] for row in kept]
-
-
-def to_csv(names: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """Comma-separated, one header line; what is missing is empty."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(names)
-    writer.writerows([["" if _missing(v) else v for v in row] for row in rows])
-    return out.getvalue()
-
-
-def to_json(names: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """A list of objects; what is missing is null."""
-    plain = [{n: None if _missing(v) else v for n, v in zip(names, row, strict=True)} for row in rows]
-    return json.dumps(plain, indent=1) + "\n"
 
 
 def _missing(value: object) -> bool:

@@ -86,19 +86,8 @@ class Store:
         """
         return self.root / id[:2] / id
 
-    def has(self, id: str) -> bool:
-        """Return whether a whole, readable entry is there.
-
-        Parameters
-        ----------
-        id : str
-            The run's id.
-
-        Returns
-        -------
-        bool
-            True where ``get`` would have it.
-        """
+    def __contains__(self, id: str) -> bool:
+        """Whether a whole, readable entry is there."""
         return self.get(id) is not None
 
     def get(self, id: str) -> Result | None:
@@ -180,7 +169,7 @@ class Store:
                 except OSError:
                     if not home.exists():
                         raise
-                if not replace and self.has(id):
+                if not replace and id in self:
                     return False
                 self._discard(home)
         finally:
