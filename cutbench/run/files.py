@@ -61,43 +61,39 @@ def write_run(
         If the folder cannot be written to, or another process writes there for longer than ``WAIT_S``
         seconds.
     """
-    with folder_lock(out_dir, WAIT_S) as out:
-        return _write_run(result, out, command, plane)
-
-
-def _write_run(result: Result, out: Path, command: str | None, plane: Result | None) -> dict[str, Path]:
     from cutbench.run.figures import plot_curve, plot_section
     from cutbench.run.figures.motion import save_frames
     from cutbench.run.figures.section import spread
 
-    paths = {"curve": out / "curve.csv", "run": out / "run.json"}
-    write_curve(result.curve, paths["curve"])
-    record = describe(result, command=command) | {"curve_sha256": file_digest(paths["curve"])}
-    write_json(record, paths["run"])
-    if result.sensitivities:
-        paths["sensitivities"] = out / "sensitivities.csv"
-        slopes = _slopes(result)
-        write_curve(slopes, paths["sensitivities"], list(slopes))
-    else:
-        (out / "sensitivities.csv").unlink(missing_ok=True)
-    paths |= write_fields(result.frames or result.snapshots, out, result.case)
-    paths["curve_png"] = save(plot_curve(result), out / "curve.png")[0]
-    pictured = result.snapshots or result.frames
-    flat = [s for s in pictured if s.cell_type.startswith("triangle")]
-    pictures = {}
-    if flat:
-        pictures["section_png"] = save(plot_section(result, spread(flat)), out / "section.png")[0]
-    elif result.case.dim == 3:
-        from cutbench.run.figures.solid import save_solid
+    with folder_lock(out_dir, WAIT_S) as out:
+        paths = {"curve": out / "curve.csv", "run": out / "run.json"}
+        write_curve(result.curve, paths["curve"])
+        record = describe(result, command=command) | {"curve_sha256": file_digest(paths["curve"])}
+        write_json(record, paths["run"])
+        if result.sensitivities:
+            paths["sensitivities"] = out / "sensitivities.csv"
+            slopes = _slopes(result)
+            write_curve(slopes, paths["sensitivities"], list(slopes))
+        else:
+            (out / "sensitivities.csv").unlink(missing_ok=True)
+        paths |= write_fields(result.frames or result.snapshots, out, result.case)
+        paths["curve_png"] = save(plot_curve(result), out / "curve.png")[0]
+        pictured = result.snapshots or result.frames
+        flat = [s for s in pictured if s.cell_type.startswith("triangle")]
+        pictures = {}
+        if flat:
+            pictures["section_png"] = save(plot_section(result, spread(flat)), out / "section.png")[0]
+        elif result.case.dim == 3:
+            from cutbench.run.figures.solid import save_solid
 
-        pictures = save_solid(replace(result, snapshots=pictured), out, plane)
-    for name in PICTURES:
-        if out / name not in pictures.values():
-            (out / name).unlink(missing_ok=True)
-    paths |= pictures | save_frames(result, out)
-    record["files"] = sorted(str(path.relative_to(out)) for path in paths.values())
-    write_json(record, paths["run"])
-    return paths
+            pictures = save_solid(replace(result, snapshots=pictured), out, plane)
+        for name in PICTURES:
+            if out / name not in pictures.values():
+                (out / name).unlink(missing_ok=True)
+        paths |= pictures | save_frames(result, out)
+        record["files"] = sorted(str(path.relative_to(out)) for path in paths.values())
+        write_json(record, paths["run"])
+        return paths
 
 
 def describe(result: Result, *, command: str | None = None) -> dict:
