@@ -332,13 +332,6 @@ def test_api():
         _ = cutbench.nothing
 
 
-def test_importing_is_light():
-    heavy = ("numpy", "scipy", "matplotlib", "pint", "skfem")
-    code = f"import sys, cutbench, cutbench.cli.main; print([m for m in {heavy} if m in sys.modules])"
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert out.stdout.strip() == "[]"
-
-
 def test_first_looks_have_fewer_elements_softer_contact_and_blocks_their_own():
     quick, usual = (load_case("gelatin", {"numerics": word}).numerics for word in ("fast", "converged"))
     assert usual == Numerics()

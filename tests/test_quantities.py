@@ -51,7 +51,7 @@ def test_what_a_person_writes_is_read(text, unit, value):
         (7.5, "kPa"), ("7.5", "kPa"), (0, "mm"), ("7.5 mm", "kPa"), ("7.5 bananas", "kPa"),
         ("", "kPa"), ("soft", "kPa"), (None, "kPa"), (True, "1"), ([7.5], "kPa"), ({"value": 1}, "kPa"),
         ("7,5 kPa", "kPa"), ("7 5 kPa", "kPa"), ("7..5 kPa", "kPa"), ("7.5 kPa 3", "kPa"), ("7.5 kpa", "kPa"),
-        ("kPa 7.5", "kPa"),
+        ("kPa 7.5", "kPa"), ("7 to 8 kPa", "kPa"), ("7.5 ± 0.5 kPa", "kPa"), ("7.5 kPa kPa", "kPa"),
         ((1, "kPa"), "kPa"), ("0.49 mm", "1"), ("1 J/m^3", "J/m^2"), ("1 N*s", "N/m"),
     ],
 )  # fmt: skip

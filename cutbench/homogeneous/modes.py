@@ -29,8 +29,4 @@ class Mode:
         return np.stack(parts).reshape(3, 3, free.size)
 
 
-MODES = {
-    "uniaxial": Mode(None, -0.5),
-    "equibiaxial": Mode(1, -2.0),
-    "pure_shear": Mode(0, -1.0),
-}
+MODES = {"uniaxial": Mode(None, -0.5), "equibiaxial": Mode(1, -2.0), "pure_shear": Mode(0, -1.0)}

@@ -85,11 +85,7 @@ def respond(
 
 
 def slopes(
-    experiment: Experiment,
-    model: Model,
-    p: SimpleNamespace,
-    names: Sequence[str],
-    at: Averaged | None = None,
+    experiment: Experiment, model: Model, p: SimpleNamespace, names: Sequence[str], at: Averaged | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Predict the readings of a test, and their exact derivatives by parameters.
 

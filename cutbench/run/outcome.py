@@ -64,10 +64,7 @@ class Outcome:
 
 
 def run_sentence(
-    case: Case,
-    outcome: Outcome,
-    measures: Mapping[str, float],
-    band: tuple[float, float] | None = None,
+    case: Case, outcome: Outcome, measures: Mapping[str, float], band: tuple[float, float] | None = None
 ) -> str:
     """What a run with these ``measures`` found; ``band``: the least and the largest drop over what the model
     leaves open. One that fell short says where; one that ended within its transition, that it did."""

@@ -119,12 +119,7 @@ def rate_independent_case(case: Case) -> Case:
     return case.set(**changes) if changes else case
 
 
-def trace_snap_back(
-    case: Case,
-    run: Result,
-    *,
-    on_progress: OnProgress = silent,
-) -> SnapBack:
+def trace_snap_back(case: Case, run: Result, *, on_progress: OnProgress = silent) -> SnapBack:
     """Trace the equilibria that a run jumps over, and repeat the run with less viscosity.
 
     The path is that of the case at rest, without its laws of time.

@@ -125,12 +125,7 @@ def strip_case(case: Case, changes: Mapping[str, object] | None = None, *, notch
     return made
 
 
-def run_tension(
-    case: Case,
-    notch_mm: float,
-    *,
-    on_progress: OnProgress = silent,
-) -> Tension:
+def run_tension(case: Case, notch_mm: float, *, on_progress: OnProgress = silent) -> Tension:
     """Compute a tension test: pull a strip to its largest elongation, or until it is torn.
 
     A KeyboardInterrupt ends the test with what it has.

@@ -6,13 +6,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from cutbench.base.figure_style import (
-    SINGLE_MM,
-    force_from_zero,
-    new_figure,
-    save,
-    style,
-)
+from cutbench.base.figure_style import SINGLE_MM, force_from_zero, new_figure, save, style
 from cutbench.run.files import write_curve, write_json
 from cutbench.run.tension import Tension
 
