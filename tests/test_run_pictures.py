@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from made_up_runs import made_up_curve, made_up_result, made_up_snapshot
 
-from cutbench.base.figure_style import math_text
 from cutbench.case.case import load_case
 from cutbench.run.blade_geometry import blade_outline
 from cutbench.run.figures import plot_curve, plot_section, save
@@ -121,15 +120,3 @@ def test_pictures_are_300_dpi_and_come_in_other_formats(tmp_path, result):
     assert width == pytest.approx(140 / 25.4 * 300, abs=2)
     assert written[2].read_bytes()[:5] == b"%PDF-"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["curve.pdf", "curve.png", "curve.svg"]
-
-
-@pytest.mark.parametrize(
-    ("text", "shown"),
-    [
-        ("mu", r"$\mu$"),
-        ("b/a", "$b/a$"),
-        ("eta_reg v/delta_c", r"$\eta_{\mathrm{reg}}\,v/\delta_{\mathrm{c}}$"),
-    ],
-)
-def test_groups_are_set_in_greek(text, shown):
-    assert math_text(text) == shown
