@@ -79,8 +79,8 @@ def test_id_sees_what_matters_and_nothing_else(gelatin):
 
 @pytest.mark.parametrize(
     ("part", "changes"),
-    [("steps", {"calm": 0.3}), ("newton", {"cuts": 7}), ("window", {"caution": (1.0, 0.5)}),
-     ("remesh", {"looks": 9}), ("path", {"leaps": (0.1,)}),
+    [("steps", {"calm": 0.3}), ("newton", {"chord": 0.4}), ("window", {"caution": (1.0, 0.5)}),
+     ("remesh", {"worth": 0.6}), ("path", {"leaps": (0.1,)}),
      ("mesh", {"corner": (0.1, 0.01)})],
 )  # fmt: skip
 def test_id_sees_every_tuned_number_and_a_file_keeps_them(gelatin, part, changes):
