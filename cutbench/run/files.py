@@ -63,7 +63,7 @@ def write_run(
     """
     from cutbench.run.figures import plot_curve, plot_section
     from cutbench.run.figures.motion import save_frames
-    from cutbench.run.figures.section import spread
+    from cutbench.run.figures.solid import save_solid
 
     with folder_lock(out_dir, WAIT_S) as out:
         paths = {"curve": out / "curve.csv", "run": out / "run.json"}
@@ -78,15 +78,11 @@ def write_run(
             (out / "sensitivities.csv").unlink(missing_ok=True)
         paths |= write_fields(result.frames or result.snapshots, out, result.case)
         paths["curve_png"] = save(plot_curve(result), out / "curve.png")[0]
-        pictured = result.snapshots or result.frames
-        flat = [s for s in pictured if s.cell_type.startswith("triangle")]
-        pictures = {}
-        if flat:
-            pictures["section_png"] = save(plot_section(result, spread(flat)), out / "section.png")[0]
-        elif result.case.dim == 3:
-            from cutbench.run.figures.solid import save_solid
-
-            pictures = save_solid(replace(result, snapshots=pictured), out, plane)
+        pictured, pictures = replace(result, snapshots=result.snapshots or result.frames), {}
+        if result.case.dim == 3:
+            pictures = save_solid(pictured, out, plane)
+        elif pictured.snapshots:
+            pictures["section_png"] = save(plot_section(pictured), out / "section.png")[0]
         for name in PICTURES:
             if out / name not in pictures.values():
                 (out / name).unlink(missing_ok=True)
