@@ -164,7 +164,7 @@ def test_derivatives_go_on_from_mesh_to_mesh(case):
     forces, slopes, given = [], [], [[]]
 
     def renewed(t):
-        follower.go_on(t)
+        follower.renewed(t)
         given.append([])
 
     for step in meshes.steps(renewed=renewed):

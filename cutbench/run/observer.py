@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from cutbench.run.remeshing import Transfer
 from cutbench.solver.march import Accepted
 
 
@@ -24,6 +25,9 @@ class Observer:
     def add(self, step: Accepted) -> None:
         """Take in one accepted step, which may lie between two points of the curve."""
         raise NotImplementedError
+
+    def renewed(self, transfer: Transfer) -> None:
+        """Go on where the march has a new mesh: that of ``transfer``."""
 
     def columns(self) -> dict[str, np.ndarray]:
         """Columns of the curve, a value a point."""

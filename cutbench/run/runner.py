@@ -121,7 +121,7 @@ class _Run:
         self._ledger = Ledger(meshes)
         self._fields = Fields(meshes, self._ledger, snapshots_mm, frames, self._following)
         self._stopping = StoppingCriterion(case, built.march.motion, self._ledger)
-        beside: list[Observer] = [SelfIntersection(meshes)]
+        beside: list[Observer] = [SelfIntersection(built)]
         if built.space.dim == 3:
             front = Front(built)
             beside = [front, Middle(built, front)] if built.problem.cut else [front]
@@ -148,12 +148,14 @@ class _Run:
             reported = done, done if stopping.known() else stopping.mm()
             on_progress(*reported, f"{ledger.last['force_N']:.3g} N")
 
+        def waits() -> None:
+            on_progress(*reported, COMPILING)
+
         if self._begin is not None:
             report()
         interrupted, stalled = False, ""
         try:
             steps = self._meshes.steps(self._begin, self._renewed)
-            waits = lambda: on_progress(*reported, COMPILING)  # noqa: E731
             for step in () if stopping.known() else announced(steps, waits):
                 for observer in self._observers:
                     observer.add(step)
@@ -210,8 +212,8 @@ class _Run:
         return result
 
     def _renewed(self, transfer: Transfer) -> None:
-        if self._following is not None:
-            self._following.go_on(transfer)
+        for observer in self._observers:
+            observer.renewed(transfer)
 
     def _seconds(self) -> float:
         """Time that the run took, with what it took before it was resumed."""

@@ -10,7 +10,7 @@ import numpy as np
 from cutbench.forms.surface_lines import crossings, overlap, surface_lines
 from cutbench.run.build import WIDE, Built
 from cutbench.run.observer import Observer
-from cutbench.run.remeshing import RemeshedMarch
+from cutbench.run.remeshing import Transfer
 from cutbench.solver.march import Accepted
 
 #: Said of a run whose surface passes through itself at its end.
@@ -49,16 +49,15 @@ class SelfIntersection(Observer):
 
     kept = ("caution", "_first", "_most")
 
-    def __init__(self, meshes: RemeshedMarch) -> None:
+    def __init__(self, built: Built) -> None:
         self._first, self._most = math.nan, 0.0
-        self._meshes, self._of = meshes, meshes.built
-        self._lines = surface_lines_of(self._of)
+        self._built, self._lines = built, surface_lines_of(built)
+
+    def renewed(self, transfer: Transfer) -> None:
+        self._built, self._lines = transfer.new, surface_lines_of(transfer.new)
 
     def add(self, step: Accepted) -> None:
-        if self._of is not self._meshes.built:
-            self._of = self._meshes.built
-            self._lines = surface_lines_of(self._of)
-        area = crossed_area(self._of, step.u, self._lines)
+        area = crossed_area(self._built, step.u, self._lines)
         self.caution = ADVICE if area > 0 else ""
         if area > 0 and math.isnan(self._first):
             self._first = step.travel

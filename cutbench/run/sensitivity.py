@@ -99,8 +99,7 @@ class Following(Observer):
         if not step.between:
             self._slopes.append(slope)
 
-    def go_on(self, transfer: Transfer) -> None:
-        """On the new mesh of ``transfer``."""
+    def renewed(self, transfer: Transfer) -> None:
         new = transfer.new
         self._perturbations = [
             old.on(_forms(new, each.case)) for each, old in zip(self._added, self._perturbations, strict=True)
