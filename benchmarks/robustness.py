@@ -27,8 +27,7 @@ from cutbench.base.files import write_json
 from cutbench.case.case import Case
 from cutbench.maps.axes import Axis
 from cutbench.maps.study import Study, load_study
-from cutbench.run.pool.job import Job
-from cutbench.run.pool.pool import TaskPool
+from cutbench.run.pool.pool import Job, TaskPool
 from cutbench.run.pool.worker import WorkerLost, work
 from cutbench.run.result import Result
 from cutbench.run.store.runs import Store

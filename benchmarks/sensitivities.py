@@ -29,7 +29,7 @@ from cutbench.base.files import write_json
 from cutbench.case.case import Case, load_case
 from cutbench.run.build import Built, build
 from cutbench.run.runner import run_case
-from cutbench.run.sensitivity import start_sensitivities
+from cutbench.run.sensitivity import Following
 from cutbench.solver.march import Accepted, Given, Stalled
 
 MATERIALS = ("gelatin", "elastomer")
@@ -61,7 +61,7 @@ class Marched:
         """``beside``: the march whose mesh and steps are taken; states are looked for near its own.
         ``steps``: their lengths in mm, where the march is not to choose them itself."""
         built = build(case, beside.geometry if beside else None)
-        follower = start_sensitivities(built, names) if names else None
+        follower = Following(built, names).sensitivities if names else None
         given = None if steps is None else [Given(size) for size in steps]
         self.geometry, self.stopped = built.geometry, None
         self.steps, self.switches = [], []

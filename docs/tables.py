@@ -6,13 +6,11 @@ is written, and the exit status is 1 if a page is not as the code would have it.
 
 from __future__ import annotations
 
-import ast
 import inspect
 import re
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import fields
-from itertools import pairwise
 from pathlib import Path
 
 from cutbench.case.model import DEFAULT
@@ -29,16 +27,11 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def field_texts(cls: type) -> dict[str, str]:
-    """The string under each field of a dataclass."""
-    (whole,) = ast.parse(inspect.getsource(cls)).body
-    texts = {}
-    for one, below in pairwise(whole.body if isinstance(whole, ast.ClassDef) else ()):
-        if isinstance(one, ast.AnnAssign) and isinstance(below, ast.Expr):
-            texts[ast.unparse(one.target)] = " ".join(ast.literal_eval(below.value).split()).replace(
-                "``", "`"
-            )
-    return texts
+def attribute_texts(cls: type) -> dict[str, str]:
+    """What the section Attributes of a class's docstring says of each."""
+    _, _, section = (inspect.getdoc(cls) or "").partition("Attributes\n----------\n")
+    entries = re.findall(r"^(\w+) :.*\n((?:    .*\n?)+)", section, re.MULTILINE)
+    return {name: " ".join(text.split()).replace("``", "`") for name, text in entries}
 
 
 def digits(value: float) -> str:
@@ -52,7 +45,7 @@ def shown(value: object, unit: str) -> str:
 
 
 def numerics() -> str:
-    short, texts, rows = {long: name for name, long in ALIASES.items()}, field_texts(Numerics), []
+    short, texts, rows = {long: name for name, long in ALIASES.items()}, attribute_texts(Numerics), []
     for f in (f for f in fields(Numerics) if f.name != "tuning"):
         unit, about, allowed = " mm" if f.name.endswith("_mm") else "", f.metadata, "a path"
         plane, solid = (shown(getattr(defaults(dim), f.name), unit) for dim in (2, 3))

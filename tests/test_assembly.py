@@ -6,13 +6,7 @@ from math import factorial
 
 import numpy as np
 import pytest
-from form_checks import (
-    HEIGHT,
-    LENGTH,
-    SIZE,
-    space_of,
-    spaces,
-)
+from form_checks import HEIGHT, LENGTH, SIZE, space_of, spaces
 
 from cutbench.forms.assembly import Pattern
 from cutbench.forms.base import add_states

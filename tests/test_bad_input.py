@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+import study_texts
 from refusals import refusal
 from typer.testing import CliRunner
 
@@ -92,6 +93,11 @@ OPTIONS = {
     "unknown mechanism": (["--with", "gentt"], "with", "gentt", "'gent'"),
     "take out what is not there": (["--without", "viscous"], "without", "viscous", "'viscous_degraded'"),
     "no bulk law": (["--without", "neo_hookean"], "mechanisms", "volumetric", "neo_hookean"),
+    "an end that there is not": (["--set", "until=the end"], "until", "the end", "transition"),
+    "cut deeper than it is high": (["--set", "precut=25 mm"], "precut", "25 mm", "21 mm"),
+    "as wide as the blade": (["--set", "width=0.7 mm"], "thickness", "0.7 mm", "thinner"),
+    "a kilometre wide": (["--set", "width=1 km"], "width", "mm", "shortest"),
+    "frames less than none": (["--frames", "-3"], "frames", "-3", "whole number"),
     "value of what was taken out": (
         ["--without", "adhesion", "--set", "tau_W=1 kPa"], "tau_W", "1 kPa", "adhesion"
     ),
@@ -209,3 +215,37 @@ def test_other_commands(args, key, hint, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     refusal(run(*args), key, hint=hint)
     assert list(Path().iterdir()) == [], "nothing was written"
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        ("sweep mine.toml", "mine.toml"),
+        ("run2d study.toml", "study.toml"),
+        ("fit study.toml --out out", "study.toml"),
+        ("discover mine.toml --out out", "mine.toml"),
+        ("run2d .", "."),
+        ("run2d binary.toml", "binary.toml"),
+        ("run2d gelatin --out mine.toml", "--out"),
+        ("run2d gelatin --mechanisms laws", "broken.py"),
+        ("guide . --material gelatin", "map.nc"),
+        ("tension gelatin --notch 50", "notch"),
+        ("run3d gelatin --set tilt=120deg", "tilt"),
+        ("app --port 99999999", "port"),
+    ],
+)
+def test_files_of_another_kind_and_options_of_other_commands(words, named, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name, text in (
+        ("mine.toml", GOOD),
+        ("study.toml", study_texts.GOOD),
+        ("laws/broken.py", "def law(:"),
+    ):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00\x01")
+    before = sorted(tmp_path.rglob("*"))
+    done = run(*words.split())
+    assert done.exit_code == 2 and isinstance(done.exception, SystemExit), done.output
+    assert named in done.output and "Traceback" not in done.output
+    assert sorted(tmp_path.rglob("*")) == before

@@ -79,8 +79,8 @@ def test_id_sees_what_matters_and_nothing_else(gelatin):
 
 @pytest.mark.parametrize(
     ("part", "changes"),
-    [("steps", {"calm": 0.3}), ("newton", {"cuts": 7}), ("window", {"caution": (1.0, 0.5)}),
-     ("remesh", {"looks": 9}), ("path", {"leaps": (0.1,)}),
+    [("steps", {"calm": 0.3}), ("newton", {"chord": 0.4}), ("window", {"caution": (1.0, 0.5)}),
+     ("remesh", {"worth": 0.6}), ("path", {"leaps": (0.1,)}),
      ("mesh", {"corner": (0.1, 0.01)})],
 )  # fmt: skip
 def test_id_sees_every_tuned_number_and_a_file_keeps_them(gelatin, part, changes):
@@ -330,13 +330,6 @@ def test_api():
     assert cutbench.load_case is load_case
     with pytest.raises(AttributeError, match="nothing"):
         _ = cutbench.nothing
-
-
-def test_importing_is_light():
-    heavy = ("numpy", "scipy", "matplotlib", "pint", "skfem")
-    code = f"import sys, cutbench, cutbench.cli.main; print([m for m in {heavy} if m in sys.modules])"
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert out.stdout.strip() == "[]"
 
 
 def test_first_looks_have_fewer_elements_softer_contact_and_blocks_their_own():

@@ -23,7 +23,7 @@ SMALL = {"width": "6 mm", "height": "6 mm", "length": "8 mm"}
 def test_a_tree_comes_back_as_it_was(tmp_path):
     keep = Checkpoint(tmp_path / NAME, "key", every_s=0.0)
     tree = {"a": np.arange(6.0).reshape(2, 3), "b": [1, {"c": np.array([True])}, None], "d": "text", "e": {}}
-    keep.offer(lambda: tree)
+    keep.offer(tree)
     found = Checkpoint(tmp_path / NAME, "key").load()
     assert found["a"].tolist() == tree["a"].tolist() and found["a"].dtype == float
     assert found["b"][1]["c"].dtype == bool
@@ -34,7 +34,7 @@ def test_a_tree_comes_back_as_it_was(tmp_path):
 def test_only_the_same_run_is_resumed(tmp_path):
     keep = Checkpoint(tmp_path / NAME, "key", every_s=0.0)
     assert keep.load() is None
-    keep.offer(lambda: {"a": 1})
+    keep.offer({"a": 1})
     assert Checkpoint(tmp_path / NAME, "another").load() is None
     whole = (tmp_path / NAME).read_bytes()
     for cut in (0, 10, len(whole) // 2, len(whole) - 5):
@@ -46,7 +46,7 @@ def test_only_the_same_run_is_resumed(tmp_path):
 
 def test_a_state_is_written_no_more_often_than_asked(tmp_path):
     keep = Checkpoint(tmp_path / NAME, "key", every_s=3600.0)
-    keep.offer(lambda: {"a": 1})
+    keep.offer({"a": 1})
     assert not (tmp_path / NAME).exists()
     keep.write()
     assert keep.load() == {"a": 1}

@@ -21,17 +21,7 @@ from cutbench.run.result import Result, Snapshot
 from cutbench.run.store.runs import Store
 from studies.paper import cases as cases_of_claims
 from studies.paper import claims
-from studies.paper.base import (
-    BLOCK,
-    CONVERGED,
-    PAPER,
-    TENSION,
-    Ask,
-    Finding,
-    at_least,
-    below,
-    near,
-)
+from studies.paper.base import BLOCK, CONVERGED, PAPER, TENSION, Ask, Finding, at_least, below, near
 from studies.paper.cases import CHANGES, OPEN, TARGETS, TIPS, best_tip, case_of, left_open, scan
 from studies.paper.investigation import investigate
 from studies.paper.judgement import (

@@ -141,10 +141,7 @@ def test_exit_status_says_how_it_ended_and_what_was_reached_is_kept(kind, code, 
 
 @pytest.mark.parametrize(
     ("error", "code", "said"),
-    [
-        (ComputationFailed("the mesh inverted"), 1, "inverted"),
-        (KeyboardInterrupt(), 130, "interrupted"),
-    ],
+    [(ComputationFailed("the mesh inverted"), 1, "inverted"), (KeyboardInterrupt(), 130, "interrupted")],
 )
 def test_errors_become_one_message_and_a_status(error, code, said, solver, tmp_path):
     solver.raises = error

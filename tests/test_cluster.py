@@ -111,9 +111,9 @@ def test_without_dask_it_says_what_to_install(monkeypatch):
 def test_a_worker_that_does_not_see_the_store_sends_the_run_back(study, slow_log, tmp_path):
     case, store = study.grid[0], Store(tmp_path / "runs")
     sent = work(analytic_runs.fake_run, case, tmp_path / "elsewhere", store.mark(), False)
-    assert sent.case.id == case.id and not store.has(case.id)
+    assert sent.case.id == case.id and case.id not in store
     assert work(analytic_runs.fake_run, case, store.root, store.mark(), False) is None
-    assert store.has(case.id) and store.mark() == Store(store.root).mark()
+    assert case.id in store and store.mark() == Store(store.root).mark()
 
 
 @pytest.mark.slow
@@ -199,7 +199,7 @@ def test_workers_come_and_go_and_lost_runs_are_done_again(study, slow_log, tmp_p
 
 @pytest.mark.slow
 def test_a_lost_scheduler_loses_no_finished_run(study, slow_log, tmp_path, cluster, monkeypatch):
-    monkeypatch.setattr("cutbench.run.pool.cluster.PATIENCE_S", 6.0)
+    monkeypatch.setattr("cutbench.run.pool.cluster.SCHEDULER_TIMEOUT_S", 6.0)
     scheduler = cluster("scheduler")
     cluster("worker")
     rng = random.Random(5)

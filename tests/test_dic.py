@@ -243,11 +243,7 @@ BAD = {
         "x",
         None,
     ),
-    "a point twice": (
-        written(empty(np.arange(3.0), np.arange(3.0))) + "1.0,1.0,,\n",
-        "x, y",
-        11,
-    ),
+    "a point twice": (written(empty(np.arange(3.0), np.arange(3.0))) + "1.0,1.0,,\n", "x, y", 11),
     "no u_y": ("x [mm],y [mm],u_x [mm]\n0,0,0\n", "columns.u_y", 1),
     "no unit": (written(empty(np.arange(3.0), np.arange(3.0)), head="x,y,u_x,u_y"), "x", 1),
     "a blank position": ("x [mm],y [mm],u_x [mm],u_y [mm]\n0,,0,0\n", "y", 2),

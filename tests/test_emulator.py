@@ -9,13 +9,7 @@ import numpy as np
 import pytest
 
 from cutbench.case.case import load_case
-from cutbench.emulator import (
-    CutEmulator,
-    GaussianProcess,
-    Groups,
-    Kernel,
-    RunDatabase,
-)
+from cutbench.emulator import CutEmulator, GaussianProcess, Groups, Kernel, RunDatabase
 from cutbench.emulator.alignment import AlignedCurves, Course
 from cutbench.emulator.gaussian_process import negative_log_posterior
 from cutbench.run.runner import run_case

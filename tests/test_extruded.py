@@ -64,14 +64,7 @@ def test_elements_under_the_tip_are_as_small_whatever_h_is():
 def test_a_block_is_a_section_drawn_out_unless_it_is_asked_for_tetrahedra(tmp_path):
     numerics, own = load_case("gelatin", dim=3).numerics, Numerics()
     assert numerics.layers > 0
-    for name in (
-        "element",
-        "normal",
-        "multiplier",
-        "facet_degree",
-        "bulk_degree",
-        "energy_step",
-    ):
+    for name in ("element", "normal", "multiplier", "facet_degree", "bulk_degree", "energy_step"):
         assert getattr(numerics, name) == getattr(own, name), name
     # Softer, but a pressure of 3 G presses the blade in by less than a fiftieth of an element.
     assert 3 / numerics.penalty < 0.02 * numerics.h_mm

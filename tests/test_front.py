@@ -27,7 +27,7 @@ def made_up(built, travel, damage):
     """A step with displacements at rest and this damage on the cut plane."""
     states = built.problem.start()
     states["cohesion"]["damage"] = damage
-    return SimpleNamespace(travel=travel, u=np.zeros(built.problem.ndof), states=states)
+    return SimpleNamespace(travel=travel, u=np.zeros(built.problem.ndof), states=states, between=False)
 
 
 def test_front_finds_where_the_cut_starts_and_how_fast_it_runs(built):
@@ -67,7 +67,7 @@ def test_stress_is_read_in_the_process_zone_only(built):
 
 def replace_damage(step, damage):
     states = {**step.states, "cohesion": {**step.states["cohesion"], "damage": damage}}
-    return SimpleNamespace(travel=step.travel, u=step.u, states=states)
+    return SimpleNamespace(travel=step.travel, u=step.u, states=states, between=False)
 
 
 def test_an_uncut_block_has_no_front(built):

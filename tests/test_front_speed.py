@@ -9,8 +9,8 @@ import pytest
 from coarse_runs import COARSE
 
 from cutbench import load_case
+from cutbench.run.ledger import freed_rel
 from cutbench.run.measures import FRONT, KNOWN, MEASURES, measures
-from cutbench.run.released_energy import freed_rel
 from cutbench.run.runner import run_case
 
 CASE = load_case("gelatin")

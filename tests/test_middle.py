@@ -11,8 +11,7 @@ from coarse_runs import SOFT
 from cutbench.case.case import load_case
 from cutbench.run.build import build, geometry_of
 from cutbench.run.checkpoint import Checkpoint
-from cutbench.run.front import Front
-from cutbench.run.middle import MIDDLE
+from cutbench.run.front import MIDDLE, Front, Middle
 from cutbench.run.runner import run_case
 
 SMALL = {
@@ -24,12 +23,12 @@ SMALL = {
 def curves(case, **geometry):
     """Force of the whole block and of one that is all as its middle, N."""
     built = build(case, replace(geometry_of(case), **geometry))
-    front = Front(built)
+    middle = Middle(built, Front(built))
     force = [0.0]
     for step in built.march.steps():
-        front.add(step)
+        middle.add(step)
         force.append(step.force * built.geometry.multiplicity)
-    return np.array(force), front.middle.columns()["middle_force_N"]
+    return np.array(force), middle.columns()["middle_force_N"]
 
 
 @pytest.mark.parametrize(

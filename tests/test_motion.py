@@ -24,14 +24,7 @@ from cutbench.run.sensitivity import extended
 SPEED = 0.02  # mm/s
 CASE = load_case(
     "gelatin",
-    {
-        **COARSE,
-        "depth": "2 mm",
-        "speed": f"{SPEED} mm/s",
-        "with_": "maxwell",
-        "g_1": 0.5,
-        "tau_1": "20 s",
-    },
+    {**COARSE, "depth": "2 mm", "speed": f"{SPEED} mm/s", "with_": "maxwell", "g_1": 0.5, "tau_1": "20 s"},
 )
 #: Down to 1.2 mm, a minute there, back to 0.4 mm at twice the speed.
 THERE = ((0.0, 0.0), (60.0, 1.2), (120.0, 1.2), (140.0, 0.4))

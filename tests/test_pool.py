@@ -14,8 +14,7 @@ from refusals import refused
 from rich.console import Console
 
 from cutbench.cli import progress
-from cutbench.run.pool.job import Job
-from cutbench.run.pool.pool import TaskPool
+from cutbench.run.pool.pool import Job, TaskPool
 from cutbench.run.pool.worker import WorkerLost
 
 HERE = Path(__file__).parent

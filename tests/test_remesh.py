@@ -13,7 +13,7 @@ from cutbench.run.checkpoint import NAME, Checkpoint
 from cutbench.run.remeshing import RemeshedMarch, Transfer, follows, lengths
 from cutbench.run.result import TRANSFER
 from cutbench.run.runner import run_case
-from cutbench.run.sensitivity import directions, start_sensitivities
+from cutbench.run.sensitivity import Following
 
 H = 21.0
 
@@ -160,15 +160,15 @@ def test_derivatives_go_on_from_mesh_to_mesh(case):
     case = case.set(depth="1.5 mm")
     names = ("eta_reg",)
     meshes = RemeshedMarch(case)
-    follower = start_sensitivities(meshes.built, names)
+    follower = Following(meshes.built, names)
     forces, slopes, given = [], [], [[]]
 
     def renewed(t):
-        follower.go_on(t.new.problem, directions(t.new, names), t.displacements, t.states)
+        follower.renewed(t)
         given.append([])
 
     for step in meshes.steps(renewed=renewed):
-        slopes.append(follower.add(step)[0])
+        slopes.append(follower.sensitivities.add(step)[0])
         forces.append(step.force)
         given[-1].append(replace(step.given, u=None))
     assert meshes.place.strides > 0

@@ -4,17 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from coarse_runs import (
-    BRIEF,
-    COARSE,
-    CUTTING,
-    PRESSED,
-    QUICK,
-    SOFT,
-    blade_work,
-    force_at,
-    work,
-)
+from coarse_runs import BRIEF, COARSE, CUTTING, PRESSED, QUICK, SOFT, blade_work, force_at, work
 
 from cutbench.case.case import load_case
 from cutbench.run.result import SELF_CONTACT, SNAP

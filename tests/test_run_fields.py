@@ -4,12 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from coarse_runs import (
-    BRIEF,
-    CUTTING,
-    PRESSED,
-    seen_by_blade,
-)
+from coarse_runs import BRIEF, CUTTING, PRESSED, seen_by_blade
 
 from cutbench.run.build import build
 from cutbench.run.figures.section import Half

@@ -4,16 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from coarse_runs import (
-    BRIEF,
-    COARSE,
-    PRESSED,
-    QUICK,
-    SOFT,
-    force_at,
-    seen_by_blade,
-    tuned,
-)
+from coarse_runs import BRIEF, COARSE, PRESSED, QUICK, SOFT, force_at, seen_by_blade, tuned
 
 from cutbench.case.case import load_case
 from cutbench.case.numerics import Numerics

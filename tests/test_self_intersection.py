@@ -13,8 +13,7 @@ from cutbench.forms.surface_lines import crossings, overlap
 from cutbench.maps.dataset import row_of
 from cutbench.maps.study_sections import Regime
 from cutbench.run.build import build
-from cutbench.run.runner import SELF_INTERSECTION_ADVICE
-from cutbench.run.self_intersection import crossed_area
+from cutbench.run.self_intersection import ADVICE, crossed_area
 
 
 @pytest.mark.parametrize(
@@ -67,7 +66,7 @@ def test_a_section_is_looked_at_where_the_top_meets_the_cut(symmetry, side):
 
 
 def test_a_run_of_which_nothing_crosses_says_nothing(quick):
-    assert SELF_INTERSECTION_ADVICE not in str(quick.outcome)
+    assert ADVICE not in str(quick.outcome)
     assert math.isnan(quick.measures["crossed_mm"]) and quick.measures["crossed_mm2"] == 0
 
 

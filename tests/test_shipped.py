@@ -103,10 +103,7 @@ def test_a_map_is_drawn_and_a_boundary_held_against_its_grid(copied):
 @pytest.mark.parametrize("command", [pytest.param("confirm", marks=pytest.mark.slow), "guide"])
 def test_more_of_a_map_is_computed_or_what_wrote_it_is_named(copied, command, no_solver):
     data = load_map(copied)
-    asks = {
-        "confirm": ["--points", "1", "--no-materials"],
-        "guide": ["--material", "elastomer", "--check"],
-    }
+    asks = {"confirm": ["--points", "1", "--no-materials"], "guide": ["--material", "elastomer", "--check"]}
     done = CliRunner().invoke(app, [command, str(copied), *asks[command]])
     text = re.sub(r"\s+", " ", done.output)
     assert done.exit_code in (0, 1, 2) and not isinstance(done.exception, (KeyError, ValueError, TypeError))

@@ -148,10 +148,7 @@ def test_files_of_cases_and_studies_have_it_in_their_protocol(tmp_path):
         ('[protocol]\nuntil = "onset"', "transition"),
         ("[protocol]\nuntil = 3", "transition"),
         ('[parameters]\nuntil = "transition"', "[protocol]"),
-        (
-            '[protocol]\nuntil = "transition"\nmotion = [["0 s", "0 mm"], ["9 s", "1 mm"]]',
-            "'depth'",
-        ),
+        ('[protocol]\nuntil = "transition"\nmotion = [["0 s", "0 mm"], ["9 s", "1 mm"]]', "'depth'"),
     ],
 )
 def test_what_cannot_be_is_refused_by_its_line(part, said, tmp_path):

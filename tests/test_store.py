@@ -31,7 +31,7 @@ def store(tmp_path):
 def test_a_run_comes_back_as_it_was(store, result):
     result.measures = {"drop_rel": 0.25, "peak_mm": float("nan")}
     id = result.case.id
-    assert not store.has(id) and store.get(id) is None
+    assert id not in store and store.get(id) is None
     assert store.put(result)
     back = store.get(id)
     assert back.case == result.case and back.case.id == id
@@ -68,7 +68,7 @@ def test_a_damaged_entry_is_not_there_and_is_written_again(store, result, file, 
         path.write_bytes(content[:middle] + b"\x00\xff\x00\xff\x00" + content[middle + 5 :])
     else:
         path.write_bytes(b"" if damage == "empty" else content[: len(content) // 2])
-    assert not store.has(result.case.id)
+    assert result.case.id not in store
     assert store.put(result)
     np.testing.assert_array_equal(store.get(result.case.id).curve["force_N"], result.curve["force_N"])
 
@@ -78,7 +78,7 @@ def test_an_entry_under_a_foreign_name_is_not_believed(store, result):
     other = store.root / "ff" / "ff00000000000000"
     other.parent.mkdir(exist_ok=True)
     os.rename(store.path(result.case.id), other)
-    assert not store.has("ff00000000000000")
+    assert "ff00000000000000" not in store
 
 
 def test_a_pickle_in_the_curve_is_refused(store, result):
@@ -102,13 +102,13 @@ def test_a_failed_run_is_kept_with_its_reason_and_an_interrupted_one_is_not(stor
     assert "1e-4" in store.get(result.case.id).outcome.message
     store.remove(result.case.id)
     assert not store.put(replace_outcome(result, "interrupted"))
-    assert not store.has(result.case.id)
+    assert result.case.id not in store
 
 
 def test_many_writers_of_one_run_leave_one_entry(store, result):
     with ThreadPoolExecutor(8) as pool:
         written = list(pool.map(lambda _: Store(store.root).put(result), range(24)))
-    assert sum(written) == 1 and store.has(result.case.id)
+    assert sum(written) == 1 and result.case.id in store
     assert not list(store.root.glob(".*"))
 
 

@@ -29,6 +29,10 @@ BAD = [
     ('"A small study"', "3", "title", "3", "a title", 1),
     ('base = "gelatin"\n', "", "base", "(missing)", "gelatin", None),
     ('"gelatin"', '"gelatine"', "base", "gelatine", "gelatin", 2),
+    ('"gelatin"', "5", "base", "5", "", 2),
+    ('name = "cohesion"', 'name = "contact"', "axis 1: name", "contact", "", 11),
+    ('"0.01 mm/s", ', '"two", ', "axis 2: values", "two", "mm/s", 19),
+    ('"1.2 mm/min"', '"0.01 mm/s"', "axis 2: values", "0.01 mm/s", "ascending", 19),
     ('"10 kPa"', '"10 kg"', "G", "10 kg", "kPa", 5),
     ('"10 kPa"', "10", "G", "10", "unit", 5),
     ('"10 kPa"', '"-1 kPa"', "G", "-1 kPa", "0 kPa < G", 5),
@@ -98,11 +102,7 @@ def test_a_marked_case_file_with_an_error_is_refused(write, tmp_path, case, file
 
 @pytest.mark.parametrize(
     ("axes", "hint"),
-    [
-        (["cohesion", "cohesion"], "once"),
-        (["cohesion", "G_c"], "G_c"),
-        (["viscosity", "eta_reg"], "eta_reg"),
-    ],
+    [(["cohesion", "cohesion"], "once"), (["cohesion", "G_c"], "G_c"), (["viscosity", "eta_reg"], "eta_reg")],
 )
 def test_two_axes_that_set_the_same_are_refused(write, axes, hint):
     values = {"G_c": '["1 J/m^2"]', "eta_reg": '["1 s"]'}
@@ -116,6 +116,8 @@ def test_two_axes_that_set_the_same_are_refused(write, axes, hint):
 def test_a_study_without_axes_or_file_is_refused(write, tmp_path):
     with refused("axis", value="(missing)"):
         load_study(write('base = "gelatin"\n'))
+    with refused("axis", line=2):
+        load_study(write('base = "gelatin"\n[axis]\nname = "cohesion"\nvalues = [1.0]\n'))
     with refused("file", value=tmp_path / "none.toml"):
         load_study(tmp_path / "none.toml")
 

@@ -102,10 +102,7 @@ def test_derivatives_by_the_rig_are_exact(laws):
               "drift": "1e-3 N/s", "longer": 0.1}  # fmt: skip
     values |= {"g_1": 0.4, "tau_1": "3 s"} if laws else {}
     case, _ = start_case(
-        None,
-        baseline=["neo_hookean", "volumetric", *laws, *rigs],
-        kinds=("uniaxial",),
-        parameters=values,
+        None, baseline=["neo_hookean", "volumetric", *laws, *rigs], kinds=("uniaxial",), parameters=values
     )
     e = pulled("far", 2.0)
     timed = [replace(r, time_s=np.arange(r.x.size, dtype=float)) for r in e.repetitions]

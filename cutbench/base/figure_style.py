@@ -6,7 +6,6 @@ Meaning never hangs on colour alone: series differ by line style too, areas by h
 from __future__ import annotations
 
 import io
-import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -216,17 +215,3 @@ def save(
             figure.savefig(draft, format=kind, metadata=metadata, dpi=dpi)
         written.append(target)
     return written
-
-
-_GREEK = {"alpha", "beta", "gamma", "delta", "eta", "kappa", "lambda", "mu", "nu", "rho", "sigma", "tau"}
-
-
-def math_text(text: str) -> str:
-    """A group such as ``tau_W/(G_c/delta_c)`` as matplotlib sets it, in italics and Greek."""
-
-    def word(match: re.Match[str]) -> str:
-        head, _, tail = match[0].partition("_")
-        head = f"\\{head}" if head in _GREEK else head
-        return f"{head}_{{\\mathrm{{{tail}}}}}" if tail else head
-
-    return "$" + re.sub(r"[A-Za-z]\w*", word, text).replace(" ", r"\,").replace("*", r"\,") + "$"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import hashlib
+import io
 import json
 import math
 import os
@@ -94,6 +96,22 @@ def write_text(text: str, path: str | Path) -> Path:
 def write_json(record: object, path: str | Path) -> Path:
     """Write ``record`` as JSON, with null for what is not finite; its path."""
     return write_text(json.dumps(plain(record), indent=2, ensure_ascii=False, allow_nan=False), path)
+
+
+def csv_text(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """A table as CSV, a line a row, every digit kept; what is None or not finite is empty."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(head)
+    writer.writerows([_cell(value) for value in row] for row in rows)
+    return out.getvalue()
+
+
+def _cell(value: object) -> object:
+    if not isinstance(value, float):
+        return value
+    # float() first: the repr of numpy's own scalars names their type.
+    return repr(float(value)) if math.isfinite(value) else None
 
 
 def markdown_table(head: Sequence[object], rows: Iterable[Sequence[object]]) -> list[str]:

@@ -156,17 +156,15 @@ class Parameter:
         right = "" if self.high is None else f" {'<' if self.open_high else '<='} {self.high:g}{unit}"
         return f"{left}{self.name}{right}"
 
-    def check(self, value: float, *, file: str | None = None, key: str | None = None) -> float:
+    def check(self, value: float, *, key: str | None = None) -> float:
         """Return a value if it lies within the bounds.
 
         Parameters
         ----------
         value : float
             The value in ``unit``.
-        file : str, optional
-            The file that it comes from, for the message.
         key : str, optional
-            What it is called there; the parameter's name unless given.
+            What it is called where it stands; the parameter's name unless given.
 
         Returns
         -------
@@ -185,20 +183,18 @@ class Parameter:
             bad |= value > self.high or (self.open_high and value == self.high)
         if bad:
             shown = f"{value:g}" if self.unit == "1" else f"{value:g} {self.unit}"
-            raise BadInput(key or self.name, shown, self.range_text(), file=file)
+            raise BadInput(key or self.name, shown, self.range_text())
         return value
 
-    def parse(self, raw: object, *, file: str | None = None, key: str | None = None) -> float:
+    def parse(self, raw: object, *, key: str | None = None) -> float:
         """Read what a person wrote, such as ``"7.5 kPa"``, into internal units.
 
         Parameters
         ----------
         raw : object
             Text with a number and a unit; a bare number where the parameter has no unit.
-        file : str, optional
-            The file that it comes from, for the message.
         key : str, optional
-            What it is called there; the parameter's name unless given.
+            What it is called where it stands; the parameter's name unless given.
 
         Returns
         -------
@@ -211,8 +207,7 @@ class Parameter:
             For a bare number where a unit is due, a unit of the wrong dimension, or a value beyond the
             bounds.
         """
-        value = parse_quantity(raw, self.unit, file=file, key=key or self.name)
-        return self.check(value, file=file, key=key) * self.factor
+        return self.check(parse_quantity(raw, self.unit, key=key or self.name), key=key) * self.factor
 
     def show(self, internal: float) -> str:
         """Write a value as a person reads it, such as ``"7.5 kPa"``.
@@ -264,7 +259,7 @@ def dimensions_of(unit: str) -> tuple[float, float, float]:
     return force, float(powers.get("[length]", 0)) - force, time
 
 
-def parse_quantity(raw: object, unit: str, *, file: str | None = None, key: str = "") -> float:
+def parse_quantity(raw: object, unit: str, *, key: str = "") -> float:
     """Read a quantity with its unit, and return its value in another unit.
 
     Parameters
@@ -273,10 +268,8 @@ def parse_quantity(raw: object, unit: str, *, file: str | None = None, key: str 
         What was written: text such as ``"7.5 kPa"``, or a number where ``unit`` is ``"1"``.
     unit : str
         The unit in which the value is wanted; ``"1"`` stands for a number without one.
-    file : str, optional
-        The file that it comes from, for the message.
     key : str, optional
-        What it is called there, for the message.
+        What it is called where it stands, for the message.
 
     Returns
     -------
@@ -290,15 +283,15 @@ def parse_quantity(raw: object, unit: str, *, file: str | None = None, key: str 
     """
     wanted = "a number without unit" if unit == "1" else f"a value with a unit, such as '1 {unit}'"
     if isinstance(raw, bool) or raw is None or isinstance(raw, (list, dict, tuple)):
-        raise BadInput(key, raw, wanted, file=file)
+        raise BadInput(key, raw, wanted)
     if isinstance(raw, (int, float)):
         if unit == "1":
             return float(raw)
-        raise BadInput(key, raw, f"a unit beside the number, as in '… {unit}'", file=file)
+        raise BadInput(key, raw, f"a unit beside the number, as in '… {unit}'")
     try:
         return _value(str(raw), unit)
     except _Unreadable as error:
-        raise BadInput(key, raw, error.expected or wanted, file=file) from error
+        raise BadInput(key, raw, error.expected or wanted) from error
 
 
 class _Unreadable(ValueError):

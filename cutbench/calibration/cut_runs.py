@@ -23,8 +23,7 @@ from cutbench.data.experiment import Experiment
 from cutbench.data.field_comparison import at_travel, sample, sampled_slopes
 from cutbench.emulator import RunDatabase
 from cutbench.run.outcome import Outcome
-from cutbench.run.pool.job import Job
-from cutbench.run.pool.pool import TaskPool
+from cutbench.run.pool.pool import Job, TaskPool
 from cutbench.run.result import Result
 from cutbench.run.runner import run_case
 from cutbench.run.sensitivity import Added

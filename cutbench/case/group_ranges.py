@@ -7,13 +7,13 @@ mechanisms say.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from types import SimpleNamespace
 
 from cutbench.base.toml import read_toml
-from cutbench.base.units import ureg
+from cutbench.base.units import powers_of
 from cutbench.case import materials
 from cutbench.case.model import PROTOCOL, Model
 from cutbench.case.values import SECTIONS, resolve
@@ -81,13 +81,10 @@ def untypical_groups(model: Model, values: Mapping[str, float]) -> list[Untypica
 
 def _rates(model: Model, parts: list[str]) -> str:
     """What to say of times in a group with the blade's speed: they go with it."""
-    speeds = [q.name for q in PROTOCOL if q.name in parts and "[time]" in _dimensions(q.unit)]
-    known = model.parameters()
-    times = [
-        name for name in parts
-        if name not in speeds and "[mass]" not in _dimensions(known[name].unit)
-        and "[time]" in _dimensions(known[name].unit)
-    ]  # fmt: skip
+    powers = {name: powers_of(q.unit) for name, q in model.parameters().items() if name in parts}
+    rates = [name for name in parts if powers[name][0] == 0 and powers[name][1]]
+    speeds = [q.name for q in PROTOCOL if q.name in rates]
+    times = [name for name in rates if name not in speeds]
     if not speeds or not times:
         return ""
     many = len(times) > 1
@@ -95,10 +92,6 @@ def _rates(model: Model, parts: list[str]) -> str:
         f", or {', '.join(times)} {'are' if many else 'is'} of another {speeds[0]}: "
         f"{'they count' if many else 'it counts'} by the product with it"
     )
-
-
-def _dimensions(unit: str) -> Collection[str]:
-    return {} if unit == "1" else ureg.Unit(unit).dimensionality
 
 
 @lru_cache(maxsize=1)

@@ -30,7 +30,7 @@ def _one_of(default: str, *others: str) -> Any:
 class Numerics:
     """Numerics holds every numerical choice of a run: mesh, elements, contact, steps and tolerances.
 
-    All are part of a case's identity. docs/tables.py makes its table of the texts under the fields.
+    All are part of a case's identity. docs/tables.py makes its table of the texts below.
 
     ``Case.set`` takes them by their names, with a unit where there is one (``h="0.2 mm"`` for ``h_mm``), and
     ``preset`` has named sets of them.
@@ -38,67 +38,72 @@ class Numerics:
     Attributes
     ----------
     h_mm : float, mm
-        Element size at the cut plane, from where elements grow.
+        Element size at the cut plane, from where elements grow; at most 3 times the blade's thickness.
     corner : float
-        Element size under the tip, in units of ``h_mm``; 0: by the size of the blade.
+        Element size under the tip, in units of ``h``; 0: h/16, but not below 1/45 of the blade's thickness.
     shallow : float
-        Element size on the cut plane where cutting begins, in units of ``h_mm``; 0: by the size of the blade.
+        Element size on the cut plane down to three blade thicknesses, where cutting begins, in units of
+        ``h``; further down it grows to ``h``. 0: h/4, but not below 1/11 of the blade's thickness.
     around : float
-        How far around the front of the cut elements are that small, in blade thicknesses; 0: all the way.
+        How far above and below the front of the cut elements are that small, in blade thicknesses; the
+        section is meshed anew as the front goes down. 0: one mesh with small elements all the way.
     slender : float
-        How many times taller than wide elements at the cut plane are.
+        Elements at the cut plane are so many times taller than wide.
     along : float
-        How many times longer along the blade than tall elements are at most, in three dimensions.
+        Elements are at most so many times longer along the blade than tall, in three dimensions.
     layers : int
         Layers along half the blade of a block that is a section drawn out; 0: tetrahedra of its own.
     element : {"P2", "P1", "P2P1"}
-        Quadratic or linear displacements, or quadratic ones with a linear pressure.
+        Quadratic or linear displacements, or quadratic ones with a linear pressure. P1 locks near ν = 0.5.
     normal : {"tool", "material"}
-        Direction of the contact pressure.
+        Direction of the contact pressure: the blade's normal, or the material's, as in the paper.
     gap : {"distance", "ellipse"}
-        How the distance to the blade is measured.
+        Signed distance to the blade, or the paper's number times half the blade's thickness.
     penalty : float, 1/mm
-        Contact stiffness, in shear moduli per mm of penetration.
+        Contact stiffness, in G per mm of penetration.
     stick : float, 1/mm
-        Stiffness of sticking, in shear moduli per mm of slip.
+        Stiffness of sticking, in G per mm of slip.
     release_mm : float, mm
-        Gap up to which a face that had touched the blade keeps its adhesion; 0: for ever.
+        A face of the cut that had touched the blade keeps its adhesion up to this gap; 0: for ever, as in the
+        paper.
     scaled : {"none", "cell"}
-        Stiffnesses of contact as they are, or times 1 mm over the diameter of the element.
+        Stiffnesses of contact as they are, or times 1 mm over the diameter of the element, as in the paper.
     closing : float
-        Pressure at which the closed cut plane would overlap by the opening δ_c, in shear moduli.
+        Pressure at which the closed cut plane would overlap by δ_c, in G.
     multiplier : {"carried", "none"}
-        With which contact pressure and shear a step begins.
+        A step begins with the contact pressure and shear foreseen from the last two, or with no pressure and
+        the last shear.
     augmentations : int
-        Uzawa updates a step at the most.
+        Uzawa updates a step at the most, until pressures stand still.
     facet_degree : int
         Quadrature degree on faces.
     bulk_degree : int
-        Quadrature degree in elements; 0: what the element needs.
+        Quadrature degree in elements; 0: what the element needs beside a cut.
     scheme : {"monolithic", "staggered"}
-        Whether damage is solved with the displacements.
+        Damage solved with the displacements, or held and repeated until it stands still.
     stepping : {"adaptive", "paper"}
-        The rule for the size of steps.
+        Steps by effort and damage growth, or the paper's rule: a tenth when damage jumps, else five times.
     predictor : {"front", "line"}
-        Where Newton's method begins.
+        Newton's method begins on a line through the last two states; with ``front`` the elements around the
+        front are solved first.
     step_mm : float, mm
         Largest step of blade travel.
     step_min_mm : float, mm
-        Smallest step; a run that needs a smaller one ends as stalled.
+        Smallest step; a run that needs a smaller one ends as stalled, with its curve.
     damage_step : float
-        Growth of damage in a step that makes the next one smaller.
+        Growth of damage in a step that makes the next one smaller; twice as much refuses the step.
     energy_step : float
-        Part of the blade's work over the largest step that a step may leave open.
+        Part of the blade's work over the largest step that a step may leave open; more refuses the step.
     damping_mm : float, mm
-        Bulk viscosity over the shear modulus, times the speed.
+        Bulk viscosity over G, times the speed; it carries a run through jumps.
     self_contact : {"on", "off"}
-        Whether a section's surface is kept from passing through itself.
+        Whether a section's surface beside the blade is kept from passing through itself.
     tolerance : float
         Newton's residual relative to the forces in balance.
     symmetry : {"auto", "quarter", "half", "full"}
-        Part of the block that is meshed.
+        Part of the block that is meshed; auto: the smallest that will do.
     solver : {"auto", "superlu", "pardiso", "kept", "multigrid"}
-        Linear solver.
+        Linear solver; auto: PARDISO where installed, else SuperLU.
     mesh : str or None
         A mesh file.
     tuning : Tuning
@@ -113,76 +118,38 @@ class Numerics:
     """
 
     h_mm: float = _within(0.0625, 1e-3, 10.0)
-    """Element size at the cut plane, from where elements grow; at most 3 times the blade's thickness."""
     corner: float = _within(0.0, 0.005, 1.0, chosen=True)
-    """Element size under the tip, in units of `h`; 0: h/16, but not below 1/45 of the blade's thickness."""
     shallow: float = _within(0.0, 0.02, 1.0, chosen=True)
-    """Element size on the cut plane down to three blade thicknesses, where cutting begins, in units of `h`;
-    further down it grows to `h`. 0: h/4, but not below 1/11 of the blade's thickness."""
     around: float = _within(1.25, 0.0, 100.0)
-    """How far above and below the front of the cut elements are that small, in blade thicknesses; the section
-    is meshed anew as the front goes down. 0: one mesh with small elements all the way."""
     slender: float = _within(2.0, 1.0, 50.0)
-    """Elements at the cut plane are so many times taller than wide."""
     along: float = _within(4.0, 1.0, 20.0)
-    """Elements are at most so many times longer along the blade than tall, in three dimensions."""
     layers: int = _within(0, 0, 200)
-    """Layers along half the blade of a block that is a section drawn out; 0: tetrahedra of its own."""
     element: str = _one_of("P2", "P1", "P2P1")
-    """Quadratic or linear displacements, or quadratic ones with a linear pressure. P1 locks near ν = 0.5."""
     normal: str = _one_of("tool", "material")
-    """Direction of the contact pressure: the blade's normal, or the material's, as in the paper."""
     gap: str = _one_of("distance", "ellipse")
-    """Signed distance to the blade, or the paper's number times half the blade's thickness."""
     penalty: float = _within(64000.0, 1e-3, 1e6)
-    """Contact stiffness, in G per mm of penetration."""
     stick: float = _within(1600.0, 1e-3, 1e6)
-    """Stiffness of sticking, in G per mm of slip."""
     release_mm: float = _within(0.001, 0.0, 10.0)
-    """A face of the cut that had touched the blade keeps its adhesion up to this gap; 0: for ever, as in the
-    paper."""
     scaled: str = _one_of("none", "cell")
-    """Stiffnesses of contact as they are, or times 1 mm over the diameter of the element, as in the paper."""
     closing: float = _within(5000.0, 0.0, 1e6)
-    """Pressure at which the closed cut plane would overlap by δ_c, in G."""
     multiplier: str = _one_of("carried", "none")
-    """A step begins with the contact pressure and shear foreseen from the last two, or with no pressure and
-    the last shear."""
     augmentations: int = _within(0, 0, 50)
-    """Uzawa updates a step at the most, until pressures stand still."""
     facet_degree: int = _within(6, 1, 20)
-    """Quadrature degree on faces."""
     bulk_degree: int = _within(0, 0, 10)
-    """Quadrature degree in elements; 0: what the element needs beside a cut."""
     scheme: str = _one_of("monolithic", "staggered")
-    """Damage solved with the displacements, or held and repeated until it stands still."""
     stepping: str = _one_of("adaptive", "paper")
-    """Steps by effort and damage growth, or the paper's rule: a tenth when damage jumps, else five times."""
     predictor: str = _one_of("front", "line")
-    """Newton's method begins on a line through the last two states; with `front` the elements around the
-    front are solved first."""
     step_mm: float = _within(0.1, 1e-6, 5.0)
-    """Largest step of blade travel."""
     step_min_mm: float = _within(1e-4, 1e-9, 1.0)
-    """Smallest step; a run that needs a smaller one ends as stalled, with its curve."""
     damage_step: float = _within(0.7, 1e-3, 1.0)
-    """Growth of damage in a step that makes the next one smaller; twice as much refuses the step."""
     energy_step: float = _within(0.1, 1e-4, 1.0)
-    """Part of the blade's work over the largest step that a step may leave open; more refuses the step."""
     damping_mm: float = _within(3e-4, 0.0, 1.0)
-    """Bulk viscosity over G, times the speed; it carries a run through jumps."""
     self_contact: str = _one_of("on", "off")
-    """Whether a section's surface beside the blade is kept from passing through itself."""
     tolerance: float = _within(1e-7, 1e-14, 1e-2)
-    """Newton's residual relative to the forces in balance."""
     symmetry: str = _one_of("auto", "quarter", "half", "full")
-    """Part of the block that is meshed; auto: the smallest that will do."""
     solver: str = _one_of("auto", "superlu", "pardiso", "kept", "multigrid")
-    """[Linear solver](../how-to/solid.md#cost); auto: PARDISO where installed, else SuperLU."""
     mesh: str | None = None
-    """[A mesh file](../how-to/mesh.md)."""
     tuning: Tuning = field(default_factory=Tuning)
-    """The numbers that nobody sets."""
 
     def digits(self) -> dict[str, Any]:
         """Write the choices as they count in a case's id.

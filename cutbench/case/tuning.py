@@ -93,13 +93,9 @@ class NewtonTuning:
     """How much less regularisation the next iteration has, where a direction was found at once."""
     whole: float = 0.5
     """Part of a Newton step that has to be free of inverted elements, or the tangent is regularised."""
-    cuts: int = 6
-    """Evaluations of a line search at the most: each costs a third of an iteration."""
     slack: float = 0.3
     """Part of the work of the residual that a line search may leave. Beyond a point that turns from sliding
     to sticking the work falls at once; with 0.8 a search stopped short of it, iteration after iteration."""
-    patience: int = 20
-    """Iterations before a residual that does not fall counts as cycling."""
     close: float = 0.3
     """A Newton step that leaves less than this of the residual is followed by steps with its
     factorization."""
@@ -110,8 +106,6 @@ class NewtonTuning:
     multipliers: float = 1e-3
     """Change of contact pressures from one augmentation to the next, in units of the largest, at which they
     stand still."""
-    staggered_loops: int = 200
-    """Repetitions of the staggered scheme at the most."""
     staggered_change: float = 1e-4
     """Change of damage at which it stands still."""
     staggered_tolerance: float = 1e-5
@@ -142,8 +136,6 @@ class WindowTuning:
     """How much less of that each iteration has."""
     caution: tuple[float, ...] = (1.0, 0.75, 0.5)
     """Parts of the front's expected advance that are tried where all of it inverts elements."""
-    smoothings: int = 4
-    """How often what a moved state lacks is averaged near the front, where it differs within an element."""
     near: float = 0.15
     """So near to the front."""
     touch_mm: float = 0.01
@@ -165,8 +157,6 @@ class RemeshTuning:
     misfit: float = 0.02
     """What displacements within an element may differ by on a new mesh, in units of its size; where they do
     more, elements stay small."""
-    looks: int = 8
-    """So many times that is looked at."""
     usable: float = 0.25
     """Part of the smallest volume ratio that a new mesh has to keep."""
 
@@ -181,8 +171,6 @@ class PathTuning:
     """Largest step of C: an element or two."""
     first: float = 0.005
     """First step of C, where it takes the place of the travel."""
-    smallest: float = 1e-4
-    """Smallest step of either."""
     leaps: tuple[float, ...] = (0.03, 0.06)
     """Where no equilibrium is near, larger steps of C are tried before the body is let go."""
     breaks: float = 0.5
@@ -194,28 +182,8 @@ class PathTuning:
     turn: float = 0.02
     """Where the blade turns, its first step the other way is at most this: a longer one changes the
     branch."""
-    iterations: int = 10
-    """Newton's iterations at the most: where it needs more, another branch is found."""
-    easy: int = 6
-    """A step that needs no more lets the next one grow."""
-    grow: float = 1.5
-    """By this."""
-    shrink: float = 0.25
-    """What is left of a step that was refused."""
     points: int = 3000
     """Points at most."""
-    drag: float = 1.0
-    """Drag of a release at its start, in G: elements move by a part of themselves."""
-    rest: float = 1e-4
-    """And at its end."""
-    decay: float = 0.4
-    """What is left of it after each step."""
-    creeps: int = 60
-    """Steps of a release at the most."""
-    nudge: float = 0.01
-    """Travel before a release that follows another."""
-    nudges: int = 20
-    """Such releases at the most."""
 
 
 @dataclass(frozen=True)

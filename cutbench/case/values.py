@@ -9,16 +9,7 @@ from types import SimpleNamespace
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import nearest
 from cutbench.case.mesh_sizes import chosen, under_tip
-from cutbench.case.model import (
-    PROTOCOL,
-    SPECIMEN,
-    Model,
-    apply_groups,
-    groups,
-    owners,
-    section_of,
-    tools,
-)
+from cutbench.case.model import PROTOCOL, SPECIMEN, Model, apply_groups, groups, owners, section_of, tools
 from cutbench.case.numerics import KEYS, Numerics
 from cutbench.mechanisms import Tool, registry
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
 import numpy as np
 from rich.table import Table
 from rich.text import Text
 
-from cutbench.base.files import replacing
+from cutbench.base.files import csv_text, write_text
 from cutbench.cli.show import PLAIN, table
 from cutbench.data.campaign import Campaign
 from cutbench.data.experiment import Experiment
@@ -59,17 +58,13 @@ def _time(e: Experiment) -> str:
 
 def write_data(campaign: Campaign, path: Path) -> Path:
     """The averages of all experiments on their grids as CSV, units in the columns."""
-    with replacing(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(_HEADER)
-        for e in campaign.experiments:
-            a = e.on_grid()
-            times = [""] * a.x.size if a.time_s is None else [repr(float(t)) for t in a.time_s]
-            for i, time in enumerate(times):
-                scatter = repr(float(a.scatter[i])) if a.dof else ""
-                writer.writerow(
-                    [e.id, e.kind, e.role, e.x_name, e.x_unit, repr(float(a.x[i])), time, e.y_unit,
-                     repr(float(a.mean[i])), repr(float(a.deviation[i])), scatter,
-                     repr(float(a.reading[i])), a.repetitions, int(a.estimated)]
-                )  # fmt: skip
-    return path
+    rows: list[list[object]] = []
+    for e in campaign.experiments:
+        a = e.on_grid()
+        for i, x in enumerate(a.x):
+            time, scatter = None if a.time_s is None else a.time_s[i], a.scatter[i] if a.dof else None
+            rows.append([
+                e.id, e.kind, e.role, e.x_name, e.x_unit, x, time, e.y_unit, a.mean[i], a.deviation[i],
+                scatter, a.reading[i], a.repetitions, int(a.estimated),
+            ])  # fmt: skip
+    return write_text(csv_text(_HEADER, rows), path)

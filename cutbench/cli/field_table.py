@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import json
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,7 +10,7 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
-from cutbench.base.files import replacing
+from cutbench.base.files import csv_text, replacing, write_text
 from cutbench.cli.show import PLAIN, table
 from cutbench.data.field_comparison import Comparison
 from cutbench.run.files import save
@@ -45,15 +43,13 @@ def write_comparisons(found: Sequence[Comparison], title: str, folder: Path) -> 
     from cutbench.data.field_figure import plot_dic
 
     paths = [folder / "dic.csv", folder / "dic.json"]
-    with replacing(paths[0]) as draft, draft.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(_HEADER)
-        for c in found:
-            parts = [c.measured.grid, c.measured.u, c.computed.u, c.relative_error]
-            parts += [e[[0, 1, 0], [0, 1, 1]] for e in (c.measured.strain, c.computed.strain)]
-            for row in np.concatenate(parts).reshape(len(_HEADER) - 1, -1).T:
-                cells = ["" if math.isnan(v) else repr(float(v)) for v in row]
-                writer.writerow([repr(c.measured.travel_mm), *cells])
+    rows: list[list[float]] = []
+    for c in found:
+        parts = [c.measured.grid, c.measured.u, c.computed.u, c.relative_error]
+        parts += [e[[0, 1, 0], [0, 1, 1]] for e in (c.measured.strain, c.computed.strain)]
+        table_of = np.concatenate(parts).reshape(len(_HEADER) - 1, -1).T
+        rows += [[c.measured.travel_mm, *row] for row in table_of]
+    write_text(csv_text(_HEADER, rows), paths[0])
     numbers = [{"travel_mm": c.measured.travel_mm, **c.numbers()} for c in found]
     with replacing(paths[1]) as draft:
         draft.write_text(json.dumps({"fields": numbers}, indent=2) + "\n", encoding="utf-8")

@@ -23,8 +23,7 @@ from cutbench.case.model import mechanism as find_mechanism
 from cutbench.cli.show import PLAIN, table, verbose
 from cutbench.mechanisms import registry
 from cutbench.mechanisms.checks import Finding
-from cutbench.run.result import Result
-from cutbench.run.summary import summary_lines
+from cutbench.run.result import Result, summary_lines
 
 
 def _table(*heads: str, rows: Iterable[Sequence[str]] = (), title: str | None = None) -> Table:

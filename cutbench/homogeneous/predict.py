@@ -12,8 +12,8 @@ from cutbench.base.toml import one_of
 from cutbench.case.model import Model
 from cutbench.data.experiment import HOMOGENEOUS, SLOTS, Experiment
 from cutbench.data.repetition import Averaged
-from cutbench.homogeneous import separation, sliding
 from cutbench.homogeneous.history import LoadingHistory
+from cutbench.homogeneous.interface import separation, sliding
 from cutbench.homogeneous.rig import Machine
 from cutbench.homogeneous.stretching import nominal_stress
 from cutbench.mechanisms.base import STEP
@@ -85,11 +85,7 @@ def respond(
 
 
 def slopes(
-    experiment: Experiment,
-    model: Model,
-    p: SimpleNamespace,
-    names: Sequence[str],
-    at: Averaged | None = None,
+    experiment: Experiment, model: Model, p: SimpleNamespace, names: Sequence[str], at: Averaged | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Predict the readings of a test, and their exact derivatives by parameters.
 
@@ -210,7 +206,7 @@ def _respond(kind, history, model, p, direction, count) -> np.ndarray:
     if kind in HOMOGENEOUS:
         return nominal_stress(kind, history, model, p, count=count)
     if kind == "sliding":
-        return sliding.traction(history, model, p)[:, None]
+        return sliding(history, model, p)[:, None]
     if kind == "separation":
-        return separation.traction(history, model, p, direction, count=count)
+        return separation(history, model, p, direction, count=count)
     raise BadInput("kind", kind, "a test without a mesh; a cut is computed by run_case(campaign.case(…))")

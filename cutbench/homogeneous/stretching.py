@@ -12,6 +12,7 @@ imaginary part is then the exact derivative. They may also be arrays (m,), for m
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,7 +21,6 @@ from cutbench.base.errors import ComputationFailed
 from cutbench.case.model import Model
 from cutbench.homogeneous.history import LoadingHistory
 from cutbench.homogeneous.march import March
-from cutbench.homogeneous.modes import MODES, Mode
 from cutbench.mechanisms import Volumetric
 from cutbench.mechanisms.base import STEP, Bulk, Points
 
@@ -30,6 +30,32 @@ MAX_LOG_STRETCH_STEP, MIN_STEPS_TO_READING = 0.02, 4
 STRETCH_TOLERANCE = 1e-7
 #: Depth in mm at which the skin of a specimen is not felt.
 DEPTH_WITHOUT_SKIN = 1e6
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A way to stretch a sheet: F = diag(λ, second, third), with one free stretch whose face has no stress.
+
+    The nominal stress is P₁₁, the force over the undeformed area; at constant volume and for neo-Hooke
+    G(λ − λ⁻²), G(λ − λ⁻⁵) and G(λ − λ⁻³) (Treloar 1944, 10.1039/TF9444000059).
+
+    ``second``: power of λ in F₂₂, None where it is free like F₃₃; ``lateral``: power of λ in the free stretch
+    at constant volume.
+    """
+
+    second: int | None
+    lateral: float
+
+    def deformation(self, stretch: np.ndarray, free: np.ndarray) -> np.ndarray:
+        """F (3, 3, N) for λ and the free stretch (N,)."""
+        none = np.zeros(free.size)
+        second = free if self.second is None else stretch**self.second
+        # Stacked, so that symbols may stand for numbers.
+        parts = [stretch, none, none, none, second, none, none, none, free]
+        return np.stack(parts).reshape(3, 3, free.size)
+
+
+MODES = {"uniaxial": Mode(None, -0.5), "equibiaxial": Mode(1, -2.0), "pure_shear": Mode(0, -1.0)}
 
 
 def nominal_stress(

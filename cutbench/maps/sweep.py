@@ -31,8 +31,7 @@ from cutbench.maps.phase import save_phase
 from cutbench.maps.sampling_plan import plan_of
 from cutbench.maps.study import Study, load_study
 from cutbench.maps.uncertainty import strip_sentences
-from cutbench.run.pool.job import Done, Job
-from cutbench.run.pool.pool import TaskPool
+from cutbench.run.pool.pool import Done, Job, TaskPool
 from cutbench.run.pool.worker import PoolLost, Run, WorkerLost, failure, work
 from cutbench.run.store.runs import Store
 
@@ -246,7 +245,7 @@ class _Sweep:
                     self.take(done)
             except KeyboardInterrupt:
                 interrupted = True
-                for id in [id for id in self.cases if id not in self.rows and self.store.has(id)]:
+                for id in [id for id in self.cases if id not in self.rows and id in self.store]:
                     self.ended(id)  # a worker was done before its sweep heard of it
             except PoolLost as error:
                 raise ComputationFailed(

@@ -6,7 +6,6 @@ is what the repetitions make of it; a label is undecided where the drop's band h
 
 from __future__ import annotations
 
-import csv
 import math
 import tempfile
 from collections.abc import Mapping
@@ -16,7 +15,7 @@ from functools import cached_property
 from pathlib import Path
 
 from cutbench.base.figure_style import save
-from cutbench.base.files import check_writable, plain, replacing, write_json
+from cutbench.base.files import check_writable, csv_text, plain, write_json, write_text
 from cutbench.base.notebook import watched
 from cutbench.base.progress import OnProgress, silent
 from cutbench.base.versions import versions
@@ -25,7 +24,7 @@ from cutbench.case.model_alternatives import alternative_cases
 from cutbench.case.motion import TRANSITION
 from cutbench.run.figures.choices import plot_choices
 from cutbench.run.measures import ABRUPT, ABRUPT_DROP, MEASURES, SMOOTH, UNCUT, UNDECIDED, label
-from cutbench.run.pool.batch import CUT, Batch
+from cutbench.run.pool.batch import Batch
 from cutbench.run.pool.worker import Run
 from cutbench.run.result import Result
 from cutbench.run.store.runs import Store
@@ -219,8 +218,8 @@ def band(
     cases = {AS_ASKED: case, **changed}
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory()) if out is None else check_writable(out)
-        batch = Batch(Store(Path(folder) / "runs"), workers=workers, on_progress=on_progress, runs={CUT: run})
-        batch.go((each, CUT) for each in cases.values())
+        batch = Batch(Store(Path(folder) / "runs"), workers=workers, on_progress=on_progress)
+        batch.go(cases.values(), run)
     found = Band(case, {name: batch.results[each.id] for name, each in cases.items()}, refused)
     if out is not None:
         write_band(found, out)
@@ -230,17 +229,14 @@ def band(
 def write_band(found: Band, out: str | Path) -> list[Path]:
     """band.json, band.csv and band.png in ``out``; the paths."""
     folder = check_writable(out)
-    table = folder / "band.csv"
-    with replacing(table) as draft, draft.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["change", "label", *MEASURES, "outcome", "run_id"])
-        for name, result in found.results.items():
-            values = (result.measures.get(key, math.nan) for key in MEASURES)
-            cells = ("" if math.isnan(value) else f"{value:.10g}" for value in values)
-            writer.writerow([name, found.labels.get(name, ""), *cells, result.outcome.kind, result.id])
+    rows = [
+        [name, found.labels.get(name), *map(result.measures.get, MEASURES), result.outcome.kind, result.id]
+        for name, result in found.results.items()
+    ]
+    head = ["change", "label", *MEASURES, "outcome", "run_id"]
     known = {name: found.results[name].measures for name in found.labels}
     return [
         write_json(found.describe(), folder / "band.json"),
-        table,
+        write_text(csv_text(head, rows), folder / "band.csv"),
         *save(plot_choices({found.case.name: known}), folder / "band.png"),
     ]

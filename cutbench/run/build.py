@@ -115,14 +115,23 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
 
     ``geometry`` and the ``space`` on its mesh are the case's unless given.
     """
-    p, n, model = case.p, case.numerics, case.model
     geometry = geometry or geometry_of(case)
-    order = ORDER[n.element]
-    space = space or space_of(geometry, order)
-    dim = space.dim
-    degree = 1 if order == 1 else n.bulk_degree or DEGREE[n.element]
+    space = space or space_of(geometry, ORDER[case.numerics.element])
+    forms, ndof = _forms(case, geometry, space)
+    # A section is small, and the mixed element's matrix no elasticity alone: both are factorized.
+    modes = rigid_motions(space.X) if space.dim == 3 and ndof == space.ndof else None
+    fixed = _fixed(case.model, geometry, space, forms)
+    tool, solver = case.model.tool, case.numerics.solver
+    problem = Problem(forms, ndof, fixed, case.p, solver=solver, modes=modes, pulled=tool is None)
+    return Built(case, geometry, space, problem, _march(case, geometry, space, problem))
+
+
+def _forms(case: Case, geometry: Geometry, space: Space) -> tuple[list[Form], int]:
+    """All that holds a specimen together and meets it, and how many unknowns that has."""
+    p, n, model, dim = case.p, case.numerics, case.model, space.dim
+    degree = 1 if space.order == 1 else n.bulk_degree or DEGREE[n.element]
     volume = space.volume(degree)
-    bulk, skins = model.laws("bulk"), model.laws("skin")
+    bulk, skins, cut = (model.laws(slot) for slot in ("bulk", "skin", "cut"))
     forms: list[Form] = []
     if n.element == "P2P1":
         pressure = next((law for law in bulk if isinstance(law, Volumetric)), None)
@@ -135,7 +144,7 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
     forms.insert(0, BulkForm(bulk, volume, p.height, skins))
     ndof = getattr(forms[-1], "ndof", space.ndof)
     faces = {name: space.faces(name, n.facet_degree) for name in geometry.blade_faces}
-    if cut := model.laws("cut"):
+    if cut:
         minus = paired(faces["cut"], faces["cut_minus"], space.X) if geometry.split else None
         forms.append(CutForm(cut, faces["cut"], p.height, minus, skins, n.closing))
     elif geometry.split:
@@ -143,40 +152,38 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
             key="symmetry", value="full", expected="'half' where no law holds the cut plane together"
         )
     forms += surfaces_of(skins, space, geometry, faces, bool(cut), n.facet_degree)
-    blade = model.laws("blade")
     # Without contact nothing meets the blade: neither friction nor adhesion then has a surface to act on.
     if model.tool is not None:
         met, kept = Faces.joined(list(faces.values())), [name for name in faces if name != "top"]
-        forms.append(BladeForm(blade, met, contact_numerics(model, p, n), keep_touched=kept, height=p.height))
+        contact = contact_numerics(model, p, n)
+        forms.append(BladeForm(model.laws("blade"), met, contact, keep_touched=kept, height=p.height))
     if dim == 2 and n.self_contact == "on" and (lines := surface_lines(faces, space.X, WIDE * p.thickness)):
         forms.append(SelfContactForm(lines, space.X, model.laws("bulk"), p.thickness, n.tuning.self_contact))
     if n.damping_mm > 0:
         forms.append(DampingForm(volume, damping_viscosity(model, p, n)))
-    clamped = space.nodes_on(geometry.clamped)
-    support = None
     for law in model.laws("support"):
-        support = SupportForm(law, space.faces(geometry.clamped, 2 * order), ndof)
+        support = SupportForm(law, space.faces(geometry.clamped, 2 * space.order), ndof)
         forms.append(support)
         ndof = support.ndof
+    return forms, ndof
+
+
+def _fixed(model: Model, geometry: Geometry, space: Space, forms: Sequence[Form]) -> np.ndarray:
+    """The unknowns that stay 0: of the clamp and of the planes of symmetry."""
+    dim, clamped = space.dim, space.nodes_on(geometry.clamped)
+    support = next((form for form in forms if isinstance(form, SupportForm)), None)
     fixed = [clamped * dim + i for i in range(dim) if i == 1 or support is None]
     fixed += [space.nodes_on(name) * dim + i for name, i in geometry.held]
-    if not cut and not geometry.split:
+    if not model.laws("cut") and not geometry.split:
         fixed.append(space.nodes_on("cut") * dim)  # nothing to open: the plane stays a symmetry plane
     if support is not None:  # what symmetry holds needs no traction
         traction, held = support.pairs
         fixed.append(traction[np.isin(held, np.concatenate(fixed))])
-    # A section is small, and the mixed element's matrix no elasticity alone: both are factorized.
-    modes = rigid_motions(space.X) if dim == 3 and ndof == space.ndof else None
-    problem = Problem(
-        forms,
-        ndof,
-        np.unique(np.concatenate(fixed)),
-        p,
-        solver=n.solver,
-        modes=modes,
-        pulled=model.tool is None,
-    )
-    tuned = n.tuning
+    return np.unique(np.concatenate(fixed))
+
+
+def _march(case: Case, geometry: Geometry, space: Space, problem: Problem) -> March:
+    p, n, tuned = case.p, case.numerics, case.numerics.tuning
     rules = StepRules(
         **vars(tuned.steps),
         largest=n.step_mm,
@@ -187,24 +194,23 @@ def build(case: Case, geometry: Geometry | None = None, space: Space | None = No
         staggered=n.scheme == "staggered",
         paper=n.stepping == "paper",
     )
-    looks_ahead = bool(cut) and n.predictor == "front" and n.scheme == "monolithic"
     past = window = None
-    if looks_ahead:
+    if problem.cut is not None and n.predictor == "front" and n.scheme == "monolithic":
+        cut = problem.cut.faces
         # Tetrahedra are too few for a surge to be so well resolved.
-        like_section = dim == 2 or isinstance(space, Prisms)
-        past = History(space, faces["cut"], ndof, tuned.window.remembered) if like_section else None
-        window = Window(problem, space, faces["cut"], p.thickness, past, tuned.window)
-    march = March(
+        if space.dim == 2 or isinstance(space, Prisms):
+            past = History(space, cut, problem.ndof, tuned.window.remembered)
+        window = Window(problem, space, cut, p.thickness, past, tuned.window)
+    return March(
         problem,
         np.array([0.0, p.height, 0.0]),  # the tip touches the top
         Motion(p.depth, p.speed, case.motion),
-        clamped * dim + 1,
+        space.nodes_on(geometry.clamped) * space.dim + 1,
         rules,
         NewtonSettings(**vars(tuned.newton), tolerance=n.tolerance),
         past,
         window,
     )
-    return Built(case, geometry, space, problem, march)
 
 
 def surfaces_of(skins, space: Space, geometry: Geometry, faces, opens: bool, degree: int) -> Iterator[Form]:

@@ -11,7 +11,6 @@ import json
 import os
 import time
 import zipfile
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ import numpy as np
 from cutbench.base.files import replacing
 
 #: Layout of the file; one of another layout is not resumed from.
-SCHEMA = 5
+SCHEMA = 6
 #: Name of the file in a run's folder.
 NAME = "checkpoint.npz"
 
@@ -45,7 +44,7 @@ class Checkpoint:
     path: Path
     key: str
     every_s: float = 60.0
-    _latest: Callable[[], dict] | None = field(default=None, repr=False)
+    _latest: dict | None = field(default=None, repr=False)
     _written: float = field(default_factory=time.monotonic, repr=False)
 
     def load(self) -> dict | None:
@@ -66,13 +65,13 @@ class Checkpoint:
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
             return None
 
-    def offer(self, state: Callable[[], dict]) -> None:
+    def offer(self, state: dict) -> None:
         """Offer a state to keep from now on; it is written when it is time to.
 
         Parameters
         ----------
-        state : callable
-            Takes nothing and returns the tree to keep: dictionaries, lists, arrays and plain values.
+        state : dict
+            The tree to keep: dictionaries, lists, arrays and plain values, which do not change any more.
         """
         self._latest = state
         if time.monotonic() - self._written >= self.every_s:
@@ -83,7 +82,7 @@ class Checkpoint:
         if self._latest is None:
             return
         arrays: dict[str, Any] = {}
-        tree = _packed(self._latest(), arrays)
+        tree = _packed(self._latest, arrays)
         arrays |= {"head": np.array(json.dumps(self._head())), "tree": np.array(json.dumps(tree))}
         with contextlib.suppress(OSError), replacing(self.path) as draft, draft.open("wb") as file:
             np.savez(file, **arrays)

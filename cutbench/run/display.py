@@ -8,13 +8,9 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
-from cutbench.base.figure_style import save
-from cutbench.base.files import check_writable
-from cutbench.run.figures.curve import FORCE, draw_force, plot_curve
-from cutbench.run.figures.section import plot_section
+from cutbench.run.figures.curve import FORCE, draw_force
 from cutbench.run.files import write_run
-from cutbench.run.result import Result
-from cutbench.run.summary import summary_lines
+from cutbench.run.result import Result, summary_lines
 
 __all__ = ["dataset", "plot", "summary_lines", "table", "write"]
 
@@ -48,8 +44,4 @@ def dataset(result: Result) -> xr.Dataset:
 
 def write(result: Result, folder: Path) -> None:
     """What ``cutbench run2d --out`` writes."""
-    folder = check_writable(folder)
     write_run(result, folder)
-    save(plot_curve(result), folder / "curve.png")
-    if any(s.cell_type.startswith("triangle") for s in result.snapshots):
-        save(plot_section(result), folder / "section.png")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,7 +11,12 @@ from cutbench.forms.base import blend, gather
 from cutbench.forms.mixed import MixedVolumetric
 from cutbench.mechanisms.bulk._isotropic import det
 from cutbench.run.build import Built
+from cutbench.run.frames import Frames
+from cutbench.run.ledger import Ledger
+from cutbench.run.observer import Observer
+from cutbench.run.remeshing import RemeshedMarch
 from cutbench.run.result import SLOPE, Snapshot
+from cutbench.run.sensitivity import Following
 from cutbench.solver.march import Accepted
 
 
@@ -45,13 +51,77 @@ def snapshot(built: Built, step: Accepted) -> Snapshot:
     )
 
 
-def add_slopes(picture: Snapshot, built: Built, names: Sequence[str], by_name: Sequence[np.ndarray]) -> None:
-    """Put du/dθ (n, 3) into ``picture``, from the rates (ndof,) of the unknowns by each name."""
-    space = built.space
-    for name, rates in zip(names, by_name, strict=True):
-        slope = np.zeros((space.X.shape[1], 3))
-        slope[:, : space.dim] = rates[: space.ndof].reshape(-1, space.dim)
-        picture.point_data[SLOPE + name] = slope
+class Fields(Observer):
+    """Keeps ``snapshots`` of a run, at or past each of the travels ``wanted_mm``, and ``frames``.
+
+    ``newest`` is the snapshot of the last step, where that was one of those travels.
+    """
+
+    def __init__(
+        self,
+        meshes: RemeshedMarch,
+        ledger: Ledger,
+        wanted_mm: Sequence[float],
+        frames: int,
+        following: Following | None,
+    ):
+        self._meshes, self._ledger, self._following = meshes, ledger, following
+        self._wanted, self._frames = sorted(wanted_mm), Frames(frames)
+        self._last: tuple[Built, Accepted] | None = None
+        self.snapshots: list[Snapshot] = []
+        self.frames: list[Snapshot] = []
+        self.newest: Snapshot | None = None
+
+    def add(self, step: Accepted) -> None:
+        if step.between:
+            return
+        self._last, self.newest = (self._meshes.built, step), None
+        marked = bool(self._wanted) and step.travel >= self._wanted[0] - 1e-9
+        framed = self._frames.wants(self._ledger.last["time_s"])
+        if not (marked or framed):
+            return
+        picture = self._picture()
+        if self._following is not None:
+            self._add_slopes(picture, self._following)
+        if framed:
+            self._frames.add(picture)
+        if marked:
+            self.newest = picture
+            self.snapshots.append(picture)
+            self._wanted = [travel for travel in self._wanted if travel > step.travel + 1e-9]
+
+    def end(self, *, early: bool) -> None:
+        """Keep the fields at the end: as a frame, and as a snapshot of a run that ended too ``early``."""
+        if self._last is not None and early and self._wanted:
+            kept = self.snapshots[-1].displacement_mm if self.snapshots else -math.inf
+            if kept < self._last[1].travel:
+                self.snapshots.append(self._picture())
+        last = None if self._last is None else self._picture
+        self.frames = self._frames.ended(self._ledger.last["time_s"], last)
+
+    def state(self) -> dict:
+        kept = {"snapshots": self.snapshots, "frames": self._frames.kept}
+        return {name: [vars(picture) for picture in pictures] for name, pictures in kept.items()}
+
+    def restore(self, state: dict) -> None:
+        self.snapshots = [Snapshot(**picture) for picture in state["snapshots"]]
+        if self._frames.count:
+            self._frames.kept = [Snapshot(**picture) for picture in state["frames"]]
+        self._wanted = [travel for travel in self._wanted if travel > self._ledger.farthest + 1e-9]
+
+    def _picture(self) -> Snapshot:
+        assert self._last is not None, "there is no picture before the first step"
+        picture = snapshot(*self._last)
+        picture.time_s = self._ledger.last["time_s"]
+        return picture
+
+    def _add_slopes(self, picture: Snapshot, following: Following) -> None:
+        """Put du/dθ (n, 3) into ``picture``."""
+        space = self._meshes.built.space
+        for name, rates in zip(following.names, following.sensitivities.displacements(), strict=False):
+            slope = np.zeros((space.X.shape[1], 3))
+            slope[:, : space.dim] = rates[: space.ndof].reshape(-1, space.dim)
+            picture.point_data[SLOPE + name] = slope
 
 
 def _stress(built: Built, step: Accepted, p):

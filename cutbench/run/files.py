@@ -13,20 +13,17 @@ import platform
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.figure_style import save
-from cutbench.base.files import file_digest, folder_lock, plain, replacing, write_json
+from cutbench.base.files import csv_text, file_digest, folder_lock, plain, write_json, write_text
 from cutbench.run.paraview import write_fields
 from cutbench.run.result import Result, ordered_columns
-from cutbench.run.store.runs import result_of
-
-#: Layout of run.json; raised when a reader of the old one would misread the new one.
-SCHEMA = 1
+from cutbench.run.store.runs import record_of, result_of
 
 #: How long a run waits for another process that writes into the same folder.
 WAIT_S = 60.0
@@ -64,61 +61,43 @@ def write_run(
         If the folder cannot be written to, or another process writes there for longer than ``WAIT_S``
         seconds.
     """
-    with folder_lock(out_dir, WAIT_S) as out:
-        return _write_run(result, out, command, plane)
-
-
-def _write_run(result: Result, out: Path, command: str | None, plane: Result | None) -> dict[str, Path]:
     from cutbench.run.figures import plot_curve, plot_section
     from cutbench.run.figures.motion import save_frames
-    from cutbench.run.figures.section import spread
+    from cutbench.run.figures.solid import save_solid
 
-    paths = {"curve": out / "curve.csv", "run": out / "run.json"}
-    write_curve(result.curve, paths["curve"])
-    record = describe(result, command=command) | {"curve_sha256": file_digest(paths["curve"])}
-    write_json(record, paths["run"])
-    if result.sensitivities:
-        paths["sensitivities"] = out / "sensitivities.csv"
-        slopes = _slopes(result)
-        write_curve(slopes, paths["sensitivities"], list(slopes))
-    else:
-        (out / "sensitivities.csv").unlink(missing_ok=True)
-    paths |= write_fields(result.frames or result.snapshots, out, result.case)
-    paths["curve_png"] = save(plot_curve(result), out / "curve.png")[0]
-    pictured = result.snapshots or result.frames
-    flat = [s for s in pictured if s.cell_type.startswith("triangle")]
-    pictures = {}
-    if flat:
-        pictures["section_png"] = save(plot_section(result, spread(flat)), out / "section.png")[0]
-    elif result.case.dim == 3:
-        from cutbench.run.figures.solid import save_solid
-
-        pictures = save_solid(replace(result, snapshots=pictured), out, plane)
-    for name in PICTURES:
-        if out / name not in pictures.values():
-            (out / name).unlink(missing_ok=True)
-    paths |= pictures | save_frames(result, out)
-    record["files"] = sorted(str(path.relative_to(out)) for path in paths.values())
-    write_json(record, paths["run"])
-    return paths
+    with folder_lock(out_dir, WAIT_S) as out:
+        paths = {"curve": out / "curve.csv", "run": out / "run.json"}
+        write_curve(result.curve, paths["curve"])
+        record = describe(result, command=command) | {"curve_sha256": file_digest(paths["curve"])}
+        write_json(record, paths["run"])
+        if result.sensitivities:
+            paths["sensitivities"] = out / "sensitivities.csv"
+            slopes = _slopes(result)
+            write_curve(slopes, paths["sensitivities"], list(slopes))
+        else:
+            (out / "sensitivities.csv").unlink(missing_ok=True)
+        paths |= write_fields(result.frames or result.snapshots, out, result.case)
+        paths["curve_png"] = save(plot_curve(result), out / "curve.png")[0]
+        pictured, pictures = replace(result, snapshots=result.snapshots or result.frames), {}
+        if result.case.dim == 3:
+            pictures = save_solid(pictured, out, plane)
+        elif pictured.snapshots:
+            pictures["section_png"] = save(plot_section(pictured), out / "section.png")[0]
+        for name in PICTURES:
+            if out / name not in pictures.values():
+                (out / name).unlink(missing_ok=True)
+        paths |= pictures | save_frames(result, out)
+        record["files"] = sorted(str(path.relative_to(out)) for path in paths.values())
+        write_json(record, paths["run"])
+        return paths
 
 
 def describe(result: Result, *, command: str | None = None) -> dict:
     """The content of run.json: all inputs with units, groups, outcome, measures, cost, versions, machine."""
-    case = result.case
     return {
-        "schema": SCHEMA,
-        "id": result.id,
-        "computation": result.computation,
-        "name": case.name,
-        "case": case.to_dict(),
-        "groups": plain(case.groups()),
-        "outcome": plain(asdict(result.outcome)),
+        **record_of(result),
+        "groups": plain(result.case.groups()),
         "said": result.sentence(),
-        "measures": plain(result.measures),
-        "counts": plain(result.counts),
-        "timings_s": plain(result.timings),
-        "versions": result.versions,
         "platform": {
             "system": platform.platform(),
             "machine": platform.machine(),
@@ -136,13 +115,8 @@ def describe(result: Result, *, command: str | None = None) -> dict:
 def write_curve(curve: Mapping[str, np.ndarray], path: str | Path, names: Sequence[str] = ()) -> None:
     """Write ``curve`` as CSV, a row a step, every digit kept; ``names`` orders columns that are no run's."""
     names = names or ordered_columns(list(curve))
-    with replacing(Path(path)) as draft, draft.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(names)
-        # float() first: the repr of numpy's own scalars names their type.
-        writer.writerows(
-            [repr(float(v)) for v in row] for row in zip(*(curve[n] for n in names), strict=True)
-        )
+    columns = (map(repr, np.asarray(curve[name], dtype=float).tolist()) for name in names)
+    write_text(csv_text(names, zip(*columns, strict=True)), path)
 
 
 def _slopes(result: Result) -> dict[str, np.ndarray]:
@@ -228,6 +202,6 @@ def read_run(out_dir: str | Path) -> Result:
         if record.get("curve_sha256", digest := file_digest(curve)) != digest:
             expected = "the curve that run.json was written with; this one was changed, or is of another run"
             raise BadInput(file=str(curve), key="sha256", value=digest[:12], expected=expected)
-        return result_of(record, path, record["timings_s"], read_curve(out_dir))
+        return result_of(record, path, read_curve(out_dir))
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise BadInput(key="run", value=str(path), expected="the run.json that a run wrote") from error

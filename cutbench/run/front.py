@@ -7,6 +7,7 @@ is drawn out, in its planes.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from cutbench.forms.space import Faces
 from cutbench.forms.strips import Strips
 from cutbench.run.build import Built
 from cutbench.run.fields import snapshot
-from cutbench.run.middle import Middle
+from cutbench.run.observer import Observer
 from cutbench.solver.march import Accepted
 
 #: Unit and meaning of each number, in the order in which tables show them.
@@ -37,18 +38,28 @@ FRONT: dict[str, tuple[str, str]] = {
     ),
     "front_pressure_behind_MPa": ("MPa", "mean contact pressure on the middle half of the cut faces, then"),
 }
+#: Unit and meaning of each number of ``Middle.measures``.
+MIDDLE: dict[str, tuple[str, str]] = {
+    "middle_onset_mm": ("mm", "blade travel at which the cut has begun in the middle of the block"),
+    "middle_peak_N": ("N", "first prominent maximum of the force, were all of the blade as its middle"),
+    "middle_max_N": ("N", "largest force, likewise"),
+    "middle_steady_N": ("N", "steady force, likewise"),
+    "middle_drop_rel": ("1", "relative fall of the force at the transition, likewise"),
+}
 #: A strip is cut once it is longer by this than at the start, mm.
 ONSET_MM = 0.1
 #: The front is where the damage is neither begun nor complete.
 PROCESS_ZONE = (0.05, 0.95)
 
 
-class Front:
-    """Follows a run step by step: ``add`` each accepted one, then ask for ``measures``.
+class Front(Observer):
+    """Where the cut's front is along the blade.
 
     ``z`` (n,) are the middles of the strips in mm; ``onset`` (n,) blade travel in mm, nan where the cut
     has not begun.
     """
+
+    kept = ("onset", "_last", "_peaks", "_pattern", "_stress")
 
     def __init__(self, built: Built, strips: int | None = None):
         self._built, self._form = built, built.problem.cut
@@ -57,42 +68,23 @@ class Front:
         self._pattern = np.full(3, math.nan)
         self._stress: dict[int, float] = {}
         self.z = self.onset = np.empty(0)
-        self.middle: Middle | None = None
         if self._form is None:
             return
-        self._strips = Strips(built.space, self._form.faces, folded=True, count=strips)
-        self.z, self._strip, count = self._strips.z, self._strips.at, self._strips.z.size
+        self.strips = Strips(built.space, self._form.faces, folded=True, count=strips)
+        self.z, self._strip, count = self.strips.z, self.strips.at, self.strips.z.size
         self.onset = np.full(count, math.nan)
-        #: What is cut before the run.
-        self._before = self.lengths(built.problem.start())
-        self.middle = Middle(built, self._strips.near, self._strips.width[0], float(self._before[0]))
+        #: What is cut before the run, mm.
+        self.before = self.lengths(built.problem.start())
         self._last = (0.0, np.zeros(count))
-
-    def state(self) -> dict:
-        """All that a later ``restore`` needs, in arrays."""
-        travel, lengths = self._last
-        stress = np.array(list(self._stress.items())).reshape(-1, 2)
-        peaks = np.array(self._peaks).reshape(-1, 2)
-        return {
-            "travel": travel, "lengths": lengths, "peaks": peaks, "stress": stress, "onset": +self.onset,
-            "pattern": self._pattern, "middle": self.middle.state() if self.middle else np.empty(0),
-        }  # fmt: skip
-
-    def restore(self, state: dict) -> None:
-        self._last = (state["travel"], state["lengths"])
-        self._peaks = [(float(travel), float(peak)) for travel, peak in state["peaks"]]
-        self._stress = {int(strip): float(value) for strip, value in state["stress"]}
-        self.onset, self._pattern = state["onset"], state["pattern"]
-        if self.middle is not None:
-            self.middle.restore(state["middle"])
 
     def lengths(self, states: dict[str, dict]) -> np.ndarray:
         """Cut length (n,) of each strip in mm: its cut area over its width."""
         assert self._form is not None, "there are no strips without a cut"
-        return self._strips.lengths(self._form.cut_area(states["cohesion"]))
+        return self.strips.lengths(self._form.cut_area(states["cohesion"]))
 
     def add(self, step: Accepted) -> None:
-        """Take one accepted step."""
+        if step.between:
+            return
         blades = [step.states[blade.name]["pressure"] for blade in self._built.blades]
         peak = max((float(np.max(pressure, initial=0.0)) for pressure in blades), default=0.0)
         self._peaks.append((step.travel, peak))
@@ -101,9 +93,7 @@ class Front:
         travel, before = self._last
         lengths = self.lengths(step.states)
         self._pattern = self._pressures(step, lengths)
-        now = lengths - self._before
-        if self.middle is not None:
-            self.middle.add(step, float(lengths[0]))
+        now = lengths - self.before
         begun = np.flatnonzero(np.isnan(self.onset) & (now >= ONSET_MM))
         if begun.size:
             part = (ONSET_MM - before[begun]) / np.maximum(now[begun] - before[begun], 1e-300)
@@ -151,7 +141,7 @@ class Front:
             "front_start_mm": float(self.onset[first]),
             "front_centre_mm": float(self.onset[0]),
             "front_edge_mm": float(self.onset[-1]),
-            "front_half_mm": self._strips.half(self.onset, reach),
+            "front_half_mm": self.strips.half(self.onset, reach),
             "front_von_mises_start_MPa": self._stress.get(first, math.nan),
             "front_pressure_end_MPa": float(self._pattern[0]),
             "front_pressure_end_place": float(self._pattern[1]),
@@ -170,6 +160,52 @@ class Front:
         if not np.isnan(self.onset[-1]) and (after := travel > self.onset[-1]).any():
             out["front_pressure_after_MPa"] = float(peak[after].max())
         return out
+
+
+class Middle(Observer):
+    """What a block's middle carries: the curve of a blade of which all were as its middle is.
+
+    The force per length there, times the length of the block, stands beside a section's force, which has no
+    ends.
+    """
+
+    kept = ("_rows",)
+
+    def __init__(self, built: Built, front: Front):
+        self._front, self._length = front, built.case.p.length
+        # A mesh without a split has one side of the cut plane.
+        self._sides = 1.0 if built.geometry.split else 2.0
+        near = front.strips.near
+        self._there = {blade.name: np.abs(blade.faces.X[2]) <= near for blade in built.blades}
+        self._weights = {blade.name: blade.faces.w for blade in built.blades}
+        self._rows: list[tuple[float, float]] = [(0.0, float(front.before[0]))]
+
+    def add(self, step: Accepted) -> None:
+        if step.between:
+            return
+        force = 0.0
+        for name, there in self._there.items():
+            state = step.states[name]
+            traction = state["normal_traction"][1] + state["shear"][1]
+            force -= float((traction * self._weights[name])[there].sum())
+        per_length = force / self._front.strips.width[0]
+        cut_mm = float(self._front.lengths(step.states)[0])
+        self._rows.append((per_length * self._sides * self._length, cut_mm))
+
+    def columns(self) -> dict[str, np.ndarray]:
+        force, cut = np.array(self._rows).T
+        return {"middle_force_N": force, "middle_cut_length_mm": cut}
+
+    @staticmethod
+    def read(
+        curve: Mapping[str, np.ndarray], taken: Callable[[Mapping[str, np.ndarray]], dict[str, float]]
+    ) -> dict[str, float]:
+        """The numbers of ``MIDDLE``, ``taken`` as those of a curve are; none of a section."""
+        if "middle_force_N" not in curve:
+            return {}
+        columns = {name: curve[f"middle_{name}"] for name in ("force_N", "cut_length_mm")}
+        found = taken({"displacement_mm": curve["displacement_mm"], **columns})
+        return {name: found[name.removeprefix("middle_")] for name in MIDDLE}
 
 
 def end_effect(three: dict[str, float], two: dict[str, float]) -> dict[str, float]:

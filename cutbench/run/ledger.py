@@ -2,21 +2,32 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+
 import numpy as np
 
+from cutbench.case.case import Case
+from cutbench.run.measures import FRONT, at_the_front
+from cutbench.run.observer import Observer
 from cutbench.run.remeshing import RemeshedMarch
 from cutbench.run.result import SELF_CONTACT, SNAP, TRANSFER
 from cutbench.solver.march import Accepted
 
 
-class Ledger:
+class Ledger(Observer):
     """One run's; ``last`` is its last row."""
 
+    kept = (
+        "iterations", "refused", "_drags", "_boost", "_rows", "_work", "_blade", "_rested", "_now", "_since",
+    )  # fmt: skip
+
     def __init__(self, meshes: RemeshedMarch):
-        self._meshes, self._rows = meshes, []
-        self.iterations = self.refused = self._drags = 0
-        self._boost = 0.0
-        built = meshes.built
+        self._meshes, built = meshes, meshes.built
+        self.iterations = self.refused = 0
+        # Points reached against raised damping, and the largest.
+        self._drags, self._boost = 0, 0.0
+        # Works so far in mJ, by mechanism and of the blade.
         self._work: dict[str, float] = {}
         self._blade = 0.0
         # What steps at rest have taken, which the motion's time does not have, s.
@@ -36,10 +47,10 @@ class Ledger:
         row = {"displacement_mm": 0.0, "force_N": 0.0, "time_s": 0.0}
         row["cut_length_mm"] = self._cut_length(built.problem.start())
         row |= {f"force_{name}_N": 0.0 for name in names} | {f"work_{name}_mJ": 0.0 for name in names}
-        self._rows.append(row | {"reaction_N": 0.0, "closure": 0.0})
+        self._rows = [row | {"reaction_N": 0.0, "closure": 0.0}]
 
-    def add(self, step: Accepted) -> dict[str, float]:
-        """The last row: that of ``step``, unless it is between two points of the curve."""
+    def add(self, step: Accepted) -> None:
+        """Take in a step: a row, unless it is between two points of the curve."""
         built = self._meshes.built
         scale = built.geometry.multiplicity
         force = step.force * scale
@@ -57,7 +68,7 @@ class Ledger:
             self._work[name] = self._work.get(name, 0.0) + done
             self._since[name] = self._since.get(name, 0.0) + done
         if step.between:
-            return self.last
+            return
         row = {
             "displacement_mm": step.travel,
             "force_N": force,
@@ -73,7 +84,6 @@ class Ledger:
         defect = self._blade - sum(self._work.values())
         row["closure"] = defect / self._blade if self._blade else 0.0
         self._rows.append(row)
-        return row
 
     def _cut_length(self, states: dict[str, dict]) -> float:
         """Length of cut plane (3D: mean over the blade) that has lost its cohesion."""
@@ -87,8 +97,8 @@ class Ledger:
             cut /= np.ptp(built.space.X[2]) if X.size else 1.0
         return cut
 
-    def noted(self) -> dict[str, float]:
-        """The measures of ``cutbench.run.measures.NOTED``."""
+    def measures(self) -> dict[str, float]:
+        """Those of ``cutbench.run.measures.NOTED`` that the steps tell."""
         snap = self._work.get(SNAP, 0.0) / self._blade if self._blade else 0.0
         return {"drag_steps": float(self._drags), "drag_boost": self._boost, "snap_rel": snap}
 
@@ -107,26 +117,29 @@ class Ledger:
         """The row of the last step."""
         return self._rows[-1]
 
-    def state(self) -> dict:
-        """All that a later ``restore`` needs, in arrays."""
-        return {
-            "names": list(self._rows[0]),
-            "rows": np.array([list(row.values()) for row in self._rows]),
-            "work": {**self._work},
-            "blade": self._blade,
-            "rested": self._rested,
-            "now": self._now,
-            "since": {**self._since},
-            "counts": (self.iterations, self.refused, self._drags, self._boost),
-        }
-
-    def restore(self, state: dict) -> None:
-        self._rows = [dict(zip(state["names"], map(float, row), strict=True)) for row in state["rows"]]
-        self._work, self._blade, self._rested = state["work"], state["blade"], state["rested"]
-        travel, force = map(float, state["now"])
-        self._now, self._since = (travel, force), state["since"]
-        self.iterations, self.refused, self._drags = map(int, state["counts"][:3])
-        self._boost = float(state["counts"][3])
-
     def columns(self) -> dict[str, np.ndarray]:
         return {key: np.array([row[key] for row in self._rows]) for key in self._rows[0]}
+
+
+def freed_rel(case: Case, curve: Mapping[str, np.ndarray], onset_mm: float) -> float:
+    """What viscosity and damping take per area cut where the front is fastest, in units of the toughness.
+
+    Cutting that is steady spends what the blade does on the cut, on friction and on what it stores. Where the
+    elastic body gives back more than that, the front goes ahead until viscosity takes the difference. At rest
+    it jumps, and the difference is what the limit point frees: the area between the path of equilibria, which
+    turns back there, and the blade's travel at which it does.
+
+    ``curve`` is that of a blade which only moves forward, with its ledger. nan where nothing is cut, or
+    cutting takes no work.
+    """
+    window = case.values.get("thickness", math.nan)
+    toughness = sum(law.estimate(case.p, 0.0, 0.0).work for law in case.model.laws("cut"))
+    d, c = curve["displacement_mm"], curve["cut_length_mm"]
+    start, speed = at_the_front(d, c, window, onset_mm)
+    area = speed * FRONT * window * case.values["length"]
+    if not area * toughness > 0:
+        return math.nan
+    names = (SNAP, *(law.name for law in case.model.all if law.regularises))
+    lost = sum(curve[key] for name in names if (key := f"work_{name}_mJ") in curve)
+    spent = np.interp([start, start + FRONT * window], d, np.broadcast_to(lost, d.shape))
+    return float((spent[1] - spent[0]) / (area * toughness))

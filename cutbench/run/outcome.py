@@ -1,9 +1,14 @@
-"""How a run ended and, where it fell short, what to try."""
+"""How a run ended and, where it fell short, what to try; and what it found, in one sentence."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
+
+from cutbench.case.case import Case
+from cutbench.run.measures import ABRUPT, ABRUPT_DROP, KNOWN, UNDECIDED, label
 
 #: How a run can end; only ``"done"`` reached what was asked for, its depth or its transition.
 OUTCOMES: Final = ("done", "stalled", "interrupted", "failed")
@@ -56,3 +61,37 @@ class Outcome:
 
     def __str__(self) -> str:
         return f"{self.kind}: {self.message}" + (f" {self.advice}" if self.advice else "")
+
+
+def run_sentence(
+    case: Case, outcome: Outcome, measures: Mapping[str, float], band: tuple[float, float] | None = None
+) -> str:
+    """What a run with these ``measures`` found; ``band``: the least and the largest drop over what the model
+    leaves open. One that fell short says where; one that ended within its transition, that it did."""
+    if outcome.kind == "failed":
+        return str(outcome)
+    drop, onset = measures.get("drop_rel", math.nan), measures.get("onset_mm", math.nan)
+    window, reached = case.values.get("thickness", math.nan), outcome.reached_mm
+    end = "" if outcome.done else f", where it {'stalled' if outcome.kind == 'stalled' else 'was stopped'}"
+    if math.isnan(drop):
+        return f"not cut {'further ' if case.p.precut else ''}to {reached:.3g} mm{end}"
+    what, known = label(drop), reached >= onset + KNOWN * window - 1e-9
+    over = ""
+    if band is not None:
+        low, high = band
+        over = f" ({_percent(low, unit=False)} to {_percent(high)} over what the model leaves open)"
+        what = UNDECIDED if label(low) != label(high) else what
+    falls = f"does not fall; it is cut from {onset:.3g} mm on"
+    if drop or over:
+        falls = f"falls by {_percent(drop)}{over} within {window:g} mm at {onset:.3g} mm"
+    soon = "" if known or what == ABRUPT else " so far"
+    tail = f"; abrupt begins at {_percent(ABRUPT_DROP)}" if what == UNDECIDED else ""
+    if not known or not outcome.done:
+        tail += f"; known to {reached:.3g} mm{end}"
+    return f"{what}{soon}: the force {falls}{tail}"
+
+
+def _percent(part: float, *, unit: bool = True) -> str:
+    """In two digits; in three beside the threshold, so that it is seen on which side."""
+    digits = 3 if 0 < abs(part - ABRUPT_DROP) < 5e-3 else 2
+    return f"{100 * part:.{digits}g}" + " %" * unit

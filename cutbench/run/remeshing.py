@@ -118,7 +118,7 @@ class RemeshedMarch:
         # What presses on itself has to fit on the new mesh as it does on the old.
         met = old.problem.self_contact
         misfits = np.zeros((2, 0)) if met is None else met.places(now.u)
-        for _ in range(tuning.looks):
+        for _ in range(8):
             # A resumed run makes the mesh again from what is kept: nothing is added after it was made.
             self.place = replace(self.place, kept=np.hstack([self.place.kept, misfits]))
             geometry = self._geometry()

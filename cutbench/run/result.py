@@ -13,8 +13,7 @@ from cutbench.base.display import Displayed
 from cutbench.base.versions import versions
 from cutbench.case.case import Case
 from cutbench.case.motion import TRANSITION
-from cutbench.run.outcome import Outcome
-from cutbench.run.sentence import run_sentence
+from cutbench.run.outcome import Outcome, run_sentence
 
 _LEADING = ("displacement_mm", "force_N", "time_s", "cut_length_mm")
 _TRAILING = ("reaction_N", "closure")
@@ -208,3 +207,29 @@ def ordered_columns(columns: Sequence[str]) -> list[str]:
     known = [*_LEADING, *ledger, *_TRAILING]
     others = [c for c in columns if c not in known]
     return [c for c in (*_LEADING, *ledger, *others, *_TRAILING) if c in columns]
+
+
+#: What a summary has, in the order in which a person asks: measure, format and unit.
+_SUMMARY = {
+    "onset": ("onset_mm", ".3g", "mm"),
+    "peak": ("peak_N", ".4g", "N"),
+    "force falls by": ("drop_rel", ".1%", ""),
+    "steady force": ("steady_N", ".4g", "N"),
+    "work": ("energy_mJ", ".4g", "mJ"),
+    "energy left open": ("closure", ".2%", ""),
+}
+
+
+def summary_lines(result: Result) -> list:
+    """A run in a few lines: a head, then pairs of words."""
+    case, found = result.case, result.measures
+    lines = [("found", result.sentence())]
+    if not result.outcome.done:
+        lines.append(("ended", str(result.outcome)))
+    cut = np.isfinite(found.get("onset_mm", np.nan))
+    for words, (name, form, unit) in _SUMMARY.items():
+        # Without a cut there is no force of cutting.
+        if (cut or name in ("energy_mJ", "closure")) and np.isfinite(value := found.get(name, np.nan)):
+            lines.append((words, f"{value:{form}} {unit}".rstrip()))
+    steps = f"{len(result.displacement_mm)} steps, {result.timings.get('total', 0):.3g} s"
+    return [f"{case.name}, {case.dim}D, run {result.id}", *lines, ("cost", steps)]

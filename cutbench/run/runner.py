@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -13,38 +13,21 @@ from cutbench.base.compiled import announced
 from cutbench.base.progress import COMPILING, OnProgress, silent
 from cutbench.case.case import Case
 from cutbench.case.values import check_driven
-from cutbench.run.build import Built
 from cutbench.run.checkpoint import Checkpoint
-from cutbench.run.fields import add_slopes, snapshot
-from cutbench.run.frames import Frames, checked_frames
-from cutbench.run.front import Front
-from cutbench.run.ledger import Ledger
+from cutbench.run.fields import Fields
+from cutbench.run.frames import checked_frames
+from cutbench.run.front import Front, Middle
+from cutbench.run.ledger import Ledger, freed_rel
 from cutbench.run.measures import forward, measures
-from cutbench.run.outcome import Outcome
-from cutbench.run.released_energy import freed_rel
+from cutbench.run.observer import Observer
 from cutbench.run.remeshing import Place, RemeshedMarch, Transfer
-from cutbench.run.result import OnStep, Result, Snapshot, unwatched
+from cutbench.run.result import OnStep, Result, unwatched
 from cutbench.run.self_intersection import SelfIntersection
 from cutbench.run.sensitivity import Added, Following, checked
 from cutbench.run.stopping_criterion import StoppingCriterion
-from cutbench.solver.march import Accepted, Progress, Stalled
+from cutbench.solver.march import Progress, Stalled
 
 _log = logging.getLogger(__name__)
-
-#: What to try when a run stalls, by a word of the reason.
-_ADVICE = {
-    "inverted": "Elements under the tip turn inside out: try a smaller h, a blunter tip, or element = 'P1'.",
-    "invert": "Elements under the tip turn inside out: try a smaller h, a blunter tip, or element = 'P1'.",
-    "energy": "The cut jumps: try a smaller step_min, or more viscosity (eta_reg).",
-    "damage": "The cut jumps: try a larger damage_step, a smaller step_min, or more viscosity (eta_reg).",
-    "singular": "The equations lost their solution: try a smaller h, or damping_mm = 1e-3.",
-    "residual": "Newton's method does not converge: try a smaller h or penalty, or damping_mm = 1e-3.",
-}
-
-#: Said of a run whose surface passes through itself.
-SELF_INTERSECTION_ADVICE = (
-    "(Beside the blade the surface passes through itself: nothing keeps one part of it off another.)"
-)
 
 
 def run_case(
@@ -108,227 +91,160 @@ def run_case(
     >>> result.id == case.id, result.snapshots[0].displacement_mm >= 0.2
     (True, True)
     """
-    began = time.perf_counter()
     check_driven(case.model)
-    album = Frames(checked_frames(frames))
-    names = checked(case, sensitivities)
-    kept = checkpoint.load() if checkpoint is not None and not (names or added) else None
-    meshes = RemeshedMarch(case, Place(**kept["mesh"]) if kept else None)
-    built = meshes.built
-    _log.info("%s, run %s: %d unknowns to %g mm", case.name, case.id, built.problem.free.size, case.p.depth)
-    slopes = [np.zeros(len(names) + sum(len(each.names) for each in added))]
-    following = Following(built, names, added) if names or added else None
-    follower = None if following is None else following.sensitivities
-
-    def moved(transfer: Transfer) -> None:
-        if following is not None:
-            following.go_on(transfer.new, transfer.displacements, transfer.states)
-
-    ledger = Ledger(meshes)
-    front = Front(built) if built.space.dim == 3 else None
-    crossing, ending = SelfIntersection(), StoppingCriterion(case, built.march.motion, ledger)
-    wanted = sorted(snapshots_mm)
-    pictures: list[Snapshot] = []
-    interrupted, stalled, seen = False, "", 0
-    last: tuple[Built, Accepted] | None = None
-    keeper = _Keeper(meshes, ledger, front, crossing, pictures, album, began)
-
-    reported = 0.0, built.march.motion.end
-
-    def report() -> None:
-        nonlocal reported
-        now = ledger.last
-        done = now["time_s"] * case.p.speed
-        reported = done, done if ending.known() else ending.mm()
-        on_progress(*reported, f"{now['force_N']:.3g} N")
-
-    def picture_of(then: Built, step: Accepted) -> Snapshot:
-        picture = snapshot(then, step)
-        picture.time_s = ledger.last["time_s"]
-        return picture
-
-    def waits() -> None:
-        on_progress(*reported, COMPILING)
-
-    if kept:
-        keeper.restore(kept)
-        wanted = [d for d in wanted if d > ledger.farthest + 1e-9]
-        report()
-    try:
-        begin = Progress.of(kept["progress"]) if kept else None
-        steps = meshes.steps(begin, moved)
-        for step in () if ending.known() else announced(steps, waits):
-            built = meshes.built
-            if follower is not None:
-                since = time.perf_counter()
-                slope = follower.add(step)
-                built.problem.timer.add("sensitivities", since)
-            ledger.add(step)
-            crossing.add(built, step)
-            if not step.between:
-                last = built, step
-                if follower is not None:
-                    slopes.append(slope)
-                if front is not None:
-                    front.add(step)
-                marked = wanted and step.travel >= wanted[0] - 1e-9
-                framed = album.wants(ledger.last["time_s"])
-                if marked or framed:
-                    picture = picture_of(built, step)
-                    if follower is not None:
-                        add_slopes(picture, built, names, follower.displacements()[: len(names)])
-                    if framed:
-                        album.add(picture)
-                    if marked:
-                        pictures.append(picture)
-                        wanted = [d for d in wanted if d > step.travel + 1e-9]
-                report()
-                on_step(ledger.last, pictures[-1] if len(pictures) > seen else None)
-                seen = len(pictures)
-            if checkpoint is not None and follower is None:
-                checkpoint.offer(keeper.state(step.progress))
-            if ending.known():
-                break
-    except KeyboardInterrupt:
-        interrupted = True
-    except Stalled as error:
-        stalled, ledger.refused = error.reason, ledger.refused + len(error.refused)
-    built = meshes.built
-    if checkpoint is not None and (interrupted or keeper.seconds() > checkpoint.every_s):
-        checkpoint.write()
-    curve = ledger.columns()
-    if case.model.laws("rig"):
-        # Beside the true columns, which all measures use.
-        recorded = case.model.record(curve["displacement_mm"], curve["force_N"], curve["time_s"], case.p)
-        curve["recorded_displacement_mm"], curve["recorded_force_N"] = recorded
-    if front is not None and front.middle is not None:
-        curve |= front.middle.columns()
-    reached = float(curve["displacement_mm"][-1])
-    outcome = _outcome(built, reached, interrupted, stalled, crossing.now, ending)
-    short = wanted and (ending.known() or not outcome.done)
-    if last is not None and short and (not pictures or pictures[-1].displacement_mm < last[1].travel):
-        pictures.append(picture_of(*last))
-    shown = album.ended(ledger.last["time_s"], None if last is None else partial(picture_of, *last))
-    timer = built.problem.timer
-    timings = {**timer.seconds, "total": keeper.seconds()}
-    counts = {
-        "steps": len(curve["displacement_mm"]),
-        "iterations": ledger.iterations,
-        "rejected_steps": ledger.refused,
-        "degrees_of_freedom": int(built.problem.free.size),
-        **{f"{name}_calls": count for name, count in timer.counts.items()},
-    }
-    found = {}
-    if len(curve["displacement_mm"]) > 2:
-        # Measures are those of the way down until the blade first rests or turns.
-        down = forward(curve["displacement_mm"])
-        way_down = {name: column[:down] for name, column in curve.items()}
-        taken = partial(
-            measures, window_mm=case.values.get("thickness", 0.7), height_mm=case.values["height"],
-            whole=not ending.known(),
-        )  # fmt: skip
-        found = taken(way_down) | ledger.noted()
-        if front is not None and front.middle is not None:
-            found |= front.middle.measures(way_down["displacement_mm"], taken)
-        found["freed_rel"] = freed_rel(case, way_down, found["onset_mm"])
-        found["closure"] = float(curve["closure"][-1])
-        found["reaction_error"] = float(
-            abs(curve["reaction_N"][-1] - curve["force_N"][-1]) / max(abs(curve["force_N"][-1]), 1e-12)
-        )
-    if front is not None:
-        found |= front.measures()
-    else:
-        found |= crossing.measures()
-    _log.info("%s: %s, %s", case.name, outcome, counts)
-    by_name: dict[str, np.ndarray] = {}
-    by_added: list[dict[str, np.ndarray]] = []
-    if following is not None and follower is not None:
-        # An interruption can come between a step's derivatives and its row.
-        table = np.array(slopes)[: counts["steps"]] * built.geometry.multiplicity
-        by_name, by_added = following.split(table)
-        counts["unresolved_sensitivities"] = follower.unresolved
-    return Result(
-        case, curve, outcome, timings, counts, pictures, found, by_name, frames=shown, by_added=by_added
-    )
+    count, names = checked_frames(frames), checked(case, sensitivities)
+    run = _Run(case, names, added, snapshots_mm, count, checkpoint)
+    return run.result(*run.march(on_progress, on_step))
 
 
-class _Keeper:
-    """All of a run's state between two steps, as a tree of arrays, and back."""
+class _Run:
+    """A case on its way: its march from mesh to mesh, and what looks on."""
 
     def __init__(
         self,
-        meshes: RemeshedMarch,
-        ledger: Ledger,
-        front: Front | None,
-        crossing: SelfIntersection,
-        pictures: list[Snapshot],
-        album: Frames,
-        began: float,
+        case: Case,
+        names: Sequence[str],
+        added: Sequence[Added],
+        snapshots_mm: Sequence[float],
+        frames: int,
+        checkpoint: Checkpoint | None,
     ):
-        self._meshes, self._ledger, self._front, self._pictures = meshes, ledger, front, pictures
-        self._crossing, self._album = crossing, album
-        self._began, self._before = began, 0.0
+        self._began, self._before = time.perf_counter(), 0.0
+        self._case = case
+        self._checkpoint = None if names or added else checkpoint
+        kept = self._checkpoint.load() if self._checkpoint is not None else None
+        self._meshes = meshes = RemeshedMarch(case, Place(**kept["mesh"]) if kept else None)
+        built = meshes.built
+        unknowns = built.problem.free.size
+        _log.info("%s, run %s: %d unknowns to %g mm", case.name, case.id, unknowns, case.p.depth)
+        self._following = Following(built, names, added) if names or added else None
+        self._ledger = Ledger(meshes)
+        self._fields = Fields(meshes, self._ledger, snapshots_mm, frames, self._following)
+        self._stopping = StoppingCriterion(case, built.march.motion, self._ledger)
+        beside: list[Observer] = [SelfIntersection(built)]
+        if built.space.dim == 3:
+            front = Front(built)
+            beside = [front, Middle(built, front)] if built.problem.cut else [front]
+        # The fields know a step's row and derivatives: they come last.
+        derivatives = [] if self._following is None else [self._following]
+        self._observers: list[Observer] = [*derivatives, self._ledger, *beside, self._fields]
+        self._begin = None
+        if kept:
+            self._begin = Progress.of(kept["progress"])
+            for observer, state in zip(self._observers, kept["observers"], strict=True):
+                observer.restore(state)
+            timer, self._before = built.problem.timer, kept["total"]
+            for mine, others in ((timer.seconds, kept["seconds"]), (timer.counts, kept["counts"])):
+                mine |= {name: mine.get(name, 0) + value for name, value in others.items()}
 
-    def seconds(self) -> float:
+    def march(self, on_progress: OnProgress, on_step: OnStep) -> tuple[bool, str]:
+        """Go to the end: whether the user ended it, and why it stalled, if it did."""
+        ledger, stopping, checkpoint = self._ledger, self._stopping, self._checkpoint
+        reported = 0.0, self._meshes.built.march.motion.end
+
+        def report() -> None:
+            nonlocal reported
+            done = ledger.last["time_s"] * self._case.p.speed
+            reported = done, done if stopping.known() else stopping.mm()
+            on_progress(*reported, f"{ledger.last['force_N']:.3g} N")
+
+        def waits() -> None:
+            on_progress(*reported, COMPILING)
+
+        if self._begin is not None:
+            report()
+        interrupted, stalled = False, ""
+        try:
+            steps = self._meshes.steps(self._begin, self._renewed)
+            for step in () if stopping.known() else announced(steps, waits):
+                for observer in self._observers:
+                    observer.add(step)
+                if not step.between:
+                    report()
+                    on_step(ledger.last, self._fields.newest)
+                if checkpoint is not None:
+                    checkpoint.offer(self._state(step.progress))
+                if stopping.known():
+                    break
+        except KeyboardInterrupt:
+            interrupted = True
+        except Stalled as error:
+            stalled, ledger.refused = error.reason, ledger.refused + len(error.refused)
+        if checkpoint is not None and (interrupted or self._seconds() > checkpoint.every_s):
+            checkpoint.write()
+        return interrupted, stalled
+
+    def result(self, interrupted: bool, stalled: str) -> Result:
+        """What the march has left behind."""
+        case, built, ledger = self._case, self._meshes.built, self._ledger
+        curve: dict[str, np.ndarray] = {}
+        for observer in self._observers:
+            curve |= observer.columns()
+        # An interruption can come when some have taken a step in, and others have not.
+        steps = min(map(len, curve.values()))
+        curve = {name: column[:steps] for name, column in curve.items()}
+        if case.model.laws("rig"):
+            # Beside the true columns, which all measures use.
+            recorded = case.model.record(curve["displacement_mm"], curve["force_N"], curve["time_s"], case.p)
+            curve["recorded_displacement_mm"], curve["recorded_force_N"] = recorded
+        caution = " ".join(observer.caution for observer in self._observers if observer.caution)
+        outcome = self._stopping.outcome(interrupted, stalled, built.march.rules.smallest, caution)
+        self._fields.end(early=self._stopping.known() or not outcome.done)
+        timer = built.problem.timer
+        counts = {
+            "steps": steps,
+            "iterations": ledger.iterations,
+            "rejected_steps": ledger.refused,
+            "degrees_of_freedom": int(built.problem.free.size),
+            **{f"{name}_calls": count for name, count in timer.counts.items()},
+        }
+        found = _measures(case, curve, whole=not self._stopping.known())
+        for observer in self._observers:
+            found |= observer.measures()
+        _log.info("%s: %s, %s", case.name, outcome, counts)
+        result = Result(
+            case, curve, outcome, {**timer.seconds, "total": self._seconds()}, counts,
+            self._fields.snapshots, found, frames=self._fields.frames,
+        )  # fmt: skip
+        if self._following is not None:
+            result.sensitivities, result.by_added = self._following.slopes(steps)
+            counts["unresolved_sensitivities"] = self._following.sensitivities.unresolved
+        return result
+
+    def _renewed(self, transfer: Transfer) -> None:
+        for observer in self._observers:
+            observer.renewed(transfer)
+
+    def _seconds(self) -> float:
         """Time that the run took, with what it took before it was resumed."""
         return self._before + time.perf_counter() - self._began
 
-    def state(self, progress: Progress) -> Callable[[], dict]:
-        """The tree of this moment; made when it is asked for, of what no later step changes."""
+    def _state(self, progress: Progress) -> dict:
+        """All that the run needs to go on from here."""
         timer = self._meshes.built.problem.timer
-        parts = {
+        return {
             "mesh": vars(self._meshes.place),
             "progress": progress.tree(),
-            "ledger": self._ledger.state(),
-            "front": None if self._front is None else self._front.state(),
-            "crossing": self._crossing.state(),
+            "observers": [observer.state() for observer in self._observers],
             "seconds": {**timer.seconds},
             "counts": {**timer.counts},
-            "total": self.seconds(),
+            "total": self._seconds(),
         }
-        kept = {"snapshots": list(self._pictures), "frames": list(self._album.kept)}
-        return lambda: {**parts, **{name: [vars(each) for each in those] for name, those in kept.items()}}
-
-    def restore(self, tree: dict) -> None:
-        timer = self._meshes.built.problem.timer
-        self._ledger.restore(tree["ledger"])
-        if self._front is not None:
-            self._front.restore(tree["front"])
-        self._crossing.restore(tree["crossing"])
-        for mine, kept in ((timer.seconds, tree["seconds"]), (timer.counts, tree["counts"])):
-            for name, value in kept.items():
-                mine[name] = mine.get(name, 0) + value
-        self._before = tree["total"]
-        self._pictures[:] = [Snapshot(**picture) for picture in tree["snapshots"]]
-        self._album.kept[:] = [Snapshot(**picture) for picture in tree["frames"] if self._album.count]
 
 
-def _outcome(
-    built: Built, reached: float, interrupted: bool, stalled: str, crossed: bool, ending: StoppingCriterion
-) -> Outcome:
-    motion = built.march.motion
-    depth = motion.depth
-    if interrupted:
-        return Outcome(
-            "interrupted",
-            f"stopped by the user at {reached:.3f} mm of {depth:g} mm",
-            "The curve up to there is kept.",
-            reached,
-        )
-    if not stalled:
-        caution = SELF_INTERSECTION_ADVICE if crossed else ""
-        if ending.known():
-            return Outcome("done", str(ending), caution, reached)
-        if motion.points:
-            deepest = max(travel for _, travel in motion.points)
-            text = f"went the whole way, {deepest:g} mm deep, to {reached:g} mm at last"
-            return Outcome("done", text, caution, reached)
-        return Outcome("done", f"reached {depth:g} mm", caution, reached)
-    advice = next((text for word, text in _ADVICE.items() if word in stalled), _ADVICE["residual"])
-    return Outcome(
-        "stalled",
-        f"no step above {built.march.rules.smallest:g} mm converges at {reached:.3f} mm of {depth:g} mm"
-        f" ({stalled})",
-        advice,
-        reached,
+def _measures(case: Case, curve: Mapping[str, np.ndarray], whole: bool) -> dict[str, float]:
+    """What the curve of a run says: of the way down until the blade first rests or turns."""
+    if len(curve["displacement_mm"]) <= 2:
+        return {}
+    count = forward(curve["displacement_mm"])
+    way_down = {name: column[:count] for name, column in curve.items()}
+    taken = partial(
+        measures, window_mm=case.values.get("thickness", 0.7), height_mm=case.values["height"], whole=whole
     )
+    found = taken(way_down)
+    found |= Middle.read(way_down, taken)
+    found["freed_rel"] = freed_rel(case, way_down, found["onset_mm"])
+    found["closure"] = float(curve["closure"][-1])
+    force, reaction = float(curve["force_N"][-1]), float(curve["reaction_N"][-1])
+    found["reaction_error"] = abs(reaction - force) / max(abs(force), 1e-12)
+    return found

@@ -9,7 +9,12 @@ import numpy as np
 
 from cutbench.forms.surface_lines import crossings, overlap, surface_lines
 from cutbench.run.build import WIDE, Built
+from cutbench.run.observer import Observer
+from cutbench.run.remeshing import Transfer
 from cutbench.solver.march import Accepted
+
+#: Said of a run whose surface passes through itself at its end.
+ADVICE = "(Beside the blade the surface passes through itself: nothing keeps one part of it off another.)"
 
 
 def surface_lines_of(built: Built) -> list[np.ndarray]:
@@ -39,31 +44,24 @@ def crossed_area(built: Built, u: np.ndarray, lines: Iterable[np.ndarray] | None
     return total
 
 
-class SelfIntersection:
-    """Follows a run: ``add`` each step, then ask for ``measures``. ``now``: whether it crosses itself at the
-    last."""
+class SelfIntersection(Observer):
+    """Cautions of a surface that crosses itself at the last step."""
 
-    def __init__(self) -> None:
-        self.now = False
+    kept = ("caution", "_first", "_most")
+
+    def __init__(self, built: Built) -> None:
         self._first, self._most = math.nan, 0.0
-        self._of: tuple[Built, list[np.ndarray]] | None = None
+        self._built, self._lines = built, surface_lines_of(built)
 
-    def add(self, built: Built, step: Accepted) -> None:
-        if self._of is None or self._of[0] is not built:
-            self._of = built, surface_lines_of(built)
-        area = crossed_area(built, step.u, self._of[1])
-        self.now = area > 0
-        if self.now and math.isnan(self._first):
+    def renewed(self, transfer: Transfer) -> None:
+        self._built, self._lines = transfer.new, surface_lines_of(transfer.new)
+
+    def add(self, step: Accepted) -> None:
+        area = crossed_area(self._built, step.u, self._lines)
+        self.caution = ADVICE if area > 0 else ""
+        if area > 0 and math.isnan(self._first):
             self._first = step.travel
         self._most = max(self._most, area)
 
     def measures(self) -> dict[str, float]:
         return {"crossed_mm": self._first, "crossed_mm2": self._most}
-
-    def state(self) -> dict:
-        """All that a later ``restore`` needs."""
-        return {"now": self.now, "first": self._first, "most": self._most}
-
-    def restore(self, state: dict) -> None:
-        self.now = bool(state["now"])
-        self._first, self._most = float(state["first"]), float(state["most"])

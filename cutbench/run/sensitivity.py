@@ -7,6 +7,7 @@ says what the mechanism would change first.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -23,7 +24,10 @@ from cutbench.forms.bulk import BulkForm
 from cutbench.forms.cut import CutForm
 from cutbench.mechanisms.base import STEP
 from cutbench.run.build import Built, contact_numerics, damping_viscosity, surfaces_of
+from cutbench.run.observer import Observer
+from cutbench.run.remeshing import Transfer
 from cutbench.solver.linearised_perturbation import LinearisedPerturbation
+from cutbench.solver.march import Accepted
 from cutbench.solver.sensitivity import Direction, Sensitivities
 
 #: Sizes that move the mesh, and the travel itself: no derivative by them.
@@ -64,11 +68,6 @@ def extended(case: Case, mechanisms: Sequence[str], values: Mapping[str, float] 
     return replace(case, mechanisms=model.mechanisms, values={**case.values, **new})
 
 
-def directions(built: Built, names: Sequence[str]) -> list[Direction]:
-    """A complex step in each of ``names``, for a problem as ``build`` makes it."""
-    return [_direction(built.case, name, built.blades) for name in names]
-
-
 class Added(NamedTuple):
     """A model with laws that do nothing, and their strengths by name: its numbers put them at "off"."""
 
@@ -81,47 +80,47 @@ class Added(NamedTuple):
         return same and base.numerics.element != "P2P1"
 
 
-class Following:
+class Following(Observer):
     """Derivatives along a march of ``built``: by ``names``, and by the strengths of what is ``added``."""
 
     def __init__(self, built: Built, names: Sequence[str], added: Sequence[Added] = ()):
-        self._names, self._added = tuple(names), tuple(added)
+        self.names, self._added = tuple(names), tuple(added)
+        self._timer, self._scale = built.problem.timer, built.geometry.multiplicity
         self._perturbations = [
             LinearisedPerturbation(_forms(built, each.case), each.case.p) for each in added
         ]
         self.sensitivities = Sensitivities(built.problem, built.march.speed, self._directions(built))
+        self._slopes = [np.zeros(len(self.names) + sum(len(each.names) for each in added))]
+
+    def add(self, step: Accepted) -> None:
+        since = time.perf_counter()
+        slope = self.sensitivities.add(step)
+        self._timer.add("sensitivities", since)
+        if not step.between:
+            self._slopes.append(slope)
+
+    def renewed(self, transfer: Transfer) -> None:
+        new = transfer.new
+        self._perturbations = [
+            old.on(_forms(new, each.case)) for each, old in zip(self._added, self._perturbations, strict=True)
+        ]
+        self.sensitivities.go_on(new.problem, self._directions(new), transfer.displacements, transfer.states)
+
+    def slopes(self, steps: int) -> tuple[dict[str, np.ndarray], list[dict[str, np.ndarray]]]:
+        """dF/dθ (steps,) of the whole specimen by ``names``, and by those of each law that is added."""
+        columns = iter(np.array(self._slopes)[:steps].T * self._scale)
+        groups = [{name: next(columns) for name in names}
+                  for names in (self.names, *(each.names for each in self._added))]  # fmt: skip
+        return groups[0], groups[1:]
 
     def _directions(self, built: Built) -> list[Direction]:
-        found = directions(built, self._names)
+        found = [_direction(built.case, name, built.blades) for name in self.names]
         for each, perturbation in zip(self._added, self._perturbations, strict=True):
             forms = (perturbation.forms.get(form.name, form) for form in built.blades)
             blades = [form for form in forms if isinstance(form, BladeForm)]
             for name in each.names:
                 found.append(replace(_direction(each.case, name, blades), perturbation=perturbation))
         return found
-
-    def go_on(self, built: Built, displacements, states) -> None:
-        """On the mesh of ``built``; ``displacements`` and ``states`` as ``Sensitivities.go_on`` has them."""
-        self._perturbations = [
-            old.on(_forms(built, each.case))
-            for each, old in zip(self._added, self._perturbations, strict=True)
-        ]
-        self.sensitivities.go_on(built.problem, self._directions(built), displacements, states)
-
-    def split(self, columns: np.ndarray) -> tuple[dict[str, np.ndarray], list[dict[str, np.ndarray]]]:
-        """Of columns (n, k), one a direction, those by ``names``, and those of each that is added."""
-        columns, found = columns.T, []
-        own = dict(zip(self._names, columns, strict=False))
-        first = len(self._names)
-        for each in self._added:
-            found.append(dict(zip(each.names, columns[first:], strict=False)))
-            first += len(each.names)
-        return own, found
-
-
-def start_sensitivities(built: Built, names: Sequence[str]) -> Sensitivities:
-    """What takes in the accepted steps of ``built.march`` and gives dF/dθ for ``names``."""
-    return Following(built, names).sensitivities
 
 
 def _forms(built: Built, case: Case) -> dict[str, Form]:

@@ -8,23 +8,23 @@ the blade would give back along the path is the energy that the jump sets free.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.progress import OnProgress, silent
-from cutbench.base.units import ureg
+from cutbench.base.units import powers_of
 from cutbench.case.case import Case
 from cutbench.case.numerics import Numerics
-from cutbench.case.tuning import PathTuning
+from cutbench.run.ledger import Ledger
 from cutbench.run.remeshing import RemeshedMarch, follows
-from cutbench.run.result import Result
-from cutbench.run.runner import Ledger, run_case
+from cutbench.run.result import SNAP, Result
+from cutbench.run.runner import run_case
 from cutbench.solver.arc_length import RELEASE, Path
 from cutbench.solver.stability import lowest_eigenvalue
 
@@ -107,7 +107,7 @@ def rate_independent_case(case: Case) -> Case:
     for law in case.model.all:
         if law.slot in ("bulk", "cut", "blade", "skin", "support") and law.name not in viscous:
             for q in law.parameters:
-                if _has_time(q.unit) and case.values[q.name] != q.off_value:
+                if powers_of(q.unit)[1] and case.values[q.name] != q.off_value:
                     raise BadInput(
                         key="--follow",
                         value=law.name,
@@ -119,21 +119,7 @@ def rate_independent_case(case: Case) -> Case:
     return case.set(**changes) if changes else case
 
 
-def _has_time(unit: str) -> bool:
-    """True if ``unit``, in mm, N and s, has a power of s."""
-    if unit == "1":
-        return False
-    powers: Mapping[str, Any] = ureg.Quantity(1.0, unit).dimensionality
-    return powers.get("[time]", 0) + 2 * powers.get("[mass]", 0) != 0
-
-
-def trace_snap_back(
-    case: Case,
-    run: Result,
-    *,
-    on_progress: OnProgress = silent,
-    limit: bool = True,
-) -> SnapBack:
+def trace_snap_back(case: Case, run: Result, *, on_progress: OnProgress = silent) -> SnapBack:
     """Trace the equilibria that a run jumps over, and repeat the run with less viscosity.
 
     The path is that of the case at rest, without its laws of time.
@@ -149,8 +135,6 @@ def trace_snap_back(
         Its run as asked for.
     on_progress : callable
         Called as ``on_progress(done, total, text)`` with travels in mm and the force.
-    limit : bool
-        Whether the run is repeated with less and less viscosity.
 
     Returns
     -------
@@ -163,21 +147,17 @@ def trace_snap_back(
         Where a law besides viscosity depends on time.
     """
     began = time.perf_counter()
-    curve, stopped, interrupted = trace_path(rate_independent_case(case), on_progress)
+    curve, stopped = trace_path(rate_independent_case(case), on_progress)
     jumps = tuple(jumps_of(curve, case.p.thickness))
+    farthest = max((jump.travel_mm for jump in jumps), default=0.0)
+    # Where nothing is cut there is no onset.
+    farthest = np.fmax(farthest, run.measures.get("onset_mm", math.nan))
+    depth = min(case.p.depth, float(farthest) + 4 * FOLLOWED_BEHIND_JUMP * case.p.thickness)
     runs = []
-    if limit and not interrupted:
-        farthest = max((jump.travel_mm for jump in jumps), default=0.0)
-        onset = run.measures.get("onset_mm", math.nan)
-        reach = (
-            max(farthest, onset if math.isfinite(onset) else 0.0)
-            + 4 * FOLLOWED_BEHIND_JUMP * case.p.thickness
-        )
-        try:
-            for text, changed in viscosity_limit_cases(case, min(case.p.depth, reach)):
+    if stopped != INTERRUPTED:
+        with contextlib.suppress(KeyboardInterrupt):
+            for text, changed in viscosity_limit_cases(case, depth):
                 runs.append((text, run_case(changed)))
-        except KeyboardInterrupt:
-            pass
     return SnapBack(case, curve, jumps, stopped, tuple(runs), run, time.perf_counter() - began)
 
 
@@ -199,12 +179,8 @@ def viscosity_limit_cases(case: Case, depth: float) -> list[tuple[str, Case]]:
     return [*cases, (f"{text}, half the steps", finer)]
 
 
-def trace_path(
-    case: Case,
-    on_progress: OnProgress = silent,
-    rules: PathTuning | None = None,
-):
-    """The path of a case without time: columns by name, why it stopped (None: it did not), interrupted.
+def trace_path(case: Case, on_progress: OnProgress = silent) -> tuple[dict[str, np.ndarray], str | None]:
+    """The path of a case without time: columns by name, and why it stopped (None: it did not).
 
     It ends a blade thickness behind its first jump of more than ``MIN_JUMP_ELEMENTS`` elements, at the case's
     depth, or where a cut without one is ``MAX_PATH_LENGTH`` thicknesses long.
@@ -213,59 +189,48 @@ def trace_path(
     around = MAX_PATH_LENGTH + FOLLOWED_BEHIND_JUMP if follows(case) else 0.0
     meshes = RemeshedMarch(replace(case, numerics=replace(case.numerics, around=around)))
     built = meshes.built
-    march = built.march
-    path = Path(
-        built.problem,
-        march.centre0,
-        case.p.depth,
-        march.bottom,
-        rules or case.numerics.tuning.path,
-        march.newton,
-    )
+    problem, march = built.problem, built.march
+    rules = case.numerics.tuning.path
+    path = Path(problem, march.centre0, case.p.depth, march.bottom, rules, march.newton)
     scale, thickness = built.geometry.multiplicity, case.p.thickness
-    rows: list[dict[str, float]] = []
-    work: dict[str, float] = {}
+    work = {name: 0.0 for name in Ledger(meshes).last if name.startswith("work_")}
+    row = {"displacement_mm": 0.0, "force_N": 0.0, "cut_length_mm": 0.0, "released": 0.0, "softest": math.nan}
+    rows = [row | work]
     farthest, turned, after = 0.0, None, 0
-    interrupted = False
-    names = {name: 0.0 for name in Ledger(meshes).last if name.startswith("work_")}
-    rows.append({"displacement_mm": 0.0, "force_N": 0.0, "cut_length_mm": 0.0, "released": 0.0,
-                 "softest": math.nan, **names})  # fmt: skip
     try:
         for point in path:
             for name, done in point.work.items():
-                work[name] = work.get(name, 0.0) + done * scale
+                work[f"work_{name}_mJ"] = work.get(f"work_{name}_mJ", 0.0) + done * scale
             row = {
                 "displacement_mm": point.travel,
                 "force_N": point.force * scale,
                 "cut_length_mm": point.broken,
                 "released": float(point.by == RELEASE),
                 "softest": math.nan,
-                **names,
-                **{f"work_{name}_mJ": value for name, value in work.items()},
             }
             back = farthest - point.travel
             # Around the first turning point alone: a factorization and some solves each.
             if point.by != RELEASE and after < 5 and point.broken > 1e-3:
-                row["softest"] = lowest_eigenvalue(built.problem, point)
+                row["softest"] = lowest_eigenvalue(problem, point)
                 after += back > 0
-            rows.append(row)
+            rows.append(row | work)
             on_progress(point.travel, case.p.depth, f"{row['force_N']:.3g} N")
             farthest = max(farthest, point.travel)
             if turned is None and back > MIN_TURN_BACK * thickness:
                 turned = farthest
             if turned is not None and point.travel > turned + FOLLOWED_BEHIND_JUMP * thickness:
-                jump = max(jumps_of(_columns(rows), thickness), key=lambda j: j.advance_mm, default=None)
-                if jump is not None and jump.advance_mm > MIN_JUMP_ELEMENTS * case.numerics.h_mm:
+                grown = max((jump.advance_mm for jump in jumps_of(_columns(rows), thickness)), default=0.0)
+                if grown > MIN_JUMP_ELEMENTS * case.numerics.h_mm:
                     break
             if point.broken > MAX_PATH_LENGTH * thickness:
                 break
     except KeyboardInterrupt:
-        interrupted = True
-    return _columns(rows), INTERRUPTED if interrupted else path.stopped, interrupted
+        return _columns(rows), INTERRUPTED
+    return _columns(rows), path.stopped
 
 
 def _columns(rows: Sequence[Mapping[str, float]]) -> dict[str, np.ndarray]:
-    return {name: np.array([row.get(name, 0.0) for row in rows]) for name in rows[0]}
+    return {name: np.array([row.get(name, 0.0) for row in rows]) for name in rows[-1]}
 
 
 def jumps_of(curve: Mapping[str, np.ndarray], thickness: float) -> list[Jump]:
@@ -274,53 +239,52 @@ def jumps_of(curve: Mapping[str, np.ndarray], thickness: float) -> list[Jump]:
     From each turning point to the first point of the path at the same travel again; loops that go back by
     less than ``MIN_TURN_BACK`` blade thicknesses are left out.
     """
-    d, F, c = (np.asarray(curve[name]) for name in ("displacement_mm", "force_N", "cut_length_mm"))
-    released, soft = curve["released"] > 0, curve["softest"]
-    works = {name: values for name, values in curve.items() if name.startswith("work_")}
+    d, released = curve["displacement_mm"], curve["released"] > 0
     found, i = [], 0
     while i < d.size - 1:
         if d[i + 1] >= d[i] and not released[i + 1]:
             i += 1
             continue
         ahead = np.flatnonzero((d[i + 1 :] > d[i] + 1e-12) & ~released[i + 1 :])
-        landed = ahead.size > 0
-        last = i + 1 + int(ahead[0]) if landed else d.size - 1
+        last = i + 1 + int(ahead[0]) if ahead.size else d.size - 1
         back = float(d[i] - d[i : last + 1].min())
         if back > MIN_TURN_BACK * thickness or released[i + 1 : last + 1].any():
-            part = (d[i] - d[last - 1]) / (d[last] - d[last - 1]) if landed else 1.0
-
-            def at(values, last=last, part=part):
-                return float(values[last - 1] + part * (values[last] - values[last - 1]))
-
-            x = np.append(d[i:last], at(d))
-            y = np.append(F[i:last], at(F))
-            inside = np.flatnonzero(released[: last + 1])
-            inside = inside[inside > i]
-            known = np.flatnonzero(np.isfinite(soft))
-            before, after = known[known < i], known[(known >= i) & (known < last)]
-            found.append(
-                Jump(
-                    travel_mm=float(d[i]),
-                    back_mm=back,
-                    force_N=float(F[i]),
-                    landing_N=at(F),
-                    advance_mm=at(c) - float(c[i]),
-                    freed_mJ=-float(np.trapezoid(y, x)),
-                    spent_mJ={n[5:-3]: at(v) - float(v[i]) for n, v in works.items()},
-                    releases=int((np.diff(np.concatenate([[0], released[i : last + 1]])) > 0).sum()),
-                    released_mJ=at(works["work_snap_mJ"]) - float(works["work_snap_mJ"][i])
-                    if "work_snap_mJ" in works
-                    else 0.0,
-                    released_mm=float((c[inside] - c[inside - 1]).sum()),
-                    softest_before=float(soft[before[-1]]) if before.size else math.nan,
-                    softest_after=float(soft[after[0]]) if after.size else math.nan,
-                    landed=landed,
-                    first=i,
-                    last=last,
-                )
-            )
+            found.append(_jump(curve, i, last, ahead.size > 0))
         i = last
     return found
+
+
+def _jump(curve: Mapping[str, np.ndarray], first: int, last: int, landed: bool) -> Jump:
+    """From point ``first`` of the path to between the last two, where it ``landed``, or to its end."""
+    d, F, c, soft = (curve[name] for name in ("displacement_mm", "force_N", "cut_length_mm", "softest"))
+    part = (d[first] - d[last - 1]) / (d[last] - d[last - 1]) if landed else 1.0
+
+    def at(values: np.ndarray) -> float:
+        return float(values[last - 1] + part * (values[last] - values[last - 1]))
+
+    released = curve["released"] > 0
+    inside = np.flatnonzero(released[: last + 1])
+    inside = inside[inside > first]
+    known = np.flatnonzero(np.isfinite(soft))
+    before, after = known[known < first], known[(known >= first) & (known < last)]
+    spent = {n[5:-3]: at(v) - float(v[first]) for n, v in curve.items() if n.startswith("work_")}
+    return Jump(
+        travel_mm=float(d[first]),
+        back_mm=float(d[first] - d[first : last + 1].min()),
+        force_N=float(F[first]),
+        landing_N=at(F),
+        advance_mm=at(c) - float(c[first]),
+        freed_mJ=-float(np.trapezoid(np.append(F[first:last], at(F)), np.append(d[first:last], at(d)))),
+        spent_mJ=spent,
+        releases=int((np.diff(np.concatenate([[0], released[first : last + 1]])) > 0).sum()),
+        released_mJ=spent.get(SNAP, 0.0),
+        released_mm=float((c[inside] - c[inside - 1]).sum()),
+        softest_before=float(soft[before[-1]]) if before.size else math.nan,
+        softest_after=float(soft[after[0]]) if after.size else math.nan,
+        landed=landed,
+        first=first,
+        last=last,
+    )
 
 
 def as_seen_by_advancing_blade(followed: SnapBack) -> dict[str, np.ndarray]:

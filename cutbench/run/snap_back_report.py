@@ -1,9 +1,15 @@
-"""What following a path has found, in words, as a table and as JSON."""
+"""What following a path has found, in words, as a table, as JSON and as a picture."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from cutbench.base.figure_style import COLOURS, GREY, SINGLE_MM, Look, force_from_zero, new_figure, style
 from cutbench.run.measures import measures
 from cutbench.run.result import SNAP
 from cutbench.run.snap_back import (
@@ -107,3 +113,72 @@ def describe_followed(followed: SnapBack) -> dict[str, object]:
         },
         "seconds": followed.seconds,
     }
+
+
+def plot_followed(followed: SnapBack) -> Figure:
+    """Force against travel of the runs and of the path, above the eigenvalue against the cut's length.
+
+    The largest jump is drawn as an arrow; the area between it and the path, as far as it is above the path's
+    way back, is the energy set free.
+    """
+    soft = np.isfinite(followed.curve["softest"])
+    with style():
+        figure = new_figure(SINGLE_MM, 118 if soft.any() else 82)
+        if soft.any():
+            top, low = figure.subplots(2, 1, height_ratios=(2.2, 1))
+            _eigenvalue(low, followed.curve, followed.jump)
+        else:
+            top = figure.subplots()
+        _forces(top, followed)
+        figure.align_ylabels()
+        figure.suptitle(followed.case.name, x=0.02, ha="left")
+        names = top.get_legend_handles_labels()
+        figure.legend(*names, loc="outside lower center", ncols=2, columnspacing=1.2)
+    return figure
+
+
+def _forces(axes: Axes, followed: SnapBack) -> None:
+    path, jump = followed.curve, followed.jump
+    d, F, let_go = path["displacement_mm"], path["force_N"], path["released"] > 0
+    end = 1.15 * float(d.max())
+    if jump is not None:
+        part = slice(jump.first, jump.last + 1)
+        axes.fill(
+            np.append(d[part], d[jump.first]), np.append(F[part], F[jump.first]),
+            color=COLOURS["sky"], alpha=0.35, lw=0, label=f"set free, {jump.freed_mJ:.2g} mJ",
+        )  # fmt: skip
+    looks: tuple[Look, ...] = (
+        {"color": COLOURS["black"], "ls": "-"}, {"color": COLOURS["orange"], "ls": (0, (5, 1.5)), "lw": 1.0},
+        {"color": COLOURS["green"], "ls": (0, (1, 1.2)), "lw": 1.0},
+        {"color": COLOURS["purple"], "ls": "-.", "lw": 1.0},
+    )  # fmt: skip
+    for (text, run), look in zip((("as asked", followed.run), *followed.limit), looks, strict=False):
+        shown = run.displacement_mm <= end
+        axes.plot(run.displacement_mm[shown], run.force_N[shown], label=text, **look)
+    resting = np.where(let_go, np.nan, F)
+    axes.plot(d, resting, color=COLOURS["blue"], ls="-", lw=1.4, label="equilibria at rest")
+    if let_go.any():
+        wide = let_go | np.append(let_go[1:], False)
+        axes.plot(
+            d, np.where(wide, F, np.nan), color=COLOURS["blue"], ls=":", marker=".", ms=2.5, lw=1.0,
+            label="none near: let go",
+        )  # fmt: skip
+    if jump is not None:
+        axes.annotate(
+            "", (jump.travel_mm, jump.landing_N), (jump.travel_mm, jump.force_N),
+            arrowprops={"arrowstyle": "-|>", "color": COLOURS["vermilion"], "lw": 1.4, "shrinkA": 0},
+        )  # fmt: skip
+        axes.plot([jump.travel_mm], [jump.force_N], "o", color=COLOURS["vermilion"], label="turning point")
+    force_from_zero(axes, "blade travel (mm)")
+    axes.set_xlim(right=end)
+
+
+def _eigenvalue(axes: Axes, path: Mapping[str, np.ndarray], jump: Jump | None) -> None:
+    known = np.isfinite(path["softest"])
+    axes.axhline(0, color=GREY, lw=0.6)
+    length, softest = path["cut_length_mm"][known], path["softest"][known]
+    axes.plot(length, softest, color=COLOURS["blue"], ls="-", marker=".", ms=3)
+    if jump is not None:
+        axes.axvline(float(path["cut_length_mm"][jump.first]), color=COLOURS["vermilion"], ls="--", lw=0.9)
+    axes.set_xlabel("length of the cut (mm)")
+    axes.set_ylabel(r"eigenvalue ($\lambda/G$)")

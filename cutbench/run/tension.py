@@ -20,6 +20,7 @@ from cutbench.case.case import Case
 from cutbench.case.numerics import defaults
 from cutbench.models3d.strip import strip
 from cutbench.run.build import Built, build
+from cutbench.run.measures import ONSET_MM, first_crossing
 from cutbench.run.outcome import Outcome
 from cutbench.solver.march import Load, Stalled
 from cutbench.solver.problem import Evaluation, Problem
@@ -44,8 +45,6 @@ MEASURES: dict[str, tuple[str, str]] = {
     "max_MPa": ("MPa", "largest nominal stress, over the whole width"),
     "energy_mJ": ("mJ", "work done"),
 }
-#: The cut has begun when it is longer by this, mm.
-ONSET_MM = 0.1
 
 
 @dataclass
@@ -126,12 +125,7 @@ def strip_case(case: Case, changes: Mapping[str, object] | None = None, *, notch
     return made
 
 
-def run_tension(
-    case: Case,
-    notch_mm: float,
-    *,
-    on_progress: OnProgress = silent,
-) -> Tension:
+def run_tension(case: Case, notch_mm: float, *, on_progress: OnProgress = silent) -> Tension:
     """Compute a tension test: pull a strip to its largest elongation, or until it is torn.
 
     A KeyboardInterrupt ends the test with what it has.
@@ -231,21 +225,16 @@ def _row(built: Built, travel: float, force: float, states: Mapping[str, dict]) 
 
 
 def _measures(case: Case, curve: dict[str, np.ndarray]) -> dict[str, float]:
-    out = dict.fromkeys(MEASURES, math.nan)
     e, F, cut = curve["elongation_mm"], curve["force_N"], curve["cut_length_mm"]
     if e.size < 2:
-        return out
-    top = int(np.argmax(F))
-    out |= {
+        return dict.fromkeys(MEASURES, math.nan)
+    top, onset = int(np.argmax(F)), first_crossing(e, cut, ONSET_MM)
+    return {
         "modulus_MPa": float(curve["stress_MPa"][1] / (e[1] / case.p.height)),
+        "onset_mm": onset,
+        "onset_N": float(np.interp(onset, e, F)),
         "max_mm": float(e[top]),
         "max_N": float(F[top]),
         "max_MPa": float(curve["stress_MPa"][top]),
         "energy_mJ": float(np.trapezoid(F, e)),
     }
-    if (cut >= ONSET_MM).any():
-        i = int(np.argmax(cut >= ONSET_MM))
-        part = (ONSET_MM - cut[i - 1]) / (cut[i] - cut[i - 1])
-        out["onset_mm"] = float(e[i - 1] + part * (e[i] - e[i - 1]))
-        out["onset_N"] = float(F[i - 1] + part * (F[i] - F[i - 1]))
-    return out

@@ -92,7 +92,7 @@ class Path:
         self._damping = self.problem.damping
         self._cut = cut = self.problem.cut
         if cut is not None:
-            self._bordered = Bordered(self.problem, cut, self.centre0, self.newton, self.rules.iterations)
+            self._bordered = Bordered(self.problem, cut, self.centre0, self.newton)
 
     def __iter__(self) -> Iterator[PathPoint]:
         problem, rules = self.problem, self.rules
@@ -106,12 +106,12 @@ class Path:
             begun = self.problem.touched(at.states)
             found = self._first_converged_step(by, amount, at, begun, before)
             if found is None:
-                for point in self._release(at, rules.nudge if still else 0.0):
+                for point in self._release(at, 0.01 if still else 0.0):
                     yield point
                     at = _State(point.travel, point.u, point.states, point.broken)
                 # Where it does not move by itself, the blade is moved on a little before it is let go.
                 still += 1
-                if self.stopped is None and still > rules.nudges:
+                if self.stopped is None and still > 20:
                     self.stopped = "no equilibrium is near, again and again"
                 if self.stopped is not None:
                     return
@@ -123,8 +123,8 @@ class Path:
             still = 0
             before = _Change(u - at.u, point.travel - at.travel, point.broken - at.broken)
             at = _State(point.travel, u, point.states, point.broken)
-            if iterations <= rules.easy:
-                amount *= rules.grow
+            if iterations <= 6:
+                amount *= 1.5
             by, amount = self._next(by, amount, before)
         self.stopped = f"{rules.points} points"
 
@@ -149,10 +149,10 @@ class Path:
                 return by, amount, self._step(by, amount, at, begun, before)
             except NoConvergence as error:
                 self.failures.append(f"{at.travel:.4f} mm, by {by}, {amount:.2g} mm: {error.reason}")
-                amount *= rules.shrink
+                amount /= 4
                 if by == TRAVEL and self._cut is not None and amount < rules.travel / 100:
                     by, amount = CUT, rules.first  # the blade cannot go on: what breaks decides
-                elif amount < rules.smallest:
+                elif amount < 1e-4:
                     if by != CUT:
                         break
                     by, amount = DAMAGE, rules.first
@@ -216,8 +216,8 @@ class Path:
         if self._damping is None:
             self.stopped = "no equilibrium is near"
             return
-        rules, drag = self.rules, self.rules.drag
-        for _ in range(rules.creeps):
+        drag = 1.0  # in G: elements move by a part of themselves
+        for _ in range(60):
             begun = self.problem.touched(at.states)
             factor = drag * self.problem.shear_modulus / self._damping.viscosity  # over a step of 1 s
             step = step_to(self.centre0, at.travel + nudge, at.travel, at.u, factor)
@@ -226,8 +226,8 @@ class Path:
                 point = self._point(at, begun, step, u, result, iterations, RELEASE)
             except NoConvergence as error:
                 self.failures.append(f"{at.travel:.4f} mm, released, drag {drag:.1g}: {error.reason}")
-                drag = rules.drag if drag == 0 else 4 * drag
-                if drag > 1e3 * rules.drag:
+                drag = 4 * drag or 1.0
+                if drag > 1e3:
                     break
                 continue
             at = _State(point.travel, u, point.states, point.broken)
@@ -235,7 +235,7 @@ class Path:
             nudge = 0.0
             if drag == 0:
                 return
-            drag = drag * rules.decay if drag > rules.rest else 0.0
+            drag = 0.4 * drag if drag > 1e-4 else 0.0
         self.stopped = "no equilibrium is near, and the body does not come to rest"
 
     def _point(self, at, begun, step, u, result, iterations, by) -> PathPoint:

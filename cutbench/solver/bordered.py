@@ -26,6 +26,10 @@ def step_to(
     return Step(1.0, u_old, centre0 - travel * down, centre0 - before * down, damping_factor)
 
 
+#: At the most: where Newton's method needs more, another branch is found.
+ITERATIONS = 10
+
+
 class Bordered:
     """Finds u and the travel where C, the damage summed over the plane of ``cut``, has grown as asked."""
 
@@ -35,10 +39,9 @@ class Bordered:
         cut: CutForm,
         centre0: np.ndarray,
         settings: NewtonSettings,
-        iterations: int,
     ):
         self._problem, self._cut, self._centre0 = problem, cut, centre0
-        self._settings, self._iterations = settings, iterations
+        self._settings = settings
         #: Whether C counts where the cut is made, or else all damage.
         self.local = True
         zero = np.zeros(problem.ndof)
@@ -53,15 +56,15 @@ class Bordered:
         if not problem.sound(u, floor):
             raise NoConvergence("the predicted state has inverted elements, or passes through itself")
         current, C, slope, step = self._evaluated(u, reached, travel, states, old)
-        for iteration in range(self._iterations + 1):
+        for iteration in range(ITERATIONS + 1):
             gap = amount - (C - broken)
             size, worst = problem.out_of_balance(current), problem.relative_residual(current)
             if not np.isfinite(size):
                 raise NoConvergence("the residual is not finite")
-            near = settings.tolerance if iteration < self._iterations else settings.stagnant
+            near = settings.tolerance if iteration < ITERATIONS else settings.stagnant
             if worst <= near and abs(gap) <= 1e-6 * amount:
                 return step, u, current, iteration
-            if iteration == self._iterations:
+            if iteration == ITERATIONS:
                 break
             try:
                 problem.factorize(current.data)

@@ -20,6 +20,8 @@ from cutbench.solver.problem import Evaluation, Problem
 MIXING_DEPTH = 6
 #: A change so many times as long as the last one says that the places before are of other contacts.
 MAX_CHANGE_RATIO = 4.0
+#: Repetitions at the most.
+LOOPS = 200
 #: Change of damage below which a loop has found where it goes: before, a front that jumps may end elsewhere
 #: where the loop is another.
 SMALL_DAMAGE_CHANGE = 0.01
@@ -65,7 +67,7 @@ class FixedPointIteration:
         settings, p, cut = self._settings, self._problem.p, self._cut
         held, exact, calm, place = states.get("cohesion", {}), cut is None, False, step.u_old
         inner = step if exact else replace(step, damage_held=True)
-        for _ in range(settings.staggered_loops):
+        for _ in range(LOOPS):
             u, found = self._solution(u, states, held, inner, exact, calm)
             after, moved = self._augmented(states, found)
             still, grown = np.abs(moved).max(initial=0.0) <= 1, held
@@ -83,7 +85,7 @@ class FixedPointIteration:
             if cut is not None and calm:
                 states, place = self._mixed(after, u, moved, u - last)
                 held = cut.ended(place, p, states["cohesion"], step)
-        raise NoConvergence(f"damage or multipliers still change after {settings.staggered_loops} loops")
+        raise NoConvergence(f"damage or multipliers still change after {LOOPS} loops")
 
     def _solution(self, u, states, held, step, exact, calm) -> tuple[np.ndarray, Evaluation]:
         """With the multipliers of ``states`` and the damage of ``held``."""

@@ -22,6 +22,10 @@ class NoConvergence(ArithmeticError):
         self.reason, self.nearest = reason, nearest
 
 
+#: Iterations before a residual that does not fall counts as cycling.
+CYCLE = 20
+
+
 class BadGuess(NoConvergence):
     """The state to begin from has inverted elements, or crosses itself: another may do."""
 
@@ -75,7 +79,7 @@ def newton(
         size = norm(current)
         if shift.now == 0 and settings.tolerance * current.scale < size < settings.close * before:
             u, current, size = _chords(problem, u, current, size, states, step, settings)
-        if iteration >= settings.patience and size > 0.9 * before:
+        if iteration >= CYCLE and size > 0.9 * before:
             # The active sets cycle: now the residual itself has to fall.
             size, u, current = min(
                 (
@@ -88,9 +92,7 @@ def newton(
             raise NoConvergence("the residual is not finite")
         history.append(size / current.scale)
         nearest = min(nearest, (history[-1], u), key=lambda item: item[0])
-        if iteration >= 2 * settings.patience and min(history[-settings.patience :]) > 0.5 * min(
-            history[: -settings.patience]
-        ):
+        if iteration >= 2 * CYCLE and min(history[-CYCLE:]) > 0.5 * min(history[:-CYCLE]):
             if size <= settings.stagnant * current.scale:
                 return u, current, iteration
             raise NoConvergence(
@@ -237,7 +239,7 @@ def _search(problem, u, du, alpha, current, states, step, settings, floor):
         s_high = float(direction @ e.residual[free])
         if s_high <= 0 or s_high < best[0]:
             best = (abs(s_high), high, e)
-    for _ in range(settings.cuts):
+    for _ in range(6):  # each costs a third of an iteration
         if best[0] <= settings.slack * abs(start) or s_high <= 0:
             break
         trial = high - s_high * (high - low) / (s_high - s_low)

@@ -19,9 +19,8 @@ from cutbench.base.files import check_writable
 from cutbench.base.progress import OnProgress, silent
 from cutbench.base.toml import among, line_of, located, read_toml, refuse_other, written
 from cutbench.case.case import Case, load_case
-from cutbench.run.pool.batch import CUT, Batch
+from cutbench.run.pool.batch import Batch
 from cutbench.run.pool.worker import Run
-from cutbench.run.runner import run_case
 from cutbench.run.store.runs import Store
 
 #: What is compared: measure -> (heading, unit).
@@ -160,28 +159,26 @@ def compute(
     *,
     workers: int | None = None,
     on_progress: OnProgress = silent,
-    run: Run = run_case,
+    run: Run | None = None,
 ) -> list[ConvergenceRow]:
     """Run what is missing of ``plan`` and compare; runs are kept in ``out/runs``."""
     folder = check_writable(Path(out))
-    runner = Batch(Store(folder / "runs"), workers=workers, on_progress=on_progress, runs={CUT: run})
-    runner.go((case, CUT) for cases in plan.cases.values() for case in cases.values())
+    runner = Batch(Store(folder / "runs"), workers=workers, on_progress=on_progress)
+    runner.go((case for cases in plan.cases.values() for case in cases.values()), run)
     refinements = {c.name: c.refinement for c in plan.changes}
     rows = []
     for material, cases in plan.cases.items():
         base = runner.results[cases[""].id]
         for name, case in cases.items():
             result = runner.results[case.id]
-            kind, change = (
-                result.outcome.kind,
-                relative_changes(base.measures, result.measures) if name else {},
-            )
-            compared = {key: result.measures.get(key, math.nan) for key in COMPARED}
-            seconds, closure = result.timings.get("total", math.nan), result.measures.get("closure", math.nan)
-            refinement = refinements.get(name, False)
             rows.append(
-                ConvergenceRow(material, name, refinement, case.id, kind, compared, change, seconds, closure)
-            )
+                ConvergenceRow(
+                    material, name, refinements.get(name, False), case.id, result.outcome.kind,
+                    {key: result.measures.get(key, math.nan) for key in COMPARED},
+                    relative_changes(base.measures, result.measures) if name else {},
+                    result.timings.get("total", math.nan), result.measures.get("closure", math.nan),
+                )
+            )  # fmt: skip
     return rows
 
 

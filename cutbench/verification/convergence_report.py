@@ -19,8 +19,9 @@ from cutbench.verification.convergence import COMPARED, TOLERANCE, ConvergencePl
 EDGE = 30.0
 
 
-def plot_convergence(rows: Sequence[ConvergenceRow], tolerance: float = 3.0) -> Figure:
+def plot_convergence(rows: Sequence[ConvergenceRow]) -> Figure:
     """Relative changes in per cent, refinements above other choices; the band is the tolerance."""
+    tolerance = 100 * TOLERANCE
     materials = list(dict.fromkeys(row.material for row in rows))
     changed = [row for row in rows if row.change]
     largest = max(

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from cutbench.homogeneous import LoadingHistory
-from cutbench.homogeneous.separation import traction
+from cutbench.homogeneous.interface import separation
 from studies.paper.base import Ask, Claim, Finding, at_least, below
 from studies.paper.reading import observed, ratio
 
@@ -17,7 +17,7 @@ def read(runs):
     run = runs["base"]
     p = run.case.p
     openings = LoadingHistory.along(np.array([p.delta_c, p.thickness]))
-    at_peak, at_blade = traction(openings, run.case.model, p)[:, 0]
+    at_peak, at_blade = separation(openings, run.case.model, p)[:, 0]
     left = ratio(float(at_blade), float(at_peak))
     damage = observed(run, "damage_at_widest")[1]
     found = float(damage[-1]) if damage.size else math.nan

@@ -65,7 +65,7 @@ class Judged:
 def calibrate(runner: Runner, materials: Iterable[str]) -> dict[str, Scan]:
     """Choose b for each material, once, by the scan on the paper's numerics."""
     cases = {name: scan(name) for name in materials}
-    runner.go((case, "cut") for tried in cases.values() for case in tried.values())
+    runner.ask((case, "cut") for tried in cases.values() for case in tried.values())
     out = {}
     for name, tried in cases.items():
         results = {tip: runner.results[case.id] for tip, case in tried.items()}
@@ -81,13 +81,13 @@ def judge(runner: Runner, chosen: Sequence[Claim], scans: Mapping[str, Scan]) ->
     for claim in chosen:
         if any(map(left_open, claim.asks.values())):
             cases[claim.id] |= {name: _cases(claim, PAPER, scans, name) for name in OPEN}
-    runner.go(_pairs(chosen, cases))
+    runner.ask(_pairs(chosen, cases))
     rows = {claim.id: _compared(claim, cases[claim.id], runner) for claim in chosen}
     for claim in chosen:
         if claim.asks and (claim.dissect or any(row.verdict != REPRODUCED for row in rows[claim.id])):
             for name in changes_for(claim):
                 cases[claim.id][name] = _cases(claim, CHANGES[name].start, scans, name)
-    runner.go(_pairs(chosen, cases))
+    runner.ask(_pairs(chosen, cases))
     judged = []
     for claim in chosen:
         mine = cases[claim.id]

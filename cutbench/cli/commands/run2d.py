@@ -51,18 +51,15 @@ def _follow(result: Result, folder: Path) -> None:
     """Trace the path of ``result``'s case and say what it shows; leaves with 130 if it was interrupted."""
     from cutbench.base.figure_style import save
     from cutbench.base.files import write_json
-    from cutbench.run.figures.snap_back import plot_follow
     from cutbench.run.files import write_curve
     from cutbench.run.snap_back import INTERRUPTED, trace_snap_back
-    from cutbench.run.snap_back_report import describe_followed, sentence
+    from cutbench.run.snap_back_report import describe_followed, plot_followed, sentence
 
     with bar(result.case.name, "mm") as on_progress:
         found = trace_snap_back(result.case, result, on_progress=on_progress)
-    curves = [(text, run.curve) for text, run in found.limit]
-    figure = plot_follow(result.curve, found.curve, found.jump, curves, title=result.case.name)
     record, path, picture = (folder / name for name in _FOLLOWED)
     write_curve(found.curve, path, list(found.curve))
-    save(figure, picture)
+    save(plot_followed(found), picture)
     describe = describe_followed(found)
     write_json(describe, record)
     show(_limit(describe))

@@ -35,7 +35,7 @@ def runs(
 ) -> None:
     """List the runs that sweeps have kept; choose some; export them."""
     from cutbench.base.errors import BadInput
-    from cutbench.base.files import check_writable, replacing
+    from cutbench.base.files import check_writable, csv_text, write_json, write_text
     from cutbench.run.files import write_run
     from cutbench.run.store import listing
     from cutbench.run.store.runs import Store
@@ -51,12 +51,13 @@ def runs(
     ids, names, rows = [str(row[0]) for row in rows], names[1:], [row[1:] for row in rows]
     if csv is not None or json is not None:
         whole = listing.table_of({id: heads[id] for id in ids}, [], chosen, sort)
-        for path, text in ((csv, listing.to_csv), (json, listing.to_json)):
-            if path is not None:
-                check_writable(path.parent)
-                with replacing(path) as draft:
-                    draft.write_text(text(*whole), encoding="utf-8")
-                typer.echo(path)
+        for path in filter(None, (csv, json)):
+            check_writable(path.parent)
+            if path is csv:
+                write_text(csv_text(*whole), path)
+            else:
+                write_json([dict(zip(whole[0], row, strict=True)) for row in whole[1]], path)
+            typer.echo(path)
     if export is not None:
         check_writable(export)
         for id in ids:

@@ -43,7 +43,6 @@ def tension(
     out: Out = None,
 ) -> None:
     """Pull a strip of 12 × 30 × 3 mm between clamps: the bulk and cut laws of a cutting test, no blade."""
-    from cutbench.base.units import parse_quantity
     from cutbench.case.case import load_case
     from cutbench.run.figures.tension import save_tension
     from cutbench.run.tension import MEASURES, NOTCH, run_tension, strip_case
@@ -53,7 +52,7 @@ def tension(
     length = 0.0
     if notched or notch is not None:
         raw = f"{NOTCH.default} mm" if notch is None else in_mm(notch)
-        length = NOTCH.check(parse_quantity(raw, "mm", key="--notch"), key="--notch")
+        length = NOTCH.parse(raw, key="--notch")
     case = strip_case(load_case(material, model, dim=3), asked, notch_mm=length)
     name = f"{case.name}-tension" + ("-notched" if length else "")
     folder = locked_folder(out if out is not None else Path("runs") / f"{name}-{case.id}")

@@ -9,7 +9,6 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from matplotlib import colormaps
@@ -19,13 +18,12 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import PlaceHolderLayoutEngine
-from matplotlib.tri import Triangulation
 from PIL import Image
 
-from cutbench.base.figure_style import COLOURS, DOUBLE_MM, FIELD_MAP, GREY, new_figure, style
+from cutbench.base.figure_style import COLOURS, DOUBLE_MM, FIELD_MAP, new_figure, style
 from cutbench.base.files import replacing
 from cutbench.run.figures.section import Half, draw_half, frame
-from cutbench.run.figures.solid import TOP_PERCENTILE, cut_plane_of, front_line, look_of
+from cutbench.run.figures.solid import cut_plane_of, draw_cut_plane, plane_top_kPa
 from cutbench.run.result import Result, Snapshot
 
 #: Folder of the single pictures.
@@ -36,17 +34,6 @@ _HEIGHT_MM, _DPI = 80.0, 140
 _DURATION_MS, _MIN_FRAME_MS, _MAX_FRAME_MS, _LAST_FRAME_MS = 6000, 40, 300, 1500
 #: Where on its curve the force is.
 _POINT = COLOURS["vermilion"]
-
-
-class _Scene(Protocol):
-    """How a snapshot is drawn: the name of its animation, the end of its colours in kPa, its axes, itself."""
-
-    stem: str
-    top_kPa: float
-
-    def limits(self, axes: Axes) -> None: ...
-
-    def draw(self, axes: Axes, snapshot: Snapshot) -> None: ...
 
 
 @dataclass
@@ -74,9 +61,7 @@ class _CutPlane:
     stem = "cut_plane"
 
     def __post_init__(self) -> None:
-        on = ((s, np.unique(cut_plane_of(s))) for s in self.result.frames)
-        tops = [np.percentile(1e3 * s.point_data["von_mises"][nodes], TOP_PERCENTILE) for s, nodes in on]
-        self.top_kPa = float(max(tops)) or 1.0
+        self.top_kPa = plane_top_kPa(self.result.frames) or 1.0
 
     def limits(self, axes: Axes) -> None:
         places = np.concatenate([s.current[cut_plane_of(s).ravel(), 1:] for s in self.result.frames])
@@ -86,13 +71,11 @@ class _CutPlane:
         axes.set_xlabel("along the blade (mm)")
 
     def draw(self, axes: Axes, snapshot: Snapshot) -> None:
-        mesh = Triangulation(snapshot.current[:, 2], snapshot.current[:, 1], cut_plane_of(snapshot))
-        stress_kPa = 1e3 * snapshot.point_data["von_mises"]
-        axes.tripcolor(mesh, stress_kPa, shading="gouraud", **look_of(self.top_kPa))
-        front_line(axes, snapshot, snapshot.faces["cut"]["x"], color="white", lw=0.9)
-        tip = self.result.case.p.height - snapshot.displacement_mm
-        axes.plot(axes.get_xlim(), [tip, tip], color=GREY, lw=0.8, ls=":")
-        axes.set_aspect("equal")
+        draw_cut_plane(axes, snapshot, self.result.case, self.top_kPa)
+
+
+#: How a snapshot is drawn: the name of its animation, the end of its colours in kPa, its axes, itself.
+_Scene = _Section | _CutPlane
 
 
 def save_frames(result: Result, folder: str | Path) -> dict[str, Path]:

@@ -20,16 +20,14 @@ from cutbench.run.result import Result, Snapshot
 TOP_PERCENTILE = 99.9
 
 
-def plot_section(result: Result, snapshot: Snapshot | Sequence[Snapshot] | None = None) -> Figure:
+def plot_section(result: Result) -> Figure:
     """Von Mises stress (kPa) on the deformed section, mirrored to the full block, with a zoom at the tip.
 
-    One snapshot stands beside its zoom; several stand in a row with their zooms below, on one colour
-    scale. ``None`` takes all of the result's. Raises ValueError without a plane snapshot.
+    One snapshot stands beside its zoom; several, four at the most, stand in a row with their zooms below, on
+    one colour scale. Raises ValueError without a plane snapshot.
     """
-    shown = result.snapshots if snapshot is None else snapshot
-    shown = list(shown) if isinstance(shown, Sequence) else [shown]
     wanted = "a section is drawn from plane snapshots (triangle, triangle6)"
-    shown = drawable(shown, "triangle", wanted)
+    shown = spread(drawable(result.snapshots, "triangle", wanted))
     halves = [Half(s) for s in shown]
     top_kPa = max(h.top_kPa for h in halves) or 1.0
     case, p = result.case, result.case.p

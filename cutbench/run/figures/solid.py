@@ -5,9 +5,12 @@ The cut plane is drawn from the side: z along the blade, y the height, the blade
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import TriMesh
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
@@ -28,6 +31,7 @@ from cutbench.base.figure_style import (
     save,
     style,
 )
+from cutbench.case.case import Case
 from cutbench.run.figures.section import drawable, spread
 from cutbench.run.result import Result, Snapshot
 
@@ -62,29 +66,23 @@ def plot_cut_plane(result: Result) -> Figure:
     At most four columns, spread over the travel. Raises ValueError without a snapshot of a solid.
     """
     shown = spread(_solid(result))
-    stress = [1e3 * s.point_data["von_mises"] for s in shown]
-    planes = [cut_plane_of(s) for s in shown]
-    on_plane = [values[np.unique(triangles)] for values, triangles in zip(stress, planes, strict=True)]
-    stress_look = look_of(max(float(np.percentile(values, TOP_PERCENTILE)) for values in on_plane))
+    top_kPa = plane_top_kPa(shown)
     pressure_look = look_of(1e3 * max(s.faces["cut"]["contact_pressure_MPa"].max(initial=0.0) for s in shown))
     with style():
         figure = new_figure(DOUBLE_MM, 135)
         grid = figure.subplots(3, len(shown), squeeze=False, sharex=True, sharey=True)
-        for column, (s, values, triangles) in enumerate(zip(shown, stress, planes, strict=True)):
+        for column, s in enumerate(shown):
             cut = s.faces["cut"]
             z, y = cut["x"][:, 2], cut["x"][:, 1]
             pressed = cut["contact_state"] > 0
-            mesh = Triangulation(s.current[:, 2], s.current[:, 1], triangles)
-            first = grid[0, column].tripcolor(mesh, values, shading="gouraud", **stress_look)
+            first = draw_cut_plane(grid[0, column], s, result.case, top_kPa)
             kPa = 1e3 * cut["contact_pressure_MPa"][pressed]
             second = grid[1, column].scatter(
                 z[pressed], y[pressed], 3, kPa, marker="s", lw=0, **pressure_look
             )
             _state(grid[2, column], z, y, cut)
-            for axes in grid[:, column]:
-                front_line(axes, s, cut["x"], color="white" if axes is grid[0, column] else "black", lw=0.8)
-                axes.axhline(result.case.p.height - s.displacement_mm, color=GREY, lw=0.6, ls=":")
-                axes.set_aspect("equal")
+            for axes in grid[1:, column]:
+                _front_and_tip(axes, s, result.case, "black")
             grid[0, column].set_title(f"blade travel {s.displacement_mm:.2f} mm", loc="left", fontsize=8)
             grid[2, column].set_xlabel("along the blade (mm)")
         for row in grid:
@@ -174,6 +172,26 @@ def plot_beside(result: Result, plane: Result) -> Figure:
 
 def _solid(result: Result) -> list[Snapshot]:
     return drawable(result.snapshots, "tetra", "a block is drawn from snapshots of a solid (tetra, tetra10)")
+
+
+def plane_top_kPa(snapshots: Sequence[Snapshot]) -> float:
+    """Where the colours of the stress on the cut plane end, kPa."""
+    stress = (s.point_data["von_mises"][np.unique(cut_plane_of(s))] for s in snapshots)
+    return 1e3 * max(float(np.percentile(values, TOP_PERCENTILE)) for values in stress)
+
+
+def draw_cut_plane(axes: Axes, s: Snapshot, case: Case, top_kPa: float) -> TriMesh:
+    """Von Mises stress on the cut plane, the front and the blade's tip; what a colour bar needs."""
+    mesh = Triangulation(s.current[:, 2], s.current[:, 1], cut_plane_of(s))
+    colours = axes.tripcolor(mesh, 1e3 * s.point_data["von_mises"], shading="gouraud", **look_of(top_kPa))
+    _front_and_tip(axes, s, case, "white")
+    return colours
+
+
+def _front_and_tip(axes: Axes, s: Snapshot, case: Case, colour: str) -> None:
+    front_line(axes, s, s.faces["cut"]["x"], color=colour, lw=0.8)
+    axes.axhline(case.p.height - s.displacement_mm, color=GREY, lw=0.6, ls=":")
+    axes.set_aspect("equal")
 
 
 def look_of(top: float) -> Look:

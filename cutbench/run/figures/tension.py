@@ -2,41 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from cutbench.base.figure_style import (
-    COLOURS,
-    LINES,
-    SINGLE_MM,
-    Look,
-    force_from_zero,
-    new_figure,
-    save,
-    style,
-)
+from cutbench.base.figure_style import SINGLE_MM, force_from_zero, new_figure, save, style
 from cutbench.run.files import write_curve, write_json
 from cutbench.run.tension import Tension
 
 
-def plot_tension(tests: Sequence[Tension]) -> Figure:
-    """Force (N) over elongation (mm), a line a test; a dot where the cut has begun."""
+def plot_tension(test: Tension) -> Figure:
+    """Force (N) over elongation (mm); a dot where the cut has begun."""
     with style():
         figure = new_figure(SINGLE_MM, 62)
         axes = figure.subplots()
-        colours = ["black", *COLOURS.values()]
-        for i, test in enumerate(tests):
-            notch = f"notch {test.notch_mm:g} mm" if test.notch_mm else "whole"
-            look: Look = {"color": colours[i % len(colours)], "ls": LINES[i % len(LINES)]}
-            axes.plot(test.curve["elongation_mm"], test.curve["force_N"], label=notch, **look)
-            if test.measures["onset_mm"] > 0:
-                place = test.measures["onset_mm"], test.measures["onset_N"]
-                axes.plot(*place, "o", color=look["color"], ms=4, label="the cut begins")
+        notch = f"notch {test.notch_mm:g} mm" if test.notch_mm else "whole"
+        axes.plot(test.curve["elongation_mm"], test.curve["force_N"], "k-", label=notch)
+        if (onset := test.measures["onset_mm"]) > 0:
+            axes.plot(onset, test.measures["onset_N"], "ko", ms=4, label="the cut begins")
         force_from_zero(axes, "elongation (mm)")
         axes.legend()
-        figure.suptitle(f"{tests[0].case.name}: strip in tension", x=0.02, ha="left")
+        figure.suptitle(f"{test.case.name}: strip in tension", x=0.02, ha="left")
     return figure
 
 
@@ -45,7 +31,7 @@ def save_tension(test: Tension, folder: str | Path) -> dict[str, Path]:
     folder = Path(folder)
     paths = {"curve": folder / "curve.csv", "record": folder / "tension.json"}
     write_curve(test.curve, paths["curve"], list(test.curve))
-    paths["picture"] = save(plot_tension([test]), folder / "tension.png")[0]
+    paths["picture"] = save(plot_tension(test), folder / "tension.png")[0]
     record = {
         "id": test.case.id,
         "computation": test.case.computation,

@@ -9,11 +9,12 @@ import contextlib
 import importlib.util
 import re
 import time
+from collections.abc import Callable
+from concurrent.futures import Future
 from typing import Any
 
 from cutbench.base.errors import BadInput
 from cutbench.base.threads import ONE_THREAD
-from cutbench.run.pool.job import Job
 from cutbench.run.pool.worker import MAX_LOSSES, PoolLost, WorkerLost
 
 #: Seconds to wait for a scheduler to answer.
@@ -65,7 +66,10 @@ class DaskWorkers:
                     n_workers=max(1, self._count), threads_per_worker=1, dashboard_address=None,
                     env={**ONE_THREAD},
                 )  # fmt: skip
-            self._client = Client(self._cluster or self._scheduler, timeout=timeout)
+            # No default of this process: the lock of a map's file is none of the scheduler's.
+            whom = self._cluster or self._scheduler
+            self._client = Client(whom, timeout=timeout, set_as_default=False)
+            self._executor = self._client.get_executor(pure=False, retries=0)
         except OSError as error:
             expected = f"a Dask scheduler that answers ({error})"
             raise BadInput("--scheduler", self._scheduler, expected) from error
@@ -78,37 +82,20 @@ class DaskWorkers:
         except (OSError, TimeoutError) as error:
             raise PoolLost(error) from error
 
-    def submit(self, job: Job) -> Any:
-        return self._client.submit(job.call, *job.args, pure=False, retries=0)
+    def submit(self, call: Callable[..., Any], *args: Any) -> Future:
+        return self._executor.submit(call, *args)
 
-    def wait(self, futures: list, timeout_s: float) -> set:
-        from distributed import CancelledError, wait
-
-        done: set = set()
-        try:
-            done = wait(futures, timeout=timeout_s, return_when="FIRST_COMPLETED").done
-        except TimeoutError:
-            pass
-        except (CancelledError, OSError) as error:  # closed, or cancelled
-            raise PoolLost(error) from error
+    def check(self) -> None:
         running = self._client.status == "running"
         self._silent_since = None if running else self._silent_since or time.monotonic()
         if self._silent_since is not None and time.monotonic() - self._silent_since > SCHEDULER_TIMEOUT_S:
             raise PoolLost("it no longer answers")
-        return done
 
-    def result(self, future: Any) -> Any:
-        from distributed import CancelledError, KilledWorker
+    def error(self, error: BaseException) -> BaseException:
+        from distributed import KilledWorker
 
-        if future.status == "error":
-            error = future.exception()
-            if isinstance(error, KilledWorker):
-                raise WorkerLost(f"its worker was lost {MAX_LOSSES} times") from error
-            raise error
-        try:
-            return future.result()
-        except (CancelledError, OSError) as error:  # lost on its way to here
-            raise PoolLost(error) from error
+        lost = isinstance(error, KilledWorker)
+        return WorkerLost(f"its worker was lost {MAX_LOSSES} times") if lost else error
 
     def close(self) -> None:
         with contextlib.suppress(OSError):  # a scheduler that is gone cannot be taken leave of

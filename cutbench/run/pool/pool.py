@@ -7,29 +7,103 @@ them as they end. A job whose process dies is tried again, alone, and given up w
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 from collections import Counter, deque
 from collections.abc import Callable, Hashable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 from cutbench.base.errors import BadInput
+from cutbench.base.threads import one_thread_each
 from cutbench.run.pool.cluster import DaskWorkers
-from cutbench.run.pool.job import Done, Job
-from cutbench.run.pool.local import Broken, LocalWorkers
-from cutbench.run.pool.worker import MAX_LOSSES, PoolLost, WorkerLost
+from cutbench.run.pool.worker import MAX_LOSSES, PoolLost, WorkerLost, begin_worker
 
 #: Seconds between two looks at what has ended.
 _POLL_S = 0.2
 
 
+@dataclass(frozen=True)
+class Job:
+    """A function that other processes can import, and what it is called with; ``key`` is for who asks."""
+
+    key: Any
+    call: Callable[..., Any]
+    args: tuple = ()
+
+
+@dataclass(frozen=True)
+class Done:
+    """A job that has ended: with a value, or with the error that it raised or that took its process."""
+
+    key: Any
+    value: Any = None
+    error: BaseException | None = None
+
+    def result(self) -> Any:
+        """The value. Raises the job's error."""
+        if self.error is not None:
+            raise self.error
+        return self.value
+
+
 class Workers(Protocol):
-    """What a pool's jobs go to. ``result`` raises ``Broken`` where all that was under way is lost."""
+    """What a pool's jobs go to.
+
+    ``check`` raises PoolLost where they no longer answer; ``error`` is what a job's error says to the asker.
+    """
 
     def room(self) -> int: ...
-    def submit(self, job: Job) -> Any: ...
-    def wait(self, futures: list, timeout_s: float) -> set: ...
-    def result(self, future: Any) -> Any: ...
+    def submit(self, call: Callable[..., Any], *args: Any) -> Future: ...
+    def check(self) -> None: ...
+    def error(self, error: BaseException) -> BaseException: ...
     def close(self) -> None: ...
+
+
+class LocalWorkers:
+    """``count`` processes of this machine, begun when they are needed, and anew after one of them died.
+
+    Each has one thread, and ends with the process that began it.
+    """
+
+    def __init__(self, count: int):
+        self._count = count
+        self._pool: ProcessPoolExecutor | None = None
+
+    def room(self) -> int:
+        """One in hand beyond the processes: none waits for who reads the results."""
+        return self._count + 1
+
+    def submit(self, call: Callable[..., Any], *args: Any) -> Future:
+        if self._pool is None:
+            context = multiprocessing.get_context("spawn")  # forking a process with BLAS threads can hang
+            # Processes live as long as the other end of this pipe is open. (An Event would be shared
+            # state, and a process that is killed while it waits for one blocks whoever sets it.)
+            self._lifeline, self._end = context.Pipe(duplex=False)
+            self._pool = ProcessPoolExecutor(self._count, context, begin_worker, (self._lifeline,))
+        try:
+            with one_thread_each():
+                return self._pool.submit(call, *args)
+        except BrokenProcessPool as error:
+            lost: Future = Future()
+            lost.set_exception(error)
+            return lost
+
+    def check(self) -> None:
+        """Processes of this machine are not lost all at once."""
+
+    def error(self, error: BaseException) -> BaseException:
+        return error
+
+    def close(self) -> None:
+        if self._pool is None:
+            return
+        self._end.close()  # ends the processes in the middle of a job, should there still be any
+        self._pool.shutdown(wait=True, cancel_futures=True)
+        self._lifeline.close()
+        self._pool = None
 
 
 class TaskPool:
@@ -73,41 +147,37 @@ class TaskPool:
     def _run(
         self, workers: Workers, jobs: Iterator[Job | None], on_wait: Callable[[], None]
     ) -> Iterator[Done]:
-        flying: dict[Any, Job] = {}
+        flying: dict[Future, Job] = {}
+        # What died in company may have died of the company: suspects go alone.
         suspects: deque[Job] = deque()
         lost: Counter[Hashable] = Counter()
         more = True
         try:
-            while True:
-                waits = False
-                # What died in company may have died of the company: suspects go alone.
-                while more and not waits and not suspects and len(flying) < workers.room():
+            while more or flying or suspects:
+                job: Job | None
+                while more and not suspects and len(flying) < workers.room():
                     try:
                         job = next(jobs)
                     except StopIteration:
                         more = False
                         break
-                    waits = job is None
-                    if job is not None:
-                        flying[workers.submit(job)] = job
+                    if job is None:
+                        break
+                    flying[workers.submit(job.call, *job.args)] = job
                 if suspects and not flying:
                     job = suspects.popleft()
-                    flying[workers.submit(job)] = job
-                if not flying and not more:
-                    return
+                    flying[workers.submit(job.call, *job.args)] = job
                 broken = []
-                for future in workers.wait(list(flying), _POLL_S):
-                    try:
-                        done = Done(flying[future].key, workers.result(future))
-                    except Broken:
-                        broken.append(flying.pop(future))
-                        continue
-                    except PoolLost:
-                        raise
-                    except BaseException as error:
-                        done = Done(flying[future].key, error=error)
-                    del flying[future]
-                    yield done
+                for future in _ended(workers, flying):
+                    job = flying.pop(future)
+                    if _broken(future):
+                        broken.append(job)
+                    elif future.cancelled():
+                        raise PoolLost("it no longer answers")
+                    elif (error := future.exception()) is not None:
+                        yield Done(job.key, error=workers.error(error))
+                    else:
+                        yield Done(job.key, future.result())
                 for job in broken:
                     lost[job.key] += len(broken) == 1
                     if lost[job.key] < MAX_LOSSES:
@@ -118,6 +188,20 @@ class TaskPool:
         finally:
             for future in flying:
                 future.cancel()
+
+
+def _ended(workers: Workers, flying: Iterable[Future]) -> set[Future]:
+    """What ends within a moment; all of it, where a process took the others with it."""
+    ended = wait(flying, _POLL_S, FIRST_COMPLETED).done
+    workers.check()
+    if any(map(_broken, ended)):
+        ended = wait(flying).done
+        workers.close()
+    return ended
+
+
+def _broken(future: Future) -> bool:
+    return not future.cancelled() and isinstance(future.exception(), BrokenProcessPool)
 
 
 def _here(job: Job) -> Done:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 import math
 import operator
 import re
@@ -16,13 +13,13 @@ from types import SimpleNamespace
 from typing import Any
 
 from cutbench.base.errors import BadInput
+from cutbench.base.files import number
 from cutbench.base.toml import one_of
 from cutbench.base.units import parse_quantity, unit_factor
 from cutbench.case.computation import computation_here
 from cutbench.case.model import groups as known_groups
 from cutbench.run.measures import MEASURES, NOTED
-from cutbench.run.store.index import Head
-from cutbench.run.store.runs import writer
+from cutbench.run.store.runs import Head, writer
 
 #: Columns that every run has, before its values.
 _GENERAL = ("id", "name", "outcome", "reached_mm", "seconds", "dim", "mechanisms", "written", "message",
@@ -70,7 +67,7 @@ def row_of(id: str, head: Head) -> dict[str, object]:
         for name, group in known_groups().items()
         if group.unit == "1" and {group.parameter, *group.needs} <= internal.keys()
     }
-    measures = {name: float(v) for name, v in head["measures"].items()}
+    measures = {name: number(v) for name, v in head["measures"].items()}
     numerics = {k: v for k, v in head["numerics"].items() if v is not None}
     shown = {
         "id": id,
@@ -134,21 +131,6 @@ def table_of(
         kept.sort(key=lambda row: (_missing(row.get(sort)), str(type(row.get(sort))), row.get(sort) or 0))
     names = [f"{name} [{unit[name]}]" if name in unit else name for name in chosen]
     return names, [[row.get(name) for name in chosen] for row in kept]
-
-
-def to_csv(names: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """Comma-separated, one header line; what is missing is empty."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(names)
-    writer.writerows([["" if _missing(v) else v for v in row] for row in rows])
-    return out.getvalue()
-
-
-def to_json(names: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """A list of objects; what is missing is null."""
-    plain = [{n: None if _missing(v) else v for n, v in zip(names, row, strict=True)} for row in rows]
-    return json.dumps(plain, indent=1) + "\n"
 
 
 def _missing(value: object) -> bool:

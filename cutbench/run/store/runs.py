@@ -4,7 +4,6 @@ The computation is part of an id (``cutbench.case.computation``): a run of other
 listed with the version that wrote it. ``ROOT/<id[:2]>/<id>/`` holds ``run.json`` (inputs, outcome, measures,
 cost, computation, versions) and ``curve.npz``. An entry appears whole or not at all (it is written beside and
 renamed), so several processes may share a store, and one that is killed leaves nothing that looks finished.
-Beside the folders ``index.sqlite`` lists them; it is a copy, made again whenever it is not there.
 """
 
 from __future__ import annotations
@@ -25,20 +24,24 @@ from typing import Any
 import numpy as np
 
 from cutbench.base.errors import BadInput
-from cutbench.base.files import number
+from cutbench.base.files import number, plain
 from cutbench.base.versions import written_by
 from cutbench.case.case import Case
 from cutbench.run.outcome import Outcome
 from cutbench.run.result import Result
-from cutbench.run.store.index import Head, Index
 
-#: Layout of an entry; another number is read as "not there".
-FORMAT = 1
+#: Layout of run.json; raised when a reader of the old one would misread the new one.
+SCHEMA = 1
+
+#: What there is to say of a run without its curve: plain data.
+Head = dict[str, Any]
 
 #: A half-written entry older than this belongs to a process that died.
 _STALE_S = 3600.0
 
-_UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, BadInput)
+_UNREADABLE = (
+    OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, zipfile.BadZipFile, BadInput,
+)  # fmt: skip
 
 
 class Store:
@@ -66,7 +69,6 @@ class Store:
         except OSError as error:
             expected = f"a folder that can be written ({error.strerror})"
             raise BadInput(key="store", value=str(self.root), expected=expected) from error
-        self._index = Index(self.root)
         self._sweep_up()
 
     def path(self, id: str) -> Path:
@@ -84,19 +86,8 @@ class Store:
         """
         return self.root / id[:2] / id
 
-    def has(self, id: str) -> bool:
-        """Return whether a whole, readable entry is there.
-
-        Parameters
-        ----------
-        id : str
-            The run's id.
-
-        Returns
-        -------
-        bool
-            True where ``get`` would have it.
-        """
+    def __contains__(self, id: str) -> bool:
+        """Whether a whole, readable entry is there."""
         return self.get(id) is not None
 
     def get(self, id: str) -> Result | None:
@@ -138,8 +129,7 @@ class Store:
             Where it is not there or damaged.
         """
         home = self.path(id)
-        record = self._record(home)
-        return result_of(record, home / "run.json", record["timings"], _read_curve(home / "curve.npz"))
+        return result_of(self._record(home), home / "run.json", _read_curve(home / "curve.npz"))
 
     def put(self, result: Result, *, replace: bool = False) -> bool:
         """Keep a run.
@@ -165,11 +155,13 @@ class Store:
         home.parent.mkdir(parents=True, exist_ok=True)
         fresh = self._folder(".new-")
         try:
-            _write(fresh / "run.json", json.dumps(_to_record(result), indent=1, allow_nan=True).encode())
-            with open(fresh / "curve.npz", "wb") as file:
+            with (fresh / "run.json").open("w", encoding="utf-8") as file:
+                json.dump(record_of(result), file, indent=1)
+            with (fresh / "curve.npz").open("wb") as file:
                 np.savez(file, **dict[str, Any](result.curve))
-                file.flush()
-                os.fsync(file.fileno())
+            for path in fresh.iterdir():
+                with path.open("rb") as file:
+                    os.fsync(file.fileno())
             while True:
                 try:
                     os.rename(fresh, home)
@@ -177,14 +169,11 @@ class Store:
                 except OSError:
                     if not home.exists():
                         raise
-                if not replace and self.has(id):
+                if not replace and id in self:
                     return False
                 self._discard(home)
         finally:
             shutil.rmtree(fresh, ignore_errors=True)
-        with contextlib.suppress(OSError):  # another process may have replaced it already
-            if (head := self._head(id)) is not None:
-                self._index.add(id, home.stat().st_mtime_ns, head)
         return True
 
     def remove(self, id: str) -> None:
@@ -197,7 +186,6 @@ class Store:
         """
         if self.path(id).exists():
             self._discard(self.path(id))
-            self._index.remove(id)
 
     def heads(self) -> dict[str, Head]:
         """Return what there is to say of each run without its curve.
@@ -210,7 +198,11 @@ class Store:
             By id: name, outcome, message, reached_mm, dim, mechanisms, values (with unit), numerics,
             measures, seconds, counts, computation, versions, written (seconds since 1970).
         """
-        return self._index.refresh(self._there(), self._head)
+        found = {}
+        for folder in self._folders():
+            with contextlib.suppress(*_UNREADABLE):
+                found[folder.name] = self._head(folder)
+        return found
 
     def unreadable(self) -> dict[str, str]:
         """Return the entries that cannot be used.
@@ -221,17 +213,17 @@ class Store:
             The reason by id.
         """
         found = {}
-        for id in self._there().keys() - self.heads().keys():
+        for folder in self._folders():
             try:
-                record = json.loads((self.path(id) / "run.json").read_text(encoding="utf-8"))
-                layout = record.get("format")
-                known = f"format {layout}, not {FORMAT}: {writer(record)} wrote it and can read it"
-                found[id] = known if layout != FORMAT else "its inputs cannot be read"
-            except (*_UNREADABLE, AttributeError) as error:
-                found[id] = (
-                    f"damaged ({type(error).__name__}): remove its folder, or let a sweep write it again"
-                )
-        return dict(sorted(found.items()))
+                self._head(folder)
+            except BadInput as error:
+                found[folder.name] = str(error)
+            except (OSError, ValueError) as error:
+                reason = f"damaged ({type(error).__name__}): remove its folder, or let a sweep write it again"
+                found[folder.name] = reason
+            except _UNREADABLE:
+                found[folder.name] = "its inputs cannot be read"
+        return found
 
     def mark(self) -> str:
         """Return the name of a file in the store that is in no other: who finds it sees this very folder.
@@ -249,44 +241,37 @@ class Store:
 
     def __iter__(self) -> Iterator[Result]:
         """All readable runs, in the order of their ids."""
-        for folder in sorted(self.root.glob("??/*")):
+        for folder in self._folders():
             if (result := self.get(folder.name)) is not None:
                 yield result
 
     def __len__(self) -> int:
         return sum(1 for _ in self)
 
-    def _there(self) -> dict[str, int]:
-        """All entries, readable or not: id -> when it was put here."""
-        found = {}
-        for folder in sorted(self.root.glob("??/*")):
-            try:
-                found[folder.name] = folder.stat().st_mtime_ns
-            except OSError:
-                continue  # taken away meanwhile
-        return found
+    def _folders(self) -> list[Path]:
+        """Those of all entries, readable or not, in the order of their ids."""
+        return sorted(self.root.glob("??/*"))
 
-    def _head(self, id: str) -> Head | None:
-        try:
-            record = self._record(self.path(id))
-            case, outcome = record["case"], record["outcome"]
-            return {
-                **{key: case[key] for key in ("name", "dim", "mechanisms", "numerics")},
-                **{key: outcome[key] for key in ("message", "reached_mm")},
-                **{key: record[key] for key in ("measures", "counts", "versions")},
-                "outcome": outcome["kind"],
-                "values": {key: [v["value"], v["unit"]] for key, v in case["values"].items()},
-                "seconds": record["timings"].get("total"),
-                "computation": record.get("computation", ""),
-                "written": (self.path(id) / "run.json").stat().st_mtime,
-            }
-        except (*_UNREADABLE, AttributeError):
-            return None
+    def _head(self, home: Path) -> Head:
+        record = self._record(home)
+        case, outcome = record["case"], record["outcome"]
+        return {
+            **{key: case[key] for key in ("name", "dim", "mechanisms", "numerics")},
+            **{key: outcome[key] for key in ("message", "reached_mm")},
+            **{key: record[key] for key in ("measures", "counts", "versions")},
+            "outcome": outcome["kind"],
+            "values": {key: [v["value"], v["unit"]] for key, v in case["values"].items()},
+            "seconds": record["timings_s"].get("total"),
+            "computation": record.get("computation", ""),
+            "written": (home / "run.json").stat().st_mtime,
+        }
 
     def _record(self, home: Path) -> dict[str, Any]:
         record = json.loads((home / "run.json").read_text(encoding="utf-8"))
-        if record["format"] != FORMAT or record["id"] != home.name:
-            raise ValueError(f"{home} is not an entry of this format")
+        if (found := record.get("schema")) != SCHEMA:
+            raise BadInput("schema", found, f"{SCHEMA}; {writer(record)} wrote this run and can read it")
+        if record["id"] != home.name:
+            raise ValueError(f"{home} holds the run {record['id']}")
         return record
 
     def _discard(self, home: Path) -> None:
@@ -316,23 +301,23 @@ class Store:
                     shutil.rmtree(folder, ignore_errors=True)
 
 
-def _to_record(result: Result) -> dict[str, Any]:
+def record_of(result: Result) -> dict[str, Any]:
+    """What run.json has of a run: inputs with units, outcome, measures, cost, computation and versions."""
     return {
-        "format": FORMAT,
+        "schema": SCHEMA,
         "id": result.id,
         "computation": result.computation,
+        "name": result.case.name,
         "case": result.case.to_dict(),
-        "outcome": asdict(result.outcome),
-        "measures": {name: float(value) for name, value in result.measures.items()},
-        "timings": {name: float(value) for name, value in result.timings.items()},
-        "counts": {name: int(value) for name, value in result.counts.items()},
+        "outcome": plain(asdict(result.outcome)),
+        "measures": plain(result.measures),
+        "counts": plain(result.counts),
+        "timings_s": plain(result.timings),
         "versions": result.versions,
     }
 
 
-def result_of(
-    record: Mapping[str, Any], file: Path, timings: Mapping, curve: dict[str, np.ndarray]
-) -> Result:
+def result_of(record: Mapping[str, Any], file: Path, curve: dict[str, np.ndarray]) -> Result:
     """The run that a ``record`` in ``file`` describes. Raises BadInput, which names the version that wrote
     it, where its case is none of this cutbench."""
     try:
@@ -344,7 +329,7 @@ def result_of(
         case=case,
         curve=curve,
         outcome=Outcome(**{**record["outcome"], "reached_mm": number(record["outcome"]["reached_mm"])}),
-        timings={key: number(value) for key, value in timings.items()},
+        timings={key: number(value) for key, value in record["timings_s"].items()},
         counts=record["counts"],
         measures={key: number(value) for key, value in record["measures"].items()},
         id=record["id"],
@@ -364,10 +349,3 @@ def _read_curve(path: Path) -> dict[str, np.ndarray]:
     if len({column.shape for column in curve.values()}) != 1:
         raise ValueError(f"{path}: the columns have different lengths")
     return curve
-
-
-def _write(path: Path, content: bytes) -> None:
-    with open(path, "wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())

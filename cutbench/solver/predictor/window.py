@@ -197,7 +197,7 @@ class Window:
         lacked = above @ change - (moved - now[nodes])
         depth = self._depths(damage)[strip]
         near = np.hypot(space.X[0, nodes], self._top - space.X[1, nodes] - depth) < self._smoothed
-        for _ in range(self._tuning.smoothings):
+        for _ in range(4):
             lacked[near] = (part.average @ lacked)[near]
         guess = u.copy()
         places = nodes[:, None] * dim + np.arange(dim)

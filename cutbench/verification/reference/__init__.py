@@ -9,8 +9,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 
-from cutbench.verification.reference.base import Check, Reference
-from cutbench.verification.reference.runner import Verified, verify
+from cutbench.verification.reference.base import Check, Reference, Verified, verify
 
 #: In this order they stand in the table; others follow by name.
 FIRST = (

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import skfem
+from scipy.integrate import cumulative_trapezoid
 
-from cutbench.case.case import load_case
+from cutbench.case.case import Case, load_case
 from cutbench.forms.base import Form, Local, Step, component_major
 from cutbench.forms.bulk import BulkForm
 from cutbench.forms.mixed import MixedVolumetric
@@ -20,6 +22,8 @@ from cutbench.models2d.plane_strain import mirrored
 from cutbench.models3d.block import block
 from cutbench.models3d.mesh import quarter
 from cutbench.run.build import ORDER
+from cutbench.run.result import Result
+from cutbench.run.runner import run_case
 from cutbench.solver.newton import NewtonSettings, newton
 from cutbench.solver.problem import Evaluation, Problem
 
@@ -86,9 +90,9 @@ def solve(
 class DeadLoad(Form):
     """A load that does not follow: ∫ b·δu over a volume, or over faces with ``N`` and ``w`` of their own."""
 
-    def __init__(self, nodes: np.ndarray, vector: np.ndarray, name: str = "load"):
+    def __init__(self, nodes: np.ndarray, vector: np.ndarray):
         """``nodes`` (nn, n); ``vector`` (dim, nn, n) nodal forces at full load."""
-        self.name, self.loaded = name, 1.0
+        self.name, self.loaded = "load", 1.0
         self.dofs = component_major(nodes, vector.shape[0])
         self._vector = vector.reshape(self.dofs.shape)
 
@@ -120,9 +124,28 @@ def body_force(gradient: Callable[[np.ndarray], np.ndarray], G: float, nu: float
     return density
 
 
-def split_block(dim: int, seed: int = 0) -> skfem.Mesh:
+def finished(case: Case, **how: Any) -> Result:
+    """A run to its depth. Raises ArithmeticError where it falls short."""
+    result = run_case(case, **how)
+    if not result.outcome.done:
+        raise ArithmeticError(str(result.outcome))
+    return result
+
+
+def rate(values: np.ndarray, curve: Mapping[str, np.ndarray], start: float, end: float) -> float:
+    """By how much ``values`` (n,) grow per mm of travel from ``start`` to ``end``, mm."""
+    first, last = np.interp([start, end], curve["displacement_mm"], values)
+    return float(last - first) / (end - start)
+
+
+def blade_work(curve: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Work of the blade up to each point (n,), mJ."""
+    return cumulative_trapezoid(curve["force_N"], curve["displacement_mm"], initial=0)
+
+
+def split_block(dim: int) -> skfem.Mesh:
     """Two pieces 1 mm × 1.5 mm (× 1 mm) that meet at x = 0 and share no node, of unequal, skewed elements."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     if dim == 2:
         half = skfem.MeshTri.init_tensor(np.array([0.0, 0.4, 1.0]), np.array([0.0, 0.5, 0.9, 1.5]))
         mesh = mirrored(half)

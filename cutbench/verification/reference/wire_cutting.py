@@ -12,7 +12,7 @@ import numpy as np
 
 from cutbench.case.case import load_case
 from cutbench.run.result import Snapshot
-from cutbench.run.runner import run_case
+from cutbench.verification.reference._common import blade_work, finished, rate
 from cutbench.verification.reference.base import Check, Reference
 
 #: The elastomer, with a pre-cut that spares the wire the way in.
@@ -27,23 +27,21 @@ FROM, TO, EVERY = 3.0, 5.0, 0.1
 
 def compute() -> Iterator[Check]:
     case = load_case("elastomer", COARSE)
-    result = run_case(case, snapshots_mm=list(np.arange(FROM, TO, EVERY)))
-    if not result.outcome.done:
-        raise ArithmeticError(str(result.outcome))
+    result = finished(case, snapshots_mm=list(np.arange(FROM, TO, EVERY)))
     curve, p = result.curve, case.p
-    d, F = curve["displacement_mm"], curve["force_N"]
 
-    def rate(values: np.ndarray) -> float:
-        first, last = np.interp([FROM, TO], d, values)
-        return float(last - first) / (TO - FROM)
+    def grows(values: np.ndarray) -> float:
+        return rate(values, curve, FROM, TO)
 
-    force = rate(np.concatenate([[0.0], np.cumsum(np.diff(d) * (F[1:] + F[:-1]) / 2)]))
-    stored = rate(curve["work_neo_hookean_mJ"] + curve["work_volumetric_mJ"])
-    separated = rate(curve["work_stiff_cohesion_mJ"]) / rate(curve["cut_length_mm"])
+    force, stored = (
+        grows(blade_work(curve)),
+        grows(curve["work_neo_hookean_mJ"] + curve["work_volumetric_mJ"]),
+    )
+    separated = grows(curve["work_stiff_cohesion_mJ"]) / grows(curve["cut_length_mm"])
     arc = float(np.mean([touching(picture) for picture in result.snapshots]))
     rubbed, cut = 2 * p.tau_W * arc * p.length, p.G_c * p.length
     yield Check("work of separation per length of the cut, G_c L", "N", cut, separated, 0.01)
-    yield Check("work of adhesion per travel, 2 τ_W s L", "N", rubbed, rate(curve["work_adhesion_mJ"]), 0.08)
+    yield Check("work of adhesion per travel, 2 τ_W s L", "N", rubbed, grows(curve["work_adhesion_mJ"]), 0.08)
     what = "force less the growth of stored energy, (G_c + 2 τ_W s) L"
     yield Check(what, "N", cut + rubbed, force - stored, 0.02)
     yield Check("force, if the base were far", "N", cut + rubbed, force, 0.1)
