@@ -74,7 +74,7 @@ def test_a_kept_factorization_serves_a_matrix_that_has_changed_a_little(symmetri
         now = sp.csr_matrix((data, A.indices, A.indptr), A.shape)
         now = now + sp.triu(now, 1).T if symmetric else now
         assert np.linalg.norm(now @ kept.solve(b) - b) < 1e-6 * np.linalg.norm(b)
-        assert np.linalg.norm(now @ kept.direction(b) - b) < 2e-3 * np.linalg.norm(b)
+        assert np.linalg.norm(now @ kept.direction(b) - b) < 1.1 * iterative.DIRECTION * np.linalg.norm(b)
     # A small change needs no new factorization, a large one does.
     assert 1 <= kept.counts["factorizations"] <= 3
     assert kept.counts["gmres_iterations"] > 0
@@ -144,12 +144,16 @@ def test_a_rigid_motion_strains_nothing():
     assert np.linalg.matrix_rank(modes.reshape(60, 6)) == 6
 
 
-def test_auto_keeps_factorizations_in_solids_and_nowhere_else(solid):
+def test_auto_keeps_factorizations_in_solids_and_nowhere_else():
     n = iterative.SMALL + 1
     A = sp.diags([-1.0, 4.0, -1.0], [-1, 0, 1], shape=(n, n), format="csr")
     modes = np.zeros((n, 6))
     assert isinstance(solver_for("auto", *parts(A), False, modes), Kept)
-    assert not isinstance(solver_for("auto", *parts(A), False), (Kept, Multigrid))
+    section, b = solver_for("auto", *parts(A), False), np.ones(n)
+    for factor in (1.0, 1.001):
+        section.refactor(factor * A.data)
+        section.solve(b)
+    assert getattr(section, "counts", {"factorizations": 2})["factorizations"] == 2
 
 
 @pytest.fixture(scope="module")

@@ -28,11 +28,13 @@ SMALL = {
 }
 
 
-@given(st.floats(1.0, 30.0), st.integers(1, 20))
-def test_layers_fill_half_the_blade_and_are_as_thick_as_each_other(half, layers):
-    z = planes(half, layers)
+@given(st.floats(1.0, 30.0), st.integers(1, 20), st.floats(1.0, 20.0))
+def test_layers_fill_half_the_blade_and_are_thinner_towards_its_end(half, layers, graded):
+    z = planes(half, layers, graded)
     assert z.size == layers + 1 and z[0] == 0.0 and z[-1] == pytest.approx(half)
-    assert np.diff(z) == pytest.approx(half / layers)
+    thick = np.diff(z)
+    assert thick[0] == pytest.approx(thick[-1] * (graded if layers > 1 else 1.0))
+    assert thick[1:] / thick[:-1] == pytest.approx(graded ** (-1 / max(layers - 1, 1)))
 
 
 @settings(deadline=None, max_examples=8)

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from cutbench.case.case import load_case
+from cutbench.forms.prisms import Prisms
 from cutbench.forms.space import Space
 from cutbench.models2d.section import half_block
+from cutbench.models3d.extruded import extruded
 from cutbench.run.build import build
 from cutbench.run.checkpoint import NAME, Checkpoint
 from cutbench.run.remeshing import RemeshedMarch, Transfer, follows, lengths
@@ -85,6 +87,34 @@ def test_followed_meshes_change_little(case, followed):
         ends = [r.curve[f"work_{name}_mJ"][-1] for r in (followed, alone)]
         assert ends[0] == pytest.approx(ends[1], rel=0.03)
     assert abs(followed.measures["closure"] - alone.measures["closure"]) < 0.01
+
+
+@pytest.mark.slow
+def test_a_block_is_followed_as_its_section_is():
+    changes = {
+        "h": "0.12 mm", "shallow": 1, "corner": 0.5, "around": 1.0, "step": "0.1 mm", "thickness": "0.4 mm",
+        "delta_c": "0.1 mm", "width": "10 mm", "height": "8 mm", "length": "4 mm", "depth": "2 mm",
+        "G_c": "2 J/m^2", "eta_v": "0.02 mm", "energy_step": 0.2, "layers": 1,
+    }  # fmt: skip
+    followed, alone = (run_case(load_case("gelatin", {**changes, "around": a}, dim=3)) for a in (1.0, 0))
+    assert followed.outcome.done
+    assert followed.ledger[-1] == TRANSFER and TRANSFER not in alone.ledger
+    at = np.linspace(0.2, 2, 60)
+    for column in ("force_N", "middle_force_N", "cut_length_mm"):
+        one, other = (np.interp(at, r.displacement_mm, r.curve[column]) for r in (followed, alone))
+        assert np.abs(one - other).max() < 0.03 * np.abs(other).max(), column
+    assert abs(followed.measures["closure"] - alone.measures["closure"]) < 0.01
+    assert followed.measures["front_centre_mm"] == pytest.approx(alone.measures["front_centre_mm"], rel=0.02)
+
+
+def test_points_of_a_drawn_out_section_are_carried_plane_by_plane():
+    flat = [Space.build(half_block(4.0, 4.0, h), 2) for h in (0.5, 0.3)]
+    z = np.array([0.0, 1.0, 3.0])
+    old, new = (Prisms.of(extruded(space.mesh, z), space, z).faces("cut", degree=6) for space in flat)
+    value = 2.0 * old.X[1] - old.X[2]
+    found = new.from_others(old, value.ravel())
+    inner = np.abs(new.X[1].ravel() - 2.0) < 1.9
+    np.testing.assert_allclose(found[inner], (2.0 * new.X[1] - new.X[2]).ravel()[inner], atol=1e-9)
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ from typing import Any
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import among, one_of
 from cutbench.base.units import parse_quantity
-from cutbench.case.tuning import MeshTuning, StepTuning, Tuning
+from cutbench.case.tuning import MeshTuning, StepTuning, Tuning, WindowTuning
 
 #: A length may be written with its unit under the short name (h = "0.4 mm") or bare under the long (h_mm).
 ALIASES = {"h": "h_mm", "step": "step_mm", "step_min": "step_min_mm", "release": "release_mm"}
@@ -210,20 +210,25 @@ class Numerics:
 _COARSE: dict[str, Any] = {"h_mm": 0.125, "corner": 0.25}
 #: A block is a section drawn out: where it differs from the section's defaults. Elements are those of a first
 #: look, for each of a section's is one in each layer, and under the tip as large whatever h is: gelatin meets
-#: larger ones by the edge alone, and is not cut. Its mesh does not follow the front, and its surface does not
-#: see itself. Its planes jump one after the other, and contacts switch in each: with a contact that yields by
-#: less than a fiftieth of an element, ten times the damping and a ledger that may leave 2 % open the
-#: elastomer comes to 5 mm in minutes; docs/validation/blocks.md says what that costs.
+#: larger ones by the edge alone, and is not cut. Its surface does not see itself. Its planes jump one after
+#: the other, and contacts switch in each: with a contact that yields by less than a fiftieth of an element,
+#: ten times the damping and a ledger that may leave 2 % open the elastomer comes to 5 mm in minutes;
+#: docs/validation/blocks.md says what that costs.
 _SOLID = replace(
     Numerics(),
     h_mm=_COARSE["h_mm"],
     layers=2,
-    around=0.0,
+    along=1.0,
     self_contact="off",
     penalty=4000.0,
     stick=2560.0,
     damping_mm=3e-3,
-    tuning=Tuning(steps=StepTuning(drift=0.02), mesh=MeshTuning(corner=(1 / 16, 1 / 22.4))),
+    tuning=Tuning(
+        steps=StepTuning(drift=0.02),
+        mesh=MeshTuning(corner=(1 / 16, 1 / 22.4)),
+        # A factorization of the part around the front costs more, against the rest, than in a section.
+        window=WindowTuning(reach=0.5),
+    ),
 )
 #: And of a quick look at a block: one layer, and elements that grow on below the first cut.
 _QUICK: dict[str, Any] = {"h_mm": 0.25, "layers": 1}

@@ -77,19 +77,26 @@ class Faces:
         return dict(self.sets or ((self.name, slice(0, self.size.size)),))
 
     def from_others(self, others: Faces, values: np.ndarray) -> np.ndarray:
-        """``values`` (…, nq·nf) at the points of ``others``, on another mesh of the same block, at ours: on a
-        line between two neighbours. Of two dimensions only.
+        """``values`` (…, nq·nf) at the points of ``others``, on another mesh of the same section, at ours: on
+        a line between two neighbours. Of a section that is drawn out, in each of its planes.
         """
         out = np.empty((*values.shape[:-1], self.w.size))
-        numbers, old_numbers = (np.arange(f.w.size).reshape(f.w.shape) for f in (self, others))
         for name, part in self.parts.items():
-            old, new = old_numbers[:, others.parts[name]].ravel(), numbers[:, part].ravel()
-            axis = int(np.argmax(np.ptp(self.X[:, :, part], axis=(1, 2))))
-            s_old, s = others.X[axis].ravel()[old], self.X[axis].ravel()[new]
-            order = np.argsort(s_old, kind="stable")
-            for row in np.ndindex(*values.shape[:-1]):
-                out[row][new] = np.interp(s, s_old[order], values[row][old[order]])
+            axis = int(np.argmax(np.ptp(self.X[:2, :, part], axis=(1, 2))))
+            for old, new in zip(others.in_planes(name), self.in_planes(name), strict=True):
+                s_old, s = others.X[axis].ravel()[old], self.X[axis].ravel()[new]
+                order = np.argsort(s_old, kind="stable")
+                for row in np.ndindex(*values.shape[:-1]):
+                    out[row][new] = np.interp(s, s_old[order], values[row][old[order]])
         return out
+
+    def in_planes(self, name: str) -> list[np.ndarray]:
+        """The numbers of a part's points, those of each plane along z by themselves: a section is one."""
+        numbers = np.arange(self.w.size).reshape(self.w.shape)[:, self.parts[name]].ravel()
+        if self.X.shape[0] == 2:
+            return [numbers]
+        plane = np.unique(np.round(self.X[2].ravel()[numbers], 9), return_inverse=True)[1]
+        return [numbers[plane == k] for k in range(plane.max() + 1)]
 
     def some(self, which: np.ndarray) -> Faces:
         """Of the faces ``which``, in rising order, alone."""

@@ -15,12 +15,11 @@ from cutbench.forms.geometry import Geometry
 from cutbench.models3d.mesh import tetrahedra
 
 
-def planes(half: float, layers: int) -> np.ndarray:
-    """Heights (layers + 1,) from 0 in the middle of the blade to ``half`` of its length: layers all as thick.
-
-    A thin one at a free end is cut alone, long before the rest, and the sooner the thinner it is.
-    """
-    return np.linspace(0.0, half, layers + 1)
+def planes(half: float, layers: int, graded: float = 1.0) -> np.ndarray:
+    """Places (layers + 1,) from 0 in the middle of the blade to ``half`` of its length: the layer in the
+    middle is ``graded`` times as thick as that at the end, and those between go down in equal proportion."""
+    thick = graded ** -np.linspace(0.0, 1.0, layers)
+    return half * np.concatenate([[0.0], np.cumsum(thick) / thick.sum()])
 
 
 def extruded(section: skfem.MeshTri, z: np.ndarray) -> skfem.MeshTet:
@@ -35,10 +34,10 @@ def extruded(section: skfem.MeshTri, z: np.ndarray) -> skfem.MeshTet:
     return tetrahedra(p, np.hstack([prism + n * k for k in range(z.size - 1)]))
 
 
-def drawn_out(section: Geometry, length: float, layers: int, part: str) -> Geometry:
+def drawn_out(section: Geometry, length: float, layers: int, graded: float, part: str) -> Geometry:
     """The ``part`` of a block ``length`` mm long whose ``section`` is half of one, or, of a full block, the
     whole, split; with so many ``layers`` along half of the blade."""
-    z = planes(length / 2, layers)
+    z = planes(length / 2, layers, graded)
     if part != "quarter":
         z = np.append(-z[:0:-1], z)
     multiplicity = {"quarter": 4.0, "half": 2.0, "full": 1.0}[part]

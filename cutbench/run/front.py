@@ -17,6 +17,7 @@ from cutbench.forms.strips import Strips
 from cutbench.run.build import Built
 from cutbench.run.fields import snapshot
 from cutbench.run.observer import Observer
+from cutbench.run.remeshing import Transfer
 from cutbench.solver.march import Accepted
 
 #: Unit and meaning of each number, in the order in which tables show them.
@@ -70,12 +71,18 @@ class Front(Observer):
         self.z = self.onset = np.empty(0)
         if self._form is None:
             return
-        self.strips = Strips(built.space, self._form.faces, folded=True, count=strips)
+        self.strips, self._count = Strips(built.space, self._form.faces, folded=True, count=strips), strips
         self.z, self._strip, count = self.strips.z, self.strips.at, self.strips.z.size
         self.onset = np.full(count, math.nan)
         #: What is cut before the run, mm.
         self.before = self.lengths(built.problem.start())
         self._last = (0.0, np.zeros(count))
+
+    def renewed(self, transfer: Transfer) -> None:
+        self._built, self._form = transfer.new, transfer.new.problem.cut
+        assert self._form is not None, "without a cut no mesh follows one"
+        self.strips = Strips(self._built.space, self._form.faces, folded=True, count=self._count)
+        self._strip = self.strips.at
 
     def lengths(self, states: dict[str, dict]) -> np.ndarray:
         """Cut length (n,) of each strip in mm: its cut area over its width."""
@@ -175,10 +182,16 @@ class Middle(Observer):
         self._front, self._length = front, built.case.p.length
         # A mesh without a split has one side of the cut plane.
         self._sides = 1.0 if built.geometry.split else 2.0
-        near = front.strips.near
+        self._rows: list[tuple[float, float]] = [(0.0, float(front.before[0]))]
+        self._on(built)
+
+    def _on(self, built: Built) -> None:
+        near = self._front.strips.near
         self._there = {blade.name: np.abs(blade.faces.X[2]) <= near for blade in built.blades}
         self._weights = {blade.name: blade.faces.w for blade in built.blades}
-        self._rows: list[tuple[float, float]] = [(0.0, float(front.before[0]))]
+
+    def renewed(self, transfer: Transfer) -> None:
+        self._on(transfer.new)
 
     def add(self, step: Accepted) -> None:
         if step.between:

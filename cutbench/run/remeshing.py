@@ -1,7 +1,8 @@
 """Meshes that follow the front: a march goes on from one to the next, with all that its state has.
 
 Small elements are needed where the cut runs. All down the plane they are most of a section's, and of a
-run's time. So the section is meshed anew each time the front has come a blade thickness further;
+run's time. So the section, of a block also that which is drawn out, is meshed anew each time the front has
+come a blade thickness further, in a block where it is lowest;
 displacements and histories are read off the old mesh at the new one's points, and the blade rests until
 forces balance. Elements grow only where larger ones hold the same displacements. What that adds to the stored
 energy, and the rest gives back, stands in the ledger as ``transfer``.
@@ -18,7 +19,8 @@ import scipy.sparse as sp
 
 from cutbench.case.case import Case
 from cutbench.forms.space import Space
-from cutbench.run.build import ORDER, Built, build, geometry_of
+from cutbench.mechanisms import Bulk
+from cutbench.run.build import ORDER, Built, build, geometry_of, space_of
 from cutbench.solver.march import Accepted, Progress
 from cutbench.solver.problem import QUIET
 
@@ -31,9 +33,10 @@ def lengths(case: Case) -> tuple[float, float]:
 
 
 def follows(case: Case) -> bool:
-    """Whether a case's meshes follow its front: built ones of two dimensions, of displacements alone."""
+    """Whether a case's meshes follow its front: built sections, drawn out or not, of displacements alone, and
+    in a block of a solid without memory."""
     n = case.numerics
-    if case.dim == 3 or n.around == 0:
+    if n.around == 0 or (case.dim == 3 and (n.layers == 0 or _remembers(case))):
         return False
     stride, around = lengths(case)
     return (
@@ -43,6 +46,10 @@ def follows(case: Case) -> bool:
         and bool(case.model.laws("cut"))
         and not case.model.laws("support")
     )
+
+
+def _remembers(case: Case) -> bool:
+    return any(type(law).start is not Bulk.start for law in case.model.laws("bulk"))
 
 
 @dataclass(frozen=True)
@@ -90,7 +97,9 @@ class RemeshedMarch:
     def _geometry(self):
         stride, around = lengths(self.case)
         first, last = self.place.strides * stride, (self.place.strides + 1) * stride
-        fine = (min(first, self.place.tip) - around, last + around)
+        # Along the blade the front may still be at the top where it is deep elsewhere.
+        above = 0.0 if self.case.dim == 3 else min(first, self.place.tip) - around
+        fine = (above, last + around)
         return geometry_of(self.case, fine=fine, kept=self.place.kept)
 
     def _leaves(self, now: Progress) -> bool:
@@ -122,7 +131,10 @@ class RemeshedMarch:
             # A resumed run makes the mesh again from what is kept: nothing is added after it was made.
             self.place = replace(self.place, kept=np.hstack([self.place.kept, misfits]))
             geometry = self._geometry()
-            space = Space.build(geometry.mesh, ORDER[self.case.numerics.element])
+            space = space_of(geometry, ORDER[self.case.numerics.element])
+            # A block's mesh only grows finer downwards: it holds what the last one held.
+            if self.case.dim == 3:
+                break
             misfits = _misfits(old.space, space, now.u, tuning.misfit)
             if misfits.size == 0:
                 break

@@ -25,17 +25,15 @@ except ImportError:
 
 #: Largest residual of a solution, relative to the right-hand side.
 TOLERANCE = RESIDUAL / 10
-#: The same for a direction of Newton's method, which is corrected in the next iteration anyway.
-LOOSE = 1e-3
-#: The same for a correction with an old tangent, which leaves more than that of the residual anyway.
-CORRECTION = 0.1
+#: The same for a direction of Newton's method, or a correction with an old tangent: the next one sets right
+#: what it leaves.
+DIRECTION = 0.1
 #: Unknowns of a solid above which keeping a factorization gains anything; above which the symmetric part's,
 #: which PARDISO has in three fifths of the time and half of the memory, makes up for its iterations.
 SMALL, LARGE = 5_000, 15_000
-#: Iterations after which a kept factorization is older than it is worth, in one solution; and in all of them
-#: together what a new one costs, which would need one in each.
-OLD, WORTH = 5, 25
-#: The same of the symmetric part, just factorized: one that takes more is not worth what it saves.
+#: Iterations that a factorization costs as much as.
+WORTH = 15
+#: Iterations after which the symmetric part, just factorized, is not worth what it saves.
 HALF = 20
 #: The same for a hierarchy, which is cheaper to make, and the largest number of iterations with a fresh one.
 OLD_HIERARCHY, MAX_ITERATIONS = 60, 400
@@ -47,27 +45,25 @@ def solver_for(name: str, indptr, indices, n: int, symmetric: bool, modes: np.nd
     """A solver for one CSR pattern, as ``make_solver``, with the iterative ones.
 
     ``modes`` (n, 6), the rigid motions, are given in three dimensions, and there ``auto`` keeps
-    factorizations (``kept``). The iterative ones have methods ``direction`` and ``correction`` beside
-    ``solve``, less exact and cheaper. Raises BadInput for ``multigrid`` without PyAMG.
+    factorizations (``kept``). Raises BadInput for ``multigrid`` without PyAMG.
     """
-    if name in ("auto", "pardiso") and modes is None and not symmetric:
-        with suppress(ValueError, SingularMatrix):  # what has another pattern than its transpose; no PARDISO
-            return Halved(indptr, indices, n)
-    if name == "auto" and modes is not None and n > SMALL:
-        name = "kept"
-    if name == "kept":
-        direct = make_solver("auto", indptr, indices, n, symmetric)
-        half = None
-        if direct.name == "pardiso" and not symmetric and n > LARGE:
-            with suppress(ValueError):  # what has another pattern than its transpose
-                half = SymmetricPart(indptr, indices, n)
-        return Kept(direct, indptr, indices, n, symmetric, half)
+    pattern = indptr, indices, n
     if name == "multigrid" and pyamg is None:
         wanted = "another solver, or PyAMG installed: pip install 'cutbench[large]'"
         raise BadInput(key="solver", value=name, expected=wanted)
     if name == "multigrid":
-        return Multigrid(indptr, indices, n, symmetric, modes)
-    return make_solver(name, indptr, indices, n, symmetric)
+        return Multigrid(*pattern, symmetric, modes)
+    if name == "auto" and modes is not None and n > SMALL:
+        name = "kept"
+    keeps = name == "kept"
+    direct = make_solver("auto" if keeps else name, *pattern, symmetric)
+    half = None
+    if direct.name == "pardiso" and not symmetric and (n > LARGE if keeps else modes is None):
+        with suppress(ValueError):  # what has another pattern than its transpose
+            half = SymmetricPart(*pattern)
+    if keeps:
+        return Kept(direct, *pattern, symmetric, half)
+    return direct if half is None else Kept(direct, *pattern, symmetric, half, worth=0)
 
 
 def rigid_motions(X: np.ndarray) -> np.ndarray:
@@ -131,7 +127,7 @@ def gmres(
         left, done = float(np.linalg.norm(r)) / size, done + 1
         if steady and done > 2 and left > tolerance ** (done / most):
             break
-    if tolerance < LOOSE:  # below that r may have lost what rounding takes
+    if tolerance < DIRECTION:  # below that r may have lost what rounding takes
         left = float(np.linalg.norm(b - matvec(x))) / size
     if not left <= tolerance * (1 + 1e-3):  # rounding
         raise Stagnation(left, done)
@@ -192,56 +188,23 @@ def _mean(data, one, other):
     return out
 
 
-class Halved:
-    """The factorization of a section's symmetric part as the preconditioner of GMRES: it takes three fifths
-    of the time of the whole one, and mostly one iteration. Where it takes many, the whole is factorized.
-
-    Raises SingularMatrix without PARDISO, ValueError as ``SymmetricPart``.
+class Kept:
+    """GMRES, preconditioned by the factorization of a matrix that this one once was: of its symmetric part
+    ``half``, where that is given. It is renewed once the iterations that it has cost too many are ``worth`` a
+    new one: at once where that is 0. Where even a new one of the symmetric part serves badly, the whole
+    matrix is factorized from then on.
     """
 
-    name = "pardiso"
-
-    def __init__(self, indptr, indices, n: int):
-        self._direct = make_solver("pardiso", indptr, indices, n, False)
-        self._half: SymmetricPart | None = SymmetricPart(indptr, indices, n)
-        self._matrix, self._data = _Matrix(indptr, indices, n, False), np.zeros(0)
-
-    def refactor(self, data: np.ndarray) -> None:
-        self._data = data
-        if self._half is not None:
-            try:
-                self._half.refactor(data)
-                self._matrix.set(data)
-                return
-            except SingularMatrix:
-                self._half = None
-        self._direct.refactor(data)
-
-    def direction(self, b: np.ndarray) -> np.ndarray:
-        """Of Newton's method, as exact as what follows it asks for."""
-        return self.solve(b, CORRECTION)
-
-    correction = direction
-
-    def solve(self, b: np.ndarray, tolerance: float = TOLERANCE) -> np.ndarray:
-        if self._half is not None:
-            try:
-                return gmres(self._matrix.__matmul__, self._half.back, b, tolerance=tolerance, most=HALF)[0]
-            except Stagnation:
-                self._half = None
-                self._direct.refactor(self._data)
-        return self._direct.solve(b)
-
-
-class Kept:
-    """A direct solver's last factorization as the preconditioner of GMRES, renewed when it is too old; that
-    of ``half``, the symmetric part, for as long as it is good for anything."""
-
-    def __init__(self, direct, indptr, indices, n: int, symmetric: bool, half: SymmetricPart | None = None):
+    def __init__(
+        self, direct, indptr, indices, n: int, symmetric: bool, half: SymmetricPart | None = None,
+        worth: int = WORTH,
+    ):  # fmt: skip
         self.name = direct.name
         self._direct, self._matrix = direct, _Matrix(indptr, indices, n, symmetric)
-        self._half, self._data = half, np.zeros(0)
+        self._half, self._worth, self._data = half, worth, np.zeros(0)
         self._have = self._fresh = False
+        #: Unknowns (m,) whose part of the matrix somebody has factorized since, and that factorization.
+        self._newer: tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]] | None = None
         self._spent = 0
         #: Iterations that the first solution with a factorization took: of a whole one it is done in one.
         self._least = 1
@@ -249,22 +212,38 @@ class Kept:
         self.counts = {"factorizations": 0, "gmres_iterations": 0}
 
     def refactor(self, data: np.ndarray) -> None:
+        """Take the matrix of these CSR values; the factorization is renewed where it needs that."""
         self._data, self._fresh = data, False
         self._matrix.set(data)
         if not self._have:
             self._renew()
 
+    def renewed_at(self, where: np.ndarray, back: Callable[[np.ndarray], np.ndarray]) -> None:
+        """Of the unknowns ``where`` (m,) there is a newer factorization, which solves by ``back``. While the
+        matrix changes there alone, the old one of all of them serves on with it: each takes up what the other
+        leaves over (multiplicative Schwarz; B. Smith, P. Bjørstad, W. Gropp, Domain Decomposition, 1996).
+        """
+        self._newer = where, back
+
     def _renew(self) -> None:
-        self._have = False
+        self._have, self._newer = False, None
         (self._half or self._direct).refactor(self._data)
         self._have = self._fresh = True
         self._spent, self._least = 0, 1 if self._half is None else 0
         self.counts["factorizations"] += 1
 
+    def back(self, b: np.ndarray) -> np.ndarray:
+        """As a direct solver's: with what is factorized, not checked."""
+        x = (self._half or self._direct).back(b)
+        if self._newer is not None:
+            where, back = self._newer
+            x[where] += back((b - self._matrix @ x)[where])
+        return x
+
     def solve(self, b: np.ndarray, tolerance: float = TOLERANCE) -> np.ndarray:
-        if not self._fresh and self._spent < WORTH:
+        if not self._fresh and self._spent < self._worth:
             try:
-                return self._iterated(b, tolerance, self._least + OLD, steady=True)
+                return self._iterated(b, tolerance, self._least + self._worth, steady=True)
             except Stagnation as error:
                 self.counts["gmres_iterations"] += error.iterations
         if not self._fresh:
@@ -279,18 +258,17 @@ class Kept:
         return self._direct.solve(b)
 
     def _iterated(self, b: np.ndarray, tolerance: float, most: int, steady: bool = False) -> np.ndarray:
-        back = (self._half or self._direct).back
-        x, count = gmres(self._matrix.__matmul__, back, b, tolerance=tolerance, most=most, steady=steady)
+        x, count = gmres(self._matrix.__matmul__, self.back, b, tolerance=tolerance, most=most, steady=steady)
         self.counts["gmres_iterations"] += count
         self._spent += max(count - max(self._least, 1), 0)
         self._least = self._least or count
         return x
 
     def direction(self, b: np.ndarray) -> np.ndarray:
-        return self.solve(b, LOOSE)
+        """Of Newton's method, as exact as what follows it asks for."""
+        return self.solve(b, DIRECTION)
 
-    def correction(self, b: np.ndarray) -> np.ndarray:
-        return self.solve(b, CORRECTION)
+    correction = direction
 
 
 class Multigrid:
@@ -335,10 +313,9 @@ class Multigrid:
         self.counts["hierarchies"] += 1
 
     def direction(self, b: np.ndarray) -> np.ndarray:
-        return self.solve(b, LOOSE)
+        return self.solve(b, DIRECTION)
 
-    def correction(self, b: np.ndarray) -> np.ndarray:
-        return self.solve(b, CORRECTION)
+    correction = direction
 
     def solve(self, b: np.ndarray, tolerance: float = TOLERANCE) -> np.ndarray:
         for fresh in (self._fresh, True):

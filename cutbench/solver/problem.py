@@ -18,7 +18,7 @@ from cutbench.forms.cut import CutForm
 from cutbench.forms.damping import DampingForm
 from cutbench.forms.self_contact import SelfContactForm
 from cutbench.forms.surface import SurfaceForm
-from cutbench.solver.iterative import solver_for
+from cutbench.solver.iterative import Kept, solver_for
 
 #: Of numbers that are not finite nothing is said.
 QUIET = partial(np.errstate, invalid="ignore", divide="ignore", over="ignore")
@@ -134,7 +134,12 @@ class Problem:
         (name, modes), pattern, size = self._asked, self.pattern, self.free.size
         modes = None if modes is None else modes[self.free]
         self.solver = solver_for(name, pattern.indptr, pattern.indices, size, self.symmetric, modes)
-        self._solves = pattern
+        self._solves, self.factorized = pattern, False
+
+    def renewed_around(self, part: Problem) -> None:
+        """``part``, some of this problem, may have a newer factorization of its own."""
+        if part.factorized and self.factorized and isinstance(self.solver, Kept):
+            self.solver.renewed_at(np.searchsorted(self.free, part.free), part.solver.back)
 
     def learn(self, u: np.ndarray) -> None:
         """Make ``pattern`` anew where parts of the surface meet at ``u`` that it does not know. The solver
@@ -238,6 +243,7 @@ class Problem:
         if self._solves is not self.pattern:
             self._set_up_solver()
         self.solver.refactor(data)
+        self.factorized = True
         self.timer.add("factorization", begin)
 
     def back_substitute(self, residual: np.ndarray, *, how: str = "solve") -> np.ndarray:

@@ -80,6 +80,7 @@ class Window:
                 floor = settings.smallest_ratio * min(1.0, self._problem.bulk.smallest_volume_ratio(last))
                 u = on_the_way(self._problem, last, u, floor)
                 u = self._newton(part, u, of_part, step, settings)
+        self._problem.renewed_around(part.problem)
         return u
 
     def _newton(
