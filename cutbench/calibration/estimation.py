@@ -145,21 +145,13 @@ def successive_estimates(
     cuts = posterior.tests_with_runs
     q = np.zeros(len(posterior.parameters)) if start is None else start
     if not cuts:
-        starts = [q] if start is not None else [q, *_further_starts(q)]
-        best: Estimated | None = None
-        for number, each in enumerate(starts):
-            on_progress(number, len(starts), "looking for the most probable values")
-            with suppress(ComputationFailed):
-                there = posterior.maximum(each)
-                if best is None or there.log_posterior > best.log_posterior:
-                    best = there
-                    yield best
-        if best is None:
-            posterior.maximum(q)  # says why not
+        yield from _without_runs(
+            posterior, [q] if start is not None else [q, *_further_starts(q)], on_progress
+        )
         return
     runs, count = posterior.predictions.runs, SETTINGS.first + SETTINGS.each * q.size
     progress = _Progress(runs, on_progress, count + len(cuts) * (2 + 4 * refine))
-    best = None
+    best: Estimated | None = None
     if start is None:
         q, low, high = _search_box(posterior, q)
         progress.text = "computing the cuts where the search begins"
@@ -195,6 +187,22 @@ def successive_estimates(
         best = _with_mesh_error(posterior, cuts, best)
     runs.on_run = lambda: None  # what others compute is not of this search
     yield replace(best, settled=settled)
+
+
+def _without_runs(
+    posterior: Posterior, starts: Sequence[np.ndarray], on_progress: OnProgress
+) -> Iterator[Estimated]:
+    """The same of tests that take no runs: maxima from all ``starts``, each better than the last."""
+    best: Estimated | None = None
+    for number, each in enumerate(starts):
+        on_progress(number, len(starts), "looking for the most probable values")
+        with suppress(ComputationFailed):
+            there = posterior.maximum(each)
+            if best is None or there.log_posterior > best.log_posterior:
+                best = there
+                yield best
+    if best is None:
+        posterior.maximum(starts[0])  # says why not
 
 
 def _surrogate_about(best: Estimated) -> Posterior:

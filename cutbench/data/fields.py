@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -150,11 +151,7 @@ def read_fields(
         For a file that cannot be read, points that are on no grid, or given twice.
     """
     path = Path(path)
-    asked = {{"u": "u_x", "v": "u_y"}.get(role, role): name for role, name in (columns or {}).items()}
-    for role in ("x", "y", "u_x", "u_y"):
-        if columns is not None and role not in asked:
-            raise BadInput(key=f"columns.{role}", value="(missing)", expected=f"the column of {role}")
-        asked.setdefault(role, role)
+    asked = _asked(columns)
     more = matching_titles(path, asked, ["travel", *VALID])
     if columns is None and "travel" in more:
         asked["travel"] = more.pop("travel")
@@ -163,19 +160,14 @@ def read_fields(
         asked["valid"] = rule[0]
     units = {role: unit for role, unit in (units or {}).items() if role in asked}
     table = read_table(path, asked, units, tuple(asked))
-    data = dict(table.columns)
-    notes = list(table.notes)
-    lost = np.zeros(table.lines.size, dtype=bool)
+    data, notes, lost = dict(table.columns), list(table.notes), np.zeros(table.lines.size, dtype=bool)
     if rule is not None:
         with np.errstate(invalid="ignore"):
             lost = ~_SIGNS[rule[1]](data["valid"], rule[2])
         notes += _left_out(path, table.lines[lost], f"{rule[0]} is not {rule[1]} {rule[2]:g}")
     for role in ("x", "y", "travel"):
         if role in data and (blank := ~np.isfinite(data[role]) & ~lost).any():
-            expected = f"the {role} of every point in mm; the cell is empty"
-            raise BadInput(
-                file=str(path), line=int(table.lines[np.argmax(blank)]), key=role, value="", expected=expected
-            )
+            _refuse_blank(path, role, int(table.lines[np.argmax(blank)]))
     if y_down:
         data |= {"y": -data["y"], "u_y": -data["u_y"]}
     travels = data["travel"] if "travel" in data else np.full(table.lines.size, travel_mm)
@@ -184,16 +176,36 @@ def read_fields(
         expected = "points that were found; 'none' takes all for found"
         raise BadInput(file=str(path), key="valid", value=str(valid or rule), expected=expected)
     fields = []
-    for travel in np.unique(travels[placed]):
-        here = placed & (np.isnan(travels) if np.isnan(travel) else travels == travel)
+    for travel, here in _by_travel(travels, placed):
         points = np.stack([data["x"][here] + shift_mm[0], data["y"][here] + shift_mm[1]])
         u = np.stack([data["u_x"][here], data["u_y"][here]])
         still = _still(points, u)
         u[:, still] = np.nan
         own = [*notes, *_left_out(path, table.lines[here][still], "both displacements are exactly 0")]
         x, y, field = _gridded(path, points, u, table.lines[here])
-        fields.append(Field(x, y, field, float(travel), configuration, tuple(own)))
+        fields.append(Field(x, y, field, travel, configuration, tuple(own)))
     return fields
+
+
+def _asked(columns: Mapping[str, str | int] | None) -> dict[str, str | int]:
+    """Columns by what they are: those that somebody names, or else the names themselves."""
+    asked = {{"u": "u_x", "v": "u_y"}.get(role, role): name for role, name in (columns or {}).items()}
+    for role in ("x", "y", "u_x", "u_y"):
+        if columns is not None and role not in asked:
+            raise BadInput(key=f"columns.{role}", value="(missing)", expected=f"the column of {role}")
+        asked.setdefault(role, role)
+    return asked
+
+
+def _by_travel(travels: np.ndarray, placed: np.ndarray) -> Iterator[tuple[float, np.ndarray]]:
+    """Each travel of the points that are ``placed`` (n,), and which these are (n,); nan is one, too."""
+    for travel in np.unique(travels[placed]):
+        yield float(travel), placed & (np.isnan(travels) if np.isnan(travel) else travels == travel)
+
+
+def _refuse_blank(path: Path, role: str, line: int) -> NoReturn:
+    expected = f"the {role} of every point in mm; the cell is empty"
+    raise BadInput(file=str(path), line=line, key=role, value="", expected=expected)
 
 
 def _rule(titles: Mapping[str, str], valid: str | None) -> tuple[str | int, str, float] | None:

@@ -132,7 +132,13 @@ def build_map(
     if marks := study.marks():
         data |= _marked_runs(marks, rows)
         coords["mark"] = "mark", [mark.name for mark in marks], {"long_name": "marked material"}
-    about = {
+    found = xr.Dataset(data, coords, _about(study))
+    return with_strips(found, checks, rows) if checks and (checks.refined or checks.alternatives) else found
+
+
+def _about(study: Study) -> dict[str, object]:
+    """Attributes of a map: all of its study, so that the map can be read without it."""
+    return {
         "title": study.title,
         "mode": study.mode,
         "axes": json.dumps([axis.name for axis in study.axes]),
@@ -153,8 +159,6 @@ def build_map(
         "plot_panel": study.plot.panel,
         "marks": json.dumps([{"name": m.name} | dict(m.at) for m in study.marks()]),
     }
-    found = xr.Dataset(data, coords, about)
-    return with_strips(found, checks, rows) if checks and (checks.refined or checks.alternatives) else found
 
 
 def _margin(row: MapRow, drop: float, surge: float) -> float:

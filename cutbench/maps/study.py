@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -294,42 +294,24 @@ def load_study(path: str | Path) -> Study:
         base = start.set(mechanisms=whole.mechanisms, **changes)
     axes = read_axes(table, path, text, base.model, changes, mode)
     with located(path, text, "regime"):
-        regime = read_regime(read_section(table, "regime"))
-        if base.until == TRANSITION and regime.onset_length_mm > ONSET_MM:
-            expected = (
-                f"at most {ONSET_MM:g} mm: a run until its transition ends behind the onset by that length"
-            )
-            raise BadInput("onset_length", f"{regime.onset_length_mm:g} mm", expected)
-    doubtful = Doubtful()
-    if "uncertainty" in table:
-        with located(path, text, "uncertainty"):
-            if mode not in (GRID, BOUNDARY):
-                wanted = f"it only where mode = '{GRID}' or '{BOUNDARY}'"
-                raise BadInput("uncertainty", "[uncertainty]", wanted)
-            doubtful = read_uncertainty(read_section(table, "uncertainty"))
+        regime = _regime(table, base)
+    with located(path, text, "uncertainty"):
+        doubtful = _doubtful(table, mode)
     with located(path, text, "plot"):
         plot = read_plot(read_section(table, "plot"), axes)
     search: Search | None = None
     samples: tuple[tuple[float, ...], ...] = ()
-    places: Iterable[tuple[float, ...]]
     if mode == BOUNDARY:
         with located(path, text, "boundary"):
             search = read_search(read_section(table, "boundary"), axes)
-        # The corners and the middle stand for all that may be asked for.
-        ends = [
-            (a.values[0], a.values[len(a.values) // 2], a.values[-1]) if a.continuous else a.values
-            for a in axes
-        ]
-        places = itertools.product(*ends)
     elif mode == SAMPLE:
         with located(path, text, "sample"):
-            samples = places = latin_hypercube(axes, *read_sample(read_section(table, "sample")))
+            samples = latin_hypercube(axes, *read_sample(read_section(table, "sample")))
     elif mode == ONE:
         at = {axis.name: value_on(axis, start if axis.mechanism else base) for axis in axes}
         with located(path, text):
-            samples = places = one_at_a_time(axes, _middle(at))
-    else:
-        places = itertools.product(*(a.values for a in axes))
+            samples = one_at_a_time(axes, _middle(at))
+    places = samples or itertools.product(*_grid(axes, ends=mode == BOUNDARY))
     with located(path, text):
         cases = tuple(case_at(start, changes, axes, values) for values in places)
         for model in {case.model for case in cases}:
@@ -340,6 +322,34 @@ def load_study(path: str | Path) -> Study:
     )  # fmt: skip
     study.marks()  # what is wrong with one is said before anything is run
     return study
+
+
+def _regime(table: dict, base: Case) -> Regime:
+    """What ``[regime]`` says, for runs of ``base`` and their like."""
+    regime = read_regime(read_section(table, "regime"))
+    if base.until == TRANSITION and regime.onset_length_mm > ONSET_MM:
+        expected = f"at most {ONSET_MM:g} mm: a run until its transition ends behind the onset by that length"
+        raise BadInput("onset_length", f"{regime.onset_length_mm:g} mm", expected)
+    return regime
+
+
+def _doubtful(table: dict, mode: str) -> Doubtful:
+    """What ``[uncertainty]`` says, if there is one."""
+    if "uncertainty" not in table:
+        return Doubtful()
+    if mode not in (GRID, BOUNDARY):
+        raise BadInput("uncertainty", "[uncertainty]", f"it only where mode = '{GRID}' or '{BOUNDARY}'")
+    return read_uncertainty(read_section(table, "uncertainty"))
+
+
+def _grid(axes: Sequence[Axis], ends: bool) -> list[tuple[float, ...]]:
+    """The values on each of the ``axes``; with ``ends`` of a continuous one its ends and its middle, which
+    stand for all that a search may ask for."""
+
+    def of(values: tuple[float, ...]) -> tuple[float, ...]:
+        return values[0], values[len(values) // 2], values[-1]
+
+    return [of(axis.values) if ends and axis.continuous else axis.values for axis in axes]
 
 
 def _read(path: Path) -> tuple[dict, str]:

@@ -132,9 +132,8 @@ def run_study(
 ) -> Sweep:
     """Compute the cuts of a study that are missing, and write its map and pictures.
 
-    It writes ``map.nc``, ``map.csv``, ``summary.txt``, ``phase.png`` and ``phase.svg``, from time to time and
-    at the end, then also ``map.html`` and ``estimates.png``. Ctrl-C ends the sweep with what is done: the
-    returned ``Sweep`` says ``interrupted``.
+    It writes ``map.nc``, ``map.csv``, ``summary.txt`` and ``phase.png``, from time to time and at the end,
+    then also ``map.html``. Ctrl-C ends the sweep with what is done: ``interrupted``.
 
     Parameters
     ----------
@@ -147,8 +146,7 @@ def run_study(
     on_progress : callable
         Called as ``on_progress(done, total, text)`` with numbers of the runs asked for so far.
     run : callable, optional
-        Replaces ``cutbench.run.runner.run_case``: takes a case and returns its result. Other processes must
-        be able to import it.
+        Replaces ``cutbench.run.runner.run_case``. Other processes must be able to import it.
     store : str or path, optional
         Folder that keeps the runs; ``out/runs`` unless given.
     retry_failed : bool
@@ -174,25 +172,18 @@ def run_study(
 
     Examples
     --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> import cutbench
+    >>> import pathlib, tempfile, cutbench
     >>> text = '''
     ... base = "gelatin"
     ... mechanisms = ["neo_hookean", "volumetric", "contact"]
-    ... [protocol]
-    ... depth = "0.1 mm"
-    ... [numerics]  # too coarse for use
-    ... h = "0.8 mm"
-    ... element = "P1"
-    ... [[axis]]
-    ... name = "G"
-    ... values = ["5 kPa", "10 kPa"]
+    ... protocol = { depth = "0.1 mm" }
+    ... numerics = { h = "0.8 mm", element = "P1" }  # too coarse for use
+    ... axis = [{ name = "G", values = ["5 kPa", "10 kPa"] }]
     ... '''
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     file = Path(folder) / "study.toml"
+    ...     file = pathlib.Path(folder, "study.toml")
     ...     _ = file.write_text(text)
-    ...     sweep = cutbench.run_study(file, Path(folder) / "map", workers=0, pictures=False)
+    ...     sweep = cutbench.run_study(file, folder + "/map", workers=0, pictures=False)
     >>> sweep.complete, sweep.findings.labels
     (True, {'uncut': 2})
     """

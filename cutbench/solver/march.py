@@ -205,10 +205,7 @@ class March:
                 pace = replace(pace, size=min(pace.size, motion.room(now.pseudo_time_mm)))
             pseudo_time_mm, u, states, size = now.pseudo_time_mm, now.u, now.states, pace.advance
             travel, ahead = motion.travel(pseudo_time_mm), motion.travel(pseudo_time_mm + size)
-            straight, ratio = (u, 0.0) if pace.rests else (None, 0.0)
-            if not pace.rests and now.u_before is not None and now.size_before is not None:
-                ratio = size / now.size_before
-                straight = u + (u - now.u_before) * ratio
+            straight, ratio = _straight(now, pace)
             smooth = (
                 not now.jumped and ratio <= rules.ratio and pace.damping_factor == 1 and rules.second_order
             )
@@ -244,13 +241,7 @@ class March:
             if self.past is not None:
                 damage = np.real(found.result.states["cohesion"]["damage"])
                 self.past.add(ahead, found.u, damage)
-            u_before, size_before = (now.u_before, now.size_before) if pace.rests else (u, size)
-            jumped = pace.between or pace.rests
-            if pace.blade == SETTLES:
-                jumped = now.jumped
-                # Another mesh, the same way: what the last step did goes on.
-                u_before = None if now.u_before is None else now.u_before + found.u - u
-                size_before = now.size_before
+            u_before, size_before, jumped = _last_step(now, pace, found.u)
             taken, effort, added = pace, found.effort, now.added
             pace = control.after(pace, max(effort), growth, defect, allowed, nascent)
             pseudo_time_mm += size
@@ -317,3 +308,25 @@ class March:
         held = FixedPointIteration(self.problem, self.newton, self.rules.augmentations, self.rules.staggered)
         u, result = held.solved(guess, states, step)
         return _Found(self.problem, self.load, states, step, force, u, result, held.effort, held.solves)
+
+
+def _straight(now: Progress, pace: StepState) -> tuple[np.ndarray | None, float]:
+    """Where a straight line through the last two states leads in the next step, if there is one, and that
+    step's length by the last one's."""
+    if pace.rests:
+        return now.u, 0.0
+    if now.u_before is None or now.size_before is None:
+        return None, 0.0
+    ratio = pace.advance / now.size_before
+    return now.u + (now.u - now.u_before) * ratio, ratio
+
+
+def _last_step(now: Progress, pace: StepState, u: np.ndarray) -> tuple[np.ndarray | None, float | None, bool]:
+    """What predictions after a step from ``now`` to ``u`` begin from: the displacements before it, its length
+    in mm, and whether damping had been raised."""
+    if pace.blade == SETTLES:
+        # Another mesh, the same way: what the last step did goes on.
+        return None if now.u_before is None else now.u_before + u - now.u, now.size_before, now.jumped
+    if pace.rests:
+        return now.u_before, now.size_before, True
+    return now.u, pace.advance, pace.between
