@@ -96,11 +96,13 @@ def gmres(
     most: int,
     restart: int = RESTART,
     steady: bool = False,
+    directions: list[tuple[np.ndarray, np.ndarray]] | None = None,
 ) -> tuple[np.ndarray, int]:
     """Solve A x = b by GMRES, preconditioned from the right, in the form of generalized conjugate residuals.
 
     So the residual it watches is that of the equations, and ends at ``tolerance`` times |b|. Preconditioned
     directions are kept: each iteration preconditions once, where making x of others would do so once more.
+    They, with what the matrix makes of them, are added to ``directions``, and serve the next right-hand side.
     Returns x and the iterations; raises Stagnation after ``most``, or, if ``steady``, from the third on where
     ``most`` iterations like those so far would not do.
     """
@@ -108,7 +110,12 @@ def gmres(
     if size == 0:
         return x, 0
     r, left = b, 1.0
-    directions: list[tuple[np.ndarray, np.ndarray]] = []
+    directions = [] if directions is None else directions
+    for direction, image in directions:
+        along = image @ r
+        x, r = x + along * direction, r - along * image
+    if directions:
+        left = float(np.linalg.norm(r)) / size
     while left > tolerance and done < most:
         z = precondition(r)
         w = matvec(z)
@@ -121,7 +128,7 @@ def gmres(
         z, w = z / length, w / length
         step = w @ r
         x, r = x + step * z, r - step * w
-        if len(directions) == restart:
+        if len(directions) >= restart:
             directions.clear()
         directions.append((z, w))
         left, done = float(np.linalg.norm(r)) / size, done + 1
@@ -205,6 +212,8 @@ class Kept:
         self._have = self._fresh = False
         #: Unknowns (m,) whose part of the matrix somebody has factorized since, and that factorization.
         self._newer: tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]] | None = None
+        #: Directions of solutions with the present matrix, and what it makes of them.
+        self._directions: list[tuple[np.ndarray, np.ndarray]] = []
         self._spent = 0
         #: Iterations that the first solution with a factorization took: of a whole one it is done in one.
         self._least = 1
@@ -213,7 +222,7 @@ class Kept:
 
     def refactor(self, data: np.ndarray) -> None:
         """Take the matrix of these CSR values; the factorization is renewed where it needs that."""
-        self._data, self._fresh = data, False
+        self._data, self._fresh, self._directions = data, False, []
         self._matrix.set(data)
         if not self._have:
             self._renew()
@@ -258,7 +267,10 @@ class Kept:
         return self._direct.solve(b)
 
     def _iterated(self, b: np.ndarray, tolerance: float, most: int, steady: bool = False) -> np.ndarray:
-        x, count = gmres(self._matrix.__matmul__, self.back, b, tolerance=tolerance, most=most, steady=steady)
+        x, count = gmres(
+            self._matrix.__matmul__, self.back, b, tolerance=tolerance, most=most, steady=steady,
+            directions=self._directions,
+        )  # fmt: skip
         self.counts["gmres_iterations"] += count
         self._spent += max(count - max(self._least, 1), 0)
         self._least = self._least or count
