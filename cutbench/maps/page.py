@@ -34,7 +34,16 @@ from cutbench.case.physics import Physics
 from cutbench.maps.axes import Axis
 from cutbench.maps.boundary_line import shown_strips
 from cutbench.maps.closed_form_estimates import estimated_margin
-from cutbench.maps.dataset import LABELS, NOT_COMPUTED, NUMBERS, OUTCOME_FLAGS, axes_of, axis_of, places_of
+from cutbench.maps.dataset import (
+    ESTIMATE,
+    LABELS,
+    NOT_COMPUTED,
+    NUMBERS,
+    OUTCOME_FLAGS,
+    axes_of,
+    axis_of,
+    places_of,
+)
 from cutbench.maps.guidance import MapReader
 from cutbench.maps.map_cases import computed_by, physics_by_place
 from cutbench.maps.plot_coordinates import DROP_COLOURS, SMALLEST_IN_LOG, between
@@ -93,7 +102,7 @@ def page(data: xr.Dataset, store: Store | None) -> str:
     content = json.dumps(found, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
     parts = {
         "__TITLE__": escape(data.attrs["title"]),
-        "__BY__": escape(f"{_verb(data)} by {computed_by(data)}."),
+        "__BY__": escape(f"{data.attrs[ESTIMATE] or 'Computed'}; by {computed_by(data)}."),
         "__STYLE__": _web("page.css"),
         "__CONTROLS__": _controls(found),
         "__MARKS__": _marks(found["points"]),
@@ -103,10 +112,6 @@ def page(data: xr.Dataset, store: Store | None) -> str:
         "__SCRIPT__": _web("page.js"),
     }
     return re.sub("|".join(parts), lambda match: parts[match[0]], _web("page.html"))
-
-
-def _verb(data: xr.Dataset) -> str:
-    return "Computed" if (data["run_id"].values != "").any() else "Estimated, without runs,"
 
 
 def _web(name: str) -> str:

@@ -39,7 +39,7 @@ from cutbench.maps.boundary import NORMAL_QUANTILE
 from cutbench.maps.boundary_line import draw_line, draw_strips, strip_handles
 from cutbench.maps.closed_form_estimates import estimated_margin
 from cutbench.maps.confirmed_points import FOLDER, RECORD, draw_confirmed, handles_of, read_confirmed
-from cutbench.maps.dataset import LABELS, NOT_COMPUTED, OUTCOME_FLAGS, axes_of, places_of
+from cutbench.maps.dataset import ESTIMATE, LABELS, NOT_COMPUTED, OUTCOME_FLAGS, axes_of, places_of
 from cutbench.maps.material_markers import draw_materials, marks_of
 from cutbench.maps.material_markers import handles_of as handles_of_marks
 from cutbench.maps.plot_coordinates import (
@@ -110,7 +110,8 @@ def draw_phase(data: xr.Dataset, confirmed: Sequence[Mapping] = (), size: Size |
             _title(ax, data, panel, k, lettered=panels > 1, short=short)
         if image is not None:
             bar = figure.colorbar(image, ax=list(axes.flat), pad=0.015, aspect=28, shrink=0.96)
-            bar.set_label("relative force drop")
+            between = "drop_rel_expected" in data and not data.attrs[ESTIMATE]
+            bar.set_label("relative force drop" + between * ", as estimated beforehand")
             bar.ax.axhline(data.attrs["drop_threshold"], color="black", lw=1.4)
             bar.outline.set_linewidth(0.6)
         extra = [*handles_of_marks(marks, top), *handles_of(solid)]
@@ -384,9 +385,10 @@ def _legend(
         handles.append(Line2D([], [], color="0.25", lw=0.9, ls=_DASHES, label="classical estimate"))
     handles += extra
     if size is None or size.height_mm is None:
-        legend_in_rows(figure, handles, "outside upper center")
+        legend_in_rows(figure, handles, "outside upper center", data.attrs[ESTIMATE])
         return
     for handle in handles:  # a slide has room at its side
         text = str(handle.get_label())
         handle.set_label(text if "$" in text else fill(text, _LETTERS))
-    figure.legend(handles=handles, loc="outside right center")
+    heading = fill(data.attrs[ESTIMATE], _LETTERS)
+    figure.legend(handles=handles, loc="outside right center", title=heading)
