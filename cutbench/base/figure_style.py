@@ -74,9 +74,6 @@ LINES: tuple[LineStyleType, ...] = (
     "-",
 )
 
-#: Hatches of stacked areas, in the same order.
-HATCHES = ("", "////", "....", "\\\\\\\\", "xxxx", "----", "oo", "++")
-
 #: Sequential map for stress: perceptually uniform, monotone in grey.
 FIELD_MAP = "cividis"
 
@@ -189,8 +186,8 @@ def legend_below(figure: Figure, axes: Iterable[Axes], columns: int) -> None:
 def legend_in_rows(figure: Figure, handles: Sequence[Artist], loc: Any, title: str = "") -> None:
     """One legend outside the axes under its ``title``, in as few rows as the figure is wide enough for."""
     for columns in range(len(handles), 0, -1):
-        look: Look = {"ncols": columns, "columnspacing": 1.4, "handletextpad": 0.5, "title": title}
-        legend = figure.legend(handles=handles, loc=loc, **look)
+        look: Look = {"ncols": columns, "columnspacing": 1.0, "handletextpad": 0.5, "handlelength": 1.5}
+        legend = figure.legend(handles=handles, loc=loc, title=title, **look)
         if columns == 1 or legend.get_window_extent().width < figure.bbox.width:
             return
         legend.remove()

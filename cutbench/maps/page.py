@@ -25,7 +25,6 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.special import ndtr
 
 from cutbench.base.errors import BadInput
-from cutbench.base.figure_style import COLOURS
 from cutbench.base.files import replacing
 from cutbench.base.greek import plain_formula, plain_symbol
 from cutbench.base.units import Parameter
@@ -48,7 +47,7 @@ from cutbench.maps.guidance import MapReader
 from cutbench.maps.map_cases import computed_by, physics_by_place
 from cutbench.maps.plot_coordinates import DROP_COLOURS, SMALLEST_IN_LOG, between
 from cutbench.mechanisms import registry
-from cutbench.run.figures.curve import NEGLIGIBLE, NO_MECHANISM, smooth_force
+from cutbench.run.figures.curve import NEGLIGIBLE, NO_MECHANISM, look_of, smooth_force
 from cutbench.run.measures import NOTED, UNCUT, forward
 from cutbench.run.result import Result
 from cutbench.run.store.runs import Store
@@ -83,8 +82,6 @@ _TITLES = {
 #: Kinds of points where they are not the labels of runs.
 _KINDS = {NOT_COMPUTED: "not computed", UNCUT: "not cut"}
 TO_COME, NO_RUN = "to come", "no run of its own"
-#: Patterns of areas that are stacked, as plotly knows them.
-_SHAPES = ("", "/", ".", "\\", "x", "-", "+", "|")
 
 
 def save_page(data: xr.Dataset, store: Store | None, folder: str | Path) -> Path:
@@ -407,15 +404,11 @@ def _line_title(data: xr.Dataset) -> str:
 
 
 def _entries(names: Sequence[str]) -> dict[str, dict[str, str]]:
-    """Title, colour and pattern of each entry of the ledgers. Blue is the force's own."""
-    colours = [colour for name, colour in COLOURS.items() if name not in ("black", "blue")]
+    """Title, colour and pattern of each entry of the ledgers, as in pictures."""
+    looks = {name: look_of("" if name in (OTHERS, REST) else name) for name in names}
     return {
-        name: {
-            "title": title,
-            "colour": "#9a9a9a" if name in (OTHERS, REST) else colours[k % len(colours)],
-            "shape": _SHAPES[k % len(_SHAPES)],
-        }
-        for k, (name, title) in enumerate(titles_of(names).items())
+        name: {"title": title, "colour": looks[name][0], "shape": looks[name][1]}
+        for name, title in titles_of(names).items()
     }
 
 

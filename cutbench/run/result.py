@@ -153,6 +153,11 @@ class Result(Displayed):
             self.id, self.computation, self.versions = self.case.id, self.case.computation, versions()
 
     @property
+    def name(self) -> str:
+        """The name of its material, or of its case file."""
+        return self.case.name
+
+    @property
     def displacement_mm(self) -> np.ndarray:
         """Blade travel (n,) in mm."""
         return self.curve["displacement_mm"]

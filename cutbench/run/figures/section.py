@@ -52,6 +52,8 @@ def plot_section(result: Result) -> Figure:
         bar = figure.colorbar(colours, ax=grid.ravel().tolist(), label="von Mises stress (kPa)", **look)
         bar.outline.set_linewidth(0.5)
         figure.suptitle(result.case.name, x=0.02, ha="left")
+        # Axes of equal scales have room for their labels only once they were laid out twice.
+        figure.draw_without_rendering()
     return figure
 
 
