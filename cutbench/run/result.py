@@ -103,7 +103,7 @@ class Result(Displayed):
     counts : dict of str to int
         Steps, iterations and the like.
     snapshots : list of Snapshot
-        Fields at the travels that were asked for.
+        Fields at the travels that were asked for; ``save`` writes them, and the section.
     measures : dict of str to float
         What is read off the curve (``cutbench.run.measures.MEASURES``), such as ``onset_mm`` and
         ``drop_rel``, units in the names; nan where there is none.
