@@ -45,7 +45,7 @@ from cutbench.maps.dataset import (
 )
 from cutbench.maps.guidance import MapReader
 from cutbench.maps.map_cases import computed_by, physics_by_place
-from cutbench.maps.plot_coordinates import DROP_COLOURS, SMALLEST_IN_LOG, between
+from cutbench.maps.plot_coordinates import DROP_COLOURS, SMALLEST_IN_LOG, between, drop_text
 from cutbench.mechanisms import registry
 from cutbench.run.figures.curve import NEGLIGIBLE, NO_MECHANISM, look_of, smooth_force
 from cutbench.run.measures import NOTED, UNCUT, forward
@@ -142,6 +142,8 @@ def contents(data: xr.Dataset, store: Store | None) -> dict:
     drops = [run.number("drop_rel") or 0.0 for run in runs]
     drops += [z / PER for z in layers.get("drop", {}).get("z", ()) if z is not None]
     threshold = float(data.attrs["drop_threshold"])
+    looks = json.loads(_web("looks.json"))
+    looks["shades"]["drop"]["colorbar"]["title"]["text"] = drop_text(data)
     return {
         "axes": [
             _axis(axes[name], ladder[k] if ladder else places_of(data)[name]) for k, name in enumerate(names)
@@ -158,7 +160,7 @@ def contents(data: xr.Dataset, store: Store | None) -> dict:
         "strips": shown_strips(data),
         "entries": _entries(entries),
         "colours": [[k / 16, to_hex(DROP_COLOURS(k / 16))] for k in range(17)],
-        "looks": json.loads(_web("looks.json")),
+        "looks": looks,
     }
 
 

@@ -45,6 +45,7 @@ from cutbench.maps.material_markers import handles_of as handles_of_marks
 from cutbench.maps.plot_coordinates import (
     DROP_COLOURS,
     axis_text,
+    drop_text,
     edges,
     finer,
     is_log,
@@ -110,8 +111,7 @@ def draw_phase(data: xr.Dataset, confirmed: Sequence[Mapping] = (), size: Size |
             _title(ax, data, panel, k, lettered=panels > 1, short=short)
         if image is not None:
             bar = figure.colorbar(image, ax=list(axes.flat), pad=0.015, aspect=28, shrink=0.96)
-            between = "drop_rel_expected" in data and not data.attrs[ESTIMATE]
-            bar.set_label("relative force drop" + between * ", as estimated beforehand")
+            bar.set_label(drop_text(data))
             bar.ax.axhline(data.attrs["drop_threshold"], color="black", lw=1.4)
             bar.outline.set_linewidth(0.6)
         extra = [*handles_of_marks(marks, top), *handles_of(solid)]
