@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from cutbench.base.errors import BadInput
-from cutbench.base.greek import plain_formula
 from cutbench.case.case import Case, load_case
 from cutbench.case.motion import TRANSITION
 from cutbench.maps.axes import Axis, values_on
@@ -54,7 +53,7 @@ def _differences(there: Case, own: Case) -> str:
     ours, theirs = there.groups(), own.groups()
     known = own.model.parameters()
     parts = [
-        f"{known[name].symbol if name in known else plain_formula(name)} = {theirs[name]:.3g}"
+        f"{known[name].symbol if name in known else name} = {theirs[name]:.3g}"
         for name in theirs
         if name in ours and not math.isclose(ours[name], theirs[name], rel_tol=0.01, abs_tol=1e-9)
     ]

@@ -19,6 +19,7 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
 from cutbench.base.figure_style import Look
+from cutbench.base.greek import plain_formula
 from cutbench.maps.dataset import LABELS
 from cutbench.maps.plot_coordinates import DROP_COLOURS, edges, is_log, nearest_level
 
@@ -45,7 +46,8 @@ def own_of(data: xr.Dataset, name: str) -> OwnRun | None:
     if "mark" not in data.coords or name not in data["mark"].values:
         return None
     at = data.sel(mark=name)
-    return OwnRun(float(at["mark_drop_rel"]), LABELS[int(at["mark_label"])], str(at["mark_differs"].values))
+    differs = plain_formula(str(at["mark_differs"].values))
+    return OwnRun(float(at["mark_drop_rel"]), LABELS[int(at["mark_label"])], differs)
 
 
 def marks_of(data: xr.Dataset, x: str, y: str, panel: str) -> tuple[list[dict], list[str]]:
