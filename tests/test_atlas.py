@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from refusals import refusal
 from typer.testing import CliRunner
 
 from cutbench.case.case import load_case
@@ -125,6 +126,17 @@ def test_a_whole_diagram_at_once(tmp_path):
             assert (float(data["margin"][i, j]) >= 0) == (said.verdict == "abrupt")
             sure += 1
     assert sure >= 3
+
+
+def test_a_map_that_is_estimated_takes_no_workers_and_no_surge(tmp_path):
+    study = tmp_path / "study.toml"
+    study.write_text(
+        'base = "gelatin"\n[[axis]]\nname = "cohesion"\nvalues = [4.0, 8.0]\n[regime]\nsurge = 2.0\n'
+    )
+    asked = ["sweep", str(study), "--estimate"]
+    for option in ("--workers", "--scheduler"):
+        refusal(CliRunner().invoke(app, [*asked, option, "2"]), option, value="2")
+    refusal(CliRunner().invoke(app, [*asked, "--out", str(tmp_path / "out")]), "surge", file=study, line=6)
 
 
 @pytest.mark.slow

@@ -180,3 +180,11 @@ def test_a_sweep_says_once_what_its_runs_are_to_be_doubted_for(corner, tmp_path,
     assert said.exit_code == 130, said.output
     assert (tmp_path / "maps" / "coarse").is_dir()
     assert said.output.count("corner =") == (corner == 0.5)
+
+
+def test_the_bare_name_says_what_to_begin_with_and_each_of_it_is_there():
+    done = CliRunner().invoke(app, [])
+    first, _, _ = done.output.partition("Usage")
+    commands = re.findall(r"^  cutbench (\w+)", first, re.M)
+    assert done.exit_code == 0 and {"estimate", "run2d", "sweep", "fit", "app"} <= set(commands)
+    assert set(commands) <= {command.callback.__name__ for command in app.registered_commands}

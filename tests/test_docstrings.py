@@ -149,3 +149,9 @@ def test_the_examples_run(name, examples):
     tried, failed = examples[name]
     assert tried, "there is an example"
     assert not failed, failed
+
+
+def test_run2d_names_each_parameter_of_the_default_model_with_its_unit():
+    text = cutbench.run2d.__doc__
+    for name, q in cutbench.load_case("gelatin").model.parameters().items():
+        assert f"``{name}``" in text and (q.unit == "1" or f"({q.unit})" in text)

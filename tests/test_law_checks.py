@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+import cutbench
 from cutbench.cli.main import app
 from cutbench.mechanisms.checks import CHECKS, check_file
 
@@ -43,6 +44,25 @@ class Hooke(Bulk):
 
     def energy(self, F, p, state, at):
         return p.G / 2 * ((F - np.eye(3)[:, :, None]) ** 2).sum(axis=(0, 1))
+'''
+SAME = '''"""Neo-Hooke written out: Ψ = G/2 (Ī₁ − 3)."""
+
+from cutbench.mechanisms import Isochoric, NeoHookean
+
+
+class Same(Isochoric):
+    """A Gaussian network."""
+
+    name = "same"
+    title = "same"
+    role = "isochoric"
+    parameters = NeoHookean.parameters
+
+    def dW_dI1(self, I1, p, at):
+        return p.G / 2
+
+    def W(self, I1, p, at):
+        return p.G / 2 * (I1 - 3)
 '''
 PUSH = '''"""T = −c G_c/δ_c² d⟦u⟧: an interface that helps what opens it."""
 
@@ -119,3 +139,18 @@ def test_the_command_says_it_by_its_exit_status(text, status, tmp_path):
     assert out.exit_code == status, out.output
     if status < 2:
         assert ("FAILED" in out.output) == bool(status)
+
+
+def test_a_law_that_is_equal_to_neo_hooke_passes(tmp_path):
+    (tmp_path / "same.py").write_text(SAME, encoding="utf-8")
+    assert not [found for found in check_file(tmp_path / "same.py") if found.wrong]
+
+
+def test_a_blade_that_fails_its_checks_is_not_taken_up(tmp_path):
+    (tmp_path / "off.py").write_text(
+        "from cutbench.mechanisms import Contact\n\n\nclass Off(Contact):\n    name = 'off'\n"
+        "    def edge_radius(self, p):\n        return 2 * super().edge_radius(p)\n"
+    )
+    done = CliRunner().invoke(app, ["run2d", "gelatin", "--with", "off", "--mechanisms", str(tmp_path)])
+    assert done.exit_code == 2 and "off.py" in done.output and "edge_radius()" in done.output
+    assert "off" not in cutbench.known_mechanisms()

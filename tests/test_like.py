@@ -25,6 +25,12 @@ def test_adhesion_by_blade_speed_is_an_adhesion_as_much_stronger():
     np.testing.assert_allclose(sum(mine), LAW["adhesion"].strength(np.zeros(3), stronger, {}, at))
 
 
+def test_a_blunt_tip_is_a_shorter_one():
+    p = parameters(thickness=0.7, tip=1.05, blunting=0.5)
+    sharp = parameters(thickness=0.7, **LAW["blunt_tip"].like(p))
+    np.testing.assert_array_equal(LAW["blunt_tip"].outline(p), LAW["contact"].outline(sharp))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["speed_toughness", "speed_modulus"])
 def test_a_cut_by_a_law_of_speed_is_what_the_law_says_that_it_is_like(name):

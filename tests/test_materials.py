@@ -103,7 +103,7 @@ def test_corrections_agree_with_the_values(name):
 
 def test_table_shows_materials_and_groups():
     text = said("materials")
-    for part in (*EXPECTED, "(G_c/delta_c)/G", "tau_W/(G_c/delta_c)", "eta_reg v/delta_c", "G_c/(G a)"):
+    for part in (*EXPECTED, "(G_c/δ_c)/G", "τ_W/(G_c/δ_c)", "η_reg v/δ_c", "G_c/(G a)"):
         assert part in text
     for part in ("10.1", "1.79", "11.4", "0.0106", "0.187", "0.714", "2.85", "7.5 kPa", "15 J/m^2"):
         assert part in text

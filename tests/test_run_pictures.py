@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from made_up_runs import made_up_curve, made_up_result, made_up_snapshot
 
+from cutbench.base.figure_style import new_figure
 from cutbench.case.case import load_case
 from cutbench.run.blade_geometry import blade_outline
 from cutbench.run.figures import plot_curve, plot_section, save
-from cutbench.run.figures.curve import smooth_force
+from cutbench.run.figures.curve import look_of, smooth_force
 from cutbench.run.figures.section import split
 from cutbench.run.outcome import Outcome
 from cutbench.run.result import Result
@@ -68,9 +69,21 @@ def test_released_energy_lies_below_zero(result):
 
 def test_curve_picture_marks_onset_peak_and_a_run_that_fell_short(result):
     short = replace(result, outcome=Outcome("stalled", "step below 1e-4 mm.", "smaller h", 9.5))
-    texts = [t.get_text() for t in plot_curve(short).axes[0].get_legend().get_texts()]
-    assert [word in t for word, t in zip(("onset", "peak", "9.50 mm"), texts, strict=True)] == [True] * 3
-    assert len(plot_curve(result).axes[0].get_legend().get_texts()) == 2
+    texts = [t.get_text() for t in plot_curve(short).legends[0].get_texts()]
+    assert all(word in t for word, t in zip(("onset", "peak", "9.50 mm"), texts[:3], strict=True))
+    assert len(plot_curve(result).legends[0].get_texts()) == len(texts) - 1
+
+
+def test_runs_in_one_axes_are_named_once_each_and_their_symbols_once(result):
+    ax = result.plot(new_figure().subplots())
+    replace(result, id="0123").plot(ax)
+    texts = [t.get_text() for t in ax.get_legend().get_texts()]
+    assert texts == [result.name, f"{result.name}, run 0123", "onset of cutting", "peak"]
+
+
+def test_a_law_has_its_look_whatever_else_the_ledger_has():
+    assert look_of("gent") == look_of("neo_hookean") != look_of("contact")
+    assert look_of("wedge") == look_of("contact")
 
 
 def test_curve_picture_of_a_single_point(case):

@@ -22,6 +22,7 @@ from refusals import refused
 from rich.console import Console
 
 from cutbench.cli.progress import bar
+from cutbench.maps.atlas_map import write_estimated
 from cutbench.maps.dataset import LABELS, load_map
 from cutbench.maps.map_cases import case_on
 from cutbench.maps.study import load_study
@@ -77,6 +78,23 @@ def test_the_map_holds_what_the_curves_say(study, log, tmp_path):
         rows = list(csv.DictReader(file))
     assert len(rows) == 24 and {row["label"] for row in rows} == {"abrupt", "smooth"}
     assert float(rows[0]["cohesion"]) == 1.0 and rows[0]["run_id"] == study.grid[0].id
+
+
+def test_the_first_pictures_are_an_estimate_and_the_last_are_not(study, log, tmp_path):
+    study.path.write_text(STUDY.replace("30.0", "12.0"))  # where the atlas has runs
+    study, out, seen = load_study(study.path), tmp_path / "out", []
+
+    def headed() -> list[bool]:
+        return ["An estimate" in (out / name).read_text() for name in ("phase.svg", "map.html")]
+
+    def run(case):
+        seen.append(headed() == [True, True] and np.isnan(load_map(out / "map.nc")["drop_rel"]).all())
+        return analytic_runs.fake_run(case)
+
+    run_study(study, out, workers=0, run=run, first_picture_s=1e9)
+    assert len(seen) == 24 and all(seen) and headed() == [False, False]
+    with refused("out", value=str(out)):
+        write_estimated(study, out)
 
 
 def test_marked_materials_and_case_files_have_runs_of_their_own(study, log, tmp_path):

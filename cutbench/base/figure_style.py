@@ -74,9 +74,6 @@ LINES: tuple[LineStyleType, ...] = (
     "-",
 )
 
-#: Hatches of stacked areas, in the same order.
-HATCHES = ("", "////", "....", "\\\\\\\\", "xxxx", "----", "oo", "++")
-
 #: Sequential map for stress: perceptually uniform, monotone in grey.
 FIELD_MAP = "cividis"
 
@@ -91,6 +88,7 @@ RC: dict[RcKeyType, Any] = {
     "ytick.labelsize": 8,
     "legend.fontsize": 7.5,
     "legend.frameon": False,
+    "legend.title_fontsize": 9,
     "legend.handlelength": 2.4,
     "axes.linewidth": 0.6,
     "axes.prop_cycle": cycler(color=LINE_COLOURS, linestyle=LINES[: len(LINE_COLOURS)]),
@@ -118,7 +116,7 @@ RC: dict[RcKeyType, Any] = {
 #: What sets type.
 _TYPE: tuple[RcKeyType, ...] = (
     "font.size", "axes.titlesize", "axes.labelsize", "xtick.labelsize", "ytick.labelsize", "legend.fontsize",
-    "figure.titlesize",
+    "legend.title_fontsize", "figure.titlesize",
 )  # fmt: skip
 
 
@@ -185,11 +183,11 @@ def legend_below(figure: Figure, axes: Iterable[Axes], columns: int) -> None:
     figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=columns)
 
 
-def legend_in_rows(figure: Figure, handles: Sequence[Artist], loc: Any) -> None:
-    """One legend outside the axes, in as few rows as the figure is wide enough for."""
+def legend_in_rows(figure: Figure, handles: Sequence[Artist], loc: Any, title: str = "") -> None:
+    """One legend outside the axes under its ``title``, in as few rows as the figure is wide enough for."""
     for columns in range(len(handles), 0, -1):
-        look: Look = {"ncols": columns, "columnspacing": 1.4, "handletextpad": 0.5}
-        legend = figure.legend(handles=handles, loc=loc, **look)
+        look: Look = {"ncols": columns, "columnspacing": 1.0, "handletextpad": 0.5, "handlelength": 1.5}
+        legend = figure.legend(handles=handles, loc=loc, title=title, **look)
         if columns == 1 or legend.get_window_extent().width < figure.bbox.width:
             return
         legend.remove()

@@ -14,6 +14,7 @@ from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from cutbench.base.greek import plain_formula
 from cutbench.base.units import Parameter
 from cutbench.case import materials
 from cutbench.case.case import Case, load_case
@@ -45,7 +46,7 @@ def material_table() -> RenderableType:
             _row(made, name, *(case.shown().get(name, "-") for case in cases))
     made.add_section()
     for text in dict.fromkeys(text for case in cases for text in case.groups()):
-        _row(made, text, *(_group(case, text) for case in cases))
+        _row(made, plain_formula(text), *(_group(case, text) for case in cases))
     note = "a is half the blade's thickness. 'cutbench materials NAME' shows sources and corrections."
     return Stack(made, Text(note))
 
@@ -60,7 +61,7 @@ def material(source: str | Path) -> RenderableType:
     case, about = load_case(source), materials.about(source)
     known = case.model.parameters()
     rows = [(name, known[name].symbol, text, known[name].doc) for name, text in case.shown().items()]
-    groups = [(text, _group(case, text)) for text in case.groups()]
+    groups = [(plain_formula(text), _group(case, text)) for text in case.groups()]
     parts: list[RenderableType] = [
         _table("name", "symbol", "value", "what", rows=rows, title=case.name),
         _table("group", "value", rows=groups),
@@ -81,7 +82,7 @@ def mechanism_table() -> RenderableType:
         off = ", ".join(f"{name} = {value:g}" for name, value in m.off.items())
         parameters = ", ".join(q.name if q.unit == "1" else f"{q.name} ({q.unit})" for q in m.parameters)
         _row(made, m.slot, m.name, m.role or "-", parameters or "-", off or "-", m.title)
-    rows = [(g.name, g.text, g.parameter) for g in settable_groups().values()]
+    rows = [(g.name, plain_formula(g.text), g.parameter) for g in settable_groups().values()]
     return Stack(made, _table("group", "is", "sets", rows=rows, title="dimensionless groups that can be set"))
 
 
@@ -134,7 +135,7 @@ def result_table(result: Result) -> RenderableType:
     made = _table("", "value", rows=[(name, text) for name, text in lines[1:]], title=head)
     made.add_section()
     for text in result.case.groups():
-        _row(made, text, _group(result.case, text))
+        _row(made, plain_formula(text), _group(result.case, text))
     if verbose():
         made.add_section()
         for name, value in result.measures.items():

@@ -15,6 +15,7 @@ from cutbench.case.case import Case
 from cutbench.case.model import Model
 from cutbench.emulator.alignment import MIN_SPARE_CURVES, AlignedCurves, Course
 from cutbench.emulator.groups import Coordinate, Groups, is_same_value
+from cutbench.mechanisms import registry
 
 #: Beyond the range of the known runs by more than this part of it nothing is said.
 EXTRAPOLATION = 0.25
@@ -137,7 +138,8 @@ class CutEmulator:
         self.groups, self.model = groups, first.model
         # A law that does what another value does is that value: it is no coordinate.
         self._equal = [law for law in first.model.all if law.like(first.p)]
-        other_words = {q.name for law in self._equal for q in law.parameters}
+        others = {q.name for law in registry().values() if law not in self._equal for q in law.parameters}
+        other_words = {q.name for law in self._equal for q in law.parameters} - others
         free = {*free, *(name for law in self._equal for name in law.like(first.p))}
         ends = [_travel_at_end(c) / groups.length(c.values) for c in cases]
         asked = [groups.reduced(self._with_equal_laws_replaced(c.values)) for c in cases]

@@ -11,12 +11,13 @@ import xarray as xr
 from scipy.interpolate import RegularGridInterpolator
 
 from cutbench.base.errors import BadInput
+from cutbench.base.toml import line_of
 from cutbench.case.case import Case
 from cutbench.emulator.atlas import Atlas, Measures, NotInAtlas, shipped
 from cutbench.emulator.design_space import MAX_DEPTH
 from cutbench.maps.axes import BOUNDARY
 from cutbench.maps.boundary import NORMAL_QUANTILE, BoundaryEstimate, distance_to_boundary, margin
-from cutbench.maps.dataset import LABELS, MapRow, build_map, save_map
+from cutbench.maps.dataset import ESTIMATE, LABELS, OUTCOME_FLAGS, MapRow, build_map, load_map, save_map
 from cutbench.maps.page import save_page
 from cutbench.maps.phase import save_phase
 from cutbench.maps.study import Study
@@ -47,7 +48,9 @@ def estimated_map(study: Study) -> xr.Dataset:
         If a part of it lies outside the atlas.
     """
     if study.regime.surge_min is not None:
-        raise BadInput("surge", study.regime.surge_min, "no [regime] surge where a map is estimated")
+        line = line_of(study.text, "surge", "regime")
+        expected = "none where a map is estimated: the atlas knows drops alone"
+        raise BadInput("surge", study.regime.surge_min, expected, file=str(study.path), line=line)
     known = shipped()
     rows = _rows(known, [mark.case for mark in study.marks() if _inside(known, mark.case)], study)
     if study.mode != BOUNDARY:
@@ -64,14 +67,54 @@ def estimated_map(study: Study) -> xr.Dataset:
 def expected_margins(study: Study) -> dict[tuple[int, ...], BoundaryEstimate]:
     """Margins of a boundary that is sought as the atlas has them, by the indices of the levels; none where
     it says nothing of the study, or has other numerics."""
-    known = shipped()
-    numerics = study.base.to_dict()["numerics"]
-    if study.regime.surge_min is not None or numerics != known.about["numerics"]:
+    if not _speaks_of(study):
         return {}
     try:
-        return {chosen: level[0] for chosen, _, level in _levels(known, study)}
+        return {chosen: level[0] for chosen, _, level in _levels(shipped(), study)}
     except BadInput:
         return {}
+
+
+def expected_drops(study: Study) -> np.ndarray | None:
+    """Relative drops at the points of a study as the atlas has them, shaped as its map; None where it says
+    nothing of the study, has other numerics, or the boundary is sought."""
+    if study.mode == BOUNDARY or not _speaks_of(study):
+        return None
+    try:
+        return estimated_map(study)["drop_rel"].values
+    except BadInput:
+        return None
+
+
+def _speaks_of(study: Study) -> bool:
+    """Whether the atlas has the study's measure and its numerics."""
+    return study.regime.surge_min is None and study.base.to_dict()["numerics"] == shipped().about["numerics"]
+
+
+def under_way(data: xr.Dataset, drops: np.ndarray | None) -> xr.Dataset:
+    """A map with what is expected where no run has ended, for pictures; they say that it is estimated.
+
+    Parameters
+    ----------
+    data : Dataset
+        The map as far as there are runs.
+    drops : ndarray, optional
+        What ``expected_drops`` gives.
+
+    Returns
+    -------
+    Dataset
+        The same map where nothing is expected.
+    """
+    if drops is None and "drop_rel_expected" not in data:
+        return data
+    ended = int(((data["outcome"] != 0) & (data["run_id"] != "")).sum())
+    runs = ": no run has ended yet" if not ended else f", and {ended} run{'s' * (ended > 1)}"
+    data = data.assign_attrs({ESTIMATE: f"An estimate{runs}"})
+    if drops is not None:
+        missing = data["outcome"] == OUTCOME_FLAGS.index("missing")
+        data["drop_rel"] = data["drop_rel"].where(~missing, drops)
+    return data
 
 
 Where = tuple[slice | int, ...]
@@ -159,9 +202,15 @@ def _rows(known: Atlas, cases: Sequence[Case], study: Study) -> dict[str, MapRow
 
 
 def write_estimated(study: Study, folder: Path) -> xr.Dataset:
-    """``map.nc``, ``map.csv``, ``map.html`` and the pictures of ``estimated_map`` into ``folder``."""
+    """``map.nc``, ``map.csv``, ``map.html`` and the pictures of ``estimated_map`` into ``folder``.
+
+    Raises BadInput if a map of runs lies there.
+    """
+    there = folder / "map.nc"
+    if there.is_file() and not load_map(there).attrs[ESTIMATE]:
+        raise BadInput("out", str(folder), "a folder without a map of runs: an estimate does not replace it")
     folder.mkdir(parents=True, exist_ok=True)
-    data = estimated_map(study)
+    data = estimated_map(study).assign_attrs({ESTIMATE: "An estimate: no run of its own"})
     save_map(data, folder)
     save_phase(data, folder)
     save_page(data, None, folder)

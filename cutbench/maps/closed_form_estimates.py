@@ -207,6 +207,9 @@ def draw_estimates(data: xr.Dataset, compared: EstimateComparison) -> Figure:
                 ax.plot(ends, ends, "-", color="black", lw=0.8)
                 for axis in "xy":
                     plain_log(ax, axis, *ends)
+            else:
+                ax.set(xticks=[], yticks=[])
+                ax.annotate("none computed", (0.5, 0.5), xycoords="axes fraction", ha="center")
             ax.set_xlabel(f"estimated {name} [N]")
             ax.set_ylabel(f"computed {name} [N]")
     return figure

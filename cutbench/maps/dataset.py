@@ -46,6 +46,8 @@ _DECIDED = (LABELS.index(SMOOTH), LABELS.index(ABRUPT))
 OUTCOME_FLAGS = ("missing", *OUTCOMES)
 #: Variables that are numbers of runs, with unit and meaning.
 NUMBERS = MEASURES | NOTED
+#: The attribute of a map that is estimated, in all or where there are no runs yet: pictures say it.
+ESTIMATE = "estimate"
 _RUN_ID = "hash of the run's inputs; its folder in the store"
 
 
@@ -146,6 +148,7 @@ def _about(study: Study) -> dict[str, object]:
         "tolerance": json.dumps({a.name: a.tolerance for a in study.axes if math.isfinite(a.tolerance)}),
         "study": study.text,
         "base_case": json.dumps(study.base.to_dict(), default=str),
+        ESTIMATE: "",
         "cutbench": versions()["cutbench"] or "",
         "computation": study.base.computation,
         "start_case": json.dumps((study.start or study.base).to_dict(), default=str),
@@ -311,7 +314,7 @@ def load_map(path: str | os.PathLike[str]) -> xr.Dataset:
     # Maps of before there were modes are grids.
     old = {"mode": "grid", "axes": json.dumps([str(dim) for dim in data["label"].dims]), "continuous": "[]"}
     old |= {"tolerance": "{}", "start_case": data.attrs["base_case"], "changes": "{}"}
-    data.attrs = old | {"cutbench": "", "computation": ""} | data.attrs
+    data.attrs = old | {"cutbench": "", "computation": "", ESTIMATE: ""} | data.attrs
     return data
 
 

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import cast
 
+import numpy as np
 import xarray as xr
 from matplotlib import patheffects
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.text import Text
+from matplotlib.transforms import Bbox
 
 from cutbench.base.figure_style import Look
+from cutbench.base.greek import plain_formula
 from cutbench.maps.dataset import LABELS
 from cutbench.maps.plot_coordinates import DROP_COLOURS, edges, is_log, nearest_level
 
@@ -39,7 +46,8 @@ def own_of(data: xr.Dataset, name: str) -> OwnRun | None:
     if "mark" not in data.coords or name not in data["mark"].values:
         return None
     at = data.sel(mark=name)
-    return OwnRun(float(at["mark_drop_rel"]), LABELS[int(at["mark_label"])], str(at["mark_differs"].values))
+    differs = plain_formula(str(at["mark_differs"].values))
+    return OwnRun(float(at["mark_drop_rel"]), LABELS[int(at["mark_label"])], differs)
 
 
 def marks_of(data: xr.Dataset, x: str, y: str, panel: str) -> tuple[list[dict], list[str]]:
@@ -77,28 +85,49 @@ def marks_of(data: xr.Dataset, x: str, y: str, panel: str) -> tuple[list[dict], 
     return inside, outside
 
 
+def _height(mark: Mapping, y: str, part: xr.Dataset) -> float:
+    """How high a diamond stands: on the axis ``y``, or by the drop of its own run."""
+    own = mark["own"]
+    return mark[y] if y else own.drop_rel if own and own.done else part.attrs["drop_threshold"]
+
+
 def draw_materials(ax: Axes, marks: Sequence[Mapping], x: str, y: str, part: xr.Dataset, top: float) -> None:
     """Diamonds, filled as the cells are, up to the drop ``top``, where the material's own run is done."""
     for mark in marks:
         own = mark["own"]
         fill = {"mfc": DROP_COLOURS(own.drop_rel / top)} if own and own.done else {}
-        px = mark[x]
-        py = mark[y] if y else own.drop_rel if own and own.done else part.attrs["drop_threshold"]
-        ax.plot([px], [py], zorder=6, clip_on=False, **(_LOOK | fill))
-        # The label goes to the side with more room, above or below, away from the rows of markers.
-        place = ax.transData.transform((px, py))
-        right = ax.transAxes.inverted().transform(place)[0] < 0.6
-        up = 1
-        if y:
-            points = ax.figure.dpi / 72
-            rows = ax.transData.transform([(px, v) for v in part[y].values])[:, 1]
-            free = {sign: abs(rows - (place[1] + sign * 9 * points)).min() for sign in (1, -1)}
-            up = 1 if free[1] >= free[-1] else -1
-        ax.annotate(
-            mark["text"], (px, py), xytext=(5 if right else -5, 4 * up), textcoords="offset points",
-            ha="left" if right else "right", va="bottom" if up > 0 else "top",
-            fontsize=8.5, fontweight="bold", zorder=7, path_effects=_HALO,
-        )  # fmt: skip
+        ax.plot([mark[x]], [_height(mark, y, part)], zorder=6, clip_on=False, **(_LOOK | fill))
+
+
+def label_materials(
+    ax: Axes, marks: Sequence[Mapping], x: str, y: str, part: xr.Dataset, text_pt: float
+) -> None:
+    """Names beside the diamonds, in a figure that is laid out: on no other name and inside the axes, if they
+    can, and away from the rows of markers."""
+    taken: list[Bbox] = []
+    points = cast("Figure", ax.get_figure(root=True)).dpi / 72
+    for mark in marks:
+        at = mark[x], _height(mark, y, part)
+        place = ax.transData.transform(at)
+        rows = ax.transData.transform([(at[0], v) for v in part[y].values])[:, 1] if y else np.array([])
+        tried: list[tuple[tuple, int, Text, Bbox]] = []
+        names = mark["text"], mark["text"].replace("_", "_\n")
+        for name, right, up in itertools.product(names, (1, -1), (1, -1)):
+            text = ax.annotate(
+                name, at, xytext=(5 * right, 4 * up), textcoords="offset points",
+                ha="left" if right > 0 else "right", va="bottom" if up > 0 else "top",
+                fontsize=text_pt, fontweight="bold", zorder=7, path_effects=_HALO,
+            )  # fmt: skip
+            text.set_in_layout(False)  # panels stay where they are
+            box = text.get_window_extent()
+            outside = max(0.0, box.x1 - ax.bbox.x1) + max(0.0, ax.bbox.x0 - box.x0)
+            covered = sum(map(box.overlaps, taken))
+            clear = abs(rows - (place[1] + up * 9 * points)).min(initial=9 * points)
+            tried.append(((covered, round(outside), "\n" in name, -clear), len(tried), text, box))
+        _, _, best, box = min(tried, key=lambda each: each[:2])
+        for other in (each[2] for each in tried if each[2] is not best):
+            other.remove()
+        taken.append(box)
 
 
 def handles_of(marks: Sequence[Mapping], top: float) -> list[Line2D]:

@@ -25,7 +25,6 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.special import ndtr
 
 from cutbench.base.errors import BadInput
-from cutbench.base.figure_style import COLOURS
 from cutbench.base.files import replacing
 from cutbench.base.greek import plain_formula, plain_symbol
 from cutbench.base.units import Parameter
@@ -34,12 +33,21 @@ from cutbench.case.physics import Physics
 from cutbench.maps.axes import Axis
 from cutbench.maps.boundary_line import shown_strips
 from cutbench.maps.closed_form_estimates import estimated_margin
-from cutbench.maps.dataset import LABELS, NOT_COMPUTED, NUMBERS, OUTCOME_FLAGS, axes_of, axis_of, places_of
+from cutbench.maps.dataset import (
+    ESTIMATE,
+    LABELS,
+    NOT_COMPUTED,
+    NUMBERS,
+    OUTCOME_FLAGS,
+    axes_of,
+    axis_of,
+    places_of,
+)
 from cutbench.maps.guidance import MapReader
 from cutbench.maps.map_cases import computed_by, physics_by_place
-from cutbench.maps.plot_coordinates import DROP_COLOURS, SMALLEST_IN_LOG, between
+from cutbench.maps.plot_coordinates import DROP_COLOURS, SMALLEST_IN_LOG, between, drop_text
 from cutbench.mechanisms import registry
-from cutbench.run.figures.curve import NEGLIGIBLE, NO_MECHANISM, smooth_force
+from cutbench.run.figures.curve import NEGLIGIBLE, NO_MECHANISM, look_of, smooth_force
 from cutbench.run.measures import NOTED, UNCUT, forward
 from cutbench.run.result import Result
 from cutbench.run.store.runs import Store
@@ -74,8 +82,6 @@ _TITLES = {
 #: Kinds of points where they are not the labels of runs.
 _KINDS = {NOT_COMPUTED: "not computed", UNCUT: "not cut"}
 TO_COME, NO_RUN = "to come", "no run of its own"
-#: Patterns of areas that are stacked, as plotly knows them.
-_SHAPES = ("", "/", ".", "\\", "x", "-", "+", "|")
 
 
 def save_page(data: xr.Dataset, store: Store | None, folder: str | Path) -> Path:
@@ -93,7 +99,7 @@ def page(data: xr.Dataset, store: Store | None) -> str:
     content = json.dumps(found, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
     parts = {
         "__TITLE__": escape(data.attrs["title"]),
-        "__BY__": escape(f"{_verb(data)} by {computed_by(data)}."),
+        "__BY__": escape(f"{data.attrs[ESTIMATE] or 'Computed'}; by {computed_by(data)}."),
         "__STYLE__": _web("page.css"),
         "__CONTROLS__": _controls(found),
         "__MARKS__": _marks(found["points"]),
@@ -103,10 +109,6 @@ def page(data: xr.Dataset, store: Store | None) -> str:
         "__SCRIPT__": _web("page.js"),
     }
     return re.sub("|".join(parts), lambda match: parts[match[0]], _web("page.html"))
-
-
-def _verb(data: xr.Dataset) -> str:
-    return "Computed" if (data["run_id"].values != "").any() else "Estimated, without runs,"
 
 
 def _web(name: str) -> str:
@@ -140,6 +142,8 @@ def contents(data: xr.Dataset, store: Store | None) -> dict:
     drops = [run.number("drop_rel") or 0.0 for run in runs]
     drops += [z / PER for z in layers.get("drop", {}).get("z", ()) if z is not None]
     threshold = float(data.attrs["drop_threshold"])
+    looks = json.loads(_web("looks.json"))
+    looks["shades"]["drop"]["colorbar"]["title"]["text"] = drop_text(data)
     return {
         "axes": [
             _axis(axes[name], ladder[k] if ladder else places_of(data)[name]) for k, name in enumerate(names)
@@ -156,7 +160,7 @@ def contents(data: xr.Dataset, store: Store | None) -> dict:
         "strips": shown_strips(data),
         "entries": _entries(entries),
         "colours": [[k / 16, to_hex(DROP_COLOURS(k / 16))] for k in range(17)],
-        "looks": json.loads(_web("looks.json")),
+        "looks": looks,
     }
 
 
@@ -402,15 +406,11 @@ def _line_title(data: xr.Dataset) -> str:
 
 
 def _entries(names: Sequence[str]) -> dict[str, dict[str, str]]:
-    """Title, colour and pattern of each entry of the ledgers. Blue is the force's own."""
-    colours = [colour for name, colour in COLOURS.items() if name not in ("black", "blue")]
+    """Title, colour and pattern of each entry of the ledgers, as in pictures."""
+    looks = {name: look_of("" if name in (OTHERS, REST) else name) for name in names}
     return {
-        name: {
-            "title": title,
-            "colour": "#9a9a9a" if name in (OTHERS, REST) else colours[k % len(colours)],
-            "shape": _SHAPES[k % len(_SHAPES)],
-        }
-        for k, (name, title) in enumerate(titles_of(names).items())
+        name: {"title": title, "colour": looks[name][0], "shape": looks[name][1]}
+        for name, title in titles_of(names).items()
     }
 
 

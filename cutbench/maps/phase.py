@@ -39,12 +39,13 @@ from cutbench.maps.boundary import NORMAL_QUANTILE
 from cutbench.maps.boundary_line import draw_line, draw_strips, strip_handles
 from cutbench.maps.closed_form_estimates import estimated_margin
 from cutbench.maps.confirmed_points import FOLDER, RECORD, draw_confirmed, handles_of, read_confirmed
-from cutbench.maps.dataset import LABELS, NOT_COMPUTED, OUTCOME_FLAGS, axes_of, places_of
-from cutbench.maps.material_markers import draw_materials, marks_of
+from cutbench.maps.dataset import ESTIMATE, LABELS, NOT_COMPUTED, OUTCOME_FLAGS, axes_of, places_of
+from cutbench.maps.material_markers import draw_materials, label_materials, marks_of
 from cutbench.maps.material_markers import handles_of as handles_of_marks
 from cutbench.maps.plot_coordinates import (
     DROP_COLOURS,
     axis_text,
+    drop_text,
     edges,
     finer,
     is_log,
@@ -63,8 +64,8 @@ _MARKERS: dict[str, Look] = {
     UNCUT: {"marker": "s", "mfc": "white", "mec": "black", "ms": 3.8, "mew": 0.7, "label": "not cut"},
     NOT_COMPUTED: {"marker": "x", "mec": "0.35", "ms": 4, "mew": 0.9, "label": "not computed"},
 }
-#: Of a line in a legend beside the panels.
-_LETTERS = 26
+#: Of a line in the legend of a slide.
+_LETTERS = 20
 #: Points along each axis at which the classical estimates are drawn.
 _ESTIMATED_POINTS = 13
 _DASHES = (0, (4, 1.5, 1, 1.5))
@@ -110,7 +111,7 @@ def draw_phase(data: xr.Dataset, confirmed: Sequence[Mapping] = (), size: Size |
             _title(ax, data, panel, k, lettered=panels > 1, short=short)
         if image is not None:
             bar = figure.colorbar(image, ax=list(axes.flat), pad=0.015, aspect=28, shrink=0.96)
-            bar.set_label("relative force drop")
+            bar.set_label(drop_text(data))
             bar.ax.axhline(data.attrs["drop_threshold"], color="black", lw=1.4)
             bar.outline.set_linewidth(0.6)
         extra = [*handles_of_marks(marks, top), *handles_of(solid)]
@@ -120,6 +121,11 @@ def draw_phase(data: xr.Dataset, confirmed: Sequence[Mapping] = (), size: Size |
         drawn = axis_text(data[y]) if y else "relative force drop"
         _label(figure, axes, panels, axis_text(data[x]), drawn, note, short=short)
         one_type(figure, size)
+        figure.draw_without_rendering()
+        for k, ax in enumerate(axes.flat[:panels]):
+            part = data.isel({panel: k}) if panel else data
+            text_pt = size.text_pt if size else 8.5
+            label_materials(ax, [m for m in marks if m["panel"] == k], x, y, part, text_pt)
     return figure
 
 
@@ -383,10 +389,8 @@ def _legend(
     if classical:
         handles.append(Line2D([], [], color="0.25", lw=0.9, ls=_DASHES, label="classical estimate"))
     handles += extra
-    if size is None or size.height_mm is None:
-        legend_in_rows(figure, handles, "outside upper center")
-        return
-    for handle in handles:  # a slide has room at its side
-        text = str(handle.get_label())
-        handle.set_label(text if "$" in text else fill(text, _LETTERS))
-    figure.legend(handles=handles, loc="outside right center")
+    if size is not None and size.height_mm is not None:  # a slide has little height for one column
+        for handle in handles:
+            text = str(handle.get_label())
+            handle.set_label(text if "$" in text else fill(text, _LETTERS))
+    legend_in_rows(figure, handles, "outside upper center", data.attrs[ESTIMATE])

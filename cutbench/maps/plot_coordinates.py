@@ -14,6 +14,8 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator, RegularGridInterpolator
 
+from cutbench.maps.dataset import ESTIMATE
+
 #: Light (no drop) to dark; the darkest and lightest ends are left out so that markers and lines show.
 DROP_COLOURS = LinearSegmentedColormap.from_list("drops", colormaps["cividis_r"](np.linspace(0.06, 0.9, 256)))
 #: Levels of a continuous third axis that a picture shows.
@@ -141,6 +143,12 @@ def axis_text(coordinate: xr.DataArray) -> str:
         return f"{coordinate.attrs['long_name']} (0: no, 1: yes)"
     unit = unit_of(coordinate).strip()
     return f"{coordinate.attrs['long_name']}  {symbol(coordinate)}" + (f" [{unit}]" if unit else "")
+
+
+def drop_text(data: xr.Dataset) -> str:
+    """What a map's colours are: of a boundary that was sought from the atlas, what that expects."""
+    expected = "drop_rel_expected" in data and not data.attrs[ESTIMATE]
+    return "relative force drop" + expected * ", as estimated beforehand"
 
 
 def nearest_level(value: float, levels: Sequence[float] | np.ndarray) -> int:

@@ -37,6 +37,8 @@ class SamplingPlan:
         self.rest: dict[str, str] = {}
         #: What is repeated of them, once all others have ended.
         self.checks = RepeatedRuns()
+        #: Whether it begins from what the atlas expects of the boundary.
+        self.informed = False
 
     @property
     def max_runs(self) -> int:
@@ -118,6 +120,7 @@ class BoundaryPlan(SamplingPlan):
         levels = [k for k in range(len(study.axes)) if k not in self._free]
         shape = tuple(study.shape[k] for k in self._free)
         expected = expected_margins(study)
+        self.informed = bool(expected)
         self._levels = [
             _Level(
                 dict(zip(levels, chosen, strict=True)),

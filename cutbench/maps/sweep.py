@@ -16,12 +16,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import xarray as xr
 
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.notebook import watched
 from cutbench.base.progress import OnProgress, silent
 from cutbench.case.case import Case
+from cutbench.maps.atlas_map import expected_drops, under_way
 from cutbench.maps.closed_form_estimates import save_estimates
 from cutbench.maps.collapse import save_collapse
 from cutbench.maps.dataset import MapRow, build_map, path_from, row_of, save_map
@@ -132,8 +134,10 @@ def run_study(
 ) -> Sweep:
     """Compute the cuts of a study that are missing, and write its map and pictures.
 
-    It writes ``map.nc``, ``map.csv``, ``summary.txt`` and ``phase.png``, from time to time and at the end,
-    then also ``map.html``. Ctrl-C ends the sweep with what is done: ``interrupted``.
+    It writes ``map.nc``, ``map.csv``, ``summary.txt``, ``phase.png``, ``phase.svg`` and ``map.html``, from
+    time to time and at the end, then also ``estimates.png``. Where the atlas says something of the study,
+    pictures and page show that until there are runs, and say so; ``map.nc`` and ``map.csv`` have runs alone.
+    Ctrl-C ends the sweep with what is done: the returned ``Sweep`` says ``interrupted``.
 
     Parameters
     ----------
@@ -224,11 +228,17 @@ class _Sweep:
         self.begun = time.monotonic()
         self.verdict = ""
         self.in_runs = 0.0
+        self.drops: np.ndarray | None = None  # what is expected beforehand
 
     def go(self, pool: TaskPool, mine: bool) -> Sweep:
         """Compute; ``mine`` says that the pool's processes work for nobody else."""
         self.begun = time.monotonic()
-        self.due = self.begun + self.pace[0]
+        self.more()
+        if self.pictures and not self.rows:
+            self.drops = expected_drops(self.study)
+            if self.drops is not None or self.plan.informed:
+                self._write_map()  # before the first run: an estimate
+        self.due = time.monotonic() + self.pace[0]
         interrupted = False
         with pool:
             try:
@@ -327,13 +337,14 @@ class _Sweep:
         data.attrs["store"] = path_from(self.store.root, self.out)
         try:
             save_map(data, self.out)
+            shown = data if last else under_way(data, self.drops)
             if self.pictures:
-                save_phase(data, self.out)
+                save_phase(shown, self.out)
             if last and self.pictures:
                 words = save_estimates(data, self.out)[1], save_collapse(data, self.out)[1]
                 self.verdict = " ".join(filter(None, words))
-            if last:
-                save_page(data, self.store, self.out)
+            if last or self.pictures:
+                save_page(shown, self.store, self.out)
             save_findings(data, self.out, [self.verdict] if self.verdict else [])
         except OSError as error:
             if last:

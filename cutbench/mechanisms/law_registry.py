@@ -19,7 +19,7 @@ from pathlib import Path
 from types import ModuleType
 
 from cutbench.base.errors import BadInput
-from cutbench.mechanisms.base import Mechanism
+from cutbench.mechanisms.base import Mechanism, Tool
 from cutbench.mechanisms.law_validation import BASES, refuse_incomplete
 
 SLOTS = tuple(BASES)
@@ -85,8 +85,8 @@ def use_mechanisms(*folders: str | Path) -> tuple[str, ...]:
     Raises
     ------
     BadInput
-        For a folder that is not there, a file that cannot be imported, and a law that lacks something; then
-        nothing is taken up.
+        For a folder that is not there, a file that cannot be imported, a law that lacks something, and a
+        blade that fails its checks; then nothing is taken up.
 
     Examples
     --------
@@ -117,7 +117,11 @@ def use_mechanisms(*folders: str | Path) -> tuple[str, ...]:
     _folders = tuple(dict.fromkeys([*before, *new]))
     registry.cache_clear()  # files may have been edited
     try:
-        return tuple(law.name for law in registry().values() if file_of(law).parent in new)
+        taken = [law for law in registry().values() if file_of(law).parent in new]
+        for law in taken:
+            if isinstance(law, Tool):
+                importlib.import_module("cutbench.mechanisms.checks").refuse_wrong_tool(law)
+        return tuple(law.name for law in taken)
     except BadInput:
         _folders = before
         registry.cache_clear()

@@ -12,12 +12,15 @@ from cutbench.case.case import Case, load_case
 from cutbench.run.result import Result
 from cutbench.run.runner import run_case
 
+#: Fields are kept so many times on the way down, by dimension, unless it is said where.
+SNAPSHOTS = {2: 4, 3: 12}
+
 
 @watched("mm")
 def run2d(
     source: str | Path | Case,
     *,
-    snapshots_mm: Sequence[float] = (),
+    snapshots_mm: Sequence[float] | None = None,
     frames: int | None = None,
     on_progress: OnProgress = silent,
     **changes: object,
@@ -28,15 +31,30 @@ def run2d(
     ----------
     source : str, Path or Case
         A material's name, a TOML file or a case.
-    snapshots_mm : sequence of float, mm
-        Blade travels at which fields are kept, in ``snapshots`` of the result.
+    snapshots_mm : sequence of float, mm, optional
+        Blade travels at which fields are kept, in ``snapshots`` of the result, and the end of a run that does
+        not come so far. Every quarter of the depth unless given (onset and peak are not known beforehand);
+        ``()`` for none.
     frames : int, optional
         How many fields are kept besides, spread evenly over the run, for an animation.
     on_progress : callable
         Called as ``on_progress(done, total, text)`` with travels in mm and the force.
     **changes : object
-        What ``Case.set`` takes: ``eta_reg="0.5 s"``, ``cohesion=9.0``, ``h="0.2 mm"``,
-        ``without="adhesion"``.
+        What differs from the source, by keyword; all is text with a unit, or a number where there is none.
+
+        Material: ``G``, ``tau_W`` (kPa), ``nu``, ``G_c`` (J/m^2), ``delta_c``, ``surface_length`` (mm),
+        ``beta``, ``onset_stiffness``, ``mu``, ``eta_reg`` (s). Blade: ``thickness``, ``tip``, ``overhang``
+        (mm), ``tilt``, ``incline`` (deg). Specimen: ``width``, ``length``, ``height``, ``precut`` (mm).
+        Protocol: ``speed`` (mm/s), ``depth`` (mm), ``until`` (``"depth"`` or ``"transition"``), ``motion``.
+        Parameters of other laws have theirs.
+
+        Dimensionless groups in place of one of these: ``cohesion``, ``viscosity``, ``adhesion``,
+        ``friction``, ``opening``, ``sharpness``.
+
+        Laws: ``with_``, ``without`` and ``mechanisms``, a name or several. ``name``: what the run is called.
+
+        Numerics: ``numerics`` (``"converged"``, ``"fast"``, ``"paper"``), or single ones such as ``h``,
+        ``step`` (mm), ``element``; the reference has a table of them.
 
     Returns
     -------
@@ -57,6 +75,8 @@ def run2d(
     done: reached 0.3 mm
     >>> result.displacement_mm.shape == result.force_N.shape
     True
+    >>> [f"{snapshot.displacement_mm:.2f}" for snapshot in result.snapshots][-1]
+    '0.30'
     """
     return _cut(source, 2, snapshots_mm, frames, on_progress, changes)
 
@@ -65,7 +85,7 @@ def run2d(
 def run3d(
     source: str | Path | Case,
     *,
-    snapshots_mm: Sequence[float] = (),
+    snapshots_mm: Sequence[float] | None = None,
     frames: int | None = None,
     on_progress: OnProgress = silent,
     **changes: object,
@@ -78,14 +98,14 @@ def run3d(
     ----------
     source : str, Path or Case
         A material's name, a TOML file or a case.
-    snapshots_mm : sequence of float, mm
-        Blade travels at which fields are kept, in ``snapshots`` of the result.
+    snapshots_mm : sequence of float, mm, optional
+        As for ``run2d``; every twelfth of the depth unless given.
     frames : int, optional
         How many fields are kept besides, spread evenly over the run, for an animation.
     on_progress : callable
         Called as ``on_progress(done, total, text)`` with travels in mm and the force.
     **changes : object
-        What ``Case.set`` takes, as for ``run2d``.
+        As for ``run2d``.
 
     Returns
     -------
@@ -112,7 +132,7 @@ def run3d(
 def _cut(
     source: str | Path | Case,
     dim: int,
-    snapshots_mm: Sequence[float],
+    snapshots_mm: Sequence[float] | None,
     frames: int | None,
     on_progress: OnProgress,
     changes: dict[str, object],
@@ -121,4 +141,7 @@ def _cut(
         case = replace(source.set(**changes), dim=dim)
     else:
         case = load_case(source, changes, dim=dim)
+    if snapshots_mm is None:
+        parts = SNAPSHOTS[dim]
+        snapshots_mm = [case.p.depth * (k + 1) / parts for k in range(parts)]
     return run_case(case, on_progress=on_progress, snapshots_mm=snapshots_mm, frames=frames)

@@ -17,12 +17,8 @@ __all__ = ["dataset", "plot", "summary_lines", "table", "write"]
 
 def plot(result: Result, ax: Axes) -> None:
     """Force over travel, with onset and peak; of several runs, the name of each is in the legend."""
-    if others := [line for line in ax.lines if line.get_gid() == FORCE]:
-        if name := ax.get_title(loc="left"):
-            others[0].set_label(name)
-        ax.set_title("", loc="left")
-    else:
-        ax.set_title(result.case.name, loc="left")
+    several = any(line.get_gid() == FORCE for line in ax.lines)
+    ax.set_title("" if several else result.name, loc="left")
     draw_force(ax, result)
     ax.set_xlabel("blade travel (mm)")
 

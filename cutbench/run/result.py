@@ -103,7 +103,7 @@ class Result(Displayed):
     counts : dict of str to int
         Steps, iterations and the like.
     snapshots : list of Snapshot
-        Fields at the travels that were asked for.
+        Fields at the travels that were asked for; ``save`` writes them, and the section.
     measures : dict of str to float
         What is read off the curve (``cutbench.run.measures.MEASURES``), such as ``onset_mm`` and
         ``drop_rel``, units in the names; nan where there is none.
@@ -151,6 +151,11 @@ class Result(Displayed):
     def __post_init__(self) -> None:
         if not self.id:
             self.id, self.computation, self.versions = self.case.id, self.case.computation, versions()
+
+    @property
+    def name(self) -> str:
+        """The name of its material, or of its case file."""
+        return self.case.name
 
     @property
     def displacement_mm(self) -> np.ndarray:

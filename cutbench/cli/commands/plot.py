@@ -56,6 +56,7 @@ def plot(
 
         paths = save(plot_curve(read_run(source)), source / "curve.png")
     elif grid.is_file():
+        from cutbench.maps.atlas_map import under_way
         from cutbench.maps.closed_form_estimates import save_estimates
         from cutbench.maps.collapse import save_collapse
         from cutbench.maps.dataset import load_map, store_of
@@ -65,6 +66,8 @@ def plot(
         from cutbench.run.store.runs import Store
 
         data = load_map(grid)
+        if (data["outcome"].values[data["run_id"].values != ""] == 0).any():
+            data = under_way(data, None)
         runs = store_of(data, grid.parent)
         pictures, words = save_estimates(data, grid.parent)
         more, line = save_collapse(data, grid.parent)

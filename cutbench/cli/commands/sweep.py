@@ -40,9 +40,14 @@ def sweep(
 ) -> None:
     """Compute a map; what is finished is never computed twice, so start it again to go on."""
     leave_cores_to_workers()
+    from cutbench.base.errors import BadInput
     from cutbench.maps.study import load_study
     from cutbench.maps.sweep import run_study
 
+    if estimate:
+        for option, value in (("--workers", workers), ("--scheduler", scheduler), ("--store", store)):
+            if value is not None:
+                raise BadInput(option, str(value), "none with --estimate, which runs nothing")
     out = out or Path("maps") / (f"{study.stem}-estimate" if estimate else study.stem)
     plan, processes = load_study(study), whole_number("--workers", workers)
     if dry_run:

@@ -13,6 +13,7 @@ class BluntTip(Contact):
     name = "blunt_tip"
     title = "contact (blunt tip)"
     family = "tool"
+    resembles = ("tip",)
     parameters = (
         *Contact.parameters,
         Parameter.effect(
@@ -24,5 +25,8 @@ class BluntTip(Contact):
         a, b = self.half_axes(p)
         return {"b/a": b / a, "blunting": p.blunting}
 
+    def like(self, p):
+        return {"tip": p.tip / (1 + p.blunting)}
+
     def half_axes(self, p):
-        return p.thickness / 2, p.tip / (1 + p.blunting)
+        return p.thickness / 2, self.like(p)["tip"]

@@ -11,7 +11,7 @@ from cutbench.mechanisms.base import Mechanism
 from cutbench.mechanisms.checks import every_slot, of_bulk, of_cut, of_surfaces  # noqa: F401
 from cutbench.mechanisms.checks.base import CHECKS, Check
 from cutbench.mechanisms.checks.trial import Trial
-from cutbench.mechanisms.law_registry import laws_of, load_file, registry
+from cutbench.mechanisms.law_registry import file_of, laws_of, load_file, registry
 from cutbench.mechanisms.law_validation import refuse_incomplete
 
 
@@ -48,12 +48,22 @@ def check_file(path: str | Path) -> Iterator[Finding]:
             yield Finding(law.name, check.name, check.says, _wrong(check, trial))
 
 
+def refuse_wrong_tool(law: Mechanism) -> None:
+    """Raises BadInput for a blade that fails a check of its slot: contact would go astray in a run."""
+    trial = Trial(law)
+    for check in (check for check in CHECKS if check.slot == law.slot):
+        if wrong := _wrong(check, trial):
+            expected = (
+                f"a blade that passes 'cutbench mechanisms --check': {check.says[0].lower()}{check.says[1:]}"
+            )
+            raise BadInput(file=str(file_of(law)), key=law.name, value=wrong, expected=expected)
+
+
 def _wrong(check: Check, trial: Trial) -> str:
     try:
         check.run(trial)
     except AssertionError as error:
-        lines = [line.strip() for line in str(error).strip().splitlines() if line.strip()]
-        return " ".join(lines[:6]) or "it does not"
+        return str(error) or "it does not"
     except Exception as error:  # whatever a law does wrong
         return f"{type(error).__name__}: {error}"
     return ""

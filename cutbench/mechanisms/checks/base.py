@@ -33,7 +33,15 @@ def check(slot: str = "") -> Callable[[Callable], Callable]:
     return add
 
 
-def close(a, b, rtol: float, atol: float = 0.0) -> None:
-    """Equality relative to the largest entry: components that vanish have no relative error."""
-    scale = max(float(np.max(np.abs(a), initial=0)), float(np.max(np.abs(b), initial=0)))
-    np.testing.assert_allclose(a, b, rtol=0, atol=rtol * scale + atol)
+def close(a, b, rtol: float, atol: float = 0.0, *, what: str = "two numbers") -> None:
+    """Equality relative to the largest entry: components that vanish have no relative error.
+
+    Raises AssertionError, which says ``what`` should be equal to what, and by how much it is not.
+    """
+    a, b = np.broadcast_arrays(np.asarray(a), np.asarray(b))
+    assert np.isfinite(a).all() and np.isfinite(b).all(), f"{what}: some are not finite"
+    scale = float(max(np.max(np.abs(a), initial=0), np.max(np.abs(b), initial=0)))
+    off, allowed = float(np.max(np.abs(a - b), initial=0)), rtol * scale + atol
+    assert off <= allowed, (
+        f"{what}: they differ by {off:.2g}, of {scale:.2g} at the most; {allowed:.1g} is allowed"
+    )

@@ -38,17 +38,17 @@ def stress_is_the_energys_derivative(t: Trial) -> None:
     """P = dΨ/dF, where the law is conservative, and of its work, where that is a function."""
     F, p, law = deformations(), t.numbers(), t.law
     if law.conservative:
-        close(t.stress(F), _differences(t.energy, F), 1e-7)
+        close(t.stress(F), _differences(t.energy, F), 1e-7, what="the stress and dΨ/dF by differences")
     state, at = t.shaken(), t.bulk_points()
     P, new = law.stress(F, p, state, at)
     if law.work(F, p, new, at) is None:
-        assert not law.conservative
+        assert not law.conservative, "a conservative law knows its work: its energy"
         return
     for i, J in np.ndindex(3, 3):
         probe = F.astype(complex)
         probe[i, J] += 1j * STEP
         slope = np.imag(law.work(probe, p, law.stress(probe, p, state, at)[1], at)) / STEP
-        np.testing.assert_allclose(slope, P[i, J], rtol=0, atol=1e-12 * np.abs(P).max())
+        close(slope, P[i, J], 0, 1e-12 * np.abs(P).max(), what="the stress and the work's derivative")
 
 
 @check("bulk")
@@ -58,10 +58,12 @@ def tangent_is_the_stress_derivative(t: Trial) -> None:
     state, at = t.shaken(), t.bulk_points()
     for dim in (2, 3):
         A = t.law.tangent(F, p, state, at, dim)
-        close(A, Bulk.tangent(t.law, F, p, state, at, dim), 1e-13)
-        close(A, _differences(t.stress, F)[:dim, :dim, :dim, :dim], 1e-7)
-    assert np.abs(A).max() > 0
-    close(A, A.transpose(2, 3, 0, 1, 4), 1e-12)
+        by_step = Bulk.tangent(t.law, F, p, state, at, dim)
+        close(A, by_step, 1e-13, what="the tangent and the stress's complex step")
+        by_differences = _differences(t.stress, F)[:dim, :dim, :dim, :dim]
+        close(A, by_differences, 1e-7, what="the tangent and dP/dF by differences")
+    assert np.abs(A).max() > 0, "the tangent is 0"
+    close(A, A.transpose(2, 3, 0, 1, 4), 1e-12, what="the tangent and its transpose")
 
 
 @check("bulk")
@@ -70,19 +72,20 @@ def known_state_is_kept(t: Trial) -> None:
     F, p, at = deformations(), t.numbers(), t.bulk_points()
     P, new = t.law.stress(F, p, t.shaken(), at)
     again, same = t.law.stress(F, p, new, Points(**{**vars(at), "held": True, "dt": None}))
-    close(again, P, 1e-13)
-    assert all(np.array_equal(same[key], value) for key, value in new.items())
+    close(again, P, 1e-13, what="the stresses of one state, new and held")
+    for key, value in new.items():
+        assert np.array_equal(same[key], value), f"with at.held the state '{key}' stays what it is"
 
 
 @check("bulk")
 def is_frame_indifferent(t: Trial) -> None:
     """A turned body has turned stresses and the same energy; stresses balance angular momentum."""
     F, Q = deformations(), rotations()
-    close(t.stress(times(Q, F)), times(Q, t.stress(F)), 1e-13)
-    close(t.energy(times(Q, F)), t.energy(F), 1e-12)
+    close(t.stress(times(Q, F)), times(Q, t.stress(F)), 1e-13, what="a turned body's and turned stresses")
+    close(t.energy(times(Q, F)), t.energy(F), 1e-12, what="energies of a body and of the same, turned")
     tau = times(t.stress(F), F.transpose(1, 0, 2))
-    assert np.abs(tau).max() > 0
-    close(tau, tau.transpose(1, 0, 2), 1e-13)
+    assert np.abs(tau).max() > 0, "the stress is 0 at any deformation"
+    close(tau, tau.transpose(1, 0, 2), 1e-13, what="Kirchhoff's stress P Fᵀ and its transpose")
 
 
 @check("bulk")
@@ -93,11 +96,12 @@ def is_at_rest_undeformed(t: Trial) -> None:
     size = np.abs(t.stress(deformations())).max()
     for undeformed in (one, rotations()):
         P, new = law.stress(undeformed, p, law.start(N, p), at)
-        assert (
-            np.abs(P).max() < 1e-13 * size and np.abs(law.energy(undeformed, p, new, at)).max() < 1e-13 * size
-        )
+        energy = np.abs(law.energy(undeformed, p, new, at)).max()
+        assert np.abs(P).max() < 1e-13 * size, f"there is a stress of {np.abs(P).max():.2g} MPa at rest"
+        assert energy < 1e-13 * size, f"there is an energy of {energy:.2g} mJ/mm³ at rest"
     if law.conservative:
-        assert np.abs(law.tangent(one, p, {}, at, 3)).max() > 0 and t.energy(deformations()).min() >= 0
+        assert np.abs(law.tangent(one, p, {}, at, 3)).max() > 0, "it has no stiffness at rest"
+        assert t.energy(deformations()).min() >= 0, "its energy is below 0 at some deformation"
 
 
 @check("bulk")
@@ -105,7 +109,7 @@ def stress_has_its_dimension(t: Trial) -> None:
     """Stresses change with the units as stresses do."""
     F, p = deformations(), t.numbers()
     there = t.stress(F, t.rewritten(p), DT * NEW_UNITS["[time]"])
-    close(there, in_new_units(t.stress(F, p), "MPa"), 1e-12)
+    close(there, in_new_units(t.stress(F, p), "MPa"), 1e-12, what="stresses, and those from other units")
 
 
 @check("bulk")
@@ -126,4 +130,6 @@ def dissipation_is_not_negative(t: Trial) -> None:
             P_new, state = law.stress(here, p, state, at)
             piece = float(((P + P_new) / 2 * (here - old)).sum())
             work, passed, P, old = work + piece, passed + abs(piece), P_new, here
-        assert work >= float(law.energy(one, p, state, at)[0]) - 0.02 * passed
+        assert work >= float(law.energy(one, p, state, at)[0]) - 0.02 * passed, (
+            "on a closed path it gives more work than it was given"
+        )

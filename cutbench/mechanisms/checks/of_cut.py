@@ -30,7 +30,7 @@ def _paths(t: Trial, count: int, substeps: int = 40) -> Iterator[list[np.ndarray
 def virgin_interface_carries_nothing(t: Trial) -> None:
     """A closed virgin interface has no traction."""
     zero = np.zeros((3, N))
-    assert np.array_equal(t.cut(zero, zero)[0], zero)
+    assert np.array_equal(t.cut(zero, zero)[0], zero), "it has a traction before it is opened"
 
 
 @check("cut")
@@ -42,8 +42,13 @@ def traction_differentiates(t: Trial) -> None:
         e = np.eye(3)[:, [c]]
         exact = t.cut(jump + 1j * STEP * e, old, states)[0].imag / STEP
         central = (t.cut(jump + h * e, old, states)[0] - t.cut(jump - h * e, old, states)[0]) / (2 * h)
-        close(exact, central, 1e-6)
-        assert np.abs(exact).max() > 0
+        close(
+            exact,
+            central,
+            1e-6,
+            what=f"complex step and differences by the jump {c}",
+        )
+        assert np.abs(exact).max() > 0, f"the traction does not depend on the jump's component {c}"
 
 
 @check("cut")
@@ -56,7 +61,8 @@ def traction_is_the_works_derivative(t: Trial) -> None:
     for c in range(3):
         probe = jump + 1j * STEP * np.eye(3)[:, [c]]
         _, moved, at = t.cut(probe, old, states)
-        close(t.law.work(probe, p, moved[name], at).imag / STEP, T[c], 1e-12)
+        slope = t.law.work(probe, p, moved[name], at).imag / STEP
+        close(slope, T[c], 1e-12, what=f"the traction's component {c} and the work's derivative")
 
 
 @check("cut")
@@ -68,7 +74,7 @@ def cycles_give_no_energy(t: Trial) -> None:
             T, states, _ = t.cut(jump, old, states)
             piece = float(((T + T_old) / 2 * (jump - old)).sum())
             T_old, work, passed = T, work + piece, passed + abs(piece)
-        assert work >= -0.02 * passed
+        assert work >= -0.02 * passed, "on a closed path of the jump it gives work"
 
 
 @check("cut")
@@ -85,7 +91,8 @@ def damage_is_handed_over(t: Trial) -> None:
             assert damage <= now <= 1, "damage grows from 0 to 1 and never falls"
             damage, spent = now, law.work(zero, p, states[law.name], at)
             if spent is not None:  # what is left at zero jump is dissipated
-                assert spent[0] >= lost - 1e-14 * law.estimate(p, 0.0, 0.0).work
+                grows = spent[0] >= lost - 1e-14 * law.estimate(p, 0.0, 0.0).work
+                assert grows, "what is dissipated falls again"
                 lost = spent[0]
     wide, work, T_old = 100 * t.length, 0.0, 0.0
     torn: Any = None
@@ -105,4 +112,5 @@ def traction_has_its_dimension(t: Trial) -> None:
     others = {m.name: t.rewritten(Trial(m, t.known).numbers()) for m in t.before()}
     zero, L = np.zeros_like(jump), NEW_UNITS["[length]"]
     there = t.cut(jump * L, zero, p=t.rewritten(p), dt=DT * NEW_UNITS["[time]"], others=others)[0]
-    close(there, in_new_units(t.cut(jump, zero, p=p)[0], "MPa"), 1e-12)
+    here = in_new_units(t.cut(jump, zero, p=p)[0], "MPa")
+    close(there, here, 1e-12, what="tractions, and those from other units")

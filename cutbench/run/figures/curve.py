@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from textwrap import wrap
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from scipy.integrate import cumulative_trapezoid
 
 from cutbench.base.figure_style import (
     COLOURS,
     GREY,
-    HATCHES,
     LINE_COLOURS,
     LINES,
     Look,
@@ -26,15 +28,16 @@ from cutbench.base.figure_style import (
     style,
 )
 from cutbench.mechanisms import registry
+from cutbench.mechanisms.looks import mechanism_look
 from cutbench.run.measures import forward
-from cutbench.run.result import SNAP, TRANSFER, Result
+from cutbench.run.result import SELF_CONTACT, SNAP, TRANSFER, Result
 
 #: Of both panels with the legend beside them: a column and a half.
 WIDTH_MM = 140.0
 #: Width of a letter, mean, in mm for each pt of type.
 _LETTER = 0.18
 #: Entries that never reach this share of the largest force are drawn together.
-NEGLIGIBLE = 0.005
+NEGLIGIBLE = 0.01
 #: Labels of entries that are not in the registry.
 NO_MECHANISM = {SNAP: "unresolved jumps", TRANSFER: "new meshes"}
 
@@ -53,6 +56,7 @@ def plot_curve(result: Result, size: Size | None = None) -> Figure:
         figure = new_figure(WIDTH_MM, 100) if size is None else sized(size, 115)
         top, low = figure.subplots(1, 2) if beside else figure.subplots(2, 1, sharex=True)
         draw_force(top, result)
+        marks = _take_legend(top)
         _split(low, result, window_mm)
         low.set_xlabel("blade travel (mm)")
         for axes in (top, low):
@@ -62,18 +66,23 @@ def plot_curve(result: Result, size: Size | None = None) -> Figure:
         else:
             figure.align_ylabels([top, low])
         figure.suptitle(result.case.name, x=0.02, ha="left")
-        across = (0.45 if beside else 0.8) * size.width_mm if size is not None else 0.0
+        across = (0.36 if beside else 0.75) * size.width_mm if size is not None else 0.0
         letters = 72 if size is None else int(across / (_LETTER * size.text_pt))
-        top.set_title("\n".join(wrap(result.sentence(), letters)), loc="left", fontsize=7.5)
-        low.set_title("\n".join(wrap(low.get_title("left"), letters)), loc="left", fontsize=7.5, color=GREY)
+        top.set_title(_wrapped(result.sentence(), letters), loc="left", fontsize=7.5)
+        low.set_title(_wrapped(low.get_title("left"), letters), loc="left", fontsize=7.5, color=GREY)
         one_type(figure, size)
-        handles, names = low.get_legend_handles_labels()
+        # Outside the axes, where it hides nothing; the last in the list of areas is the first from below.
+        handles = [*marks, *low.get_legend_handles_labels()[0][::-1]]
         if size is not None:
-            legend_in_rows(figure, [*handles[::-1]], "outside lower center")
+            legend_in_rows(figure, handles, "outside lower center")
         elif handles:
-            # Outside the axes, where it hides no areas; the last in the list is the first from below.
-            figure.legend(handles[::-1], names[::-1], loc="outside right center")
+            figure.legend(handles=handles, loc="outside right center")
     return figure
+
+
+def _wrapped(text: str, letters: int) -> str:
+    """In lines of so many letters, no number without its unit."""
+    return "\n".join(wrap(re.sub(r"(?<=\d) (?=%|mm)", "\u00a0", text), letters))
 
 
 #: What marks the line of a run's force in axes.
@@ -109,32 +118,75 @@ def smooth_force(
 
 
 def draw_force(axes: Axes, result: Result) -> None:
-    """Force (N) over travel (mm) into ``axes``, with onset, peak and how it ended. In axes that have runs
-    already it gets a look of its own, and legend and limits hold for all of them."""
+    """Force (N) over travel (mm) into ``axes``, with onset, peak and how it ended.
+
+    Alone, a run has the numbers of onset and peak in the legend. In axes that have runs already it gets a
+    look of its own; then the legend has the name of each, and what the symbols mean once.
+    """
     travel, force = result.displacement_mm, result.force_N
     drawn = [line for line in axes.lines if line.get_gid() == FORCE]
     own: Look = {"color": LINE_COLOURS[len(drawn) % len(LINE_COLOURS)], "ls": LINES[len(drawn) % len(LINES)]}
-    axes.plot(travel, force, gid=FORCE, label=result.case.name if drawn else None, **own)
+    names = [str(line.get_label()).removeprefix("_") for line in drawn]
+    name = result.name if result.name not in names else f"{result.name}, run {result.id}"
+    # The underscore keeps it out of the legend, as long as the run is alone.
+    axes.plot(travel, force, gid=FORCE, label=name if drawn else f"_{name}", **own)
     axes.set_ylabel("force (N)")
-    low, high = float(np.min(force, initial=0.0)), float(np.max(force, initial=1e-9))
-    before = axes.get_ylim() if drawn else (0.0, 0.0)
-    axes.set_ylim(min(1.12 * low, before[0]), max(1.12 * high, before[1]))
     onset, peak = (result.measures.get(key, np.nan) for key in ("onset_mm", "peak_mm"))
+    marks: list[tuple[float, float, str, Look, str]] = []
     if np.isfinite(onset):
         down = forward(travel)
         at = float(np.interp(onset, travel[:down], force[:down]))
-        text = f"onset of cutting, {onset:.2f} mm"
-        axes.plot([onset], [at], "o", mfc="white", mec=COLOURS["blue"], label=text)
+        look: Look = {"marker": "o", "mfc": "white", "mec": own["color"] if drawn else COLOURS["blue"]}
+        marks.append((onset, at, "onset of cutting", look, f", {onset:.2f} mm"))
     if np.isfinite(peak):
         at = result.measures.get("peak_N", float(np.interp(peak, travel, force)))
-        text = f"peak, {at:.3g} N at {peak:.2f} mm"
-        axes.plot([peak], [at], "v", color=COLOURS["vermilion"], label=text)
+        look = {"marker": "v", "color": own["color"] if drawn else COLOURS["vermilion"]}
+        marks.append((peak, at, "peak", look, f", {at:.3g} N at {peak:.2f} mm"))
     if not result.outcome.done:
-        text = f"{result.outcome.kind} at {result.outcome.reached_mm:.2f} mm"
-        look: Look = {"color": COLOURS["vermilion"], "ms": 5.5, "mec": "white", "mew": 0.5}
-        axes.plot(travel[-1:], force[-1:], "X", label=text, **look)
-    if axes.get_legend_handles_labels()[0]:
-        axes.legend(loc="best")
+        look = {"color": COLOURS["vermilion"], "marker": "X", "ms": 5.5, "mec": "white", "mew": 0.5}
+        text = f" at {result.outcome.reached_mm:.2f} mm"
+        marks.append((travel[-1], force[-1], result.outcome.kind, look, text))
+    for x, y, kind, look, numbers in marks:
+        axes.plot([x], [y], ls="", gid=kind, label=f"{kind}{'' if drawn else numbers}", **look)
+    _force_legend(axes)
+
+
+def _take_legend(axes: Axes) -> list[Artist]:
+    """What the legend of ``axes`` names, for one outside them."""
+    if (legend := axes.get_legend()) is None:
+        return []
+    legend.remove()
+    axes.set_ylim(axes.get_ylim()[0], 1.06 * axes.dataLim.y1)
+    return [*axes.get_legend_handles_labels()[0]]
+
+
+def _force_legend(axes: Axes) -> None:
+    """The legend of forces, above all that is drawn."""
+    lines = [line for line in axes.lines if line.get_gid() == FORCE]
+    marks = [line for line in axes.lines if line.get_gid() not in (None, FORCE)]
+    handles: list[Artist] = [*marks]
+    if len(lines) > 1:
+        for line in lines:
+            line.set_label(str(line.get_label()).removeprefix("_"))
+        for mark in marks:
+            if mark.get_label() != mark.get_gid():  # of the first, which was alone
+                mark.set(color=lines[0].get_color(), mec=lines[0].get_color(), label=mark.get_gid())
+        look: Look = {"ls": "", "mec": GREY}
+        kinds = {line.get_gid(): (line.get_marker(), line.get_markerfacecolor()) for line in marks}
+        handles = [*lines]
+        for kind, (marker, face) in kinds.items():
+            fill = face if face == "white" else GREY
+            handles.append(Line2D([], [], marker=marker, mfc=fill, label=kind, **look))
+    values = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in lines])
+    low, high = 1.12 * float(np.min(values, initial=0.0)), 1.06 * float(np.max(values, initial=1e-9))
+    axes.set_ylim(low, high)
+    if not handles:
+        return
+    legend = axes.legend(handles=handles, loc="upper left", ncols=1 if len(handles) < 4 else 2)
+    if (figure := axes.get_figure(root=True)) is not None:
+        figure.draw_without_rendering()
+        part = legend.get_window_extent().height / axes.get_window_extent().height
+        axes.set_ylim(low, low + (high - low) / max(0.3, 0.98 - part))
 
 
 def _split(axes, result: Result, window_mm: float) -> None:
@@ -167,7 +219,7 @@ def _shares(result: Result, window_mm: float, at: np.ndarray) -> list[tuple[str,
     largest = float(np.max(np.abs(result.force_N)))
     shares = []
     others, rest = [], np.zeros(at.size)
-    for i, name in enumerate(result.ledger):
+    for name in result.ledger:
         work = result.curve.get(f"work_{name}_mJ")
         if work is None:
             work = cumulative_trapezoid(result.curve[f"force_{name}_N"][:down], travel, initial=0)
@@ -178,22 +230,28 @@ def _shares(result: Result, window_mm: float, at: np.ndarray) -> list[tuple[str,
             others.append(_label(name))
             rest += share
         else:
-            # By place in the ledger, so that a mechanism looks the same in all pictures of a model.
-            shares.append((_label(name), _look("#9A9A9A" if name == SNAP else None, i), share))
+            shares.append((_label(name), _look(name), share))
     if others:
         label = others[0] if len(others) == 1 else f"{len(others)} others, each < {100 * NEGLIGIBLE:g} %"
-        shares.append((label, _look("#D9D9D9", 0), rest))
+        shares.append((label, _look(""), rest))
     return shares
 
 
-def _look(colour: str | None, place: int) -> dict:
-    colours = [c for name, c in COLOURS.items() if name != "black"]
-    return {
-        "facecolor": colour or colours[place % len(colours)],
-        "hatch": HATCHES[place % len(HATCHES)],
-        "edgecolor": "white",
-        "lw": 0.0,
-    }
+#: Colour and pattern of entries that no mechanism stands for; "": what is left.
+LOOKS = {SNAP: ("grey", "/"), TRANSFER: ("grey", "."), SELF_CONTACT: ("grey", "x"), "": ("light", "")}
+_GREYS = {"grey": "#9A9A9A", "light": "#D9D9D9"}
+
+
+def look_of(name: str) -> tuple[str, str]:
+    """Colour and pattern (plotly's) of an entry of the ledger, the same in all pictures; ``""``: what is
+    left."""
+    colour, pattern = LOOKS.get(name) or mechanism_look(name)
+    return (COLOURS | _GREYS)[colour], pattern
+
+
+def _look(name: str) -> Look:
+    colour, pattern = look_of(name)
+    return {"facecolor": colour, "hatch": pattern * 4, "edgecolor": "white", "lw": 0.0}
 
 
 def _label(name: str) -> str:

@@ -52,6 +52,8 @@ def plot_section(result: Result) -> Figure:
         bar = figure.colorbar(colours, ax=grid.ravel().tolist(), label="von Mises stress (kPa)", **look)
         bar.outline.set_linewidth(0.5)
         figure.suptitle(result.case.name, x=0.02, ha="left")
+        # Axes of equal scales have room for their labels only once they were laid out twice.
+        figure.draw_without_rendering()
     return figure
 
 
@@ -160,7 +162,7 @@ def _zoom(whole, near, half: Half, case: Case, *, lines: bool) -> None:
     """Limits of the close look: some tip lengths round the tip; its frame in the whole picture."""
     p, tool = case.p, case.model.tool
     reach = max(4 * p.thickness, 1.6 * tool.height(p) if tool else 0.0)
-    middle = p.height - half.travel_mm + 0.35 * reach
+    middle = min(p.height - half.travel_mm + 0.35 * reach, whole.get_ylim()[1] - reach)
     near.set_xlim(-reach, reach)
     near.set_ylim(middle - reach, middle + reach)
     near.set_xlabel("width (mm)")
