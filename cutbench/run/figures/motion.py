@@ -12,20 +12,18 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize, to_rgb
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import PlaceHolderLayoutEngine
-from matplotlib.tri import Triangulation
 from PIL import Image
 
-from cutbench.base.figure_style import COLOURS, DOUBLE_MM, FIELD_MAP, GREY, new_figure, style
+from cutbench.base.figure_style import COLOURS, DOUBLE_MM, FIELD_MAP, new_figure, style
 from cutbench.base.files import replacing
+from cutbench.run.figures.block_picture import BlockScene
 from cutbench.run.figures.section import Half, draw_half, frame
-from cutbench.run.figures.solid import TOP_PERCENTILE, cut_plane_of, front_line, look_of
 from cutbench.run.result import Result, Snapshot
 
 #: Folder of the single pictures.
@@ -66,37 +64,8 @@ class _Section:
         draw_half(axes, Half(snapshot), self.result.case, self.top_kPa, line=0.12)
 
 
-@dataclass
-class _CutPlane:
-    """The cut plane of a block from the side, its front, and the blade's tip."""
-
-    result: Result
-    stem = "cut_plane"
-
-    def __post_init__(self) -> None:
-        on = ((s, np.unique(cut_plane_of(s))) for s in self.result.frames)
-        tops = [np.percentile(1e3 * s.point_data["von_mises"][nodes], TOP_PERCENTILE) for s, nodes in on]
-        self.top_kPa = float(max(tops)) or 1.0
-
-    def limits(self, axes: Axes) -> None:
-        places = np.concatenate([s.current[cut_plane_of(s).ravel(), 1:] for s in self.result.frames])
-        height = self.result.case.p.height
-        axes.set_xlim(places[:, 1].min(), places[:, 1].max())
-        axes.set_ylim(places[:, 0].min() - 0.03 * height, max(places[:, 0].max(), height) + 0.1 * height)
-        axes.set_xlabel("along the blade (mm)")
-
-    def draw(self, axes: Axes, snapshot: Snapshot) -> None:
-        mesh = Triangulation(snapshot.current[:, 2], snapshot.current[:, 1], cut_plane_of(snapshot))
-        stress_kPa = 1e3 * snapshot.point_data["von_mises"]
-        axes.tripcolor(mesh, stress_kPa, shading="gouraud", **look_of(self.top_kPa))
-        front_line(axes, snapshot, snapshot.faces["cut"]["x"], color="white", lw=0.9)
-        tip = self.result.case.p.height - snapshot.displacement_mm
-        axes.plot(axes.get_xlim(), [tip, tip], color=GREY, lw=0.8, ls=":")
-        axes.set_aspect("equal")
-
-
 def save_frames(result: Result, folder: str | Path) -> dict[str, Path]:
-    """Write ``frames/frame-000.png`` and so on, and section.gif, of a block cut_plane.gif, from the frames.
+    """Write ``frames/frame-000.png`` and so on, and section.gif, of a block solid.gif, from the frames.
 
     Returns the animation's path by name. Where there are no frames nothing is written, and earlier pictures
     are removed.
@@ -108,7 +77,7 @@ def save_frames(result: Result, folder: str | Path) -> dict[str, Path]:
     if result.frames:
         pictures.mkdir(exist_ok=True)
         plane = result.frames[0].cell_type.startswith("triangle")
-        scene: _Scene = _Section(result) if plane else _CutPlane(result)
+        scene: _Scene = _Section(result) if plane else BlockScene(result.case, result.frames)
         for i, picture in enumerate(_pictures(result, scene)):
             written.append(pictures / f"frame-{i:03d}.png")
             with replacing(written[-1]) as draft:
@@ -117,7 +86,7 @@ def save_frames(result: Result, folder: str | Path) -> dict[str, Path]:
         _animate(written, paths[f"{scene.stem}_gif"])
     for old in set(pictures.glob("frame-*.png")) - set(written):
         old.unlink()
-    for stem in (_Section.stem, _CutPlane.stem):
+    for stem in (_Section.stem, BlockScene.stem):
         if f"{stem}_gif" not in paths:
             (folder / f"{stem}.gif").unlink(missing_ok=True)
     if pictures.is_dir() and not any(pictures.iterdir()):
@@ -132,6 +101,7 @@ def _pictures(result: Result, scene: _Scene) -> Iterator[Image.Image]:
         words = _words(result)
         line = force.plot([], [], color="black", ls="-", lw=1.1)[0]
         point = force.plot([], [], "o", color=_POINT, mec="white", mew=0.6, ms=6)[0]
+        lasting = set(body.get_children())
         times, travel, force_N = (result.curve[name] for name in ("time_s", "displacement_mm", "force_N"))
         for shown in result.frames:
             scene.draw(body, shown)
@@ -142,7 +112,7 @@ def _pictures(result: Result, scene: _Scene) -> Iterator[Image.Image]:
             canvas = FigureCanvasAgg(figure)
             canvas.draw()
             yield Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
-            for artist in [*body.collections, *body.patches, *body.lines]:
+            for artist in set(body.get_children()) - lasting:
                 artist.remove()
 
 
@@ -184,19 +154,22 @@ def _words(result: Result):
     return words
 
 
-def _palette() -> Image.Image:
-    """The colours of all frames, at most 256: those of the stress, greys, and the point on the curve."""
-    stress = colormaps[FIELD_MAP](np.linspace(0, 1, 200))[:, :3]
-    greys = np.repeat(np.linspace(0, 1, 24)[:, None], 3, axis=1)
-    point = np.array(to_rgb(_POINT)) + (1 - np.array(to_rgb(_POINT))) * np.linspace(0, 0.9, 8)[:, None]
-    holder = Image.new("P", (1, 1))
-    holder.putpalette(np.rint(255 * np.concatenate([stress, greys, point])).astype(np.uint8).tobytes())
+def _palette(pictures: list[Path]) -> Image.Image:
+    """The colours of all frames, at most 256, as they are in three of them."""
+    shown = []
+    for path in (pictures[0], pictures[len(pictures) // 2], pictures[-1]):
+        with Image.open(path) as picture:
+            shown.append(np.asarray(picture))
+    holder = Image.fromarray(np.concatenate(shown)).quantize(256)
+    colours = np.array(holder.getpalette()).reshape(-1, 3)
+    colours[colours.sum(axis=1).argmax()] = 255  # paper is white
+    holder.putpalette(colours.ravel().tolist())
     return holder
 
 
 def _animate(pictures: list[Path], path: Path) -> None:
     """``pictures`` one after the other as a GIF."""
-    palette = _palette()
+    palette = _palette(pictures)
 
     def turned() -> Iterator[Image.Image]:
         for each in pictures:
