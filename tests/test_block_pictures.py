@@ -22,7 +22,7 @@ from cutbench.run.figures.block_picture import plot_solid
 from cutbench.run.figures.cut_open import columns_of, cut_open, whole_columns
 from cutbench.run.figures.solid import plot_front
 from cutbench.run.files import write_run
-from cutbench.run.paraview import read_fields
+from cutbench.run.paraview import read_fields, write_fields
 from cutbench.run.result import Snapshot
 from cutbench.run.runner import run_case
 
@@ -138,6 +138,16 @@ def test_with_pyvista_an_image_fills_the_axes_and_the_nearer_surface_is_seen(cut
     for axes in plot_solid(cut).axes[:2]:
         (shown,) = axes.images
         assert np.allclose(shown.get_extent(), [*axes.get_xlim(), *axes.get_ylim()])
+
+
+def test_both_sides_of_a_split_block_are_read_again(tmp_path):
+    case = small(depth="0.2 mm", symmetry="full", precut="0.5 mm")
+    snapshot = run_case(case, snapshots_mm=[0.2]).snapshots[-1]
+    write_fields([snapshot], tmp_path, case)
+    (again,) = read_fields(tmp_path)
+    assert list(again.faces) == list(snapshot.faces) == ["top", "cut", "cut_minus"]
+    assert np.array_equal(columns_of(again).depth_mm, columns_of(snapshot).depth_mm)
+    assert columns_of(again).depth_mm.min() > 0.3
 
 
 def test_the_front_is_drawn_to_its_own_scale(cut):

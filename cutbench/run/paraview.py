@@ -114,15 +114,16 @@ def _read(path: Path) -> meshio.Mesh | None:
 
 
 def _by_face(mesh: meshio.Mesh | None) -> dict[str, dict[str, np.ndarray]]:
-    """As ``Snapshot.faces`` has them: the face in the plane x = 0 is the cut."""
+    """As ``Snapshot.faces`` has them: in the plane x = 0 lies the cut, and of a split block then its other
+    side."""
     if mesh is None:
         return {}
-    out = {}
+    out, in_plane = {}, iter(("cut", "cut_minus"))
     for number in np.unique(mesh.point_data["face"]):
         own = mesh.point_data["face"] == number
         X = mesh.points[own]
         data = {name: values[own] for name, values in mesh.point_data.items() if name != "face"}
-        name = "cut" if not X[:, 0].any() else "top"
+        name = "top" if X[:, 0].any() else next(in_plane)
         out[name] = {"X": X, "x": X + data.pop("displacement_mm"), **data}
     return out
 

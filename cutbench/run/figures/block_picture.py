@@ -36,6 +36,8 @@ _MARGINS = (0.22, 0.08, 0.13, 0.02)
 #: The picture's own margin and what its words and bars need of its height, mm; width over height of the
 #: close look.
 _EDGE_MM, _WORDS_MM, _CLOSE_ASPECT = 2.0, 34.0, 2.1
+#: Half of the height of the close look is no more than this part of the block's width in the picture.
+_CLOSEST = 0.15
 #: Length of a tick, in parts of the picture's height.
 _TICK = 0.018
 
@@ -174,7 +176,8 @@ class BlockScene:
         axes.plot(*line.T, **look)
         low, high = sorted((start[along], end[along]))
         for value in MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(low, high):
-            if low - 1e-9 <= value <= high + 1e-9:
+            crowded = along == 0 and value <= low  # the corner has the number of the axis along the blade
+            if low - 1e-9 <= value <= high + 1e-9 and not crowded:
                 at = np.where(np.arange(3) == along, value, start)
                 foot = self.view.flat(at[None])[0] + shift
                 axes.plot(*np.array([foot, foot + tick]).T, **look)
@@ -193,6 +196,7 @@ class BlockScene:
         """Limits round the tip in the middle of the block: left, right, bottom, top."""
         p, tool = self.case.p, self.case.model.tool
         reach = max(4 * p.thickness, 1.6 * tool.height(p) if tool else 0.0)
+        reach = min(reach, _CLOSEST * (self._high[0] - self._low[0]))
         x, y = self.view.flat(np.array([[0.0, p.height - s.displacement_mm + 0.2 * reach, 0.0]]))[0]
         wide = _CLOSE_ASPECT * 0.75 * reach
         return x - wide, x + wide, y - 0.75 * reach, y + 0.75 * reach

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import LinearNDInterpolator
+from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
 from cutbench.case.case import Case
 from cutbench.run.blade_geometry import blade_mesh
@@ -16,9 +16,8 @@ from cutbench.run.result import Snapshot
 
 #: The front is where half of the cohesion is lost.
 FRONT_DAMAGE = 0.5
-#: Points of a drawn-out block lie in fewer planes across the blade than this part of their number; the cut
-#: plane of another is read in so many planes.
-_FEW_PLANES, _PLANES = 0.1, 41
+#: The cut plane of a block that is no section drawn out is read in so many planes.
+_PLANES = 41
 #: The blade is shown along this part of itself, from the far end, and so far above the block, in parts of its
 #: height: one looks at its section, and past it at the cut face.
 BLADE_SHOWN, BLADE_ABOVE = 0.5, 0.2
@@ -82,22 +81,19 @@ def columns_of(s: Snapshot) -> Columns:
     """The cut plane of ``s`` as far as it is meshed."""
     cut = s.faces["cut"]
     X, values = cut["X"], np.column_stack([cut["damage"], cut["x"]])
-    z, line = np.unique(np.round(X[:, 2], 9), return_inverse=True)
-    if z.size < _FEW_PLANES * len(X):
-        each = [np.flatnonzero(line == k) for k in range(z.size)]
-        fewest = min(rows.size for rows in each)
-        each = [rows[np.argsort(X[rows, 1], kind="stable")] for rows in each]
-        # Lines of a drawn-out block are alike.
-        each = [rows[np.linspace(0, rows.size - 1, fewest).round().astype(int)] for rows in each]
-        y, found = X[each, 1], values[each]
+    z, counts = np.unique(np.round(X[:, 2], 9), return_counts=True)
+    if np.all(counts == counts[0]) and z.size < counts[0]:  # a section drawn out, in its planes
+        order = np.lexsort((X[:, 1], np.round(X[:, 2], 9))).reshape(z.size, -1)
+        y, found = X[order, 1], values[order]
     else:
-        z = np.linspace(X[:, 2].min(), X[:, 2].max(), _PLANES)[1:-1]
+        z = np.linspace(X[:, 2].min(), X[:, 2].max(), _PLANES)
         level = np.unique(np.round(X[:, 1], 6))
         y = np.broadcast_to(level, (z.size, level.size))
-        read = LinearNDInterpolator(X[:, [2, 1]], values, rescale=True)
-        found = read(np.column_stack([np.repeat(z, level.size), y.ravel()])).reshape(*y.shape, 4)
-        inside = np.isfinite(found).all(axis=(0, 2))
-        y, found = y[:, inside], found[:, inside]
+        at = np.column_stack([np.repeat(z, level.size), y.ravel()])
+        found = LinearNDInterpolator(X[:, [2, 1]], values, rescale=True)(at)
+        beyond = np.isnan(found).any(axis=1)
+        found[beyond] = NearestNDInterpolator(X[:, [2, 1]], values)(at[beyond])
+        found = found.reshape(*y.shape, 4)
     return Columns(z, y, found[..., 0], found[..., 1:])
 
 
@@ -202,8 +198,9 @@ def _blade(case: Case, travel_mm: float) -> tuple[np.ndarray, np.ndarray]:
         return np.empty((0, 3)), np.empty((0, 3), dtype=int)
     mesh = blade_mesh(case, travel_mm, (1 + BLADE_ABOVE) * case.p.height + travel_mm)
     far, near = np.split(mesh.points + mesh.point_data["displacement_mm"], 2)
+    apart = np.linalg.norm(np.roll(far, -1, axis=0) - far, axis=1) > 1e-9 * case.p.height
+    far, near = far[apart], far[apart] + BLADE_SHOWN * (near - far)[apart]
     n, loop = len(far), np.arange(len(far))
-    near = far + BLADE_SHOWN * (near - far)
     points = np.concatenate([far, near, [far.mean(axis=0), near.mean(axis=0)]])
     on = np.roll(loop, -1)
     sides = [np.column_stack(t) for t in ((loop, on, on + n), (loop, on + n, loop + n))]

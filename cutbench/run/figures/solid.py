@@ -34,8 +34,6 @@ from cutbench.run.result import Result, Snapshot
 
 #: Colours end at this percentile of the nodes' stress; the few nodes at the tip would flatten the rest.
 TOP_PERCENTILE = 99.5
-#: So many lines at the most are told apart in one picture of the front.
-_FRONTS = 12
 
 
 def save_solid(result: Result, folder: str | Path, plane: Result | None = None) -> dict[str, Path]:
@@ -101,14 +99,14 @@ def plot_cut_plane(result: Result) -> Figure:
 
 
 def plot_front(result: Result) -> Figure:
-    """Depth of the cut (mm, in the uncut block) along the blade, at twelve snapshots at the most."""
-    shown = [(s, whole_columns(s)) for s in spread(solid(result), _FRONTS)]
-    cut = [(s, columns) for s, columns in shown if columns.depth_mm.any()]
+    """Depth of the cut (mm, in the uncut block) along the blade, at seven travels at the most."""
+    shown = [s for s in solid(result) if columns_of(s).depth_mm.any()]
+    cut = [(s, whole_columns(s)) for s in spread(shown, len(LINE_COLOURS))] if shown else []
     with style():
         figure = new_figure(SINGLE_MM, 78)
         axes = figure.subplots()
         for i, (s, columns) in enumerate(cut):
-            look: Look = {"color": LINE_COLOURS[i % len(LINE_COLOURS)], "ls": LINES[i % len(LINES)]}
+            look: Look = {"color": LINE_COLOURS[i], "ls": LINES[i]}
             axes.plot(
                 columns.z,
                 columns.depth_mm,
