@@ -6,6 +6,7 @@ import json
 import math
 from dataclasses import replace
 
+import confirm_jobs
 import numpy as np
 import pytest
 from refusals import refused
@@ -18,7 +19,6 @@ from cutbench.maps.boundary import margin
 from cutbench.maps.confirmation import (
     block_case,
     confirm,
-    expected_seconds,
     least_certain,
     marked_points,
     section_as_block,
@@ -27,6 +27,7 @@ from cutbench.maps.confirmed_points import FOLDER, RECORD, read_confirmed
 from cutbench.maps.dataset import MapRow, build_map, save_map
 from cutbench.maps.phase import draw_phase, save_phase
 from cutbench.maps.study import load_study
+from cutbench.run.block_cost import expected_seconds
 from cutbench.run.files import write_run
 from cutbench.run.outcome import Outcome
 from cutbench.run.result import Result
@@ -129,6 +130,10 @@ SPENT = {"assembly": 0.5, "factorization": 1.0, "solve": 0.2, "residual": 0.1, "
 CALLS = {"assembly_calls": 5, "factorization_calls": 5, "solve_calls": 9, "residual_calls": 9}
 
 
+def test_quick_blocks_have_one_layer(data):
+    assert block_case(least_certain(data, 1)[0].case, {"numerics": "fast"}).numerics.layers == 1
+
+
 def runner(drops, calls, outcomes=None):
     """Leaves curves that fall by ``drops``, by "2D", "like" and "3D", and says in ``calls`` which."""
 
@@ -182,22 +187,23 @@ def test_what_is_there_is_not_computed_again_and_ratios_are_at_equal_numerics(da
     points = least_certain(data, 2)
     run = runner({"2D": 0.5, "like": 0.4, "3D": 0.3}, calls)
     done = confirm(data, points, tmp_path, run, source="map.nc", changes=COARSE, announce=said.append)
-    assert calls == ["2D", "like", "3D"] * 2
+    assert calls == ["2D", "like"] * 2 + ["3D"] * 2
     assert done[0].ratio["onset_mm"] == pytest.approx(1.0)
     assert done[0].ratio["peak_N"] == pytest.approx(1.0)
-    # Before each block, and with a number.
-    assert len(said) == 2 and all("about" in text for text in said)
+    # Of each block, and of all, with a number.
+    assert len(said) == 3 and all("about" in text for text in said)
     record = json.loads((tmp_path / RECORD).read_text(encoding="utf-8"))
     assert record["points"][0]["at"] == {"cohesion": 8.0} and record["axes"] == {"cohesion": "1"}
     confirm(data, points, tmp_path, run, source="map.nc", changes=COARSE, announce=said.append)
-    assert len(calls) == 6 and len(said) == 2
+    assert len(calls) == 6 and said[3:] == ["all blocks: about 0 s"]
 
 
 def test_an_interruption_keeps_what_was_compared_and_a_stall_is_not_judged(data, tmp_path):
-    kinds = iter(["done", "done", "stalled", "done", "done", "interrupted"])
+    blocks = iter(["stalled", "interrupted"])
 
     def run(case, folder):
-        return Result(case, curve(0.5), Outcome(next(kinds), "", "", 1.0), {"total": 1.0}, {"iterations": 1})
+        kind = next(blocks) if case.dim == 3 else "done"
+        return Result(case, curve(0.5), Outcome(kind, "", "", 1.0), {"total": 1.0}, {"iterations": 1})
 
     done = confirm(data, least_certain(data, 3), tmp_path, run, source="map.nc")
     assert len(done) == 1 and done[0].verdict == "unfinished" and done[0].label_3d is None
@@ -209,8 +215,23 @@ def test_a_block_that_takes_too_long_is_unfinished_and_the_next_begins(data, tmp
     calls = []
     run = runner(dict.fromkeys(("2D", "like", "3D"), 0.5), calls, {"3D": "interrupted"})
     done = confirm(data, least_certain(data, 2), tmp_path, run, source="map.nc", limit_s=0.0)
-    assert calls == ["2D", "like", "3D"] * 2
+    assert calls == ["2D", "like"] * 2 + ["3D"] * 2
     assert [point.verdict for point in done] == ["unfinished"] * 2
+
+
+def test_sections_alone_say_what_blocks_cost(data, tmp_path):
+    calls, said = [], []
+    run = runner({"2D": 0.5, "like": 0.4, "3D": 0.3}, calls)
+    options = {"source": "map.nc", "changes": COARSE, "announce": said.append}
+    assert confirm(data, least_certain(data, 2), tmp_path, run, sections_only=True, **options) == []
+    assert calls == ["2D", "like"] * 2 and len(said) == 3 and not (tmp_path / RECORD).exists()
+
+
+def test_several_are_run_at_once_and_stand_in_the_order_of_the_points(data, tmp_path):
+    points = least_certain(data, 2)
+    done = confirm(data, points, tmp_path, confirm_jobs.left, source="map.nc", changes=COARSE, workers=2)
+    assert [point.name for point in done] == [point.name for point in points]
+    assert [point.verdict for point in done] == ["confirmed"] * 2
 
 
 @pytest.mark.slow
@@ -237,6 +258,7 @@ def test_the_command_runs_a_point_and_goes_on_with_what_its_limit_has_stopped(da
         (["--points=0", "--no-materials"], "--points = '0'"),
         (["--h=soft"], "h = 'soft'"),
         (["--limit=long"], "--limit = 'long'"),
+        (["--workers=two"], "--workers = 'two'"),
     ],
 )
 def test_bad_input_is_one_message(data, tmp_path, options, says):

@@ -17,7 +17,7 @@ from cutbench.cli.main import app
 from cutbench.models3d.block import PARTS, block
 from cutbench.models3d.mesh import quarter
 from cutbench.run.build import build
-from cutbench.run.figures.solid import plot_block, plot_cut_plane, plot_front
+from cutbench.run.figures.solid import plot_cut_plane, plot_front, plot_solid
 from cutbench.run.runner import run_case
 
 #: A block so small that a run of it takes seconds.
@@ -56,7 +56,7 @@ def test_force_equals_the_reaction_of_the_clamped_bottom():
 def test_pictures_need_snapshots_of_a_solid():
     case = load_case("gelatin", {"element": "P1", "h": "0.7 mm", "depth": "0.1 mm"})
     flat = run_case(case, snapshots_mm=[0.1])
-    for draw in (plot_cut_plane, plot_front, plot_block):
+    for draw in (plot_cut_plane, plot_front, plot_solid):
         with pytest.raises(ValueError, match="solid"):
             draw(flat)
         with pytest.raises(ValueError, match="snapshots_mm"):
@@ -68,9 +68,11 @@ def test_run3d_writes_what_run2d_writes_and_the_front(tmp_path):
     options = ["--h", "0.7", "--depth", "0.4", "--frames", "3", "--out", str(tmp_path)]
     done = CliRunner().invoke(app, ["run3d", "gelatin", *sets, *options])
     assert done.exit_code == 0, done.output
-    for name in ("curve.csv", "curve.png", "cut_plane.png", "front.png", "block.png", "plane_strain.png"):
+    assert "gelatin: about" in done.output  # before it begins
+    pictures = ("curve.png", "solid.png", "cut_plane.png", "front.png", "plane_strain.png")
+    for name in ("curve.csv", "solid.html", *pictures):
         assert (tmp_path / name).stat().st_size > 100, name
-    with Image.open(tmp_path / "cut_plane.gif") as film:
+    with Image.open(tmp_path / "solid.gif") as film:
         assert film.n_frames == len(list((tmp_path / "frames").iterdir())) == 3
     record = json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))
     assert record["case"]["dim"] == 3

@@ -13,6 +13,7 @@ import pytest
 from refusals import refused
 from rich.console import Console
 
+from cutbench.base.progress import Clock, Pace
 from cutbench.cli import progress
 from cutbench.run.pool.pool import Job, TaskPool
 from cutbench.run.pool.worker import WorkerLost
@@ -70,6 +71,16 @@ def test_a_job_that_takes_its_process_down_is_tried_again_then_given_up(tmp_path
 def test_a_number_of_processes_that_cannot_be_is_refused():
     with refused("workers", value="-1"):
         TaskPool(-1)
+
+
+def test_the_time_left_counts_effort_and_begins_with_what_was_expected(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    clock = Clock(Pace(lambda mm: mm**2, expected_s=100.0))
+    assert clock.left(0.0, 10.0) == "1 min 40 s"
+    now[0] = 50.0  # half of the way is a quarter of the effort, and takes twice as long as expected
+    assert clock.left(5.0, 10.0) == "2 min 18 s"
+    assert Clock().left(0.0, 10.0) == ""
 
 
 def test_a_bar_has_the_time_left_and_without_a_terminal_lines_do(monkeypatch):

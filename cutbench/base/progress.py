@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -53,11 +54,24 @@ class Until:
 ALWAYS = Until(math.inf)
 
 
+@dataclass(frozen=True)
+class Pace:
+    """How much ``effort``, in any unit, what is done has taken, and what all of it is ``expected_s`` to take
+    (nan: not known)."""
+
+    effort: Callable[[float], float] = float
+    expected_s: float = math.nan
+
+
 class Clock:
     """The time left, by what was done since the first call: what was there before took no time, and what was
-    compiled meanwhile is not compiled again."""
+    compiled meanwhile is not compiled again. What was expected counts as if so much had been done."""
 
-    def __init__(self) -> None:
+    #: Part of the whole.
+    WEIGHT = 0.05
+
+    def __init__(self, pace: Pace | None = None) -> None:
+        self._pace = pace or Pace()
         self._first: tuple[float, float] | None = None
 
     def left(self, done: float, total: float, text: str = "") -> str:
@@ -71,9 +85,13 @@ class Clock:
         if self._first is None or done < self._first[1]:  # another part has begun
             self._first = now, done
         since, before = self._first
-        if done == before:
+        effort, expected = self._pace.effort, self._pace.expected_s
+        spent, gone, whole = now - since, effort(done) - effort(before), effort(total)
+        if math.isfinite(expected):
+            spent, gone = spent + self.WEIGHT * expected, gone + self.WEIGHT * whole
+        if gone <= 0:
             return ""
-        return duration((now - since) / (done - before) * max(total - done, 0.0))
+        return duration(spent / gone * max(whole - effort(done), 0.0))
 
 
 def count(done: float, total: float, unit: str) -> str:

@@ -22,6 +22,7 @@ from cutbench.cli.progress import bar
 from cutbench.cli.show import loudness, show
 
 if TYPE_CHECKING:
+    from cutbench.base.progress import Pace
     from cutbench.case.case import Case
     from cutbench.case.group_ranges import UntypicalGroup
     from cutbench.run.outcome import Outcome
@@ -280,6 +281,7 @@ def run_with_progress(
     every_s: float = 60.0,
     frames: int = 0,
     limit_s: float = math.inf,
+    pace: Pace | None = None,
 ) -> Result:
     """Run ``case`` under a bar; fields are kept at these parts of the travel, and so many frames.
 
@@ -291,7 +293,7 @@ def run_with_progress(
     from cutbench.run.runner import run_case  # the solver is loaded only once the input is known to be good
 
     keep = None if folder is None else Checkpoint(folder / NAME, case.id, every_s)
-    with bar(case.name, "mm") as on_progress:
+    with bar(case.name, "mm", pace=pace) as on_progress:
         at = [part * case.p.depth for part in snapshots]
         told = at_most(limit_s, on_progress)
         return run_case(case, on_progress=told, snapshots_mm=at, frames=frames or None, checkpoint=keep)

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from cutbench.base.progress import COMPILING, Clock, OnProgress, count, line, silent
+from cutbench.base.progress import COMPILING, Clock, OnProgress, Pace, count, line, silent
 from cutbench.cli.show import silenced
 
 #: Seconds between two lines where there is no terminal.
@@ -19,13 +19,15 @@ EVERY_S = 10.0
 
 
 @contextmanager
-def bar(title: str, unit: str = "", *, console: Console | None = None) -> Iterator[OnProgress]:
+def bar(
+    title: str, unit: str = "", *, console: Console | None = None, pace: Pace | None = None
+) -> Iterator[OnProgress]:
     """Show ``title`` on standard error by default; yields what a computation calls."""
     if silenced():
         yield silent
         return
     console = console or Console(stderr=True)
-    clock = Clock()
+    clock = Clock(pace)
     if not console.is_terminal:
         yield _lines(title, unit, console, clock)
         return

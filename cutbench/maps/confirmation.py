@@ -12,7 +12,8 @@ import json
 import math
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
@@ -21,20 +22,18 @@ import xarray as xr
 
 from cutbench.base.errors import BadInput
 from cutbench.base.files import write_json
-from cutbench.base.progress import duration
 from cutbench.case.case import Case
 from cutbench.case.numerics import Numerics, defaults
-from cutbench.forms.base import Step
 from cutbench.maps import dataset as maps
 from cutbench.maps.confirmed_points import ANOTHER, CONFIRMED, NUMERICS, RECORD, UNFINISHED
 from cutbench.maps.guidance import margins_of
 from cutbench.maps.map_cases import case_on
-from cutbench.run.build import build
+from cutbench.run.block_cost import cost_sentence, expected_seconds
 from cutbench.run.files import read_run
 from cutbench.run.measures import ABRUPT, SMOOTH, UNDECIDED
+from cutbench.run.pool.job import Job
+from cutbench.run.pool.pool import TaskPool
 from cutbench.run.result import Result
-from cutbench.solver.linear import SingularMatrix
-from cutbench.solver.problem import Timer
 
 #: What is compared, besides the label.
 COMPARED = ("onset_mm", "peak_N", "steady_N", "drop_rel")
@@ -134,31 +133,6 @@ def section_as_block(flat: Case, block: Case) -> Case:
     )
 
 
-def expected_seconds(block: Case, like: Result) -> float:
-    """About how long ``block`` takes: the time of the section of equal numerics, part by part as much longer
-    as the part is in the block. nan where the section did not say."""
-    built = build(block)
-    problem, timer = built.problem, Timer()
-    u, apex = np.zeros(problem.ndof), built.march.centre0
-    step = Step(built.march.rules.first / built.march.speed, u, apex, apex)
-    states = problem.touched(problem.start())
-    assert problem.evaluate(u, states, step).data.size  # what is compiled is compiled now
-    problem.timer = timer
-    found = problem.evaluate(u, states, step)
-    try:
-        problem.factorize(found.data)
-        problem.back_substitute(found.residual)
-    except SingularMatrix:
-        return math.nan
-    problem.evaluate(u + 1e-9, states, step)
-    total = 0.0
-    for part, seconds in timer.seconds.items():
-        calls, own = like.counts.get(f"{part}_calls", 0), like.timings.get(part, 0.0)
-        if calls and own:
-            total += (own + like.timings.get(f"window_{part}", 0.0)) * seconds * calls / own
-    return total or math.nan
-
-
 def confirm(
     data: xr.Dataset,
     points: Sequence[MapPoint],
@@ -169,12 +143,14 @@ def confirm(
     changes: Mapping[str, object] | None = None,
     announce: Callable[[str], None] | None = None,
     limit_s: float = math.inf,
+    workers: int = 0,
+    sections_only: bool = False,
 ) -> list[Confirmed]:
     """Repeat points of a map in three dimensions, and compare.
 
-    Each point is run as a section, as a section with its block's numerics and as a block; ``confirm.json`` is
-    written after each. It ends early, with what it has, after a run that was interrupted before ``limit_s``;
-    one that took so long is left unfinished.
+    Each point is run as a section, as a section with its block's numerics and as a block, all sections first:
+    they say what the blocks cost. ``confirm.json`` is written after each block. It ends early, with what it
+    has, after a run that was interrupted before ``limit_s``; one that took so long is left unfinished.
 
     Parameters
     ----------
@@ -186,47 +162,89 @@ def confirm(
         Folder of ``confirm.json`` and of the runs.
     run : callable
         ``run(case, folder)`` computes a case and leaves it there; what a folder already holds is not computed
-        again.
+        again. With ``workers`` it is called in other processes.
     source : str
         Where the map comes from, for the record.
     changes : mapping of str to object, optional
         Changes of the blocks, as ``Case.set`` takes them.
     announce : callable, optional
-        Called with a sentence about each block's cost before it begins.
+        Called with a sentence about each block's cost before the first begins, and with one about all.
     limit_s : float, s
         How long one run may take before ``run`` interrupts it.
+    workers : int
+        Runs at once, in as many processes; 0: one after the other, in this one.
+    sections_only : bool
+        Run the sections, announce what the blocks cost, and compare nothing.
 
     Returns
     -------
     list of Confirmed
         What was compared, a point each.
     """
-    done: list[Confirmed] = []
     # All cases first: what does not fit is refused before hours of computing.
     blocks = [block_case(point.case, changes) for point in points]
-    for number, (point, block) in enumerate(zip(points, blocks, strict=True), start=1):
-        results: list[Result] = []
-        for case in (point.case, section_as_block(point.case, block), block):
-            place = folder / "runs" / case.id
-            if announce and case is block and _stored_run(block, place) is None:
-                announce(_cost_announcement(block, results[-1], number, len(points)))
-            began = time.monotonic()
-            results.append(_run_or_stored(case, place, run))
-            ended = results[-1].outcome.kind != "interrupted" or time.monotonic() - began >= limit_s
-            if not ended:
-                break
-        if ended:
-            done.append(_compared(data, point, *results))
+    likes = [section_as_block(point.case, block) for point, block in zip(points, blocks, strict=True)]
+    found: dict[str, Result] = {}
+    done: list[Confirmed] = []
+    sections = [case for point, like in zip(points, likes, strict=True) for case in (point.case, like)]
+    found |= {case.id: result for case, result in _runs(sections, folder, run, limit_s, workers)}
+    cut_short = any(case.id not in found for case in sections)
+    if announce and not cut_short:
+        pairs = [(b, found[like.id]) for b, like in zip(blocks, likes, strict=True)]
+        for sentence in _cost(pairs, folder, workers):
+            announce(sentence)
+    if cut_short or sections_only:
+        return done
+    for block, result in _runs(blocks, folder, run, limit_s, workers):
+        found[block.id] = result
+        done = [
+            _compared(data, point, found[point.case.id], found[like.id], found[solid.id])
+            for point, like, solid in zip(points, likes, blocks, strict=True)
+            if solid.id in found
+        ]
         write_json(confirmation_record(data, done, source, len(points)), folder / RECORD)
-        if not ended:
-            break
     return done
 
 
-def _cost_announcement(block: Case, like: Result, number: int, of: int) -> str:
-    seconds = expected_seconds(block, like)
-    about = f"about {duration(seconds)}" if math.isfinite(seconds) else "its cost is not known"
-    return f"block {number} of {of}, {block.name}: {about}"
+def _runs(
+    cases: Sequence[Case], folder: Path, run: Runner, limit_s: float, workers: int
+) -> Iterator[tuple[Case, Result]]:
+    """Each case with its run, computed unless it ended in its folder before, until one is interrupted."""
+    missing = {}
+    for case in cases:
+        place = folder / "runs" / case.id
+        if (old := _stored_run(case, place)) is not None:
+            yield case, old
+        else:
+            missing[case.id] = Job(case.id, _timed, (run, case, place))
+    with suppress(KeyboardInterrupt), TaskPool(workers) as pool:
+        for job in pool.run(missing.values()):
+            result, seconds = job.result()
+            if result.outcome.kind == "interrupted" and seconds < limit_s:
+                return
+            yield result.case, result
+
+
+def _timed(run: Runner, case: Case, place: Path) -> tuple[Result, float]:
+    """A run, and how long it took now, s."""
+    place.mkdir(parents=True, exist_ok=True)
+    began = time.monotonic()
+    return run(case, place), time.monotonic() - began
+
+
+def _cost(pairs: Sequence[tuple[Case, Result]], folder: Path, workers: int) -> Iterator[str]:
+    """About how long each block that is not there takes, by its section, and all of them."""
+    left = [(b, like) for b, like in pairs if _stored_run(b, folder / "runs" / b.id) is None]
+    times = [expected_seconds(block, like) for block, like in left]
+    for number, ((block, _), seconds) in enumerate(zip(left, times, strict=True), start=1):
+        yield f"block {number} of {len(left)}, {cost_sentence(block.name, seconds)}"
+    hands = max(min(workers, len(left)), 1)
+    whole = max([sum(times) / hands, *times]) if times else 0.0
+    yield (
+        cost_sentence(f"all blocks, {hands} at once", whole)
+        if hands > 1
+        else cost_sentence("all blocks", whole)
+    )
 
 
 def confirmation_record(data: xr.Dataset, done: Sequence[Confirmed], source: str, asked: int) -> dict:
@@ -252,14 +270,6 @@ def _stored_run(case: Case, folder: Path) -> Result | None:
     except BadInput:
         return None
     return old if old.id == case.id and old.outcome.kind in ("done", "stalled") else None
-
-
-def _run_or_stored(case: Case, folder: Path, run: Runner) -> Result:
-    """The run of ``case`` in ``folder``, computed unless it ended there before."""
-    if (old := _stored_run(case, folder)) is not None:
-        return old
-    folder.mkdir(parents=True, exist_ok=True)
-    return run(case, folder)
 
 
 def _compared(data: xr.Dataset, point: MapPoint, flat: Result, like: Result, block: Result) -> Confirmed:

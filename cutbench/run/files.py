@@ -29,7 +29,7 @@ from cutbench.run.store.runs import record_of, result_of
 WAIT_S = 60.0
 
 #: Pictures of fields; those of an earlier run in the same folder are taken away.
-PICTURES = ("section.png", "cut_plane.png", "front.png", "block.png", "plane_strain.png")
+PICTURES = ("section.png", "solid.png", "solid.html", "cut_plane.png", "front.png", "plane_strain.png")
 
 
 def write_run(

@@ -8,6 +8,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 
+from cutbench.base.errors import BadInput
 from cutbench.base.files import replacing
 from cutbench.case.case import Case
 from cutbench.run.blade_geometry import blade_mesh
@@ -65,6 +66,66 @@ def write_fields(
     if folder.is_dir() and not any(folder.iterdir()):
         folder.rmdir()
     return paths
+
+
+def read_fields(out_dir: str | Path) -> list[Snapshot]:
+    """The snapshots that ``write_fields`` left in a run's folder, in order; none where there are none.
+
+    Parameters
+    ----------
+    out_dir : str or Path
+        The run's folder.
+
+    Returns
+    -------
+    list of Snapshot
+        Their travel is that of the blade, and 0 of a run without one; their time is not known.
+
+    Raises
+    ------
+    BadInput
+        Where a file of the series cannot be read.
+    """
+    found = []
+    for path in sorted((Path(out_dir) / "fields").glob("fields_*.vtu")):
+        body, faces = (
+            _read(path.with_name(path.name.replace("fields_", kind))) for kind in ("fields_", "faces_")
+        )
+        blade = _read(path.with_name(path.name.replace("fields_", "blade_")))
+        if body is None:
+            continue
+        names = {f"{name}_{unit}": name for name, unit in _UNITS.items()}
+        data = {names.get(name, name): values for name, values in body.point_data.items()}
+        travel = 0.0 if blade is None else -float(blade.point_data["displacement_mm"][0, 1])
+        cells = body.cells[0]
+        found.append(Snapshot(travel, body.points, cells.data, cells.type, data, _by_face(faces)))
+    return found
+
+
+def _read(path: Path) -> meshio.Mesh | None:
+    if not path.is_file():
+        return None
+    try:
+        return meshio.read(path)
+    except (Exception, SystemExit) as error:  # meshio's readers raise whatever their parsers do, or leave
+        raise BadInput(
+            file=str(path), key="fields", value=str(error), expected="a file that a run has written"
+        ) from error
+
+
+def _by_face(mesh: meshio.Mesh | None) -> dict[str, dict[str, np.ndarray]]:
+    """As ``Snapshot.faces`` has them: in the plane x = 0 lies the cut, and of a split block then its other
+    side."""
+    if mesh is None:
+        return {}
+    out, in_plane = {}, iter(("cut", "cut_minus"))
+    for number in np.unique(mesh.point_data["face"]):
+        own = mesh.point_data["face"] == number
+        X = mesh.points[own]
+        data = {name: values[own] for name, values in mesh.point_data.items() if name != "face"}
+        name = "top" if X[:, 0].any() else next(in_plane)
+        out[name] = {"X": X, "x": X + data.pop("displacement_mm"), **data}
+    return out
 
 
 def _times(snapshots: Sequence[Snapshot]) -> list[float]:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cutbench.base.threads import leave_cores_to_workers
 from cutbench.cli.options import (
     Depth,
     Element,
@@ -24,7 +26,7 @@ from cutbench.cli.options import (
     with_exit_status,
     write_result,
 )
-from cutbench.cli.show import show, table
+from cutbench.cli.show import loudness, show, table
 
 if TYPE_CHECKING:
     from cutbench.case.case import Case
@@ -42,11 +44,21 @@ def confirm(
     h: Size = None,
     depth: Depth = None,
     element: Element = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="A first look: blocks with --numerics fast.")
+    ] = False,
     checkpoint: Keep = None,
     limit: Annotated[
         str | None,
         typer.Option(metavar="TIME", help="Longest that a run may take, as '2 h'; then the next one begins."),
     ] = None,
+    workers: Annotated[
+        str | None,
+        typer.Option(metavar="N", help="Runs at once, in N processes; default: one after the other."),
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Run the sections only, and say about how long the blocks take.")
+    ] = False,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Where to write; default: confirm beside the map.")
     ] = None,
@@ -56,8 +68,11 @@ def confirm(
 
     Each point is run as the map has it, as a section with the block's numerics, and as a block: only where
     the two sections agree can the block confirm. Options change blocks and the sections with their numerics.
-    What a block costs is said before it begins. Start the same command again to go on where it stopped.
+    What blocks cost is said before the first begins. Start the same command again to go on where it stopped.
     """
+    hands = whole_number("--workers", workers) or 0
+    if hands:
+        leave_cores_to_workers()
     from cutbench.base.errors import BadInput
     from cutbench.maps import dataset as maps
     from cutbench.maps.confirmation import confirm as compare
@@ -68,7 +83,13 @@ def confirm(
 
     count, every_s = whole_number("--points", points), seconds("--checkpoint", checkpoint, 60.0)
     limit_s = seconds("--limit", limit, math.inf)
-    asked = changes(sets, {"h": in_mm(h), "depth": in_mm(depth), "element": element}, None, None)
+    options = {
+        "h": in_mm(h),
+        "depth": in_mm(depth),
+        "element": element,
+        "numerics": "fast" if quick else None,
+    }
+    asked = changes(sets, options, None, None)
     data = maps.load_map(map_)
     for note in remarks(data):
         typer.echo(note)
@@ -77,10 +98,13 @@ def confirm(
         expected = "points to compare: the map has none that were computed"
         raise BadInput("--points", str(count), expected)
     folder = locked_folder(out if out is not None else map_.parent / FOLDER)
+    run = partial(_run, every_s=every_s, limit_s=limit_s, alone=not hands)
     done = compare(
-        data, chosen, folder, _runner(every_s, limit_s), source=str(map_), changes=asked,
-        announce=typer.echo, limit_s=limit_s,
+        data, chosen, folder, run, source=str(map_), changes=asked, announce=typer.echo, limit_s=limit_s,
+        workers=hands, sections_only=dry_run,
     )  # fmt: skip
+    if dry_run:
+        return
     pairs = {"onset_mm": "onset (mm)", "peak_N": "peak (N)", "drop_rel": "drop"}
     rows = [
         (point.name, " / ".join(str(one) for one in (point.label_2d, point.label_like, point.label_3d)),
@@ -111,10 +135,10 @@ def confirm(
         raise typer.Exit(1)
 
 
-def _runner(every_s: float, limit_s: float):
-    def run(case: Case, folder: Path) -> Result:
-        result = run_with_progress(case, (0.25, 0.5, 0.75, 1.0), folder, every_s, limit_s=limit_s)
-        write_result(result, folder)
-        return result
-
-    return run
+def _run(case: Case, folder: Path, *, every_s: float, limit_s: float, alone: bool) -> Result:
+    """Compute ``case`` into ``folder``, with a bar where it is ``alone``."""
+    if not alone:
+        loudness(quiet=True, loud=False)
+    result = run_with_progress(case, (0.25, 0.5, 0.75, 1.0), folder, every_s, limit_s=limit_s)
+    write_result(result, folder)
+    return result

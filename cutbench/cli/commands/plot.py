@@ -53,8 +53,15 @@ def plot(
     if source.is_dir() and (source / "run.json").is_file():
         from cutbench.run.figures import plot_curve, save
         from cutbench.run.files import read_run
+        from cutbench.run.paraview import read_fields
 
-        paths = save(plot_curve(read_run(source)), source / "curve.png")
+        result = read_run(source)
+        paths = save(plot_curve(result), source / "curve.png")
+        if result.case.dim == 3:
+            from cutbench.run.figures.solid import save_solid
+
+            result.snapshots = read_fields(source)
+            paths += save_solid(result, source).values()
     elif grid.is_file():
         from cutbench.maps.atlas_map import under_way
         from cutbench.maps.closed_form_estimates import save_estimates

@@ -25,17 +25,29 @@ def run3d(
         bool, typer.Option(help="Compute the same case in plane strain too, for the end effect.")
     ] = True,
 ) -> None:
-    """Cut a block in three dimensions: as run2d, with the front of the cut along the blade."""
+    """Cut a block in three dimensions: as run2d, with the front of the cut along the blade.
+
+    The same case in plane strain comes first, and says about how long the block takes.
+    """
     case, folder = wanted.case, wanted.folder
-    result = run_with_progress(case, _SNAPSHOTS, folder, wanted.every_s, wanted.frames)
-    plane = None
-    if plane_strain and result.outcome.kind != "interrupted":
+    plane, pace = None, None
+    if plane_strain:
+        from cutbench.run.block_cost import cost_sentence, pace_of
+
+        # First, as it says what the block will cost.
+        plane = run_with_progress(_flat(case, case.p.depth))
+        if plane.outcome.kind == "interrupted":
+            raise KeyboardInterrupt
+        pace = pace_of(case, plane)
+        typer.echo(cost_sentence(case.name, pace.expected_s), err=True)
+    result = run_with_progress(case, _SNAPSHOTS, folder, wanted.every_s, wanted.frames, pace=pace)
+    if plane is not None and result.outcome.kind != "interrupted":
         from cutbench.run.front import end_effect
 
-        # A transition comes elsewhere in plane strain: as far as the block was meant to go.
-        plane = run_with_progress(
-            _flat(case, case.p.depth if not result.whole else result.outcome.reached_mm)
-        )
+        reached = result.outcome.reached_mm
+        if result.whole and reached < case.p.depth - 1e-9:
+            # Curves are compared as far as both go.
+            plane = run_with_progress(_flat(case, reached))
         result.measures |= end_effect(result.measures, plane.measures)
     finish(result, folder, plane)
 

@@ -9,21 +9,21 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize, to_rgb
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import PlaceHolderLayoutEngine
 from PIL import Image
 
 from cutbench.base.figure_style import COLOURS, DOUBLE_MM, FIELD_MAP, new_figure, style
 from cutbench.base.files import replacing
+from cutbench.run.figures.block_picture import BlockScene
 from cutbench.run.figures.section import Half, draw_half, frame
-from cutbench.run.figures.solid import cut_plane_of, draw_cut_plane, plane_top_kPa
 from cutbench.run.result import Result, Snapshot
 
 #: Folder of the single pictures.
@@ -34,6 +34,17 @@ _HEIGHT_MM, _DPI = 80.0, 140
 _DURATION_MS, _MIN_FRAME_MS, _MAX_FRAME_MS, _LAST_FRAME_MS = 6000, 40, 300, 1500
 #: Where on its curve the force is.
 _POINT = COLOURS["vermilion"]
+
+
+class _Scene(Protocol):
+    """How a snapshot is drawn: the name of its animation, the end of its colours in kPa, its axes, itself."""
+
+    stem: str
+    top_kPa: float
+
+    def limits(self, axes: Axes) -> None: ...
+
+    def draw(self, axes: Axes, snapshot: Snapshot) -> None: ...
 
 
 @dataclass
@@ -53,33 +64,8 @@ class _Section:
         draw_half(axes, Half(snapshot), self.result.case, self.top_kPa, line=0.12)
 
 
-@dataclass
-class _CutPlane:
-    """The cut plane of a block from the side, its front, and the blade's tip."""
-
-    result: Result
-    stem = "cut_plane"
-
-    def __post_init__(self) -> None:
-        self.top_kPa = plane_top_kPa(self.result.frames) or 1.0
-
-    def limits(self, axes: Axes) -> None:
-        places = np.concatenate([s.current[cut_plane_of(s).ravel(), 1:] for s in self.result.frames])
-        height = self.result.case.p.height
-        axes.set_xlim(places[:, 1].min(), places[:, 1].max())
-        axes.set_ylim(places[:, 0].min() - 0.03 * height, max(places[:, 0].max(), height) + 0.1 * height)
-        axes.set_xlabel("along the blade (mm)")
-
-    def draw(self, axes: Axes, snapshot: Snapshot) -> None:
-        draw_cut_plane(axes, snapshot, self.result.case, self.top_kPa)
-
-
-#: How a snapshot is drawn: the name of its animation, the end of its colours in kPa, its axes, itself.
-_Scene = _Section | _CutPlane
-
-
 def save_frames(result: Result, folder: str | Path) -> dict[str, Path]:
-    """Write ``frames/frame-000.png`` and so on, and section.gif, of a block cut_plane.gif, from the frames.
+    """Write ``frames/frame-000.png`` and so on, and section.gif, of a block solid.gif, from the frames.
 
     Returns the animation's path by name. Where there are no frames nothing is written, and earlier pictures
     are removed.
@@ -91,7 +77,7 @@ def save_frames(result: Result, folder: str | Path) -> dict[str, Path]:
     if result.frames:
         pictures.mkdir(exist_ok=True)
         plane = result.frames[0].cell_type.startswith("triangle")
-        scene: _Scene = _Section(result) if plane else _CutPlane(result)
+        scene: _Scene = _Section(result) if plane else BlockScene(result.case, result.frames)
         for i, picture in enumerate(_pictures(result, scene)):
             written.append(pictures / f"frame-{i:03d}.png")
             with replacing(written[-1]) as draft:
@@ -100,7 +86,7 @@ def save_frames(result: Result, folder: str | Path) -> dict[str, Path]:
         _animate(written, paths[f"{scene.stem}_gif"])
     for old in set(pictures.glob("frame-*.png")) - set(written):
         old.unlink()
-    for stem in (_Section.stem, _CutPlane.stem):
+    for stem in (_Section.stem, BlockScene.stem):
         if f"{stem}_gif" not in paths:
             (folder / f"{stem}.gif").unlink(missing_ok=True)
     if pictures.is_dir() and not any(pictures.iterdir()):
@@ -115,6 +101,7 @@ def _pictures(result: Result, scene: _Scene) -> Iterator[Image.Image]:
         words = _words(result)
         line = force.plot([], [], color="black", ls="-", lw=1.1)[0]
         point = force.plot([], [], "o", color=_POINT, mec="white", mew=0.6, ms=6)[0]
+        lasting = set(body.get_children())
         times, travel, force_N = (result.curve[name] for name in ("time_s", "displacement_mm", "force_N"))
         for shown in result.frames:
             scene.draw(body, shown)
@@ -125,7 +112,7 @@ def _pictures(result: Result, scene: _Scene) -> Iterator[Image.Image]:
             canvas = FigureCanvasAgg(figure)
             canvas.draw()
             yield Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
-            for artist in [*body.collections, *body.patches, *body.lines]:
+            for artist in set(body.get_children()) - lasting:
                 artist.remove()
 
 
@@ -167,19 +154,22 @@ def _words(result: Result):
     return words
 
 
-def _palette() -> Image.Image:
-    """The colours of all frames, at most 256: those of the stress, greys, and the point on the curve."""
-    stress = colormaps[FIELD_MAP](np.linspace(0, 1, 200))[:, :3]
-    greys = np.repeat(np.linspace(0, 1, 24)[:, None], 3, axis=1)
-    point = np.array(to_rgb(_POINT)) + (1 - np.array(to_rgb(_POINT))) * np.linspace(0, 0.9, 8)[:, None]
-    holder = Image.new("P", (1, 1))
-    holder.putpalette(np.rint(255 * np.concatenate([stress, greys, point])).astype(np.uint8).tobytes())
+def _palette(pictures: list[Path]) -> Image.Image:
+    """The colours of all frames, at most 256, as they are in three of them."""
+    shown = []
+    for path in (pictures[0], pictures[len(pictures) // 2], pictures[-1]):
+        with Image.open(path) as picture:
+            shown.append(np.asarray(picture))
+    holder = Image.fromarray(np.concatenate(shown)).quantize(256)
+    colours = np.array(holder.getpalette()).reshape(-1, 3)
+    colours[colours.sum(axis=1).argmax()] = 255  # paper is white
+    holder.putpalette(colours.ravel().tolist())
     return holder
 
 
 def _animate(pictures: list[Path], path: Path) -> None:
     """``pictures`` one after the other as a GIF."""
-    palette = _palette()
+    palette = _palette(pictures)
 
     def turned() -> Iterator[Image.Image]:
         for each in pictures:

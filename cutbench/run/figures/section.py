@@ -99,16 +99,19 @@ class Half:
         return (1.0,) if self.full else (1.0, -1.0)
 
 
-def scale_end(x: np.ndarray, triangles: np.ndarray, values: np.ndarray) -> float:
-    """Where the colours of ``values`` (n,) at the nodes ``x`` (n, 2) end: by area, not by nodes, of which
-    most are at the tip."""
+def scale_end(
+    x: np.ndarray, triangles: np.ndarray, values: np.ndarray, percentile: float = TOP_PERCENTILE
+) -> float:
+    """Where the colours of ``values`` (n,) at the nodes ``x`` (n, 2 or 3) end: by area, not by nodes, of
+    which most are at the tip."""
     a, b, c = (x[triangles[:, k]] for k in range(3))
-    (ux, uy), (vx, vy) = (b - a).T, (c - a).T
-    shares = np.repeat(np.abs(ux * vy - uy * vx)[:, None] / 3, 3, axis=1)
+    u, v = b - a, c - a
+    squared = (u**2).sum(axis=1) * (v**2).sum(axis=1) - (u * v).sum(axis=1) ** 2
+    shares = np.repeat(np.sqrt(np.maximum(squared, 0.0))[:, None] / 3, 3, axis=1)
     area = np.bincount(triangles.ravel(), shares.ravel(), minlength=values.size)
     order = np.argsort(values)
     below = np.cumsum(area[order])
-    found = np.searchsorted(below, TOP_PERCENTILE / 100 * below[-1])
+    found = np.searchsorted(below, percentile / 100 * below[-1])
     return float(values[order[min(found, order.size - 1)]])
 
 
