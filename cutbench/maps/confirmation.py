@@ -31,8 +31,7 @@ from cutbench.maps.map_cases import case_on
 from cutbench.run.block_cost import cost_sentence, expected_seconds
 from cutbench.run.files import read_run
 from cutbench.run.measures import ABRUPT, SMOOTH, UNDECIDED
-from cutbench.run.pool.job import Job
-from cutbench.run.pool.pool import TaskPool
+from cutbench.run.pool.pool import Job, TaskPool
 from cutbench.run.result import Result
 
 #: What is compared, besides the label.
