@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from cutbench.run.figures import view
 from cutbench.run.figures.block_page import block_contents
 from cutbench.run.figures.block_picture import plot_solid
 from cutbench.run.figures.cut_open import columns_of, cut_open, whole_columns
+from cutbench.run.figures.motion import save_frames
 from cutbench.run.figures.solid import plot_front
 from cutbench.run.files import write_run
 from cutbench.run.paraview import read_fields, write_fields
@@ -167,15 +169,32 @@ def test_the_page_has_a_step_a_travel_of_one_mesh_and_asks_nobody(cut, bare, tmp
     assert np.allclose(last["points"], block.points, atol=1e-3)
     assert np.allclose(last["front"], block.front, atol=1e-3)
     assert np.allclose(last["stress"], block.stress_kPa, atol=1e-2)
-    assert np.allclose(last["damage"], block.damage[found["cutNodes"]], atol=1e-3)
+    (mesh,) = found["meshes"]
+    assert np.allclose(last["damage"], block.damage[mesh["cutNodes"]], atol=1e-3)
     for step in found["steps"]:
-        assert len(step["points"]) == np.max(found["skin"] + found["cut"]) + 1
+        assert len(step["points"]) == np.max(mesh["skin"] + mesh["cut"]) + 1
         assert len(step["blade"]) == np.max(found["blade"]) + 1 == 2 * found["loop"] + 2
     page = write_run(cut, tmp_path)["solid_html"].read_text(encoding="utf-8")
     assert json.loads(re.search('type="application/json">(.*?)</script>', page)[1]) == json.loads(
         json.dumps(found)
     )
     assert not re.search(r"<(?:script|link|img)[^>]*(?:src|href)=", page) and "default-src 'none'" in page
+
+
+def test_pictures_of_a_run_that_went_from_mesh_to_mesh(cut, bare, tmp_path):
+    coarse = run_case(small(depth="0.2 mm", h="0.6 mm"), snapshots_mm=[0.2])
+    both = replace(cut, snapshots=[*coarse.snapshots, *cut.snapshots[1:]], frames=[])
+    found = block_contents(both)
+    assert [step["mesh"] for step in found["steps"]] == [0, 1]
+    for step in found["steps"]:
+        mesh = found["meshes"][step["mesh"]]
+        assert len(step["points"]) == np.max(mesh["skin"] + mesh["cut"]) + 1
+        assert len(step["damage"]) == len(mesh["cutNodes"])
+    written = write_run(both, tmp_path)
+    assert written["solid_html"].exists() and (tmp_path / "solid.png").exists()
+    # The animation goes over the same meshes.
+    moving = replace(both, frames=both.snapshots)
+    assert save_frames(moving, tmp_path)
 
 
 def test_pictures_are_drawn_again_from_the_files(cut, bare, tmp_path):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Sequence
 from html import escape
 from importlib import resources
 from pathlib import Path
@@ -56,14 +57,15 @@ def save_block_page(result: Result, folder: str | Path) -> Path:
 
 
 def block_contents(result: Result) -> dict:
-    """What the script draws, as plain data: triangles and edges once, and for each travel the places of the
-    nodes (mm), their stress (kPa), the damage of those on the cut plane, the front, and the blade."""
+    """What the script draws, as plain data: triangles and edges once a mesh; for each travel its mesh, the
+    places of the nodes (mm), their stress (kPa), the damage of those on the cut plane, the front, the blade.
+    """
     shown = solid(result)
     first = cut_open(shown[-1], result.case)
     shown = spread(shown, max(_MOST_BYTES // (_NODE_BYTES * len(first.points)), 1))
     scene = BlockScene(result.case, shown)
-    nodes = np.unique(first.cut)
     blocks = [cut_open(s, result.case) for s in shown]
+    meshes, which = _meshes(blocks)
     both = np.concatenate([points for b in blocks for points in (b.points, b.blade_points)])
     # What lies on the frame of plotly's axes is cut away by rounding.
     room = _ROOM * np.ptp(both)
@@ -80,24 +82,42 @@ def block_contents(result: Result) -> dict:
         "lift": _LIFT * float(np.ptp(both[:, 2])),
         "range": np.array([low, high]).T.tolist(),
         "symmetric": bool(shown[-1].points[:, 0].min() > -1e-9 * np.ptp(shown[-1].points[:, 0])),
-        "skin": first.skin.tolist(),
-        "cut": first.cut.tolist(),
-        "cutNodes": nodes.tolist(),
-        "edges": first.edges.tolist(),
+        "meshes": meshes,
         "blade": first.blade.tolist(),
         "bladeEdges": first.blade_edges.tolist(),
         "loop": (len(first.blade_points) - 2) // 2,
         "shown": BLADE_SHOWN,
-        "steps": [_step(s, b, nodes) for s, b in zip(shown, blocks, strict=True)],
+        "steps": [_step(s, b, which[n]) for n, (s, b) in enumerate(zip(shown, blocks, strict=True))],
     }  # fmt: skip
 
 
-def _step(s: Snapshot, block: CutOpen, nodes: np.ndarray) -> dict:
+def _meshes(blocks: Sequence[CutOpen]) -> tuple[list[dict], list[int]]:
+    """The meshes of ``blocks``, which follow the front, each once; and which each of them has."""
+    found: list[CutOpen] = []
+    which = []
+    for block in blocks:
+        if not found or not np.array_equal(found[-1].reference, block.reference):
+            found.append(block)
+        which.append(len(found) - 1)
+    meshes = [
+        {
+            "skin": b.skin.tolist(),
+            "cut": b.cut.tolist(),
+            "cutNodes": np.unique(b.cut).tolist(),
+            "edges": b.edges.tolist(),
+        }
+        for b in found
+    ]
+    return meshes, which
+
+
+def _step(s: Snapshot, block: CutOpen, mesh: int) -> dict:
     return {
+        "mesh": mesh,
         "travel": f"{s.displacement_mm:.2f}",
         "points": block.points.round(3).tolist(),
         "stress": block.stress_kPa.round(2).tolist(),
-        "damage": block.damage[nodes].round(3).tolist(),
+        "damage": block.damage[np.unique(block.cut)].round(3).tolist(),
         "front": block.front.round(3).tolist(),
         "blade": block.blade_points.round(3).tolist(),
     }

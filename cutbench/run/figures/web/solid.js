@@ -24,18 +24,18 @@ function lines(points, pairs, sign = 1) {
 }
 
 function side(step, sign) {
-  const places = columns(step.points, sign);
+  const places = columns(step.points, sign), mesh = data.meshes[step.mesh];
   const text = step.stress.map((kPa) => `${kPa} kPa`);
   const plane = step.stress.map((kPa) => rgb(data.stressColours, kPa / data.top));
   const said = [...text];
-  data.cutNodes.forEach((node, k) => {
+  mesh.cutNodes.forEach((node, k) => {
     said[node] = `damage ${step.damage[k]}, ${text[node]}`;
     if (step.damage[k] > data.seen) plane[node] = rgb(data.damageColours, step.damage[k]);
   });
   return [
-    { ...base, ...places, ...corners(data.skin), intensity: step.stress, cmin: 0, cmax: data.top, colorscale: scale(data.stressColours), text },
-    { ...base, ...places, ...corners(data.cut), vertexcolor: plane, text: said },
-    lines(step.points, data.edges, sign),
+    { ...base, ...places, ...corners(mesh.skin), intensity: step.stress, cmin: 0, cmax: data.top, colorscale: scale(data.stressColours), text },
+    { ...base, ...places, ...corners(mesh.cut), vertexcolor: plane, text: said },
+    lines(step.points, mesh.edges, sign),
   ];
 }
 
