@@ -269,7 +269,8 @@ class Kept:
     def _iterated(self, b: np.ndarray, tolerance: float, most: int, steady: bool = False) -> np.ndarray:
         x, count = gmres(
             self._matrix.__matmul__, self.back, b, tolerance=tolerance, most=most, steady=steady,
-            directions=self._directions,
+            # Where each matrix is factorized one iteration does, and there is nothing to take over.
+            directions=self._directions if self._worth else None,
         )  # fmt: skip
         self.counts["gmres_iterations"] += count
         self._spent += max(count - max(self._least, 1), 0)
