@@ -149,11 +149,13 @@ def test_auto_keeps_factorizations_in_solids_and_nowhere_else():
     A = sp.diags([-1.0, 4.0, -1.0], [-1, 0, 1], shape=(n, n), format="csr")
     modes = np.zeros((n, 6))
     assert isinstance(solver_for("auto", *parts(A), False, modes), Kept)
-    section, b = solver_for("auto", *parts(A), False), np.ones(n)
+    section = solver_for("auto", *parts(A), False)
+    if not isinstance(section, Kept):  # without PARDISO it is a direct solver
+        return
     for factor in (1.0, 1.001):
         section.refactor(factor * A.data)
-        section.solve(b)
-    assert getattr(section, "counts", {"factorizations": 2})["factorizations"] == 2
+        section.solve(np.ones(n))
+    assert section.counts["factorizations"] == 2
 
 
 @pytest.fixture(scope="module")

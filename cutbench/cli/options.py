@@ -276,25 +276,25 @@ def run_options(*, dim: int) -> Callable[[Callable], Callable]:
 
 def run_with_progress(
     case: Case,
-    snapshots: Sequence[float] = (),
     folder: Path | None = None,
     every_s: float = 60.0,
     frames: int = 0,
     limit_s: float = math.inf,
     pace: Pace | None = None,
 ) -> Result:
-    """Run ``case`` under a bar; fields are kept at these parts of the travel, and so many frames.
+    """Run ``case`` under a bar.
 
-    With a ``folder`` the state is kept there every so many seconds, and a run that was killed, or took longer
-    than ``limit_s``, goes on.
+    With a ``folder`` fields and so many ``frames`` are kept, and the state every so many seconds: a run that
+    was killed, or took longer than ``limit_s``, goes on from there.
     """
     from cutbench.base.progress import at_most
     from cutbench.run.checkpoint import NAME, Checkpoint
+    from cutbench.run.cutting import usual_snapshots_mm
     from cutbench.run.runner import run_case  # the solver is loaded only once the input is known to be good
 
     keep = None if folder is None else Checkpoint(folder / NAME, case.id, every_s)
     with bar(case.name, "mm", pace=pace) as on_progress:
-        at = [part * case.p.depth for part in snapshots]
+        at = [] if folder is None else usual_snapshots_mm(case)
         told = at_most(limit_s, on_progress)
         return run_case(case, on_progress=told, snapshots_mm=at, frames=frames or None, checkpoint=keep)
 

@@ -9,7 +9,7 @@ import numpy as np
 from cutbench.base.progress import Pace, duration
 from cutbench.case.case import Case
 from cutbench.forms.base import Step
-from cutbench.run.build import build
+from cutbench.run.remeshing import RemeshedMarch
 from cutbench.run.result import Result
 from cutbench.solver.linear import SingularMatrix
 from cutbench.solver.problem import Timer
@@ -21,7 +21,7 @@ _MOVED_MM, _WAVES = 3e-4, 100.0
 def expected_seconds(block: Case, like: Result) -> float:
     """About how long ``block`` takes: the time of the section of equal numerics, part by part as much longer
     as the part is in the block. nan where the section did not say."""
-    built = build(block)
+    built = RemeshedMarch(block).built  # the mesh that it begins on
     problem = built.problem
     u, apex = np.zeros(problem.ndof), built.march.centre0
     step = Step(built.march.rules.first / built.march.speed, u, apex, apex)

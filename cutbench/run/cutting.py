@@ -16,6 +16,13 @@ from cutbench.run.runner import run_case
 SNAPSHOTS = {2: 4, 3: 12}
 
 
+def usual_snapshots_mm(case: Case) -> list[float]:
+    """Travels at which fields are kept unless it is said where: in a block the front runs sideways within a
+    short way, so that it has more."""
+    parts = SNAPSHOTS[case.dim]
+    return [case.p.depth * (k + 1) / parts for k in range(parts)]
+
+
 @watched("mm")
 def run2d(
     source: str | Path | Case,
@@ -141,7 +148,5 @@ def _cut(
         case = replace(source.set(**changes), dim=dim)
     else:
         case = load_case(source, changes, dim=dim)
-    if snapshots_mm is None:
-        parts = SNAPSHOTS[dim]
-        snapshots_mm = [case.p.depth * (k + 1) / parts for k in range(parts)]
+    snapshots_mm = usual_snapshots_mm(case) if snapshots_mm is None else snapshots_mm
     return run_case(case, on_progress=on_progress, snapshots_mm=snapshots_mm, frames=frames)

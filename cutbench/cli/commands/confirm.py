@@ -139,6 +139,6 @@ def _run(case: Case, folder: Path, *, every_s: float, limit_s: float, alone: boo
     """Compute ``case`` into ``folder``, with a bar where it is ``alone``."""
     if not alone:
         loudness(quiet=True, loud=False)
-    result = run_with_progress(case, (0.25, 0.5, 0.75, 1.0), folder, every_s, limit_s=limit_s)
+    result = run_with_progress(case, folder, every_s, limit_s=limit_s)
     write_result(result, folder)
     return result

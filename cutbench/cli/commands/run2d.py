@@ -14,8 +14,6 @@ from cutbench.cli.show import show, table
 if TYPE_CHECKING:
     from cutbench.run.result import Result
 
-#: Blade travel of the pictures of the section, in parts of the whole.
-_SNAPSHOTS = (0.25, 0.5, 0.75, 1.0)
 #: What --follow writes: what was found, the path, the picture.
 _FOLLOWED = ("follow.json", "path.csv", "follow.png")
 
@@ -39,7 +37,7 @@ def run2d(
         from cutbench.run.snap_back import rate_independent_case
 
         rate_independent_case(case)  # what cannot be followed is refused before anything is computed
-    result = run_with_progress(case, _SNAPSHOTS, folder, wanted.every_s, wanted.frames)
+    result = run_with_progress(case, folder, wanted.every_s, wanted.frames)
     try:
         finish(result, folder)
     finally:

@@ -13,10 +13,6 @@ if TYPE_CHECKING:
     from cutbench.case.case import Case
 
 
-#: Blade travel of the pictures, in parts of the whole: the front runs sideways within a short travel.
-_SNAPSHOTS = tuple(i / 12 for i in range(1, 13))
-
-
 @with_exit_status
 @run_options(dim=3)
 def run3d(
@@ -40,7 +36,7 @@ def run3d(
             raise KeyboardInterrupt
         pace = pace_of(case, plane)
         typer.echo(cost_sentence(case.name, pace.expected_s), err=True)
-    result = run_with_progress(case, _SNAPSHOTS, folder, wanted.every_s, wanted.frames, pace=pace)
+    result = run_with_progress(case, folder, wanted.every_s, wanted.frames, pace=pace)
     if plane is not None and result.outcome.kind != "interrupted":
         from cutbench.run.front import end_effect
 
