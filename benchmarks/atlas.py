@@ -6,8 +6,9 @@
     python -m benchmarks.atlas --against studies/transition.toml
 
 Points of a box of dimensionless groups (``cutbench.emulator.design_space``), the first of Sobol's sequence.
-Started again it computes what is missing; several at a time share the work. A run that takes more than
-``--limit`` seconds of one core is kept as far as it came. ``--pack`` puts what there is into one file;
+It goes on from the runs that the package brings along; several at a time share the work. A run that takes
+more than ``--limit`` seconds of one core is kept as far as it came. ``--pack`` puts those of the package and
+those of the folder into one file;
 ``--check`` says how far an atlas of seven eighths of the runs is off at the others.
 """
 
@@ -37,13 +38,14 @@ from cutbench.emulator.atlas import (
     NORMAL_QUANTILE,
     Atlas,
     estimate,
+    shipped,
     values_of,
 )
 from cutbench.emulator.design_space import BLUNT_BLADES
 from cutbench.emulator.groups import Groups
 from cutbench.maps.dataset import load_map
 from cutbench.maps.study import load_study
-from cutbench.run.measures import KNOWN
+from cutbench.run.measures import KNOWN, measures
 from cutbench.run.measures import label as regime
 from cutbench.run.runner import run_case
 
@@ -74,21 +76,40 @@ def compute(case: Case, limit_s: float) -> dict[str, object]:
     curve = {n: v for n, v in result.curve.items() if n in keep or n.startswith("work_")}
     return {
         "case": json.dumps(case.to_dict()), "outcome": result.outcome.kind, "commit": here()["commit"] or "",
-        "message": result.outcome.message, "seconds": time.process_time() - began,
-        "measures": json.dumps(result.measures), **curve,
+        "message": result.outcome.message, "seconds": time.process_time() - began, **curve,
     }  # fmt: skip
 
 
 def runs_in(folder: Path, seed: int = SEED) -> list[dict[str, Any]]:
-    """The runs that are kept, with arrays as arrays and measures by name."""
+    """The runs that a folder keeps, with arrays as arrays and measures by name, as they are defined now."""
     found = []
     for file in sorted(folder.glob(f"{seed}-*.npz")):
         with np.load(file) as data:
             if "displacement_mm" not in data:
                 continue
             record = {n: data[n] for n in data.files}
-        record["case"] = Case.from_dict(json.loads(str(record["case"])))
-        found.append(record | {"measures": json.loads(str(record["measures"]))})
+        p = (case := Case.from_dict(json.loads(str(record["case"])))).p
+        measured = measures(record, window_mm=p.thickness, height_mm=p.height)
+        found.append(record | {"number": int(file.stem.split("-")[1]), "case": case, "measures": measured})
+    return found
+
+
+def runs_of(atlas: Atlas) -> list[dict[str, Any]]:
+    """The runs of an atlas, as ``runs_in`` has them."""
+    found = []
+    for i, (course, groups) in enumerate(zip(atlas.courses, atlas.groups, strict=True)):
+        case = BLUNT_BLADES.case_of([float(f"{value:.6g}") for value in groups])
+        half, force = units_of(case)
+        peak, drop, steady = (float(atlas.measured[name][i]) for name in MEASURES_WITH_PROCESS)
+        found.append({
+            "number": atlas.about["numbers"][i], "case": case,
+            "displacement_mm": course.x * half, "force_N": course.force * force,
+            **{f"work_{n}_mJ": each[i] * force * half for n, each in atlas.cumulative_work.items()},
+            "measures": {
+                "onset_mm": course.onset * half, "peak_N": peak * force, "drop_rel": drop,
+                "steady_N": steady * force,
+            },
+        })  # fmt: skip
     return found
 
 
@@ -251,9 +272,11 @@ def pack(runs: Sequence[Mapping[str, Any]], folds: int | None, file: Path | None
     if folds:
         say(check(runs, folds, wider))
     if file is not None:
-        commits = sorted({str(run["commit"]) for run in runs})
-        numerics = BLUNT_BLADES.base.to_dict()["numerics"]
-        about = {"commits": commits, "numerics": numerics, "machine": facts(), "runs": len(runs)}
+        commits = {*shipped().about["commits"], *(str(run["commit"]) for run in runs if "commit" in run)}
+        about = {
+            "commits": sorted(commits), "numerics": BLUNT_BLADES.base.to_dict()["numerics"],
+            "machine": facts(), "runs": len(runs), "numbers": [run["number"] for run in runs],
+        }  # fmt: skip
         atlas_of(runs, wider).write(file, about)
 
 
@@ -271,10 +294,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         say(against(asked.against))
         return 0
     if asked.pack or asked.check:
-        pack(runs_in(asked.out), asked.check, asked.pack)
+        pack([*runs_of(shipped()), *runs_in(asked.out)], asked.check, asked.pack)
         return 0
     asked.out.mkdir(parents=True, exist_ok=True)
+    there = set(shipped().about["numbers"]) if asked.seed == SEED else set()
     for number, case in enumerate(cases(asked.runs, asked.seed)):
+        if number in there:
+            continue
         file = asked.out / f"{asked.seed}-{number:04d}.npz"
         lock = FileLock(file.with_suffix(".lock"))
         try:

@@ -108,6 +108,11 @@ def test_what_happens_before_the_cut_is_no_transition():
     assert m["peak_mm"] == 1  # still a peak of the curve
 
 
+def test_what_slips_long_after_the_onset_is_no_transition():
+    slip = curve([0, 4, 7, 7.05, 12], [0, 1, 1.6, 1.2, 2], [0, 0, 3, 3.1, 8])
+    assert measures(slip, window_mm=WINDOW)["drop_rel"] == 0.0
+
+
 def test_a_curve_without_cut_has_no_transition():
     m = measures(curve([0, 20], [0, 3], [0, 0.05]), window_mm=WINDOW)
     assert math.isnan(m["onset_mm"]) and math.isnan(m["drop_rel"]) and m["surge"] == pytest.approx(0.05 / 20)

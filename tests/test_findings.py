@@ -11,6 +11,7 @@ import pytest
 from cutbench.maps.dataset import MapRow, build_map, row_of
 from cutbench.maps.findings import findings, save_findings
 from cutbench.maps.study import load_study
+from cutbench.run.measures import KNOWN
 
 
 @pytest.fixture
@@ -53,9 +54,9 @@ def test_what_the_blade_did_not_reach_has_a_depth_that_would_do(study):
         rows[case.id] = MapRow("done", "", 7.0, "smooth" if there else "uncut", measured)
     found = findings(build_map(study, rows))
     late = [mm for mm in onset.values() if mm > 6.7]
-    early = [mm for mm in onset.values() if mm <= 6.7 and mm + 5 * 0.7 > 7.0]
+    early = [mm for mm in onset.values() if mm <= 6.7 and mm + KNOWN * 0.7 > 7.0]
     assert found.labels["uncut"] == len(late) > 0 and found.open_ended == len(early) > 0
-    assert max(late) + 3.5 < found.deepen_mm < 1.15 * max(late) + 3.7
+    assert max(late) + KNOWN * 0.7 < found.deepen_mm < 1.15 * max(late) + KNOWN * 0.7 + 0.2
     assert f'depth = "{found.deepen_mm:.3g} mm"' in "\n".join(found.lines())
     # As deep as that, all are known.
     done = {

@@ -17,12 +17,12 @@ from cutbench.cli.main import app
 from cutbench.maps.study import load_study
 from cutbench.run.checkpoint import NAME, Checkpoint
 from cutbench.run.files import describe, read_run, write_run
-from cutbench.run.measures import measures
+from cutbench.run.measures import KNOWN, measures
 from cutbench.run.outcome import Outcome
 from cutbench.run.result import Result
 from cutbench.run.runner import run_case
 
-#: Cut in the first millimetre, five thicknesses before its depth.
+#: Cut in the first millimetre, five thicknesses before its depth, so that both ends are seen.
 DEEP = QUICK.set(depth="5 mm", step="0.2 mm")
 SHORT = DEEP.set(until="transition")
 TRANSITION = ("onset_mm", "peak_mm", "peak_N", "drop_rel")
@@ -36,7 +36,7 @@ def run(case=SHORT, pictures=()):
 # -- where it ends ------------------------------------------------------------------------------------
 def test_a_run_until_its_transition_has_that_of_one_to_its_depth():
     short, deep = run(), run(DEEP)
-    end = short.measures["onset_mm"] + 5 * SHORT.p.thickness
+    end = short.measures["onset_mm"] + KNOWN * SHORT.p.thickness
     assert short.outcome.done and not short.whole and deep.whole
     assert end <= short.outcome.reached_mm == short.displacement_mm[-1] < end + 0.2 + 1e-9
     for name in TRANSITION:
@@ -48,13 +48,13 @@ def test_a_run_until_its_transition_has_that_of_one_to_its_depth():
     assert short.sentence() == deep.sentence()
 
 
-def test_no_curve_says_more_of_its_transition_than_its_part_up_to_five_thicknesses_behind_the_onset():
+def test_no_curve_says_more_of_its_transition_than_its_part_up_to_some_thicknesses_behind_the_onset():
     rng = np.random.default_rng(3)
     d = np.sort(np.append(rng.uniform(0, 20, 400), [0.0, 20.0]))
     F, cut = 1 + np.cumsum(rng.normal(0, 0.1, 402)) ** 2, np.maximum(d - 6, 0)
     whole = {"displacement_mm": d, "force_N": F, "cut_length_mm": cut}
     found = measures(whole, window_mm=0.7)
-    last = int(np.searchsorted(d, found["onset_mm"] + 5 * 0.7)) + 1
+    last = int(np.searchsorted(d, found["onset_mm"] + KNOWN * 0.7)) + 1
     for end in (last, last + 7, last + 90):
         part = measures({name: column[:end] for name, column in whole.items()}, window_mm=0.7, whole=False)
         assert part["onset_mm"] == found["onset_mm"]

@@ -37,7 +37,7 @@ from cutbench.data.experiment import Experiment
 from cutbench.data.fields import laid_out
 from cutbench.data.measured import MeasuredCut
 from cutbench.data.repetition import note_on_single_repetition
-from cutbench.run.measures import TRANSITION
+from cutbench.run.measures import SETTLED
 from cutbench.run.pool.pool import TaskPool, cores
 
 #: Values on which each test is compared.
@@ -139,7 +139,7 @@ class ComparedCurve:
         if math.isnan(w) or not self.experiment.curve:
             return {}
         onset = self.onset_mm if math.isfinite(self.onset_mm) else math.inf
-        edges = (-math.inf, onset - w, onset, onset + TRANSITION * w, math.inf)
+        edges = (-math.inf, onset - w, onset, onset + SETTLED * w, math.inf)
         masks = {
             name: (self.x > low) & (self.x <= high)
             for name, low, high in zip(REGIMES, edges[:-1], edges[1:], strict=True)

@@ -34,9 +34,9 @@ from cutbench.run.measures import (
     ABRUPT_DROP,
     KNOWN,
     PROMINENCE,
+    SETTLED,
     SMOOTH,
     TAIL,
-    TRANSITION,
     UNCUT,
 )
 
@@ -334,7 +334,7 @@ class Atlas:
         travel where it is measured."""
         g = self._by_name(groups)
         end = np.minimum(depth, g["height"] - CLAMP * DROP_WINDOW)
-        start = np.maximum((1 - TAIL) * end, onset + TRANSITION * DROP_WINDOW)
+        start = np.maximum((1 - TAIL) * end, onset + SETTLED * DROP_WINDOW)
         toughness = g["cohesion"] * g["delta_c"] * (1 + g["viscosity"])
         return toughness + g["adhesion"] * g["cohesion"] * (start + np.maximum(end, start)) / 2
 
@@ -423,7 +423,7 @@ class Atlas:
         end = float(np.exp(m.onset[0, 0])) + (KNOWN if case.until == UNTIL else math.inf) * DROP_WINDOW
         x = np.linspace(0, min(depth, end), 161)
         low, middle, high = force * self.band(groups, x)
-        whole = cut and end > depth and depth - math.exp(m.onset[0, 0]) > (TRANSITION + 1) * DROP_WINDOW
+        whole = cut and end > depth and depth - math.exp(m.onset[0, 0]) > (SETTLED + 1) * DROP_WINDOW
         onset, peak, drop, steady = (getattr(m, n)[0] for n in ("onset", "peak", "drop", "steady"))
         return Estimate(
             case, x * half, middle, low, high,

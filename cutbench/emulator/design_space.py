@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -84,7 +85,11 @@ class DesignSpace:
 
     def case(self, parts: np.ndarray) -> Case:
         """The case at parts (d,) of the sides."""
-        groups = {side.name: side.value(float(part)) for side, part in zip(self.ranges, parts, strict=True)}
+        return self.case_of([side.value(float(part)) for side, part in zip(self.ranges, parts, strict=True)])
+
+    def case_of(self, values: Sequence[float]) -> Case:
+        """The case whose groups have values (d,)."""
+        groups = dict(zip([side.name for side in self.ranges], values, strict=True))
         half, known = self.base.values["thickness"] / 2, self.base.model.parameters()
         lengths = {name for name in groups if name in known and known[name].unit == "mm"}
         changes = {n: f"{half * v:.6g} mm" if n in lengths else v for n, v in groups.items()}

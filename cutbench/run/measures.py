@@ -46,12 +46,15 @@ ABRUPT, SMOOTH, UNCUT = "abrupt", "smooth", "uncut"
 #: Where what the model leaves open decides between the first two.
 UNDECIDED = "undecided"
 
-#: The transition lasts from one window before the onset to this many windows after it: what falls
-#: later is not the transition but unsteadiness of the cutting that follows.
-TRANSITION = 4.0
+#: The transition lasts from one window before the onset to this many windows after it. What falls later is
+#: another event: where adhesion is stronger than the modulus the surface that sticks to the blade slips some
+#: four windows after the onset, and when it does hangs on the steps.
+TRANSITION = 2.0
 #: So many windows after the onset a fall that begins in the transition has come to its end: what follows
 #: changes neither drop nor label.
 KNOWN = TRANSITION + 1
+#: Cutting counts as steady from so many windows after the onset: until then the force recovers from its fall.
+SETTLED = 4.0
 #: The cut has begun when it is so much longer than at the start, mm.
 ONSET_MM = 0.1
 #: A drop is that of the force's mean over this part of a window: shorter ups and downs, the serrations of
@@ -63,7 +66,7 @@ FRONT = 1 / 14
 #: Forces below this part of the largest one are no base for a relative drop, nor a peak.
 _FLOOR = 0.05
 #: Fall of the force after a peak, relative; and the last part of the travel, which counts as steady where it
-#: lies behind the transition.
+#: is settled.
 PROMINENCE, TAIL = 0.05, 0.4
 #: Advance of the cut per travel of the blade between which cutting is steady; it is 1 where nothing changes.
 PACE = (0.75, 1.33)
@@ -82,11 +85,11 @@ def measures(
     ``window_mm`` is the travel over which drop and surge are taken (the blade's thickness);
     the cut has begun when it is longer by ``onset_length_mm`` than at the start; a peak counts when
     the force falls by ``PROMINENCE`` of it before it rises above it. Steady is the last part of the travel,
-    ``TAIL`` or what lies behind the transition, up to ``CLAMP`` windows above the base of a specimen
-    ``height_mm`` high, if it is as long as a window and the cut advances there with the blade. What a curve
-    does not have (a peak, an onset) is nan; without an onset there is no transition, so ``drop_rel`` and
-    ``front_speed`` are nan too. One that is not ``whole`` ends with its transition: nothing of it is steady,
-    and ``max_N``, ``surge`` and ``energy_mJ`` are those up to there.
+    ``TAIL`` or what lies ``SETTLED`` windows behind the onset, up to ``CLAMP`` windows above the base of a
+    specimen ``height_mm`` high, if it is as long as a window and the cut advances there with the blade.
+    What a curve does not have (a peak, an onset) is nan; without an onset there is no transition, so
+    ``drop_rel`` and ``front_speed`` are nan too. One that is not ``whole`` ends with its transition: nothing
+    of it is steady, and ``max_N``, ``surge`` and ``energy_mJ`` are those up to there.
 
     Raises ValueError for arrays of unequal length, values that are not finite, a blade that runs
     backwards, or a window that is not positive.
@@ -103,7 +106,7 @@ def measures(
     peak_mm, peak_N = _first_peak(d, F, least)
     end = min(d[-1], height_mm - CLAMP * window_mm)
     end = end if end > d[0] else d[-1]
-    start = max(end - TAIL * (end - d[0]), onset + TRANSITION * window_mm)
+    start = max(end - TAIL * (end - d[0]), onset + SETTLED * window_mm)
     steady, slope = math.nan, math.nan
     if whole and end - start >= window_mm and _keeps_pace(d, c, start, end):
         steady, slope = steady_force(d, F, start, end)

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cutbench.run.measures import TAIL, TRANSITION, blurred, first_crossing, relative_fall, steady_force
+from cutbench.run.measures import SETTLED, TAIL, blurred, first_crossing, relative_fall, steady_force
 
 #: Over this part of the blade's thickness the slope of a curve is taken to find the end of indentation.
 ALONG = 0.25
@@ -50,7 +50,7 @@ def _tail(d: np.ndarray, F: np.ndarray, w: float) -> tuple[float, float]:
     """Mean and slope of the force behind the transition, of the last part of the travel; nan where it ends
     before."""
     onset = onset_mm(d, F, w)
-    start = max(d[-1] - TAIL * (d[-1] - d[0]), onset + TRANSITION * w)
+    start = max(d[-1] - TAIL * (d[-1] - d[0]), onset + SETTLED * w)
     return (math.nan, math.nan) if not d[-1] - start >= w else steady_force(d, F, start, d[-1])
 
 
