@@ -10,8 +10,10 @@ import pytest
 from refusals import refused
 from typer.testing import CliRunner
 
+from cutbench.base.errors import BadInput
 from cutbench.case.case import load_case
 from cutbench.cli.main import app
+from cutbench.emulator import estimate
 from cutbench.maps import guidance as guides
 from cutbench.maps.closed_form_estimates import classical, compare, save_estimates
 from cutbench.maps.dataset import LABELS, build_map, row_of
@@ -120,6 +122,25 @@ def test_a_material_outside_or_without_the_axes_is_refused(data, tmp_path):
     empty["label"][:] = 0
     with refused("map", value="study"):
         guides.guide(empty, "gelatin")
+
+
+@pytest.mark.parametrize(("material", "regime"), [("elastomer", "abrupt"), ("meat", "smooth")])
+def test_without_a_map_the_atlas_says_what_crosses(material, regime):
+    found = guides.guide_by_atlas(material)
+    assert found.regime == regime and found.sure and found.changes
+    for change in found.changes:
+        value = change.far or change.to
+        unit = "" if change.unit == "1" else f" {change.unit}"
+        there = estimate(load_case(material).set(**{change.parameter: f"{value!r}{unit}"}))
+        assert there.chances[regime] < (0.1 if change.far else 0.55), change.text()
+
+
+def test_a_material_that_is_not_cut_or_not_in_the_atlas_is_refused(tmp_path):
+    shallow = load_case("gelatin").set(depth="1 mm")
+    with pytest.raises(BadInput, match="depth"):
+        guides.guide_by_atlas(shallow)
+    done = CliRunner().invoke(app, ["guide", "gelatin_recalibrated"])
+    assert done.exit_code == 2 and "wedge" in done.output
 
 
 def test_a_switch_is_taken_as_the_material_has_it(tmp_path):

@@ -2,15 +2,16 @@
 
 The margins of a map's runs are put through the same Gaussian process that seeks boundaries
 (``cutbench.emulator``); a change of a material is a path over the map's axes, followed until the
-process says that it has crossed.
+process says that it has crossed. Without a map the runs that the package brings along serve as well.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import xarray as xr
@@ -18,17 +19,18 @@ import xarray as xr
 from cutbench.base.errors import BadInput
 from cutbench.case.case import Case, load_case
 from cutbench.case.model import levers
+from cutbench.emulator import Atlas, NotInAtlas, shipped
 from cutbench.maps.axes import Axis, places, values_on
 from cutbench.maps.boundary import NORMAL_QUANTILE, limited_slope, margin, margins_between
 from cutbench.maps.dataset import LABELS, MapRow, axes_of, axis_of, places_of, regime_of, row_of
 from cutbench.maps.map_cases import case_on, physics_by_place
 from cutbench.maps.uncertainty import MODEL, NUMERICS, log_ratio, total_change, uncertainty_strips, undecided
-from cutbench.run.measures import ABRUPT, SMOOTH, UNCUT, UNDECIDED
+from cutbench.run.measures import ABRUPT, ABRUPT_DROP, SMOOTH, UNCUT, UNDECIDED
 from cutbench.run.result import Result
 from cutbench.run.store.runs import Store
 
 #: Largest factor that is tried, either way, and how many steps it is reached in.
-_MAX_FACTOR, _STEPS = 100.0, 400
+_MAX_FACTOR, _STEPS = 100.0, 120
 #: Most runs that the process is put through; of a larger map those nearest to the boundary.
 _MAX_RUNS = 500
 
@@ -60,7 +62,7 @@ class LeverChange:
     def text(self) -> str:
         """``speed 0.021 -> 0.0504 mm/s (x 2.4; 95 %: 0.045 to 0.058 mm/s)``."""
         unit = "" if self.unit == "1" else f" {self.unit}"
-        far = "beyond the map" if self.far is None else f"{self.far:.3g}{unit}"
+        far = "beyond what is known" if self.far is None else f"{self.far:.3g}{unit}"
         factor = f"x {self.factor:.3g}; " if self.now else ""
         return (
             f"{self.lever} ({self.parameter}) {self.now:.3g} -> {self.to:.3g}{unit}"
@@ -101,12 +103,49 @@ class Guide:
             lines.append(f"What makes it {other}, soonest first:")
             lines += [f"  {n}. {change.text()}" for n, change in enumerate(self.changes, start=1)]
         else:
-            lines.append(f"Nothing tried makes it {other} within this map.")
+            lines.append(f"Nothing tried makes it {other} within what is known.")
         lines += [f"  {lever}: {reason}" for lever, reason in self.still.items()]
         if self.differs:
             parts = ", ".join(f"{name} {b:.3g} (map: {a:.3g})" for name, (a, b) in self.differs.items())
             lines.append(f"Not on the map's axes, and different from it: {parts}.")
         return "\n".join(lines)
+
+
+class Reader(Protocol):
+    """Knows margins between runs, by place."""
+
+    def place(self, case: Case) -> dict[str, float] | None:
+        """Where a case is; None where nothing is known of it."""
+
+    def margin(self, at: list[dict[str, float]]) -> tuple[np.ndarray, np.ndarray]:
+        """Margin and its standard deviation (n,) at places; nan where nothing is cut."""
+
+
+class AtlasReader:
+    """The runs that the package brings along as a function of place, by group."""
+
+    def __init__(self, atlas: Atlas, depth: float):
+        """``depth``: of the cut, in halves of the blade's thickness."""
+        self._atlas, self._depth = atlas, depth
+
+    def place(self, case: Case) -> dict[str, float] | None:
+        try:
+            values = self._atlas.values(case)
+        except NotInAtlas:
+            return None
+        return dict(zip([side.name for side in self._atlas.space.ranges], values, strict=True))
+
+    def margin(self, at: list[dict[str, float]]) -> tuple[np.ndarray, np.ndarray]:
+        depths = np.full(len(at), self._depth)
+        known = self._atlas.measures(np.array([list(place.values()) for place in at]), depths)
+        root, sd = known.drop.T
+        # As wide as puts the end of the interval on the side of the threshold where that of the drop's is.
+        towards = root - np.sign(root - math.sqrt(ABRUPT_DROP)) * NORMAL_QUANTILE * sd
+        uncut = known.uncut(depths) > 0.5
+        mean, end = (
+            margin(np.maximum(x, 0.0) ** 2, np.ones_like(x), uncut, drop=ABRUPT_DROP) for x in (root, towards)
+        )
+        return mean, np.abs(mean - end) / NORMAL_QUANTILE
 
 
 class MapReader:
@@ -135,12 +174,15 @@ class MapReader:
             x, y = x[chosen], y[chosen]
         self._between = margins_between(x, limited_slope(x, y))
 
+    def place(self, case: Case) -> dict[str, float] | None:
+        at, _ = values_on(self.axes, case)
+        return at if self.inside(at) else None
+
     def inside(self, at: dict[str, float]) -> bool:
         """Whether a place is on the map."""
         return all(-1e-3 <= float(self._of[a.name](np.array(at[a.name]))) <= 1 + 1e-3 for a in self.free)
 
     def margin(self, at: list[dict[str, float]]) -> tuple[np.ndarray, np.ndarray]:
-        """Margin and its standard deviation (n,) at places by axis name."""
         x = np.array([[float(self._of[a.name](np.array(p[a.name]))) for a in self.free] for p in at])
         return self._between.mean(x), self._between.spread(x)
 
@@ -186,6 +228,43 @@ def guide(data: xr.Dataset, material: str) -> Guide:
             f"{a.name} {a.values[0]:.3g} to {a.values[-1]:.3g} (it has {at[a.name]:.3g})" for a in reader.free
         )
         raise BadInput("--material", material, f"a material within the map: {ranges}")
+    found = _guide(reader, case, at)
+    doubt = _undecided_reason(data, found.margin)
+    return replace(
+        found, regime=UNDECIDED if doubt else found.regime, doubt=doubt, differs=_differences(data, case, at)
+    )
+
+
+def guide_by_atlas(material: str | Case) -> Guide:
+    """Find what would move a material across the boundary, by the runs that the package brings along.
+
+    Parameters
+    ----------
+    material : str or Case
+        A known name, a case file, or a case.
+
+    Returns
+    -------
+    Guide
+        Where the material is, and the changes that would move it across, soonest first.
+
+    Raises
+    ------
+    NotInAtlas
+        If these runs say nothing of it.
+    """
+    case = material if isinstance(material, Case) else load_case(material)
+    atlas = shipped()
+    atlas.values(case)
+    reader = AtlasReader(atlas, 2 * case.values["depth"] / case.values["thickness"])
+    at = reader.place(case)
+    assert at is not None, "seen above"
+    if np.isnan(reader.margin([at])[0][0]):
+        raise BadInput("depth", f"{case.values['depth']:g} mm", "a depth at which the material is cut")
+    return _guide(reader, case, at)
+
+
+def _guide(reader: Reader, case: Case, at: dict[str, float]) -> Guide:
     (mean,), (spread,) = reader.margin([at])
     changes, still = [], {}
     for lever, parameter in levers().items():
@@ -198,11 +277,9 @@ def guide(data: xr.Dataset, material: str) -> Guide:
         if not moved:
             still[lever] = str(max(found, key=lambda reason: len(str(reason))))
     changes.sort(key=lambda change: (change.effort, change.to))
-    side, doubt = ABRUPT if mean >= 0 else SMOOTH, _undecided_reason(data, float(mean))
-    return Guide(
-        case.name, at, UNDECIDED if doubt else side, bool(abs(mean) > NORMAL_QUANTILE * spread), float(mean),
-        float(spread), tuple(changes), still, _differences(data, case, at), doubt,
-    )  # fmt: skip
+    sure = bool(abs(mean) > NORMAL_QUANTILE * spread)
+    side = ABRUPT if mean >= 0 else SMOOTH
+    return Guide(case.name, at, side, sure, float(mean), float(spread), tuple(changes), still, {})
 
 
 def _undecided_reason(data: xr.Dataset, margin: float) -> str:
@@ -222,7 +299,7 @@ def _undecided_reason(data: xr.Dataset, margin: float) -> str:
 
 
 def _change_along_lever(
-    reader: MapReader, case: Case, lever: str, parameter: str, way: int, abrupt: bool
+    reader: Reader, case: Case, lever: str, parameter: str, way: int, abrupt: bool
 ) -> LeverChange | str:
     """Move one parameter until the regime changes; or why it does not."""
     quantity = case.model.parameters()[parameter]
@@ -240,22 +317,23 @@ def _change_along_lever(
             moved = case.set(**{parameter: value if quantity.unit == "1" else f"{value!r} {quantity.unit}"})
         except BadInput:
             break
-        place, _ = values_on(reader.axes, moved)
-        if not reader.inside(place):
+        place = reader.place(moved)
+        if place is None:
             break
         path.append(place)
     if len(path) < 2:
-        return "the map ends here"
+        return "what is known ends here"
     if all(math.isclose(path[0][name], path[-1][name], rel_tol=1e-9, abs_tol=1e-12) for name in path[0]):
-        return "no axis of this map depends on it"
+        return "nothing that is varied depends on it"
     mean, spread = reader.margin(path)
+    if not np.isfinite(mean).all():
+        path = path[: int(np.isnan(mean).argmax())]
+        mean, spread = mean[: len(path)], spread[: len(path)]
     side = mean if abrupt else -mean
     crossed = np.flatnonzero(side < 0)
     if crossed.size == 0:
-        reached = "up" if way > 0 else "down"
-        return (
-            f"{reached} to {values[len(path) - 1]:.3g} {quantity.unit}, the end of the map, it does not cross"
-        )
+        end = f"{'up' if way > 0 else 'down'} to {values[len(path) - 1]:.3g} {quantity.unit}"
+        return f"{end}, the end of what is known, it does not cross"
     k = int(crossed[0])
     j = max(k - 1, 0)
     part = side[j] / (side[j] - side[k]) if k > j else 0.0
@@ -264,10 +342,10 @@ def _change_along_lever(
     near = min(doubtful[0], k) if doubtful.size else k
     sure = np.flatnonzero((side < -NORMAL_QUANTILE * spread) & (np.arange(side.size) >= k))
     far = int(sure[0]) if sure.size else None
-    beyond = far if far is not None else len(path) - 1
+    beyond = min((far if far is not None else len(path) - 1) + 2, len(path) - 1)
     return LeverChange(
         lever, parameter, quantity.unit, float(now), to, float(values[max(near - 1, 0)]),
-        None if far is None else float(values[far]), path[min(beyond + 2, len(path) - 1)],
+        None if far is None else float(values[far]), path[beyond],
     )  # fmt: skip
 
 

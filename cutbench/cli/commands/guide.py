@@ -1,4 +1,4 @@
-"""``cutbench guide``: what moves a material across the boundary of a map."""
+"""``cutbench guide``: what moves a material across the boundary between the regimes."""
 
 from __future__ import annotations
 
@@ -7,13 +7,22 @@ from typing import Annotated
 
 import typer
 
+from cutbench.base.errors import BadInput
 from cutbench.cli.options import with_exit_status
 
 
 @with_exit_status
 def guide(
-    source: Annotated[Path, typer.Argument(metavar="DIR|MAP.nc", help="Folder of a sweep, or its map.")],
-    material: Annotated[str, typer.Option(metavar="MATERIAL|FILE.toml", help="What is to be cut.")],
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="MATERIAL|DIR|MAP.nc",
+            help="What is to be cut; or the folder of a sweep, or its map, with --material.",
+        ),
+    ],
+    material: Annotated[
+        str, typer.Option(metavar="MATERIAL|FILE.toml", help="What is to be cut, on a map.")
+    ] = "",
     check: Annotated[
         bool, typer.Option(help="Try the first change by two runs, kept with those of the map.")
     ] = False,
@@ -23,7 +32,12 @@ def guide(
     from cutbench.maps.dataset import load_map, store_of
     from cutbench.maps.map_cases import remarks
 
-    path = source / "map.nc" if source.is_dir() else source
+    if not material:
+        if check:
+            raise BadInput("--check", "", "a map, whose runs it goes with")
+        typer.echo(guides.guide_by_atlas(source).text())
+        return
+    path = Path(source) / "map.nc" if Path(source).is_dir() else Path(source)
     data = load_map(path)
     found = guides.guide(data, material)
     typer.echo(found.text())
