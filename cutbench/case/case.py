@@ -41,7 +41,7 @@ from cutbench.case.values import (
     section_hint,
     unknown,
 )
-from cutbench.mechanisms.law_registry import folders_of, take_up
+from cutbench.mechanisms.own_laws import folders_of, take_up
 
 _TOP = ("material", "base", "mechanisms", *SECTIONS, "numerics")
 

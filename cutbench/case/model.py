@@ -17,7 +17,7 @@ from cutbench.base.toml import among, one_of
 from cutbench.base.units import Parameter
 from cutbench.mechanisms import Group, Mechanism, Tool, Volumetric, registry
 from cutbench.mechanisms.base import Bulk, Rig
-from cutbench.mechanisms.law_registry import folders_of, take_up
+from cutbench.mechanisms.own_laws import folders_of, take_up
 from cutbench.mechanisms.specimen_and_protocol import PROTOCOL, SPECIMEN
 
 

@@ -21,7 +21,8 @@ from cutbench.mechanisms.blade.contact import Contact
 from cutbench.mechanisms.bulk._isotropic import Isochoric, Isotropic, Volumetric
 from cutbench.mechanisms.bulk.neo_hookean import NeoHookean
 from cutbench.mechanisms.cut.smith_ferrante import SmithFerrante
-from cutbench.mechanisms.law_registry import SLOTS, file_of, known_mechanisms, registry, use_mechanisms
+from cutbench.mechanisms.law_registry import SLOTS, file_of, known_mechanisms, registry
+from cutbench.mechanisms.own_laws import use_mechanisms
 
 __all__ = [
     "SLOTS",

@@ -12,14 +12,14 @@ import importlib.util
 import inspect
 import pkgutil
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
 
 from cutbench.base.errors import BadInput
-from cutbench.mechanisms.base import Mechanism, Tool
+from cutbench.mechanisms.base import Mechanism
 from cutbench.mechanisms.law_validation import BASES, refuse_incomplete
 
 SLOTS = tuple(BASES)
@@ -67,77 +67,16 @@ def known_mechanisms() -> dict[str, Mechanism]:
     return dict(registry())
 
 
-def use_mechanisms(*folders: str | Path) -> tuple[str, ...]:
-    """Take up laws of your own, from folders with files of Python, beside the known ones.
+def folders_in_use() -> tuple[Path, ...]:
+    """The folders that laws are looked for in, in the order in which they were named."""
+    return _folders
 
-    Cases carry the folders of their laws to the processes of a sweep.
 
-    Parameters
-    ----------
-    *folders : str or Path
-        Folders with files of Python, each with one law or several.
-
-    Returns
-    -------
-    tuple of str
-        The names of the laws in these folders.
-
-    Raises
-    ------
-    BadInput
-        For a folder that is not there, a file that cannot be imported, a law that lacks something, and a
-        blade that fails its checks; then nothing is taken up.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> import cutbench
-    >>> text = '''
-    ... from cutbench.mechanisms import NeoHookean
-    ...
-    ... class Renamed(NeoHookean):
-    ...     "Neo-Hooke under a name of its own."
-    ...     name = "renamed"
-    ... '''
-    >>> folder = tempfile.TemporaryDirectory()
-    >>> _ = (Path(folder.name) / "renamed.py").write_text(text)
-    >>> cutbench.use_mechanisms(folder.name)
-    ('renamed',)
-    >>> "renamed" in cutbench.known_mechanisms()
-    True
-    >>> folder.cleanup()
-    """
+def look_in(folders: Iterable[Path]) -> None:
+    """Look for laws in these folders from now on; files may have been edited."""
     global _folders
-    before = _folders
-    new = [Path(folder).resolve() for folder in folders]
-    for folder in new:
-        if not folder.is_dir():
-            raise BadInput(key="--mechanisms", value=str(folder), expected="a folder with files of laws")
-    _folders = tuple(dict.fromkeys([*before, *new]))
-    registry.cache_clear()  # files may have been edited
-    try:
-        taken = [law for law in registry().values() if file_of(law).parent in new]
-        for law in taken:
-            if isinstance(law, Tool):
-                importlib.import_module("cutbench.mechanisms.checks").refuse_wrong_tool(law)
-        return tuple(law.name for law in taken)
-    except BadInput:
-        _folders = before
-        registry.cache_clear()
-        raise
-
-
-def take_up(folders: Sequence[Path]) -> None:
-    """``use_mechanisms`` where a process, a worker say, does not have all of ``folders`` yet."""
-    if not set(folders) <= set(_folders):
-        use_mechanisms(*folders)
-
-
-def folders_of(names: tuple[str, ...]) -> tuple[Path, ...]:
-    """The folders in use that laws of these ``names`` come from."""
-    places = {file_of(registry()[name]).parent for name in names}
-    return tuple(folder for folder in _folders if folder in places)
+    _folders = tuple(folders)
+    registry.cache_clear()
 
 
 def file_of(law: Mechanism) -> Path:
