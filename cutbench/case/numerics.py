@@ -50,9 +50,11 @@ class Numerics:
     slender : float
         Elements at the cut plane are so many times taller than wide.
     along : float
-        Elements are at most so many times longer along the blade than tall, in three dimensions.
+        Tetrahedra of a block that has no layers are at most so many times longer along the blade than tall.
     layers : int
         Layers along half the blade of a block that is a section drawn out; 0: tetrahedra of its own.
+    layer_ratio : float
+        The layer in the middle of the blade is so many times as thick as that at its end.
     element : {"P2", "P1", "P2P1"}
         Quadratic or linear displacements, or quadratic ones with a linear pressure. P1 locks near ν = 0.5.
     normal : {"tool", "material"}
@@ -124,6 +126,7 @@ class Numerics:
     slender: float = _within(2.0, 1.0, 50.0)
     along: float = _within(4.0, 1.0, 20.0)
     layers: int = _within(0, 0, 200)
+    layer_ratio: float = _within(1.0, 1.0, 20.0)
     element: str = _one_of("P2", "P1", "P2P1")
     normal: str = _one_of("tool", "material")
     gap: str = _one_of("distance", "ellipse")
@@ -218,7 +221,6 @@ _SOLID = replace(
     Numerics(),
     h_mm=_COARSE["h_mm"],
     layers=2,
-    along=1.0,
     self_contact="off",
     penalty=4000.0,
     stick=2560.0,

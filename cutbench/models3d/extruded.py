@@ -15,10 +15,10 @@ from cutbench.forms.geometry import Geometry
 from cutbench.models3d.mesh import tetrahedra
 
 
-def planes(half: float, layers: int, graded: float = 1.0) -> np.ndarray:
+def planes(half: float, layers: int, ratio: float = 1.0) -> np.ndarray:
     """Places (layers + 1,) from 0 in the middle of the blade to ``half`` of its length: the layer in the
-    middle is ``graded`` times as thick as that at the end, and those between go down in equal proportion."""
-    thick = graded ** -np.linspace(0.0, 1.0, layers)
+    middle is ``ratio`` times as thick as that at the end, and those between go down in equal proportion."""
+    thick = ratio ** -np.linspace(0.0, 1.0, layers)
     return half * np.concatenate([[0.0], np.cumsum(thick) / thick.sum()])
 
 
@@ -34,10 +34,10 @@ def extruded(section: skfem.MeshTri, z: np.ndarray) -> skfem.MeshTet:
     return tetrahedra(p, np.hstack([prism + n * k for k in range(z.size - 1)]))
 
 
-def drawn_out(section: Geometry, length: float, layers: int, graded: float, part: str) -> Geometry:
+def drawn_out(section: Geometry, length: float, layers: int, ratio: float, part: str) -> Geometry:
     """The ``part`` of a block ``length`` mm long whose ``section`` is half of one, or, of a full block, the
     whole, split; with so many ``layers`` along half of the blade."""
-    z = planes(length / 2, layers, graded)
+    z = planes(length / 2, layers, ratio)
     if part != "quarter":
         z = np.append(-z[:0:-1], z)
     multiplicity = {"quarter": 4.0, "half": 2.0, "full": 1.0}[part]

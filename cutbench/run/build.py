@@ -86,7 +86,7 @@ def geometry_of(case: Case, **where) -> Geometry:
     flat = replace(n, symmetry="full" if part == "full" else "half")
     # No cut is deeper than the blade.
     section = section_geometry(case.values, flat, radius, **({"fine": (0.0, case.p.depth)} | where))
-    return drawn_out(section, case.values["length"], n.layers, n.along, part)
+    return drawn_out(section, case.values["length"], n.layers, n.layer_ratio, part)
 
 
 def space_of(geometry: Geometry, order: int) -> Space:
