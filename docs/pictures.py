@@ -1,6 +1,6 @@
 """``python docs/pictures.py [NAME …]``: the pictures of the tutorials, from the commands that stand there.
 
-A page of HTML is photographed by Chromium, where there is one.
+A page of HTML is photographed by Chromium, where there is one. ``tools`` and ``readings`` are drawn here.
 """
 
 from __future__ import annotations
@@ -14,8 +14,10 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import matplotlib.pyplot as plt
+import numpy as np
 from PIL import Image
 
+from cutbench.data.contact import find_contact
 from cutbench.mechanisms import registry
 
 HERE = Path(__file__).resolve().parent
@@ -97,10 +99,33 @@ def profiles() -> None:
     figure.savefig(FIGURES / "tools.png", dpi=140)
 
 
+def readings() -> None:
+    """Invented readings: a contact that is found, and three specimens that differ by a factor."""
+    rng = np.random.default_rng(1)
+    figure, (left, right) = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained")
+    u = np.arange(0, 3, 0.04)
+    force = 0.02 + 0.1 * np.maximum(u - 1.2, 0) ** 1.5 + 0.002 * rng.standard_normal(u.size)
+    found = find_contact(u, force)
+    left.plot(u, force, "k.", ms=4, label="readings")
+    left.axvspan(found.at - 2 * found.sd, found.at + 2 * found.sd, color="C1", alpha=0.3, lw=0)
+    left.axvline(found.at, color="C1", label=f"$u_0$ = {found.at:.2f} ± {found.sd:.2f} mm (true: 1.2)")
+    left.plot([0, found.at], [found.force] * 2, "C0", lw=2, label="$F_0$")
+    left.set(xlabel="displacement of the machine (mm)", ylabel="force (N)")
+    left.legend(framealpha=1, edgecolor="white")
+    s = np.linspace(0, 4, 80)
+    for r, factor in enumerate((-0.08, 0.01, 0.1), start=1):
+        course = 0.3 * s / (1 + 0.4 * s) * (1 + factor)
+        noise = 0.006 * rng.standard_normal(s.size)
+        right.plot(s, course + noise, ".", ms=4, color=f"C{r}", label=f"$a_{r}$ = {factor:+.2f}")
+        right.plot(s, course, color=f"C{r}", lw=0.8)
+    right.set(xlabel="travel $s$ (mm)", ylabel="force (N)")
+    right.legend(frameon=False)
+    figure.savefig(FIGURES / "readings.png", dpi=140)
+
+
 if __name__ == "__main__":
-    asked = sys.argv[1:] or [*PICTURES, "tools"]
-    if "tools" in asked:
-        profiles()
+    drawn_here = {"tools": profiles, "readings": readings}
+    asked = sys.argv[1:] or [*PICTURES, *drawn_here]
     with tempfile.TemporaryDirectory() as folder:
-        for name in [name for name in asked if name != "tools"]:
-            draw(name, Path(folder))
+        for name in asked:
+            drawn_here[name]() if name in drawn_here else draw(name, Path(folder))

@@ -30,7 +30,7 @@ def _one_of(default: str, *others: str) -> Any:
 class Numerics:
     """Numerics holds every numerical choice of a run: mesh, elements, contact, steps and tolerances.
 
-    All are part of a case's identity. docs/tables.py makes its table of the texts below.
+    All are part of a case's identity. docs/made.py makes its table of the texts below.
 
     ``Case.set`` takes them by their names, with a unit where there is one (``h="0.2 mm"`` for ``h_mm``), and
     ``preset`` has named sets of them.

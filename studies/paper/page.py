@@ -1,9 +1,8 @@
-"""What ``python -m studies.paper`` found, on a page of documentation.
+"""What ``python -m studies.paper`` found, for a page of documentation.
 
-``python -m studies.paper.page DIR PAGE`` writes it, from the project's folder.
-
-Between the page's two marks stand the verdicts of DIR's claims.json, without runs that a reader has not and
-the numbers of each change; claims.json, which has them all, and the pictures are copied into docs/figures.
+``python -m studies.paper.page DIR`` copies claims.json and the pictures of DIR into docs/figures. When the
+site is built, its table has the verdicts of claims.json, without runs that a reader has not and the numbers
+of each change.
 """
 
 from __future__ import annotations
@@ -19,7 +18,6 @@ from cutbench.base.files import replacing
 from studies.paper.judgement import CHOICE, REPRODUCED, SOLID
 from studies.paper.report import claims, summary, tips
 
-BEGIN, END = "<!-- claims: begin -->", "<!-- claims: end -->"
 PICTURES = ("published-curves.png", "published-changes.png", "published-tips.png")
 
 
@@ -43,21 +41,13 @@ def in_short(row: dict) -> str:
     return re.sub(number, "", re.sub(f"{number}, ", " / ", reason))
 
 
-def put(found: str | Path, page: str | Path) -> None:
-    """Renew ``page`` from the folder ``found``. Raises BadInput where one of them is no such thing."""
-    found, page = Path(found), Path(page)
+def put(found: str | Path) -> None:
+    """Renew docs/figures from the folder ``found``. Raises BadInput where that is no such thing."""
+    found, figures = Path(found), Path(__file__).parents[2] / "docs" / "figures"
     try:
         record = json.loads((found / "claims.json").read_text(encoding="utf-8"))
-        text = page.read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
-        raise BadInput(
-            key="page", value=f"{found}, {page}", expected=f"a folder of studies.paper and a page ({error})"
-        ) from error
-    head, begin, rest = text.partition(BEGIN)
-    _, end, tail = rest.partition(END)
-    if not (begin and end):
-        raise BadInput(file=str(page), key="marks", value="(missing)", expected=f"{BEGIN} and {END} in it")
-    figures = Path(__file__).parents[2] / "docs" / "figures"
+        raise BadInput(key="folder", value=str(found), expected=f"one of studies.paper ({error})") from error
     figures.mkdir(exist_ok=True)
     with replacing(figures / "claims.json") as draft:
         draft.write_text(
@@ -66,12 +56,10 @@ def put(found: str | Path, page: str | Path) -> None:
     for name in PICTURES:
         with replacing(figures / name) as draft:
             shutil.copyfile(found / name, draft)
-    with replacing(page) as draft:
-        draft.write_text(f"{head}{BEGIN}\n\n{tables(record)}\n\n{END}{tail}", encoding="utf-8")
 
 
 if __name__ == "__main__":
     try:
-        put(*sys.argv[1:3])
+        put(*sys.argv[1:])
     except (BadInput, TypeError) as error:
         sys.exit(f"cutbench: {error}")
