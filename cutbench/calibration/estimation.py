@@ -312,22 +312,18 @@ def _search_radius(posterior: Posterior, q: np.ndarray) -> np.ndarray:
 
 
 def _search_box(posterior: Posterior, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Where cuts are worth computing, as far as tests that have a formula and runs that the package brings
-    along say: a place, and the ends."""
-    half, (low, high), p = np.full(q.size, SETTINGS.reach), posterior.bounds, posterior.predictions
-    cuts = posterior.tests_with_runs
-    exact = [e for e in posterior.tests if e not in cuts]
-    for known in ([*exact, *(e for e in cuts if p.is_in_atlas(e))], exact):
-        if not known:
-            continue
-        alone = p.by_atlas.of(replace(p.campaign, experiments=tuple(known)))
-        some = Posterior(alone, posterior.parameters, half.copy(), q)
-        with suppress(ComputationFailed):  # elsewhere than the atlas' runs
-            starts = best_places(some, q, np.maximum(q - half, low), np.minimum(q + half, high))
-            found = _best_maximum(some, [q, *(starts if known != exact else ())])
-            sd = np.sqrt(np.diag(found.covariance))
-            q, half = found.q, np.clip(HALF_SIDE_IN_SD * sd, SMALLEST_HALF_SIDE, half)
-            break
+    """Where cuts are worth computing, as far as tests that have a formula say: a place, and the ends."""
+    half, low, high = np.full(q.size, SETTINGS.reach), *posterior.bounds
+    exact = tuple(e for e in posterior.tests if e not in posterior.tests_with_runs)
+    if exact:
+        p = posterior.predictions
+        alone = replace(p.campaign, experiments=exact)
+        some = Posterior(p.of(alone), posterior.parameters, half.copy(), q)
+        found = some.maximum(q)
+        q, half = (
+            found.q,
+            np.clip(HALF_SIDE_IN_SD * np.sqrt(np.diag(found.covariance)), SMALLEST_HALF_SIDE, half),
+        )
     return q, np.maximum(q - half, low), np.minimum(q + half, high)
 
 

@@ -20,7 +20,7 @@ from cutbench.case.motion import Motion
 from cutbench.data.campaign import Campaign
 from cutbench.data.experiment import Experiment
 from cutbench.data.repetition import Averaged
-from cutbench.emulator import Atlas, AtlasEmulator, CutEmulator, NotInAtlas, OutOfRange, shipped
+from cutbench.emulator import CutEmulator, OutOfRange
 from cutbench.homogeneous import slopes
 
 #: Cuts are computed deeper than they were measured by this part, where the specimen is high enough: a machine
@@ -103,7 +103,6 @@ class Predictions:
         self._emulators: tuple[int, dict[tuple, CutEmulator]] = (-1, {})
         #: Whether a cut that was computed answers as it is, or as smoothly as those about it.
         self.exact = True
-        self._atlas: Atlas | None = None
 
     @property
     def smooth(self) -> Predictions:
@@ -111,20 +110,6 @@ class Predictions:
         made = self.with_free(self.free)
         made._emulators, made.exact = self._emulators, False
         return made
-
-    @property
-    def by_atlas(self) -> Predictions:
-        """The same by the runs that the package brings along, before any is computed."""
-        made = self.with_free(self.free)
-        made._atlas = shipped()
-        return made
-
-    def is_in_atlas(self, e: Experiment) -> bool:
-        """Whether the runs that the package brings along say something of a cut."""
-        with suppress(NotInAtlas):
-            AtlasEmulator(shipped(), without_rig(self._cuts[e.id]))
-            return True
-        return False
 
     def with_free(self, free: Sequence[str]) -> Predictions:
         """The same with other free parameters."""
@@ -136,9 +121,7 @@ class Predictions:
 
     def of(self, campaign: Campaign) -> Predictions:
         """The same for the tests of another campaign."""
-        made = Predictions(campaign, self.base, self.grids, self.runs, self.free)
-        made._atlas = self._atlas
-        return made
+        return Predictions(campaign, self.base, self.grids, self.runs, self.free)
 
     def needs_runs(self, e: Experiment) -> bool:
         """Whether a test is known from runs, not from a formula."""
@@ -156,8 +139,6 @@ class Predictions:
 
     def emulator(self, e: Experiment) -> CutEmulator:
         """Of all cuts that go the way of ``e``, from what was computed until now. Raises NotKnown."""
-        if self._atlas is not None:
-            return AtlasEmulator(self._atlas, without_rig(self._cuts[e.id]))
         known, motion = len(self.runs.database.runs), self._cuts[e.id].motion
         if self._emulators[0] != known:
             self._emulators = known, {}

@@ -13,7 +13,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "atlas": ["Atlas", "Estimate", "NotInAtlas", "estimate", "shipped"],
-        "database": ["AtlasEmulator", "CutEmulator", "OutOfRange", "Run", "RunDatabase"],
+        "database": ["CutEmulator", "OutOfRange", "Run", "RunDatabase"],
         "groups": ["Groups"],
         "gaussian_process": ["GaussianProcess", "Kernel"],
     },

@@ -237,7 +237,7 @@ class Atlas:
         self.space, self.groups, self.courses, self.measured = space, groups, courses, measured
         self.cumulative_work, self.wider, self.about = cumulative_work or {}, wider or {}, about or {}
         known = kernels or {}
-        self.X = self.coordinates(groups)
+        self.X = self._coordinates(groups)
         rise = np.linspace(0, MAX_DEPTH, INTERVALS_TO_ONSET + 1)
         of_curves = [known.get(name) for name in CURVES]
         self.curves = AlignedCurves(self.X, courses, rise, TRAVELS_BEYOND_ONSET, of_curves)
@@ -306,19 +306,7 @@ class Atlas:
         small["sizes"] = np.array([c.x.size for c in self.courses])
         np.savez_compressed(file, about=np.array(json.dumps(record)), **small)
 
-    def coordinates(self, values: np.ndarray) -> np.ndarray:
-        """Compute the coordinates of the processes.
-
-        Parameters
-        ----------
-        values : ndarray, shape (p, d)
-            Values of the groups.
-
-        Returns
-        -------
-        ndarray, shape (p, d)
-            Where they are.
-        """
+    def _coordinates(self, values: np.ndarray) -> np.ndarray:
         by_name = self._by_name(values)
         columns = {side.name: side.coordinate(by_name[side.name]) for side in self.space.ranges}
         # How fast a blade opens the cut is a matter of its own width: η v/a is smoother than η v/δ_c.
@@ -391,7 +379,7 @@ class Atlas:
         Measures
             Means and standard deviations, in the atlas' units.
         """
-        places = self.coordinates(groups)
+        places = self._coordinates(groups)
         onset = np.stack(self.curves.log_onset(places), axis=1)
         onset[:, 1] *= self.wider.get("onset", 1.0)
         found = {"onset": onset}
@@ -428,7 +416,7 @@ class Atlas:
         assert units is not None, "of the atlas' model"
         half, force = units.length(case.values), units.force(case.values)
         depth = min(case.values["depth"] / half, MAX_DEPTH)
-        m, place = self.measures(groups, np.array([depth])), self.coordinates(groups)
+        m, place = self.measures(groups, np.array([depth])), self._coordinates(groups)
         uncut = float(m.uncut(np.array([depth]))[0])
         abrupt = (1 - uncut) * float(ndtr(m.falls(ABRUPT_DROP))[0])
         cut = uncut < 0.5
@@ -465,7 +453,7 @@ class Atlas:
             half = np.random.default_rng(part).standard_normal((DRAWS // 2, r))
             return self.wider.get("curve", 1.0) * np.concatenate([half, -half])
 
-        drawn = self.curves.draws(self.coordinates(groups), normal)
+        drawn = self.curves.draws(self._coordinates(groups), normal)
         onset, before, after = (each[0] for each in drawn)
         curves = []
         for at, rising, later in zip(onset, before, after, strict=True):

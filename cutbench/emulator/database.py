@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import lru_cache
 from types import SimpleNamespace
 
@@ -15,8 +14,6 @@ from cutbench.base.errors import BadInput
 from cutbench.case.case import Case
 from cutbench.case.model import Model
 from cutbench.emulator.alignment import MIN_SPARE_CURVES, AlignedCurves, Course
-from cutbench.emulator.atlas import Atlas
-from cutbench.emulator.design_space import MAX_DEPTH
 from cutbench.emulator.groups import Coordinate, Groups, is_same_value
 from cutbench.mechanisms import registry
 
@@ -373,43 +370,6 @@ class CutEmulator:
 
     def _units(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:
         return np.array([self.groups.force(self._with_equal_laws_replaced(values)) for values in each])
-
-
-class AtlasEmulator(CutEmulator):
-    """An emulator of cuts like one, from the atlas' runs alone: for a first look, before any is computed.
-
-    Parameters
-    ----------
-    atlas : Atlas
-        The runs.
-    case : Case
-        The test, at its speed and depth, with its sizes and blade.
-
-    Raises
-    ------
-    NotInAtlas
-        If the atlas does not say.
-    """
-
-    def __init__(self, atlas: Atlas, case: Case):
-        atlas.values(case)
-        self._atlas, self._case, self.model, self._equal = atlas, case, case.model, []
-        groups = Groups.of(case)
-        assert groups is not None, "of the atlas' model"
-        self.groups = groups
-        depth = min(case.values["depth"] / groups.length(case.values), MAX_DEPTH)
-        self.curves = copy(atlas.curves)
-        self.x = self.curves.x = np.linspace(0.0, depth, TRAVEL_POINTS + 1)
-
-    def root(self, values: Mapping[str, float], runs: bool = True) -> np.ndarray:
-        return self._atlas.wider.get("curve", 1.0) * super().root(values, runs)
-
-    def _places(self, each: Sequence[Mapping[str, float]]) -> np.ndarray:
-        try:
-            groups = [self._atlas.values(replace(self._case, values={**values})) for values in each]
-        except BadInput as error:
-            raise OutOfRange(str(error)) from error
-        return self._atlas.coordinates(np.array(groups))
 
 
 def _collinear(one: np.ndarray, other: np.ndarray) -> bool:
