@@ -13,7 +13,9 @@ from cutbench.case.case import load_case
 from cutbench.cli.main import app
 from cutbench.emulator.atlas import NotInAtlas, estimate, shipped
 from cutbench.emulator.design_space import BLUNT_BLADES, FRACTION_SWITCHED_OFF
+from cutbench.maps.atlas_map import expected_drops
 from cutbench.maps.dataset import load_map
+from cutbench.maps.study import load_study
 from cutbench.run.runner import run_case
 
 MATERIALS = "gelatin", "elastomer", "meat"
@@ -126,6 +128,17 @@ def test_a_whole_diagram_at_once(tmp_path):
             assert (float(data["margin"][i, j]) >= 0) == (said.verdict == "abrupt")
             sure += 1
     assert sure >= 3
+
+
+def test_what_is_expected_of_a_study_is_of_its_numerics(tmp_path):
+    """A map at the default numerics has estimates before its runs, one at others has none."""
+    file = tmp_path / "study.toml"
+    text = 'base = "gelatin"\n[[axis]]\nname = "viscosity"\nvalues = [0.1, 1.0]\n'
+    file.write_text(text)
+    drops = expected_drops(load_study(file))
+    assert drops is not None and drops[0] > drops[1]
+    file.write_text('numerics = { h = "0.1 mm" }\n' + text)
+    assert expected_drops(load_study(file)) is None
 
 
 def test_a_map_that_is_estimated_takes_no_workers_and_no_surge(tmp_path):
