@@ -25,7 +25,7 @@ from cutbench.discovery.search import Discovery
 _SAID = {
     "mechanism": "A mechanism was found",
     "none": "Nothing is missing",
-    "undecided": "Something is missing, and candidates could not be tried",
+    "undecided": "What is missing is not known yet",
     "unexplained": "Something is missing that no candidate explains",
 }
 
