@@ -41,6 +41,24 @@ def write_export(
     path.write_text("\r\n".join(rows) + "\r\n", encoding="utf-8")
 
 
+def write_held(path: Path, *, g: float, tau: float, length: float = 40.0, area: float = 25.0) -> None:
+    """Three strips (mm, mm²) pulled for 12 s and held: ``g`` of G more at first, gone in some ``tau`` s."""
+    rng = np.random.default_rng(2)
+    t = np.concatenate([np.arange(0, 12.01, 0.2), np.arange(13, 61, 1.0)])
+    u = np.minimum(t, 12.0) * SPEED_MM_S
+    stretch, over = 1 + u / length, np.zeros(t.size)
+    stress = G_MPA * (stretch - stretch**-2)
+    for k, step in enumerate(np.diff(t)):
+        fresh = g * (stress[k + 1] - stress[k]) * np.exp(-step / tau / 2)
+        over[k + 1] = over[k] * np.exp(-step / tau) + fresh
+    rows = ["specimen,time (s),Distance (mm),Force (N)"]
+    for name in "ABC":
+        force = area * (1 + 0.03 * rng.standard_normal()) * (stress + over)
+        force += 2e-4 * rng.standard_normal(t.size)
+        rows += [f"{name},{a:.2f},{b:.3f},{c:.5f}" for a, b, c in zip(t, u, force, strict=True)]
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+
+
 def write_campaign(folder: Path, *, head: str = "", more: str = "", **export) -> Path:
     """``campaign.toml`` beside ``press.csv``: ``head`` above all experiments, ``more`` in this one."""
     write_export(folder / "press.csv", **export)

@@ -313,7 +313,7 @@ def test_readings_become_a_fit(page, server, tmp_path):
     within(90, page, lambda b: [e for e in b.find_elements(By.LINK_TEXT, "fit.json") if e.is_displayed()])
     (kept,) = server.folder.glob("fit-*/fit.json")
     assert (kept.parent / "campaign.toml").is_file()
-    assert one(page, "found-page").is_displayed()
+    assert "fit.png" in one(page, "found-picture").find_element(By.TAG_NAME, "img").get_property("src")
 
 
 @NEEDED

@@ -149,8 +149,11 @@ def test_a_new_mechanism_is_a_candidate_without_a_line_changed(law_of, tmp_path)
 
 
 def test_rubber_stiffens_and_the_other_tests_gain():
-    d = discover(load_campaign(STUDIES / "rubber" / "treloar.toml"), workers=0)
+    stages = []
+    d = discover(load_campaign(STUDIES / "rubber" / "treloar.toml"), workers=0, on_stage=stages.append)
     assert d.verdict == "mechanism" and d.names[0] in ("gent", "yeoh")
+    assert not stages[0].fit.done and stages[0].verdict == "undecided" and stages[-1].names == d.names
+    assert all("<svg" in page(stage) for stage in (stages[0], stages[-1]))
     assert d.held_out.how == "test experiments" and d.held_out.gain > 0.4
     grids = d.first.posterior.predictions.grids
     before, after = (

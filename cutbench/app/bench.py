@@ -37,8 +37,8 @@ class Bench:
         return target
 
     def address(self, path: Path) -> str:
-        """Where a page finds a file of the folder."""
-        return "/files/" + quote(path.relative_to(self.root).as_posix())
+        """Where a page finds a file of the folder, as it is now."""
+        return f"/files/{quote(path.relative_to(self.root).as_posix())}?{path.stat().st_mtime_ns}"
 
     def with_file(self, name: str) -> list[str]:
         """Folders down to two levels that have a file ``name``, newest first, as seen from the root."""

@@ -255,7 +255,7 @@ class CutPage:
         picture = job.folder / SECTION
         self._section.set_visibility(picture.is_file())
         if picture.is_file():
-            self._section.set_source(f"{self._bench.address(picture)}?{picture.stat().st_mtime_ns}")
+            self._section.set_source(self._bench.address(picture))
         if job.state != RUNNING and (job.folder / "run.json").is_file():
             self._offer(job.folder.name)
         self._draw_curves()

@@ -16,7 +16,7 @@ from cutbench.app.campaigns import (
     likely_columns,
     write_campaign,
 )
-from cutbench.app.jobs import RUNNING, Job
+from cutbench.app.jobs import Job
 from cutbench.app.tasks import run_discovery, run_fit
 from cutbench.base.figure_style import svg_of
 from cutbench.case.materials import names
@@ -46,11 +46,12 @@ class DataPage:
                     ui.button("Discover what is missing", on_click=lambda: self._begin("discover")).props(
                         "data-testid=discover"
                     )
-                self._picture = ui.image().classes("picture").props('fit=contain alt="The measured curves"')
-                self._picture.set_visibility(False)
             with ui.column().classes("w-full gap-2"):
                 self._watch = JobWatch(bench, tuple(_TASKS), self._job_changed)
                 self._stages = ui.element("ol").classes("stages").props('aria-label="What was done"')
+                self._picture = ui.image().classes("picture").props("fit=contain data-testid=found-picture")
+                self._picture.props('alt="The curves: measured, and computed as soon as they are"')
+                self._picture.set_visibility(False)
         self._frame = (
             ui.element("iframe").classes("frame").props('title="What was found" data-testid=found-page')
         )
@@ -76,7 +77,7 @@ class DataPage:
             self._fields()
             with ui.row().classes("w-full"):
                 self._speed = ui.input("Speed, where no column has the time", placeholder="0.5 mm/s")
-                self._speed.props("outlined dense data-testid=speed").classes("w-64")
+                self._speed.props("outlined dense data-testid=speed").classes("wide")
                 self._zero = choice(_ZERO, "", "Contact", "contact-at")
                 self._rest = choice(_REST, "", "Force at rest", "force-at-rest")
         self._forget()
@@ -161,8 +162,10 @@ class DataPage:
             for stage in job.stages:
                 with ui.element("li"):
                     ui.label(stage)
-        pages = [n for n in job.files if n.endswith((".html", ".png"))] if job.state != RUNNING else []
-        self._frame.set_visibility(bool(pages))
-        if pages:
-            pages.sort(key=lambda name: not name.endswith(".html"))
-            self._frame.props(f'src="{self._bench.address(job.folder / pages[0])}"')
+        if (picture := job.folder / "fit.png").is_file():
+            self._picture.set_source(self._bench.address(picture))
+            self._picture.set_visibility(True)
+        page = job.folder / "discovery.html"
+        self._frame.set_visibility(page.is_file())
+        if page.is_file():
+            self._frame.props(f'src="{self._bench.address(page)}"')

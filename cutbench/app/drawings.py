@@ -89,7 +89,7 @@ def force_figure(curves: Sequence[Curve]) -> dict:
         "xaxis": axis | {"title": {"text": "blade travel (mm)"}},
         "yaxis": axis | {"title": {"text": "force (N)"}},
         "margin": {"l": 10, "r": 10, "t": 10, "b": 10},
-        "legend": {"orientation": "h", "y": -0.22, "x": 0},
+        "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
         "showlegend": True,
         "paper_bgcolor": "rgba(0,0,0,0)",
         "plot_bgcolor": "rgba(0,0,0,0)",

@@ -107,7 +107,7 @@ class MapsPage:
             self.offer(job.folder.name)
         elif (picture := job.folder / "phase.png").is_file():
             self._picture.set_visibility(True)
-            self._picture.set_source(f"{self._bench.address(picture)}?{picture.stat().st_mtime_ns}")
+            self._picture.set_source(self._bench.address(picture))
 
     def offer(self, newest: str = "") -> None:
         """Offer the maps that are in the folder by now, with the newest open, and the axes of the case."""

@@ -57,7 +57,7 @@ def workbench(folder: str | Path, token: str) -> FastAPI:
     def page() -> None:
         ui.add_css(style)
         ui.add_body_html(_HIDDEN_PLOT)
-        ui.colors(primary="#0b6fb3")
+        ui.colors(primary="#085a94")
         with ui.header(fixed=False).classes("items-center q-py-none gap-x-6"):
             ui.label("cutbench").classes("text-lg text-bold").props("role=heading aria-level=1")
             with ui.tabs().props('dense no-caps inline-label aria-label="What to do"') as tabs:

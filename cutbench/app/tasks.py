@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import cutbench
@@ -56,17 +56,20 @@ def estimate_map(study: Path, folder: Path, tell: Teller) -> None:
 
 def run_fit(campaign: Path, folder: Path, tell: Teller) -> None:
     """Fit the campaign's free parameters."""
-    loaded = cutbench.load_campaign(campaign)
-    _keep(cutbench.fit(loaded, on_progress=tell.progress, store=folder / "runs"), folder, tell)
+    _find(cutbench.fit, campaign, folder, tell)
 
 
 def run_discovery(campaign: Path, folder: Path, tell: Teller) -> None:
     """Look for what the model lacks."""
+    _find(cutbench.discover, campaign, folder, tell)
+
+
+def _find(search: Callable[..., Displayed], campaign: Path, folder: Path, tell: Teller) -> None:
+    def on_stage(there: Displayed) -> None:
+        there.save(folder)
+
     loaded = cutbench.load_campaign(campaign)
-    _keep(cutbench.discover(loaded, on_progress=tell.progress, store=folder / "runs"), folder, tell)
-
-
-def _keep(found: Displayed, folder: Path, tell: Teller) -> None:
+    found = search(loaded, on_progress=tell.progress, on_stage=on_stage, store=folder / "runs")
     found.save(folder)
     tell(said=str(found))
 

@@ -38,8 +38,8 @@ def plot(fit: Fit, ax: Axes) -> None:
         ax.plot(x, c.mean / top, color=colour, ls="-", label=c.experiment.id)
         ax.plot(x, c.fitted / top, color=colour, ls="--")
     ax.set(xlabel="part of the way", ylabel="part of the largest value")
-    ax.set_title(f"{fit.campaign.title}: measured (lines), computed (dashes)", loc="left")
-    ax.legend()
+    ax.set_title(fit.campaign.title, loc="left")
+    ax.legend(title="measured; dashes: computed", alignment="left")
 
 
 def _colours(count: int) -> list[str]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -50,6 +50,7 @@ FAR = 0.05
 LEVEL = 0.95
 #: How a fit ends.
 CONVERGED, STOPPED, INTERRUPTED, LATE = "converged", "stopped", "interrupted", "out of time"
+UNDER_WAY = "under way"
 
 
 @dataclass(frozen=True)
@@ -326,6 +327,7 @@ def fit(
     limit_s: float = math.inf,
     store: str | Path | None = None,
     runs: CutRuns | None = None,
+    on_stage: Callable[[Fit], None] | None = None,
 ) -> Fit:
     """Fit the free parameters of a campaign's model to all its train tests, and predict the other tests.
 
@@ -349,6 +351,8 @@ def fit(
         Folder with a store of runs: what is there is not computed again, and the rest is left there.
     runs : CutRuns, optional
         Computes cuts in place of ``workers`` and ``store``.
+    on_stage : callable, optional
+        Called with what is known, each time that better values are found.
 
     Returns
     -------
@@ -377,14 +381,14 @@ def fit(
     >>> print(found.status, f"{1e3 * found.values['G']:.1f} kPa")
     converged 10.0 kPa
     """
-    began, parameters = time.perf_counter(), free_parameters(campaign)
+    parameters = free_parameters(campaign)
     for label in profile:
         if label not in (known := [u.label for u in parameters]):
             raise BadInput("profile", label, one_of(label, known))
     with runs_for(campaign, workers, store, limit_s, runs) as ready:
-        fitting = Fitting(campaign, ready, parameters, on_progress, refine)
+        fitting = Fitting(campaign, ready, parameters, on_progress, refine, on_stage)
         fitting.go(due=time.monotonic() + limit_s)
-        return fitting.result(began, profile)
+        return fitting.result(profile)
 
 
 @contextmanager
@@ -412,13 +416,15 @@ class Fitting:
         parameters: Sequence[FreeParameter],
         on_progress: OnProgress = silent,
         refine: bool = True,
+        on_stage: Callable[[Fit], None] | None = None,
     ):
+        self._began, self._on_stage = time.perf_counter(), on_stage
         self.campaign, self.runs, self.refine, self._on_progress = campaign, runs, refine, on_progress
         grids = {e.id: e.on_grid(GRID) for e in campaign.experiments}
         names = [u.name for u in parameters]
         self.posterior = Posterior.of(Predictions(campaign, campaign.base, grids, runs, names), parameters)
         self.best: Estimated | None = None
-        self.status, self.fixed = INTERRUPTED, dict[str, str]()
+        self.status, self.fixed = UNDER_WAY, dict[str, str]()
         self.before = identifiability(np.zeros((0, len(parameters))), parameters)
 
     def go(self, due: float = math.inf) -> None:
@@ -433,12 +439,14 @@ class Fitting:
                 self.posterior, refine=self.refine, on_progress=self._on_progress
             ):
                 self.best = found
+                if self._on_stage is not None:
+                    self._on_stage(self.result())
             self.status = CONVERGED if self.best is not None and self.best.settled else STOPPED
         except KeyboardInterrupt:
             self.status = LATE if time.monotonic() >= due else INTERRUPTED
         self.runs.check = ALWAYS  # what is known can be asked
 
-    def result(self, began: float, profile: Sequence[str] = ()) -> Fit:
+    def result(self, profile: Sequence[str] = ()) -> Fit:
         """What is known."""
         posterior = self.posterior if self.best is None else self.best.posterior
         done, notes = self.status in (CONVERGED, STOPPED), list(self.campaign.all_notes())
@@ -465,11 +473,11 @@ class Fitting:
         return Fit(
             self.campaign, self.best, case, found, self.fixed,
             covariance, self.status, self._message(compared), compared, self.before, after,
-            tuple(dict.fromkeys(notes)), self.runs.count, time.perf_counter() - began, tuple(profiles),
+            tuple(dict.fromkeys(notes)), self.runs.count, time.perf_counter() - self._began, tuple(profiles),
         )  # fmt: skip
 
     def _message(self, compared: Sequence[ComparedCurve]) -> str:
-        if self.status in (INTERRUPTED, LATE):
+        if self.status not in (CONVERGED, STOPPED):
             reached = (
                 "nothing is fitted, values are the start's" if self.best is None
                 else "values are those that it had reached"

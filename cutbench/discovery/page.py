@@ -25,7 +25,7 @@ from cutbench.discovery.search import Discovery
 _SAID = {
     "mechanism": "A mechanism was found",
     "none": "Nothing is missing",
-    "undecided": "Something is missing, and candidates could not be tried",
+    "undecided": "What is missing is not known yet",
     "unexplained": "Something is missing that no candidate explains",
 }
 
@@ -72,10 +72,10 @@ def page(d: Discovery) -> str:
         "SENTENCE": _text(verdict_sentence(d)),
         "MODEL": _text(d.fit.case.model.described),
         "GAIN": _text(gain_sentence(d)),
-        "CURVES": svg(curves(d), "curves") if d.fit.compared else "<p>Nothing was computed.</p>",
+        "CURVES": _wide(svg(curves(d), "curves")) if d.fit.compared else "<p>Nothing was computed.</p>",
         "CAPTION": _caption(d),
         "WRONG": _sections(d.wrong, "Nowhere by more than three standard deviations."),
-        "RANKING": (svg(rank, "ranking") if rank is not None else "") + _ranking(d),
+        "RANKING": (_wide(svg(rank, "ranking")) if rank is not None else "") + _ranking(d),
         "FOUND": _found(d),
         "NUMERICAL": _numerical(d),
         "REMAINS": _remains(d),
@@ -92,6 +92,11 @@ def _text(words: str) -> str:
     return html.escape(words, quote=False)
 
 
+def _wide(inner: str) -> str:
+    """What scrolls sideways where the page is narrow, by keys, too."""
+    return f'<div class="wide" tabindex="0">{inner}</div>'
+
+
 def _table(head: list[str], rows: list[list[str]]) -> str:
     """Cells are text; those that start with a digit or a sign are set as numbers."""
 
@@ -101,7 +106,7 @@ def _table(head: list[str], rows: list[list[str]]) -> str:
 
     top = "".join(f"<th>{_text(h)}</th>" for h in head)
     body = "".join(f"<tr>{''.join(map(cell, row))}</tr>" for row in rows)
-    return f"<table><tr>{top}</tr>{body}</table>"
+    return _wide(f"<table><tr>{top}</tr>{body}</table>")
 
 
 def _caption(d: Discovery) -> str:
@@ -142,7 +147,7 @@ def _ranking(d: Discovery) -> str:
         "gain on held-out data",
         "fitted values",
     ]
-    return _table(["candidate", *head, ""], rows)
+    return _table(["candidate", *head, "said of it"], rows)
 
 
 def _found(d: Discovery) -> str:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
@@ -13,7 +15,7 @@ from cutbench.base.errors import ComputationFailed
 from cutbench.base.notebook import watched
 from cutbench.base.progress import ALWAYS, OnProgress, silent
 from cutbench.calibration.cut_runs import CutRuns
-from cutbench.calibration.fitting import INTERRUPTED, LATE, Fit, Fitting, runs_for
+from cutbench.calibration.fitting import INTERRUPTED, LATE, UNDER_WAY, Fit, Fitting, runs_for
 from cutbench.calibration.parameters import free_parameters
 from cutbench.calibration.posterior import Estimated
 from cutbench.data.campaign import Campaign
@@ -174,6 +176,7 @@ def discover(
     store: str | Path | None = None,
     limit_s: float = math.inf,
     runs: CutRuns | None = None,
+    on_stage: Callable[[Discovery], None] | None = None,
 ) -> Discovery:
     """Fit the baseline model of a campaign, and find which cause explains what it gets wrong.
 
@@ -197,6 +200,8 @@ def discover(
         The search ends after this time, too, with what was found until then.
     runs : CutRuns, optional
         Computes cuts in place of ``workers`` and ``store``.
+    on_stage : callable, optional
+        Called with what is known after each stage.
 
     Returns
     -------
@@ -229,15 +234,21 @@ def discover(
     """
     began, due, campaign = time.perf_counter(), time.monotonic() + limit_s, baseline_of(campaign)
     known = _SearchState()
+
+    def stage(fit: Fit) -> None:
+        if on_stage is not None:
+            so_far = replace(known, stopped=UNDER_WAY)
+            on_stage(_result(campaign, fit, so_far, time.perf_counter() - began, seed))
+
     with runs_for(campaign, workers, store, limit_s, runs) as ready:
-        fitting = Fitting(campaign, ready, free_parameters(campaign), on_progress, refine)
+        fitting = Fitting(campaign, ready, free_parameters(campaign), on_progress, refine, on_stage and stage)
         check = ready.check
         fitting.go(due)
-        fit = fitting.result(began)
+        fit = fitting.result()
         ready.check = check
         try:
             if fit.done and fit.estimated is not None:
-                _search(fit.estimated, known, seed, on_progress)
+                _search(fit.estimated, known, seed, on_progress, partial(stage, fit))
         except KeyboardInterrupt:
             known.stopped = LATE if time.monotonic() >= due else INTERRUPTED
         ready.check = ALWAYS  # what is known can be asked
@@ -245,8 +256,10 @@ def discover(
     return _result(campaign, fit, known, time.perf_counter() - began, seed)
 
 
-def _search(baseline: Estimated, known: _SearchState, seed: int, on_progress: OnProgress) -> None:
-    """All rounds; what is ``known`` is up to date whenever it ends. Raises KeyboardInterrupt."""
+def _search(
+    baseline: Estimated, known: _SearchState, seed: int, on_progress: OnProgress, stage: Callable[[], None]
+) -> None:
+    """All rounds, a ``stage`` after each; what is ``known`` is up to date. Raises KeyboardInterrupt."""
     comparison: Comparison | None = None
     for comparison in comparisons(baseline, seed=seed, on_progress=on_progress):
         known.comparison = comparison
@@ -254,6 +267,7 @@ def _search(baseline: Estimated, known: _SearchState, seed: int, on_progress: On
             known.numerics = numerical_causes(comparison.steps[0], seed)
             if known.numerics.explains:
                 return
+        stage()
     assert comparison is not None, "there is a round at least"
     final = comparison.final
     on_progress(math.nan, math.nan, "computing the tests that are predicted")
@@ -293,7 +307,7 @@ def _result(campaign: Campaign, fit: Fit, known: _SearchState, seconds: float, s
         clean = noise_free_gain(baseline, final, seed) if found else None
     notes = list(fit.notes)
     if known.stopped:
-        notes.insert(0, f"Ended early ({known.stopped}): what else there may be was not asked.")
+        notes.insert(0, f"Not at its end ({known.stopped}): what else there may be was not asked.")
     timed = [name for name, why in steps[0].left_out.items() if why == NO_TIME_MEASURED] if steps else []
     if timed:
         notes.append(f"What depends on time is not asked ({', '.join(timed)}): {NO_TIME_MEASURED}.")

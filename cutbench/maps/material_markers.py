@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 from matplotlib import patheffects
 from matplotlib.axes import Axes
+from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
@@ -102,26 +103,28 @@ def draw_materials(ax: Axes, marks: Sequence[Mapping], x: str, y: str, part: xr.
 def label_materials(
     ax: Axes, marks: Sequence[Mapping], x: str, y: str, part: xr.Dataset, text_pt: float
 ) -> None:
-    """Names beside the diamonds, in a figure that is laid out: on no other name and inside the axes, if they
-    can, and away from the rows of markers."""
+    """Names beside the diamonds, in a figure that is laid out: on no other name, on no line and inside the
+    axes, if they can, and away from the rows of markers."""
     taken: list[Bbox] = []
     points = cast("Figure", ax.get_figure(root=True)).dpi / 72
+    drawn = [c for c in ax.collections if isinstance(c, ContourSet) and not c.filled]
+    lines = [path.transformed(c.get_transform()) for c in drawn for path in c.get_paths()]
     for mark in marks:
         at = mark[x], _height(mark, y, part)
         place = ax.transData.transform(at)
         rows = ax.transData.transform([(at[0], v) for v in part[y].values])[:, 1] if y else np.array([])
         tried: list[tuple[tuple, int, Text, Bbox]] = []
         names = mark["text"], mark["text"].replace("_", "_\n")
-        for name, right, up in itertools.product(names, (1, -1), (1, -1)):
+        for name, right, up in itertools.product(names, (1, -1, 0), (1, -1)):
             text = ax.annotate(
-                name, at, xytext=(5 * right, 4 * up), textcoords="offset points",
-                ha="left" if right > 0 else "right", va="bottom" if up > 0 else "top",
+                name, at, xytext=(5 * right, (4 if right else 7) * up), textcoords="offset points",
+                ha=("center", "left", "right")[right], va="bottom" if up > 0 else "top",
                 fontsize=text_pt, fontweight="bold", zorder=7, path_effects=_HALO,
             )  # fmt: skip
             text.set_in_layout(False)  # panels stay where they are
             box = text.get_window_extent()
             outside = max(0.0, box.x1 - ax.bbox.x1) + max(0.0, ax.bbox.x0 - box.x0)
-            covered = sum(map(box.overlaps, taken))
+            covered = sum(map(box.overlaps, taken)) + sum(line.intersects_bbox(box, False) for line in lines)
             clear = abs(rows - (place[1] + up * 9 * points)).min(initial=9 * points)
             tried.append(((covered, round(outside), "\n" in name, -clear), len(tried), text, box))
         _, _, best, box = min(tried, key=lambda each: each[:2])

@@ -111,7 +111,7 @@ def draw_phase(data: xr.Dataset, confirmed: Sequence[Mapping] = (), size: Size |
             _title(ax, data, panel, k, lettered=panels > 1, short=short)
         if image is not None:
             bar = figure.colorbar(image, ax=list(axes.flat), pad=0.015, aspect=28, shrink=0.96)
-            bar.set_label(drop_text(data))
+            bar.set_label(drop_text(data).replace(", ", ",\n"))
             bar.ax.axhline(data.attrs["drop_threshold"], color="black", lw=1.4)
             bar.outline.set_linewidth(0.6)
         extra = [*handles_of_marks(marks, top), *handles_of(solid)]
@@ -392,5 +392,7 @@ def _legend(
     if size is not None and size.height_mm is not None:  # a slide has little height for one column
         for handle in handles:
             text = str(handle.get_label())
-            handle.set_label(text if "$" in text else fill(text, _LETTERS))
+            handle.set_label(
+                text if "$" in text else fill(text.replace(" %", "\N{NO-BREAK SPACE}%"), _LETTERS)
+            )
     legend_in_rows(figure, handles, "outside upper center", data.attrs[ESTIMATE])

@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from matplotlib.colors import Normalize
+from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
@@ -34,6 +34,8 @@ from cutbench.run.result import Result, Snapshot
 
 #: Colours end at this percentile of the nodes' stress; the few nodes at the tip would flatten the rest.
 TOP_PERCENTILE = 99.5
+#: What the blade touched before.
+TOUCHED: Look = {"cmap": ListedColormap(["#BBBBBB"]), "rasterized": True}
 
 
 def save_solid(result: Result, folder: str | Path, plane: Result | None = None) -> dict[str, Path]:
@@ -53,7 +55,8 @@ def save_solid(result: Result, folder: str | Path, plane: Result | None = None) 
 
 
 def plot_cut_plane(result: Result) -> Figure:
-    """Von Mises stress, contact pressure (both kPa) and contact state on the cut plane, a column a snapshot.
+    """Von Mises stress and contact pressure (both kPa) on the cut plane as far down as the cut is felt, a
+    column a snapshot; grey was touched before.
 
     At most four columns, spread over the travel. Raises ValueError without a snapshot of a solid.
     """
@@ -63,36 +66,34 @@ def plot_cut_plane(result: Result) -> Figure:
     on_plane = [values[np.unique(triangles)] for values, triangles in zip(stress, planes, strict=True)]
     stress_look = look_of(max(float(np.percentile(values, TOP_PERCENTILE)) for values in on_plane))
     pressure_look = look_of(1e3 * max(s.faces["cut"]["contact_pressure_MPa"].max(initial=0.0) for s in shown))
+    top = max(s.current[np.unique(t), 1].max() for s, t in zip(shown, planes, strict=True))
+    low = result.case.p.height - shown[-1].displacement_mm
     with style():
-        figure = new_figure(DOUBLE_MM, 135)
-        grid = figure.subplots(3, len(shown), squeeze=False, sharex=True, sharey=True)
+        figure = new_figure(DOUBLE_MM, 100)
+        grid = figure.subplots(2, len(shown), squeeze=False, sharex=True, sharey=True)
         for column, (s, values, triangles) in enumerate(zip(shown, stress, planes, strict=True)):
             cut, columns = s.faces["cut"], columns_of(s)
-            z, y = cut["x"][:, 2], cut["x"][:, 1]
-            pressed = cut["contact_state"] > 0
             mesh = Triangulation(s.current[:, 2], s.current[:, 1], triangles)
             first = grid[0, column].tripcolor(mesh, values, shading="gouraud", **stress_look)
-            kPa = 1e3 * cut["contact_pressure_MPa"][pressed]
-            second = grid[1, column].scatter(
-                z[pressed], y[pressed], 3, kPa, marker="s", lw=0, **pressure_look
-            )
-            _state(grid[2, column], z, y, cut)
+            points = Triangulation(*cut["X"][:, [2, 1]].T).triangles
+            kPa, pressed = 1e3 * cut["contact_pressure_MPa"], cut["contact_state"] > 0
+            for chosen, look in ((cut["touched"] > 0, TOUCHED), (pressed, pressure_look)):
+                mask = ~chosen[points].any(axis=1)
+                face = Triangulation(cut["x"][:, 2], cut["x"][:, 1], points, mask)
+                second = grid[1, column].tripcolor(face, kPa, shading="gouraud", **look)
             for axes in grid[:, column]:
                 if columns.depth_mm.any():
-                    colour = "white" if axes is grid[0, column] else "black"
-                    axes.plot(*columns.front()[:, [2, 1]].T, color=colour, ls="-", lw=0.8)
+                    z, y = columns.front()[:, [2, 1]].T
+                    axes.plot(z, y, color="white" if axes is grid[0, column] else "black", ls="-", lw=0.8)
+                    low = min(low, y.min())
                 axes.axhline(result.case.p.height - s.displacement_mm, color=GREY, lw=0.6, ls=":")
-                axes.set_aspect("equal")
             grid[0, column].set_title(f"blade travel {s.displacement_mm:.2f} mm", loc="left", fontsize=8)
-            grid[2, column].set_xlabel("along the blade (mm)")
+            grid[1, column].set_xlabel("along the blade (mm)")
+        grid[0, 0].set_ylim(max(0.0, low - 0.2 * (top - low)), top + 0.03 * (top - low))
         for row in grid:
             row[0].set_ylabel("height (mm)")
         figure.colorbar(first, ax=grid[0].tolist(), extend="max", label="von Mises (kPa)")
         figure.colorbar(second, ax=grid[1].tolist(), label="contact pressure (kPa)")
-        # An empty bar keeps the third row as wide as the others.
-        figure.colorbar(second, ax=grid[2].tolist()).ax.set_visible(False)
-        names = grid[2, 0].get_legend_handles_labels()
-        figure.legend(*names, loc="outside lower center", ncols=4, markerscale=3)
         title = f"{result.case.name}: cut plane (line: damage {FRONT_DAMAGE:g}; dotted: blade's tip)"
         figure.suptitle(title, x=0.02, ha="left")
     return figure
@@ -145,14 +146,6 @@ def plot_beside(result: Result, plane: Result) -> Figure:
 
 def look_of(top: float) -> Look:
     return {"cmap": FIELD_MAP, "norm": Normalize(0, top or 1.0), "rasterized": True}
-
-
-def _state(axes, z: np.ndarray, y: np.ndarray, cut: dict[str, np.ndarray]) -> None:
-    """Points never touched are left white; grey ones were touched before, coloured ones are pressed now."""
-    pressed, touched = cut["contact_state"] > 0, cut["touched"] > 0
-    kinds = (("touched", touched & ~pressed, "#BBBBBB"), ("pressed", pressed, COLOURS["vermilion"]))
-    for name, chosen, colour in kinds:
-        axes.scatter(z[chosen], y[chosen], s=2, marker="s", lw=0, color=colour, label=name, rasterized=True)
 
 
 def cut_plane_of(s: Snapshot) -> np.ndarray:

@@ -67,9 +67,10 @@ function draw() {
     title: { text: title }, range, color: ink, showbackground: false, zeroline: false, nticks: 5, showgrid: false, showspikes: false,
   });
   const range = at("both").checked ? [[-data.range[0][1], data.range[0][1]], ...data.range.slice(1)] : data.range;
-  const size = range.map(([low, high]) => high - low), unit = Math.max(...size) / data.zoom;
+  const size = range.map(([low, high]) => high - low), narrow = plot.clientWidth < 520;
+  const unit = Math.max(...size) / (data.zoom * (narrow ? 0.85 : 1)); // names of axes take more of a narrow page
   Plotly.react(plot, traces, {
-    uirevision: "kept", showlegend: false, margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: "rgba(0,0,0,0)", font: { color: ink },
+    uirevision: "kept", showlegend: false, margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: "rgba(0,0,0,0)", font: { color: ink, size: narrow ? 11 : 12 },
     scene: {
       aspectmode: "manual", aspectratio: { x: size[0] / unit, y: size[1] / unit, z: size[2] / unit },
       xaxis: axis("across (mm)", range[0]), yaxis: axis("height (mm)", range[1]), zaxis: axis("along the blade (mm)", range[2]),
@@ -80,4 +81,5 @@ function draw() {
 
 for (const name of ["travel", "long", "both"]) at(name).addEventListener("input", draw);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+addEventListener("resize", draw);
 draw();
