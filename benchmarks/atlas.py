@@ -44,6 +44,7 @@ from cutbench.emulator.atlas import (
 from cutbench.emulator.design_space import BLUNT_BLADES
 from cutbench.emulator.groups import Groups
 from cutbench.maps.dataset import load_map
+from cutbench.maps.page import thinned
 from cutbench.maps.study import load_study
 from cutbench.run.measures import KNOWN, measures
 from cutbench.run.measures import label as regime
@@ -51,6 +52,8 @@ from cutbench.run.runner import run_case
 
 #: Of the atlas; runs that it is tested by have another.
 SEED = 1
+#: A curve is kept to this part of its largest force.
+CURVE_TOLERANCE = 1e-3
 #: Parts of the runs that are left out, one after the other, to see how far intervals hold.
 FOLDS = 8
 
@@ -120,8 +123,9 @@ def atlas_of(runs: Sequence[Mapping[str, Any]], wider: Mapping[str, float] | Non
     measured = {name: list[float]() for name in MEASURES_WITH_PROCESS}
     for run in runs:
         half, force = units_of(run["case"])
-        kept, m = thinned(run["displacement_mm"], run["force_N"]), run["measures"]
-        x = run["displacement_mm"][kept] / half
+        x, m = run["displacement_mm"], run["measures"]
+        kept, _ = thinned(x, run["force_N"] / np.abs(run["force_N"]).max(), CURVE_TOLERANCE, x.size)
+        x = x[kept] / half
         courses.append(Course(x, run["force_N"][kept] / force, m["onset_mm"] / half))
         for name, key in names.items():
             works[name].append(run[key][kept] / (force * half))
@@ -142,22 +146,6 @@ def units_of(case: Case) -> tuple[float, float]:
     units = Groups.of(case)
     assert units is not None
     return units.length(case.values), units.force(case.values)
-
-
-def thinned(x: np.ndarray, y: np.ndarray, part: float = 1e-3) -> np.ndarray:
-    """Numbers of the points of a polygon from which the others are less than a part of its largest value
-    (Ramer 1972, 10.1016/S0146-664X(72)80017-0)."""
-    keep, todo, most = {0, x.size - 1}, [(0, x.size - 1)], part * np.abs(y).max()
-    while todo:
-        i, j = todo.pop()
-        if j - i < 2:
-            continue
-        off = np.abs(y[i + 1 : j] - np.interp(x[i + 1 : j], x[[i, j]], y[[i, j]]))
-        k = i + 1 + int(off.argmax())
-        if off.max() > most:
-            keep.add(k)
-            todo += [(i, k), (k, j)]
-    return np.array(sorted(keep))
 
 
 def folds_of(
