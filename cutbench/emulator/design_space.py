@@ -80,7 +80,7 @@ class DesignSpace:
         them fills the box, too (10.1145/641876.641879)."""
         from scipy.stats import qmc  # takes a while to load, and estimates do without
 
-        made = qmc.Sobol(len(self.ranges), scramble=True, rng=np.random.default_rng(seed))
+        made = qmc.Sobol(len(self.ranges), scramble=True, seed=np.random.default_rng(seed))
         return made.random_base2(math.ceil(math.log2(max(count, 2))))[:count]
 
     def case(self, parts: np.ndarray) -> Case:
