@@ -141,6 +141,8 @@ def test_a_material_that_is_not_cut_or_not_in_the_atlas_is_refused(tmp_path):
         guides.guide_by_atlas(shallow)
     done = CliRunner().invoke(app, ["guide", "gelatin_recalibrated"])
     assert done.exit_code == 2 and "wedge" in done.output
+    done = CliRunner().invoke(app, ["guide", str(tmp_path)])
+    assert done.exit_code == 2 and "--material" in done.output
 
 
 def test_a_switch_is_taken_as_the_material_has_it(tmp_path):

@@ -20,6 +20,7 @@ from cutbench.base.errors import BadInput
 from cutbench.case.case import Case, load_case
 from cutbench.case.model import levers
 from cutbench.emulator import Atlas, NotInAtlas, shipped
+from cutbench.emulator.design_space import MAX_DEPTH
 from cutbench.maps.axes import Axis, places, values_on
 from cutbench.maps.boundary import NORMAL_QUANTILE, limited_slope, margin, margins_between
 from cutbench.maps.dataset import LABELS, MapRow, axes_of, axis_of, places_of, regime_of, row_of
@@ -256,7 +257,7 @@ def guide_by_atlas(material: str | Case) -> Guide:
     case = material if isinstance(material, Case) else load_case(material)
     atlas = shipped()
     atlas.values(case)
-    reader = AtlasReader(atlas, 2 * case.values["depth"] / case.values["thickness"])
+    reader = AtlasReader(atlas, min(2 * case.values["depth"] / case.values["thickness"], MAX_DEPTH))
     at = reader.place(case)
     assert at is not None, "seen above"
     if np.isnan(reader.margin([at])[0][0]):

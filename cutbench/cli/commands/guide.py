@@ -32,12 +32,14 @@ def guide(
     from cutbench.maps.dataset import load_map, store_of
     from cutbench.maps.map_cases import remarks
 
+    path = Path(source) / "map.nc" if Path(source).is_dir() else Path(source)
+    if not material and path.suffix == ".nc":
+        raise BadInput("--material", "(missing)", "what is to be cut, on this map")
     if not material:
         if check:
-            raise BadInput("--check", "", "a map, whose runs it goes with")
+            raise BadInput("--check", "true", "it only with a map, whose runs it goes with")
         typer.echo(guides.guide_by_atlas(source).text())
         return
-    path = Path(source) / "map.nc" if Path(source).is_dir() else Path(source)
     data = load_map(path)
     found = guides.guide(data, material)
     typer.echo(found.text())
