@@ -19,3 +19,8 @@ def plain_symbol(symbol: str) -> str:
 def plain_formula(text: str) -> str:
     """``eta_reg v/delta_c`` as η_reg v/δ_c."""
     return re.sub(r"(?<![A-Za-z_])[A-Za-z]+", lambda m: GREEK.get(m[0], m[0]), text)
+
+
+def set_subscripts(text: str) -> str:
+    """``τ_W/(G_c/δ_c)`` with its subscripts as Matplotlib sets them."""
+    return re.sub(r"(\w)_(\w+)", r"$\1_{\\mathrm{\2}}$", text)

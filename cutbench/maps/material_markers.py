@@ -20,7 +20,7 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
 from cutbench.base.figure_style import Look
-from cutbench.base.greek import plain_formula
+from cutbench.base.greek import plain_formula, set_subscripts
 from cutbench.maps.dataset import LABELS
 from cutbench.maps.plot_coordinates import DROP_COLOURS, edges, is_log, nearest_level
 
@@ -143,5 +143,6 @@ def handles_of(marks: Sequence[Mapping], top: float) -> list[Line2D]:
         if (own := mark["own"]) and own.differs:
             fill = {"mfc": DROP_COLOURS(own.drop_rel / top)} if own.done else {}
             said = f": {own.label}" if own.done else ""
-            found.append(Line2D([], [], label=f"{mark['name']} ({own.differs}){said}", **(_LOOK | fill)))
+            label = f"{mark['name']} ({set_subscripts(own.differs)}){said}"
+            found.append(Line2D([], [], label=label, **(_LOOK | fill)))
     return found
