@@ -125,16 +125,22 @@ class Reader(Protocol):
 class AtlasReader:
     """The runs that the package brings along as a function of place, by group."""
 
-    def __init__(self, atlas: Atlas, depth: float):
-        """``depth``: of the cut, in halves of the blade's thickness."""
-        self._atlas, self._depth = atlas, depth
+    def __init__(self, atlas: Atlas, case: Case):
+        """Of cuts as deep as ``case``, which lies ``at``. Raises NotInAtlas."""
+        self._atlas = atlas
+        self.at = self.of(case)
+        self._depth = min(2 * case.values["depth"] / case.values["thickness"], MAX_DEPTH)
+
+    def of(self, case: Case) -> dict[str, float]:
+        """Where a case is. Raises NotInAtlas."""
+        values = self._atlas.values(case)
+        return dict(zip([side.name for side in self._atlas.space.ranges], values, strict=True))
 
     def place(self, case: Case) -> dict[str, float] | None:
         try:
-            values = self._atlas.values(case)
+            return self.of(case)
         except NotInAtlas:
             return None
-        return dict(zip([side.name for side in self._atlas.space.ranges], values, strict=True))
 
     def margin(self, at: list[dict[str, float]]) -> tuple[np.ndarray, np.ndarray]:
         depths = np.full(len(at), self._depth)
@@ -253,16 +259,14 @@ def guide_by_atlas(material: str | Case) -> Guide:
     ------
     NotInAtlas
         If these runs say nothing of it.
+    BadInput
+        If it is not cut at its depth.
     """
     case = material if isinstance(material, Case) else load_case(material)
-    atlas = shipped()
-    atlas.values(case)
-    reader = AtlasReader(atlas, min(2 * case.values["depth"] / case.values["thickness"], MAX_DEPTH))
-    at = reader.place(case)
-    assert at is not None, "seen above"
-    if np.isnan(reader.margin([at])[0][0]):
+    reader = AtlasReader(shipped(), case)
+    if np.isnan(reader.margin([reader.at])[0][0]):
         raise BadInput("depth", f"{case.values['depth']:g} mm", "a depth at which the material is cut")
-    return _guide(reader, case, at)
+    return _guide(reader, case, reader.at)
 
 
 def _guide(reader: Reader, case: Case, at: dict[str, float]) -> Guide:
