@@ -105,12 +105,18 @@ def test_they_are_for_other_numerics(changes, names, steps):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("material", ["gelatin", "elastomer"])
-def test_over_a_whole_transition(material):
+@pytest.mark.parametrize("material, cohesion", [("gelatin", 2), ("elastomer", None)])
+def test_over_a_whole_transition(material, cohesion):
     soft = {"penalty": 100, "stick": 40, "multiplier": "none"}
     case = load_case(material).set(h="0.6 mm", depth="3 mm", tolerance=1e-11, solver="superlu", **soft)
+    if cohesion is not None:  # elements as large as these do not cut gelatin's own in so short a way
+        case = case.set(cohesion=cohesion, depth="2 mm")
+    assert run_case(case).measures["drop_rel"] > 0.05
+    names = [n for n in NAMES if case.values[n] > 0 and n != "thickness"]
     # Within a snap forces bend over shorter distances than differences resolve.
-    check(case, [n for n in NAMES if case.values[n] > 0], settled=0.8)
+    check(case, names, settled=0.8)
+    # How near a surface sees itself goes with the thickness, as the mesh does, and is held as that is.
+    check(case.set(self_contact="off"), ["thickness"], settled=0.8)
 
 
 def test_a_run_does_not_notice_that_it_is_differentiated():
