@@ -8,7 +8,7 @@
 Points of a box of dimensionless groups (``cutbench.emulator.design_space``), the first of Sobol's sequence.
 It goes on from the runs that the package brings along; several at a time share the work. A run that takes
 more than ``--limit`` seconds of one core is kept as far as it came. ``--pack`` puts those of the package and
-those of the folder into one file;
+those of the folder into one file, each once;
 ``--check`` says how far an atlas of seven eighths of the runs is off at the others.
 """
 
@@ -284,7 +284,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         say(against(asked.against))
         return 0
     if asked.pack or asked.check:
-        pack([*runs_of(shipped()), *runs_in(asked.out)], asked.check, asked.pack)
+        runs = {run["number"]: run for run in [*runs_of(shipped()), *runs_in(asked.out)]}
+        pack([runs[number] for number in sorted(runs)], asked.check, asked.pack)
         return 0
     asked.out.mkdir(parents=True, exist_ok=True)
     there = set(shipped().about["numbers"]) if asked.seed == SEED else set()
