@@ -16,7 +16,7 @@ from cutbench.case.case import Case
 from cutbench.emulator.atlas import Atlas, Measures, NotInAtlas, shipped
 from cutbench.emulator.design_space import MAX_DEPTH
 from cutbench.maps.axes import BOUNDARY
-from cutbench.maps.boundary import NORMAL_QUANTILE, BoundaryEstimate, distance_to_boundary, margin
+from cutbench.maps.boundary import NORMAL_QUANTILE, BoundaryEstimate, distance_to_boundary, margins_by_atlas
 from cutbench.maps.dataset import ESTIMATE, LABELS, OUTCOME_FLAGS, MapRow, build_map, load_map, save_map
 from cutbench.maps.page import save_page
 from cutbench.maps.phase import save_phase
@@ -143,8 +143,8 @@ def _level(known: Atlas, study: Study, free: Sequence[int], fixed: dict[int, int
     for index in indices:
         at = fixed | dict(zip(free, map(int, index), strict=True))
         cases.append(study.case_at([axis.values[at[k]] for k, axis in enumerate(study.axes)]))
-    mean, score, drop, uncut = _margins(known, cases, study.regime.drop)
-    found = np.stack([mean, score, drop, uncut], axis=1)
+    known_there, depths = _measures(known, cases)
+    found = np.stack([*margins_by_atlas(known_there, study.regime.drop), known_there.uncut(depths)], axis=1)
     every = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1)
     coarse = [len(t) for t in ticks]
     mean, score, drop, uncut = (
@@ -156,17 +156,6 @@ def _level(known: Atlas, study: Study, free: Sequence[int], fixed: dict[int, int
     labels = np.where(mean >= 0, LABELS.index(ABRUPT), LABELS.index(SMOOTH))
     labels = np.where(uncut > 0.5, LABELS.index(UNCUT), labels)
     return BoundaryEstimate(mean, spread, unsure, drop), np.where(uncut > 0.5, np.nan, drop), labels
-
-
-def _margins(
-    known: Atlas, cases: Sequence[Case], threshold: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Margins of cases, how many standard deviations these are from 0, drops, and the probability that a case
-    is not cut; (p,) each. Raises NotInAtlas."""
-    m, depths = _measures(known, cases)
-    drop = np.clip(m.drop[:, 0], 0.01, 1.0) ** 2
-    margins = margin(drop, drop, np.zeros(drop.size, dtype=bool), drop=threshold)
-    return margins, m.falls(threshold), drop, m.uncut(depths)
 
 
 def _measures(known: Atlas, cases: Sequence[Case]) -> tuple[Measures, np.ndarray]:

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
+from cutbench.emulator.atlas import Measures
 from cutbench.emulator.gaussian_process import GaussianProcess, Kernel
 from cutbench.maps.sampling import coarse_to_fine
 
@@ -55,6 +56,14 @@ def margin(
         if math.isfinite(surge_min):
             ratio = np.minimum(ratio, np.log(np.asarray(surge, dtype=float) / surge_min))
     return np.where(uncut, np.nan, np.tanh(ratio))
+
+
+def margins_by_atlas(known: Measures, drop: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Margins of what the atlas says, how many standard deviations these are from 0, and its relative
+    drops; (p,) each."""
+    falls = np.clip(known.drop[:, 0], 0.01, 1.0) ** 2
+    margins = margin(falls, falls, np.zeros(falls.size, dtype=bool), drop=drop)
+    return margins, known.falls(drop), falls
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from cutbench.case.model import levers
 from cutbench.emulator import Atlas, NotInAtlas, shipped
 from cutbench.emulator.design_space import MAX_DEPTH
 from cutbench.maps.axes import Axis, places, values_on
-from cutbench.maps.boundary import NORMAL_QUANTILE, limited_slope, margin, margins_between
+from cutbench.maps.boundary import NORMAL_QUANTILE, limited_slope, margin, margins_between, margins_by_atlas
 from cutbench.maps.dataset import LABELS, MapRow, axes_of, axis_of, places_of, regime_of, row_of
 from cutbench.maps.map_cases import case_on, physics_by_place
 from cutbench.maps.uncertainty import MODEL, NUMERICS, log_ratio, total_change, uncertainty_strips, undecided
@@ -145,14 +145,9 @@ class AtlasReader:
     def margin(self, at: list[dict[str, float]]) -> tuple[np.ndarray, np.ndarray]:
         depths = np.full(len(at), self._depth)
         known = self._atlas.measures(np.array([list(place.values()) for place in at]), depths)
-        root, sd = known.drop.T
-        # As wide as puts the end of the interval on the side of the threshold where that of the drop's is.
-        towards = root - np.sign(root - math.sqrt(ABRUPT_DROP)) * NORMAL_QUANTILE * sd
+        mean, score, _ = margins_by_atlas(known, ABRUPT_DROP)
         uncut = known.uncut(depths) > 0.5
-        mean, end = (
-            margin(np.maximum(x, 0.0) ** 2, np.ones_like(x), uncut, drop=ABRUPT_DROP) for x in (root, towards)
-        )
-        return mean, np.abs(mean - end) / NORMAL_QUANTILE
+        return np.where(uncut, np.nan, mean), np.abs(mean / np.where(score == 0, 1e-9, score))
 
 
 class MapReader:
