@@ -415,7 +415,7 @@ class Atlas:
         groups, units = np.array([self.values(case)]), Groups.of(case)
         assert units is not None, "of the atlas' model"
         half, force = units.length(case.values), units.force(case.values)
-        depth = min(case.values["depth"] / half, MAX_DEPTH)
+        depth = depth_of(case)
         m, place = self.measures(groups, np.array([depth])), self._coordinates(groups)
         uncut = float(m.uncut(np.array([depth]))[0])
         abrupt = (1 - uncut) * float(ndtr(m.falls(ABRUPT_DROP))[0])
@@ -497,6 +497,11 @@ class Atlas:
             taken[at > course.x[-1] * (1 + 1e-9)] = np.nan
             rows.append(taken.ravel())
         return Curves(self.X, np.array(rows), self.curves.kernels[1])
+
+
+def depth_of(case: Case) -> float:
+    """How deep a case cuts, in halves of the blade's thickness, as far as the atlas goes."""
+    return min(case.values["depth"] / (case.values["thickness"] / 2), MAX_DEPTH)
 
 
 def values_of(space: DesignSpace, case: Case) -> list[float]:

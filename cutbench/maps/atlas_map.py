@@ -13,10 +13,15 @@ from scipy.interpolate import RegularGridInterpolator
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import line_of
 from cutbench.case.case import Case
-from cutbench.emulator.atlas import Atlas, Measures, NotInAtlas, shipped
-from cutbench.emulator.design_space import MAX_DEPTH
+from cutbench.emulator.atlas import Atlas, Measures, NotInAtlas, depth_of, shipped
 from cutbench.maps.axes import BOUNDARY
-from cutbench.maps.boundary import NORMAL_QUANTILE, BoundaryEstimate, distance_to_boundary, margins_by_atlas
+from cutbench.maps.boundary import (
+    NORMAL_QUANTILE,
+    BoundaryEstimate,
+    distance_to_boundary,
+    margins_by_atlas,
+    spread_of,
+)
 from cutbench.maps.dataset import ESTIMATE, LABELS, OUTCOME_FLAGS, MapRow, build_map, load_map, save_map
 from cutbench.maps.page import save_page
 from cutbench.maps.phase import save_phase
@@ -150,7 +155,7 @@ def _level(known: Atlas, study: Study, free: Sequence[int], fixed: dict[int, int
     mean, score, drop, uncut = (
         RegularGridInterpolator(ticks, column.reshape(coarse))(every) for column in found.T
     )
-    spread = np.abs(mean / np.where(score == 0, 1e-9, score))
+    spread = spread_of(mean, score)
     away = distance_to_boundary(mean >= 0) / 2
     unsure = (np.abs(score) < NORMAL_QUANTILE) & (away > 1)
     labels = np.where(mean >= 0, LABELS.index(ABRUPT), LABELS.index(SMOOTH))
@@ -161,7 +166,7 @@ def _level(known: Atlas, study: Study, free: Sequence[int], fixed: dict[int, int
 def _measures(known: Atlas, cases: Sequence[Case]) -> tuple[Measures, np.ndarray]:
     """Of cases, and their depths (p,) in halves of the blade's thickness. Raises NotInAtlas."""
     values = np.array([known.values(case) for case in cases])
-    depths = np.array([min(c.values["depth"] / (c.values["thickness"] / 2), MAX_DEPTH) for c in cases])
+    depths = np.array([depth_of(case) for case in cases])
     return known.measures(values, depths), depths
 
 

@@ -66,6 +66,11 @@ def margins_by_atlas(known: Measures, drop: float) -> tuple[np.ndarray, np.ndarr
     return margins, known.falls(drop), falls
 
 
+def spread_of(margins: np.ndarray, score: np.ndarray) -> np.ndarray:
+    """Standard deviations of margins that lie ``score`` of them from 0."""
+    return np.abs(margins / np.where(score == 0, 1e-9, score))
+
+
 @dataclass(frozen=True)
 class BoundaryEstimate:
     """The margin on the lattice with its standard deviation; ``unsure`` is where its sign is not known

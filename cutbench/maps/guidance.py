@@ -20,9 +20,16 @@ from cutbench.base.errors import BadInput
 from cutbench.case.case import Case, load_case
 from cutbench.case.model import levers
 from cutbench.emulator import Atlas, NotInAtlas, shipped
-from cutbench.emulator.design_space import MAX_DEPTH
+from cutbench.emulator.atlas import depth_of
 from cutbench.maps.axes import Axis, places, values_on
-from cutbench.maps.boundary import NORMAL_QUANTILE, limited_slope, margin, margins_between, margins_by_atlas
+from cutbench.maps.boundary import (
+    NORMAL_QUANTILE,
+    limited_slope,
+    margin,
+    margins_between,
+    margins_by_atlas,
+    spread_of,
+)
 from cutbench.maps.dataset import LABELS, MapRow, axes_of, axis_of, places_of, regime_of, row_of
 from cutbench.maps.map_cases import case_on, physics_by_place
 from cutbench.maps.uncertainty import MODEL, NUMERICS, log_ratio, total_change, uncertainty_strips, undecided
@@ -129,7 +136,7 @@ class AtlasReader:
         """Of cuts as deep as ``case``, which lies ``at``. Raises NotInAtlas."""
         self._atlas = atlas
         self.at = self.of(case)
-        self._depth = min(2 * case.values["depth"] / case.values["thickness"], MAX_DEPTH)
+        self._depth = depth_of(case)
 
     def of(self, case: Case) -> dict[str, float]:
         """Where a case is. Raises NotInAtlas."""
@@ -147,7 +154,7 @@ class AtlasReader:
         known = self._atlas.measures(np.array([list(place.values()) for place in at]), depths)
         mean, score, _ = margins_by_atlas(known, ABRUPT_DROP)
         uncut = known.uncut(depths) > 0.5
-        return np.where(uncut, np.nan, mean), np.abs(mean / np.where(score == 0, 1e-9, score))
+        return np.where(uncut, np.nan, mean), spread_of(mean, score)
 
 
 class MapReader:
