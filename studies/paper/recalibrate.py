@@ -1,10 +1,11 @@
-"""Which reading of the blade, with which toughness and viscous time, gives all that is published?
+"""Which reading of the blade, or which mechanism beside the published ones, gives all that is published?
 
     python -m studies.paper.recalibrate --out DIR
 
-The three campaigns of studies/published are fitted once for each blade of ``BLADES``, with all else equal.
-Runs and fits are kept in DIR: the same command goes on. ``recalibrate.json`` has of each fit the evidence,
-the values, and each measure as it was measured and as it is computed.
+The three campaigns of studies/published are fitted once for each of ``READINGS``, with all else equal: G_c
+and the viscous time are free in all of them. Runs and fits are kept in DIR: the same command goes on.
+``recalibrate.json`` has of each fit the evidence, the values, and each measure as it was measured and as it
+is computed.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import json
 import sys
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from benchmarks.tools import here
@@ -29,48 +30,61 @@ from cutbench.data.campaign import Campaign, load_campaign
 
 HERE = Path(__file__).parents[1] / "published"
 MATERIALS = ("gelatin", "elastomer", "meat")
-HEAD = ("material", "blade", "most probable", "computed (standard deviations off)", "log evidence")
+HEAD = ("material", "reading", "most probable", "computed (standard deviations off)", "log evidence")
 
 
 @dataclass(frozen=True)
-class Blade:
-    """A reading of the blade: what its case sets, what of it a fit looks for, and whether that begins from
-    the published values."""
+class Reading:
+    """A reading of the experiments: what its case sets, what beside G_c and the viscous time a fit looks for,
+    with bounds in internal units, and whether that begins from the published values."""
 
     name: str
     sets: Mapping[str, object]
-    free: tuple[str, ...] = ()
-    bounds: Mapping[str, tuple[float, float]] | None = None
+    free: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     published: bool = False
 
 
-#: The first is the paper's drawing, its length free; the others are as utility blades are ground.
-BLADES = (
-    Blade("ellipse", {"with_": "contact", "tip": "1.05 mm"}, ("tip",), {"tip": (0.35, 4.2)}, True),
-    Blade("wedge 20°, edge 50 µm", {}),
-    Blade("wedge 20°, edge 20 µm", {"edge_radius": "0.02 mm"}),
-    Blade("wedge 30°, edge 50 µm", {"angle": "30 deg"}),
+def _ellipse(name: str = "", law: str = "", **free: tuple[float, float]) -> Reading:
+    """The paper's blade, its length free, with one more law or free parameter."""
+    with_ = ["contact", law] if law else ["contact"]
+    sets = {"with_": with_, "tip": "1.05 mm"}
+    return Reading(f"ellipse, {name}" if name else "ellipse", sets, {"tip": (0.35, 4.2), **free}, True)
+
+
+#: The first is the paper's blade as it is drawn; the next as utility blades are ground. The others keep the
+#: ellipse and ask whether a mechanism does as well.
+READINGS = (
+    _ellipse(),
+    Reading("wedge 20°, edge 50 µm", {}),
+    Reading("wedge 20°, edge 20 µm", {"edge_radius": "0.02 mm"}),
+    Reading("wedge 30°, edge 50 µm", {"angle": "30 deg"}),
+    _ellipse("stiff skin of 0.5 mm", "stiff_skin", skin_stiffness=(0.0, 20.0)),
+    _ellipse("tough skin of 0.5 mm", "tough_skin", skin_toughness=(0.0, 20.0)),
+    _ellipse("toughness by rate", "rate_toughness", rate_toughening=(0.0, 5.0)),
+    _ellipse("viscoelastic bulk, 20 s", "maxwell", g_1=(0.0, 10.0)),
+    _ellipse("strain stiffening", "fung", b_fung=(0.0, 5.0)),
+    _ellipse("opening of the cohesive zone", delta_c=(0.02, 0.5)),
+    _ellipse("surface length", surface_length=(0.01, 0.5)),
+    _ellipse("adhesion and friction", tau_W=(0.0, 0.05), mu=(0.0, 0.5)),
 )
 
 
-def under(campaign: Campaign, blade: Blade) -> Campaign:
-    """The campaign with a blade in place of its own."""
+def under(campaign: Campaign, reading: Reading) -> Campaign:
+    """The campaign as it is read."""
     plan = campaign.plan
-    plan = replace(
-        plan, free=(*(plan.free or ()), *blade.free), bounds={**plan.bounds, **(blade.bounds or {})}
-    )
+    plan = replace(plan, free=(*(plan.free or ()), *reading.free), bounds={**plan.bounds, **reading.free})
     known = load_case(str(campaign.material)).shown()
-    start = {name: known[name] for name in ("G_c", "eta_reg")} if blade.published else {}
-    return replace(campaign, base=campaign.base.set(**blade.sets, **start), plan=plan)
+    start = {name: known[name] for name in ("G_c", "eta_reg")} if reading.published else {}
+    return replace(campaign, base=campaign.base.set(**reading.sets, **start), plan=plan)
 
 
-def record(found: Fit, blade: Blade) -> dict:
+def record(found: Fit, reading: Reading) -> dict:
     """What is kept of a fit."""
     whole = to_dict(found)
     kept = {key: whole[key] for key in ("status", "message", "parameters", "chi2")}
     tests = {id: e["measures"] for id, e in whole["experiments"].items()}
     evidence = None if found.estimated is None else float(found.estimated.log_evidence)
-    return {"blade": blade.name, "log_evidence": evidence, "runs": found.runs, **kept, "tests": tests}
+    return {"reading": reading.name, "log_evidence": evidence, "runs": found.runs, **kept, "tests": tests}
 
 
 def cells(row: Mapping) -> tuple[str, ...]:
@@ -82,14 +96,16 @@ def cells(row: Mapping) -> tuple[str, ...]:
         value = "none" if m["computed"] is None else f"{m['computed']:.3g}"
         unit = "" if m["unit"] == "1" else f" {m['unit']}"
         said.append(f"{m['measure']} {value}{unit} ({m['standard_deviations_off']:+.1f})")
-    return row["material"], row["blade"], ", ".join(found), ", ".join(said), f"{row['log_evidence']:.1f}"
+    return row["material"], row["reading"], ", ".join(found), ", ".join(said), f"{row['log_evidence']:.1f}"
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m studies.paper.recalibrate", description=__doc__)
     parser.add_argument("--out", metavar="DIR", required=True, type=Path)
     parser.add_argument("--only", metavar="MATERIAL", choices=MATERIALS, action="append")
-    parser.add_argument("--blade", metavar="N", type=int, action="append", help="the N-th blade, from 0")
+    parser.add_argument(
+        "--reading", metavar="N", type=int, action="append", help="the N-th of READINGS, from 0"
+    )
     parser.add_argument("--workers", metavar="N", type=int)
     parser.add_argument(
         "--page", metavar="FILE", type=Path, help="a page that has the table between its marks"
@@ -98,13 +114,13 @@ def main() -> int:
     file = asked.out / "recalibrate.json"
     kept = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
     try:
-        for number in asked.blade if asked.blade is not None else range(len(BLADES)):
+        for number in asked.reading if asked.reading is not None else range(len(READINGS)):
             for material in asked.only or MATERIALS:
-                blade, key = BLADES[number], f"{material}, {BLADES[number].name}"
+                reading, key = READINGS[number], f"{material}, {READINGS[number].name}"
                 if key in kept:
                     continue
                 began = time.time()
-                campaign = under(load_campaign(HERE / f"{material}.toml"), blade)
+                campaign = under(load_campaign(HERE / f"{material}.toml"), reading)
                 with bar(key, "cuts") as on_progress:
                     found = fit(
                         campaign, workers=asked.workers, refine=False, store=asked.out / "runs",
@@ -113,7 +129,7 @@ def main() -> int:
                 if found.status in ("interrupted", "out of time"):
                     return 130
                 how = {"material": material, **here(), "seconds": time.time() - began}
-                kept[key] = how | record(found, blade)
+                kept[key] = how | record(found, reading)
                 write_json(kept, file)
     except CutbenchError as error:
         print(f"studies.paper.recalibrate: {error}", file=sys.stderr)
