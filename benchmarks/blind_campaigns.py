@@ -33,7 +33,7 @@ from cutbench.data.experiment import HOMOGENEOUS
 from cutbench.discovery.candidates import family_of
 from cutbench.homogeneous import LoadingHistory, respond
 from cutbench.homogeneous.stretching import nominal_stress
-from cutbench.run.read_off import READ_OFF
+from cutbench.run.read_off import READ_OFF, ForceCurve
 from cutbench.run.runner import run_case
 
 Run = Callable[[Case], Any]
@@ -41,7 +41,8 @@ Made = tuple[list[str], dict[str, float], list["Curve"]]
 Clean = tuple[np.ndarray | None, np.ndarray, np.ndarray]
 
 FAMILIES = ("homogeneous", "cut", "mixed", "measures")
-#: What is read off cuts of which no curve is given, and the scatter of each number.
+#: What is read off cuts of which no curve is given, and the scatter of each number, as a part of it; of a
+#: relative fall, of the force.
 READ, OFF = ("onset", "peak", "drop", "plateau", "slope", "firmness", "work"), 0.05
 SPECIMENS, SCATTER, NOISES = (1, 3, 5), (0.01, 0.1), (0.003, 0.01)
 #: What the fit's parameters cannot take up of an effect, in standard deviations of a reading's noise.
@@ -315,13 +316,15 @@ def _measured(c: Curve, rng: np.random.Generator) -> list[str]:
     """A cut of which some numbers are known: its part of the campaign's file."""
     x, y = c.recorded(c.x, c.y)
     thickness = float(c.header[-1].split('thickness = "')[1].split(" ")[0])
-    known = []
+    known, curve = [], ForceCurve(np.append(0.0, x), np.append(0.0, y), thickness)
     for name in READ:
         unit, _, read = READ_OFF[name]
-        value = read(np.append(0.0, x), np.append(0.0, y), thickness)
-        if math.isfinite(value) and value > 0:
-            drawn = value * (1 + OFF * rng.standard_normal())
-            ends = f"{drawn:.5g} ± {OFF * drawn:.3g}" + ("" if unit == "1" else f" {unit}")
+        value = read(curve)
+        # A relative fall is one of forces that scatter, however small it is.
+        sd = OFF * (1.0 if unit == "1" else value)
+        if math.isfinite(value) and sd > 0:
+            drawn = value + sd * rng.standard_normal()
+            ends = f"{drawn:.5g} ± {sd:.3g}" + ("" if unit == "1" else f" {unit}")
             known.append(f'{name} = "{ends}"')
     header = [line for line in c.header if not line.startswith(("columns", "units"))]
     measures = f"measures = {{ {', '.join(known)} }}"

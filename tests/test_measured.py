@@ -23,7 +23,7 @@ from cutbench.cli.main import app
 from cutbench.data.campaign import load_campaign
 from cutbench.data.measured import Measure
 from cutbench.run.pool.pool import TaskPool
-from cutbench.run.read_off import READ_OFF
+from cutbench.run.read_off import READ_OFF, ForceCurve
 
 HEAD = """
 title = "of the literature"
@@ -103,7 +103,7 @@ def test_an_end_far_away_is_a_value():
 def test_curves_are_read_as_a_person_reads_them():
     x = np.linspace(0, 10, 2001)
     peaked = np.where(x < 4, 0.3 * x, 0.6 + 0.05 * (x - 4))
-    read = {name: rule[2](x, peaked, 0.7) for name, rule in READ_OFF.items()}
+    read = {name: rule[2](ForceCurve(x, peaked, 0.7)) for name, rule in READ_OFF.items()}
     assert read["onset"] == pytest.approx(4, abs=0.1)
     assert read["peak"] == read["firmness"] == pytest.approx(1.2, rel=0.01)
     assert read["drop"] == pytest.approx(0.5, abs=0.06)  # of means over half a thickness
@@ -114,15 +114,16 @@ def test_curves_are_read_as_a_person_reads_them():
 
 def test_a_curve_that_only_rises_has_no_end_of_indentation():
     x = np.linspace(0, 5, 500)
-    assert math.isnan(READ_OFF["onset"][2](x, 0.1 * x**1.4, 0.7))
-    assert READ_OFF["drop"][2](x, 0.1 * x**1.4, 0.7) == 0
+    steady = ForceCurve(x, 0.1 * x**1.4, 0.7)
+    assert math.isnan(steady.onset)
+    assert steady.fall == 0
 
 
 def truth(G, G_c, depth):
     """The measures of the formula with these values, in the units of ``READ_OFF``."""
     case = load_campaign_case(G, G_c, depth)
     (x, force, _), _ = course(case)
-    return {name: rule[2](x, force, 0.7) for name, rule in READ_OFF.items()}
+    return {name: rule[2](ForceCurve(x, force, 0.7)) for name, rule in READ_OFF.items()}
 
 
 def load_campaign_case(G, G_c, depth):

@@ -23,7 +23,7 @@ from cutbench.data.experiment import Experiment
 from cutbench.data.repetition import Averaged, Repetition
 from cutbench.data.specimen_sizes import section_of
 from cutbench.data.table import read_table
-from cutbench.run.read_off import READ_OFF
+from cutbench.run.read_off import READ_OFF, ForceCurve
 
 #: How sharp the end of an interval is meant that is written without its own ±, as a part of it.
 SHARP = 0.05
@@ -181,7 +181,8 @@ class MeasuredCut(Experiment):
         """The measures, each in its unit, of a curve of travel (n,) in mm and force (n,) in N; nan of one
         that the curve does not have."""
         there = d <= self.depth_mm * (1 + 1e-9)
-        return [READ_OFF[m.name][2](d[there], force[there], self.blade["thickness"]) for m in self.measures]
+        curve = ForceCurve(d[there], force[there], self.blade["thickness"])
+        return [READ_OFF[m.name][2](curve) for m in self.measures]
 
     def read(self, d: np.ndarray, force: np.ndarray) -> np.ndarray:
         """The same (m,) as readings; one that the curve does not have would come at its end."""
