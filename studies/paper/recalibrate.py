@@ -44,28 +44,28 @@ class Reading:
     published: bool = False
 
 
-def _ellipse(name: str = "", law: str = "", **free: tuple[float, float]) -> Reading:
-    """The paper's blade, its length free, with one more law or free parameter."""
+def _drawn(name: str, law: str = "", **free: tuple[float, float]) -> Reading:
+    """The paper's blade as it is drawn, with one more law or free parameter."""
     with_ = ["contact", law] if law else ["contact"]
-    sets = {"with_": with_, "tip": "1.05 mm"}
-    return Reading(f"ellipse, {name}" if name else "ellipse", sets, {"tip": (0.35, 4.2), **free}, True)
+    return Reading(f"ellipse as drawn, {name}", {"with_": with_, "tip": "1.05 mm"}, free, True)
 
 
-#: The first is the paper's blade as it is drawn; the next as utility blades are ground. The others keep the
-#: ellipse and ask whether a mechanism does as well.
+#: The first is the paper's blade with a length of its own, the next are as utility blades are ground. The others
+#: keep the ellipse as it is drawn and ask whether a mechanism does as well.
 READINGS = (
-    _ellipse(),
+    Reading("ellipse of another length", {"with_": "contact", "tip": "3 mm"}, {"tip": (0.35, 4.2)}, True),
     Reading("wedge 20°, edge 50 µm", {}),
     Reading("wedge 20°, edge 20 µm", {"edge_radius": "0.02 mm"}),
     Reading("wedge 30°, edge 50 µm", {"angle": "30 deg"}),
-    _ellipse("stiff skin of 0.5 mm", "stiff_skin", skin_stiffness=(0.0, 20.0)),
-    _ellipse("tough skin of 0.5 mm", "tough_skin", skin_toughness=(0.0, 20.0)),
-    _ellipse("toughness by rate", "rate_toughness", rate_toughening=(0.0, 5.0)),
-    _ellipse("viscoelastic bulk, 20 s", "maxwell", g_1=(0.0, 10.0)),
-    _ellipse("strain stiffening", "fung", b_fung=(0.0, 5.0)),
-    _ellipse("opening of the cohesive zone", delta_c=(0.02, 0.5)),
-    _ellipse("surface length", surface_length=(0.01, 0.5)),
-    _ellipse("adhesion and friction", tau_W=(0.0, 0.05), mu=(0.0, 0.5)),
+    _drawn("nothing else"),
+    _drawn("stiff skin of 0.5 mm", "stiff_skin", skin_stiffness=(0.0, 20.0)),
+    _drawn("tough skin of 0.5 mm", "tough_skin", skin_toughness=(0.0, 20.0)),
+    _drawn("toughness by rate", "rate_toughness", rate_toughening=(0.0, 5.0)),
+    _drawn("viscoelastic bulk, 20 s", "maxwell", g_1=(0.0, 10.0)),
+    _drawn("strain stiffening", "fung", b_fung=(0.0, 5.0)),
+    _drawn("opening of the cohesive zone", delta_c=(0.02, 0.5)),
+    _drawn("surface length", surface_length=(0.01, 0.5)),
+    _drawn("adhesion and friction", tau_W=(0.0, 0.05), mu=(0.0, 0.5)),
 )
 
 
