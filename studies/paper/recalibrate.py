@@ -50,8 +50,8 @@ def _drawn(name: str, law: str = "", **free: tuple[float, float]) -> Reading:
     return Reading(f"ellipse as drawn, {name}", {"with_": with_, "tip": "1.05 mm"}, free, True)
 
 
-#: The first is the paper's blade with a length of its own, the next are as utility blades are ground. The others
-#: keep the ellipse as it is drawn and ask whether a mechanism does as well.
+#: The first is the paper's blade with a length of its own, the next are as utility blades are ground. The
+#: others keep the ellipse as it is drawn and ask whether a mechanism does as well.
 READINGS = (
     Reading("ellipse of another length", {"with_": "contact", "tip": "3 mm"}, {"tip": (0.35, 4.2)}, True),
     Reading("wedge 20°, edge 50 µm", {}),
