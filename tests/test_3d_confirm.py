@@ -134,8 +134,9 @@ def test_quick_blocks_have_one_layer(data):
     assert block_case(least_certain(data, 1)[0].case, {"numerics": "fast"}).numerics.layers == 1
 
 
-def runner(drops, calls, outcomes=None):
-    """Leaves curves that fall by ``drops``, by "2D", "like" and "3D", and says in ``calls`` which."""
+def runner(drops, calls, outcomes=None, bridged=0.0):
+    """Leaves curves that fall by ``drops``, by "2D", "like" and "3D", and says in ``calls`` which. Blocks
+    have ligaments along a part ``bridged`` of the blade."""
 
     def run(case, folder):
         kind = "3D" if case.dim == 3 else "like" if case.name.endswith("(as the block)") else "2D"
@@ -144,6 +145,8 @@ def runner(drops, calls, outcomes=None):
         result = Result(
             case, curve(drops[kind]), outcome, {"total": 2.0, **SPENT}, {"iterations": 3, **CALLS}
         )
+        if kind == "3D":
+            result.measures["front_bridged"] = bridged
         write_run(result, folder, command="test")
         return result
 
@@ -166,6 +169,13 @@ def test_a_block_confirms_only_where_the_sections_agree(data, tmp_path, drops, v
     assert point.verdict == verdict
     record = json.loads((tmp_path / RECORD).read_text(encoding="utf-8"))
     assert record[verdict] == record["compared"] == 1 and record["points"][0]["verdict"] == verdict
+
+
+@pytest.mark.parametrize(("drop", "verdict"), [(0.0, "numerics"), (0.3, "confirmed")])
+def test_a_block_that_its_layers_hold_up_tells_only_that_the_force_falls(data, tmp_path, drop, verdict):
+    run = runner({"2D": 0.5, "like": 0.4, "3D": drop}, [], bridged=0.3)
+    (point,) = confirm(data, least_certain(data, 1), tmp_path, run, source="map.nc")
+    assert point.verdict == verdict
 
 
 def test_a_blocks_cost_grows_with_its_sections_calls_and_is_unknown_without(data):

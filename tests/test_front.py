@@ -49,6 +49,23 @@ def test_front_finds_where_the_cut_starts_and_how_fast_it_runs(built):
     assert found.keys() == FRONT.keys()
 
 
+def test_a_front_that_leaves_ligaments_says_along_how_much_of_the_blade(built):
+    faces = built.form("cohesion").faces
+    z, shallow = np.abs(faces.X[2]).ravel(), 6.0 - faces.X[1].ravel() < 2.0
+    # The third of four strips is cut first, then the fourth, then the middle.
+    parts = {
+        "third": (z > 2) & (z < 3),
+        "and fourth": z > 2,
+        "and middle": (z > 2) | (z < 1),
+        "all": z >= 0,
+    }
+    front, found = Front(built, strips=4), {}
+    for travel, (name, part) in enumerate(parts.items(), 1):
+        front.add(made_up(built, float(travel), (shallow & part).astype(float)))
+        found[name] = front.measures()["front_bridged"]
+    assert found == pytest.approx({"third": 0.5, "and fourth": 0.5, "and middle": 0.25, "all": 0.0}, abs=0.03)
+
+
 def test_stress_is_read_in_the_process_zone_only(built):
     front = Front(built, strips=2)
     faces = built.form("cohesion").faces

@@ -12,6 +12,7 @@ from cutbench.case.case import load_case
 from cutbench.run.build import build, geometry_of
 from cutbench.run.checkpoint import Checkpoint
 from cutbench.run.front import MIDDLE, Front, Middle
+from cutbench.run.outcome import Outcome, run_sentence
 from cutbench.run.runner import run_case
 
 SMALL = {
@@ -103,3 +104,13 @@ def test_what_the_ends_take_away_fades_along_the_blade_as_in_a_bar_held_by_its_b
     assert np.log(middle / inner) / 12 == pytest.approx(k, rel=0.15)
     assert whole / longer == pytest.approx(2 * np.tanh(12 * k) / np.tanh(24 * k), rel=0.05)
     assert longer < 0.05 and inner < 0.01
+
+
+def test_a_block_whose_layers_leave_ligaments_is_not_said_to_be_smooth():
+    case, ended = load_case("gelatin", {"depth": "6 mm"}, dim=3), Outcome("done", "", "", 6.0)
+
+    def said(drop: float, bridged: float) -> str:
+        found = {"drop_rel": drop, "onset_mm": 3.0, "front_bridged": bridged}
+        return run_sentence(case, ended, found).split(":")[0]
+
+    assert [said(0.02, 0.0), said(0.02, 0.5), said(0.3, 0.5)] == ["smooth", "undecided", "abrupt"]

@@ -3,7 +3,8 @@
 Taken are the runs whose label is least certain, those nearest to the boundary by the measure that decides it,
 and the materials that the map marks. A block's elements are larger than a section's, so beside it stands the
 section with the block's numerics: what the two sections differ by is the numerics', what block and section
-differ by then is the third dimension's. A block confirms nothing where the two sections have other labels.
+differ by then is the third dimension's. A block confirms nothing where the two sections have other labels, or
+where its layers hold up a force that does not fall.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from cutbench.maps.guidance import margins_of
 from cutbench.maps.map_cases import case_on
 from cutbench.run.block_cost import cost_sentence, expected_seconds
 from cutbench.run.files import read_run
-from cutbench.run.measures import ABRUPT, SMOOTH, UNDECIDED
+from cutbench.run.measures import ABRUPT, SMOOTH, UNDECIDED, held_by_ligaments
 from cutbench.run.pool.pool import Job, TaskPool
 from cutbench.run.result import Result
 
@@ -78,11 +79,12 @@ class Confirmed:
     @property
     def verdict(self) -> str:
         """``unfinished`` where a run did not reach its end; ``numerics`` where the two sections have other
-        labels, so that the block's cannot tell; else ``confirmed``, or ``another`` where the block's differs.
+        labels or the block none, so that it cannot tell; else ``confirmed``, or ``another`` where it
+        differs.
         """
         if None in (self.label_2d, self.label_like, self.label_3d):
             return UNFINISHED
-        if self.label_like != self.label_2d:
+        if self.label_like != self.label_2d or self.label_3d == UNDECIDED:
             return NUMERICS
         return CONFIRMED if self.label_3d == self.label_2d else ANOTHER
 
@@ -277,6 +279,8 @@ def _compared(data: xr.Dataset, point: MapPoint, flat: Result, like: Result, blo
     two, same, three = ({name: found[name] for name in COMPARED} for found in numbers)
     ratio = {name: three[name] / same[name] if same[name] else math.nan for name in COMPARED}
     known = [label if r.outcome.done else None for label, r in zip(labels, results, strict=True)]
+    if known[2] == SMOOTH and held_by_ligaments(block.measures):
+        known[2] = UNDECIDED
     return Confirmed(
         point.name, dict(point.at), point.margin, flat.id, like.id, block.id,
         flat.outcome.kind, like.outcome.kind, block.outcome.kind,

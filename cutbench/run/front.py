@@ -27,6 +27,10 @@ FRONT: dict[str, tuple[str, str]] = {
     "front_centre_mm": ("mm", "blade travel at which the cut has begun at the middle of the block"),
     "front_edge_mm": ("mm", "blade travel at which it has begun at the block's end"),
     "front_half_mm": ("mm", "blade travel at which it has begun along half of the blade"),
+    "front_bridged": (
+        "1",
+        "part of the blade along which ligaments are left between cuts at the end of the run",
+    ),
     "front_lateral_speed": ("mm/mm", "advance of the front from start to end, per blade travel"),
     "front_von_mises_start_MPa": ("MPa", "largest von Mises stress at the front where and when it starts"),
     "front_von_mises_running_MPa": ("MPa", "the same, mean over the strips that it reaches later"),
@@ -142,6 +146,9 @@ class Front(Observer):
             return out
         first = int(np.nanargmin(self.onset))
         case = self._built.case
+        width, uncut = self.strips.width, np.isnan(self.onset)
+        # Strips are folded: what is cut at z is so at -z, and the middle lies between.
+        between = np.arange(width.size) < np.flatnonzero(~uncut)[-1]
         reach = case.p.length / 2 + min(case.values.get("overhang", 0.0), 0.0)
         out |= {
             "front_start_z_mm": float(self.z[first]),
@@ -149,6 +156,7 @@ class Front(Observer):
             "front_centre_mm": float(self.onset[0]),
             "front_edge_mm": float(self.onset[-1]),
             "front_half_mm": self.strips.half(self.onset, reach),
+            "front_bridged": float(width[uncut & between].sum() / width.sum()),
             "front_von_mises_start_MPa": self._stress.get(first, math.nan),
             "front_pressure_end_MPa": float(self._pattern[0]),
             "front_pressure_end_place": float(self._pattern[1]),

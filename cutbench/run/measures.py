@@ -45,6 +45,8 @@ ABRUPT_DROP = 0.1
 ABRUPT, SMOOTH, UNCUT = "abrupt", "smooth", "uncut"
 #: Where what the model leaves open decides between the first two.
 UNDECIDED = "undecided"
+#: A block that leaves ligaments along more of the blade than this does not say how the force falls.
+BRIDGED = 0.1
 
 #: The transition lasts from one window before the onset to this many windows after it. What falls later is
 #: another event: where adhesion is stronger than the modulus the surface that sticks to the blade slips some
@@ -139,6 +141,12 @@ def label(
         return UNCUT
     surges = surge_min is None or surge >= surge_min
     return ABRUPT if drop_rel >= drop and surges else SMOOTH
+
+
+def held_by_ligaments(measures: Mapping[str, float]) -> bool:
+    """Whether a block's force may stand up for its layers alone: a front that meets layers thicker than its
+    process zone leaves material uncut between cuts."""
+    return measures.get("front_bridged", 0.0) > BRIDGED
 
 
 def _columns(curve: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from cutbench.case.case import Case
-from cutbench.run.measures import ABRUPT, ABRUPT_DROP, KNOWN, UNDECIDED, label
+from cutbench.run.measures import ABRUPT, ABRUPT_DROP, KNOWN, UNDECIDED, held_by_ligaments, label
 
 #: How a run can end; only ``"done"`` reached what was asked for, its depth or its transition.
 OUTCOMES: Final = ("done", "stalled", "interrupted", "failed")
@@ -86,6 +86,10 @@ def run_sentence(
         falls = f"falls by {_percent(drop)}{over} within {window:g} mm at {onset:.3g} mm"
     soon = "" if known or what == ABRUPT else " so far"
     tail = f"; abrupt begins at {_percent(ABRUPT_DROP)}" if what == UNDECIDED else ""
+    if what != ABRUPT and held_by_ligaments(measures):
+        what, soon = UNDECIDED, ""
+        part = _percent(measures["front_bridged"])
+        tail += f"; {part} of the blade has uncut material between cuts, which thinner layers may not have"
     if not known or not outcome.done:
         tail += f"; known to {reached:.3g} mm{end}"
     return f"{what}{soon}: the force {falls}{tail}"
