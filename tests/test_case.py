@@ -229,6 +229,14 @@ def test_elements_larger_than_the_tip_is_round_are_doubted_along_its_normal(gela
     assert not coarse.set(normal=advised[2]).doubts
 
 
+def test_a_contact_that_gives_way_by_much_of_the_edge_is_doubted():
+    assert not load_case("gelatin_recalibrated").doubts
+    block = load_case("gelatin_recalibrated", dim=3)
+    (said,) = block.doubts
+    advised = re.search(r"penalty = (\d+) would do", said)
+    assert not block.set(penalty=float(advised[1])).doubts
+
+
 @pytest.mark.parametrize("name", ["corner", "shallow"])
 def test_sizes_that_are_chosen_are_0_and_no_mesh_is_endless(gelatin, name):
     assert getattr(gelatin.set(**{name: 0}).numerics, name) == 0

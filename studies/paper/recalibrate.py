@@ -20,7 +20,7 @@ from pathlib import Path
 
 from benchmarks.tools import here
 from cutbench.base.errors import CutbenchError
-from cutbench.base.files import markdown_table, write_json, write_text
+from cutbench.base.files import write_json
 from cutbench.calibration.fitting import Fit, fit
 from cutbench.calibration.report import to_dict
 from cutbench.case.case import load_case
@@ -107,9 +107,6 @@ def main() -> int:
         "--reading", metavar="N", type=int, action="append", help="the N-th of READINGS, from 0"
     )
     parser.add_argument("--workers", metavar="N", type=int)
-    parser.add_argument(
-        "--page", metavar="FILE", type=Path, help="a page that has the table between its marks"
-    )
     asked = parser.parse_args()
     file = asked.out / "recalibrate.json"
     kept = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
@@ -136,12 +133,6 @@ def main() -> int:
         return getattr(error, "exit_code", 1)
     rows = [cells(row) for row in sorted(kept.values(), key=lambda row: MATERIALS.index(row["material"]))]
     show(table(HEAD, rows))
-    if asked.page is not None:
-        begin, end = "<!-- recalibrate: begin -->", "<!-- recalibrate: end -->"
-        before, _, rest = asked.page.read_text("utf-8").partition(begin)
-        after = rest.partition(end)[2]
-        lines = "\n".join(["", *markdown_table(HEAD, rows), ""])
-        write_text(f"{before}{begin}\n{lines}\n{end}{after}", asked.page)
     return 0
 
 
