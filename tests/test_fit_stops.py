@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -84,3 +86,26 @@ def test_one_that_is_interrupted_gives_no_estimate_no_interval_and_no_case_file(
 def test_tests_with_a_formula_know_a_limit_of_time_too(tmp_path):
     found = cutbench.fit(campaign(tmp_path, "20 kPa"), limit_s=0.0)
     assert found.status == LATE and not found.done
+
+
+NUMBERS = """material = "gelatin"
+[fit]
+free = ["G_c"]
+[[experiment]]
+id = "block"
+kind = "cut"
+depth = "8 mm"
+speed = "0.021 mm/s"
+specimen = { width = "30 mm", length = "30 mm", height = "21 mm" }
+blade = { thickness = "0.7 mm" }
+measures = { onset = "4.19 ± 0.3 mm" }
+"""
+
+
+def test_a_limit_ends_the_run_that_is_under_way_with_one_process_too(tmp_path):
+    (tmp_path / "numbers.toml").write_text(NUMBERS, encoding="utf-8")
+    made = load_campaign(tmp_path / "numbers.toml")
+    made = replace(made, base=made.base.set(h="0.03 mm", step="0.01 mm"))  # minutes a run
+    began = time.monotonic()
+    found = cutbench.fit(made, workers=1, limit_s=4.0)
+    assert found.status == LATE and time.monotonic() - began < 30

@@ -401,8 +401,8 @@ def runs_for(
         return
     cuts = any(e.kind == "cut" for e in campaign.experiments)
     count = (cores() if workers is None else workers) if cuts else 0
-    # One process alone would only wait, so it is this one.
-    with TaskPool(count if count > 1 else 0) as pool:
+    # One process alone would only wait, so it is this one, unless a limit is to end a run under way.
+    with TaskPool(count if count > 1 or math.isfinite(limit_s) else 0) as pool:
         yield CutRuns(pool, None if store is None else Path(store), Until(time.monotonic() + limit_s))
 
 
