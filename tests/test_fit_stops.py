@@ -88,23 +88,8 @@ def test_tests_with_a_formula_know_a_limit_of_time_too(tmp_path):
     assert found.status == LATE and not found.done
 
 
-NUMBERS = """material = "gelatin"
-[fit]
-free = ["G_c"]
-[[experiment]]
-id = "block"
-kind = "cut"
-depth = "8 mm"
-speed = "0.021 mm/s"
-specimen = { width = "30 mm", length = "30 mm", height = "21 mm" }
-blade = { thickness = "0.7 mm" }
-measures = { onset = "4.19 ± 0.3 mm" }
-"""
-
-
-def test_a_limit_ends_the_run_that_is_under_way_with_one_process_too(tmp_path):
-    (tmp_path / "numbers.toml").write_text(NUMBERS, encoding="utf-8")
-    made = load_campaign(tmp_path / "numbers.toml")
+def test_a_limit_ends_the_run_that_is_under_way_with_one_process_too():
+    made = load_campaign(Path(__file__).parents[1] / "studies" / "published" / "gelatin.toml")
     made = replace(made, base=made.base.set(h="0.03 mm", step="0.01 mm"))  # minutes a run
     began = time.monotonic()
     found = cutbench.fit(made, workers=1, limit_s=4.0)

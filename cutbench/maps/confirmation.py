@@ -31,7 +31,7 @@ from cutbench.maps.guidance import margins_of
 from cutbench.maps.map_cases import case_on
 from cutbench.run.block_cost import cost_sentence, expected_seconds
 from cutbench.run.files import read_run
-from cutbench.run.measures import ABRUPT, SMOOTH, UNDECIDED, held_by_ligaments
+from cutbench.run.measures import ABRUPT, SMOOTH, UNDECIDED
 from cutbench.run.pool.pool import Job, TaskPool
 from cutbench.run.result import Result
 
@@ -279,8 +279,6 @@ def _compared(data: xr.Dataset, point: MapPoint, flat: Result, like: Result, blo
     two, same, three = ({name: found[name] for name in COMPARED} for found in numbers)
     ratio = {name: three[name] / same[name] if same[name] else math.nan for name in COMPARED}
     known = [label if r.outcome.done else None for label, r in zip(labels, results, strict=True)]
-    if known[2] == SMOOTH and held_by_ligaments(block.measures):
-        known[2] = UNDECIDED
     return Confirmed(
         point.name, dict(point.at), point.margin, flat.id, like.id, block.id,
         flat.outcome.kind, like.outcome.kind, block.outcome.kind,

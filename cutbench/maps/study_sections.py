@@ -44,7 +44,11 @@ class Regime:
             result.curve, window_mm=p.thickness, height_mm=p.height, onset_length_mm=self.onset_length_mm,
             whole=result.whole,
         )  # fmt: skip
-        return label(found["drop_rel"], found["surge"], drop=self.drop, surge_min=self.surge_min), found
+        regime = label(
+            found["drop_rel"], found["surge"], drop=self.drop, surge_min=self.surge_min,
+            bridged=result.measures.get("front_bridged", 0.0),
+        )  # fmt: skip
+        return regime, found
 
 
 @dataclass(frozen=True)

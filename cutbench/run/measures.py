@@ -133,20 +133,24 @@ def forward(travel_mm: np.ndarray) -> int:
 
 
 def label(
-    drop_rel: float, surge: float = math.nan, *, drop: float = ABRUPT_DROP, surge_min: float | None = None
+    drop_rel: float,
+    surge: float = math.nan,
+    *,
+    drop: float = ABRUPT_DROP,
+    surge_min: float | None = None,
+    bridged: float = 0.0,
 ) -> str:
     """``"abrupt"`` when the force falls by ``drop`` (and the cut surges by ``surge_min``, where one is
-    given), else ``"smooth"``; ``"uncut"`` when the cut never began (``drop_rel`` is nan)."""
+    given), else ``"smooth"``; ``"uncut"`` when the cut never began (``drop_rel`` is nan).
+
+    A block's force that does not fall is ``"undecided"`` where ligaments are left along a part ``bridged`` of
+    the blade: a front that meets layers thicker than its process zone leaves them, and they hold it up.
+    """
     if math.isnan(drop_rel):
         return UNCUT
-    surges = surge_min is None or surge >= surge_min
-    return ABRUPT if drop_rel >= drop and surges else SMOOTH
-
-
-def held_by_ligaments(measures: Mapping[str, float]) -> bool:
-    """Whether a block's force may stand up for its layers alone: a front that meets layers thicker than its
-    process zone leaves material uncut between cuts."""
-    return measures.get("front_bridged", 0.0) > BRIDGED
+    if drop_rel >= drop and (surge_min is None or surge >= surge_min):
+        return ABRUPT
+    return UNDECIDED if bridged > BRIDGED else SMOOTH
 
 
 def _columns(curve: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from cutbench.case.case import Case
-from cutbench.run.measures import ABRUPT, ABRUPT_DROP, KNOWN, UNDECIDED, held_by_ligaments, label
+from cutbench.run.measures import ABRUPT, ABRUPT_DROP, BRIDGED, KNOWN, UNDECIDED, label
 
 #: How a run can end; only ``"done"`` reached what was asked for, its depth or its transition.
 OUTCOMES: Final = ("done", "stalled", "interrupted", "failed")
@@ -75,7 +75,8 @@ def run_sentence(
     end = "" if outcome.done else f", where it {'stalled' if outcome.kind == 'stalled' else 'was stopped'}"
     if math.isnan(drop):
         return f"not cut {'further ' if case.p.precut else ''}to {reached:.3g} mm{end}"
-    what, known = label(drop), reached >= onset + KNOWN * window - 1e-9
+    bridged = measures.get("front_bridged", 0.0)
+    what, known = label(drop, bridged=bridged), reached >= onset + KNOWN * window - 1e-9
     over = ""
     if band is not None:
         low, high = band
@@ -86,10 +87,9 @@ def run_sentence(
         falls = f"falls by {_percent(drop)}{over} within {window:g} mm at {onset:.3g} mm"
     soon = "" if known or what == ABRUPT else " so far"
     tail = f"; abrupt begins at {_percent(ABRUPT_DROP)}" if what == UNDECIDED else ""
-    if what != ABRUPT and held_by_ligaments(measures):
-        what, soon = UNDECIDED, ""
-        part = _percent(measures["front_bridged"])
-        tail += f"; {part} of the blade has uncut material between cuts, which thinner layers may not have"
+    if what == UNDECIDED and bridged > BRIDGED:
+        part = _percent(bridged)
+        tail = f"; {part} of the blade has uncut material between cuts, which thinner layers may not have"
     if not known or not outcome.done:
         tail += f"; known to {reached:.3g} mm{end}"
     return f"{what}{soon}: the force {falls}{tail}"
