@@ -57,6 +57,25 @@ def test_force_equals_the_reaction_of_the_clamped_bottom():
     assert np.abs(reaction - force).max() < 1e-6 * force.max()
 
 
+@pytest.mark.slow
+def test_planes_farther_apart_than_the_cohesive_zone_is_long_do_not_hold_the_front():
+    values = {
+        **SMALL,
+        "h": "1 mm",
+        "corner": 0.125,
+        "depth": "1.7 mm",
+        "G_c": "0.2 J/m^2",
+        "delta_c": "0.02 mm",
+    }
+    values |= {"eta_v": "0.05 mm", "mu": 0.2}
+    p = load_case("gelatin", values, dim=3).p
+    strength = p.G_c / (np.e * p.delta_c)
+    assert 4 * p.G * p.G_c / strength**2 < 0.5  # planes are 1 mm apart, or 0.5 mm
+    coarse, fine = (run_case(load_case("gelatin", {**values, "layers": n}, dim=3)).measures for n in (2, 4))
+    for name in ("onset_mm", "front_half_mm", "front_centre_mm"):
+        assert coarse[name] == pytest.approx(fine[name], rel=0.015), name
+
+
 def test_pictures_need_snapshots_of_a_solid():
     case = load_case("gelatin", {"element": "P1", "h": "0.7 mm", "depth": "0.1 mm"})
     flat = run_case(case, snapshots_mm=[0.1])

@@ -144,7 +144,7 @@ def label(
     given), else ``"smooth"``; ``"uncut"`` when the cut never began (``drop_rel`` is nan).
 
     A block's force that does not fall is ``"undecided"`` where ligaments are left along a part ``bridged`` of
-    the blade: a front that meets layers thicker than its process zone leaves them, and they hold it up.
+    the blade: they hold it up, and thinner layers might not leave them.
     """
     if math.isnan(drop_rel):
         return UNCUT
