@@ -113,7 +113,7 @@ MACHINE_N = 1.2
 TAU_S, WAY_MM = 60.0, 2.0
 #: What cuts are computed with in place of the defaults, by turns.
 OTHERWISE: tuple[tuple[str, Mapping[str, object]], ...] = (
-    ("finer", {"h": "0.045 mm", "step": "0.06 mm", "penalty": 128000, "stick": 51200}),
+    ("finer", {"h": "0.045 mm", "step": "0.06 mm", "penalty": 89600, "stick": 35840}),
     ("coarse", {"numerics": "fast"}),
     ("cohesion as printed", {"numerics": "fast", "with": ["smith_ferrante"]}),
     ("material normal", {"normal": "material", "h": "0.1 mm"}),

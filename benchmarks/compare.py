@@ -49,8 +49,8 @@ corner = 0.125
 shallow = 1
 step = "0.2 mm"
 h = "0.65 mm"
-penalty = 16000
-stick = 6400
+penalty = 11200
+stick = 4480
 [[axis]]
 name = "cohesion"
 values = [1.0, 12.5]

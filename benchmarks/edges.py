@@ -33,11 +33,11 @@ COLUMNS = ("material", "cohesion", "edge", "numerics", "CPU s", "steps", "given 
 def refinements(material: str) -> dict[str, dict[str, object]]:
     """Changes of the numerics by name, the first of them none."""
     n = load_case(material).numerics
-    finer = {"h": f"{n.h_mm / 2} mm", "corner": n.corner / 2} if n.corner else {"h": f"{n.h_mm / 2} mm"}
+    finer = {"h": n.h / 2, "corner": n.corner / 2} if n.corner else {"h": n.h / 2}
     return {
         "defaults": {},
         "elements / 2": finer,
-        "steps / 2": {"step": f"{n.step_mm / 2} mm", "damage_step": n.damage_step / 2},
+        "steps / 2": {"step": n.step / 2, "damage_step": n.damage_step / 2},
         "damage / 3": {"damage_step": n.damage_step / 3},
     }
 

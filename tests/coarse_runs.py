@@ -19,7 +19,7 @@ CUTTING = COARSE.set(cohesion=0.5, tip="3.5 mm", mu=0.2, depth="2 mm")
 #: The same, fewer steps.
 BRIEF = CUTTING.set(depth="1.1 mm")
 #: A contact that gives way by 1 µm where the pressure is G: onsets come early.
-SOFT = {"penalty": 1000, "stick": 400, "multiplier": "none"}
+SOFT = {"penalty": "1000 1/mm", "stick": "400 1/mm", "multiplier": "none"}
 #: For comparisons that hold on any element and in any contact: the quickest.
 QUICK = BRIEF.set(element="P1", **SOFT)
 

@@ -10,7 +10,7 @@ from cutbench.run.result import Result
 
 def converging(case) -> Result:
     """Onset 3 − h, peak 1 − h², in mm and N; a slope only along the material's normal."""
-    h = case.numerics.h_mm
+    h = case.sizes.h_mm
     d = np.array([0.0, case.p.depth])
     curve = {"displacement_mm": d, "force_N": d, "time_s": d / case.p.speed, "cut_length_mm": d}
     found = {"onset_mm": 3 - h, "peak_N": 1 - h**2, "drop_rel": 0.004 * h, "steady_N": 1.0, "closure": 0.001}

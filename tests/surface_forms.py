@@ -52,4 +52,4 @@ def begun(form, space: Space, damage: float) -> dict:
 
 
 def energy(found: list, space: Space, u: np.ndarray, damage: float = 0.0) -> float:
-    return sum(form.stored(u, P, begun(form, space, damage)) for form in found)
+    return sum(sum(form.stored(u, P, begun(form, space, damage)).values()) for form in found)

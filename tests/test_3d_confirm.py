@@ -98,7 +98,7 @@ def test_the_cases_are_those_of_the_map(data):
 def test_a_block_has_the_physics_of_its_section_and_a_mesh_of_its_own(data):
     point = least_certain(data, 1)[0]
     block = block_case(point.case, {"h": "2 mm"})
-    assert block.dim == 3 and block.numerics.h_mm == 2.0
+    assert block.dim == 3 and block.sizes.h_mm == 2.0
     assert (block.mechanisms, dict(block.values)) == (point.case.mechanisms, dict(point.case.values))
     assert block.numerics.element == point.case.numerics.element
     with pytest.raises(BadInput):

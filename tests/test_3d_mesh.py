@@ -8,7 +8,7 @@ import pytest
 from refusals import refused
 
 from cutbench.case.case import load_case
-from cutbench.case.numerics import Numerics
+from cutbench.case.numerics import Fixed, Numerics
 from cutbench.forms.base import Step
 from cutbench.models3d.block import block, geometry
 from cutbench.models3d.mesh import quarter
@@ -52,7 +52,7 @@ def written(path, points, tets, faces, kind="tetra"):
 def test_a_gmsh_file_gives_what_the_own_mesh_gives(tmp_path, part):
     path = written(tmp_path / "block.msh", *raw(part))
     read = geometry(VALUES, Numerics(mesh=path))
-    own = geometry(VALUES, Numerics(h_mm=2.0, corner=1.0, shallow=1.0, symmetry=part))
+    own = geometry(VALUES, Numerics(h=Fixed(2.0, "mm"), corner=1.0, shallow=1.0, symmetry=part))
     assert (read.multiplicity, read.split, read.held) == (own.multiplicity, own.split, own.held)
     case = load_case("gelatin", SMALL, dim=3)
     forces = []

@@ -68,10 +68,10 @@ OPTIONS = {
     "no value": (["--set", "mu="], "--set", "mu=", "name=value"),
     "no name": (["--set", "=3"], "--set", "=3", "name=value"),
     "element size zero": (["--h", "0"], "h", "0 mm", "mm <= h"),
-    "element size negative": (["--h", "-0.1"], "h", "-0.1 mm", "mm <= h"),
+    "element size negative": (["--h", "-0.1"], "h", "-0.1 mm", "above 0"),
     "element size in words": (["--h", "fine"], "h", "fine", "1 mm"),
     "element size in kPa": (["--h", "3 kPa"], "h", "3 kPa", "1 mm"),
-    "element size nan": (["--h", "nan"], "h", "nan", "mm <= h"),
+    "element size nan": (["--h", "nan"], "h", "nan", "above 0"),
     "element coarser than the blade": (["--h", "2.5"], "h", "2.5 mm", "2.1 mm"),
     "tip too sharp for the mesh": (
         ["--set", "tip=12 mm", "--h", "0.25"], "tip", "12 mm", "'0.2 mm'"
@@ -150,8 +150,8 @@ FILES = {
         GOOD + '[numerics]\nh = "0.25 mm"\n[blade]\ntip = "12 mm"\n', 17, "tip", "12 mm", "a^2/b"
     ),
     "unknown element": (GOOD + '[numerics]\nelement = "P3"\n', 15, "element", "P3", "P2P1"),
-    "bare element size": (GOOD + "[numerics]\nh = 0.4\n", 15, "h", "0.4", "… mm"),
-    "text for a whole number": (GOOD + '[numerics]\npenalty = "two"\n', 15, "penalty", "two", "number"),
+    "elements of four thicknesses": (GOOD + "[numerics]\nh = 4\n", 15, "h", "4", "thicknesses"),
+    "text for a whole number": (GOOD + '[numerics]\nlayers = "two"\n', 15, "layers", "two", "number"),
     "mesh that is no path": (GOOD + "[numerics]\nmesh = 3\n", 15, "mesh", "3", "path"),
     "unknown entry about the material": ('[material]\nauthor = "x"\n' + GOOD, 2, "author", "x", "source"),
     "name that is no text": ("[material]\nname = 3\n" + GOOD, 2, "name", "3", "text"),

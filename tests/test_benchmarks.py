@@ -111,7 +111,7 @@ def test_sharp_blades_are_those_that_are_named_and_finer_numerics_are_finer():
     for k in range(0, len(cases), 4):
         base, elements, steps, damage = (case.numerics for case in cases[k : k + 4])
         assert "wedge" in cases[k].mechanisms and cases[k].values["edge_radius"] in (0.05, 0.02)
-        assert elements.h_mm == base.h_mm / 2 and steps.step_mm == base.step_mm / 2
+        assert elements.h == base.h / 2 and steps.step == base.step / 2
         assert damage.damage_step == pytest.approx(base.damage_step / 3)
     cohesions = {round(case.groups()["(G_c/delta_c)/G"], 3) for case in cases if case.name == "meat"}
     assert {30.0, 40.0} < cohesions and len(cohesions) == 3

@@ -7,7 +7,7 @@ import pytest
 import skfem
 from refusals import refused
 
-from cutbench.case.numerics import Numerics
+from cutbench.case.numerics import Fixed, Numerics
 from cutbench.models2d import plane_strain
 from cutbench.models3d.block import PARTS, block, geometry
 from cutbench.models3d.mesh import length_along, mirrored, quarter
@@ -81,13 +81,15 @@ def test_where_the_cut_surges_elements_are_finer():
 
 
 def test_a_mesh_as_coarse_as_published_ones_is_possible():
-    mesh = geometry(VALUES, Numerics(h_mm=0.85, corner=1.0, shallow=1.0, slender=1.0, along=1.25)).mesh
+    mesh = geometry(
+        VALUES, Numerics(h=Fixed(0.85, "mm"), corner=1.0, shallow=1.0, slender=1.0, along=1.25)
+    ).mesh
     assert 10_000 < mesh.t.shape[1] < 12_000
 
 
 @pytest.mark.parametrize("h", [0.75, 0.7, 0.65, 0.35])
 def test_no_size_needs_far_more_elements_than_its_neighbours(h):
-    mesh = geometry(VALUES, Numerics(h_mm=h, corner=1.0, shallow=1.0, slender=1.0, along=1.25)).mesh
+    mesh = geometry(VALUES, Numerics(h=Fixed(h, "mm"), corner=1.0, shallow=1.0, slender=1.0, along=1.25)).mesh
     # Elements lie densest on the cut plane, so their number goes with its area over h².
     assert mesh.t.shape[1] * h**2 < 13_000
 
@@ -108,10 +110,10 @@ def test_mirrored_halves_share_nodes_only_where_joined():
 
 def test_symmetry_is_taken_from_the_numerics():
     values = {"width": 6.0, "height": 6.0, "length": 8.0, "thickness": 0.7}
-    assert geometry(values, Numerics(h_mm=2.0)).multiplicity == 4
-    assert geometry(values, Numerics(h_mm=2.0)).held == (("middle", 2),)
-    assert geometry(values, Numerics(h_mm=2.0, symmetry="half")).multiplicity == 2
-    full = geometry(values, Numerics(h_mm=2.0, symmetry="full"))
+    assert geometry(values, Numerics(h=Fixed(2.0, "mm"))).multiplicity == 4
+    assert geometry(values, Numerics(h=Fixed(2.0, "mm"))).held == (("middle", 2),)
+    assert geometry(values, Numerics(h=Fixed(2.0, "mm"), symmetry="half")).multiplicity == 2
+    full = geometry(values, Numerics(h=Fixed(2.0, "mm"), symmetry="full"))
     assert (full.multiplicity, full.split, full.held) == (1, True, ())
 
 

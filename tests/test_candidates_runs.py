@@ -36,8 +36,8 @@ CANDIDATES = [
 #: is round: pressure along the tool's normal would push them down, not apart.
 SMALL = {
     "G_c": "0.3 J/m^2", "mu": 0.1, "eta_reg": "8 s", "tip": "2 mm", "width": "8 mm", "height": "5 mm",
-    "depth": "0.8 mm", "h": "0.7 mm", "penalty": 200, "stick": 100, "multiplier": "none", "corner": 0.25,
-    "normal": "material", "shallow": 1.0, "step": "0.1 mm", "tolerance": 1e-9,
+    "depth": "0.8 mm", "h": "0.7 mm", "penalty": "200 1/mm", "stick": "100 1/mm", "multiplier": "none",
+    "corner": 0.25, "normal": "material", "shallow": 1.0, "step": "0.1 mm", "tolerance": 1e-9,
 }  # fmt: skip
 
 

@@ -343,7 +343,7 @@ def test_api():
 def test_first_looks_have_fewer_elements_softer_contact_and_blocks_their_own():
     quick, usual = (load_case("gelatin", {"numerics": word}).numerics for word in ("fast", "converged"))
     assert usual == Numerics()
-    assert quick.h_mm > usual.h_mm and quick.penalty < usual.penalty
+    assert quick.h > usual.h and quick.penalty < usual.penalty
     block, look = (load_case("gelatin", {"numerics": word}, dim=3).numerics for word in ("converged", "fast"))
-    assert block.h_mm == quick.h_mm and block.penalty < quick.penalty
-    assert look.h_mm > block.h_mm and look.layers < block.layers
+    assert block.h == quick.h and block.penalty < quick.penalty
+    assert look.h > block.h and look.layers < block.layers

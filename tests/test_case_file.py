@@ -88,7 +88,7 @@ speed = "0.5 mm/s"
     shown = case.shown()
     wanted = {"width": "25 mm", "length": "20 mm", "height": "15 mm", "thickness": "0.5 mm", "tip": "0.8 mm"}
     assert wanted.items() <= shown.items()
-    assert (shown["speed"], shown["depth"], case.numerics.h_mm) == ("0.5 mm/s", "6 mm", 0.5)
+    assert (shown["speed"], shown["depth"], case.sizes.h_mm) == ("0.5 mm/s", "6 mm", 0.5)
 
 
 @pytest.mark.slow

@@ -62,7 +62,7 @@ def test_options_reach_the_case(solver, tmp_path):
     )  # fmt: skip
     assert done.exit_code == 0, done.output
     case = solver.case
-    assert (case.p.eta_reg, case.p.depth, case.numerics.h_mm) == (0.5, 8.0, 0.3)
+    assert (case.p.eta_reg, case.p.depth, case.sizes.h_mm) == (0.5, 8.0, 0.3)
     assert (case.numerics.element, case.numerics.normal) == ("P1", "material")
     assert case.groups()["(G_c/delta_c)/G"] == pytest.approx(9)
     assert "viscous" in case.mechanisms

@@ -22,8 +22,8 @@ from cutbench.run.runner import run_case
 from cutbench.run.tension import run_tension, strip_case
 
 ROOT = Path(cutbench.__file__).parent
-SMALL = {"width": "8 mm", "height": "5 mm", "depth": "0.1 mm", "h": "0.7 mm", "penalty": 200, "stick": 100,
-         "corner": 0.25, "shallow": 1.0, "tip": "2 mm"}  # fmt: skip
+SMALL = {"width": "8 mm", "height": "5 mm", "depth": "0.1 mm", "h": "0.7 mm", "penalty": "200 1/mm",
+         "stick": "100 1/mm", "corner": 0.25, "shallow": 1.0, "tip": "2 mm"}  # fmt: skip
 GELATIN = tuple(type(law) for law in load_case("gelatin").model.all)
 
 

@@ -64,12 +64,13 @@ def test_elements_under_the_tip_are_as_small_whatever_h_is():
 
 
 def test_a_block_is_a_section_drawn_out_unless_it_is_asked_for_tetrahedra(tmp_path):
-    numerics, own = load_case("gelatin", dim=3).numerics, Numerics()
+    case, own = load_case("gelatin", dim=3), Numerics()
+    numerics = case.numerics
     assert numerics.layers > 0
     for name in ("element", "normal", "multiplier", "facet_degree", "bulk_degree", "energy_step"):
         assert getattr(numerics, name) == getattr(own, name), name
     # Softer, but a pressure of 3 G presses the blade in by less than a fiftieth of an element.
-    assert 3 / numerics.penalty < 0.02 * numerics.h_mm
+    assert 3 / case.sizes.penalty_per_mm < 0.02 * case.sizes.h_mm
     tetrahedra = load_case("gelatin", {"numerics": "tetrahedra"}, dim=3).numerics
     assert tetrahedra.layers == 0
     with refused("numerics", value="tetrahedra"):
@@ -94,7 +95,7 @@ OPENS = {
 def section_of(changes, symmetry="half"):
     """The section that a block is drawn out of, with what a block's numerics differ in."""
     solid = defaults(3)
-    names = ("around", "self_contact", "penalty", "stick", "damping_mm")
+    names = ("around", "self_contact", "penalty", "stick", "damping")
     flat = load_case("gelatin", {n: getattr(solid, n) for n in names} | {"symmetry": symmetry, **changes})
     return build(flat, geometry_of(flat, fine=(0.0, flat.p.depth)))
 

@@ -280,7 +280,7 @@ def test_viscosity_fades_and_steps_halve():
     assert [one.values["eta_reg"] / case.values["eta_reg"] for _, one in cases] == pytest.approx(
         [0.1, 0.01, 0.01]
     )
-    assert cases[-1][1].numerics.step_mm == case.numerics.step_mm / 2
+    assert cases[-1][1].sizes.step_mm == case.sizes.step_mm / 2
     assert all(one.p.depth == 3.0 for _, one in cases)
 
 

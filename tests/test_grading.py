@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from cutbench.case.mesh_sizes import on_plane, wanted
-from cutbench.case.numerics import Numerics
+from cutbench.case.case import load_case
+from cutbench.case.mesh_sizes import wanted
+from cutbench.case.numerics import Fixed, Numerics
 from cutbench.case.tuning import MeshTuning
 from cutbench.models2d.plane_strain import geometry
 from cutbench.models2d.section import half_block
@@ -37,21 +36,42 @@ def test_shallow_elements_are_those_of_the_rim():
     assert size == pytest.approx(ON_RIM * H / 4)
 
 
-def test_elements_on_the_cut_plane_are_as_much_smaller_as_the_edge_is_sharper():
-    def tallest(radius, h):
-        n = replace(Numerics(), h_mm=h)
-        assert on_plane(n, THICKNESS, radius) <= h
+def test_elements_on_the_cut_plane_are_as_much_smaller_as_the_detail():
+    def tallest(detail, h):
         values = {"width": 30.0, "height": 21.0, "length": 30.0, "thickness": THICKNESS}
-        mesh = geometry(values, n, radius).mesh
+        mesh = geometry(values, Numerics(h=Fixed(h, "mm")), detail=detail).mesh
         faces = mesh.p[1, mesh.facets[:, mesh.boundaries["cut"]]]
         return np.ptp(faces, axis=0).max()
 
-    blunt, h = THICKNESS / MeshTuning.sharp, 0.25
+    h = 0.25
     # Sizes are halves of one another, and a half more than asked for is taken.
-    asked = {blunt: h, 10 * blunt: h, blunt / 2: h / 2, blunt / 5: h / 5}
-    for radius, size in asked.items():
-        assert 0.6 * size < tallest(radius, h) <= 1.5 * size
-    assert tallest(blunt / 2, h / 2) == pytest.approx(tallest(blunt / 2, h) / 2)
+    asked = {THICKNESS: h, 10 * THICKNESS: h, THICKNESS / 2: h / 2, THICKNESS / 5: h / 5}
+    for detail, size in asked.items():
+        assert 0.6 * size < tallest(detail, h) <= 1.5 * size
+    assert tallest(THICKNESS / 2, h / 2) == pytest.approx(tallest(THICKNESS / 2, h) / 2)
+
+
+@pytest.mark.parametrize(("name", "factor"), [("G_c", 1 / 4), ("delta_c", 1 / 2), ("thickness", 2)])
+def test_the_detail_is_the_least_of_thickness_edge_and_cohesive_zone(name, factor):
+    blunt = load_case("gelatin")
+    p = blunt.p
+    assert blunt.sizes.detail_mm == pytest.approx(p.thickness)
+    zone = 2 * p.G / (1 - p.nu) * p.G_c / (p.G_c / (np.e * p.delta_c)) ** 2
+    assert blunt.model.cohesive_zone(p) == pytest.approx(zone)
+    # E′ G_c/σ_c² = e² E′ δ_c²/G_c.
+    tough = blunt.set(G_c=f"{3 * p.G_c} N/mm")
+    assert tough.sizes.detail_mm == pytest.approx(4 * zone / 3)
+    sharp = blunt.set(with_="wedge", edge_radius="0.05 mm")
+    assert sharp.sizes.detail_mm == pytest.approx(0.3)
+    assert sharp.set(detail="0.2 mm").sizes.detail_mm == 0.2
+    moved = tough.set(**{name: f"{factor * tough.values[name]} {'N/mm' if name == 'G_c' else 'mm'}"})
+    assert moved.sizes.detail_mm == pytest.approx(
+        min(
+            moved.p.thickness,
+            6 * moved.model.tool.edge_radius(moved.p),
+            4 * moved.model.cohesive_zone(moved.p),
+        )
+    )
 
 
 @pytest.mark.parametrize("dim", [2, 3])

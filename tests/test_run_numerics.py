@@ -184,7 +184,7 @@ def test_rest_is_on_the_clock(newton_by):
     held = run_case(case)
     late = [run.curve["time_s"] * case.p.speed - run.displacement_mm for run in (free, held)]
     assert np.abs(late[0]).max() < 1e-9
-    rests = late[1] / case.numerics.step_min_mm
+    rests = late[1] / case.sizes.step_min_mm
     assert (np.diff(rests) > -1e-6).all() and rests[-1] > 0.9
     np.testing.assert_allclose(rests, np.round(rests), atol=1e-6)
 
@@ -246,7 +246,7 @@ def deepest(case):
 
 @pytest.mark.slow
 def test_augmentation_reduces_the_penetration():
-    case = PRESSED.set(depth="0.3 mm", normal="tool", penalty=20, multiplier="none")
+    case = PRESSED.set(depth="0.3 mm", normal="tool", penalty="20 1/mm", multiplier="none")
     penalty, once, thrice = (deepest(case.set(augmentations=n)) for n in (0, 1, 3))
     assert penalty > 1e-4
     assert once < 0.7 * penalty
@@ -254,7 +254,9 @@ def test_augmentation_reduces_the_penetration():
 
 
 def test_augmentations_end_where_pressures_stand_still():
-    case = PRESSED.set(depth="0.3 mm", normal="tool", multiplier="none", penalty=3200, augmentations=50)
+    case = PRESSED.set(
+        depth="0.3 mm", normal="tool", multiplier="none", penalty="3200 1/mm", augmentations=50
+    )
     built, still = build(case), case.numerics.tuning.newton.multipliers
     steps, w = list(built.march), built.form("blade").faces.w
     assert max(len(step.solves) for step in steps) < 51

@@ -27,8 +27,8 @@ CUTTING = load_case("gelatin").set(
     tip="3.5 mm",
     mu=0.2,
     depth="0.6 mm",
-    penalty=100,
-    stick=40,
+    penalty="100 1/mm",
+    stick="40 1/mm",
     multiplier="none",
     tolerance=1e-11,
     solver="superlu",  # of the whole tangent: Newton's last iteration then leaves rounding alone
@@ -107,7 +107,7 @@ def test_they_are_for_other_numerics(changes, names, steps):
 @pytest.mark.slow
 @pytest.mark.parametrize("material, cohesion", [("gelatin", 2), ("elastomer", None)])
 def test_over_a_whole_transition(material, cohesion):
-    soft = {"penalty": 100, "stick": 40, "multiplier": "none"}
+    soft = {"penalty": "100 1/mm", "stick": "40 1/mm", "multiplier": "none"}
     case = load_case(material).set(h="0.6 mm", depth="3 mm", tolerance=1e-11, solver="superlu", **soft)
     if cohesion is not None:  # elements as large as these do not cut gelatin's own in so short a way
         case = case.set(cohesion=cohesion, depth="2 mm")

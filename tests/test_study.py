@@ -57,7 +57,7 @@ def test_values_units_and_sections_arrive_in_the_cases(write):
     assert study.axes[0].values == (1.0, 10.0, 100.0)
     assert study.axes[1].values == pytest.approx((0.01, 0.02)) and study.axes[1].unit == "mm/s"
     assert {case.p.G for case in study.grid} == {0.01}
-    assert {case.numerics.h_mm for case in study.grid} == {0.5}
+    assert {case.sizes.h_mm for case in study.grid} == {0.5}
     assert study.regime.drop == 0.2 and study.regime.surge_min is None
     assert (study.plot.x, study.plot.y, study.plot.panel) == ("cohesion", "speed", "")
     assert study.marks()[0].at["speed"] == pytest.approx(0.021)

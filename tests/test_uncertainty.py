@@ -39,7 +39,7 @@ def halved(case) -> Result:
     """As ``analytic_runs``, with a drop that is ``BIAS`` times as large on small elements, and twice as
     large with a surface's length that is half the default's or less."""
     found = analytic_runs.computed(case)
-    factor = BIAS if case.numerics.h_mm < 0.05 else 1.0
+    factor = BIAS if case.sizes.h_mm < 0.05 else 1.0
     factor *= 2.0 if case.values["surface_length"] < 0.05 else 1.0
     drop = min(factor * analytic_runs.drop_of(case), 0.95)
     force = np.array([0.0, 1.0, 1.0, 1 - drop, 1 - drop, 1.2 - drop])
@@ -59,13 +59,13 @@ def study(tmp_path):
 def test_refined_halves_elements_and_steps_and_keeps_the_tip():
     case = load_case("gelatin")
     fine = refined(case)
-    assert fine.numerics.h_mm == case.numerics.h_mm / 2 and fine.numerics.step_mm == case.numerics.step_mm / 2
+    assert fine.sizes.h_mm == case.sizes.h_mm / 2 and fine.sizes.step_mm == case.sizes.step_mm / 2
     assert fine.numerics.damage_step == case.numerics.damage_step / 2
-    assert fine.numerics.corner * fine.numerics.h_mm == pytest.approx(0.7 / 44.8)
+    assert fine.numerics.corner * fine.sizes.h_mm == pytest.approx(0.7 / 44.8)
     assert fine.numerics.shallow == 1 and fine.p == case.p and fine.id != case.id
     coarse = case.set(h="0.5 mm", corner=0.25, shallow=0.5)
-    again = refined(coarse).numerics
-    assert again.h_mm * again.corner == pytest.approx(0.125) and again.h_mm * again.shallow == 0.125
+    again, h = refined(coarse).numerics, refined(coarse).sizes.h_mm
+    assert h * again.corner == pytest.approx(0.125) and h * again.shallow == 0.125
 
 
 def test_ratios_are_of_margins_and_end():

@@ -133,7 +133,7 @@ def compute_fields(case: Case, names: Sequence[str], e: Experiment) -> ComputedC
     interpolated. Raises BadInput, ComputationFailed.
     """
     asked = [f.travel_mm for f in e.fields]
-    wanted = sorted({max(mm - back, 0.0) for mm in asked for back in (case.numerics.step_mm, 0.0)})
+    wanted = sorted({max(mm - back, 0.0) for mm in asked for back in (case.sizes.step_mm, 0.0)})
     result = run_case(case, sensitivities=names, snapshots_mm=wanted)
     u, by = [], []
     for measured in e.fields:

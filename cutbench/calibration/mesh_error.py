@@ -11,6 +11,8 @@ values.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from cutbench.case.case import Case
@@ -21,7 +23,7 @@ from cutbench.data.repetition import Averaged
 from cutbench.data.sawtooth import local_mean, roughness_variance
 
 #: Numerics of the finer computation, relative to those of the fit.
-REFINEMENT = {"h_mm": 0.7, "step_mm": 0.5, "penalty": 2.0, "stick": 2.0}
+REFINEMENT = {"h": 0.7, "step": 0.5, "penalty": 2.0, "stick": 2.0}
 #: What is added of the difference's smooth part, and what stays uncertain of it.
 CORRECTION_FACTOR, UNCERTAINTY_FACTOR = 1.5, 0.7
 #: In grid values: the window of the smooth part (standard deviation), and the length of its roughness.
@@ -54,10 +56,7 @@ def field_block(e: Experiment, computed: np.ndarray, fine: np.ndarray | None = N
 
 def refined_case(case: Case) -> Case:
     """The same test with smaller elements and steps and a stiffer blade surface."""
-    n = case.numerics
-    numbers = {name: factor * getattr(n, name) for name, factor in REFINEMENT.items()}
-    numbers["step_mm"] = max(numbers["step_mm"], n.step_min_mm)
-    return case.set(**numbers)
+    return replace(case, numerics=case.numerics.finer(**REFINEMENT))
 
 
 def guessed_error(grid: Averaged, y: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
@@ -21,7 +22,7 @@ from cutbench.case.computation import computation_of, mesh_digest
 from cutbench.case.group_ranges import UntypicalGroup, untypical_groups
 from cutbench.case.model import DEFAULT, Model
 from cutbench.case.motion import DEPTH, Polyline, checked_motion, read_motion
-from cutbench.case.numerics import ALIASES, KEYS, Numerics, defaults, preset
+from cutbench.case.numerics import ALIASES, KEYS, Numerics, Sizes, defaults, preset, unit_mm
 from cutbench.case.outline import Points, checked_outline, namespace, read_outline, with_outline
 from cutbench.case.tuning import Tuning
 from cutbench.case.values import (
@@ -86,7 +87,7 @@ class Case:
     >>> case = cutbench.load_case("gelatin").set(G="8 kPa", h="0.2 mm")
     >>> case.values["G"]  # MPa
     0.008
-    >>> case.shown()["G"], case.numerics.h_mm
+    >>> case.shown()["G"], case.sizes.h_mm
     ('8 kPa', 0.2)
     >>> case.id == case.set(name="another name").id
     True
@@ -193,6 +194,18 @@ class Case:
         """The dimensionless groups that are far from all that the known materials have."""
         return untypical_groups(self.model, self.values)
 
+    @property
+    def unit_mm(self) -> float:
+        """The length that numerics are in, mm: the blade's thickness; of a strip a part of its width."""
+        return unit_mm(self.values)
+
+    @cached_property
+    def sizes(self) -> Sizes:
+        """What the lengths and stiffnesses of its numerics come to, in mm and G per mm."""
+        model, p, (edges, zones) = self.model, self.p, self.numerics.tuning.mesh.detail
+        edge = math.inf if model.tool is None else edges * model.tool.edge_radius(p)
+        return self.numerics.sizes(self.unit_mm, min(edge, zones * model.cohesive_zone(p)))
+
     def groups(self) -> dict[str, float]:
         """Compute the dimensionless groups of all its mechanisms.
 
@@ -259,7 +272,8 @@ class Case:
                 name: {"value": rounded(value / known[name].factor, 15), "unit": known[name].unit}
                 for name, value in self.values.items()
             },
-            "numerics": {k: v for k, v in asdict(self.numerics).items() if k != "tuning"},
+            "numerics": self.numerics.written(),
+            "sizes": vars(self.sizes),
             "tuning": asdict(self.numerics.tuning),
         } | {name: [list(point) for point in line] for name, line in self._lines}
 

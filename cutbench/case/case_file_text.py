@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import fields
 
 from cutbench.case.case import Case
 from cutbench.case.model import section_of
 from cutbench.case.motion import DEPTH
-from cutbench.case.numerics import ALIASES, defaults
+from cutbench.case.numerics import defaults
 from cutbench.case.values import SECTIONS
 
 #: Digits of a value: more than any test tells, few enough to be read.
@@ -49,12 +48,10 @@ def _values(case: Case, remarks: Mapping[str, str]) -> Iterator[tuple[str, str]]
 
 def _numerics(case: Case) -> Iterator[str]:
     """What differs from the defaults."""
-    usual, short = defaults(case.dim), {long: name for name, long in ALIASES.items()}
-    for name in (field.name for field in fields(case.numerics) if field.name != "tuning"):
-        value = getattr(case.numerics, name)
-        if value == getattr(usual, name):
-            continue
-        yield f"{short[name]} = '{value!r} mm'" if name in short else f"{name} = {json.dumps(value)}"
+    usual = defaults(case.dim).written()
+    for name, value in case.numerics.written().items():
+        if value != usual[name]:
+            yield f"{name} = {json.dumps(value)}"
 
 
 def _text(value: str) -> str:

@@ -20,22 +20,15 @@ def chosen(part: float, h: float, thickness: float, rule: tuple[float, float]) -
 
 def under_tip(numerics: Numerics, thickness: float, radius: float) -> float:
     """Size of the elements under the tip, mm, of a blade so thick with an edge of that ``radius``."""
-    h, tuning = numerics.h_mm, numerics.tuning.mesh
+    h, tuning = numerics.sizes(thickness).h_mm, numerics.tuning.mesh
     size = chosen(numerics.corner, h, thickness, tuning.corner) * h
     return size if numerics.corner else min(size, max(radius / tuning.edge[0], tuning.edge[1] * h))
-
-
-def on_plane(numerics: Numerics, thickness: float, radius: float) -> float:
-    """Size of a section's elements on the cut plane at the most, mm, for a blade so thick with an edge of
-    that ``radius``: ``h`` where sizes there were chosen."""
-    sharp = 1.0 if numerics.shallow else min(1.0, numerics.tuning.mesh.sharp * radius / thickness)
-    return numerics.h_mm * sharp
 
 
 def near_blade(numerics: Numerics, thickness: float, radius: float) -> dict[str, Any]:
     """Arguments of ``wanted``, by the choices of ``numerics``, for a blade so thick with an edge of that
     ``radius``, both in mm."""
-    h, tuning = numerics.h_mm, numerics.tuning.mesh
+    h, tuning = numerics.sizes(thickness).h_mm, numerics.tuning.mesh
     return {
         "corner": under_tip(numerics, thickness, radius),
         "shallow": chosen(numerics.shallow, h, thickness, tuning.shallow),

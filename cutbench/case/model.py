@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -299,6 +300,17 @@ class Model:
             Values by the formula of the group.
         """
         return {text: float(value) for m in self.all for text, value in m.groups(p).items()}
+
+    def cohesive_zone(self, p: SimpleNamespace) -> float:
+        """Length of the zone at a front in which cohesion acts, E′ G_c/σ_c², mm; infinite without cohesion.
+
+        E′ = 2 G/(1 − ν) is that of plane strain (Hillerborg, Modéer & Petersson 1976).
+        """
+        of = [law.estimate(p, 0.0, 0.0) for law in self.laws("cut")]
+        strength, work = sum(each.strength for each in of), sum(each.work for each in of)
+        if not strength:
+            return math.inf
+        return 2 * self.shear_modulus(p) / (1 - getattr(p, "nu", 0.5)) * work / strength**2
 
     def shear_modulus(self, p: SimpleNamespace) -> float:
         """Compute the shear modulus of slow loading at small strain.

@@ -81,7 +81,7 @@ class Motion:
             The way that is left, mm.
         """
         for time, _ in self.points:
-            if time * self.speed > pseudo_time_mm + 1e-9:
+            if time * self.speed > pseudo_time_mm + 1e-9 * self.end:
                 return time * self.speed - pseudo_time_mm
         return self.end - pseudo_time_mm
 
@@ -98,7 +98,7 @@ class Motion:
         bool
             True at a corner.
         """
-        return any(abs(time * self.speed - pseudo_time_mm) < 1e-9 for time, _ in self.points)
+        return any(abs(time * self.speed - pseudo_time_mm) < 1e-9 * self.end for time, _ in self.points)
 
 
 def read_motion(raw: object) -> Polyline:

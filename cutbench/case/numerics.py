@@ -1,10 +1,13 @@
-"""The numerical choices of a run: how, not what, is computed."""
+"""The numerical choices of a run: how, not what, is computed.
+
+Lengths are in thicknesses of the blade, and stiffnesses in G over one: the same problem in another size has
+the same answer. One that is written with its unit stays what it is when the blade changes.
+"""
 
 from __future__ import annotations
 
-import contextlib
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
@@ -13,13 +16,37 @@ from cutbench.base.toml import among, one_of
 from cutbench.base.units import parse_quantity
 from cutbench.case.tuning import MeshTuning, StepTuning, Tuning, WindowTuning
 
-#: A length may be written with its unit under the short name (h = "0.4 mm") or bare under the long (h_mm).
-ALIASES = {"h": "h_mm", "step": "step_mm", "step_min": "step_min_mm", "release": "release_mm"}
+#: Bare numbers under these names are in mm.
+ALIASES = {f"{name}_mm": name for name in ("h", "step", "step_min", "release", "damping")}
+#: A specimen without a blade is a strip: what stands in for the thickness, in widths of it.
+STRIP_UNIT = 7 / 120
 
 
-def _within(default: float, low: float, high: float, chosen: bool = False) -> Any:
-    """A number with its bounds; ``chosen``: 0 lets the code choose. Names that end in _mm are lengths."""
-    return field(default=default, metadata={"low": low, "high": high, "chosen": chosen})
+@dataclass(frozen=True)
+class Fixed:
+    """A ``value`` in ``mm`` or ``1/mm`` that a person has given with its unit."""
+
+    value: float
+    unit: str
+
+    def __str__(self) -> str:
+        return f"{self.value!r} {self.unit}"
+
+    def __mul__(self, factor: float) -> Fixed:
+        return replace(self, value=self.value * factor)
+
+    __rmul__ = __mul__
+
+
+def unit_mm(values: Mapping[str, Any]) -> Any:
+    """The length that numerics are in, mm: the blade's thickness."""
+    return values["thickness"] if "thickness" in values else STRIP_UNIT * values["width"]
+
+
+def _within(default: float, low: float, high: float, chosen: bool = False, unit: str = "") -> Any:
+    """A number with its bounds; ``chosen``: 0 lets the code choose. ``unit``: of one in thicknesses of the
+    blade, or per thickness, that may be given so, too."""
+    return field(default=default, metadata={"low": low, "high": high, "chosen": chosen, "unit": unit})
 
 
 def _one_of(default: str, *others: str) -> Any:
@@ -37,13 +64,20 @@ class Numerics:
 
     Attributes
     ----------
-    h_mm : float, mm
-        Element size at the cut plane, from where elements grow; at most 3 times the blade's thickness.
+    h : float, thicknesses
+        Element size at the cut plane, from where elements grow.
     corner : float
         Element size under the tip, in units of ``h``; 0: h/16, but not below 1/45 of the blade's thickness.
     shallow : float
         Element size on the cut plane down to three blade thicknesses, where cutting begins, in units of
         ``h``; further down it grows to ``h``. 0: h/4, but not below 1/11 of the blade's thickness.
+    front : float
+        Element size on the cut plane around the front at the most, in units of ``h``; 0: as the cohesive zone
+        and the blade's edge ask.
+    detail : float, thicknesses
+        The finest length at the cut: elements around its front, the contact and the damping go with it, as
+        all else goes with the thickness. 0: the thickness, six radii of the edge, or four cohesive zones,
+        whichever is least.
     around : float
         How far above and below the front of the cut elements are that small, in blade thicknesses; the
         section is meshed anew as the front goes down. 0: one mesh with small elements all the way.
@@ -61,15 +95,16 @@ class Numerics:
         Direction of the contact pressure: the blade's normal, or the material's, as in the paper.
     gap : {"distance", "ellipse"}
         Signed distance to the blade, or the paper's number times half the blade's thickness.
-    penalty : float, 1/mm
-        Contact stiffness, in G per mm of penetration.
-    stick : float, 1/mm
-        Stiffness of sticking, in G per mm of slip.
-    release_mm : float, mm
+    penalty : float, 1/detail
+        Contact stiffness, in G per penetration.
+    stick : float, 1/detail
+        Stiffness of sticking, in G per slip.
+    release : float, thicknesses
         A face of the cut that had touched the blade keeps its adhesion up to this gap; 0: for ever, as in the
         paper.
     scaled : {"none", "cell"}
-        Stiffnesses of contact as they are, or times 1 mm over the diameter of the element, as in the paper.
+        Stiffnesses of contact as they are, or times a thickness over the diameter of the element, as in the
+        paper.
     closing : float
         Pressure at which the closed cut plane would overlap by δ_c, in G.
     multiplier : {"carried", "none"}
@@ -88,15 +123,15 @@ class Numerics:
     predictor : {"front", "line"}
         Newton's method begins on a line through the last two states; with ``front`` the elements around the
         front are solved first.
-    step_mm : float, mm
+    step : float, thicknesses
         Largest step of blade travel.
-    step_min_mm : float, mm
+    step_min : float, thicknesses
         Smallest step; a run that needs a smaller one ends as stalled, with its curve.
     damage_step : float
         Growth of damage in a step that makes the next one smaller; twice as much refuses the step.
     energy_step : float
         Part of the blade's work over the largest step that a step may leave open; more refuses the step.
-    damping_mm : float, mm
+    damping : float, detail
         Bulk viscosity over G, times the speed; it carries a run through jumps.
     self_contact : {"on", "off"}
         Whether a section's surface beside the blade is kept from passing through itself.
@@ -115,13 +150,17 @@ class Numerics:
     --------
     >>> import cutbench
     >>> coarse = cutbench.Numerics().set({"h": "0.2 mm", "element": "P1"})
-    >>> coarse.h_mm, coarse.element
-    (0.2, 'P1')
+    >>> str(coarse.h), coarse.element
+    ('0.2 mm', 'P1')
+    >>> coarse.step == 1 / 7  # of the blade's thickness
+    True
     """
 
-    h_mm: float = _within(0.0625, 1e-3, 10.0)
+    h: float | Fixed = _within(5 / 56, 1e-3, 3.0, unit="mm")
     corner: float = _within(0.0, 0.005, 1.0, chosen=True)
     shallow: float = _within(0.0, 0.02, 1.0, chosen=True)
+    front: float = _within(0.0, 1e-3, 1.0, chosen=True)
+    detail: float | Fixed = _within(0.0, 1e-4, 1.0, chosen=True, unit="mm")
     around: float = _within(1.25, 0.0, 100.0)
     slender: float = _within(2.0, 1.0, 50.0)
     along: float = _within(4.0, 1.0, 20.0)
@@ -130,9 +169,9 @@ class Numerics:
     element: str = _one_of("P2", "P1", "P2P1")
     normal: str = _one_of("tool", "material")
     gap: str = _one_of("distance", "ellipse")
-    penalty: float = _within(64000.0, 1e-3, 1e6)
-    stick: float = _within(1600.0, 1e-3, 1e6)
-    release_mm: float = _within(0.001, 0.0, 10.0)
+    penalty: float | Fixed = _within(44800.0, 1e-3, 1e7, unit="1/mm")
+    stick: float | Fixed = _within(1120.0, 1e-3, 1e7, unit="1/mm")
+    release: float | Fixed = _within(1 / 700, 0.0, 10.0, unit="mm")
     scaled: str = _one_of("none", "cell")
     closing: float = _within(5000.0, 0.0, 1e6)
     multiplier: str = _one_of("carried", "none")
@@ -142,11 +181,11 @@ class Numerics:
     scheme: str = _one_of("monolithic", "staggered")
     stepping: str = _one_of("adaptive", "paper")
     predictor: str = _one_of("front", "line")
-    step_mm: float = _within(0.1, 1e-6, 5.0)
-    step_min_mm: float = _within(1e-4, 1e-9, 1.0)
+    step: float | Fixed = _within(1 / 7, 1e-6, 10.0, unit="mm")
+    step_min: float | Fixed = _within(1 / 7000, 1e-9, 1.0, unit="mm")
     damage_step: float = _within(0.7, 1e-3, 1.0)
     energy_step: float = _within(0.1, 1e-4, 1.0)
-    damping_mm: float = _within(3e-4, 0.0, 1.0)
+    damping: float | Fixed = _within(3 / 7000, 0.0, 1.0, unit="mm")
     self_contact: str = _one_of("on", "off")
     tolerance: float = _within(1e-7, 1e-14, 1e-2)
     symmetry: str = _one_of("auto", "quarter", "half", "full")
@@ -171,6 +210,88 @@ class Numerics:
             return f"{value:.14g}" if isinstance(value, float) else value
 
         return {k: shown(v) for k, v in asdict(self).items()}
+
+    def written(self) -> dict[str, Any]:
+        """Write the choices as ``set`` takes them, without the tuning.
+
+        Returns
+        -------
+        dict
+            Values by name; what has a unit as text.
+        """
+        values = {name: getattr(self, name) for name in _FIELDS}
+        return {k: str(v) if isinstance(v, Fixed) else v for k, v in values.items()}
+
+    def sizes(self, unit_mm: float, detail_mm: float = math.inf) -> Sizes:
+        """Say what lengths and stiffnesses come to.
+
+        Parameters
+        ----------
+        unit_mm : float, mm
+            The blade's thickness.
+        detail_mm : float, mm
+            What ``detail`` is where it is chosen, if less than the thickness.
+
+        Returns
+        -------
+        Sizes
+            In mm, and G per mm.
+        """
+        of = dict.fromkeys(_SCALED, unit_mm)
+        detail = float(min(self._in_mm("detail", unit_mm) or detail_mm, unit_mm))
+        of |= dict.fromkeys(("penalty", "stick", "damping"), detail)
+        values = {name: self._in_mm(name, of[name]) for name in _SCALED}
+        return Sizes(*(values | {"detail": detail}).values())
+
+    def _in_mm(self, name: str, unit_mm: float) -> float:
+        """A length in mm, or a stiffness in G per mm, of ``unit_mm``."""
+        value = getattr(self, name)
+        if isinstance(value, Fixed):
+            return value.value
+        return value * unit_mm if _SCALED[name].metadata["unit"] == "mm" else value / unit_mm
+
+    def misfits(self, unit_mm: float) -> Iterator[tuple[str, str, str]]:
+        """Say which lengths and stiffnesses are out of bounds for a blade.
+
+        Parameters
+        ----------
+        unit_mm : float, mm
+            The blade's thickness.
+
+        Yields
+        ------
+        tuple of str
+            The key, its value, and what would be right.
+        """
+        for name, f in _SCALED.items():
+            if not isinstance(value := getattr(self, name), Fixed):
+                continue
+            low, high = f.metadata["low"], f.metadata["high"]
+            of = value.value / unit_mm if value.unit == "mm" else value.value * unit_mm
+            if not (low * (1 - 1e-12) <= of <= high * (1 + 1e-12) or (of == 0 and f.metadata["chosen"])):
+                bounds = (b * unit_mm if value.unit == "mm" else b / unit_mm for b in (low, high))
+                low_mm, high_mm = (f"{b:.4g} {value.unit}" for b in bounds)
+                expected = f"{low_mm} <= {name} <= {high_mm}, at most {high:g} by the blade's thickness"
+                yield name, f"{value.value:g} {value.unit}", expected
+        sizes = self.sizes(unit_mm)
+        if sizes.step_min_mm > sizes.step_mm:
+            expected = f"at most the largest step, {sizes.step_mm:g} mm"
+            yield "step_min", f"{sizes.step_min_mm:g} mm", expected
+
+    def finer(self, **factors: float) -> Numerics:
+        """Multiply single choices.
+
+        Parameters
+        ----------
+        **factors : float
+            By name, such as ``h=0.5``.
+
+        Returns
+        -------
+        Numerics
+            All others stay; a unit does, too.
+        """
+        return replace(self, **{name: factor * getattr(self, name) for name, factor in factors.items()})
 
     def set(self, values: Mapping[str, object]) -> Numerics:
         """Return new choices with values as a person wrote them.
@@ -198,19 +319,25 @@ class Numerics:
             if name in new:
                 raise BadInput(key=key, value=raw, expected=f"one of '{key}' and '{name}', they are the same")
             new[name] = _read(name, key, raw)
-        made = replace(self, **new)
-        if made.step_min_mm > made.step_mm:
-            key = next((k for k in values if ALIASES.get(k, k) in ("step_mm", "step_min_mm")), "step_min_mm")
-            value = made.step_mm if ALIASES.get(key, key) == "step_mm" else made.step_min_mm
-            expected = (
-                f"the smallest step ({made.step_min_mm:g} mm) to be at most the largest ({made.step_mm:g} mm)"
-            )
-            raise BadInput(key=key, value=f"{value:g} mm", expected=expected)
-        return made
+        return replace(self, **new)
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Lengths and stiffnesses of ``Numerics`` for one blade: mm, and G per mm; with the names of theirs."""
+
+    h_mm: float
+    detail_mm: float
+    penalty_per_mm: float
+    stick_per_mm: float
+    release_mm: float
+    step_mm: float
+    step_min_mm: float
+    damping_mm: float
 
 
 #: Elements of a first look.
-_COARSE: dict[str, Any] = {"h_mm": 0.125, "corner": 0.25}
+_COARSE: dict[str, Any] = {"h": 5 / 28, "corner": 0.25}
 #: A block is a section drawn out: where it differs from the section's defaults. Elements are those of a first
 #: look, for each of a section's is one in each layer, and under the tip as large whatever h is: gelatin meets
 #: larger ones by the edge alone, and is not cut. Its surface does not see itself. Its planes jump one after
@@ -219,12 +346,12 @@ _COARSE: dict[str, Any] = {"h_mm": 0.125, "corner": 0.25}
 #: docs/validation/blocks.md says what that costs.
 _SOLID = replace(
     Numerics(),
-    h_mm=_COARSE["h_mm"],
+    h=_COARSE["h"],
     layers=2,
     self_contact="off",
-    penalty=4000.0,
-    stick=2560.0,
-    damping_mm=3e-3,
+    penalty=2800.0,
+    stick=1792.0,
+    damping=3 / 700,
     tuning=Tuning(
         steps=StepTuning(drift=0.02),
         mesh=MeshTuning(corner=(1 / 16, 1 / 22.4)),
@@ -233,28 +360,28 @@ _SOLID = replace(
     ),
 )
 #: And of a quick look at a block: one layer, and elements that grow on below the first cut.
-_QUICK: dict[str, Any] = {"h_mm": 0.25, "layers": 1}
+_QUICK: dict[str, Any] = {"h": 5 / 14, "layers": 1}
 #: A block of tetrahedra of its own, as few as a run in minutes allows. Faces larger than the tip is round
 #: meet its apex alone: along the tool's normal they would be pushed down, not apart. Their contact is the
 #: soft one that such blocks were measured with.
 _TETRAHEDRA = Numerics(
-    h_mm=1.0,
+    h=10 / 7,
+    detail=1.0,
     corner=0.25,
     shallow=1.0,
     around=0.0,
-    step_mm=0.1,
     slender=8.0,
     facet_degree=4,
     bulk_degree=2,
     damage_step=0.5,
     energy_step=0.05,
     normal="material",
-    penalty=1000.0,
-    stick=400.0,
+    penalty=700.0,
+    stick=280.0,
     multiplier="none",
 )
 #: Where a preset for first looks differs, in sections: larger elements and a contact four times as soft.
-_FAST: dict[str, Any] = {**_COARSE, "penalty": 16000.0, "stick": 400.0}
+_FAST: dict[str, Any] = {**_COARSE, "penalty": 11200.0, "stick": 280.0}
 
 
 def defaults(dim: int) -> Numerics:
@@ -273,8 +400,8 @@ def defaults(dim: int) -> Numerics:
     return _SOLID if dim == 3 else Numerics()
 
 
-#: The paper's mean edge in mm, of 47,801 tetrahedra in 30 × 30 × 21 mm.
-PAPER_EDGE = 1.5
+#: The paper's mean edge, 1.5 mm, of 47,801 tetrahedra in 30 × 30 × 21 mm, beside a blade of 0.7 mm.
+PAPER_EDGE = 15 / 7
 #: Its penalties are printed without units. t_N = ε_N/h g, with a gap that is a number, makes ε_N = 1 N/mm: in
 #: SI units it were no contact. t_T = ε_T/h Δu makes ε_T = 1e8 a stress. It is read in Pa, 100 N/mm²: what 1e8
 #: N/mm² makes of the rounding of Δu is more than a tolerance bears. From half of this on results are the same
@@ -283,7 +410,7 @@ PAPER_PENALTY, PAPER_STICK = 1.0, 100.0
 #: Updates of its multipliers, "successive iterations", at the most.
 PAPER_UPDATES = 50
 #: In three dimensions elements grow away from the cut plane: this size on it gives as many as the paper's.
-PAPER_SOLID: dict[str, Any] = {"h_mm": 0.85, "along": 1.25}
+PAPER_SOLID: dict[str, Any] = {"h": 17 / 14, "along": 1.25}
 #: Sets of choices under one word.
 PRESETS = ("converged", "fast", "paper")
 #: And what only blocks have.
@@ -330,12 +457,13 @@ def preset(name: object, dim: int, modulus: float, thickness: float) -> Numerics
         return _TETRAHEDRA
     if name == "converged":
         return start
-    # Our ellipse gap is a/2 times the dimensionless one, and the penalty is in G per mm of it.
+    # Our ellipse gap is a/2 times the dimensionless one. Both are divided by the element's diameter in mm.
     penalty = 2 * PAPER_PENALTY / (modulus * thickness / 2)
-    size = PAPER_SOLID if dim == 3 else {"h_mm": PAPER_EDGE}
+    size = PAPER_SOLID if dim == 3 else {"h": PAPER_EDGE}
     return replace(
         _TETRAHEDRA if dim == 3 else start,
         **size,
+        detail=1.0,
         corner=1.0,
         shallow=1.0,
         around=0.0,
@@ -348,13 +476,13 @@ def preset(name: object, dim: int, modulus: float, thickness: float) -> Numerics
         scaled="cell",
         multiplier="none",
         augmentations=PAPER_UPDATES,
-        release_mm=0.0,
+        release=0.0,
         closing=0.0,
         self_contact="off",
         scheme="staggered",
         stepping="paper",
         predictor="line",
-        step_mm=0.2,
+        step=2 / 7,
         damage_step=0.1,
     )
 
@@ -365,7 +493,9 @@ UNMEASURED = {"contact stiffness": (("penalty", "stick"), (0.5, 4.0))}
 #: What a person may set.
 _FIELDS = {f.name: f for f in fields(Numerics) if f.name != "tuning"}
 #: All names that may be set, long and short.
-KEYS = (*ALIASES, *_FIELDS)
+KEYS = (*_FIELDS, *ALIASES)
+#: Lengths and stiffnesses.
+_SCALED = {name: f for name, f in _FIELDS.items() if f.metadata.get("unit")}
 
 
 def _read(name: str, key: str, raw: object) -> object:
@@ -379,12 +509,15 @@ def _read(name: str, key: str, raw: object) -> object:
     if "choices" in about:
         among(key, raw, about["choices"])
         return raw
+    if about["unit"] and isinstance(value := _scaled(key, raw, about["unit"]), Fixed):
+        return value  # its bounds are in thicknesses of a blade, see ``misfits``
     low, high = about["low"], about["high"]
-    unit = " mm" if name.endswith("_mm") else ""
-    wanted = f"{low:g}{unit} <= {key} <= {high:g}{unit}"
+    value = parse_quantity(raw, "1", key=key)
+    wanted = f"{low:g} <= {key} <= {high:g}"
+    if about["unit"]:
+        wanted += " thicknesses of the blade, or a length with its unit" * (about["unit"] == "mm")
     if about["chosen"]:
         wanted = f"0 or {wanted}"
-    value = _length(name, key, raw) if unit else parse_quantity(raw, "1", key=key)
     if value == 0 and about["chosen"]:
         return 0.0
     if not math.isfinite(value) or not low <= value <= high:
@@ -396,8 +529,20 @@ def _read(name: str, key: str, raw: object) -> object:
     return float(value)
 
 
-def _length(name: str, key: str, raw: object) -> float:
-    if key == name and isinstance(raw, (int, float, str)) and not isinstance(raw, bool):
-        with contextlib.suppress(ValueError):
-            return float(raw)  # the unit is in the name, so the number may stand bare
-    return parse_quantity(raw, "mm", key=key)
+def _scaled(key: str, raw: object, unit: str) -> object:
+    """``raw`` with its unit, where it has one, or the key has."""
+    bare = raw
+    if isinstance(raw, str):
+        try:
+            bare = float(raw)
+        except ValueError:
+            return Fixed(_above(key, raw, parse_quantity(raw, unit, key=key)), unit)
+    if key in ALIASES and isinstance(bare, (int, float)) and not isinstance(bare, bool):
+        return Fixed(_above(key, raw, float(bare)), unit)
+    return bare
+
+
+def _above(key: str, raw: object, value: float) -> float:
+    if not (math.isfinite(value) and value >= 0):
+        raise BadInput(key=key, value=raw, expected="a number above 0 with its unit, such as '0.1 mm'")
+    return value

@@ -1,19 +1,38 @@
 """The tuned numbers of a computation, each with its reason: part of a case's identity; nobody sets them.
 
 What a user may choose stands in ``numerics``. These decide how quickly and how surely a run gets to its end.
+Lengths are in thicknesses of the blade; ``sized`` gives them in mm.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import ClassVar, Self
+
+
+class Sized:
+    """Tuned numbers of which some are lengths."""
+
+    lengths: ClassVar[tuple[str, ...]] = ()
+
+    def sized(self, unit_mm: float) -> Self:
+        """The same with lengths in mm."""
+        values = {name: getattr(self, name) for name in self.lengths}
+        return replace(  # type: ignore[type-var]
+            self,
+            **{k: tuple(unit_mm * x for x in v) if isinstance(v, tuple) else unit_mm * v
+               for k, v in values.items()},
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
-class StepTuning:
-    """How long the next step is, and when damping is raised. Lengths in mm of blade travel."""
+class StepTuning(Sized):
+    """How long the next step is, and when damping is raised. Lengths are blade travels."""
 
-    first: float = 0.02
+    lengths = ("first", "gentle", "finest", "begun")
+
+    first: float = 1 / 35
     """First step, and the one after a corner of the motion: the tip indents by less than it is round."""
     iterations: int = 9
     """A step that needs no more lets the next one grow; one that needs three more makes it shorter. Where
@@ -35,9 +54,9 @@ class StepTuning:
     target: float = 0.9
     """Part of what damage and the ledger may do in a step that the next one is made for: its prediction
     errs."""
-    gentle: float = 0.03
+    gentle: float = 3 / 70
     """Below this step, where Newton's method fails, a snap has begun."""
-    finest: float = 5e-3
+    finest: float = 1 / 140
     """Below this step growth of damage refuses none, nor does a front that is not found by itself, and one
     whose energy does not close is taken where damping has been raised in vain. Refused further down, what
     jumps was damped: under a wedge with an edge of 50 µm gelatin's drop was then 0.25 with a ``damage_step``
@@ -63,8 +82,8 @@ class StepTuning:
     ``damage_step`` in a step: where it starts to run away a step that is long against that finds it open
     before its time. Without this and ``resolved`` the elastomer's onset is 4.4 % early, with both 1.5 %;
     gelatin's 2.0 and 0.9 %."""
-    begun: float = 0.05
-    """So long is a cut that has begun, mm: in a block in a plane."""
+    begun: float = 1 / 14
+    """So long is a cut that has begun: in a block in a plane."""
     resolved: float = 0.4
     """Until then a step is at most this part of that over which damage grows e times faster."""
     noticed: float = 0.01
@@ -72,16 +91,18 @@ class StepTuning:
 
 
 @dataclass(frozen=True)
-class NewtonTuning:
-    """Newton's method, its regularisation and its line search. Lengths in mm."""
+class NewtonTuning(Sized):
+    """Newton's method, its regularisation and its line search."""
+
+    lengths = ("reach", "trust")
 
     stagnant: float = 1e-6
     """Residual that is accepted where rounding keeps it from falling further."""
     iterations: int = 60
     """At the most: a step that needs more is cheaper in two."""
-    reach: float = 0.3
+    reach: float = 3 / 7
     """Largest change of a displacement in one iteration: some elements."""
-    trust: float = 0.2
+    trust: float = 2 / 7
     """The one beyond which the tangent is regularised: a direction so long comes of a near singularity."""
     largest_shift: float = 300.0
     """Regularisation at the most, in G: no element moves by more than a part of itself then."""
@@ -114,7 +135,7 @@ class NewtonTuning:
 
 @dataclass(frozen=True)
 class WindowTuning:
-    """The elements around the front that are solved first. Lengths in blade thicknesses unless in mm."""
+    """The elements around the front that are solved first."""
 
     reach: float = 1.0
     """Half of its width, and how far it goes ahead of the front and behind: what the front moves in a
@@ -138,7 +159,7 @@ class WindowTuning:
     """Parts of the front's expected advance that are tried where all of it inverts elements."""
     near: float = 0.15
     """So near to the front."""
-    touch_mm: float = 0.01
+    touch: float = 1 / 70
     """Nodes nearer to the blade than this keep their distance in a prediction."""
     remembered: int = 3
     """Elements of the cut plane that the past is remembered for: a step is at most as long."""
@@ -149,7 +170,7 @@ class RemeshTuning:
     """Meshes that follow the front."""
 
     stride: float = 1.0
-    """The front goes so far on one mesh, in blade thicknesses."""
+    """The front goes so far on one mesh."""
     fewest: int = 8
     """And so many elements of the plane at least: as many are small above it and below, too."""
     worth: float = 0.5
@@ -162,33 +183,41 @@ class RemeshTuning:
 
 
 @dataclass(frozen=True)
-class PathTuning:
-    """Paths through snap-backs (``solver.arc_length``). Lengths in mm; C is the cut's length."""
+class PathTuning(Sized):
+    """Paths through snap-backs (``solver.arc_length``). C is the cut's length."""
 
-    travel: float = 0.1
+    lengths = ("travel", "growth", "first", "leaps", "stride", "turn", "shortest", "nudge", "begun")
+
+    travel: float = 1 / 7
     """Largest step of the travel."""
-    growth: float = 0.03
+    growth: float = 3 / 70
     """Largest step of C: an element or two."""
-    first: float = 0.005
+    first: float = 1 / 140
     """First step of C, where it takes the place of the travel."""
-    leaps: tuple[float, ...] = (0.03, 0.06)
+    leaps: tuple[float, ...] = (3 / 70, 6 / 70)
     """Where no equilibrium is near, larger steps of C are tried before the body is let go."""
     breaks: float = 0.5
     """C is given instead of the travel where it grows faster than this, per travel."""
     damage: float = 0.6
     """Largest growth of damage anywhere in a step: more jumps to another branch."""
-    stride: float = 0.15
+    stride: float = 3 / 14
     """Largest change of the travel in a step."""
-    turn: float = 0.02
+    turn: float = 1 / 35
     """Where the blade turns, its first step the other way is at most this: a longer one changes the
     branch."""
+    shortest: float = 1 / 7000
+    """Where no step as long as this finds an equilibrium, something else is given."""
+    nudge: float = 1 / 70
+    """A blade that was let go and stays where it was is moved on by this before it is let go again."""
+    begun: float = 1 / 700
+    """From a cut so long on it is asked how stable its states are."""
     points: int = 3000
     """Points at most."""
 
 
 @dataclass(frozen=True)
 class MeshTuning:
-    """Sizes of the elements of a built-in mesh. Lengths in blade thicknesses unless said."""
+    """Sizes of the elements of a built-in mesh."""
 
     grading: float = 0.7
     """Growth of the element size with the distance from the cut plane: more changes the onset."""
@@ -201,15 +230,16 @@ class MeshTuning:
     """By this."""
     corner: tuple[float, float] = (1 / 16, 1 / 44.8)
     """Elements under the tip, where no size is chosen: this part of h, but not below this part of the blade's
-    thickness, 16 µm for 0.7 mm."""
+    thickness."""
     edge: tuple[float, float] = (3.0, 0.01)
     """And so many of them at least to the radius of the blade's edge, which bends the surface over as short a
     way, but not below this part of h."""
-    sharp: float = 6.0
-    """Where no size is chosen on the cut plane, elements of a section are h there under an edge as round as
-    the thickness over this, as the default's is, and under a sharper one smaller by as much. With h,
-    gelatin's steady force under a wedge with an edge of 50 µm is 5 % too large, and a step in six is refused,
-    for the front jumps from element to element."""
+    detail: tuple[float, float] = (6.0, 4.0)
+    """The finest length at the cut is at most so many radii of the blade's edge, and so many cohesive zones:
+    with a blade of 0.7 mm whose tip is an ellipse, in the paper's materials, it is the thickness. Elements on
+    the cut plane are then half as large as the edge is round, or a third of the zone. A wire's steady force
+    is 1 % above its toughness, where it is 25 % with elements as large as the zone; with half the radii the
+    onset under a wedge of 40 µm moves by 0.7 %, its forces by 0.2 %."""
     shallow: tuple[float, float] = (1 / 4, 1 / 11.2)
     """The same where the cut surges."""
     reach: float = 6 / 7
@@ -217,8 +247,8 @@ class MeshTuning:
     cut plane, and as large as elsewhere, down from the tip. Material that sticks to a blunt tip holds the cut
     plane shut for about half of that. Where it opens below, it is squeezed to half its height, and may
     fold."""
-    reach_mm: float = 0.3
-    """Millimetres over which elements of a block become as wide as tall."""
+    block_reach: float = 3 / 7
+    """Over which elements of a block become as wide as tall."""
     longest: float = 1 / 12
     """Elements of a block are longer along the blade than tall only up to this part of its length."""
 

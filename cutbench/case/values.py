@@ -10,7 +10,7 @@ from cutbench.base.errors import BadInput
 from cutbench.base.toml import nearest
 from cutbench.case.mesh_sizes import chosen, under_tip
 from cutbench.case.model import PROTOCOL, SPECIMEN, Model, apply_groups, groups, owners, section_of, tools
-from cutbench.case.numerics import KEYS, Numerics
+from cutbench.case.numerics import KEYS, Numerics, unit_mm
 from cutbench.mechanisms import Tool, registry
 
 #: Sharpest tip that an element resolves: its radius of curvature a²/b in element sizes.
@@ -267,9 +267,10 @@ def _misfits(
         yield "depth", f"{v['depth']:g} mm", f"at most {most:g} mm, {why}"
     if v["precut"] >= v["height"]:
         yield "precut", f"{v['precut']:g} mm", f"less than the height, {v['height']:g} mm"
+    yield from numerics.misfits(unit_mm(v))
     if "thickness" not in v:
         return
-    thickness, h, tilt, overhang = v["thickness"], numerics.h_mm, v.get("tilt", 0.0), v.get("overhang", 0.0)
+    thickness, tilt, overhang = v["thickness"], v.get("tilt", 0.0), v.get("overhang", 0.0)
     incline = v.get("incline", 0.0)
     if dim == 2:
         turned = {"tilt": math.degrees(tilt), "incline": math.degrees(incline)}
@@ -296,11 +297,6 @@ def _misfits(
     if thickness >= v["width"]:
         thinner = f"a blade thinner than the specimen is wide ({v['width']:g} mm)"
         yield "thickness", f"{thickness:g} mm", thinner
-    if h > ELEMENTS_PER_BLADE * thickness * (1 + 1e-12):
-        wanted = (
-            f"an element size at the cut plane of at most {ELEMENTS_PER_BLADE:g} times the blade's thickness"
-        )
-        yield "h", f"{h:g} mm", f"{wanted} ({thickness:g} mm), {ELEMENTS_PER_BLADE * thickness:g} mm"
 
 
 def _misshapen(tool: Tool, p: SimpleNamespace, numerics: Numerics) -> Iterator[tuple[str, str, str]]:
@@ -312,7 +308,7 @@ def _misshapen(tool: Tool, p: SimpleNamespace, numerics: Numerics) -> Iterator[t
     if numerics.symmetry in ("quarter", "half") and not tool.alike(p):
         expected = f"'full' or 'auto': the flanks of this {tool.name} are not alike"
         yield "symmetry", numerics.symmetry, expected
-    (key, formula), least = tool.edge, numerics.h_mm * TIP_PER_ELEMENT
+    (key, formula), least = tool.edge, numerics.sizes(p.thickness).h_mm * TIP_PER_ELEMENT
     if (radius := tool.edge_radius(p)) < least:
         now, fit = getattr(p, key), tool.edge_for(p, least)
         article = "an" if key[0] in "aeiou" else "a"
@@ -333,7 +329,9 @@ def doubts(p: SimpleNamespace, tool: Tool | None, numerics: Numerics) -> tuple[s
     person."""
     if tool is None or numerics.normal != "tool" or numerics.mesh is not None:
         return ()
-    h, thickness, radius = numerics.h_mm, p.thickness, tool.edge_radius(p)
+    thickness, radius = p.thickness, tool.edge_radius(p)
+    sizes = numerics.sizes(thickness)
+    h = sizes.h_mm
     shallow = h * chosen(numerics.shallow, h, thickness, numerics.tuning.mesh.shallow)
     under = min(under_tip(numerics, thickness, radius), shallow)
     found = []
@@ -341,12 +339,12 @@ def doubts(p: SimpleNamespace, tool: Tool | None, numerics: Numerics) -> tuple[s
         found.append(
             f"elements under the tip ({under:.3g} mm) are larger than it is round ({radius:.3g} mm):"
             " along the tool's normal it pushes them down and cuts too late;"
-            f" corner = {_below(radius / numerics.h_mm):g} or normal = 'material' would do"
+            f" corner = {_below(radius / h):g} or normal = 'material' would do"
         )
-    if numerics.penalty * radius < STIFF_AT_EDGE / 2:
+    if sizes.penalty_per_mm * radius < STIFF_AT_EDGE / 2:
         found.append(
-            f"the contact (penalty = {numerics.penalty:g} per mm) gives way by much of the edge's radius"
-            f" ({radius:.3g} mm), as if that were sharper: the cut begins too early;"
-            f" penalty = {STIFF_AT_EDGE / radius:.0f} would do"
+            f"the contact (penalty = {sizes.penalty_per_mm * thickness:g}) gives way by much of the edge's"
+            f" radius ({radius:.3g} mm), as if that were sharper: the cut begins too early;"
+            f" penalty = {STIFF_AT_EDGE * thickness / radius:.0f} would do"
         )
     return tuple(found)

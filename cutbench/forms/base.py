@@ -141,9 +141,9 @@ class Form:
         """
         return self.start(p)
 
-    def stored(self, u, p, state: dict) -> float:
-        """Of the work taken up what is a function of displacements and state, in the unit of ``work``."""
-        return 0.0
+    def stored(self, u, p, state: dict) -> dict[str, float]:
+        """Of the work taken up by each mechanism what is a function of displacements and state."""
+        return {}
 
     def work(self, u, p, old: dict, new: dict, step: Step) -> dict[str, float]:
         """Work taken up by each mechanism over the step, in mJ per mm of length (2D) or mJ (3D)."""

@@ -22,7 +22,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cutbench.forms.base import component_major
-from cutbench.forms.space import Faces
+from cutbench.forms.space import Faces, determinants
 from cutbench.forms.surface import Rim, Share, SurfaceForm, edge_of
 from cutbench.mechanisms.base import Skin
 
@@ -138,10 +138,10 @@ class Rings:
         corners = pieces.shape[0]
         edges = np.moveaxis(X[:, pieces[1:]] - X[:, pieces[:1]], 2, 0)  # (n, dim, m)
         # Gradients of the barycentric coordinates in the plane of each piece.
-        inverse = np.linalg.pinv(edges)  # (n, m, dim)
+        squares = np.einsum("ndi,ndj->nij", edges, edges)
+        inverse = np.linalg.inv(squares) @ np.swapaxes(edges, 1, 2)  # (n, m, dim)
         gradient = np.concatenate([-inverse.sum(axis=1, keepdims=True), inverse], axis=1)  # (n, m+1, dim)
-        gram = np.linalg.det(np.einsum("ndi,ndj->nij", edges, edges))
-        volume = np.sqrt(gram) / math.factorial(corners - 1)
+        volume = np.sqrt(determinants(squares)) / math.factorial(corners - 1)
         tables = [-np.einsum("nid,njd,n->ijn", gradient, gradient, volume)]
         if corners == 3:
             one = edges[0, :, 0] / np.linalg.norm(edges[0, :, 0])

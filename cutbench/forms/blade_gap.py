@@ -12,10 +12,10 @@ from cutbench.forms.base import blend, gather
 from cutbench.forms.space import Faces
 from cutbench.mechanisms.base import STEP
 
-#: Added to the gap beyond the blade's ends, mm.
+#: Added to the gap beyond the blade's ends, in its thicknesses.
 FAR = 1e6
-#: Points farther beside the blade than this cannot touch it within a step, mm.
-REACH = 0.25
+#: Points farther beside the blade than so many thicknesses cannot touch it within a step.
+REACH = 5 / 14
 
 
 class Lie(NamedTuple):
@@ -62,14 +62,14 @@ class Met(NamedTuple):
 
 class Approach(NamedTuple):
     """What ``met`` asks of a step besides the displacements: those at its start, the blade's way, where its
-    apex ends, how it lies and how far it reaches; which faces carry shear, how far they reached before
+    apex ends, how it lies and where it can touch; which faces carry shear, how far they reached before
     loading, their unknowns, shape functions, places and flanks."""
 
     u_old: np.ndarray
     way: tuple
     apex: np.ndarray
     lie: Lie
-    extent: tuple[float, float, float]
+    extent: tuple[float, float, float, float]
     held: np.ndarray
     reached: np.ndarray
     dofs: np.ndarray
@@ -91,9 +91,8 @@ def _met(u, u_old, way, apex, lie, extent, held, reached, dofs, N, X, flank) -> 
     dim, real = len(X), Lie(*(each.real for each in lie))
     left, right, low, high = reached + reach(gather(u.real, dofs, dim), real)
     edge = (apex[1].real + real.lift) * real.ci
-    least, most, top = extent
-    meets = (left < most + REACH) & (right > least - REACH) & (high > edge - REACH)
-    meets &= low < edge + top + REACH
+    least, most, bottom, top = extent
+    meets = (left < most) & (right > least) & (high > edge + bottom) & (low < edge + top)
     near = np.flatnonzero(meets | held)
     N, dofs = N[:, :, near], dofs[:, near]
     slip = blend(N, gather(u - u_old, dofs, dim)) - np.array(way)[:, None, None]
@@ -105,7 +104,7 @@ def _met(u, u_old, way, apex, lie, extent, held, reached, dofs, N, X, flank) -> 
 def met(u, u_old, way, apex, lie, extent, held, reached, dofs, N, X, flank):
     dim, (_, nq, nf), nn = len(way), X.shape, N.shape[1]  # a tuple's length is known when it is compiled
     c, s, ci, si, lift = lie
-    least, most, top = extent
+    least, most, bottom, top = extent
     edge = (apex[1].real + lift.real) * ci.real
     inclined = dim == 3 and si.real != 0
     near = np.empty(nf, np.int64)
@@ -122,8 +121,8 @@ def met(u, u_old, way, apex, lie, extent, held, reached, dofs, N, X, flank):
                 x = x * c.real - z * s.real
             left, right = min(left, x), max(right, x)
             low, high = min(low, y), max(high, y)
-        beside = reached[0, f] + left < most + REACH and reached[1, f] + right > least - REACH
-        level = reached[3, f] + high > edge - REACH and reached[2, f] + low < edge + top + REACH
+        beside = reached[0, f] + left < most and reached[1, f] + right > least
+        level = reached[3, f] + high > edge + bottom and reached[2, f] + low < edge + top
         if held[f] or (beside and level):
             near[count] = f
             count += 1
@@ -174,14 +173,15 @@ class ToolGap:
         self._flank = np.sign(np.where(on_plane, -faces.normal[0], middle))
         self._shape = (*(q.name for q in tool.parameters), *tool.reads)
         self._turned: tuple[Any, np.ndarray] = (None, np.zeros((4, 0)))
-        self._extent: tuple[Any, tuple[float, float, float]] = (None, (0.0, 0.0, 0.0))
+        self._extent: tuple[Any, tuple[float, float, float, float]] = (None, (0.0, 0.0, 0.0, 0.0))
 
-    def extent(self, p) -> tuple[float, float, float]:
-        """How far the tool reaches to the left, to the right and up, mm."""
+    def extent(self, p) -> tuple[float, float, float, float]:
+        """From where to where the tool can touch points within a step: across, and up from its edge, mm."""
         shape = [getattr(p, name) for name in self._shape]
         if self._tool.measured or self._extent[0] != shape:
             least, most, top = self._tool.extent(p)
-            self._extent = shape, (float(least), float(most), float(top))
+            room = REACH * float(np.real(p.thickness))
+            self._extent = shape, (float(least) - room, float(most) + room, -room, float(top) + room)
         return self._extent[1]
 
     def approach(self, p, touched, step, dofs, real: bool) -> Approach:
@@ -234,7 +234,9 @@ class ToolGap:
             # Points beyond its ends, as they lay before loading, stay free.
             X = self._faces.X[:, :, near].reshape(3, -1)
             along = X[2] * np.real(lie.c) + X[0] * np.real(lie.s)
-            g = np.where(np.abs(along) > np.real(p.length) / 2 + np.real(p.overhang), g + FAR, g)
+            g = np.where(
+                np.abs(along) > np.real(p.length) / 2 + np.real(p.overhang), g + FAR * np.real(p.thickness), g
+            )
         return g, gradient, second
 
 

@@ -200,7 +200,7 @@ class BulkForm(Form):
         return {name: float(w @ density) for name, density in taken.items() if density is not None}
 
     def stored(self, u, p, state):
-        return sum(self.energies(u, p, state).values())
+        return self.energies(u, p, state)
 
     def work(self, u, p, old, new, step):
         before = self.energies(step.u_old, p, old)

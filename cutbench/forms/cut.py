@@ -171,8 +171,8 @@ class CutForm(Form):
     def stored(self, u, p, state):
         jump, at = self.jump(u), Points(X=self._X, depth=self._depth, held=True, closing=self.closing)
         w = self._weights(p, at).ravel()
-        taken = (law.work(jump, p, state, at) for law in self.laws)
-        return sum(float(w @ density) for density in taken if density is not None)
+        taken = {law.name: law.work(jump, p, state, at) for law in self.laws}
+        return {name: float(w @ density) for name, density in taken.items() if density is not None}
 
     def work(self, u, p, old, new, step):
         jump, at = self.jump(u), self.points(step)

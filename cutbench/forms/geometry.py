@@ -43,16 +43,17 @@ def paired(plus: Faces, minus: Faces, X: np.ndarray) -> Faces:
     """
 
     def key(points):  # (dim, n); adding 0 turns -0 into 0
-        return np.lexsort(np.round(points, 9) + 0.0)
+        return np.lexsort(np.round(points / (1e-9 * size)) + 0.0)
 
+    size = float(np.ptp(X))
     order_plus = key(plus.X.mean(axis=1))
     order_minus = key(minus.X.mean(axis=1))
     face = np.empty_like(order_plus)
     face[order_plus] = order_minus
     N, nodes, w, points = (np.empty_like(a) for a in (plus.N, plus.nodes, plus.w, plus.X))
     for f, g in enumerate(face):
-        a = _match(plus.X[:, :, f], minus.X[:, :, g])
-        b = _match(X[:, plus.nodes[:, f]], X[:, minus.nodes[:, g]])
+        a = _match(plus.X[:, :, f] / size, minus.X[:, :, g] / size)
+        b = _match(X[:, plus.nodes[:, f]] / size, X[:, minus.nodes[:, g]] / size)
         nodes[:, f] = minus.nodes[b, g]
         N[:, :, f] = minus.N[a][:, b, g]
         w[:, f], points[:, :, f] = minus.w[a, g], minus.X[:, a, g]
@@ -63,6 +64,6 @@ def paired(plus: Faces, minus: Faces, X: np.ndarray) -> Faces:
 def _match(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     distance = np.abs(a[:, :, None] - b[:, None, :]).sum(axis=0)
     nearest = distance.argmin(axis=1)
-    if distance.min(axis=1).max() > 1e-6 or np.unique(nearest).size != nearest.size:
+    if distance.min(axis=1).max() > 1e-7 or np.unique(nearest).size != nearest.size:
         raise ValueError("the two sides of the cut plane do not have matching nodes")
     return nearest

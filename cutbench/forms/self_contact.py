@@ -118,13 +118,13 @@ class SelfContactForm(Form):
         return np.real(self.stiffness(p)) * np.concatenate(blocks, axis=2)
 
     def stored(self, u, p, state):
-        """Stored energy in mJ per mm of length."""
         none = np.zeros(0, int)
         stored = sum(line.barrier(np.real(line.moved(u)), none, False)[0] for line in self._lines)
-        return float(np.real(self.stiffness(p)) * stored)
+        return {self.name: float(np.real(self.stiffness(p)) * stored)}
 
     def work(self, u, p, old, new, step):
-        return {self.name: self.stored(u, p, new) - self.stored(step.u_old, p, old)}
+        before, after = self.stored(step.u_old, p, old), self.stored(u, p, new)
+        return {self.name: after[self.name] - before[self.name]}
 
 
 @dataclass(frozen=True)

@@ -39,6 +39,13 @@ NEAREST, OUTSIDE = (3, 12), 1e-6
 FACE_ARRAYS = ("nodes", "N", "dN", "w", "X", "normal", "tangents", "size", "cell")
 
 
+def determinants(A: np.ndarray) -> np.ndarray:
+    """Of matrices (n, d, d) with d up to 3. NumPy's go by logarithms, and round otherwise in another size."""
+    if A.shape[1] < 3:
+        return A[:, 0, 0] * A[:, 1, 1] - A[:, 0, 1] * A[:, 1, 0] if A.shape[1] == 2 else A[:, 0, 0]
+    return np.einsum("ni,ni->n", A[:, 0], np.cross(A[:, 1], A[:, 2]))
+
+
 @dataclass(frozen=True)
 class Volume:
     """Quadrature on elements. nq points, ne elements, nn nodes an element."""
@@ -200,7 +207,7 @@ class Space:
         corners = mesh.p[:, mesh.t]  # (dim, dim+1, ne)
         jac = corners[:, 1:] - corners[:, :1]  # dX_J/dξ_M
         by_element = np.moveaxis(jac, 2, 0)
-        size = np.abs(np.linalg.det(by_element))
+        size = np.abs(determinants(by_element))
         jinv = np.ascontiguousarray(np.moveaxis(np.linalg.inv(by_element), 0, 2))
         X = corners[:, 0][:, None] + np.einsum("jme,mq->jqe", jac, xi)
         return Volume(nodes, phi, np.ascontiguousarray(dphi), jinv, np.outer(w, size), X)

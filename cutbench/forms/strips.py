@@ -29,7 +29,8 @@ class Strips:
             edges = np.linspace(low, high, count + 1)
             self.z, self.near = (edges[1:] + edges[:-1]) / 2, (high - low) / count
         else:
-            self.z, self.near = np.unique(np.round(self._along(faces.X), 9)), 1e-9
+            self.near = 1e-9 * max(high - low, 1e-300)
+            self.z = self.near * np.unique(np.round(self._along(faces.X) / self.near))
             edges = np.concatenate([[low], (self.z[1:] + self.z[:-1]) / 2, [high]])
         self._edges = edges[1:-1]
         self.at = self.of(faces.X).ravel()

@@ -55,7 +55,7 @@ class SupportForm(Form):
         return float(np.einsum("af,abf,bf->", x, self._matrix(self.law.compliance(p)), x) / 2)
 
     def stored(self, u, p, state):
-        return self.energy(u, p)
+        return {self.law.name: self.energy(u, p)}
 
     def work(self, u, p, old, new, step):
         return {self.law.name: self.energy(u, p) - self.energy(step.u_old, p)}

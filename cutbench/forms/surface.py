@@ -111,7 +111,8 @@ class SurfaceForm(Form):
         return Local(c * self.forces(U, there), slope, state)
 
     def stored(self, u, p, state):
-        return float(self.coefficient(p) * (state["there"] @ self.energies(np.take(u, self.dofs))))
+        energies = self.energies(np.take(u, self.dofs))
+        return {self.law.name: float(self.coefficient(p) * (state["there"] @ energies))}
 
     def work(self, u, p, old, new, step):
         # The mean of the forces at both ends: each has a factor of its own.

@@ -155,7 +155,7 @@ def _about(study: Study) -> dict[str, object]:
         "changes": json.dumps(dict(study.changes), default=str),
         "drop_threshold": study.regime.drop,
         "surge_threshold": math.nan if study.regime.surge_min is None else study.regime.surge_min,
-        "onset_length_mm": study.regime.onset_length_mm,
+        "onset_length_mm": math.nan if study.regime.onset_length_mm is None else study.regime.onset_length_mm,
         "window": "blade thickness",
         "plot_x": study.plot.x,
         "plot_y": study.plot.y,
@@ -338,10 +338,10 @@ def axes_of(data: xr.Dataset) -> list[str]:
 
 def regime_of(data: xr.Dataset) -> Regime:
     """What tells the regimes of a map apart."""
-    surge = float(data.attrs["surge_threshold"])
+    surge, length = (float(data.attrs[name]) for name in ("surge_threshold", "onset_length_mm"))
     return Regime(
         float(data.attrs["drop_threshold"]), surge if math.isfinite(surge) else None,
-        float(data.attrs["onset_length_mm"]),
+        length if math.isfinite(length) else None,
     )  # fmt: skip
 
 

@@ -17,10 +17,10 @@ from cutbench.run.pool.pool import cores
 from cutbench.run.runner import run_case
 from cutbench.run.store.runs import Store
 
-#: Where no such run is in the store: what a mm of travel takes at default numerics in times of a ``probe``
-#: on this machine, how many times as much with friction and on elements and steps half as large, and the
-#: travel of a run until its transition (``studies/transition.toml``).
-PER_MM, RUBBING, REFINED, TRANSITION_MM = 4.5, 4.0, 5.0, 6.0
+#: Where no such run is in the store: what a blade thickness of travel takes at default numerics in times of a
+#: ``probe`` on this machine, how many times as much with friction and on elements and steps half as large,
+#: and the travel of a run until its transition in thicknesses (``studies/transition.toml``).
+PER_THICKNESS, RUBBING, REFINED, TRANSITION_TRAVEL = 3.15, 4.0, 5.0, 60 / 7
 
 
 @dataclass(frozen=True)
@@ -87,11 +87,12 @@ def forecast(study: Study, store: str | os.PathLike[str], workers: int | None = 
 
 def _rate(case: Case) -> float:
     """What a run takes, in times of a probe."""
-    travel = min(case.p.depth, TRANSITION_MM) if case.until == TRANSITION else case.p.depth
+    travel = case.p.depth / case.unit_mm
+    travel = min(travel, TRANSITION_TRAVEL) if case.until == TRANSITION else travel
     rubs = any(
         case.values[q.name] > 0 for law in case.model.all if law.role == "friction" for q in law.parameters
     )
-    return PER_MM * travel * (RUBBING if rubs else 1.0)
+    return PER_THICKNESS * travel * (RUBBING if rubs else 1.0)
 
 
 @cache

@@ -51,7 +51,7 @@ from cutbench.maps.study_sections import (
     read_section,
     read_uncertainty,
 )
-from cutbench.run.measures import ONSET_MM
+from cutbench.run.measures import ONSET
 
 _SECTIONS = ("parameters", "specimen", "blade", "protocol", "numerics")
 _OWN = ("axis", "sample", "boundary", "regime", "uncertainty", "plot")
@@ -327,8 +327,9 @@ def load_study(path: str | Path) -> Study:
 def _regime(table: dict, base: Case) -> Regime:
     """What ``[regime]`` says, for runs of ``base`` and their like."""
     regime = read_regime(read_section(table, "regime"))
-    if base.until == TRANSITION and regime.onset_length_mm > ONSET_MM:
-        expected = f"at most {ONSET_MM:g} mm: a run until its transition ends behind the onset by that length"
+    usual = ONSET * base.unit_mm
+    if base.until == TRANSITION and (regime.onset_length_mm or usual) > usual * (1 + 1e-9):
+        expected = f"at most {usual:g} mm: a run until its transition ends behind the onset by that length"
         raise BadInput("onset_length", f"{regime.onset_length_mm:g} mm", expected)
     return regime
 

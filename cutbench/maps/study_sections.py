@@ -33,7 +33,8 @@ class Regime:
 
     drop: float
     surge_min: float | None
-    onset_length_mm: float
+    #: None: ``cutbench.run.measures.ONSET`` thicknesses of the blade.
+    onset_length_mm: float | None
     #: Whether each place has a run at rest, too, for ``cutbench.maps.regimes``.
     rest: bool = False
 
@@ -108,8 +109,10 @@ def read_regime(part: dict) -> Regime:
     refuse_unknown(part, ("drop", "surge", "onset_length", "rest"))
     drop = _between(part, "drop", 0.1, 0, 1)
     surge = _between(part, "surge", None, 0, math.inf) if "surge" in part else None
-    length = parse_quantity(part.get("onset_length", "0.1 mm"), "mm", key="onset_length")
-    if not 0 < length < math.inf:
+    length = (
+        parse_quantity(part["onset_length"], "mm", key="onset_length") if "onset_length" in part else None
+    )
+    if length is not None and not 0 < length < math.inf:
         raise BadInput("onset_length", part["onset_length"], "a length above 0, such as '0.1 mm'")
     rest = part.get("rest", False)
     if not isinstance(rest, bool):

@@ -34,12 +34,9 @@ RATIOS = ("refined_ratio", "band_low_ratio", "band_high_ratio")
 def refined(case: Case) -> Case:
     """``case`` with elements on the cut plane and steps half as large; those under the tip stay."""
     n, tool = case.numerics, case.model.tool
-    finer = replace(
-        n, h_mm=n.h_mm / 2, step_mm=n.step_mm / 2, damage_step=n.damage_step / 2,
-        energy_step=n.energy_step / 2,
-    )  # fmt: skip
+    finer = n.finer(h=0.5, step=0.5, damage_step=0.5, energy_step=0.5)
     if tool is not None:
-        thickness, h = case.p.thickness, n.h_mm
+        thickness, h = case.p.thickness, case.sizes.h_mm
         corner = near_blade(n, thickness, tool.edge_radius(case.p))["corner"]
         shallow = chosen(n.shallow, h, thickness, n.tuning.mesh.shallow)
         finer = replace(finer, corner=min(2 * corner / h, 1.0), shallow=shallow)

@@ -6,18 +6,23 @@ import numpy as np
 import skfem
 
 from cutbench.base.errors import BadInput
-from cutbench.case.mesh_sizes import near_blade, on_plane
+from cutbench.case.mesh_sizes import near_blade
 from cutbench.forms.geometry import Geometry
 from cutbench.models2d.section import half_block
 from cutbench.models2d.usermesh import read_mesh
 
 
 def geometry(
-    values, numerics, radius: float = np.inf, fine: tuple[float, float] = (0.0, np.inf), kept=None
+    values,
+    numerics,
+    radius: float = np.inf,
+    detail: float = np.inf,
+    fine: tuple[float, float] = (0.0, np.inf),
+    kept=None,
 ) -> Geometry:
     """The section of a case: ``values`` have width, height, length in mm. Raises BadInput for a bad mesh.
 
-    ``radius``: of the blade's edge, mm.
+    ``radius`` of the blade's edge, and finest length at the cut, ``detail``, mm.
     ``fine``: the depths in mm between which a built-in mesh has small elements; ``kept``: places elsewhere.
     """
     length, height = values["length"], values["height"]
@@ -30,10 +35,11 @@ def geometry(
             raise BadInput(key="symmetry", value="full", expected=expected)
         mesh = read_mesh(numerics.mesh, values["width"], height)
         return Geometry(mesh, height, 2 * length)
-    reach = numerics.tuning.mesh.reach * values["thickness"] / 2
-    sizes = {"slender": numerics.slender, **near_blade(numerics, values["thickness"], radius)}
-    sizes["largest"] = on_plane(numerics, values["thickness"], radius)
-    mesh = half_block(values["width"], height, numerics.h_mm, reach=reach, fine=fine, kept=kept, **sizes)
+    thickness = values["thickness"]
+    h, reach = numerics.sizes(thickness).h_mm, numerics.tuning.mesh.reach * thickness / 2
+    sizes = {"slender": numerics.slender, **near_blade(numerics, thickness, radius)}
+    sizes["largest"] = h * min(1.0, detail / thickness)
+    mesh = half_block(values["width"], height, h, reach=reach, fine=fine, kept=kept, **sizes)
     if numerics.symmetry == "full":
         return Geometry(mirrored(mesh), height, length, split=True)
     return Geometry(mesh, height, 2 * length)

@@ -55,7 +55,7 @@ def half_block(
         folded = ((kept_at[0] < rim) & (kept_at[1] > height - rim / 4)).any()
         # Of a fold it is all or nothing: on elements of many sizes it rolls in jumps.
         rim = rim if folded or fine[0] <= 0 else 0.0
-    half = brentq(lambda xi: across(xi) - width / 2, width / 2, width / 2 + reach)
+    half = width / 2 * brentq(lambda x: across(x * width / 2) / (width / 2) - 1, 1.0, 1 + 2 * reach / width)
     levels = max(0, int(np.floor(np.log2(min(half, height) / 4 / h))))
     coarse = h * 2**levels
     ny = int(np.ceil(height / coarse - 1e-9))

@@ -40,19 +40,21 @@ def geometry(values, numerics, radius: float = np.inf) -> Geometry:
             _check_pairs(mesh, numerics.mesh)
         held = (("middle", 2),) if part == "quarter" else ()
         return Geometry(mesh, values["height"], PARTS[part], held, split=part == "full")
-    h, tuning = numerics.h_mm, numerics.tuning.mesh
+    thickness, tuning = values["thickness"], numerics.tuning.mesh
+    h = numerics.sizes(thickness).h_mm
     h_z = length_along(values["length"], h, numerics.along, tuning.longest)
-    sizes = {"slender": numerics.slender, "reach": tuning.reach_mm}
-    sizes |= near_blade(numerics, values["thickness"], radius)
+    sizes = {"slender": numerics.slender, "reach": tuning.block_reach * thickness}
+    sizes |= near_blade(numerics, thickness, radius)
     mesh = quarter(values["width"], values["height"], values["length"], h, h_z=h_z, **sizes)
     return block(mesh, part_of(values, numerics))
 
 
 def _check_pairs(mesh: skfem.MeshTet, path: str) -> None:
     """Both sides of the cut plane must have the same triangles."""
+    eps = 1e-7 * float(np.ptp(mesh.p))
     plus, minus = (
         np.sort(
-            np.round(mesh.p[1:, mesh.facets[:, mesh.boundaries[name]]].mean(axis=1), 6).T.view("f8,f8"),
+            np.round(mesh.p[1:, mesh.facets[:, mesh.boundaries[name]]].mean(axis=1) / eps).T.view("f8,f8"),
             axis=0,
         )
         for name in ("cut", "cut_minus")

@@ -39,7 +39,7 @@ def quarter(
     h_z: float | None = None,
     corner: float | None = None,
     slender: float = SLENDER,
-    reach: float = MeshTuning.reach_mm,
+    reach: float = 0.3,
     shallow: float = 1.0,
     surge: float = 1.0,
     rim: float = 0.0,
@@ -58,7 +58,7 @@ def quarter(
     def across(xi):
         return xi - (1 - 1 / slender) * reach * -np.expm1(-xi / reach)
 
-    half = brentq(lambda xi: across(xi) - width / 2, width / 2, width / 2 + reach)
+    half = width / 2 * brentq(lambda x: across(x * width / 2) / (width / 2) - 1, 1.0, 1 + 2 * reach / width)
     h_z = length_along(length, h) if h_z is None else h_z
     corner = None if corner is None or corner >= h else corner
     # Lengths along the blade in units of h_z / h: there the wanted mesh is isotropic.

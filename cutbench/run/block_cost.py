@@ -14,8 +14,8 @@ from cutbench.run.result import Result
 from cutbench.solver.linear import SingularMatrix
 from cutbench.solver.problem import Timer
 
-#: An iteration is timed where the unknowns are moved by so much, in waves of so many of them.
-_MOVED_MM, _WAVES = 3e-4, 100.0
+#: An iteration is timed where the unknowns are moved by so many thicknesses, in waves of so many of them.
+_MOVED, _WAVES = 3 / 7000, 100.0
 
 
 def expected_seconds(block: Case, like: Result) -> float:
@@ -28,7 +28,7 @@ def expected_seconds(block: Case, like: Result) -> float:
     states = problem.touched(problem.start())
     # First what is compiled or analysed once, and a factorization to keep; then an iteration as most are, a
     # little further on.
-    for way_mm in (0.0, _MOVED_MM):
+    for way_mm in (0.0, _MOVED * block.unit_mm):
         problem.timer = timer = Timer()
         moved = u + way_mm * np.sin(np.arange(u.size) / _WAVES)
         found = problem.evaluate(moved, states, step)
@@ -37,7 +37,7 @@ def expected_seconds(block: Case, like: Result) -> float:
             problem.back_substitute(found.residual)
         except SingularMatrix:
             return math.nan
-        problem.evaluate(moved + 1e-9, states, step)
+        problem.evaluate(moved * (1 + 1e-6), states, step)
     total = 0.0
     for part, seconds in timer.seconds.items():
         calls, own = like.counts.get(f"{part}_calls", 0), like.timings.get(part, 0.0)
@@ -51,7 +51,7 @@ def pace_of(block: Case, like: Result) -> Pace:
     the cut begins and many behind."""
     way = like.curve["time_s"] * block.p.speed
     steps = np.arange(way.size, dtype=float)
-    beyond = steps[-1] / max(float(way[-1]), 1e-9)
+    beyond = steps[-1] / max(float(way[-1]), 1e-300)
 
     def effort(mm: float) -> float:
         return float(np.interp(mm, way, steps)) + beyond * max(mm - float(way[-1]), 0.0)

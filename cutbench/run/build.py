@@ -11,7 +11,6 @@ from cutbench.base.errors import BadInput
 from cutbench.case.case import Case
 from cutbench.case.model import Model
 from cutbench.case.motion import Motion
-from cutbench.case.numerics import Numerics
 from cutbench.forms.base import Form
 from cutbench.forms.bending import BendingForm
 from cutbench.forms.blade import BladeForm, ContactNumerics
@@ -75,7 +74,7 @@ def geometry_of(case: Case, **where) -> Geometry:
     if n.symmetry == "auto" and tool is not None and not tool.alike(case.p):
         n = replace(n, symmetry="full")
     if case.dim == 2:
-        return section_geometry(case.values, n, radius, **where)
+        return section_geometry(case.values, n, radius, case.sizes.detail_mm, **where)
     if not n.layers or n.mesh is not None:
         return block_geometry(case.values, n, radius)
     if n.element == "P2P1":
@@ -85,7 +84,9 @@ def geometry_of(case: Case, **where) -> Geometry:
     part = part_of(case.values, n)
     flat = replace(n, symmetry="full" if part == "full" else "half")
     # No cut is deeper than the blade.
-    section = section_geometry(case.values, flat, radius, **({"fine": (0.0, case.p.depth)} | where))
+    section = section_geometry(
+        case.values, flat, radius, case.sizes.detail_mm, **({"fine": (0.0, case.p.depth)} | where)
+    )
     return drawn_out(section, case.values["length"], n.layers, n.layer_ratio, part)
 
 
@@ -96,18 +97,19 @@ def space_of(geometry: Geometry, order: int) -> Space:
     return Prisms.of(geometry.mesh, Space.build(geometry.section, order), geometry.planes)
 
 
-def contact_numerics(model: Model, p, n: Numerics) -> ContactNumerics:
-    """Stiffnesses of the contact for parameters ``p``, which may be complex."""
-    modulus = model.shear_modulus(p)
-    carried = n.multiplier == "carried"
-    return ContactNumerics(
-        n.penalty * modulus, n.stick * modulus, n.normal, n.gap, carried, n.release_mm, n.scaled == "cell"
-    )
+def contact_numerics(case: Case, model: Model, p) -> ContactNumerics:
+    """Stiffnesses of the contact for parameters ``p`` of a ``model``, some complex; sizes are held."""
+    n, sizes = case.numerics, case.sizes
+    modulus, carried, per_cell = model.shear_modulus(p), n.multiplier == "carried", n.scaled == "cell"
+    # Per cell they are divided by its diameter in place of the detail.
+    normal, stick = ((sizes.detail_mm if per_cell else 1) * each * modulus
+                     for each in (sizes.penalty_per_mm, sizes.stick_per_mm))  # fmt: skip
+    return ContactNumerics(normal, stick, n.normal, n.gap, carried, sizes.release_mm, per_cell)
 
 
-def damping_viscosity(model: Model, p, n: Numerics):
-    """Viscosity of the damping form, MPa s."""
-    return model.shear_modulus(p) * n.damping_mm / p.speed
+def damping_viscosity(case: Case, p):
+    """Viscosity of the damping form for parameters ``p``, MPa s."""
+    return case.model.shear_modulus(p) * case.sizes.damping_mm / p.speed
 
 
 def build(case: Case, geometry: Geometry | None = None, space: Space | None = None) -> Built:
@@ -155,12 +157,12 @@ def _forms(case: Case, geometry: Geometry, space: Space) -> tuple[list[Form], in
     # Without contact nothing meets the blade: neither friction nor adhesion then has a surface to act on.
     if model.tool is not None:
         met, kept = Faces.joined(list(faces.values())), [name for name in faces if name != "top"]
-        contact = contact_numerics(model, p, n)
+        contact = contact_numerics(case, model, p)
         forms.append(BladeForm(model.laws("blade"), met, contact, keep_touched=kept, height=p.height))
     if dim == 2 and n.self_contact == "on" and (lines := surface_lines(faces, space.X, WIDE * p.thickness)):
         forms.append(SelfContactForm(lines, space.X, model.laws("bulk"), p.thickness, n.tuning.self_contact))
-    if n.damping_mm > 0:
-        forms.append(DampingForm(volume, damping_viscosity(model, p, n)))
+    if case.sizes.damping_mm > 0:
+        forms.append(DampingForm(volume, damping_viscosity(case, p)))
     for law in model.laws("support"):
         support = SupportForm(law, space.faces(geometry.clamped, 2 * space.order), ndof)
         forms.append(support)
@@ -183,11 +185,11 @@ def _fixed(model: Model, geometry: Geometry, space: Space, forms: Sequence[Form]
 
 
 def _march(case: Case, geometry: Geometry, space: Space, problem: Problem) -> March:
-    p, n, tuned = case.p, case.numerics, case.numerics.tuning
+    p, n, tuned, sizes = case.p, case.numerics, case.numerics.tuning, case.sizes
     rules = StepRules(
-        **vars(tuned.steps),
-        largest=n.step_mm,
-        smallest=n.step_min_mm,
+        **vars(tuned.steps.sized(case.unit_mm)),
+        largest=sizes.step_mm,
+        smallest=sizes.step_min_mm,
         damage=n.damage_step,
         defect=n.energy_step,
         augmentations=n.augmentations,
@@ -207,7 +209,7 @@ def _march(case: Case, geometry: Geometry, space: Space, problem: Problem) -> Ma
         Motion(p.depth, p.speed, case.motion),
         space.nodes_on(geometry.clamped) * space.dim + 1,
         rules,
-        NewtonSettings(**vars(tuned.newton), tolerance=n.tolerance),
+        NewtonSettings(**vars(tuned.newton.sized(case.unit_mm)), tolerance=n.tolerance),
         past,
         window,
     )

@@ -76,7 +76,7 @@ class Fields(Observer):
         if step.between:
             return
         self._last, self.newest = (self._meshes.built, step), None
-        marked = bool(self._wanted) and step.travel >= self._wanted[0] - 1e-9
+        marked = bool(self._wanted) and step.travel >= self._wanted[0] * (1 - 1e-9)
         framed = self._frames.wants(self._ledger.last["time_s"])
         if not (marked or framed):
             return
@@ -88,7 +88,7 @@ class Fields(Observer):
         if marked:
             self.newest = picture
             self.snapshots.append(picture)
-            self._wanted = [travel for travel in self._wanted if travel > step.travel + 1e-9]
+            self._wanted = [travel for travel in self._wanted if travel > step.travel * (1 + 1e-9)]
 
     def end(self, *, early: bool) -> None:
         """Keep the fields at the end: as a frame, and as a snapshot of a run that ended too ``early``."""
@@ -107,7 +107,7 @@ class Fields(Observer):
         self.snapshots = [Snapshot(**picture) for picture in state["snapshots"]]
         if self._frames.count:
             self._frames.kept = [Snapshot(**picture) for picture in state["frames"]]
-        self._wanted = [travel for travel in self._wanted if travel > self._ledger.farthest + 1e-9]
+        self._wanted = [travel for travel in self._wanted if travel > self._ledger.farthest * (1 + 1e-9)]
 
     def _picture(self) -> Snapshot:
         assert self._last is not None, "there is no picture before the first step"

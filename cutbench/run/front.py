@@ -16,6 +16,7 @@ from cutbench.forms.space import Faces
 from cutbench.forms.strips import Strips
 from cutbench.run.build import Built
 from cutbench.run.fields import snapshot
+from cutbench.run.measures import ONSET
 from cutbench.run.observer import Observer
 from cutbench.run.remeshing import Transfer
 from cutbench.solver.march import Accepted
@@ -51,8 +52,6 @@ MIDDLE: dict[str, tuple[str, str]] = {
     "middle_steady_N": ("N", "steady force, likewise"),
     "middle_drop_rel": ("1", "relative fall of the force at the transition, likewise"),
 }
-#: A strip is cut once it is longer by this than at the start, mm.
-ONSET_MM = 0.1
 #: The front is where the damage is neither begun nor complete.
 PROCESS_ZONE = (0.05, 0.95)
 
@@ -68,6 +67,8 @@ class Front(Observer):
 
     def __init__(self, built: Built, strips: int | None = None):
         self._built, self._form = built, built.problem.cut
+        #: A strip is cut once it is longer by this than at the start, mm.
+        self._begun = ONSET * built.case.unit_mm
         self._last = (0.0, np.empty(0))
         self._peaks: list[tuple[float, float]] = []
         self._pattern = np.full(3, math.nan)
@@ -105,9 +106,9 @@ class Front(Observer):
         lengths = self.lengths(step.states)
         self._pattern = self._pressures(step, lengths)
         now = lengths - self.before
-        begun = np.flatnonzero(np.isnan(self.onset) & (now >= ONSET_MM))
+        begun = np.flatnonzero(np.isnan(self.onset) & (now >= self._begun))
         if begun.size:
-            part = (ONSET_MM - before[begun]) / np.maximum(now[begun] - before[begun], 1e-300)
+            part = (self._begun - before[begun]) / np.maximum(now[begun] - before[begun], 1e-300)
             self.onset[begun] = travel + np.clip(part, 0, 1) * (step.travel - travel)
             self._look(self._form.faces, step, begun)
         self._last = (step.travel, now)
@@ -121,7 +122,7 @@ class Front(Observer):
         pressure = np.real(step.states[form.name]["pressure"])[:, part].ravel()
         depth = self._built.case.p.height - form.faces.X[1][:, part].ravel()
         cut = lengths[self._strip] if pressure.size == self._strip.size else np.zeros(pressure.size)
-        place = depth / np.where(cut > ONSET_MM, cut, math.nan)
+        place = depth / np.where(cut > self._begun, cut, math.nan)
         top = int(np.argmax(pressure))
         inner = (place > 0.25) & (place < 0.75)
         w = form.faces.w[:, part].ravel()[inner]

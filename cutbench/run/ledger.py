@@ -62,9 +62,12 @@ class Ledger(Observer):
         if step.step.damping_factor > 1 and not step.between:
             self._drags, self._boost = self._drags + 1, max(self._boost, step.step.damping_factor)
         self._rested += step.dt * (step.given.advance == 0)
-        taken = step.work | {TRANSFER: step.added}
+        # On a new mesh a mechanism has first to take up again, or to give back, what that has added to it.
+        taken = {name: step.work.get(name, 0.0) + step.added.get(name, 0.0) for name in self._names}
+        if step.added:
+            taken[TRANSFER] = -sum(taken.values())
         for name in self._names:
-            done = taken.get(name, 0.0) * scale
+            done = taken[name] * scale
             self._work[name] = self._work.get(name, 0.0) + done
             self._since[name] = self._since.get(name, 0.0) + done
         if step.between:
@@ -81,7 +84,7 @@ class Ledger(Observer):
         self._since = {}
         row |= {f"work_{name}_mJ": self._work[name] for name in self._names}
         row["reaction_N"] = step.reaction * scale
-        defect = self._blade - sum(self._work.values())
+        defect = self._blade - sum(self._work.values()) + self._work.get(TRANSFER, 0.0)
         row["closure"] = defect / self._blade if self._blade else 0.0
         self._rows.append(row)
 

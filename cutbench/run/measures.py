@@ -57,13 +57,12 @@ TRANSITION = 2.0
 KNOWN = TRANSITION + 1
 #: Cutting counts as steady from so many windows after the onset: until then the force recovers from its fall.
 SETTLED = 4.0
-#: The cut has begun when it is so much longer than at the start, mm.
-ONSET_MM = 0.1
+#: The cut has begun when it is longer than at the start by this part of a window.
+ONSET = 1 / 7
 #: A drop is that of the force's mean over this part of a window: shorter ups and downs, the serrations of
 #: heterogeneous material or of coarse elements among them, are no transition.
 BLUR = 0.5
-#: The front's speed is taken over this part of a window, short against the transition and long against steps:
-#: 0.05 mm of travel with the paper's blade.
+#: The front's speed is taken over this part of a window, short against the transition and long against steps.
 FRONT = 1 / 14
 #: Forces below this part of the largest one are no base for a relative drop, nor a peak.
 _FLOOR = 0.05
@@ -78,17 +77,18 @@ def measures(
     curve: Mapping[str, np.ndarray],
     *,
     window_mm: float,
-    onset_length_mm: float = ONSET_MM,
+    onset_length_mm: float | None = None,
     height_mm: float = math.inf,
     whole: bool = True,
 ) -> dict[str, float]:
     """The measures of ``MEASURES`` for a curve with ``displacement_mm``, ``force_N``, ``cut_length_mm``.
 
     ``window_mm`` is the travel over which drop and surge are taken (the blade's thickness);
-    the cut has begun when it is longer by ``onset_length_mm`` than at the start; a peak counts when
-    the force falls by ``PROMINENCE`` of it before it rises above it. Steady is the last part of the travel,
-    ``TAIL`` or what lies ``SETTLED`` windows behind the onset, up to ``CLAMP`` windows above the base of a
-    specimen ``height_mm`` high, if it is as long as a window and the cut advances there with the blade.
+    the cut has begun when it is longer by ``onset_length_mm``, or ``ONSET`` of the window, than at the start;
+    a peak counts when the force falls by ``PROMINENCE`` of it before it rises above it. Steady is the last
+    part of the travel, ``TAIL`` or what lies ``SETTLED`` windows behind the onset, up to ``CLAMP`` windows
+    above the base of a specimen ``height_mm`` high, if it is as long as a window and the cut advances there
+    with the blade.
     What a curve does not have (a peak, an onset) is nan; without an onset there is no transition, so
     ``drop_rel`` and ``front_speed`` are nan too. One that is not ``whole`` ends with its transition: nothing
     of it is steady, and ``max_N``, ``surge`` and ``energy_mJ`` are those up to there.
@@ -101,7 +101,7 @@ def measures(
         raise ValueError(f"window_mm must be positive, not {window_mm}")
     if d.size < 2 or d[-1] <= d[0]:
         return dict.fromkeys(MEASURES, math.nan)
-    onset = first_crossing(d, c - c[0], onset_length_mm)
+    onset = first_crossing(d, c - c[0], onset_length_mm or ONSET * window_mm)
     # Whatever comes later, relative to the forces up to there.
     known = min(d[-1], onset + KNOWN * window_mm)
     least = _FLOOR * max(F[d <= known].max(), np.interp(known, d, F), 0.0)

@@ -76,7 +76,7 @@ def run_sentence(
     if math.isnan(drop):
         return f"not cut {'further ' if case.p.precut else ''}to {reached:.3g} mm{end}"
     bridged = measures.get("front_bridged", 0.0)
-    what, known = label(drop, bridged=bridged), reached >= onset + KNOWN * window - 1e-9
+    what, known = label(drop, bridged=bridged), reached >= (onset + KNOWN * window) * (1 - 1e-9)
     over = ""
     if band is not None:
         low, high = band

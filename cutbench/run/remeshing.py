@@ -4,12 +4,13 @@ Small elements are needed where the cut runs. All down the plane they are most o
 run's time. So the section, of a block also that which is drawn out, is meshed anew each time the front has
 come a blade thickness further, in a block where it is lowest;
 displacements and histories are read off the old mesh at the new one's points, and the blade rests until
-forces balance. Elements grow only where larger ones hold the same displacements. What that adds to the stored
-energy, and the rest gives back, stands in the ledger as ``transfer``.
+forces balance. Elements grow only where larger ones hold the same displacements. What each mechanism has
+taken up is in the ledger what it was; what that leaves open stands there as ``transfer``.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -28,7 +29,7 @@ from cutbench.solver.problem import QUIET
 def lengths(case: Case) -> tuple[float, float]:
     """How far the front goes on one mesh, and elements are small above it and below, mm."""
     n, thickness, tuning = case.numerics, case.p.thickness, case.numerics.tuning.remesh
-    least = tuning.fewest * n.h_mm
+    least = tuning.fewest * case.sizes.h_mm
     return max(tuning.stride * thickness, least), max(n.around * thickness, least)
 
 
@@ -163,11 +164,14 @@ def _misfits(old: Space, new: Space, u: np.ndarray, most: float) -> np.ndarray:
     return corners[..., large].mean(axis=1)
 
 
-def _stored(built: Built, u: np.ndarray, states: dict[str, dict]) -> float:
-    """Energy of a state, of the meshed part."""
+def _stored(built: Built, u: np.ndarray, states: dict[str, dict]) -> Counter[str]:
+    """What a state holds of the work taken up, by mechanism, of the meshed part."""
     problem = built.problem
     with QUIET():  # a new mesh may hold the state with elements inside out, and is not taken then
-        return sum(form.stored(u, problem.p, states[form.name]) for form in problem.forms)
+        total: Counter[str] = Counter()
+        for form in problem.forms:
+            total.update(form.stored(u, problem.p, states[form.name]))
+        return total
 
 
 @dataclass(frozen=True)
@@ -197,11 +201,14 @@ class Transfer:
     def progress(self, now: Progress) -> Progress:
         """With the blade at rest until forces balance; what the last step did then goes on."""
         u, states = self.displacements(now.u), self.states(now.states)
+        change = _stored(self.new, u, states)
+        change.subtract(_stored(self.old, now.u, now.states))
+        change.update(now.added)
         return replace(
             now,
             u=u,
             states=states,
-            added=now.added + _stored(self.new, u, states) - _stored(self.old, now.u, now.states),
+            added=dict(change),
             u_before=None if now.u_before is None else self.displacements(now.u_before),
             control=now.control.settled(),
             past=now.past and now.past | {"u": [self.displacements(u) for u in now.past["u"]]},

@@ -171,7 +171,7 @@ class Result(Displayed):
     def whole(self) -> bool:
         """Whether it went to its depth, or at least did not end early with its transition."""
         early = self.outcome.done and self.case.until == TRANSITION
-        return not early or self.outcome.reached_mm >= self.case.p.depth - 1e-9
+        return not early or self.outcome.reached_mm >= self.case.p.depth * (1 - 1e-9)
 
     def sentence(self, band: tuple[float, float] | None = None) -> str:
         """Say in words what the run found.

@@ -238,13 +238,11 @@ def _measures(case: Case, curve: Mapping[str, np.ndarray], whole: bool) -> dict[
         return {}
     count = forward(curve["displacement_mm"])
     way_down = {name: column[:count] for name, column in curve.items()}
-    taken = partial(
-        measures, window_mm=case.values.get("thickness", 0.7), height_mm=case.values["height"], whole=whole
-    )
+    taken = partial(measures, window_mm=case.unit_mm, height_mm=case.values["height"], whole=whole)
     found = taken(way_down)
     found |= Middle.read(way_down, taken)
     found["freed_rel"] = freed_rel(case, way_down, found["onset_mm"])
     found["closure"] = float(curve["closure"][-1])
     force, reaction = float(curve["force_N"][-1]), float(curve["reaction_N"][-1])
-    found["reaction_error"] = abs(reaction - force) / max(abs(force), 1e-12)
+    found["reaction_error"] = abs(reaction - force) / max(abs(force), 1e-300)
     return found

@@ -114,12 +114,14 @@ class Following(Observer):
         return groups[0], groups[1:]
 
     def _directions(self, built: Built) -> list[Direction]:
-        found = [_direction(built.case, name, built.blades) for name in self.names]
+        found = [_direction(built.case, built.case, name, built.blades) for name in self.names]
         for each, perturbation in zip(self._added, self._perturbations, strict=True):
             forms = (perturbation.forms.get(form.name, form) for form in built.blades)
             blades = [form for form in forms if isinstance(form, BladeForm)]
             for name in each.names:
-                found.append(replace(_direction(each.case, name, blades), perturbation=perturbation))
+                found.append(
+                    replace(_direction(built.case, each.case, name, blades), perturbation=perturbation)
+                )
         return found
 
 
@@ -136,7 +138,7 @@ def _forms(built: Built, case: Case) -> dict[str, Form]:
         elif isinstance(form, CutForm) and differ["cut"]:
             found[form.name] = form.with_laws(model.laws("cut"), skins)
         elif isinstance(form, BladeForm) and model.laws("blade") != base.laws("blade"):
-            contact = contact_numerics(model, case.p, n)
+            contact = contact_numerics(built.case, model, case.p)
             found[form.name] = form.with_laws(model.laws("blade"), contact)
     if any(law.surfaces for law in added):
         faces = {name: built.space.faces(name, n.facet_degree) for name in built.geometry.blade_faces}
@@ -146,13 +148,14 @@ def _forms(built: Built, case: Case) -> dict[str, Form]:
     return found
 
 
-def _direction(case: Case, name: str, blades: Sequence[BladeForm]) -> Direction:
-    p, n = case.p, case.numerics
+def _direction(held: Case, case: Case, name: str, blades: Sequence[BladeForm]) -> Direction:
+    """By ``name`` of ``case``, with the sizes of the case that is ``held``."""
+    p = case.p
     setattr(p, name, getattr(p, name) + 1j * STEP)
-    contact = contact_numerics(case.model, p, n)
+    contact = contact_numerics(held, case.model, p)
     moved = blades if isinstance(contact.stiffness, complex) else ()
     forms: dict[str, Form] = {form.name: form.with_numerics(contact) for form in moved}
     laws = [law for law in case.model.all if law.slot not in _FACES]
     known = [name for law in laws for name in (*law.reads, *(q.name for q in law.parameters))]
-    viscosity = damping_viscosity(case.model, p, n)
+    viscosity = damping_viscosity(held, p)
     return Direction(name, p, complex(p.speed), forms, name in known, viscosity)

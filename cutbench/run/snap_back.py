@@ -93,7 +93,7 @@ class SnapBack:
         jump = self.jump
         if jump is None:
             return OPEN if self.stopped is not None else STABLE
-        if jump.advance_mm > MIN_JUMP_ELEMENTS * self.case.numerics.h_mm:
+        if jump.advance_mm > MIN_JUMP_ELEMENTS * self.case.sizes.h_mm:
             return PHYSICAL
         return MESH if jump.landed else OPEN
 
@@ -114,8 +114,8 @@ def rate_independent_case(case: Case) -> Case:
                         expected=f"a model at rest: equilibria know no time; try --without {law.name}",
                     )
     changes: dict[str, object] = {"without": viscous} if viscous else {}
-    if case.numerics.damping_mm == 0:  # not felt at rest, but a release needs its matrix
-        changes["damping_mm"] = Numerics().damping_mm
+    if case.sizes.damping_mm == 0:  # not felt at rest, but a release needs its matrix
+        changes["damping"] = Numerics().damping
     return case.set(**changes) if changes else case
 
 
@@ -171,11 +171,9 @@ def viscosity_limit_cases(case: Case, depth: float) -> list[tuple[str, Case]]:
         values = {**case.values, "depth": depth} | {q.name: factor * value for q, value in eta.items()}
         text = f"viscosity × {factor:g}" if eta else "no viscosity"
         cases.append((text, replace(case, values=values)))
-    n = case.numerics
     text, last = cases[-1]
-    finer = last.set(
-        step_mm=n.step_mm / 2, damage_step=n.damage_step / 2, energy_step=n.energy_step / 2
-    )  # the steps that a run chooses follow these
+    # The steps that a run chooses follow these.
+    finer = replace(last, numerics=last.numerics.finer(step=0.5, damage_step=0.5, energy_step=0.5))
     return [*cases, (f"{text}, half the steps", finer)]
 
 
@@ -190,7 +188,7 @@ def trace_path(case: Case, on_progress: OnProgress = silent) -> tuple[dict[str, 
     meshes = RemeshedMarch(replace(case, numerics=replace(case.numerics, around=around)))
     built = meshes.built
     problem, march = built.problem, built.march
-    rules = case.numerics.tuning.path
+    rules = case.numerics.tuning.path.sized(case.unit_mm)
     path = Path(problem, march.centre0, case.p.depth, march.bottom, rules, march.newton)
     scale, thickness = built.geometry.multiplicity, case.p.thickness
     work = {name: 0.0 for name in Ledger(meshes).last if name.startswith("work_")}
@@ -210,7 +208,7 @@ def trace_path(case: Case, on_progress: OnProgress = silent) -> tuple[dict[str, 
             }
             back = farthest - point.travel
             # Around the first turning point alone: a factorization and some solves each.
-            if point.by != RELEASE and after < 5 and point.broken > 1e-3:
+            if point.by != RELEASE and after < 5 and point.broken > rules.begun:
                 row["softest"] = lowest_eigenvalue(problem, point)
                 after += back > 0
             rows.append(row | work)
@@ -220,7 +218,7 @@ def trace_path(case: Case, on_progress: OnProgress = silent) -> tuple[dict[str, 
                 turned = farthest
             if turned is not None and point.travel > turned + FOLLOWED_BEHIND_JUMP * thickness:
                 grown = max((jump.advance_mm for jump in jumps_of(_columns(rows), thickness)), default=0.0)
-                if grown > MIN_JUMP_ELEMENTS * case.numerics.h_mm:
+                if grown > MIN_JUMP_ELEMENTS * case.sizes.h_mm:
                     break
             if point.broken > MAX_PATH_LENGTH * thickness:
                 break
@@ -245,7 +243,7 @@ def jumps_of(curve: Mapping[str, np.ndarray], thickness: float) -> list[Jump]:
         if d[i + 1] >= d[i] and not released[i + 1]:
             i += 1
             continue
-        ahead = np.flatnonzero((d[i + 1 :] > d[i] + 1e-12) & ~released[i + 1 :])
+        ahead = np.flatnonzero((d[i + 1 :] > d[i] + 1e-12 * d[-1]) & ~released[i + 1 :])
         last = i + 1 + int(ahead[0]) if ahead.size else d.size - 1
         back = float(d[i] - d[i : last + 1].min())
         if back > MIN_TURN_BACK * thickness or released[i + 1 : last + 1].any():

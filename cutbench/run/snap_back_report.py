@@ -47,7 +47,7 @@ def limit_rows(followed: SnapBack) -> list[dict[str, object]]:
 
 def sentence(followed: SnapBack) -> str:
     """What was found, in words."""
-    jump, h = followed.jump, followed.case.numerics.h_mm
+    jump, h = followed.jump, followed.case.sizes.h_mm
     end_mm = float(followed.curve["displacement_mm"][-1])
     drop = followed.run.measures.get("drop_rel", math.nan)
     asked = (

@@ -7,7 +7,7 @@ import math
 from cutbench.case.case import Case
 from cutbench.case.motion import TRANSITION, Motion
 from cutbench.run.ledger import Ledger
-from cutbench.run.measures import KNOWN, ONSET_MM, first_crossing
+from cutbench.run.measures import KNOWN, ONSET, first_crossing
 from cutbench.run.outcome import Outcome
 
 #: What to try when a run stalls, by a word of the reason.
@@ -15,8 +15,8 @@ _ADVICE = {
     "invert": "Elements under the tip turn inside out: try a smaller h, a blunter tip, or element = 'P1'.",
     "energy": "The cut jumps: try a smaller step_min, or more viscosity (eta_reg).",
     "damage": "The cut jumps: try a larger damage_step, a smaller step_min, or more viscosity (eta_reg).",
-    "singular": "The equations lost their solution: try a smaller h, or damping_mm = 1e-3.",
-    "residual": "Newton's method does not converge: try a smaller h or penalty, or damping_mm = 1e-3.",
+    "singular": "The equations lost their solution: try a smaller h, or a larger damping.",
+    "residual": "Newton's method does not converge: try a smaller h or penalty, or a larger damping.",
 }
 
 
@@ -25,17 +25,17 @@ class StoppingCriterion:
 
     def __init__(self, case: Case, motion: Motion, ledger: Ledger):
         self._ends_early = case.until == TRANSITION
-        self._behind = KNOWN * case.values.get("thickness", math.inf)
+        self._behind, self._begun = KNOWN * case.unit_mm, ONSET * case.unit_mm
         self._motion, self._ledger, self.onset = motion, ledger, math.nan
 
     def mm(self) -> float:
         """The blade's time × speed at the end, as far as that is known by now."""
         if not self._ends_early:
             return self._motion.end
-        if math.isnan(self.onset) and self._ledger.grown_mm >= ONSET_MM:
+        if math.isnan(self.onset) and self._ledger.grown_mm >= self._begun:
             columns = self._ledger.columns()
             cut = columns["cut_length_mm"]
-            self.onset = first_crossing(columns["displacement_mm"], cut - cut[0], ONSET_MM)
+            self.onset = first_crossing(columns["displacement_mm"], cut - cut[0], self._begun)
         return min(self._motion.end, self.onset + self._behind)  # nan is not less
 
     def known(self) -> bool:

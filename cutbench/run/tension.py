@@ -20,7 +20,7 @@ from cutbench.case.case import Case
 from cutbench.case.numerics import defaults
 from cutbench.models3d.strip import strip
 from cutbench.run.build import Built, build
-from cutbench.run.measures import ONSET_MM, first_crossing
+from cutbench.run.measures import ONSET, first_crossing
 from cutbench.run.outcome import Outcome
 from cutbench.solver.march import Load, Stalled
 from cutbench.solver.problem import Evaluation, Problem
@@ -146,7 +146,7 @@ def run_tension(case: Case, notch_mm: float, *, on_progress: OnProgress = silent
     """
     began = time.perf_counter()
     p = case.p
-    geometry = strip(p.width, p.height, p.length, notch_mm, case.numerics.h_mm)
+    geometry = strip(p.width, p.height, p.length, notch_mm, case.sizes.h_mm)
     built = build(case, geometry)
     clamp = _Clamp(built)
     march = replace(built.march, centre0=np.zeros(3), window=None, load=clamp)
@@ -175,11 +175,11 @@ def run_tension(case: Case, notch_mm: float, *, on_progress: OnProgress = silent
     if interrupted:
         outcome = Outcome("interrupted", f"stopped by the user at {reached:.3f} mm", "", reached)
     elif stalled:
-        advice = "Try a smaller h, or damping_mm = 1e-3."
+        advice = "Try a smaller h, or a larger damping."
         text = f"no smaller step converges at {reached:.3f} mm of {p.depth:g} mm ({stalled})"
         outcome = Outcome("stalled", text, advice, reached)
     else:
-        what = "torn" if reached < p.depth - 1e-9 else "reached"
+        what = "torn" if reached < p.depth * (1 - 1e-9) else "reached"
         outcome = Outcome("done", f"{what} at {reached:.3f} mm", "", reached)
     counts = {"steps": len(rows), "iterations": iterations, "rejected_steps": refused}
     counts["degrees_of_freedom"] = int(built.problem.free.size)
@@ -228,7 +228,7 @@ def _measures(case: Case, curve: dict[str, np.ndarray]) -> dict[str, float]:
     e, F, cut = curve["elongation_mm"], curve["force_N"], curve["cut_length_mm"]
     if e.size < 2:
         return dict.fromkeys(MEASURES, math.nan)
-    top, onset = int(np.argmax(F)), first_crossing(e, cut, ONSET_MM)
+    top, onset = int(np.argmax(F)), first_crossing(e, cut, ONSET * case.unit_mm)
     return {
         "modulus_MPa": float(curve["stress_MPa"][1] / (e[1] / case.p.height)),
         "onset_mm": onset,

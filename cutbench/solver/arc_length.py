@@ -101,12 +101,12 @@ class Path:
         before: _Change | None = None
         still = 0  # releases one after the other
         for _ in range(rules.points):
-            if at.travel >= self.depth - 1e-9:
+            if at.travel >= self.depth * (1 - 1e-9):
                 return
             begun = self.problem.touched(at.states)
             found = self._first_converged_step(by, amount, at, begun, before)
             if found is None:
-                for point in self._release(at, 0.01 if still else 0.0):
+                for point in self._release(at, rules.nudge if still else 0.0):
                     yield point
                     at = _State(point.travel, point.u, point.states, point.broken)
                 # Where it does not move by itself, the blade is moved on a little before it is let go.
@@ -152,7 +152,7 @@ class Path:
                 amount /= 4
                 if by == TRAVEL and self._cut is not None and amount < rules.travel / 100:
                     by, amount = CUT, rules.first  # the blade cannot go on: what breaks decides
-                elif amount < 1e-4:
+                elif amount < rules.shortest:
                     if by != CUT:
                         break
                     by, amount = DAMAGE, rules.first

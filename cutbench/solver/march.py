@@ -96,8 +96,9 @@ class Progress:
     #: The blade's work so far, and what of it the ledger has left open.
     spent: float = 0.0
     left: float = 0.0
-    #: Energy that a new mesh has added to the state, which forces give back when they balance there.
-    added: float = 0.0
+    #: What a new mesh has added, by mechanism, to the work that the state holds: forces give it back when
+    #: they balance there.
+    added: dict[str, float] = field(default_factory=dict)
     #: Whether damping had been raised on the way: rates of second order begin anew.
     jumped: bool = False
     #: Steps that predictions are made from.
@@ -126,8 +127,8 @@ class Accepted:
     force: float
     reaction: float
     work: dict[str, float]
-    #: Energy that a new mesh has added to the state at its beginning.
-    added: float
+    #: What a new mesh has added, by mechanism, to the work that the state held at its beginning.
+    added: dict[str, float]
     iterations: int
     step: Step
     #: Each inner solve: the states it began from and the displacements it found (one without augmentations).
@@ -194,7 +195,7 @@ class March:
             self.past.restore(now.past)
         control = StepControl(rules, any(form.name == "damping" for form in problem.forms))
         plan, pace, refused = None if given is None else iter(given), now.control, []
-        while pace.rests or now.pseudo_time_mm < motion.end - 1e-9:
+        while pace.rests or now.pseudo_time_mm < motion.end * (1 - 1e-9):
             known = None
             if plan is not None:
                 given_step = next(plan, None)
@@ -226,7 +227,7 @@ class March:
                 # largest step: within a small jump of a fine step nothing is gained by closing better than
                 # that. A blade at rest is taken as one that moves.
                 most = (abs(now.force) + abs(found.force)) / 2 * max(size, rules.largest)
-                left = found.left - now.added
+                left = found.left - sum(now.added.values())
                 defect = abs(left) / max(most, 1e-300)
                 allowed = control.allowed(size, found.spent, left, now.spent, now.left)
                 if plan is None:

@@ -25,9 +25,9 @@ class ModelChange:
 
 
 #: The choices that say how hard the blade and the closed cut are, and how far adhesion reaches.
-HARD = ("penalty", "stick", "scaled", "multiplier", "augmentations", "closing", "release_mm")
+HARD = ("penalty", "stick", "scaled", "multiplier", "augmentations", "closing", "release")
 #: And how long steps are.
-STEPS = ("step_mm", "damage_step")
+STEPS = ("step", "damage_step")
 #: What tells the paper's numerics and model from the converged ones, one by one; and from there, its laws.
 CHANGES: dict[str, ModelChange] = {
     "size": ModelChange("elements of 0.5 mm", PAPER, {"h": "0.5 mm"}),

@@ -17,8 +17,8 @@ TRUTH = load_case("gelatin").set(
     eta_reg="5 s",
     h="0.35 mm",
     step="0.05 mm",
-    penalty=800,
-    stick=320,
+    penalty=560,
+    stick=224,
     multiplier="none",
     normal="material",
 )

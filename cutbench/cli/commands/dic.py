@@ -105,7 +105,7 @@ def dic(
     options = {"h": in_mm(h), "depth": f"{measured[-1].travel_mm!r} mm", "until": "depth"}
     case, folder = case_and_folder(material, changes(sets, options, with_, without), out, dim=2)
     # One step before each field too: between the two the displacements are interpolated.
-    step = case.numerics.step_mm
+    step = case.sizes.step_mm
     wanted = sorted({max(f.travel_mm - back, 0.0) for f in measured for back in (step, 0.0)})
     with bar(case.name, "mm") as on_progress:
         result = run_case(case, on_progress=on_progress, snapshots_mm=wanted)

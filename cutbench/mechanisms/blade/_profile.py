@@ -18,7 +18,7 @@ from cutbench.mechanisms.blade._rigid import Rigid
 
 #: Points of a piece in an outline.
 DRAWN = 40
-#: In place of an infinite length, mm.
+#: In place of an infinite length, in units of the others.
 ENDLESS = 1e6
 
 
@@ -90,7 +90,7 @@ def _beside(u, w, c, sn, bend, size):
 def _ends(chain: Flank) -> np.ndarray:
     """Of each piece (8, k): where it begins, cosine and sine of its direction there; the same of its end."""
     real = Flank(*map(np.real, chain))
-    length = np.minimum(real.length, ENDLESS)
+    length = np.minimum(real.length, ENDLESS * real.length[np.isfinite(real.length)].sum())
     last = real.angle + real.bend * length
     end = real.along(np.arange(length.size), length)
     first = real.x, real.y, np.cos(real.angle), np.sin(real.angle)

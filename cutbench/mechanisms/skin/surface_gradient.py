@@ -32,7 +32,7 @@ class SurfaceGradient(Skin):
             "ℓ",
             "length of the surface's resistance to gradients; 0: none",
             low=0.0,
-            high=10.0,
+            high=1000.0,
             default=0.07,
             sought=False,
             unmeasured=(0.5, 2.0),

@@ -48,6 +48,7 @@ class Window:
         self._flat = past is not None
         self._tall = float(np.median(np.ptp(space.X[1, cut.nodes], axis=0)))
         self._reach = max(tuning.reach * thickness, tuning.elements * self._tall)
+        self._touch = tuning.touch * thickness
         self._smoothed = max(tuning.near * thickness, self._tall)
         self._place: tuple[int, ...] | None = None
         self._part: SubProblem
@@ -157,7 +158,7 @@ class Window:
                 form.gap_of_nodes(self._space.X, v, states[form.name], problem.p, at)
                 for v, at in ((u, step), (last, before))
             )
-            near = was[0] < self._tuning.touch_mm
+            near = was[0] < self._touch
             for i in range(dim):
                 places = nodes * dim + i
                 held = near & problem.is_free[places] & ~part.problem.is_free[places]
