@@ -187,7 +187,7 @@ class Case:
     @property
     def cautions(self) -> tuple[str, ...]:
         """The doubts that are about elements."""
-        return doubts(self.p, self.model.tool, self.numerics)
+        return doubts(self.p, self.model.tool, self.numerics, self.sizes, self._finest_mm)
 
     @property
     def far(self) -> list[UntypicalGroup]:
@@ -202,9 +202,14 @@ class Case:
     @cached_property
     def sizes(self) -> Sizes:
         """What the lengths and stiffnesses of its numerics come to, in mm and G per mm."""
+        return self.numerics.sizes(self.unit_mm, self._finest_mm)
+
+    @property
+    def _finest_mm(self) -> float:
+        """The finest length that the cut asks for, mm."""
         model, p, (edges, zones) = self.model, self.p, self.numerics.tuning.mesh.detail
         edge = math.inf if model.tool is None else edges * model.tool.edge_radius(p)
-        return self.numerics.sizes(self.unit_mm, min(edge, zones * model.cohesive_zone(p)))
+        return float(min(edge, zones * model.cohesive_zone(p)))
 
     def groups(self) -> dict[str, float]:
         """Compute the dimensionless groups of all its mechanisms.

@@ -77,9 +77,9 @@ class Numerics:
     detail : float, thicknesses
         The finest length at the cut: elements around its front, the contact and the damping go with it, as
         all else goes with the thickness. 0: the thickness, six radii of the edge, or four cohesive zones,
-        whichever is least.
+        whichever is least, but not below an eighth of the thickness.
     around : float
-        How far above and below the front of the cut elements are that small, in blade thicknesses; the
+        How far above and below the front of the cut elements are that small, in units of ``detail``; the
         section is meshed anew as the front goes down. 0: one mesh with small elements all the way.
     slender : float
         Elements at the cut plane are so many times taller than wide.
@@ -238,7 +238,8 @@ class Numerics:
             In mm, and G per mm.
         """
         of = dict.fromkeys(_SCALED, unit_mm)
-        detail = float(min(self._in_mm("detail", unit_mm) or detail_mm, unit_mm))
+        chosen = max(detail_mm, self.tuning.mesh.least_detail * unit_mm)
+        detail = min(self._in_mm("detail", unit_mm) or chosen, unit_mm)
         of |= dict.fromkeys(("penalty", "stick", "damping"), detail)
         values = {name: self._in_mm(name, of[name]) for name in _SCALED}
         return Sizes(*(values | {"detail": detail}).values())

@@ -167,7 +167,7 @@ class WindowTuning:
 
 @dataclass(frozen=True)
 class RemeshTuning:
-    """Meshes that follow the front."""
+    """Meshes that follow the front. Lengths are in the finest length at the cut."""
 
     stride: float = 1.0
     """The front goes so far on one mesh."""
@@ -176,8 +176,9 @@ class RemeshTuning:
     worth: float = 0.5
     """Where more than this part of the height had small elements, one mesh serves."""
     misfit: float = 0.02
-    """What displacements within an element may differ by on a new mesh, in units of its size; where they do
-    more, elements stay small."""
+    """What displacements within an element may differ by on a new mesh, in units of its size, where the
+    finest length is the thickness, and less in proportion where it is less; where they do more, elements
+    stay small."""
     usable: float = 0.25
     """Part of the smallest volume ratio that a new mesh has to keep."""
 
@@ -234,6 +235,9 @@ class MeshTuning:
     edge: tuple[float, float] = (3.0, 0.01)
     """And so many of them at least to the radius of the blade's edge, which bends the surface over as short a
     way, but not below this part of h."""
+    least_detail: float = 1 / 8
+    """The finest length at the cut is not chosen below this part of the thickness: the front takes as many
+    more steps as it is shorter, on as many more elements. A case says where it asks for less."""
     detail: tuple[float, float] = (6.0, 4.0)
     """The finest length at the cut is at most so many radii of the blade's edge, and so many cohesive zones:
     with a blade of 0.7 mm whose tip is an ellipse, in the paper's materials, it is the thickness. Elements on

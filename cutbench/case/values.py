@@ -10,7 +10,7 @@ from cutbench.base.errors import BadInput
 from cutbench.base.toml import nearest
 from cutbench.case.mesh_sizes import chosen, under_tip
 from cutbench.case.model import PROTOCOL, SPECIMEN, Model, apply_groups, groups, owners, section_of, tools
-from cutbench.case.numerics import KEYS, Numerics, unit_mm
+from cutbench.case.numerics import KEYS, Numerics, Sizes, unit_mm
 from cutbench.mechanisms import Tool, registry
 
 #: Sharpest tip that an element resolves: its radius of curvature a²/b in element sizes.
@@ -29,6 +29,9 @@ CLAMP = 4.0
 #: Contact stiffness times the edge's radius from which on it counts little: under an edge of 50 µm gelatin's
 #: cut begins 4 % too early at 800, and 43 % at 200.
 STIFF_AT_EDGE = 800.0
+
+#: How many times as large as asked for the finest length may be without a word.
+COARSE_DETAIL = 1.5
 
 SECTIONS = ("parameters", "specimen", "blade", "protocol")
 
@@ -324,13 +327,14 @@ def _misshapen(tool: Tool, p: SimpleNamespace, numerics: Numerics) -> Iterator[t
         )
 
 
-def doubts(p: SimpleNamespace, tool: Tool | None, numerics: Numerics) -> tuple[str, ...]:
+def doubts(
+    p: SimpleNamespace, tool: Tool | None, numerics: Numerics, sizes: Sizes, wanted: float
+) -> tuple[str, ...]:
     """What can be computed, but says more of the elements or the contact than of the cut; sentences for a
-    person."""
+    person. ``wanted``: the finest length that the cut asks for, mm."""
     if tool is None or numerics.normal != "tool" or numerics.mesh is not None:
         return ()
     thickness, radius = p.thickness, tool.edge_radius(p)
-    sizes = numerics.sizes(thickness)
     h = sizes.h_mm
     shallow = h * chosen(numerics.shallow, h, thickness, numerics.tuning.mesh.shallow)
     under = min(under_tip(numerics, thickness, radius), shallow)
@@ -343,8 +347,14 @@ def doubts(p: SimpleNamespace, tool: Tool | None, numerics: Numerics) -> tuple[s
         )
     if sizes.penalty_per_mm * radius < STIFF_AT_EDGE / 2:
         found.append(
-            f"the contact (penalty = {sizes.penalty_per_mm * thickness:g}) gives way by much of the edge's"
-            f" radius ({radius:.3g} mm), as if that were sharper: the cut begins too early;"
-            f" penalty = {STIFF_AT_EDGE * thickness / radius:.0f} would do"
+            f"the contact (penalty = {sizes.penalty_per_mm * sizes.detail_mm:g}) gives way by much of the"
+            f" edge's radius ({radius:.3g} mm), as if that were sharper: the cut begins too early;"
+            f" penalty = {STIFF_AT_EDGE * sizes.detail_mm / radius:.0f} would do"
+        )
+    if sizes.detail_mm > COARSE_DETAIL * wanted:
+        found.append(
+            f"elements at the front are made for details of {sizes.detail_mm:.3g} mm, and the edge or the"
+            f" cohesive zone asks for {wanted:.3g} mm: the front may jump from element to element;"
+            f" detail = '{_below(wanted):g} mm' would do, at a price"
         )
     return tuple(found)

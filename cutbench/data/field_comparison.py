@@ -24,8 +24,8 @@ from cutbench.run.result import SLOPE, Snapshot
 
 #: A point next to the plane of symmetry is looked for this part of the spacing beside it.
 _OFF = 0.1
-#: A field and a snapshot are of one travel if they are no farther apart, mm.
-_APART = 0.2
+#: A field and a snapshot are of one travel if they are no farther apart than this part of the height.
+_APART = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,9 +173,9 @@ def at_travel(snapshots: Sequence[Snapshot], travel_mm: float) -> Snapshot | Non
     Returns
     -------
     Snapshot or None
-        The nearest alone where there is only one side; None if none is within 0.2 mm.
+        The nearest alone where there is only one side; None if none is within a hundredth of the height.
     """
-    near = [s for s in snapshots if abs(s.displacement_mm - travel_mm) <= _APART]
+    near = [s for s in snapshots if _of_one_travel(s, travel_mm)]
     if not near:
         return None
     travel = attrgetter("displacement_mm")
@@ -188,6 +188,10 @@ def at_travel(snapshots: Sequence[Snapshot], travel_mm: float) -> Snapshot | Non
     moved = [name for name in after.point_data if name == "displacement" or name.startswith(SLOPE)]
     mixed = {name: (1 - part) * before.point_data[name] + part * after.point_data[name] for name in moved}
     return Snapshot(travel_mm, after.points, after.cells, after.cell_type, mixed)
+
+
+def _of_one_travel(snapshot: Snapshot, travel_mm: float) -> bool:
+    return abs(snapshot.displacement_mm - travel_mm) <= _APART * np.ptp(snapshot.points[:, 1])
 
 
 def compare(field: Field, snapshot: Snapshot) -> Comparison:
@@ -208,9 +212,9 @@ def compare(field: Field, snapshot: Snapshot) -> Comparison:
     Raises
     ------
     BadInput
-        If no point lies in the body, or travels differ by more than 0.2 mm.
+        If no point lies in the body, or travels differ by more than a hundredth of the height.
     """
-    if abs(field.travel_mm - snapshot.displacement_mm) > _APART:
+    if not _of_one_travel(snapshot, field.travel_mm):
         expected = f"the travel of the run's fields, {snapshot.displacement_mm:g} mm"
         raise BadInput(key="travel", value=f"{field.travel_mm:g} mm", expected=expected)
     found = Comparison(field, sample(snapshot, field))

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from cutbench.case.case import Case
-from cutbench.run.measures import FRONT, at_the_front
+from cutbench.run.measures import FRONT, MAX_JUMPS, TRANSITION, at_the_front
 from cutbench.run.observer import Observer
 from cutbench.run.remeshing import RemeshedMarch
 from cutbench.run.result import SELF_CONTACT, SNAP, TRANSFER
@@ -122,6 +122,31 @@ class Ledger(Observer):
 
     def columns(self) -> dict[str, np.ndarray]:
         return {key: np.array([row[key] for row in self._rows]) for key in self._rows[0]}
+
+
+def jumps_rel(case: Case, curve: Mapping[str, np.ndarray], onset_mm: float) -> float:
+    """Part of the blade's work behind the transition that damping takes: the front jumps from element to
+    element where these are large against the cohesive zone. nan where the curve ends within a thickness."""
+    d, start = curve["displacement_mm"], onset_mm + TRANSITION * case.unit_mm
+    key = f"work_{SNAP}_mJ"
+    if not d[-1] - start >= case.unit_mm or key not in curve:
+        return math.nan
+    force, lost = (np.interp(start, d, curve[name]) for name in ("force_N", key))
+    behind = d > start
+    blade = np.trapezoid(np.append(force, curve["force_N"][behind]), np.append(start, d[behind]))
+    return float((curve[key][-1] - lost) / blade) if blade > 0 else math.nan
+
+
+def jumps_advice(case: Case, part: float) -> str:
+    """What there is to know of a run that loses this ``part`` in jumps; empty if that is little."""
+    if not part > MAX_JUMPS:
+        return ""
+    detail, zones = case.sizes.detail_mm, case.numerics.tuning.mesh.detail[1]
+    better = min(detail / 2, zones * case.model.cohesive_zone(case.p))
+    return (
+        f"Behind the transition {part:.0%} of the work goes into jumps of the front from element to element:"
+        f" detail = '{better:.2g} mm' would resolve them."
+    )
 
 
 def freed_rel(case: Case, curve: Mapping[str, np.ndarray], onset_mm: float) -> float:

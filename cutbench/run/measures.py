@@ -36,8 +36,12 @@ NOTED: dict[str, tuple[str, str]] = {
     "drag_steps": ("1", "points of the curve reached against raised damping, a force of the method's own"),
     "drag_boost": ("1", "largest damping at such a point, in units of its value; 0 where there is none"),
     "snap_rel": ("1", "work of the damping in jumps, relative to that of the blade"),
+    "jumps_rel": ("1", "part of the blade's work behind the transition that unresolved jumps take"),
     "freed_rel": ("1", "energy viscosity takes per area cut where the front is fastest, over the toughness"),
 }
+
+#: Where unresolved jumps take more than this part of the work, the run says so.
+MAX_JUMPS = 0.03
 
 #: A transition is abrupt where the force falls by this part of it.
 ABRUPT_DROP = 0.1

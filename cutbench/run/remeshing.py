@@ -28,9 +28,9 @@ from cutbench.solver.problem import QUIET
 
 def lengths(case: Case) -> tuple[float, float]:
     """How far the front goes on one mesh, and elements are small above it and below, mm."""
-    n, thickness, tuning = case.numerics, case.p.thickness, case.numerics.tuning.remesh
-    least = tuning.fewest * case.sizes.h_mm
-    return max(tuning.stride * thickness, least), max(n.around * thickness, least)
+    n, sizes, tuning = case.numerics, case.sizes, case.numerics.tuning.remesh
+    least = tuning.fewest * sizes.h_mm * sizes.detail_mm / case.p.thickness
+    return max(tuning.stride * sizes.detail_mm, least), max(n.around * sizes.detail_mm, least)
 
 
 def follows(case: Case) -> bool:
@@ -136,7 +136,8 @@ class RemeshedMarch:
             # A block's mesh only grows finer downwards: it holds what the last one held.
             if self.case.dim == 3:
                 break
-            misfits = _misfits(old.space, space, now.u, tuning.misfit)
+            most = tuning.misfit * self.case.sizes.detail_mm / self.case.p.thickness
+            misfits = _misfits(old.space, space, now.u, most)
             if misfits.size == 0:
                 break
         new = build(self.case, geometry, space)

@@ -17,7 +17,7 @@ from cutbench.run.checkpoint import Checkpoint
 from cutbench.run.fields import Fields
 from cutbench.run.frames import checked_frames
 from cutbench.run.front import Front, Middle
-from cutbench.run.ledger import Ledger, freed_rel
+from cutbench.run.ledger import Ledger, freed_rel, jumps_advice, jumps_rel
 from cutbench.run.measures import forward, measures
 from cutbench.run.observer import Observer
 from cutbench.run.remeshing import Place, RemeshedMarch, Transfer
@@ -187,7 +187,12 @@ class _Run:
             # Beside the true columns, which all measures use.
             recorded = case.model.record(curve["displacement_mm"], curve["force_N"], curve["time_s"], case.p)
             curve["recorded_displacement_mm"], curve["recorded_force_N"] = recorded
-        caution = " ".join(observer.caution for observer in self._observers if observer.caution)
+        found = _measures(case, curve, whole=not self._stopping.known())
+        for observer in self._observers:
+            found |= observer.measures()
+        cautions = [*(observer.caution for observer in self._observers)]
+        cautions.append(jumps_advice(case, found.get("jumps_rel", 0.0)))
+        caution = " ".join(filter(None, cautions))
         outcome = self._stopping.outcome(interrupted, stalled, built.march.rules.smallest, caution)
         self._fields.end(early=self._stopping.known() or not outcome.done)
         timer = built.problem.timer
@@ -198,9 +203,6 @@ class _Run:
             "degrees_of_freedom": int(built.problem.free.size),
             **{f"{name}_calls": count for name, count in timer.counts.items()},
         }
-        found = _measures(case, curve, whole=not self._stopping.known())
-        for observer in self._observers:
-            found |= observer.measures()
         _log.info("%s: %s, %s", case.name, outcome, counts)
         result = Result(
             case, curve, outcome, {**timer.seconds, "total": self._seconds()}, counts,
@@ -242,6 +244,7 @@ def _measures(case: Case, curve: Mapping[str, np.ndarray], whole: bool) -> dict[
     found = taken(way_down)
     found |= Middle.read(way_down, taken)
     found["freed_rel"] = freed_rel(case, way_down, found["onset_mm"])
+    found["jumps_rel"] = jumps_rel(case, way_down, found["onset_mm"])
     found["closure"] = float(curve["closure"][-1])
     force, reaction = float(curve["force_N"][-1]), float(curve["reaction_N"][-1])
     found["reaction_error"] = abs(reaction - force) / max(abs(force), 1e-300)
