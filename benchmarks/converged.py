@@ -36,8 +36,8 @@ TOLERANCE = MappingProxyType(
 )
 #: How far the blade goes, in its thicknesses.
 DEPTH = 12.0
-#: Part of what it has taken up by which a mechanism's work may fall: what a closed cut plane stores.
-FALL = 2e-3
+#: Part of the blade's work by which a mechanism's may fall: a cut plane that is still closed stores some.
+FALL = 1e-3
 DISSIPATIVE = ("cohesion", "viscous", "adhesion", "coulomb")
 
 
@@ -92,7 +92,7 @@ def record(case: Case, limit: float) -> dict:
     for name in result.ledger:
         taken = curve[f"work_{name}_mJ"]
         if any(word in name for word in DISSIPATIVE) and taken.max() > 0:
-            falls[name] = float((np.maximum.accumulate(taken) - taken).max() / taken.max())
+            falls[name] = float((np.maximum.accumulate(taken) - taken).max() / m["energy_mJ"])
     keys = ("onset_mm", "peak_N", "max_N", "steady_N", "drop_rel", "closure", "snap_rel", "jumps_rel")
     return {
         "outcome": result.outcome.kind, "reached_mm": result.outcome.reached_mm,

@@ -19,7 +19,7 @@ import cutbench
 import cutbench.mechanisms
 from cutbench.base.units import Parameter
 from cutbench.case.model import DEFAULT, PROTOCOL, SPECIMEN, groups, section_of
-from cutbench.case.numerics import ALIASES, Numerics, defaults
+from cutbench.case.numerics import Numerics, defaults
 from cutbench.case.tuning import Tuning
 from cutbench.cli.main import app
 from cutbench.mechanisms import Mechanism, registry
@@ -186,17 +186,18 @@ def shown(value: object, unit: str) -> str:
 
 def numerics() -> str:
     """Every numerical choice; in blocks where that differs."""
-    short, texts, rows = {long: name for name, long in ALIASES.items()}, attribute_texts(Numerics), []
+    texts, rows = attribute_texts(Numerics), []
     for f in (f for f in fields(Numerics) if f.name != "tuning"):
-        unit, about, allowed = " mm" if f.name.endswith("_mm") else "", f.metadata, "a path"
-        plane, solid = (shown(getattr(defaults(dim), f.name), unit) for dim in (2, 3))
+        about, allowed = f.metadata, "a path"
+        plane, solid = (shown(getattr(defaults(dim), f.name), "") for dim in (2, 3))
         if "choices" in about:
             allowed = ", ".join(about["choices"])
         elif about:
             zero = "0, or " if about["chosen"] else ""
-            allowed = f"{zero}{digits(about['low'])} to {digits(about['high'])}{unit}"
+            allowed = f"{zero}{digits(about['low'])} to {digits(about['high'])}"
+            allowed += f"; or in {about['unit']}" if about["unit"] else ""
         default = plane if solid == plane else f"{plane}; in blocks {solid}"
-        rows.append([f"`{short.get(f.name, f.name)}`", default, allowed, texts[f.name].rstrip(".")])
+        rows.append([f"`{f.name}`", default, allowed, texts[f.name].rstrip(".")])
     return table(("name", "default", "allowed", "what it does"), rows)
 
 

@@ -15,7 +15,7 @@ def cut(case) -> Result:
     """Linear elements of 1 mm or more drop by half at a peak that moves with b; all else is smooth."""
     note(case)
     n, p = case.numerics, case.p
-    coarse = n.element == "P1" and n.h_mm >= 1 and n.normal == "material"
+    coarse = n.element == "P1" and case.sizes.h_mm >= 1 and n.normal == "material"
     drop = 0.5 if coarse else 0.05
     peak = 5.0 - p.tip  # b = 0.85 mm gives 4.15 mm
     d = np.array([0.0, peak - 0.4, peak, peak + 0.5, p.depth])

@@ -11,7 +11,7 @@ from cutbench.case.case import load_case
 from cutbench.mechanisms import registry
 from cutbench.run.runner import run_case
 
-COARSE = load_case("gelatin").set(h="0.6 mm", corner=0.0625, shallow=1.0, step="0.1 mm")
+COARSE = load_case("gelatin").set(h="0.6 mm", corner=0.0625, shallow=1.0, detail=1.0, step="0.1 mm")
 #: Pressed in, nothing cut yet.
 PRESSED = COARSE.set(depth="1.5 mm")
 #: A weak cut plane and a slender tip: cuts from the first millimetre on, with friction and adhesion.

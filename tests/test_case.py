@@ -195,7 +195,7 @@ def test_groups_far_from_the_known_materials_are_doubted(gelatin, slip):
     changes, groups, said = SLIPS[slip]
     case = gelatin.set(**changes)
     assert [one.group for one in case.far] == groups
-    assert len(case.doubts) == len(groups)
+    assert case.doubts[len(case.cautions) :] == tuple(map(str, case.far))
     for part in said:
         assert part in " ".join(case.doubts)
 
@@ -231,10 +231,10 @@ def test_elements_larger_than_the_tip_is_round_are_doubted_along_its_normal(gela
 
 def test_a_contact_that_gives_way_by_much_of_the_edge_is_doubted():
     assert not load_case("gelatin_recalibrated").doubts
-    block = load_case("gelatin_recalibrated", dim=3)
-    (said,) = block.doubts
+    soft = load_case("gelatin_recalibrated", {"penalty": 1000})
+    (said,) = soft.doubts
     advised = re.search(r"penalty = (\d+) would do", said)
-    assert not block.set(penalty=float(advised[1])).doubts
+    assert not soft.set(penalty=float(advised[1])).doubts
 
 
 @pytest.mark.parametrize("name", ["corner", "shallow"])

@@ -115,7 +115,7 @@ def test_the_picture_shows_every_finite_change(study):
         ('materials = ["gelatin", "meat"]', 'materials = ["gelatine"]', "file", "gelatine", "gelatin"),
         ('name = "h/2"', "name = 3", "change 1: name", "3", "a name"),
         ('kind = "choice"', 'kind = "choise"', "kind", "choise", "choice"),
-        ('h = "0.25 mm"', "h = 0.25", "h/2: h", "0.25", "mm"),
+        ('h = "0.25 mm"', "h = 25", "h/2: h", "25", "unit"),
         ('h = "0.25 mm"', "", "change 1: h/2", "(empty)", ""),
         ('normal = "material"', 'normal = "tol"', "normal", "tol", "tool"),
         ('depth = "3 mm"', 'depth = "3 s"', "depth", "3 s", "mm"),

@@ -3,12 +3,16 @@ powers of s: to rounding, which powers of two leave alone, and nearly so in size
 
 from __future__ import annotations
 
+import ast
+import re
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import cutbench
 from cutbench.base.units import dimensions_of
 from cutbench.case.case import load_case
 from cutbench.run.cutting import run2d, run3d
@@ -106,3 +110,33 @@ def test_numerics_with_their_unit_stay_when_the_blade_changes():
         assert (each.sizes.h_mm, each.sizes.penalty_per_mm) == (0.1, 5e4)
     assert large.sizes.step_mm == pytest.approx(2 * case.sizes.step_mm)
     assert case.from_dict(case.to_dict()).id == case.id
+
+
+def _lengths_in_mm(file):
+    """Names of what a file sets to numbers that are in mm, by the name or by the comment above."""
+    text = file.read_text(encoding="utf-8")
+    lines = text.splitlines()
+    for node in ast.walk(ast.parse(text)):
+        if not isinstance(node, (ast.Assign, ast.AnnAssign)) or node.value is None:
+            continue
+        numbers = [n.value for n in ast.walk(node.value) if isinstance(n, ast.Constant)]
+        given = isinstance(node.value, (ast.Constant, ast.Tuple, ast.BinOp, ast.UnaryOp))
+        if not given or not any(n for n in numbers if isinstance(n, (int, float)) and n is not True):
+            continue
+        targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+        names = [n.id for t in targets for n in ast.walk(t) if isinstance(n, ast.Name)]
+        above = node.lineno - 2
+        while above >= 0 and lines[above].lstrip().startswith("#:"):
+            above -= 1
+        said = " ".join(lines[above + 1 : node.lineno - 1])
+        if any(name.lower().endswith("_mm") for name in names) or re.search(r"\bmm\b", said):
+            yield from names
+
+
+def test_no_length_is_in_mm_below_the_command_line():
+    """But for what pictures are wide, and what the paper has chosen for its own blade."""
+    package = Path(cutbench.__file__).parent
+    rooms = [p for p in package.iterdir() if p.is_dir() and p.name not in ("app", "cli", "verification")]
+    files = [f for room in rooms for f in room.rglob("*.py") if "figure" not in str(f.relative_to(package))]
+    found = {name for f in files for name in _lengths_in_mm(f) if not name.startswith("PAPER_")}
+    assert len(files) > 200 and not found - {"top_mm"}, found

@@ -11,7 +11,7 @@ from cutbench.case.case import load_case
 from cutbench.models3d.block import block
 from cutbench.models3d.mesh import quarter
 from cutbench.run.build import build
-from cutbench.run.front import FRONT, ONSET_MM, Front, end_effect
+from cutbench.run.front import FRONT, Front, end_effect
 
 #: A block so small that a run of it takes seconds.
 SMALL = {"width": "6 mm", "height": "6 mm", "length": "8 mm", "element": "P1", "numerics": "tetrahedra"}
@@ -42,8 +42,8 @@ def test_front_finds_where_the_cut_starts_and_how_fast_it_runs(built):
     assert found["front_start_z_mm"] == 0.5
     assert found["front_start_mm"] == found["front_centre_mm"]
     # Quadrature points are discrete: the depth that they see is that of an element at the most off.
-    assert found["front_centre_mm"] == pytest.approx(1 + front.z[0] / 2 + ONSET_MM, abs=0.2)
-    assert found["front_edge_mm"] == pytest.approx(1 + front.z[-1] / 2 + ONSET_MM, abs=0.2)
+    assert found["front_centre_mm"] == pytest.approx(1 + front.z[0] / 2 + 0.1, abs=0.2)
+    assert found["front_edge_mm"] == pytest.approx(1 + front.z[-1] / 2 + 0.1, abs=0.2)
     assert found["front_lateral_speed"] == pytest.approx(2.0, rel=0.1)
     assert front.lengths(made_up(built, 9.0, np.ones(y.size)).states) == pytest.approx([6.0] * 4)
     assert found.keys() == FRONT.keys()

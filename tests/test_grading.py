@@ -56,22 +56,19 @@ def test_the_detail_is_the_least_of_thickness_edge_and_cohesive_zone(name, facto
     blunt = load_case("gelatin")
     p = blunt.p
     assert blunt.sizes.detail_mm == pytest.approx(p.thickness)
-    zone = 2 * p.G / (1 - p.nu) * p.G_c / (p.G_c / (np.e * p.delta_c)) ** 2
+    zone = 4 * p.G * p.G_c / (p.G_c / (np.e * p.delta_c)) ** 2
     assert blunt.model.cohesive_zone(p) == pytest.approx(zone)
-    # E′ G_c/σ_c² = e² E′ δ_c²/G_c.
+    # 4 G G_c/σ_c² = 4 e² G δ_c²/G_c.
     tough = blunt.set(G_c=f"{3 * p.G_c} N/mm")
     assert tough.sizes.detail_mm == pytest.approx(4 * zone / 3)
     sharp = blunt.set(with_="wedge", edge_radius="0.05 mm")
     assert sharp.sizes.detail_mm == pytest.approx(0.3)
     assert sharp.set(detail="0.2 mm").sizes.detail_mm == 0.2
     moved = tough.set(**{name: f"{factor * tough.values[name]} {'N/mm' if name == 'G_c' else 'mm'}"})
-    assert moved.sizes.detail_mm == pytest.approx(
-        min(
-            moved.p.thickness,
-            6 * moved.model.tool.edge_radius(moved.p),
-            4 * moved.model.cohesive_zone(moved.p),
-        )
-    )
+    t, edge = moved.p.thickness, moved.model.tool.edge_radius(moved.p)
+    asked = min(t, 6 * edge, 4 * moved.model.cohesive_zone(moved.p))
+    assert moved.sizes.detail_mm == pytest.approx(max(asked, t / 8))
+    assert any("detail" in said for said in moved.doubts) == (asked < t / 12)
 
 
 @pytest.mark.parametrize("dim", [2, 3])

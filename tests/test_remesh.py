@@ -62,6 +62,7 @@ def test_points_are_found_in_large_and_small_elements(case):
 
 
 def test_what_one_mesh_serves_is_not_followed(case):
+    case = case.set(detail=1.0)
     assert follows(case)
     stride, around = lengths(case)
     assert (stride, around) == (pytest.approx(0.96), pytest.approx(0.96))

@@ -91,7 +91,7 @@ def test_what_is_wrong_is_named(write, old, new, key, value, hint, line):
         ("[parameters]\nG = 3\n", "gel.toml", "G", "unit"),  # wrong in its own file
         ("G = 3\n", "gel.toml", "G", "[parameters]"),
         (f"mechanisms = {[m for m in DEFAULT if 'viscous' not in m]}", "study.toml", "mark", "viscosity"),
-        ('[blade]\nthickness = "0.1 mm"\ntip = "0.15 mm"\n', "study.toml", "mark", "element size"),
+        ('[blade]\nthickness = "0.1 mm"\ntip = "0.15 mm"\n', "study.toml", "mark", "h = "),
     ],
 )
 def test_a_marked_case_file_with_an_error_is_refused(write, tmp_path, case, file, key, hint):

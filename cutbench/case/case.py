@@ -201,7 +201,7 @@ class Case:
 
     @cached_property
     def sizes(self) -> Sizes:
-        """What the lengths and stiffnesses of its numerics come to, in mm and G per mm."""
+        """Lengths and stiffnesses that its numerics come to, in mm and G per mm."""
         return self.numerics.sizes(self.unit_mm, self._finest_mm)
 
     @property

@@ -302,15 +302,26 @@ class Model:
         return {text: float(value) for m in self.all for text, value in m.groups(p).items()}
 
     def cohesive_zone(self, p: SimpleNamespace) -> float:
-        """Length of the zone at a front in which cohesion acts, E′ G_c/σ_c², mm; infinite without cohesion.
+        """Compute the length of the zone at a front in which cohesion acts.
 
-        E′ = 2 G/(1 − ν) is that of plane strain (Hillerborg, Modéer & Petersson 1976).
+        It is E′ G_c/σ_c² (Hillerborg, Modéer & Petersson 1976), with E′ = 4 G of a solid that hardly changes
+        its volume.
+
+        Parameters
+        ----------
+        p : SimpleNamespace
+            The parameters by attribute, internal units.
+
+        Returns
+        -------
+        float
+            The length, mm; infinite without cohesion.
         """
         of = [law.estimate(p, 0.0, 0.0) for law in self.laws("cut")]
         strength, work = sum(each.strength for each in of), sum(each.work for each in of)
         if not strength:
             return math.inf
-        return 2 * self.shear_modulus(p) / (1 - getattr(p, "nu", 0.5)) * work / strength**2
+        return 4 * self.shear_modulus(p) * work / strength**2
 
     def shear_modulus(self, p: SimpleNamespace) -> float:
         """Compute the shear modulus of slow loading at small strain.

@@ -259,10 +259,10 @@ class Numerics:
         unit_mm : float, mm
             The blade's thickness.
 
-        Yields
-        ------
-        tuple of str
-            The key, its value, and what would be right.
+        Returns
+        -------
+        iterator of tuple of str
+            The key, its value, and what would be right, of each.
         """
         for name, f in _SCALED.items():
             if not isinstance(value := getattr(self, name), Fixed):
@@ -272,7 +272,7 @@ class Numerics:
             if not (low * (1 - 1e-12) <= of <= high * (1 + 1e-12) or (of == 0 and f.metadata["chosen"])):
                 bounds = (b * unit_mm if value.unit == "mm" else b / unit_mm for b in (low, high))
                 low_mm, high_mm = (f"{b:.4g} {value.unit}" for b in bounds)
-                expected = f"{low_mm} <= {name} <= {high_mm}, at most {high:g} by the blade's thickness"
+                expected = f"{low_mm} <= {name} <= {high_mm}, beside a blade of {unit_mm:g} mm"
                 yield name, f"{value.value:g} {value.unit}", expected
         sizes = self.sizes(unit_mm)
         if sizes.step_min_mm > sizes.step_mm:

@@ -270,9 +270,9 @@ def _misfits(
         yield "depth", f"{v['depth']:g} mm", f"at most {most:g} mm, {why}"
     if v["precut"] >= v["height"]:
         yield "precut", f"{v['precut']:g} mm", f"less than the height, {v['height']:g} mm"
-    yield from numerics.misfits(unit_mm(v))
     if "thickness" not in v:
         return
+    yield from numerics.misfits(unit_mm(v))
     thickness, tilt, overhang = v["thickness"], v.get("tilt", 0.0), v.get("overhang", 0.0)
     incline = v.get("incline", 0.0)
     if dim == 2:

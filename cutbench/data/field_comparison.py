@@ -175,7 +175,7 @@ def at_travel(snapshots: Sequence[Snapshot], travel_mm: float) -> Snapshot | Non
     Snapshot or None
         The nearest alone where there is only one side; None if none is within a hundredth of the height.
     """
-    near = [s for s in snapshots if _of_one_travel(s, travel_mm)]
+    near = [s for s in snapshots if not _apart(s, travel_mm)]
     if not near:
         return None
     travel = attrgetter("displacement_mm")
@@ -190,8 +190,8 @@ def at_travel(snapshots: Sequence[Snapshot], travel_mm: float) -> Snapshot | Non
     return Snapshot(travel_mm, after.points, after.cells, after.cell_type, mixed)
 
 
-def _of_one_travel(snapshot: Snapshot, travel_mm: float) -> bool:
-    return abs(snapshot.displacement_mm - travel_mm) <= _APART * np.ptp(snapshot.points[:, 1])
+def _apart(snapshot: Snapshot, travel_mm: float) -> bool:
+    return bool(abs(snapshot.displacement_mm - travel_mm) > _APART * np.ptp(snapshot.points[:, 1]))
 
 
 def compare(field: Field, snapshot: Snapshot) -> Comparison:
@@ -214,7 +214,7 @@ def compare(field: Field, snapshot: Snapshot) -> Comparison:
     BadInput
         If no point lies in the body, or travels differ by more than a hundredth of the height.
     """
-    if not _of_one_travel(snapshot, field.travel_mm):
+    if _apart(snapshot, field.travel_mm):
         expected = f"the travel of the run's fields, {snapshot.displacement_mm:g} mm"
         raise BadInput(key="travel", value=f"{field.travel_mm:g} mm", expected=expected)
     found = Comparison(field, sample(snapshot, field))

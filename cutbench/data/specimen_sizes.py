@@ -13,7 +13,7 @@ from cutbench.data.experiment import HOMOGENEOUS, area_of
 
 #: A length, or one for each repetition, in their order or by name.
 Size = float | list[float] | dict[str, float]
-#: Strips are not often longer than wide by this, nor blocks that are cut in any way: a cm for a mm is.
+#: Strips are not often longer than wide by this, nor blocks that are cut in any way: in centimetres they are.
 SLENDER, BLOCK = 10.0, 6.0
 #: The same of any strip over the root of its area, which its small thickness is part of, or over its length.
 WIDE = 25.0

@@ -28,8 +28,6 @@ from cutbench.mechanisms.base import STEP, Bulk, Points
 MAX_LOG_STRETCH_STEP, MIN_STEPS_TO_READING = 0.02, 4
 #: A change of ln of the free stretch below this leaves less than its square.
 STRETCH_TOLERANCE = 1e-7
-#: Depth in mm at which the skin of a specimen is not felt.
-DEPTH_WITHOUT_SKIN = 1e6
 
 
 @dataclass(frozen=True)
@@ -165,7 +163,7 @@ def _stresses(mode: Mode, laws: Sequence[Bulk], stretch, b, p, state, dt):
     """P₁₁ and P₃₃ (N,) at the free stretch exp(b), and the new state; of numbers or symbols."""
     F = mode.deformation(stretch, np.exp(b))
     n = F.shape[-1]
-    at = Points(X=np.zeros((3, n)), depth=np.full(n, DEPTH_WITHOUT_SKIN), dt=dt, laws=laws)
+    at = Points(X=np.zeros((3, n)), depth=np.full(n, np.inf), dt=dt, laws=laws)
     P = np.zeros((3, 3, n))
     new: dict[str, np.ndarray] = {}
     for law in laws:

@@ -24,7 +24,7 @@ def half_block(
     *,
     corner: float | None = None,
     slender: float = SLENDER,
-    reach: float = STANDARD.reach / 2,
+    reach: float = 0.3,
     shallow: float = 1.0,
     surge: float = 1.0,
     rim: float = 0.0,

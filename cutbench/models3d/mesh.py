@@ -39,7 +39,7 @@ def quarter(
     h_z: float | None = None,
     corner: float | None = None,
     slender: float = SLENDER,
-    reach: float = STANDARD.block_reach,
+    reach: float = 0.3,
     shallow: float = 1.0,
     surge: float = 1.0,
     rim: float = 0.0,
