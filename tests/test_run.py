@@ -228,7 +228,7 @@ def test_a_run_that_stalls_says_where_and_what_to_try(newton_by, quick, reason, 
 # -- what must not matter -----------------------------------------------------------------------------
 def test_the_same_case_gives_the_same_bits(quick):
     again = run_case(load_case("gelatin").set(
-        h="0.6 mm", corner=0.0625, shallow=1.0, step="0.1 mm", cohesion=0.5, tip="3.5 mm", mu=0.2,
+        h="0.6 mm", corner=0.0625, shallow=1.0, detail=1.0, step="0.1 mm", cohesion=0.5, tip="3.5 mm", mu=0.2,
         depth="1.1 mm", element="P1", penalty="1000 1/mm", stick="400 1/mm", multiplier="none",
     ))  # fmt: skip
     assert again.case.id == quick.case.id

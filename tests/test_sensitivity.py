@@ -28,6 +28,7 @@ CUTTING = load_case("gelatin").set(
     mu=0.2,
     depth="0.6 mm",
     penalty="100 1/mm",
+    detail=1.0,
     stick="40 1/mm",
     multiplier="none",
     tolerance=1e-11,
