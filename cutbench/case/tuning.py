@@ -175,6 +175,9 @@ class RemeshTuning:
     """And so many elements of the plane at least: as many are small above it and below, too."""
     worth: float = 0.5
     """Where more than this part of the height had small elements, one mesh serves."""
+    opens: float = 2.25
+    """And down to so many thicknesses below the top: there a cut may open first. With elements made for the
+    front alone meat under a wedge was not cut, and its force was twice as large."""
     misfit: float = 0.02
     """What displacements within an element may differ by on a new mesh, in units of its size, where the
     finest length is the thickness, and less in proportion where it is less; where they do more, elements

@@ -100,7 +100,8 @@ class RemeshedMarch:
         first, last = self.place.strides * stride, (self.place.strides + 1) * stride
         # Along the blade the front may still be at the top where it is deep elsewhere.
         above = 0.0 if self.case.dim == 3 else min(first, self.place.tip) - around
-        fine = (above, last + around)
+        below = self.case.numerics.tuning.remesh.opens * self.case.p.thickness
+        fine = (above, max(last + around, below))
         return geometry_of(self.case, fine=fine, kept=self.place.kept)
 
     def _leaves(self, now: Progress) -> bool:
