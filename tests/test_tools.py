@@ -168,7 +168,7 @@ REFUSED = {
     "a shoulder without room": ({"with": "bevel", "shoulder": "60 mm"}, "shoulder", "less than"),
     "an edge that no element sees": ({"with": "wedge", "h": "0.5 mm"}, "edge_radius", "h = "),
     "a thin wire on a coarse mesh": (
-        {"with": "wire", "thickness": "0.01 mm", "h": "0.2 mm"}, "h", "at most"
+        {"with": "wire", "thickness": "0.01 mm", "h": "0.2 mm"}, "h", "beside"
     ),
     "no outline": (MEASURED, "outline", "CSV"),
     "no such file": (MEASURED | {"outline": "nowhere.csv"}, "outline", "CSV"),
