@@ -34,9 +34,11 @@ def steady(result):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ratio", [2, 7, 20])
-def test_a_wire_without_friction_costs_its_toughness(ratio):
-    result = run2d(wire(ratio * G_C / E), snapshots_mm=())
+@pytest.mark.parametrize(("ratio", "travel"), [(2, 14), (7, 9), (20, 9)])
+def test_a_wire_without_friction_costs_its_toughness(ratio, travel):
+    """Once it is steady, which a fine one is later: its cohesive zone is long beside it."""
+    diameter = ratio * G_C / E
+    result = run2d(wire(diameter, depth=f"{travel * diameter} mm"), snapshots_mm=())
     assert steady(result) == pytest.approx(1, abs=0.03)
     assert result.measures["jumps_rel"] < MAX_JUMPS and "detail" not in str(result.outcome)
     assert abs(result.measures["closure"]) < 0.01
@@ -54,4 +56,4 @@ def test_with_friction_it_costs_as_much_as_on_finer_elements(mu):
 def test_elements_that_do_not_see_the_zone_are_said():
     result = run2d(wire(0.5, detail=1.0, h=0.125, depth="4 mm"), snapshots_mm=())
     assert steady(result) > 1.1 and result.measures["jumps_rel"] > MAX_JUMPS
-    assert "detail = '0.2 mm'" in result.outcome.advice
+    assert "detail = '0.22 mm'" in result.outcome.advice
