@@ -11,6 +11,7 @@ import pytest
 
 from cutbench import load_case
 from cutbench.base.errors import BadInput
+from cutbench.calibration.mesh_error import refined_case
 from cutbench.maps.dataset import LABELS, MapRow, build_map, load_map, row_of, to_csv
 from cutbench.maps.guidance import guide
 from cutbench.maps.phase import draw_phase
@@ -66,6 +67,12 @@ def test_refined_halves_elements_and_steps_and_keeps_the_tip():
     coarse = case.set(h="0.5 mm", corner=0.25, shallow=0.5)
     again, h = refined(coarse).numerics, refined(coarse).sizes.h_mm
     assert h * again.corner == pytest.approx(0.125) and h * again.shallow == 0.125
+
+
+def test_steps_that_are_as_short_as_they_may_be_are_refined():
+    shortest = load_case("gelatin", {"step": "0.01 mm", "step_min": "0.01 mm"})
+    assert refined(shortest).sizes.step_mm == refined(shortest).sizes.step_min_mm == 0.005
+    assert refined_case(shortest).sizes.step_mm == 0.005
 
 
 def test_ratios_are_of_margins_and_end():

@@ -23,7 +23,7 @@ from cutbench.data.repetition import Averaged
 from cutbench.data.sawtooth import local_mean, roughness_variance
 
 #: Numerics of the finer computation, relative to those of the fit.
-REFINEMENT = {"h": 0.7, "step": 0.5, "penalty": 2.0, "stick": 2.0}
+REFINEMENT = {"h": 0.7, "step": 0.5, "step_min": 0.5, "penalty": 2.0, "stick": 2.0}
 #: What is added of the difference's smooth part, and what stays uncertain of it.
 CORRECTION_FACTOR, UNCERTAINTY_FACTOR = 1.5, 0.7
 #: In grid values: the window of the smooth part (standard deviation), and the length of its roughness.

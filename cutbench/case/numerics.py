@@ -1,7 +1,7 @@
 """The numerical choices of a run: how, not what, is computed.
 
-Lengths are in thicknesses of the blade, and stiffnesses in G over one: the same problem in another size has
-the same answer. One that is written with its unit stays what it is when the blade changes.
+Lengths are in thicknesses of the blade, and stiffnesses in G over ``detail``: the same problem in another
+size has the same answer. One that is written with its unit stays what it is when the blade changes.
 """
 
 from __future__ import annotations
@@ -71,9 +71,6 @@ class Numerics:
     shallow : float
         Element size on the cut plane down to three blade thicknesses, where cutting begins, in units of
         ``h``; further down it grows to ``h``. 0: h/4, but not below 1/11 of the blade's thickness.
-    front : float
-        Element size on the cut plane around the front at the most, in units of ``h``; 0: as the cohesive zone
-        and the blade's edge ask.
     detail : float, thicknesses
         The finest length at the cut: elements around its front, the contact and the damping go with it, as
         all else goes with the thickness. 0: the thickness, six radii of the edge, or four cohesive zones,
@@ -159,7 +156,6 @@ class Numerics:
     h: float | Fixed = _within(5 / 56, 1e-3, 3.0, unit="mm")
     corner: float = _within(0.0, 0.005, 1.0, chosen=True)
     shallow: float = _within(0.0, 0.02, 1.0, chosen=True)
-    front: float = _within(0.0, 1e-3, 1.0, chosen=True)
     detail: float | Fixed = _within(0.0, 1e-4, 1.0, chosen=True, unit="mm")
     around: float = _within(1.25, 0.0, 100.0)
     slender: float = _within(2.0, 1.0, 50.0)

@@ -16,9 +16,6 @@ from cutbench.mechanisms import Tool, registry
 #: Sharpest tip that an element resolves: its radius of curvature a²/b in element sizes.
 TIP_PER_ELEMENT = 1 / 20
 
-#: Largest element in thicknesses of the blade: published meshes have 1.5 to 2.
-ELEMENTS_PER_BLADE = 3.0
-
 #: Longest side of a specimen in its shortest: meshes are as coarse as that one, and a slip of a unit is more.
 SLIMMEST = 500.0
 

@@ -34,7 +34,7 @@ RATIOS = ("refined_ratio", "band_low_ratio", "band_high_ratio")
 def refined(case: Case) -> Case:
     """``case`` with elements on the cut plane and steps half as large; those under the tip stay."""
     n, tool = case.numerics, case.model.tool
-    finer = n.finer(h=0.5, step=0.5, damage_step=0.5, energy_step=0.5)
+    finer = n.finer(h=0.5, step=0.5, step_min=0.5, damage_step=0.5, energy_step=0.5)
     if tool is not None:
         thickness, h = case.p.thickness, case.sizes.h_mm
         corner = near_blade(n, thickness, tool.edge_radius(case.p))["corner"]

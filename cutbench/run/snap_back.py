@@ -173,7 +173,9 @@ def viscosity_limit_cases(case: Case, depth: float) -> list[tuple[str, Case]]:
         cases.append((text, replace(case, values=values)))
     text, last = cases[-1]
     # The steps that a run chooses follow these.
-    finer = replace(last, numerics=last.numerics.finer(step=0.5, damage_step=0.5, energy_step=0.5))
+    finer = replace(
+        last, numerics=last.numerics.finer(step=0.5, step_min=0.5, damage_step=0.5, energy_step=0.5)
+    )
     return [*cases, (f"{text}, half the steps", finer)]
 
 
