@@ -37,12 +37,12 @@ def pulled(id: str, reach: float, role: str = "train", *, count=120, gives=0.0, 
     return Experiment(id, "uniaxial", tuple(made), role, SIZES)
 
 
-def of(tests, *, nu: float = 0.4999, candidates=None) -> Campaign:
+def of(tests, *, nu: float = 0.4999, candidates=None, G_MPa=0.02) -> Campaign:
     start, _ = start_case(
         None,
         baseline=["neo_hookean", "volumetric"],
         kinds=("uniaxial",),
-        parameters={"G": "0.02 MPa", "nu": nu},
+        parameters={"G": f"{G_MPa} MPa", "nu": nu},
     )
     plan = FitPlan(free=("G",))
     return Campaign("invented", start, tuple(tests), SUSPECTS if candidates is None else candidates, plan)
@@ -71,6 +71,24 @@ def test_a_machine_that_gives_is_a_rig(seed):
     d = discover(of(strips(seed=seed, gives=9.0)), workers=0)
     assert d.verdict == "mechanism" and to_dict(d)["kinds"] == {d.names[0]: "rig"}, verdict_sentence(d)
     assert "machine_compliance" in d.found[0].group
+
+
+def all_evidence(stiffer: float) -> dict[str, float]:
+    """Of strips with all forces times as much, and a machine that gives as much less."""
+    tests = []
+    for e in strips(gives=9.0, count=40):
+        forces = [replace(r, y=stiffer * r.y) for r in e.repetitions]
+        tests.append(replace(e, repetitions=tuple(forces)))
+    few = ("machine_compliance", "contact_offset", "force_zero")
+    d = discover(of(tests, candidates=few, G_MPa=0.02 * stiffer), workers=0)
+    assert "machine_compliance" in d.found[0].group
+    return {c.name: c.evidence for step in d.steps for c in step.compared}
+
+
+def test_no_evidence_depends_on_the_unit_of_force():
+    one = all_evidence(1.0)
+    assert len(one) > 2
+    assert all_evidence(100.0) == pytest.approx(one, abs=0.1)
 
 
 @pytest.mark.slow

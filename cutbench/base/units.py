@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from typing import Any
 
@@ -24,6 +24,9 @@ _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:n
 
 #: The consistent unit of each base dimension; every derived unit follows from these.
 _BASE = {"[length]": "mm", "[time]": "s", "[mass]": "tonne"}
+
+#: Force (N), travel (mm) and duration (s) of the tests that typical values are typical of.
+TYPICAL_TESTS = (1.0, 10.0, 100.0)
 
 
 @dataclass(frozen=True)
@@ -142,6 +145,22 @@ class Parameter:
     def off_value(self) -> float:
         """This is ``off`` in internal units (mm, N, s), nan where no value removes the effect."""
         return math.nan if self.off is None else self.off * self.factor
+
+    def in_tests(self, force: float, length: float, time: float) -> Parameter:
+        """Say what is typical in tests of another size: as many of their forces, lengths and times.
+
+        Parameters
+        ----------
+        force, length, time : float
+            Of the tests, N, mm and s.
+
+        Returns
+        -------
+        Parameter
+            With another ``typical``.
+        """
+        parts = zip((force, length, time), TYPICAL_TESTS, dimensions_of(self.unit), strict=True)
+        return replace(self, typical=self.typical * math.prod((x / x0) ** power for x, x0, power in parts))
 
     def range_text(self) -> str:
         """Write the admissible range in words, as error messages show it: ``"0 kPa < G"``.

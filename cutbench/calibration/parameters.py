@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import one_of
-from cutbench.base.units import Parameter
+from cutbench.base.units import TYPICAL_TESTS, Parameter
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
 from cutbench.data.experiment import SLOTS, Experiment
@@ -85,6 +87,29 @@ class FreeParameter:
         return max(low, -wide), min(high, wide)
 
 
+def duration(e: Experiment) -> float | None:
+    """Seconds that a test took, if that is known."""
+    if e.timed:
+        return float(np.mean([r.duration_s for r in e.repetitions]))
+    return e.reach / e.speed if e.speed and e.kind == "cut" else None
+
+
+def size_of_tests(campaign: Campaign) -> tuple[float, float, float]:
+    """Force (N), travel (mm) and duration (s) of fitted tests, their geometric means; typical ones where no
+    test has any. With them no start and no prior depends on units."""
+    sizes = np.full((len(campaign.train), 3), math.nan)
+    for row, e in zip(sizes, campaign.train, strict=True):
+        x, y = (np.concatenate([getattr(r, axis) for r in e.repetitions]) for axis in "xy")
+        way = np.abs(x - e.rest).max() if e.curve else e.reach
+        row[1] = way * (e.specimen.get("length", math.nan) if e.x_name == "stretch" else 1)
+        if e.curve:  # of measures it is not known which is a force
+            row[0] = np.abs(y).max() * (1 if e.y_unit == "N" else e.area_mm2 or row[1] ** 2)
+        row[2] = duration(e) or math.nan
+    known = [np.log(column[column > 0]) for column in sizes.T]
+    means = [math.exp(c.mean()) if c.size else x for c, x in zip(known, TYPICAL_TESTS, strict=True)]
+    return means[0], means[1], means[2]
+
+
 def parameters_felt_by(experiment: Experiment, case: Case) -> set[str]:
     """Names of the parameters that a test of its kind can depend on."""
     slots = SLOTS[experiment.kind]
@@ -136,7 +161,7 @@ def free_parameters(campaign: Campaign) -> list[FreeParameter]:
 
 
 def _free_parameter(campaign: Campaign, name: str, experiment: str | None) -> FreeParameter:
-    q = campaign.model.parameters()[name]
+    q = campaign.model.parameters()[name].in_tests(*size_of_tests(campaign))
     low, high = campaign.plan.bounds.get(name, q.bounds)
     start = min(max(campaign.base.values[name], low), high)
     if q.open_high and start == high:

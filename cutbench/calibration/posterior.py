@@ -275,7 +275,7 @@ class Posterior:
 
 def _strictly_within(q: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Off the bounds, as the search wants its start."""
-    width = np.where(np.isfinite(high - low), high - low, 1.0)
+    width = np.minimum(high - low, 1.0)
     return np.clip(q, low + 1e-8 * width, high - 1e-8 * width)
 
 

@@ -150,7 +150,9 @@ class MeasureRecorder(Recorder):
             if steep := float(np.abs(slope).max()):
                 step = MOVED * float(np.abs(course[1]).max()) / steep
             elif name in rig:  # what only the machine depends on
-                step = MOVED * max(abs(values[name]), abs(rig[name].typical * rig[name].factor))
+                force, length = np.abs(course[1]).max(), np.abs(course[0]).max()
+                q = rig[name].in_tests(force, length, length / self.experiment.speed)
+                step = MOVED * max(abs(values[name]), abs(q.typical * q.factor))
             else:
                 continue
             ends = []

@@ -128,8 +128,9 @@ def _length(grid: np.ndarray, sample: np.ndarray, deviation: np.ndarray) -> floa
 
 
 def _root(C: np.ndarray) -> np.ndarray:
+    """The symmetric one: others turn with the last digit where eigenvalues are alike, and draws with them."""
     values, vectors = np.linalg.eigh((C + C.T) / 2)
-    return vectors * np.sqrt(np.clip(values, 0, None))
+    return (vectors * np.sqrt(np.clip(values, 0, None))) @ vectors.T
 
 
 def positive_definite(C: np.ndarray) -> np.ndarray:

@@ -17,7 +17,7 @@ import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.units import Parameter, powers_of, ureg
-from cutbench.calibration.parameters import parameters_felt_by
+from cutbench.calibration.parameters import duration, parameters_felt_by, size_of_tests
 from cutbench.case.case import Case
 from cutbench.data.campaign import Campaign
 from cutbench.data.experiment import SLOTS, Experiment
@@ -91,7 +91,7 @@ def candidates(
         By name, why another mechanism is left out.
     """
     found, left_out = _fixed_parameters(campaign, base, estimated), dict[str, str]()
-    clock = any(e.timed or e.speed for e in campaign.train)
+    clock, size = any(e.timed or e.speed for e in campaign.train), size_of_tests(campaign)
     for name in campaign.candidates:
         m = registry()[name]
         if name in base.mechanisms:
@@ -111,7 +111,8 @@ def candidates(
         except BadInput as error:
             left_out[name] = f"cannot be added: {error.expected}"
             continue
-        own = [q for q in m.parameters if q.name in new and q.name not in campaign.plan.fixed]
+        fixed = campaign.plan.fixed
+        own = [q.in_tests(*size) for q in m.parameters if q.name in new and q.name not in fixed]
         strengths = tuple(q for q in own if q.off is not None)
         if not strengths:
             left_out[name] = "its parameters are fixed by the campaign"
@@ -210,10 +211,3 @@ def _span(q: Parameter, campaign: Campaign) -> tuple[float, float] | None:
             ranges.append((v / 30, v * 10))
     lows, highs = zip(*ranges, strict=True) if ranges else ((), ())
     return (min(lows), max(highs)) if ranges else None
-
-
-def duration(e: Experiment) -> float | None:
-    """Seconds that a test took, if that is known."""
-    if e.timed:
-        return float(np.mean([r.duration_s for r in e.repetitions]))
-    return e.reach / e.speed if e.speed and e.kind == "cut" else None

@@ -14,10 +14,10 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.calibration.parameters import duration
 from cutbench.calibration.posterior import Estimated
 from cutbench.data.covariance import smooth_deviation
 from cutbench.data.experiment import HOMOGENEOUS, Experiment
-from cutbench.discovery.candidates import duration
 from cutbench.homogeneous import LoadingHistory, predict, respond
 
 READINGS = 40
