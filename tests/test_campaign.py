@@ -15,7 +15,7 @@ from benchmarks.real import CAMPAIGNS
 from cutbench.case.case import load_case
 from cutbench.case.model import DEFAULT, PAPER
 from cutbench.cli.main import app
-from cutbench.data.campaign import Campaign, FitPlan, load_campaign, start_case
+from cutbench.data.campaign import Campaign, FitPlan, cut_case, load_campaign, start_case
 from cutbench.data.experiment import Experiment
 from cutbench.data.repetition import Repetition
 
@@ -55,6 +55,47 @@ def folder(tmp_path) -> Path:
     (tmp_path / "slow.csv").write_text(cutting(), encoding="utf-8")
     (tmp_path / "campaign.toml").write_text(CAMPAIGN, encoding="utf-8")
     return tmp_path
+
+
+WEDGE = """mechanisms = ["neo_hookean", "volumetric", "stiff_cohesion", "wedge", "coulomb"]
+base = "gelatin"
+[blade]
+angle = "25 deg"
+edge_radius = "40 um"
+"""
+
+
+@pytest.fixture
+def wedged(folder):
+    """Reads the campaign with a material that has a wedge, and other ``lines`` for its baseline and blade."""
+    (folder / "mine.toml").write_text(WEDGE, encoding="utf-8")
+
+    def read(baseline="", blade='{ thickness = "0.5 mm" }'):
+        text = CAMPAIGN.replace('"elastomer"', '"mine.toml"')
+        text = text.replace('baseline = ["neo_hookean", "smith_ferrante", "contact", "adhesion"]', baseline)
+        text = text.replace('{ thickness = "0.5 mm", tip = "0.75 mm" }', blade)
+        (folder / "campaign.toml").write_text(text, encoding="utf-8")
+        return load_campaign(folder / "campaign.toml")
+
+    return read
+
+
+def test_a_campaign_cuts_with_the_blade_of_its_material(wedged):
+    campaign = wedged()
+    assert "wedge" in campaign.model.mechanisms and campaign.base.p.edge_radius == pytest.approx(0.04)
+    blade = '{ thickness = "0.5 mm", angle = "30 deg", edge_radius = "20 um" }'
+    p = cut_case(wedged(blade=blade).experiments[0], wedged(blade=blade).base).p
+    assert (p.angle, p.edge_radius) == pytest.approx((np.radians(30), 0.02))
+
+
+def test_another_blade_than_the_material_has_is_said(wedged):
+    campaign = wedged(baseline='baseline = "default"')
+    assert any("wedge" in note and "edge_radius" in note for note in campaign.notes)
+
+
+def test_a_size_that_no_law_of_the_baseline_has_is_refused(wedged):
+    with refused("blade.edge_radius", hint="wedge"):
+        wedged('baseline = "default"', '{ thickness = "0.5 mm", edge_radius = "40 um" }')
 
 
 def test_the_stated_format(folder):

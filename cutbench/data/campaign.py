@@ -19,6 +19,7 @@ import numpy as np
 from cutbench.base.display import Displayed
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import among, in_short, located, one_of, read_toml, refuse_other, written
+from cutbench.base.units import unit_factor
 from cutbench.case.case import Case, load_case
 from cutbench.case.model import SETS, Model, mechanism
 from cutbench.case.motion import Polyline, simplified
@@ -29,7 +30,8 @@ from cutbench.data.contact import bounds_by
 from cutbench.data.experiment import SLOTS, Experiment
 from cutbench.data.read_experiment import errors_at_experiment, read_experiment
 from cutbench.data.repetition import note_on_single_repetition
-from cutbench.mechanisms import Volumetric, registry
+from cutbench.data.specimen_sizes import blade_units
+from cutbench.mechanisms import Tool, Volumetric, registry
 
 #: Places in time at which the way of a blade that holds or returns is read off, before it is simplified.
 MOTION = 120
@@ -269,13 +271,17 @@ def lead_s(experiment: Experiment) -> float:
 def _sizes(experiment: Experiment) -> dict[str, str]:
     """Specimen, blade and depth of a cut as ``Case.set`` takes them."""
     sizes = {**experiment.specimen, **experiment.blade, "depth": experiment.reach}
-    return {name: f"{float(value)!r} mm" for name, value in sizes.items()}
+    units = {name: blade_units().get(name, "mm") for name in sizes}
+    return {
+        name: f"{float(value) / unit_factor(unit)!r} {unit}".removesuffix(" 1")
+        for (name, value), unit in zip(sizes.items(), units.values(), strict=True)
+    }
 
 
 def start_case(
     material: str | Path | None,
     *,
-    baseline: Iterable[str] = ("default",),
+    baseline: Iterable[str] | None = None,
     kinds: Iterable[str] = ("cut",),
     parameters: Mapping[str, object] | None = None,
     name: str = "start",
@@ -289,9 +295,9 @@ def start_case(
     ----------
     material : str, Path or None
         A known name or a file of start values; None where ``parameters`` have all of them.
-    baseline : iterable of str
+    baseline : iterable of str, optional
         Mechanisms, or the name of a set, ``default`` (that of every run) or ``paper``: of a set, the part
-        that tests of these ``kinds`` see.
+        that tests of these ``kinds`` see. Without, those of the material, or ``default``.
     kinds : iterable of str
         Kinds of the tests, such as ``cut`` or ``uniaxial``.
     parameters : mapping of str to object, optional
@@ -312,9 +318,12 @@ def start_case(
         For an unknown name, or values that are missing or cannot be used.
     """
     notes: tuple[str, ...] = ()
+    seen = {slot for kind in kinds for slot in SLOTS[kind]} | {"bulk"}
+    own = None if material is None else load_case(material)
+    if baseline is None:
+        baseline = ("default",) if own is None else tuple(m.name for m in own.model.all if m.slot in seen)
     listed = (baseline,) if isinstance(baseline, str) else tuple(baseline)
     if len(listed) == 1 and listed[0] in SETS:
-        seen = {slot for kind in kinds for slot in SLOTS[kind]} | {"bulk"}
         model = Model(tuple(m for m in SETS[listed[0]] if registry()[m].slot in seen))
     else:
         for each in listed:
@@ -327,8 +336,13 @@ def start_case(
             added = next(n for n in SETS["default"] if isinstance(registry()[n], Volumetric))
             model = model.with_(added)
             notes += (f"'{added}' added to the baseline: it has no law for volume change",)
-    if material is not None:
-        return load_case(material, {"mechanisms": model.mechanisms, **(parameters or {})}), notes
+    if own is not None:
+        case = load_case(material, {"mechanisms": model.mechanisms, **(parameters or {})})
+        if unused := own.values.keys() & blade_units().keys() - case.values.keys() if "blade" in seen else ():
+            blade = next(law.name for law in own.model.laws("blade") if isinstance(law, Tool))
+            names_ = " and ".join(sorted(unused))
+            notes += (f"the material's {names_} count for nothing: its '{blade}' is not in the baseline",)
+        return case, notes
     values = resolve({}, dict(parameters or {}), model)
     return Case(name=name, dim=2, mechanisms=model.mechanisms, values=values), notes
 
@@ -410,6 +424,13 @@ def _check(experiment: Experiment, base: Case) -> None:
     """Raise BadInput if a test cannot be of the material, or cannot be computed."""
     plausible.refuse_implausible(experiment, base)
     if experiment.kind == "cut":
+        for name in experiment.blade.keys() - base.model.parameters().keys():
+            tool = next(law.name for law in base.model.laws("blade") if isinstance(law, Tool))
+            others = [law.name for law in registry().values() if name in [q.name for q in law.parameters]]
+            expected = (
+                f"a size of the baseline's blade, '{tool}'; a baseline with {' or '.join(others)} has it"
+            )
+            raise BadInput(key=f"blade.{name}", value=f"{experiment.blade[name]:g}", expected=expected)
         cut_case(experiment, base)
 
 
@@ -420,7 +441,7 @@ def _start(
     file; ``sizes`` are those of a cut."""
     parameters, numerics = table.get("parameters", {}), table.get("numerics", {})
     with located(path, text):
-        baseline = names("baseline", table.get("baseline", "default"))
+        baseline = names("baseline", table["baseline"]) if "baseline" in table else None
         material = table.get("material")
         if material is not None and not isinstance(material, str):
             raise BadInput(key="material", value=str(material)[:60], expected="a known name or a TOML file")

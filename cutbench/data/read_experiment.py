@@ -26,6 +26,7 @@ from cutbench.data.layout import LABEL
 from cutbench.data.measured import MeasuredCut, read_measured
 from cutbench.data.plausible import travel_fits
 from cutbench.data.specimen_sizes import (
+    blade_units,
     by_repetition,
     require_sizes,
     section_of,
@@ -167,7 +168,7 @@ def _measured(table: Mapping, folder: Path, name: str, role: str, sizes: Mapping
 
 # -- what a person wrote ----------------------------------------------------------------------------
 def _blade(table: Mapping, kind: str) -> dict[str, float]:
-    sharp = written_sizes(table, "blade", ("thickness", "tip", "edge_radius", "shoulder") * (kind == "cut"))
+    sharp = written_sizes(table, "blade", blade_units().keys() if kind == "cut" else ())
     blade = {key: size for key, size in sharp.items() if isinstance(size, float)}
     if kind == "cut" and "thickness" not in blade:
         raise BadInput(key="blade.thickness", value="(missing)", expected="blade = { thickness = '0.7 mm' }")

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import among
-from cutbench.base.units import parse_quantity
+from cutbench.base.units import parse_quantity, unit_factor
 from cutbench.data.experiment import HOMOGENEOUS, area_of
+from cutbench.mechanisms import Tool, registry
 
 #: A length, or one for each repetition, in their order or by name.
 Size = float | list[float] | dict[str, float]
@@ -21,12 +22,18 @@ WIDE = 25.0
 BUCKLES = 3.0
 
 
-def written_sizes(table: Mapping, key: str, known: Sequence[str], several: bool = False) -> dict[str, Size]:
-    """The sizes of the section ``key`` in mm and mm², ``several`` by repetition too. Raises BadInput."""
+def blade_units() -> dict[str, str]:
+    """The unit of each size that a blade may have, by name."""
+    tools = (law for law in registry().values() if isinstance(law, Tool))
+    return {q.name: q.unit for tool in tools for q in tool.parameters}
+
+
+def written_sizes(table: Mapping, key: str, known: Collection[str], several: bool = False) -> dict[str, Size]:
+    """The sizes of the section ``key`` in internal units, ``several`` by repetition too. Raises BadInput."""
     found: dict[str, Size] = {}
     for name, raw in section_of(table, key).items():
         among(f"{key}.{name}", name, known, value=str(raw)[:60])
-        unit, full = "mm^2" if name == "area" else "mm", f"{key}.{name}"
+        unit, full = "mm^2" if name == "area" else blade_units().get(name, "mm"), f"{key}.{name}"
         if isinstance(raw, dict) and several and raw:
             found[name] = {label: _size(one, unit, f"{full}.{label}") for label, one in raw.items()}
         elif isinstance(raw, list) and several and raw:
@@ -45,7 +52,7 @@ def written_sizes(table: Mapping, key: str, known: Sequence[str], several: bool 
 
 
 def _size(raw: object, unit: str, key: str) -> float:
-    value = parse_quantity(raw, unit, key=key)
+    value = parse_quantity(raw, unit, key=key) * unit_factor(unit if unit == "deg" else "1")
     if not (np.isfinite(value) and value > 0):
         raise BadInput(key=key, value=str(raw), expected=f"more than 0 {unit}")
     return value
