@@ -54,7 +54,9 @@ class Counted:
     def __init__(self) -> None:
         self.count = 0
 
-    def __call__(self, case: Case, names: Sequence[str], added, folder: Path | None = None) -> ComputedCut:
+    def __call__(
+        self, case: Case, names: Sequence[str], added, folder: Path | None = None, effort=0.0
+    ) -> ComputedCut:
         self.count += 1
         made, begins = course(case)
         by_added = [{name: _slope(a.case, name) for name in a.names} for a in added]

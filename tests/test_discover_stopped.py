@@ -17,6 +17,7 @@ from cutbench.cli.main import app
 from cutbench.data.campaign import Campaign
 from cutbench.discovery import discover
 from cutbench.discovery.page import write_discovery
+from cutbench.discovery.report import verdict_sentence
 
 STUDIES = Path(__file__).parents[1] / "studies"
 
@@ -110,3 +111,17 @@ def test_a_baseline_that_does_not_end_in_time_is_undecided(campaign, tmp_path):
 def test_a_limit_that_is_no_time_is_refused(limit, tmp_path):
     study = str(STUDIES / "silicone" / "rtv615.toml")
     refusal(CliRunner().invoke(app, ["discover", study, "--out", str(tmp_path), "--limit", limit]), "limit")
+
+
+def test_what_was_fitted_in_a_round_that_was_stopped_is_kept(campaign):
+    """Also where what is fitted anew takes too long."""
+    told = []
+
+    def stop(done, total, text):
+        told.append(text)
+        if sum("fitting the model with" in each for each in told) == 2:
+            raise KeyboardInterrupt
+
+    s = discover(campaign, workers=0, on_progress=stop)
+    assert s.verdict == "undecided" and s.stopped and len(tried(s)) == 1
+    assert s.stopped in verdict_sentence(s)

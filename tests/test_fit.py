@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from cutbench.data.campaign import FitPlan, load_campaign, start_case
 from cutbench.discovery import synthetic
 from cutbench.discovery.synthetic import Noise, Test, campaign
 from cutbench.run.pool.pool import TaskPool
+from cutbench.run.runner import run_case
 
 RUBBER = "studies/rubber/treloar.toml"
 
@@ -286,6 +288,31 @@ def interrupted(made, after: int):
     found = fit(made, runs=CutRuns(TaskPool(0), compute=stops), refine=False)
     assert formula.count == after
     return found
+
+
+def test_an_interruption_takes_the_best_of_the_cuts_that_were_computed(tmp_path):
+    """And says that it is no estimate, not that the model is wrong."""
+    truth, made = by_formula(tmp_path, "G", "G_c")
+    made = replace(made, base=made.base.set(G=f"{2 * truth.values['G']!r} MPa"))
+    start, late = interrupted(made, 3), interrupted(made, 14)
+    errors = [np.mean([c.rmse / c.mean.max() for c in each.compared[:3]]) for each in (start, late)]
+    assert errors[1] < 0.9 * errors[0] and (start.runs, late.runs) == (3, 14)
+    assert "start" in start.message and "start" not in late.message
+    assert not start.far and not start.before.sentences
+
+
+def test_a_run_that_takes_many_times_as_long_as_others_is_given_up(tmp_path):
+    formula, efforts = runs_by_formula.Counted(), []
+
+    def tells(case, names, added, folder, effort):
+        efforts.append(effort)
+        return replace(formula(case, names, added), effort=100)
+
+    _, made = by_formula(tmp_path, "G", "G_c")
+    fit(made, runs=CutRuns(TaskPool(0), compute=tells), refine=False)
+    assert math.isinf(efforts[0]) and 200 <= efforts[-1] <= 3000
+    with pytest.raises(ComputationFailed, match="given up"):
+        run_case(made.base.set(depth="2 mm", h="0.7 mm"), effort=5)
 
 
 @pytest.mark.parametrize("after", [0, 5])

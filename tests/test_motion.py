@@ -184,7 +184,7 @@ def test_discovery_computes_what_was_measured(tmp_path):
     (experiment,) = campaign.experiments
     asked = []
 
-    def computed(case, names, added, folder=None) -> ComputedCut:
+    def computed(case, names, added, folder=None, effort=0.0) -> ComputedCut:
         """A force in proportion to the travel and the modulus; a law that is added changes it later on."""
         asked.append(case)
         asked.extend(each.case for each in added)

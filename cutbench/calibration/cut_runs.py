@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -18,6 +19,7 @@ import numpy as np
 from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.files import replacing
 from cutbench.base.progress import ALWAYS
+from cutbench.calibration.settings import SETTINGS
 from cutbench.case.case import Case
 from cutbench.data.experiment import Experiment
 from cutbench.data.field_comparison import at_travel, sample, sampled_slopes
@@ -52,6 +54,8 @@ class ComputedCut:
         The same by the strengths of laws that the run lacks.
     fields, field_slopes : ndarray, shape (f,), (f, k)
         Displacements in mm at the places of measured fields, and their derivatives by ``slopes``' names.
+    effort : int
+        Linear systems that were factorised.
     """
 
     course: np.ndarray
@@ -61,13 +65,15 @@ class ComputedCut:
     by_added: Sequence[Mapping[str, np.ndarray]] = ()
     fields: np.ndarray = field(default_factory=lambda: np.zeros(0))
     field_slopes: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    effort: int = 0
 
     @classmethod
     def of(cls, result: Result) -> ComputedCut:
         """Of a run, without fields."""
         course = np.stack([result.curve[name] for name in COURSE])
         onset = result.measures.get("onset_mm", float("nan"))
-        return cls(course, result.outcome, onset, result.sensitivities, result.by_added)
+        effort = result.counts["factorization_calls"]
+        return cls(course, result.outcome, onset, result.sensitivities, result.by_added, effort=effort)
 
 
 def without_rig(case: Case) -> Case:
@@ -79,9 +85,11 @@ def without_rig(case: Case) -> Case:
     return replace(case, mechanisms=case.model.unrigged.mechanisms, values=values)
 
 
-def compute_cut(case: Case, names: Sequence[str], added: Sequence[Added], folder: Path | None) -> ComputedCut:
-    """The run of ``case`` with derivatives, out of the store in ``folder`` or computed and left there. Raises
-    BadInput, ComputationFailed."""
+def compute_cut(
+    case: Case, names: Sequence[str], added: Sequence[Added], folder: Path | None, effort: float = math.inf
+) -> ComputedCut:
+    """The run of ``case`` with derivatives, out of the store in ``folder`` or computed, with this ``effort``
+    at the most, and left there. Raises BadInput, ComputationFailed."""
     store = None if folder is None else Store(folder)
     keys = [*names, *(_key_of_added(each) for each in added)]
     if store is not None and (old := store.get(case.id)) is not None:
@@ -90,7 +98,7 @@ def compute_cut(case: Case, names: Sequence[str], added: Sequence[Added], folder
             return found
         if (known := _derivatives(store.path(case.id), names, added)) is not None:
             return replace(found, slopes=known[0], by_added=known[1])
-    result = run_case(case, sensitivities=names, added=added)
+    result = run_case(case, sensitivities=names, added=added, effort=effort)
     if store is not None and store.put(result, replace=bool(keys)) and keys:
         _store_derivatives(store.path(case.id), result, added)
     return ComputedCut.of(result)
@@ -147,7 +155,7 @@ def compute_fields(case: Case, names: Sequence[str], e: Experiment) -> ComputedC
     return replace(ComputedCut.of(result), fields=np.concatenate(u), field_slopes=np.concatenate(by))
 
 
-Compute = Callable[[Case, Sequence[str], Sequence[Added], Path | None], ComputedCut]
+Compute = Callable[[Case, Sequence[str], Sequence[Added], Path | None, float], ComputedCut]
 
 
 class CutRuns:
@@ -226,7 +234,7 @@ class CutRuns:
             if known is None or not ({*names} <= {*known[0]} and keys == known[1][: len(keys)]):
                 wanted.setdefault(case.id, case)
         self._run(
-            wanted, [Job(id, self._compute, (case, tuple(names), tuple(added), self._folder))
+            wanted, [Job(id, self._compute, (case, tuple(names), tuple(added), self._folder, self._effort()))
                      for id, case in wanted.items() if id not in self.failed], keys,
         )  # fmt: skip
         return [self.known(case) for case in cases]
@@ -238,11 +246,15 @@ class CutRuns:
             self._run({case.id: case}, [Job(case.id, compute_fields, (case, tuple(names), e))], ())
         return self.known(case)
 
+    def _effort(self) -> float:
+        """What a run may take: one that takes many times as much as others holds up more than it tells."""
+        efforts = [run.effort for *_, run in self._known.values() if run.effort]
+        return SETTINGS.hopeless * float(np.median(efforts)) if len(efforts) >= SETTINGS.first else math.inf
+
     def _run(self, wanted: Mapping[str, Case], jobs: Sequence[Job], keys: tuple[str, ...]) -> None:
-        self.count += len(jobs)
         done = {}
         for each in self._pool.run(iter(jobs), self.check):
-            done[each.key] = each
+            done[each.key], self.count = each, self.count + 1
             self.on_run()
         # In their own order, whichever ended first: what is said from them is then the same every time.
         for job in jobs:

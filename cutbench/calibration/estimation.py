@@ -17,7 +17,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from cutbench.base.errors import ComputationFailed
-from cutbench.base.progress import OnProgress, silent
+from cutbench.base.progress import OnProgress, Until, silent
 from cutbench.calibration import mesh_error
 from cutbench.calibration.cut_runs import CutRuns
 from cutbench.calibration.identifiability import identifiable
@@ -347,6 +347,21 @@ def _compute_cuts(posterior: Posterior, tests: Sequence[Experiment], places: Seq
     found = p.runs([p.case(e, posterior.values(e, q)) for e, q in zip(tests, places, strict=True)])
     if not any(run is not None for run in found):
         raise ComputationFailed(f"no cut can be computed: {next(iter(p.runs.failed.values()), '')}")
+
+
+def best_known(posterior: Posterior, best: Estimated | None) -> Estimated | None:
+    """What the cuts that were computed say once a search was stopped: ``best``, or a place that the emulator
+    has as likelier. No cut is computed."""
+    runs, before = posterior.predictions.runs, posterior.predictions.runs.check
+    runs.check = Until(0.0)
+    try:
+        q, low, high = _search_box(posterior, np.zeros(len(posterior.parameters)))
+        likely = posterior.maximum(best_places(posterior, q, low, high)[0])
+    except (ComputationFailed, KeyboardInterrupt):
+        return best
+    finally:
+        runs.check = before
+    return likely if best is None or likely.log_posterior > best.log_posterior else best
 
 
 def best_places(posterior: Posterior, q: np.ndarray, low: np.ndarray, high: np.ndarray) -> list[np.ndarray]:

@@ -37,7 +37,7 @@ def plot_fit(fit: Fit) -> Figure:
                 _measures(top, c, c.experiment)
                 bottom.set_visible(False)
                 continue
-            _curve(top, c)
+            _curve(top, c, "fitted" if fit.done else "as far as it came")
             _residual(bottom, c)
             bottom.sharex(top)
         legend_below(figure, figure.axes, 3)
@@ -58,12 +58,12 @@ def panels(count: int, margin_mm: float, ratio: float) -> tuple[Figure, list[tup
     return figure, pairs[:count]
 
 
-def _curve(axes: Axes, c: ComparedCurve) -> None:
+def _curve(axes: Axes, c: ComparedCurve, fitted: str) -> None:
     s, unit = c.experiment.shown
     low, high = s * (c.mean - 2 * c.sd), s * (c.mean + 2 * c.sd)
     axes.fill_between(c.x, low, high, facecolor=COLOURS["sky"], alpha=0.45, lw=0, label="± 2 sd")
     axes.plot(c.x, s * c.mean, ".", color=COLOURS["black"], ms=3, label="measured (mean)")
-    look: Look = {"color": COLOURS["vermilion"], "ls": "-", "label": "fitted"}
+    look: Look = {"color": COLOURS["vermilion"], "ls": "-", "label": fitted}
     if c.experiment.role == "test":
         look = {"color": COLOURS["blue"], "ls": (0, (5, 1.5)), "label": "predicted"}
     axes.plot(c.x, s * c.fitted, lw=1.3, **look)

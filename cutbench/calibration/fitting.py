@@ -25,7 +25,7 @@ from cutbench.base.notebook import watched
 from cutbench.base.progress import ALWAYS, OnProgress, Until, silent
 from cutbench.base.toml import one_of
 from cutbench.calibration.cut_runs import CutRuns
-from cutbench.calibration.estimation import drop_unidentifiable, successive_estimates
+from cutbench.calibration.estimation import best_known, drop_unidentifiable, successive_estimates
 from cutbench.calibration.identifiability import Identifiability, correlations, identifiability
 from cutbench.calibration.parameters import FreeParameter, free_parameters
 from cutbench.calibration.posterior import Estimated, Posterior
@@ -282,9 +282,10 @@ class Fit(Displayed):
 
     @property
     def far(self) -> str:
-        """A sentence that no parameters bring the model near the data, and how near; empty where some do."""
+        """A sentence that no parameters bring the model near the data, and how near; empty where some do, or
+        may."""
         off, id = max(((c.misfit, c.experiment.id) for c in self.compared), default=(0.0, ""))
-        if off <= FAR:
+        if off <= FAR or not self.done:
             return ""
         return (
             f"No parameters that were tried bring this model near the data: it misses {100 * off:.0f} % of"
@@ -425,7 +426,8 @@ class Fitting:
         self.posterior = Posterior.of(Predictions(campaign, campaign.base, grids, runs, names), parameters)
         self.best: Estimated | None = None
         self.status, self.fixed = UNDER_WAY, dict[str, str]()
-        self.before = identifiability(np.zeros((0, len(parameters))), parameters)
+        # Nothing is known of it before the cuts where the search begins.
+        self.before = replace(identifiability(np.zeros((0, len(parameters))), parameters), sentences=())
 
     def go(self, due: float = math.inf) -> None:
         """Estimate until it is found, or stopped. Raises ComputationFailed."""
@@ -444,6 +446,7 @@ class Fitting:
             self.status = CONVERGED if self.best is not None and self.best.settled else STOPPED
         except KeyboardInterrupt:
             self.status = LATE if time.monotonic() >= due else INTERRUPTED
+            self.best = best_known(self.posterior, self.best)
         self.runs.check = ALWAYS  # what is known can be asked
 
     def result(self, profile: Sequence[str] = ()) -> Fit:
@@ -478,11 +481,9 @@ class Fitting:
 
     def _message(self, compared: Sequence[ComparedCurve]) -> str:
         if self.status not in (CONVERGED, STOPPED):
-            reached = (
-                "nothing is fitted, values are the start's" if self.best is None
-                else "values are those that it had reached"
-            )  # fmt: skip
-            return f"{self.status} after {self.runs.count} cuts, before a maximum: {reached}"
+            moved = self.best is not None and bool(np.any(_moved(self.best.q)))
+            reached = "the best that is known" if moved else "the start's, nothing is fitted"
+            return f"{self.status} after {self.runs.count} cuts, before a maximum: values are {reached}"
         off, id = max(((c.misfit, c.experiment.id) for c in compared), default=(0.0, ""))
         return self.status + (f", at a misfit of {100 * off:.0f} % of the maximum in '{id}'" * (off > FAR))
 
@@ -494,8 +495,8 @@ def _estimates(
     q = np.zeros(k) if best is None else best.q
     if best is None or not done:  # where a search happens to stand is no estimate
         nan = [
-            Estimate(u, u.value(x), math.nan, math.nan, math.nan, math.nan, False, abs(x) > 1e-6)
-            for u, x in zip(posterior.parameters, q, strict=True)
+            Estimate(u, u.value(x), math.nan, math.nan, math.nan, math.nan, False, moves)
+            for u, x, moves in zip(posterior.parameters, q, _moved(q).tolist(), strict=True)
         ]
         return np.full((k, k), np.nan), tuple(nan)
     covariance, found, inside = best.covariance, [], posterior.inside(q)
@@ -505,8 +506,12 @@ def _estimates(
         reach = float(stats.t.ppf((1 + LEVEL) / 2, dof[i])) * sd
         down = u.value(q[i] - reach) if u.logarithmic else u.value(max(q[i] - reach, low[i]))
         spread = down, u.value(q[i] + reach), sd * u.slope(q[i]), float(dof[i])
-        found.append(Estimate(u, u.value(q[i]), *spread, not bool(inside[i]), bool(abs(q[i]) > 1e-6)))
+        found.append(Estimate(u, u.value(q[i]), *spread, not bool(inside[i]), bool(_moved(q)[i])))
     return covariance, tuple(found)
+
+
+def _moved(q: np.ndarray) -> np.ndarray:
+    return np.abs(q) > 1e-6
 
 
 def _degrees_of_freedom(best: Estimated) -> np.ndarray:

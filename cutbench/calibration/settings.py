@@ -25,6 +25,9 @@ class Settings:
         needs.
     rounds : int
         So often at most cuts are computed at the best place that the emulator knows.
+    hopeless : float
+        A run that takes so many times the median effort of its search is given up: it holds up the others for
+        longer than what it tells is worth.
     gained : float
         The best place is found when the log posterior grows by less from there: less than one of two models
         must be likelier to be told.
@@ -51,6 +54,7 @@ class Settings:
     first: int = 6
     each: int = 2
     rounds: int = 8
+    hopeless: float = 10.0
     gained: float = 0.5
     chance: float = 0.005
     undecided: float = 3.0

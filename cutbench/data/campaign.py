@@ -336,7 +336,7 @@ def start_case(
             added = next(n for n in SETS["default"] if isinstance(registry()[n], Volumetric))
             model = model.with_(added)
             notes += (f"'{added}' added to the baseline: it has no law for volume change",)
-    if own is not None:
+    if own is not None and material is not None:
         case = load_case(material, {"mechanisms": model.mechanisms, **(parameters or {})})
         if unused := own.values.keys() & blade_units().keys() - case.values.keys() if "blade" in seen else ():
             blade = next(law.name for law in own.model.laws("blade") if isinstance(law, Tool))

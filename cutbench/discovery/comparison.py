@@ -111,6 +111,8 @@ class ComparisonRound:
         What was fitted, the most probable first.
     left_out, failed : mapping
         By name, why candidates do not apply, or could not be tried.
+    whole : bool
+        Whether it came to its end.
     """
 
     null: Estimated
@@ -118,6 +120,7 @@ class ComparisonRound:
     compared: tuple[ComparedModel, ...]
     left_out: Mapping[str, str]
     failed: Mapping[str, str]
+    whole: bool = True
 
     @property
     def group(self) -> tuple[ComparedModel, ...]:
@@ -203,12 +206,17 @@ def comparisons(
         beside = f" beside {' and '.join(f.name for f in found)}" if found else ""
         on_progress(math.nan, math.nan, f"looking for a cause{beside}")
         step = comparison_round(null, seed, on_progress)
-        if step.compared and (better := _refit_null_model(step)) is not None:
-            # Some of the gain was that of other values: the cause is asked beside these.
-            null, baseline = better, better if null is baseline else baseline
-            step = comparison_round(null, seed, on_progress)
+        try:
+            if step.whole and step.compared and (better := _refit_null_model(step)) is not None:
+                # Some of the gain was that of other values: the cause is asked beside these.
+                null, baseline = better, better if null is baseline else baseline
+                step = comparison_round(null, seed, on_progress)
+        except KeyboardInterrupt:
+            step = replace(step, whole=False)
         steps.append(step)
         yield Comparison(tuple(steps), tuple(found), null)
+        if not step.whole:
+            raise KeyboardInterrupt
         best = step.group[0] if step.group else None
         if best is None or (found and not _worth_adding(step, best, whole)):
             break
@@ -275,17 +283,19 @@ def comparison_round(null: Estimated, seed: int, on_progress: OnProgress = silen
             elif s.name not in failed:
                 failed[s.name] = "the model with it has no answer"
 
-    compare(promising)
-    best = max(compared, key=lambda c: c.evidence, default=None)
-    if best is not None and best.evidence > 0:
-        done = {c.name for c in compared}
-        compare(
-            [s for s in scores.scores if family_of(s.name) == family_of(best.name) and s.name not in done]
-        )
+    whole = True
+    try:
+        compare(promising)
+        best = max(compared, key=lambda c: c.evidence, default=None)
+        if best is not None and best.evidence > 0:
+            done, family = {c.name for c in compared}, family_of(best.name)
+            compare([s for s in scores.scores if family_of(s.name) == family and s.name not in done])
+        if runs:
+            compared = _with_computed_cuts(null, compared, scores, on_progress)
+    except KeyboardInterrupt:
+        whole, compared = False, [replace(c, computed=not runs) for c in compared]
     compared.sort(key=lambda c: (-c.evidence, c.name))
-    if null.posterior.tests_with_runs:
-        compared = _with_computed_cuts(null, compared, scores, on_progress)
-    return ComparisonRound(null, scores, tuple(compared), left_out, failed)
+    return ComparisonRound(null, scores, tuple(compared), left_out, failed, whole)
 
 
 def _chosen_for_fit(scores: Scores, null: Estimated) -> list[Score]:

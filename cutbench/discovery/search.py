@@ -263,7 +263,7 @@ def _search(
     comparison: Comparison | None = None
     for comparison in comparisons(baseline, seed=seed, on_progress=on_progress):
         known.comparison = comparison
-        if len(comparison.steps) == 1 and not comparison.found:
+        if len(comparison.steps) == 1 and comparison.steps[0].whole and not comparison.found:
             known.numerics = numerical_causes(comparison.steps[0], seed)
             if known.numerics.explains:
                 return

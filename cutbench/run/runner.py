@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -10,6 +11,7 @@ from functools import partial
 import numpy as np
 
 from cutbench.base.compiled import announced
+from cutbench.base.errors import ComputationFailed
 from cutbench.base.progress import COMPILING, OnProgress, silent
 from cutbench.case.case import Case
 from cutbench.case.values import check_driven
@@ -40,6 +42,7 @@ def run_case(
     sensitivities: Sequence[str] = (),
     added: Sequence[Added] = (),
     checkpoint: Checkpoint | None = None,
+    effort: float = math.inf,
 ) -> Result:
     """Compute one case, to its depth or until its transition is known.
 
@@ -70,6 +73,8 @@ def run_case(
     checkpoint : Checkpoint, optional
         Keeps the state of the run, which begins from what it holds. Derivatives are not part of it, so a run
         with both begins anew.
+    effort : float
+        Linear systems that may be factorised; then the run is given up.
 
     Returns
     -------
@@ -81,6 +86,8 @@ def run_case(
     BadInput
         If no law lets the blade meet the specimen, the case's mesh cannot be used, it cannot be
         differentiated by one of the names, or ``frames`` is no number of them.
+    ComputationFailed
+        If it is given up.
 
     Examples
     --------
@@ -94,7 +101,7 @@ def run_case(
     check_driven(case.model)
     count, names = checked_frames(frames), checked(case, sensitivities)
     run = _Run(case, names, added, snapshots_mm, count, checkpoint)
-    return run.result(*run.march(on_progress, on_step))
+    return run.result(*run.march(on_progress, on_step, effort))
 
 
 class _Run:
@@ -137,8 +144,9 @@ class _Run:
             for mine, others in ((timer.seconds, kept["seconds"]), (timer.counts, kept["counts"])):
                 mine |= {name: mine.get(name, 0) + value for name, value in others.items()}
 
-    def march(self, on_progress: OnProgress, on_step: OnStep) -> tuple[bool, str]:
-        """Go to the end: whether the user ended it, and why it stalled, if it did."""
+    def march(self, on_progress: OnProgress, on_step: OnStep, effort: float) -> tuple[bool, str]:
+        """Go to the end: whether the user ended it, and why it stalled, if it did. Raises ComputationFailed
+        where it takes more than ``effort``."""
         ledger, stopping, checkpoint = self._ledger, self._stopping, self._checkpoint
         reported = 0.0, self._meshes.built.march.motion.end
 
@@ -166,6 +174,8 @@ class _Run:
                     checkpoint.offer(self._state(step.progress))
                 if stopping.known():
                     break
+                if self._meshes.built.problem.timer.counts.get("factorization", 0) > effort:
+                    raise ComputationFailed(f"given up at {ledger.last['displacement_mm']:.3g} mm: too long")
         except KeyboardInterrupt:
             interrupted = True
         except Stalled as error:
