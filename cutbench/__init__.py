@@ -14,7 +14,7 @@ __version__ = "0.1.0"
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "base.errors": ["BadInput", "ComputationFailed", "CutbenchError"],
+        "base.errors": ["BadInput", "ComputationFailed", "CutbenchError", "DoubtfulInput"],
         "calibration.fitting": ["Fit", "fit"],
         "case.case": ["Case", "known_materials", "load_case"],
         "case.model": ["DEFAULT", "PAPER", "Model"],

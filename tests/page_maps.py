@@ -21,7 +21,7 @@ SOUGHT = GRID.replace("points = 4\n", "").replace("base", 'mode = "boundary"\nba
 ) + '[boundary]\nruns = 40\n'  # fmt: skip
 
 SAMPLED = GRID.replace("values = [0.01, 0.2, 5.0]", "from = 0.01\nto = 5.0").replace(
-    "points = 4\n", "").replace("base", 'mode = "lhs"\nbase') + "[sample]\npoints = 9\n"  # fmt: skip
+    "points = 4\n", "").replace("base", 'mode = "sobol"\nbase') + "[sample]\npoints = 9\n"  # fmt: skip
 ONE_AXIS = """title = "One axis"
 base = "gelatin"
 [[axis]]

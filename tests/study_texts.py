@@ -28,7 +28,7 @@ mark = ["meat"]
 """
 
 
-SAMPLED = """mode = "lhs"
+SAMPLED = """mode = "sobol"
 base = "gelatin"
 [[axis]]
 name = "cohesion"

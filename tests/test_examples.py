@@ -113,7 +113,7 @@ TEST = "\n[[experiment]]\nid = 'a'\ndata = 'a.csv'\nunknown = 1\nkind = "
     [
         "unknown = 1" + AXIS, AXIS + "unknown = 1",
         *(f"{AXIS}points = 3\n[{name}]\nunknown = 1" for name in ("regime", "plot", "uncertainty")),
-        f"mode = 'boundary'{AXIS}[boundary]\nunknown = 1", f"mode = 'lhs'{AXIS}[sample]\nunknown = 1",
+        f"mode = 'boundary'{AXIS}[boundary]\nunknown = 1", f"mode = 'sobol'{AXIS}[sample]\nunknown = 1",
         "unknown = 1" + TEST + "'cut'",
         *(f"{TEST}'{kind}'" for kind in ("cut", "uniaxial", "sliding", "separation")),
     ],

@@ -9,6 +9,7 @@ import sys
 
 import pytest
 from coarse_runs import brief_run
+from refusals import refusal
 from test_fit_stops import campaign
 from typer.testing import CliRunner
 
@@ -110,3 +111,12 @@ def test_a_map_that_does_not_fit_on_the_disk_loses_no_run(tmp_path):
     assert done.returncode == 1 and "Traceback" not in done.stderr
     assert str(out / "map.nc") in done.stderr and not (out / "map.nc").exists()
     assert len(list((out / "runs").glob("??/*/run.json"))) == 2
+
+
+def test_results_of_another_case_are_not_written_over(tmp_path):
+    base = ["run2d", "gelatin", "--h", "0.8", "--element", "P1", "--depth", "0.2", "--out", str(tmp_path)]
+    assert CliRunner().invoke(app, base).exit_code == 0
+    before = (tmp_path / "curve.csv").read_bytes()
+    refusal(CliRunner().invoke(app, [*base, "--set", "G=9 kPa"]), "out")
+    assert (tmp_path / "curve.csv").read_bytes() == before
+    assert CliRunner().invoke(app, base).exit_code == 0

@@ -99,7 +99,7 @@ def test_any_beginning_of_the_order_is_spread_over_the_map():
     assert farthest_gap(index[:40]) < 0.4 < farthest_gap(everything[:40])
 
 
-def test_a_latin_hypercube_has_one_point_in_each_slice_and_all_levels_equally_often(write):
+def test_a_sobol_sequence_has_one_point_in_each_slice_and_all_levels_equally_often(write):
     study = load_study(write(SAMPLED))
     assert study.shape == (16,) and len(study.grid) == len(study.samples) == 16
     cohesion, speed, adhesion = np.array(study.samples).T
@@ -111,10 +111,12 @@ def test_a_latin_hypercube_has_one_point_in_each_slice_and_all_levels_equally_of
         assert study.case_at(values).id == case.id and len(index) == 1
     again, other = load_study(write(SAMPLED)), load_study(write(SAMPLED.replace("seed = 3", "seed = 4")))
     assert again.samples == study.samples != other.samples
+    # A design grows: what was computed stays of use.
+    assert load_study(write(SAMPLED.replace("points = 16", "points = 21"))).samples[:16] == study.samples
 
 
 def test_one_at_a_time_departs_from_the_base_and_moves_one_axis(write):
-    text = SAMPLED.replace('mode = "lhs"', 'mode = "one-at-a-time"').split("[sample]")[0]
+    text = SAMPLED.replace('mode = "sobol"', 'mode = "one-at-a-time"').split("[sample]")[0]
     study = load_study(write(text.replace("to = 100.0", "to = 100.0\npoints = 3")))
     base = study.samples[0]
     assert base == pytest.approx((10.0952, 0.021, 1.0))

@@ -133,7 +133,7 @@ def test_a_study_without_axes_or_file_is_refused(write, tmp_path):
         (BOUNDARY, '"1/16"', '"1/0"', "axis 1: tolerance", "'1/32'", 8),
         (BOUNDARY, '"1/16"', '"1/3000"', "axis 2: tolerance", "larger tolerances", 13),
         (BOUNDARY, 'tolerance = "1/16"', "points = 5", "axis 1: points", "tolerance", 8),
-        (BOUNDARY, "[boundary]\nruns", "[sample]\npoints", "sample", "mode = 'lhs'", 17),
+        (BOUNDARY, "[boundary]\nruns", "[sample]\npoints", "sample", "mode = 'sobol'", 17),
         (SAMPLED, "points = 16", "points = 0", "points", "1 to", 14),
         (SAMPLED, "points = 16\n", "", "sample", "points = 100", 13),
         (SAMPLED, "seed = 3", "seed = -3", "seed", "0 to", 15),

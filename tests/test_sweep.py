@@ -88,7 +88,8 @@ def test_the_first_pictures_are_an_estimate_and_the_last_are_not(study, log, tmp
         return ["An estimate" in (out / name).read_text() for name in ("phase.svg", "map.html")]
 
     def run(case):
-        seen.append(headed() == [True, True] and np.isnan(load_map(out / "map.nc")["drop_rel"]).all())
+        computed = int(np.isfinite(load_map(out / "map.nc")["drop_rel"]).sum())
+        seen.append(headed() == [True, True] and computed <= len(seen))
         return analytic_runs.fake_run(case)
 
     run_study(study, out, workers=0, run=run, first_picture_s=1e9)
@@ -348,7 +349,7 @@ mechanism = "adhesion"
 @pytest.mark.parametrize(
     ("mode", "range_", "rest", "count"),
     [
-        ("lhs", "from = 1.0\nto = 30.0", "[sample]\npoints = 12", 12),
+        ("sobol", "from = 1.0\nto = 30.0", "[sample]\npoints = 12", 12),
         ("one-at-a-time", "values = [1.0, 5.0, 30.0]", "", 5),
     ],
 )

@@ -24,6 +24,21 @@ class CutbenchError(Exception):
     exit_code = 1
 
 
+class DoubtfulInput(UserWarning):
+    """This warning says of input that can be used what there is to know before its results are believed.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import cutbench
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     found = cutbench.run2d("gelatin", G="7.5 MPa", depth="0.1 mm", h="0.8 mm", element="P1")
+    >>> caught[0].category is cutbench.DoubtfulInput
+    True
+    """
+
+
 class BadInput(CutbenchError):
     """This error says that what a person wrote cannot be used, and names what would be right.
 

@@ -48,10 +48,10 @@ def file_digest(path: Path) -> str:
 
 
 @contextmanager
-def folder_lock(out_dir: str | Path, wait_s: float = 0.0) -> Iterator[Path]:
+def folder_lock(out_dir: str | Path, wait_s: float = 0.0, key: str = "--out") -> Iterator[Path]:
     """Hold ``out_dir``, made if need be, so that no other process writes its results there meanwhile.
 
-    Raises BadInput (``--out``) if it cannot be written to, or another process holds it for longer than
+    Raises BadInput (``key``) if it cannot be written to, or another process holds it for longer than
     ``wait_s``. On a file system without locks nothing is held.
     """
     out = check_writable(out_dir)
@@ -60,7 +60,7 @@ def folder_lock(out_dir: str | Path, wait_s: float = 0.0) -> Iterator[Path]:
         lock.acquire(timeout=wait_s)
     except Timeout as error:
         expected = "another folder, or to wait: another cutbench is at work in this one"
-        raise BadInput("--out", str(out_dir), expected) from error
+        raise BadInput(key, str(out_dir), expected) from error
     except (OSError, NotImplementedError):
         pass
     try:

@@ -11,6 +11,9 @@ from pathlib import Path
 
 from cutbench.base.errors import BadInput
 
+#: Of more names than this the nearest are shown, so many.
+MANY, NEAREST = 20, 5
+
 
 def read_toml(path: str | Path) -> tuple[dict, str]:
     """Read a TOML file into a dictionary, and keep its text for messages that name lines.
@@ -114,10 +117,12 @@ def nearest(name: str, known: Iterable[str], likeness: float = 0.5) -> str | Non
 
 
 def one_of(name: str, known: Iterable[str]) -> str:
-    """``"one of a, b, c; did you mean 'b'?"``: the text of what was expected."""
+    """``"one of a, b, c; did you mean 'b'?"``: the text of what was expected; of many, the nearest."""
     known = list(known)
     guess = nearest(name, known)
-    return f"one of {', '.join(known)}" + (f"; did you mean '{guess}'?" if guess else "")
+    shown = known if len(known) <= MANY else difflib.get_close_matches(name, known, NEAREST, 0.0)
+    more = f" and {len(known) - len(shown)} others" if len(shown) < len(known) else ""
+    return f"one of {', '.join(shown)}{more}" + (f"; did you mean '{guess}'?" if guess else "")
 
 
 def among(key: str, name: object, known: Iterable[object], *, value: object = None) -> None:

@@ -324,6 +324,8 @@ class _Unreadable(ValueError):
 @lru_cache(maxsize=20_000)
 def _value(text: str, unit: str) -> float:
     """Of ``text`` in ``unit``: maps and fits read the same few texts thousands of times."""
+    if "±" in text or "+/-" in text:
+        raise _Unreadable(f"one value in {unit}; how far it is known is no part of a case")
     if (parts := _QUANTITY.fullmatch(text.replace("²", "^2").replace("³", "^3"))) is None:
         raise _Unreadable
     number, written = parts.groups()

@@ -282,8 +282,7 @@ class Fit(Displayed):
 
     @property
     def far(self) -> str:
-        """A sentence that no parameters bring the model near the data, and how near; empty where some do, or
-        may."""
+        """A sentence that no parameters bring the model near the data; empty where some do or may."""
         off, id = max(((c.misfit, c.experiment.id) for c in self.compared), default=(0.0, ""))
         if off <= FAR or not self.done:
             return ""

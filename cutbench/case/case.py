@@ -9,14 +9,15 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import warnings
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType, SimpleNamespace
 
-from cutbench.base.errors import BadInput, ComputationFailed
-from cutbench.base.toml import in_short, located, read_toml, refuse_other, written
+from cutbench.base.errors import BadInput, ComputationFailed, DoubtfulInput
+from cutbench.base.toml import in_short, located, one_of, read_toml, refuse_other, written
 from cutbench.case import materials
 from cutbench.case.computation import computation_of, mesh_digest
 from cutbench.case.group_ranges import UntypicalGroup, untypical_groups
@@ -183,6 +184,15 @@ class Case:
     def doubts(self) -> tuple[str, ...]:
         """Sentences to know before its run is believed; for most cases there are none."""
         return (*self.cautions, *map(str, self.far))
+
+    def __getitem__(self, name: str) -> str:
+        """The value of a parameter as a person reads it, with its unit."""
+        if name not in (shown := self.shown()):
+            raise BadInput("parameter", name, one_of(name, shown))
+        return shown[name]
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return list(self.shown())
 
     @property
     def cautions(self) -> tuple[str, ...]:
@@ -414,6 +424,22 @@ def load_case(
             raise
         with located(path, text):
             raise
+
+
+def case_of(source: object, changes: Mapping[str, object], *, dim: int | None = None) -> Case:
+    """A case from whatever a function takes as its source, with changes; in as many dimensions as are asked
+    for. Raises BadInput."""
+    if isinstance(source, Case):
+        return replace(source.set(**changes), dim=source.dim if dim is None else dim)
+    if not isinstance(source, (str, Path)):
+        raise BadInput("source", source, "a case, a material's name or a TOML file")
+    return load_case(source, changes, dim=dim or 2)
+
+
+def warn_of_doubts(case: Case, stacklevel: int) -> None:
+    """What a command says on its way: a warning for each doubt, so many calls above."""
+    for sentence in case.doubts:
+        warnings.warn(sentence, DoubtfulInput, stacklevel=stacklevel + 1)
 
 
 def known_materials() -> dict[str, Case]:

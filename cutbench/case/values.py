@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from types import SimpleNamespace
 
 from cutbench.base.errors import BadInput
-from cutbench.base.toml import nearest
+from cutbench.base.toml import one_of
 from cutbench.case.mesh_sizes import chosen, under_tip
 from cutbench.case.model import PROTOCOL, SPECIMEN, Model, apply_groups, groups, owners, section_of, tools
 from cutbench.case.numerics import KEYS, Numerics, Sizes, unit_mm
@@ -77,9 +77,7 @@ def unknown(key: str, raw: object, model: Model) -> BadInput:
             f" {' or '.join(who)} that has it"
         )
     else:
-        names = [*settable(model), *KEYS]
-        guess = nearest(key, names)
-        expected = (f"a known name, did you mean '{guess}'? " if guess else "") + f"known: {', '.join(names)}"
+        expected = one_of(key, [*settable(model), *KEYS])
     return BadInput(key=key, value=brief(raw), expected=expected)
 
 
@@ -204,8 +202,7 @@ def section_hint(key: str, sections: Iterable[str]) -> str:
     physics = [q.name for q in SPECIMEN + PROTOCOL] + list(groups())
     if key in physics or owners(key):
         return f"it in the section [{section_of(key)}], '{key}' is not a section"
-    guess = nearest(key, sections)
-    return f"one of {', '.join(sections)}" + (f"; did you mean '{guess}'?" if guess else "")
+    return one_of(key, sections)
 
 
 def names(key: str, raw: object) -> tuple[str, ...]:

@@ -206,13 +206,19 @@ def case_and_folder(
     material: str, changes: dict[str, object], out: Path | None, *, dim: int, under: str = "runs"
 ) -> tuple[Case, Path]:
     """The case and a folder that can be written to, by default one of its own ``under`` this name."""
+    from cutbench.base.errors import BadInput
     from cutbench.case.case import load_case
     from cutbench.case.values import check_driven
+    from cutbench.run.files import run_id
 
     case = load_case(material, changes, dim=dim)
     check_driven(case.model)
     print_doubts(case)
-    return case, locked_folder(out if out is not None else Path(under) / f"{slug(case.name)}-{case.id}")
+    folder = locked_folder(out if out is not None else Path(under) / f"{slug(case.name)}-{case.id}")
+    if (before := run_id(folder)) not in ("", case.id):
+        expected = f"another folder: this one has run {before}, which would be lost"
+        raise BadInput("--out", str(folder), expected)
+    return case, folder
 
 
 def locked_folder(out: Path) -> Path:

@@ -21,7 +21,7 @@ from scipy.special import ndtr, ndtri
 
 from cutbench.base.display import Displayed
 from cutbench.base.errors import BadInput
-from cutbench.case.case import Case, load_case
+from cutbench.case.case import Case, case_of, warn_of_doubts
 from cutbench.case.model import groups
 from cutbench.case.motion import TRANSITION as UNTIL
 from cutbench.case.values import CLAMP
@@ -546,7 +546,7 @@ def shipped() -> Atlas:
     return Atlas.read(files("cutbench.emulator") / "blunt.npz")
 
 
-def estimate(source: Case | str | Path) -> Estimate:
+def estimate(source: Case | str | Path, **changes: object) -> Estimate:
     """Estimate what a run would give from an atlas of earlier runs, without computing it.
 
     The atlas comes with the package; its runs are of the default model with blunt blades.
@@ -555,6 +555,8 @@ def estimate(source: Case | str | Path) -> Estimate:
     ----------
     source : Case, str or Path
         A case, a material's name, or a case file.
+    **changes : object
+        What differs from the source, as ``run2d`` takes it.
 
     Returns
     -------
@@ -563,17 +565,20 @@ def estimate(source: Case | str | Path) -> Estimate:
 
     Raises
     ------
+    BadInput
+        For a source or a change that cannot be used.
     NotInAtlas
         If the atlas does not say.
 
     Examples
     --------
     >>> import cutbench
-    >>> found = cutbench.estimate(cutbench.load_case("gelatin").set(eta_reg="10 s"))
+    >>> found = cutbench.estimate("gelatin", eta_reg="10 s")
     >>> found.verdict
     'smooth'
     """
-    case = source if isinstance(source, Case) else load_case(source)
+    case = case_of(source, changes)
+    warn_of_doubts(case, 2)
     return shipped().estimate(case)
 
 

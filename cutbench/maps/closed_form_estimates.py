@@ -216,7 +216,11 @@ def draw_estimates(data: xr.Dataset, compared: EstimateComparison) -> Figure:
 
 
 def save_estimates(data: xr.Dataset, folder: str | Path) -> tuple[list[Path], str]:
-    """Write ``estimates.png`` into ``folder``; returns its path and the verdict in words."""
+    """Write ``estimates.png`` into ``folder`` where a run can be compared; its path, and words."""
     compared = compare(data)
+    if not compared.table["abrupt"].size:
+        for suffix in ("png", "svg"):
+            (Path(folder) / f"estimates.{suffix}").unlink(missing_ok=True)
+        return [], compared.text()
     paths = save(draw_estimates(data, compared), Path(folder) / "estimates.png", also=("svg",))
     return paths, compared.text()

@@ -68,6 +68,8 @@ _MARKERS: dict[str, Look] = {
 _LETTERS = 20
 #: Points along each axis at which the classical estimates are drawn.
 _ESTIMATED_POINTS = 13
+#: Where runs without a drop are marked, in heights of the axes.
+ABOVE = 1.03
 _DASHES = (0, (4, 1.5, 1, 1.5))
 MISSING = "to come"
 _MARKERS[MISSING] = {"marker": ".", "mec": "0.55", "mfc": "0.55", "ms": 3.5, "mew": 0.0, "label": MISSING}
@@ -325,8 +327,10 @@ def _points(ax: Axes, part: xr.Dataset, x: str, y: str) -> set[str]:
         if hits.size == 0:
             continue
         seen.add(name)
-        ys = part[y].values[hits[:, -2]] if y else np.nan_to_num(part["drop_rel"].values[hits[:, 0]])
+        ys = part[y].values[hits[:, -2]] if y else part["drop_rel"].values[hits[:, 0]]
         kwargs = {key: value for key, value in _MARKERS[name].items() if key != "label"}
+        if not y and name in (UNCUT, NOT_COMPUTED, MISSING):  # above the axes, where no drop is read
+            ys, kwargs["transform"] = np.full(len(hits), ABOVE), ax.get_xaxis_transform()
         ax.plot(part[x].values[hits[:, -1]], ys, ls="", zorder=4, clip_on=False, **kwargs)
     return seen
 
@@ -334,7 +338,7 @@ def _points(ax: Axes, part: xr.Dataset, x: str, y: str) -> set[str]:
 def draw_samples(data: xr.Dataset, size: Size | None = None) -> Figure:
     """Runs that do not lie on a grid: the drop over each axis, the regimes as markers."""
     names = axes_of(data)
-    columns = min(3, len(names)) if size is None or size.height_mm else 1
+    columns = min(3 if size is None or size.height_mm else 2, len(names))
     rows = math.ceil(len(names) / columns)
     with style(size):
         figure = sized(size, 52 * rows + 24) if size else new_figure(DOUBLE_MM, 58 * rows + 16)

@@ -114,6 +114,8 @@ def set_scale(ax: Axes, which: str, coordinate: xr.DataArray) -> None:
     """The axis' own scale."""
     if is_log(coordinate):
         plain_log(ax, which, float(coordinate.values[0]), float(coordinate.values[-1]))
+    elif coordinate.values.min() >= 0 > getattr(ax, f"get_{which}lim")()[0]:
+        getattr(ax, f"set_{which}lim")(0)  # no room for what cannot be
 
 
 def plain_log(ax: Axes, which: str, low: float, high: float) -> None:

@@ -1,4 +1,4 @@
-"""Where the runs of a study lie: the order of a grid, a Latin hypercube, one axis at a time."""
+"""Where the runs of a study lie: the order of a grid, a Sobol sequence, one axis at a time."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.stats import qmc
 
 from cutbench.maps.axes import Axis, short
 
@@ -26,20 +27,19 @@ def coarse_to_fine(shape: tuple[int, ...]) -> tuple[int, ...]:
     return tuple(order)
 
 
-def latin_hypercube(axes: Sequence[Axis], points: int, seed: int) -> tuple[tuple[float, ...], ...]:
-    """``points`` places, one in each of as many equal slices of every axis (McKay, Beckman & Conover 1979).
+def sobol(axes: Sequence[Axis], points: int, seed: int) -> tuple[tuple[float, ...], ...]:
+    """``points`` places of a scrambled Sobol sequence (Sobol 1967; Owen 1998): more points keep those before.
 
-    An axis of levels has each of them equally often, as far as the number of points allows.
+    An axis of levels has each of them about equally often.
     """
-    rng = np.random.default_rng(seed)
-    columns = []
-    for axis in axes:
-        slices = (rng.permutation(points) + rng.random(points)) / points
-        if axis.continuous:
-            columns.append([axis.value(float(place)) for place in slices])
-        else:
-            columns.append([axis.values[int(place * len(axis.values))] for place in slices])
-    return tuple(zip(*columns, strict=True))
+    rows = qmc.Sobol(len(axes), seed=seed).random_base2(math.ceil(math.log2(points)))[:points]
+    return tuple(
+        tuple(
+            axis.value(float(place)) if axis.continuous else axis.values[int(place * len(axis.values))]
+            for axis, place in zip(axes, row, strict=True)
+        )
+        for row in rows
+    )
 
 
 def one_at_a_time(axes: Sequence[Axis], base: Sequence[float]) -> tuple[tuple[float, ...], ...]:

@@ -38,7 +38,7 @@ from cutbench.maps.axes import (
     value_on,
 )
 from cutbench.maps.marked_materials import Mark, read_mark
-from cutbench.maps.sampling import coarse_to_fine, latin_hypercube, one_at_a_time
+from cutbench.maps.sampling import coarse_to_fine, one_at_a_time, sobol
 from cutbench.maps.study_sections import (
     Doubtful,
     Plot,
@@ -86,7 +86,7 @@ class Study:
     plot : Plot
         Which axes a picture shows, and which materials it marks.
     mode : str
-        ``grid``, ``lhs`` (samples), ``one-at-a-time`` or ``boundary``.
+        ``grid``, ``sobol`` (samples), ``one-at-a-time`` or ``boundary``.
     samples : tuple of tuple of float
         Values by axis, in the axes' units, where they do not lie on a grid.
     search : Search or None
@@ -306,7 +306,7 @@ def load_study(path: str | Path) -> Study:
             search = read_search(read_section(table, "boundary"), axes)
     elif mode == SAMPLE:
         with located(path, text, "sample"):
-            samples = latin_hypercube(axes, *read_sample(read_section(table, "sample")))
+            samples = sobol(axes, *read_sample(read_section(table, "sample")))
     elif mode == ONE:
         at = {axis.name: value_on(axis, start if axis.mechanism else base) for axis in axes}
         with located(path, text):

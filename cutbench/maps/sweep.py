@@ -20,6 +20,7 @@ import numpy as np
 import xarray as xr
 
 from cutbench.base.errors import BadInput, ComputationFailed
+from cutbench.base.files import folder_lock
 from cutbench.base.notebook import watched
 from cutbench.base.progress import OnProgress, silent
 from cutbench.case.case import Case
@@ -37,8 +38,9 @@ from cutbench.run.pool.pool import Done, Job, TaskPool
 from cutbench.run.pool.worker import PoolLost, Run, WorkerLost, failure, work
 from cutbench.run.store.runs import Store
 
-#: Part of the time that may go into writing the map while runs are computed.
-MAX_DRAWING_FRACTION = 0.03
+#: Part of the time that may go into writing the map while runs are computed, and how long it is at least, s,
+#: until its table is written again: who kills a sweep finds all but the last seconds in it.
+MAX_DRAWING_FRACTION, TABLE_EVERY_S = 0.03, 2.0
 
 
 @dataclass(frozen=True)
@@ -134,9 +136,10 @@ def run_study(
 ) -> Sweep:
     """Compute the cuts of a study that are missing, and write its map and pictures.
 
-    It writes ``map.nc``, ``map.csv``, ``summary.txt``, ``phase.png``, ``phase.svg`` and ``map.html``, from
-    time to time and at the end, then also ``estimates.png``. Where the atlas says something of the study,
-    pictures and page show that until there are runs, and say so; ``map.nc`` and ``map.csv`` have runs alone.
+    It writes ``map.nc``, ``map.csv`` and ``summary.txt`` every few seconds, ``phase.png``, ``phase.svg`` and
+    ``map.html`` from time to time, and all at the end, then also ``estimates.png``. Where the atlas says
+    something of the study, pictures and page show that until there are runs, and say so; ``map.nc`` and
+    ``map.csv`` have runs alone.
     Ctrl-C ends the sweep with what is done: the returned ``Sweep`` says ``interrupted``.
 
     Parameters
@@ -199,7 +202,8 @@ def run_study(
         raise BadInput("out", str(out), f"a folder that can be written ({error.strerror})") from error
     sweep = _Sweep(study, out, Store(store or out / "runs"), run, on_progress, retry_failed)
     sweep.pace, sweep.pictures = (first_picture_s, picture_every_s), pictures
-    return sweep.go(TaskPool(workers, scheduler), scheduler in (None, "local"))
+    with folder_lock(sweep.store.root, key="--store" if store else "--out"):
+        return sweep.go(TaskPool(workers, scheduler), scheduler in (None, "local"))
 
 
 class _Sweep:
@@ -227,7 +231,7 @@ class _Sweep:
         self.open = 0  # runs that are under way
         self.begun = time.monotonic()
         self.verdict = ""
-        self.in_runs = 0.0
+        self.in_runs, self.written = 0.0, 0  # rows in the table
         self.drops: np.ndarray | None = None  # what is expected beforehand
 
     def go(self, pool: TaskPool, mine: bool) -> Sweep:
@@ -238,7 +242,7 @@ class _Sweep:
             self.drops = expected_drops(self.study)
             if self.drops is not None or self.plan.informed:
                 self._write_map()  # before the first run: an estimate
-        self.due = time.monotonic() + self.pace[0]
+        self.due, self.table_due = time.monotonic() + self.pace[0], time.monotonic()
         interrupted = False
         with pool:
             try:
@@ -320,16 +324,21 @@ class _Sweep:
         self._report()
 
     def tick(self) -> None:
-        """Write the map if it is time."""
-        if time.monotonic() >= self.due:
-            begun = time.monotonic()
-            self._write_map()
-            # The workers wait meanwhile: a large map is written less often.
-            now = time.monotonic()
-            self.due = now + max(self.pace[1], (now - begun) / MAX_DRAWING_FRACTION)
-            self._report()
+        """Write the map if it is time, or its table."""
+        begun = time.monotonic()
+        drawn, newer = begun >= self.due, len(self.rows) > self.written
+        if not (drawn or (newer and begun >= self.table_due)):
+            return
+        self._write_map(drawn=drawn)
+        # The workers wait meanwhile: a large map is written less often.
+        now = time.monotonic()
+        rest = (now - begun) / MAX_DRAWING_FRACTION
+        self.table_due = now + max(TABLE_EVERY_S, rest)
+        if drawn:
+            self.due = now + max(self.pace[1], rest)
+        self._report()
 
-    def _write_map(self, *, last: bool = False) -> xr.Dataset:
+    def _write_map(self, *, last: bool = False, drawn: bool = True) -> xr.Dataset:
         plan = self.plan
         data = build_map(
             self.study, self.rows, plan.ids, plan.estimates(self.rows), plan.rest, plan.checks
@@ -337,13 +346,14 @@ class _Sweep:
         data.attrs["store"] = path_from(self.store.root, self.out)
         try:
             save_map(data, self.out)
+            self.written = len(self.rows)
             shown = data if last else under_way(data, self.drops)
-            if self.pictures:
+            if drawn and self.pictures:
                 save_phase(shown, self.out)
             if last and self.pictures:
                 words = save_estimates(data, self.out)[1], save_collapse(data, self.out)[1]
                 self.verdict = " ".join(filter(None, words))
-            if last or self.pictures:
+            if last or (drawn and self.pictures):
                 save_page(shown, self.store, self.out)
             save_findings(data, self.out, [self.verdict] if self.verdict else [])
         except OSError as error:

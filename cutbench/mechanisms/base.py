@@ -104,6 +104,9 @@ class Mechanism:
     #: Laws, by name, that could stand in its place for all that tests have told.
     alternatives: ClassVar[tuple[str, ...]] = ()
 
+    def __repr__(self) -> str:
+        return f"<{self.slot} law {self.name}: {self.title}>"
+
     def __init_subclass__(cls) -> None:
         for flag in ("standard", "published"):
             setattr(cls, flag, vars(cls).get(flag, False))

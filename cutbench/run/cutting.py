@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
+from cutbench.base.errors import BadInput
 from cutbench.base.notebook import watched
 from cutbench.base.progress import OnProgress, silent
-from cutbench.case.case import Case, load_case
+from cutbench.case.case import Case, case_of, warn_of_doubts
 from cutbench.run.result import Result
 from cutbench.run.runner import run_case
 
@@ -61,7 +63,7 @@ def run2d(
         Laws: ``with_``, ``without`` and ``mechanisms``, a name or several. ``name``: what the run is called.
 
         Numerics: ``numerics`` (``"converged"``, ``"fast"``, ``"paper"``), or single ones such as ``h``,
-        ``step`` (mm), ``element``; the reference has a table of them.
+        ``step`` (blade thicknesses, or text with a unit), ``element``; the reference has a table of them.
 
     Returns
     -------
@@ -144,9 +146,10 @@ def _cut(
     on_progress: OnProgress,
     changes: dict[str, object],
 ) -> Result:
-    if isinstance(source, Case):
-        case = replace(source.set(**changes), dim=dim)
-    else:
-        case = load_case(source, changes, dim=dim)
+    case = case_of(source, changes, dim=dim)
+    warn_of_doubts(case, 4)
     snapshots_mm = usual_snapshots_mm(case) if snapshots_mm is None else snapshots_mm
+    for travel in snapshots_mm:
+        if isinstance(travel, bool) or not isinstance(travel, (int, float, np.number)):
+            raise BadInput("snapshots_mm", travel, "travels in mm, numbers such as snapshots_mm=[1.5, 3]")
     return run_case(case, on_progress=on_progress, snapshots_mm=snapshots_mm, frames=frames)

@@ -16,11 +16,11 @@ __all__ = ["dataset", "plot", "summary_lines", "table", "write"]
 
 
 def plot(result: Result, ax: Axes) -> None:
-    """Force over travel, with onset and peak; of several runs, the name of each is in the legend."""
+    """Force over travel, or over time where the blade rests or turns, with onset and peak; of several runs,
+    the name of each is in the legend."""
     several = any(line.get_gid() == FORCE for line in ax.lines)
     ax.set_title("" if several else result.name, loc="left")
     draw_force(ax, result)
-    ax.set_xlabel("blade travel (mm)")
 
 
 def table(result: Result) -> dict[str, np.ndarray]:

@@ -92,6 +92,14 @@ def write_run(
         return paths
 
 
+def run_id(folder: Path) -> str:
+    """Which run's results a folder has; empty where it has none."""
+    try:
+        return str(json.loads((folder / "run.json").read_text(encoding="utf-8"))["id"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return ""
+
+
 def describe(result: Result, *, command: str | None = None) -> dict:
     """The content of run.json: all inputs with units, groups, outcome, measures, cost, versions, machine."""
     return {

@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 
 from cutbench.base.compiled import announced
-from cutbench.base.errors import ComputationFailed
+from cutbench.base.errors import BadInput, ComputationFailed
 from cutbench.base.progress import COMPILING, OnProgress, silent
 from cutbench.case.case import Case
 from cutbench.case.values import check_driven
@@ -98,6 +98,8 @@ def run_case(
     >>> result.id == case.id, result.snapshots[0].displacement_mm >= 0.2
     (True, True)
     """
+    if not isinstance(case, Case):
+        raise BadInput("case", case, "a case, as load_case makes it; run2d and run3d take a material's name")
     check_driven(case.model)
     count, names = checked_frames(frames), checked(case, sensitivities)
     run = _Run(case, names, added, snapshots_mm, count, checkpoint)

@@ -63,4 +63,5 @@ class StoppingCriterion:
         elif self._motion.points:
             deepest = max(travel for _, travel in self._motion.points)
             text = f"went the whole way, {deepest:g} mm deep, to {reached:g} mm at last"
+            reached = self._ledger.farthest
         return Outcome("done", text, caution, reached)

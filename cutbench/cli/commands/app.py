@@ -19,7 +19,7 @@ def app(
     port: Annotated[int, typer.Option(min=0, max=65535, help="0: any that is free.")] = 0,
     browser: Annotated[bool, typer.Option(help="Open the page.")] = True,
 ) -> None:
-    """Serve the workbench as a page for this machine alone, until Ctrl-C; needs cutbench[app]."""
+    """Serve the workbench as a page for this machine alone, until Ctrl-C; needs the extra 'app'."""
     from cutbench.base.errors import BadInput
 
     try:

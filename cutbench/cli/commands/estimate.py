@@ -24,11 +24,11 @@ def estimate(
     ] = None,
 ) -> None:
     """Say at once what a run would give, and how surely: from runs that cutbench brings along."""
-    import cutbench
     from cutbench.case.case import load_case
+    from cutbench.emulator.atlas import shipped
 
     given = changes(sets, {"depth": in_mm(depth), "until": until}, with_, without)
-    found = cutbench.estimate(load_case(material, given))
+    found = shipped().estimate(load_case(material, given))
     for name, text in found.lines():
         typer.echo(f"{name:<12} {text}")
     if out is not None:

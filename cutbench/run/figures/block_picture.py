@@ -74,7 +74,7 @@ def plot_solid(result: Result) -> Figure:
             place.axes(2.6, start, width, down=False) for start, width in ((_EDGE_MM, 37.0), (46.0, 36.0))
         ]
         scene.bars(*bars)
-        figure.legend(handles=scene.names(), loc="lower center", ncols=3)
+        figure.legend(handles=scene.names([s]), loc="lower center", ncols=3)
     return figure
 
 
@@ -221,15 +221,15 @@ class BlockScene:
         bar(ScalarMappable(Normalize(0, 1), DAMAGE_MAP), cax=damage, label="damage on the cut plane",
             ticks=[0, 0.5, 1], **look)  # fmt: skip
 
-    @staticmethod
-    def names() -> list[Artist]:
-        """What a legend shows."""
-        grey = str(BLADE_GREY)
-        return [
-            Line2D([], [], color="black", ls="-", lw=1.2, label=f"front (damage {FRONT_DAMAGE:g})"),
-            Patch(facecolor=DAMAGE_MAP(1.0), edgecolor="black", lw=0.5, label="cut face"),
-            Patch(facecolor=grey, edgecolor="black", lw=0.5, label="blade"),
-        ]
+    def names(self, shown: Sequence[Snapshot]) -> list[Artist]:
+        """What a legend says of what is there."""
+        there: list[Artist] = [Patch(facecolor=str(BLADE_GREY), edgecolor="black", lw=0.5, label="blade")]
+        if any(cut_open(s, self.case).front.size for s in shown):
+            there += [
+                Line2D([], [], color="black", ls="-", lw=1.2, label=f"front (damage {FRONT_DAMAGE:g})"),
+                Patch(facecolor=DAMAGE_MAP(1.0), edgecolor="black", lw=0.5, label="cut face"),
+            ]
+        return there
 
 
 def scale_bar(axes: Axes) -> None:

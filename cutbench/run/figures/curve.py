@@ -54,16 +54,17 @@ def plot_curve(result: Result, size: Size | None = None) -> Figure:
     beside = size is not None and size.height_mm is not None
     with style(size):
         figure = new_figure(WIDTH_MM, 100) if size is None else sized(size, 115)
-        top, low = figure.subplots(1, 2) if beside else figure.subplots(2, 1, sharex=True)
+        over, label = abscissa(result)
+        apart = beside or over is not result.displacement_mm
+        top, low = figure.subplots(1, 2) if beside else figure.subplots(2, 1, sharex=not apart)
         draw_force(top, result)
         marks = _take_legend(top)
         _split(low, result, window_mm)
         low.set_xlabel("blade travel (mm)")
-        for axes in (top, low):
-            axes.set_xlim(0, 1.02 * (float(np.max(result.displacement_mm, initial=0.0)) or 1.0))
-        if beside:
-            top.set_xlabel("blade travel (mm)")
-        else:
+        for axes, values in ((top, over), (low, result.displacement_mm)):
+            axes.set_xlim(0, 1.02 * (float(np.max(values, initial=0.0)) or 1.0))
+        top.set_xlabel(label if apart else "")
+        if not beside:
             figure.align_ylabels([top, low])
         figure.suptitle(result.case.name, x=0.02, ha="left")
         across = (0.36 if beside else 0.75) * size.width_mm if size is not None else 0.0
@@ -117,8 +118,16 @@ def smooth_force(
     return gain / np.maximum(right - left, np.finfo(float).tiny)
 
 
+def abscissa(result: Result) -> tuple[np.ndarray, str]:
+    """Over what the force of a run is drawn: the blade's travel, or the time where it rests or turns."""
+    travel = result.displacement_mm
+    if forward(travel) < travel.size:
+        return result.curve["time_s"], "time (s)"
+    return travel, "blade travel (mm)"
+
+
 def draw_force(axes: Axes, result: Result) -> None:
-    """Force (N) over travel (mm) into ``axes``, with onset, peak and how it ended.
+    """Force (N) over travel (mm), or time (s), into ``axes``, with onset, peak and how it ended.
 
     Alone, a run has the numbers of onset and peak in the legend. In axes that have runs already it gets a
     look of its own; then the legend has the name of each, and what the symbols mean once.
@@ -129,23 +138,29 @@ def draw_force(axes: Axes, result: Result) -> None:
     names = [str(line.get_label()).removeprefix("_") for line in drawn]
     name = result.name if result.name not in names else f"{result.name}, run {result.id}"
     # The underscore keeps it out of the legend, as long as the run is alone.
-    axes.plot(travel, force, gid=FORCE, label=name if drawn else f"_{name}", **own)
+    across, label = abscissa(result)
+    axes.plot(across, force, gid=FORCE, label=name if drawn else f"_{name}", **own)
+    axes.set_xlabel(label)
     axes.set_ylabel("force (N)")
     onset, peak = (result.measures.get(key, np.nan) for key in ("onset_mm", "peak_mm"))
     marks: list[tuple[float, float, str, Look, str]] = []
+    down = forward(travel)
+
+    def place(travelled: float) -> float:
+        return float(np.interp(travelled, travel[:down], across[:down]))
+
     if np.isfinite(onset):
-        down = forward(travel)
         at = float(np.interp(onset, travel[:down], force[:down]))
         look: Look = {"marker": "o", "mfc": "white", "mec": own["color"] if drawn else COLOURS["blue"]}
-        marks.append((onset, at, "onset of cutting", look, f", {onset:.2f} mm"))
+        marks.append((place(onset), at, "onset of cutting", look, f", {onset:.2f} mm"))
     if np.isfinite(peak):
         at = result.measures.get("peak_N", float(np.interp(peak, travel, force)))
         look = {"marker": "v", "color": own["color"] if drawn else COLOURS["vermilion"]}
-        marks.append((peak, at, "peak", look, f", {at:.3g} N at {peak:.2f} mm"))
+        marks.append((place(peak), at, "peak", look, f", {at:.3g} N at {peak:.2f} mm"))
     if not result.outcome.done:
         look = {"color": COLOURS["vermilion"], "marker": "X", "ms": 5.5, "mec": "white", "mew": 0.5}
         text = f" at {result.outcome.reached_mm:.2f} mm"
-        marks.append((travel[-1], force[-1], result.outcome.kind, look, text))
+        marks.append((across[-1], force[-1], result.outcome.kind, look, text))
     for x, y, kind, look, numbers in marks:
         axes.plot([x], [y], ls="", gid=kind, label=f"{kind}{'' if drawn else numbers}", **look)
     _force_legend(axes)

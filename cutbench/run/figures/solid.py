@@ -39,14 +39,17 @@ TOUCHED: Look = {"cmap": ListedColormap(["#BBBBBB"]), "rasterized": True}
 
 
 def save_solid(result: Result, folder: str | Path, plane: Result | None = None) -> dict[str, Path]:
-    """Write solid.png, solid.html, cut_plane.png, front.png and, with a plane-strain run, plane_strain.png.
+    """Write solid.png, solid.html, cut_plane.png, front.png of a block that is cut, and, with a plane-strain
+    run, plane_strain.png.
 
     Returns the paths by name. Without snapshots only the last can be drawn.
     """
     folder = Path(folder)
     figures, paths = {}, {}
     if result.snapshots:
-        draw = {"solid": plot_solid, "cut_plane": plot_cut_plane, "front": plot_front}
+        draw = {"solid": plot_solid, "cut_plane": plot_cut_plane}
+        if _cut_snapshots(result):
+            draw["front"] = plot_front
         figures = {name: plot(result) for name, plot in draw.items()}
         paths["solid_html"] = save_block_page(result, folder)
     if plane is not None:
@@ -99,10 +102,15 @@ def plot_cut_plane(result: Result) -> Figure:
     return figure
 
 
+def _cut_snapshots(result: Result) -> list[Snapshot]:
+    """Those in which a part of the plane is cut."""
+    return [s for s in solid(result) if columns_of(s).depth_mm.any()]
+
+
 def plot_front(result: Result) -> Figure:
-    """Depth of the cut (mm, in the uncut block) along the blade, at seven travels at the most."""
-    shown = [s for s in solid(result) if columns_of(s).depth_mm.any()]
-    cut = [(s, whole_columns(s)) for s in spread(shown, len(LINE_COLOURS))] if shown else []
+    """Depth of the cut (mm, in the uncut block) along the blade, at seven travels at the most. Raises
+    ValueError where nothing is cut."""
+    cut = [(s, whole_columns(s)) for s in spread(_cut_snapshots(result), len(LINE_COLOURS))]
     with style():
         figure = new_figure(SINGLE_MM, 78)
         axes = figure.subplots()
@@ -117,12 +125,9 @@ def plot_front(result: Result) -> Figure:
                 **look,
             )
         axes.set(xlabel="along the blade (mm)", ylabel="depth of the cut (mm)")
-        if cut:
-            axes.set_xlim(cut[0][1].z[0], cut[0][1].z[-1])
-            axes.set_ylim(1.08 * max(columns.depth_mm.max() for _, columns in cut), 0)
-            figure.legend(loc="outside lower center", ncols=3, title="blade travel")
-        else:
-            axes.text(0.5, 0.5, "not cut", transform=axes.transAxes, ha="center")
+        axes.set_xlim(cut[0][1].z[0], cut[0][1].z[-1])
+        axes.set_ylim(1.08 * max(columns.depth_mm.max() for _, columns in cut), 0)
+        figure.legend(loc="outside lower center", ncols=3, title="blade travel")
         figure.suptitle(f"{result.case.name}: front of the cut", x=0.02, ha="left")
     return figure
 
