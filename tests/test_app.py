@@ -148,10 +148,24 @@ def test_readings_are_refused_as_on_the_command_line(tmp_path):
         "specimen": {"length": "40 mm", "area": "20 mm^2"},
     }  # fmt: skip
     with pytest.raises(BadInput) as error:
-        campaigns.write_campaign(tmp_path, asked)
+        campaigns.write_campaign(tmp_path, asked, Choice().start())
     assert "broken.csv" in error.value.file and error.value.line == 3
     with pytest.raises(BadInput):
-        campaigns.write_campaign(tmp_path, {**asked, "files": ["other.csv"]})
+        campaigns.write_campaign(tmp_path, {**asked, "files": ["other.csv"]}, Choice().start())
+
+
+def test_measured_cuts_have_any_blade_and_tables_any_encoding(tmp_path):
+    rows = "\n".join(f"{0.1 * k:.1f};{0.05 * k:.2f}" for k in range(60))
+    table = f"Weg [mm];Kraft (längs) [N]\n{rows}\n"
+    head = campaigns.keep_file(tmp_path, "schnitt.csv", table.encode("latin-1"))
+    assert campaigns.column_names(head) == ["Weg [mm]", "Kraft (längs) [N]"]
+    start = Choice("gelatin", "wedge").start()
+    sizes = campaigns.sizes_of("cut", start)
+    assert sizes["blade"]["angle"] == "20 deg" and sizes["specimen"]["width"] == "30 mm"
+    asked = {"files": ["schnitt.csv"], "kind": "cut", "speed": "1 mm/s", **sizes}
+    asked["columns"] = {k: v for k, v in campaigns.likely_columns(head, "cut").items() if v}
+    campaign = cutbench.load_campaign(campaigns.write_campaign(tmp_path, asked, start))
+    assert campaign.base.model.tool.name == "wedge"
 
 
 # -- files of one's own -------------------------------------------------------------------------------

@@ -9,9 +9,10 @@ from pathlib import Path
 
 from cutbench.base.errors import BadInput
 from cutbench.base.files import write_text
-from cutbench.case.case import known_materials
+from cutbench.case.case import Case
 from cutbench.data.campaign import load_campaign
 from cutbench.data.conversion import TAKEN_OFF
+from cutbench.data.text_cells import lines_of
 
 #: A file of readings is no larger, bytes.
 MAX_FILE_BYTES = 20_000_000
@@ -35,18 +36,15 @@ ROLES = {
 }
 UNITS = {"displacement": "mm", "force": "N", "time": "s", "stretch": "1", "stress": "MPa"}
 _LIKE = {
-    "displacement": r"dis|trav|ext|way|elong|position|^u\b",
+    "displacement": r"dis|trav|ext|way|weg|elong|position|^u\b",
     "force": r"force|load|kraft|^f\b",
     "time": r"time|zeit|^t\b",
     "stretch": r"stretch",
     "stress": r"stress",
 }
-#: Sizes by kind of test and section; those of a cut are usual ones, the others nobody can guess.
-SIZES = {
-    "cut": {
-        "specimen": {"width": "30 mm", "length": "30 mm", "height": "21 mm"},
-        "blade": {"thickness": "0.7 mm", "tip": "1.05 mm"},
-    },
+#: Sizes of the specimen by kind of test; those of a cut are the material's, the others nobody can guess.
+SIZES: dict[str, dict[str, dict[str, str]]] = {
+    "cut": {"specimen": dict.fromkeys(("width", "length", "height"), "")},
     "uniaxial": {"specimen": {"length": "", "area": ""}},
     "pure_shear": {"specimen": {"length": "", "area": ""}},
     "equibiaxial": {},
@@ -67,35 +65,47 @@ def keep_file(folder: Path, name: str, content: bytes) -> list[str]:
         raise BadInput(name, "binary", "a table as text")
     folder.mkdir(parents=True, exist_ok=True)
     (folder / name).write_bytes(content)
-    text = content.decode("utf-16" if wide else "utf-8", errors="replace")
-    return [line[:200] for line in text.splitlines()[:12]]
+    return [line[:200] for line in lines_of(folder / name)[:12]]
+
+
+def sizes_of(kind: str, start: Case) -> dict[str, dict[str, str]]:
+    """Sizes that a test of this kind has, by section; of a cut with the values of the case to begin with."""
+    sizes = {section: dict(texts) for section, texts in SIZES[kind].items()}
+    if kind == "cut" and (tool := start.model.tool) is not None:
+        sizes["blade"] = {q.name: "" for q in tool.parameters if q.default != 0}  # not how it lies
+        return {section: {name: start[name] for name in texts} for section, texts in sizes.items()}
+    return sizes
+
+
+def column_names(head: Sequence[str]) -> list[str]:
+    """The titles in the first lines of a table; none where there are none."""
+    for line in head:
+        cells = [cell.strip().strip('"') for cell in re.split(r"[;\t|,]", line)]
+        if len(cells) > 1 and sum(bool(re.search("[a-z]", cell, re.I)) for cell in cells) > 1:
+            return cells
+    return []
 
 
 def likely_columns(head: Sequence[str], kind: str) -> dict[str, str]:
     """Which column of a table plays which role, by names in its first lines; empty where none seems to."""
-    names: list[str] = []
-    for line in head:
-        cells = [cell.strip().strip('"') for cell in re.split(r"[;\t|,]", line)]
-        if len(cells) > 1 and sum(bool(re.search("[a-z]", cell, re.I)) for cell in cells) > 1:
-            names = cells
-            break
+    names = column_names(head)
     return {
         role: next((name for name in names if re.search(_LIKE[role], name, re.I)), "") for role in ROLES[kind]
     }
 
 
-def write_campaign(folder: Path, request: Mapping[str, object]) -> Path:
-    """The campaign file of ``request``, beside its data, read and found good. Raises BadInput."""
+def write_campaign(folder: Path, request: Mapping[str, object], start: Case) -> Path:
+    """The campaign file of ``request``, beside its data, of tests of the material and with the blade of
+    ``start``; read and found good. Raises BadInput."""
     names = request.get("files") or []
     if not isinstance(names, list) or not names:
         raise BadInput("files", names, "one file at least")
-    material = request.get("material", "gelatin")
-    if material not in known_materials():
-        raise BadInput("material", material, f"one of {', '.join(known_materials())}")
     lines = [
         f"title = {_text('Readings from ' + ', '.join(map(str, names)))}",
-        f"material = {_text(material)}",
+        f"material = {_text(request.get('material', 'gelatin'))}",
     ]
+    if request.get("kind") == "cut":
+        lines.append(f"baseline = {json.dumps(start.mechanisms)}")
     for place, name in enumerate(names):
         if not _NAME.fullmatch(str(name)) or not (folder / str(name)).is_file():
             raise BadInput("files", name, "a file that was uploaded")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Mapping
+from pathlib import Path
 
 from nicegui import ui
 
@@ -10,17 +12,19 @@ from cutbench.app.bench import Bench, JobWatch, alert, choice, refusals, upload
 from cutbench.app.campaigns import (
     KINDS,
     ROLES,
-    SIZES,
     UNITS,
+    column_names,
     keep_file,
     likely_columns,
+    sizes_of,
     write_campaign,
 )
+from cutbench.app.case_choices import Choice, blades, materials
 from cutbench.app.jobs import Job
 from cutbench.app.tasks import run_discovery, run_fit
 from cutbench.base.figure_style import svg_of
-from cutbench.case.materials import names
-from cutbench.data.campaign import load_campaign
+from cutbench.case.case import Case
+from cutbench.data.campaign import Campaign, load_campaign
 from cutbench.data.conversion import TAKEN_OFF
 
 _TASKS = {"fit": run_fit, "discover": run_discovery}
@@ -34,7 +38,7 @@ class DataPage:
     def __init__(self, bench: Bench):
         self._bench, self._folder = bench, bench.root / "readings"
         self._heads: dict[str, list[str]] = {}
-        self._columns: dict[str, ui.input] = {}
+        self._columns: dict[str, ui.select] = {}
         self._units: dict[str, ui.input] = {}
         self._sizes: dict[str, dict[str, ui.input]] = {}
         with ui.element("div").classes("two"):
@@ -42,6 +46,7 @@ class DataPage:
                 self._alert = alert().props("data-testid=data-fault")
                 self._form()
                 with ui.row():
+                    ui.button("Draw", on_click=self._draw).props("outline data-testid=draw")
                     ui.button("Fit", on_click=lambda: self._begin("fit")).props("data-testid=fit")
                     ui.button("Discover what is missing", on_click=lambda: self._begin("discover")).props(
                         "data-testid=discover"
@@ -73,7 +78,11 @@ class DataPage:
                 self._kind = choice(KINDS, "cut", "Test", "kind").on_value_change(
                     lambda: self._fields.refresh()
                 )
-                self._like = choice(names(), "gelatin", "Material to begin with", "like")
+                known, own = materials(self._bench.root / "materials"), blades(self._bench.root / "blades")
+                self._like = choice(known, "gelatin", "Material to begin with", "like")
+                self._tool = choice(own, "", "Blade", "tool")
+                for each in (self._like, self._tool):
+                    each.on_value_change(lambda: self._fields.refresh())
             self._fields()
             with ui.row().classes("w-full"):
                 self._speed = ui.input("Speed, where no column has the time", placeholder="0.5 mm/s")
@@ -84,8 +93,8 @@ class DataPage:
 
     @ui.refreshable_method
     def _fields(self) -> None:
-        kind = str(self._kind.value)
-        found = likely_columns(next(iter(self._heads.values()), []), kind)
+        kind, head = str(self._kind.value), next(iter(self._heads.values()), [])
+        likely, titles = likely_columns(head, kind), column_names(head)
         self._columns.clear()
         self._units.clear()
         self._sizes.clear()
@@ -97,12 +106,16 @@ class DataPage:
         ui.label("Columns of the file").classes("part")
         for role in ROLES[kind]:
             with ui.row().classes("w-full no-wrap"):
-                self._columns[role] = field(role, found[role], "none", f"column-{role}")
+                column = choice(
+                    ["", *titles], likely[role], role, f"column-{role}", new_value_mode="add-unique"
+                )
+                self._columns[role] = column.classes("w-40")
                 self._units[role] = field(f"its unit, if not {UNITS[role]}", "", "as written", f"unit-{role}")
-        if SIZES[kind]:
+        sections = sizes_of(kind, self._start())
+        if sections:
             ui.label("Sizes, with their units").classes("part")
         with ui.row().classes("w-full"):
-            for section, sizes in SIZES[kind].items():
+            for section, sizes in sections.items():
                 prefix = "blade " if section == "blade" else ""
                 self._sizes[section] = {
                     name: field(prefix + name, text, "", f"{section}-{name}") for name, text in sizes.items()
@@ -127,12 +140,15 @@ class DataPage:
         self._about.set_visibility(self._campaign() is None)
         self._fields.refresh()
 
+    def _start(self) -> Case:
+        return Choice(str(self._like.value), str(self._tool.value)).start()
+
     def _campaign(self) -> str | None:
         """The campaign file among the files, which says all that the form asks."""
         return next((name for name in self._heads if name.endswith(".toml")), None)
 
     def _request(self) -> dict[str, object]:
-        def filled(fields: dict[str, ui.input]) -> dict[str, str]:
+        def filled(fields: Mapping[str, ui.input | ui.select]) -> dict[str, str]:
             return {name: text for name, box in fields.items() if (text := str(box.value or "").strip())}
 
         asked = {
@@ -142,15 +158,24 @@ class DataPage:
         }  # fmt: skip
         return asked | {part: filled(sizes) for part, sizes in self._sizes.items()}
 
-    def _begin(self, kind: str) -> None:
+    def _draw(self) -> tuple[Path, Campaign] | None:
+        """The campaign and its file, drawn; None where it is refused, which is said."""
         with refusals(self._alert):
-            self._bench.jobs.check_free()
             own = self._campaign()
-            file = self._folder / own if own else write_campaign(self._folder, self._request())
+            file = self._folder / own if own else write_campaign(self._folder, self._request(), self._start())
             campaign = load_campaign(file)
             picture = base64.b64encode(svg_of(campaign.plot).encode()).decode()
             self._picture.set_source(f"data:image/svg+xml;base64,{picture}")
             self._picture.set_visibility(True)
+            return file, campaign
+        return None
+
+    def _begin(self, kind: str) -> None:
+        if (drawn := self._draw()) is None:
+            return
+        with refusals(self._alert):
+            file, campaign = drawn
+            self._bench.jobs.check_free()
             folder = self._bench.place(kind)
             folder.mkdir()
             (folder / "campaign.toml").write_bytes(file.read_bytes())
