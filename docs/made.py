@@ -1,4 +1,7 @@
-"""What pages of the site say by the code alone: ``<!-- made: NAME -->`` in a page asks for it."""
+"""What pages say by the code alone: ``<!-- made: NAME -->`` in a page asks for it.
+
+``python docs/made.py`` writes it there.
+"""
 
 from __future__ import annotations
 
@@ -255,6 +258,28 @@ MADE: dict[str, Callable[[], str]] = {
 }
 
 
+#: What only the site can show: docstrings.
+SITE = ("api", "laws")
+ASKED = re.compile(r"<!-- made: (?P<name>.+?) -->(?:\n.*?\n<!-- end of \1 -->)?", re.DOTALL)
+
+
 def filled(text: str) -> str:
-    """A page with what it asks for."""
-    return re.sub(r"<!-- made: (.+?) -->", lambda found: MADE[found[1]](), text)
+    """A page of the site, with what it asks for."""
+    return ASKED.sub(lambda asked: MADE[asked["name"]](), text)
+
+
+def written(text: str) -> str:
+    """A page of the repository, where tables are read as text, too."""
+
+    def block(asked: re.Match[str]) -> str:
+        name = asked["name"]
+        if name in SITE:
+            return asked[0]
+        return f"<!-- made: {name} -->\n\n{MADE[name]().strip()}\n\n<!-- end of {name} -->"
+
+    return ASKED.sub(block, text)
+
+
+if __name__ == "__main__":
+    for page in Path(__file__).parent.rglob("*.md"):
+        page.write_text(written(page.read_text(encoding="utf-8")), encoding="utf-8")

@@ -18,7 +18,7 @@ from cutbench.mechanisms import registry
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
 #: What programs write into a page: no person reads it from end to end.
-WRITTEN = re.compile(r"<!-- benchmarks.*?<!-- end of benchmarks -->", re.S)
+WRITTEN = re.compile(r"<!-- (?:made: )?(\S[^>]*?) -->\n.*?<!-- end of (?:benchmarks|\1) -->", re.S)
 NUMERICS = "reference/numerics.md"
 WORDS = 1500
 
@@ -43,8 +43,10 @@ def filled():
     """What the site has of a page, by its path in docs."""
     script = (
         "import json, pathlib, made; here = pathlib.Path('docs');"
-        "print(json.dumps({p.relative_to(here).as_posix(): made.filled(p.read_text('utf-8'))"
-        " for p in here.rglob('*.md')}))"
+        "pages = {p.relative_to(here).as_posix(): p.read_text('utf-8') for p in here.rglob('*.md')};"
+        "old = [name for name, text in pages.items() if made.written(text) != text];"
+        "assert not old, f'python docs/made.py writes {old} anew';"
+        "print(json.dumps({name: made.filled(text) for name, text in pages.items()}))"
     )
     path = os.pathsep.join([str(DOCS), str(DOCS.parent)])
     done = subprocess.run(

