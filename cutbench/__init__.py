@@ -34,6 +34,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "run.outcome": ["Outcome"],
         "run.result": ["Result"],
         "run.runner": ["run_case"],
-        "verification.reference": ["references", "verify"],
     },
 )

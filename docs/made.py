@@ -38,7 +38,6 @@ ROOMS = {
     "calibration": "Calibration",
     "discovery": "Discovery",
     "mechanisms": "Mechanisms",
-    "verification": "Verification",
     "loading": "Reading back",
     "base": "Errors",
 }

@@ -14,8 +14,8 @@ from typer.testing import CliRunner
 
 from cutbench.base.errors import BadInput
 from cutbench.cli.main import app
-from cutbench.verification.convergence import COMPARED, compute, load_plan, relative_changes
-from cutbench.verification.convergence_report import markdown, plot_convergence, write
+from cutbench.run.convergence import COMPARED, compute, load_plan, relative_changes
+from cutbench.run.convergence_report import markdown, plot_convergence, write
 
 STUDY = """materials = ["gelatin", "meat"]
 

@@ -23,7 +23,8 @@ from typer.testing import CliRunner
 from cutbench.case.case import load_case
 from cutbench.case.materials import names as material_names
 from cutbench.cli.main import app
-from cutbench.verification import references
+from verification import references
+from verification.__main__ import app as verifies
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -80,7 +81,7 @@ def entered(words: list[str], folder: Path) -> tuple[int, str]:
         done = run([sys.executable, "-m", *words], folder)
         return done.returncode, done.stdout + done.stderr
     with contextlib.chdir(folder):
-        found = CliRunner().invoke(app, words[1:])
+        found = CliRunner().invoke(verifies if words[0] == "verification" else app, words[1:])
     return found.exit_code, found.output
 
 
@@ -89,8 +90,9 @@ def console(block: Block, folder: Path, where: str) -> None:
     for part in re.split(r"^\$ ", block.text, flags=re.M)[1:]:
         command, _, shown = part.partition("\n")
         words = shlex.split(command)
-        assert words[0] == "cutbench", f"{where}: '{command}' is not run by this test"
-        code, said = entered(words, folder)
+        own = words[:3] == ["python", "-m", "verification"]
+        assert own or words[0] == "cutbench", f"{where}: '{command}' is not run by this test"
+        code, said = entered(words[2 * own :], folder)
         assert code == (2 if MESSAGE.search(shown) else 0), f"{where}: {command}\n{said}"
         for line in filter(None, map(str.strip, shown.splitlines())):
             assert line in said, f"{where}: {command}\n{said}"

@@ -19,7 +19,7 @@ import pytest
 import cutbench
 
 ROOMS = ("cutbench", *(f"cutbench.{room}" for room in (
-    "run", "case", "maps", "data", "homogeneous", "calibration", "discovery", "emulator", "verification",
+    "run", "case", "maps", "data", "homogeneous", "calibration", "discovery", "emulator",
     "base",
 )))  # fmt: skip
 #: Sections in the order in which they stand.

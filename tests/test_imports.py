@@ -28,7 +28,6 @@ ROOMS = (
     "homogeneous",
     "calibration",
     "discovery",
-    "verification",
     "loading",
     "app",
     "cli",

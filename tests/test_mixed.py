@@ -14,7 +14,7 @@ from cutbench.forms.mixed import MixedVolumetric
 from cutbench.forms.space import Space
 from cutbench.mechanisms import Volumetric, registry
 from cutbench.solver.linear import available
-from cutbench.verification.reference.cook import KAPPA, G, membrane
+from verification.cook import KAPPA, G, membrane
 
 ISOCHORIC, QUADRATIC = registry()["neo_hookean"], registry()["volumetric"]
 

@@ -12,7 +12,7 @@ from cutbench.forms.assembly import Pattern
 from cutbench.forms.self_contact import SelfContactForm
 from cutbench.run.build import build
 from cutbench.run.runner import run_case
-from cutbench.verification.reference import crease
+from verification import crease
 
 P, EPS = SimpleNamespace(G=0.02, nu=0.49), 1e-30
 TUNING = SelfContactTuning(part=0.5, reach=0.1)

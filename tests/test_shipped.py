@@ -19,7 +19,7 @@ from cutbench.maps.confirmed_points import RECORD, handles_of, read_confirmed
 from cutbench.maps.dataset import load_map
 from cutbench.maps.map_cases import other_writer
 from cutbench.maps.study import load_study
-from cutbench.verification.convergence import load_plan
+from cutbench.run.convergence import load_plan
 
 HERE = Path(__file__).parents[1]
 FILES = sorted(p for p in (HERE / "studies").rglob("*") if p.is_file() and "__pycache__" not in p.parts)

@@ -11,10 +11,10 @@ from refusals import refusal
 from typer.testing import CliRunner
 
 from cutbench.case.model import DEFAULT, PAPER
-from cutbench.cli.main import app
 from cutbench.mechanisms import registry
-from cutbench.verification.reference import FIRST, Check, Reference, Verified, references, verify
-from cutbench.verification.reference.report import describe, markdown, write
+from verification import FIRST, Check, Reference, Verified, references, verify
+from verification.__main__ import app
+from verification.report import describe, markdown, write
 
 #: Laws of the default and of the paper's model, and those of surfaces, with what carries their flux.
 FLUX = {
@@ -40,9 +40,9 @@ def concerned(law: str) -> list[Reference]:
 
 
 def verified_by(folder: Path, *names: str):
-    """``cutbench verify --quick`` as a user runs it, of all or of some problems."""
+    """``python -m verification --quick`` as a user runs it, of all or of some problems."""
     only = [word for name in names for word in ("--only", name)]
-    done = CliRunner().invoke(app, ["verify", "--quick", *only, "--out", str(folder)])
+    done = CliRunner().invoke(app, ["--quick", *only, "--out", str(folder)])
     return done, json.loads((folder / "verify.json").read_text(encoding="utf-8")), folder
 
 
@@ -204,7 +204,7 @@ def test_incomplete_is_not_passed():
 
 
 def test_problems_are_found_by_being_there():
-    folder = Path(__import__("cutbench.verification.reference", fromlist=["x"]).__file__).parent
+    folder = Path(__import__("verification", fromlist=["x"]).__file__).parent
     found = references()
     assert tuple(found)[: len(FIRST)] == FIRST
     for name, one in found.items():
@@ -218,7 +218,7 @@ def test_problems_are_found_by_being_there():
 
 # -- the command -------------------------------------------------------------------------------------
 def invoke(*args: str):
-    return CliRunner().invoke(app, ["verify", *args])
+    return CliRunner().invoke(app, [*args])
 
 
 def test_list_computes_nothing():
@@ -244,7 +244,7 @@ def test_a_folder_that_cannot_be_written_to_is_refused_first(tmp_path):
 @pytest.fixture
 def only(monkeypatch):
     """Calling it with problems makes those all that there are."""
-    return lambda found: monkeypatch.setattr("cutbench.verification.reference.references", lambda: found)
+    return lambda found: monkeypatch.setattr("verification.references", lambda: found)
 
 
 def test_a_failed_check_is_exit_status_1(only, tmp_path):

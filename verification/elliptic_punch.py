@@ -8,8 +8,8 @@ import numpy as np
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from cutbench.verification.reference._punch import approach, indented
-from cutbench.verification.reference.base import Check, Reference
+from verification._punch import approach, indented
+from verification.base import Check, Reference
 
 #: Half-thickness a and tip b of the blade in mm: slopes stay small. Half-width of the contact, about.
 HALF, TIP, CONTACT = 1.0, 0.01, 0.8

@@ -10,7 +10,7 @@ from scipy.optimize import root
 from cutbench.forms.cut import CutForm
 from cutbench.forms.geometry import paired
 from cutbench.solver.problem import Problem
-from cutbench.verification.reference._common import (
+from verification._common import (
     ELEMENTS,
     bulk_forms,
     law,
@@ -21,7 +21,7 @@ from cutbench.verification.reference._common import (
     split_block,
     step_at_rest,
 )
-from cutbench.verification.reference.base import Check, Reference
+from verification.base import Check, Reference
 
 #: The jump in units of δ_c: opening, sliding, and sliding along the blade.
 JUMP = (0.3, 0.05, 0.04)

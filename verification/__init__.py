@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 
-from cutbench.verification.reference.base import Check, Reference, Verified, verify
+from verification.base import Check, Reference, Verified, verify
 
 #: In this order they stand in the table; others follow by name.
 FIRST = (
@@ -28,12 +28,14 @@ def references() -> dict[str, Reference]:
 
     Examples
     --------
-    >>> import cutbench
-    >>> cutbench.references()["objectivity"].quick
+    >>> from verification import references
+    >>> references()["objectivity"].quick
     True
     """
     found = {}
     for info in pkgutil.iter_modules(__path__):
+        if info.name == "__main__":
+            continue
         reference = getattr(importlib.import_module(f"{__name__}.{info.name}"), "REFERENCE", None)
         if reference is not None:
             found[reference.name] = reference

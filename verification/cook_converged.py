@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cutbench.verification.reference._common import nu_of
-from cutbench.verification.reference.base import Check, Reference
-from cutbench.verification.reference.cook import KAPPA, G, membrane
+from verification._common import nu_of
+from verification.base import Check, Reference
+from verification.cook import KAPPA, G, membrane
 
 
 def compute() -> Iterator[Check]:

@@ -14,7 +14,7 @@ from cutbench.forms.blade import BladeForm, ContactNumerics
 from cutbench.mechanisms.blade._rigid import SKIN
 from cutbench.models2d.section import named
 from cutbench.solver.problem import Problem
-from cutbench.verification.reference._common import bulk_forms, law, parameters, solve, space_of
+from verification._common import bulk_forms, law, parameters, solve, space_of
 
 #: Block, in half-widths of the contact: the half-space's fields have decayed as the inverse of it.
 BLOCK = 1000.0

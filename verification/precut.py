@@ -8,9 +8,9 @@ import numpy as np
 
 from cutbench.case.case import load_case
 from cutbench.mechanisms.base import Points
-from cutbench.verification.reference._common import finished, law, parameters
-from cutbench.verification.reference._strip import BEHIND, H, process_zone, pulled, stretch_for, strip
-from cutbench.verification.reference.base import Check, Reference
+from verification._common import finished, law, parameters
+from verification._strip import BEHIND, H, process_zone, pulled, stretch_for, strip
+from verification.base import Check, Reference
 
 #: Elements at the strip's front and how far they stay as small, in process zones; part of G_c at the end.
 FINE, RUN, PART = 1 / 20, 0.3, 0.9

@@ -16,8 +16,8 @@ from cutbench.models2d.plane_strain import mirrored
 from cutbench.models2d.section import named
 from cutbench.models3d.block import block
 from cutbench.run.build import surface_forms
-from cutbench.verification.reference._common import law
-from cutbench.verification.reference.base import Check, Reference
+from verification._common import law
+from verification.base import Check, Reference
 
 #: Half the width, the height and the length of a block in mm, half waves over the width, elements beside the
 #: plane.

@@ -11,8 +11,8 @@ import skfem
 
 from cutbench.solver.newton import NewtonSettings, newton
 from cutbench.solver.problem import Problem
-from cutbench.verification.reference._common import DeadLoad, bulk_forms, nu_of, space_of, step_at_rest
-from cutbench.verification.reference.base import Check, Reference
+from verification._common import DeadLoad, bulk_forms, nu_of, space_of, step_at_rest
+from verification.base import Check, Reference
 
 G = 80.1938  # MPa
 KAPPA = 400942.0

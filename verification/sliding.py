@@ -12,8 +12,8 @@ from cutbench.forms.blade import BladeForm, ContactNumerics
 from cutbench.models2d.section import named
 from cutbench.models3d.block import block
 from cutbench.models3d.mesh import quarter
-from cutbench.verification.reference._common import law, parameters, space_of
-from cutbench.verification.reference.base import Check, Reference
+from verification._common import law, parameters, space_of
+from verification.base import Check, Reference
 
 #: How deep the face lies inside the blade, and its height (times 0.5 mm of length in 3D).
 DEPTH, HEIGHT, LENGTH = 0.02, 1.0, 0.5

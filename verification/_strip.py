@@ -20,7 +20,7 @@ from cutbench.forms.damping import DampingForm
 from cutbench.forms.space import Space
 from cutbench.solver.newton import NoConvergence
 from cutbench.solver.problem import Problem
-from cutbench.verification.reference._common import DEGREE, bulk_forms, law, solve, space_of, step_at_rest
+from verification._common import DEGREE, bulk_forms, law, solve, space_of, step_at_rest
 
 #: Height of the strip, mm, and its parts ahead of the front and behind it in units of the height.
 H = 21.0

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from cutbench.mechanisms.base import Points
-from cutbench.verification.reference._common import law, parameters
-from cutbench.verification.reference._strip import process_zone, pulled, stretch_for, strip
-from cutbench.verification.reference.base import Check, Reference
+from verification._common import law, parameters
+from verification._strip import process_zone, pulled, stretch_for, strip
+from verification.base import Check, Reference
 
 #: Elements at the front, and how far ahead of it they stay as small, over the process zone, 4 G G_c/σ_c².
 FINE, RUN = 1 / 14, 0.3

@@ -1,4 +1,4 @@
-"""``cutbench verify``: reference problems, and whether the product gets them right."""
+"""``python -m verification [--quick] [--only NAME] [--out DIR]``: does cutbench get them right?"""
 
 from __future__ import annotations
 
@@ -18,11 +18,15 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from cutbench.verification.reference import Reference, Verified
+    from verification import Reference, Verified
 
 
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
 @with_exit_status
-def verify(
+def main(
     quick: Annotated[bool, typer.Option("--quick", help="Only the quick ones, in a minute.")] = False,
     only: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="Only this problem; may be repeated.")
@@ -34,8 +38,8 @@ def verify(
 ) -> None:
     """Compute reference problems and compare with what is known; fails if any check does."""
     from cutbench.base.files import check_writable
-    from cutbench.verification.reference import references, verify
-    from cutbench.verification.reference.report import write
+    from verification import references, verify
+    from verification.report import write
 
     chosen = _chosen(references(), quick, only)
     if list_:
@@ -86,7 +90,7 @@ def _contents(chosen: Sequence[Reference]) -> Table:
 def _checks(done: Sequence[Verified]) -> Table:
     from rich.markup import escape
 
-    from cutbench.verification.reference.report import texts
+    from verification.report import texts
 
     numbers = ("reference", "obtained", "error", "tolerance")
     made = table(("problem", "quantity", *numbers, "verdict"), right=numbers)
@@ -100,3 +104,7 @@ def _checks(done: Sequence[Verified]) -> Table:
         if one.failure is not None:
             made.add_row(name, escape(one.failure), "", "", "", "", "[bold red]FAILED[/]")
     return made
+
+
+if __name__ == "__main__":
+    app(prog_name="python -m verification")

@@ -43,7 +43,7 @@ class Reference:
 
     ``laws``: registered mechanisms whose flux the numbers depend on, so that a wrong one must show.
     ``seconds``: what it takes on one core, roughly, for the progress shown. ``quick``: whether
-    ``cutbench verify --quick`` has it.
+    ``python -m verification --quick`` has it.
     """
 
     name: str
@@ -77,7 +77,7 @@ def verify(references: Sequence[Reference], *, on_progress: OnProgress = silent)
     Parameters
     ----------
     references : sequence of Reference
-        The problems, from ``cutbench.references``.
+        The problems, from ``references``.
     on_progress : callable
         Called as ``on_progress(done, total, text)`` with the seconds that they take on one core, roughly.
 
@@ -88,8 +88,8 @@ def verify(references: Sequence[Reference], *, on_progress: OnProgress = silent)
 
     Examples
     --------
-    >>> import cutbench
-    >>> for found in cutbench.verify([cutbench.references()["objectivity"]]):
+    >>> from verification import references, verify
+    >>> for found in verify([references()["objectivity"]]):
     ...     print(found.reference.name, found.passed)
     objectivity True
     """

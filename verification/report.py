@@ -9,7 +9,7 @@ from pathlib import Path
 
 from cutbench.base.files import check_writable, markdown_table, picked, write_json, write_text
 from cutbench.base.versions import versions
-from cutbench.verification.reference.base import Check, Verified
+from verification.base import Check, Verified
 
 #: Layout of verify.json; raised when a reader of the old one would misread the new one.
 SCHEMA = 1

@@ -13,7 +13,7 @@ from cutbench.forms.space import Faces, Space
 from cutbench.models3d.extruded import extruded
 from cutbench.run.build import Built, build
 from cutbench.solver.march import Accepted, Given
-from cutbench.verification.reference.base import Check, Reference
+from verification.base import Check, Reference
 
 #: A small block, so that the cut opens on the way and the force falls; contact so soft that rounding stays
 #: what it is through the fall.

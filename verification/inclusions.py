@@ -24,8 +24,8 @@ from cutbench.forms.geometry import paired
 from cutbench.forms.space import Space
 from cutbench.mechanisms.base import Bulk, Cut
 from cutbench.solver.problem import Problem
-from cutbench.verification.reference._common import law, solve, step_at_rest
-from cutbench.verification.reference.base import Check, Reference
+from verification._common import law, solve, step_at_rest
+from verification.base import Check, Reference
 
 G_C, SIGMA_C, BETA = 0.5, 50.0, 2.0
 #: Young's modulus in MPa and Poisson's ratio of matrix and inclusions.

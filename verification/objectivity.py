@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from cutbench.solver.problem import Problem
-from cutbench.verification.reference._common import (
+from verification._common import (
     ELEMENTS,
     bulk_forms,
     parameters,
@@ -15,7 +15,7 @@ from cutbench.verification.reference._common import (
     split_block,
     step_at_rest,
 )
-from cutbench.verification.reference.base import Check, Reference
+from verification.base import Check, Reference
 
 
 def rotation(dim: int) -> np.ndarray:

@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from cutbench.mechanisms.blade._rigid import SKIN
-from cutbench.verification.reference._common import parameters
-from cutbench.verification.reference._punch import pressed
-from cutbench.verification.reference.base import Check, Reference
+from verification._common import parameters
+from verification._punch import pressed
+from verification.base import Check, Reference
 
 #: Rise of the flanks, half the thickness and the radii of edge and shoulder in mm; half-width of the contact.
 RISE, HALF, EDGE, SHOULDER, CONTACT = 0.02, 1.0, 0.05, 0.3, 0.3

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from cutbench.mechanisms.blade._rigid import SKIN
-from cutbench.verification.reference._punch import approach, indented
-from cutbench.verification.reference.base import Check, Reference
+from verification._punch import approach, indented
+from verification.base import Check, Reference
 
 #: The blade as a cylinder: b = a = 1 mm. Half-width of the contact over the radius: small strains.
 RADIUS, CONTACT = 1.0, 0.02

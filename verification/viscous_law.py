@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cutbench.verification.reference._common import law, parameters
-from cutbench.verification.reference.base import Check, Reference
-from cutbench.verification.reference.cohesive_law import Interface
+from verification._common import law, parameters
+from verification.base import Check, Reference
+from verification.cohesive_law import Interface
 
 #: The opening at the end in units of δ_c, and steps to it: work must not depend on how many.
 END = 10.0

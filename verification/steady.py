@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from cutbench.case.case import load_case
-from cutbench.verification.reference._common import blade_work, finished, rate
-from cutbench.verification.reference.base import Check, Reference
+from verification._common import blade_work, finished, rate
+from verification.base import Check, Reference
 
 #: The elastomer, whose process zone of 1.2 mm is resolved at this element size.
 COARSE = {

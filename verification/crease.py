@@ -19,9 +19,9 @@ from cutbench.forms.damping import DampingForm
 from cutbench.forms.self_contact import SelfContactForm
 from cutbench.solver.newton import NewtonSettings, newton
 from cutbench.solver.problem import Problem
-from cutbench.verification.reference._common import DEGREE, bulk_forms, law, space_of, step_at_rest
-from cutbench.verification.reference._strip import energy, graded, transverse
-from cutbench.verification.reference.base import Check, Reference
+from verification._common import DEGREE, bulk_forms, law, space_of, step_at_rest
+from verification._strip import energy, graded, transverse
+from verification.base import Check, Reference
 
 #: Height of the block and half its width, mm, and depth of the crease: small against both.
 H, W, DEPTH = 2.0, 3.0, 0.12

@@ -10,8 +10,8 @@ import numpy as np
 from cutbench.forms.cut import CutForm
 from cutbench.forms.geometry import paired
 from cutbench.mechanisms.base import Points
-from cutbench.verification.reference._common import law, parameters, space_of, split_block, step_at_rest
-from cutbench.verification.reference.base import Check, Reference
+from verification._common import law, parameters, space_of, split_block, step_at_rest
+from verification.base import Check, Reference
 
 BETA = 0.8
 

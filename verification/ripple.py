@@ -11,8 +11,8 @@ from cutbench.forms.geometry import Geometry
 from cutbench.forms.space import Space
 from cutbench.run.build import surface_forms
 from cutbench.solver.problem import Problem
-from cutbench.verification.reference._common import DeadLoad, bulk_forms, law, parameters, solve, step_at_rest
-from cutbench.verification.reference.base import Check, Reference
+from verification._common import DeadLoad, bulk_forms, law, parameters, solve, step_at_rest
+from verification.base import Check, Reference
 
 #: Half of a wave, mm; G in MPa, Poisson's ratio; wave number times the amplitude on bare ground.
 HALF, G, NU, SMALL = 1.0, 0.01, 0.3, 1e-3

@@ -8,8 +8,8 @@ import numpy as np
 
 from cutbench.solver.newton import NoConvergence
 from cutbench.solver.problem import Problem
-from cutbench.verification.reference._common import nu_of, parameters, solve, step_at_rest
-from cutbench.verification.reference._strip import (
+from verification._common import nu_of, parameters, solve, step_at_rest
+from verification._strip import (
     H,
     Strip,
     held_ahead,
@@ -18,7 +18,7 @@ from cutbench.verification.reference._strip import (
     stretch_for,
     strip,
 )
-from cutbench.verification.reference.base import Check, Reference
+from verification.base import Check, Reference
 
 #: Pulled to this part of G_c; then the front is led on.
 REST = 0.9

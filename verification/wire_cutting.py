@@ -12,8 +12,8 @@ import numpy as np
 
 from cutbench.case.case import load_case
 from cutbench.run.result import Snapshot
-from cutbench.verification.reference._common import blade_work, finished, rate
-from cutbench.verification.reference.base import Check, Reference
+from verification._common import blade_work, finished, rate
+from verification.base import Check, Reference
 
 #: The elastomer, with a pre-cut that spares the wire the way in.
 COARSE = {

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from cutbench.base.figure_style import DOUBLE_MM, GREY, LINE_COLOURS, save, style
 from cutbench.base.files import check_writable, markdown_table, write_json, write_text
 from cutbench.base.versions import versions
+from cutbench.run.convergence import COMPARED, TOLERANCE, ConvergencePlan, ConvergenceRow
 from cutbench.run.figures.choices import MARKERS, plot_choices
-from cutbench.verification.convergence import COMPARED, TOLERANCE, ConvergencePlan, ConvergenceRow
 
 #: Beyond this, at the most, a mark sits at the edge as an arrow, %.
 EDGE = 30.0

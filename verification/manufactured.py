@@ -10,7 +10,7 @@ import skfem
 
 from cutbench.forms.base import blend, component_major, gather
 from cutbench.solver.problem import Problem
-from cutbench.verification.reference._common import (
+from verification._common import (
     DeadLoad,
     body_force,
     bulk_forms,
@@ -18,7 +18,7 @@ from cutbench.verification.reference._common import (
     space_of,
     step_at_rest,
 )
-from cutbench.verification.reference.base import Check, Reference
+from verification.base import Check, Reference
 
 G = 1.0
 #: Amplitudes over the square's side: shear strains up to 0.3, changes of volume by 2e-5.
