@@ -13,7 +13,9 @@ import runs_by_formula
 from refusals import refused
 from typer.testing import CliRunner
 
+from benchmarks import synthetic
 from benchmarks.blind_campaigns import Planned, make
+from benchmarks.synthetic import Noise, Test, campaign
 from cutbench.base.errors import ComputationFailed
 from cutbench.base.progress import Until
 from cutbench.calibration.cut_runs import CutRuns
@@ -22,8 +24,6 @@ from cutbench.calibration.report import summary, to_dict, write_fit
 from cutbench.case.case import Case, load_case
 from cutbench.cli.main import app
 from cutbench.data.campaign import FitPlan, load_campaign, start_case
-from cutbench.discovery import synthetic
-from cutbench.discovery.synthetic import Noise, Test, campaign
 from cutbench.run.pool.pool import TaskPool
 from cutbench.run.runner import run_case
 

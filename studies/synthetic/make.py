@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.synthetic import Noise, Test, clean, experiment
 from cutbench.case.case import load_case
-from cutbench.discovery.synthetic import Noise, Test, clean, experiment
 
 #: Gelatin with a slender blade and a weak cut plane.
 TRUTH = load_case("gelatin").set(
