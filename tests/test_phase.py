@@ -239,19 +239,6 @@ def test_a_boundary_that_was_sought_has_panels_of_its_third_axis_and_each_run_on
     figure.canvas.draw()
 
 
-def test_one_at_a_time_is_drawn_along_each_axis_through_the_base(tmp_path):
-    path = tmp_path / "study.toml"
-    path.write_text(
-        'mode = "one-at-a-time"\nbase = "gelatin"\n[[axis]]\nname = "cohesion"\nvalues = [1.0, 5.0, 30.0]\n'
-        '[[axis]]\nmechanism = "adhesion"\n'
-    )
-    s = load_study(path)
-    figure = draw_phase(build_map(s, rows_of(s)))
-    lines = [line for ax in panels(figure) for line in ax.lines if line.get_color() == "0.5"]
-    assert [len(line.get_xdata()) for line in lines] == [4, 2]
-    figure.canvas.draw()
-
-
 @pytest.mark.parametrize("dims", [1, 2, 3])
 def test_between_runs_the_logarithm_is_linear_and_stays_within_the_runs(dims):
     rng, shape = np.random.default_rng(2), (9, 7, 5)[:dims]

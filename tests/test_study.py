@@ -115,20 +115,6 @@ def test_a_sobol_sequence_has_one_point_in_each_slice_and_all_levels_equally_oft
     assert load_study(write(SAMPLED.replace("points = 16", "points = 21"))).samples[:16] == study.samples
 
 
-def test_one_at_a_time_departs_from_the_base_and_moves_one_axis(write):
-    text = SAMPLED.replace('mode = "sobol"', 'mode = "one-at-a-time"').split("[sample]")[0]
-    study = load_study(write(text.replace("to = 100.0", "to = 100.0\npoints = 3")))
-    base = study.samples[0]
-    assert base == pytest.approx((10.0952, 0.021, 1.0))
-    moved = [sum(a != b for a, b in zip(values, base, strict=True)) for values in study.samples]
-    assert moved == [0, 1, 1, 1, 1, 1, 1]
-    assert study.cases()[0].id == study.base.id or study.cases()[0].p.G_c == pytest.approx(
-        study.base.p.G_c, rel=1e-5
-    )
-    assert [case.p.speed for case in study.grid][4:6] == [0.01, 0.02]
-    assert "adhesion" not in study.grid[6].mechanisms
-
-
 def test_any_mechanism_can_be_switched_and_what_is_said_of_it_goes_with_it(write):
     study = load_study(
         write(

@@ -59,7 +59,7 @@ def test_the_map_holds_what_the_curves_say(study, log, tmp_path):
     )
     assert sweep.complete and not sweep.interrupted
     assert computed(log) == Counter(case.id for case in study.cases())
-    pictures = {f"{name}.{kind}" for name in ("estimates", "phase") for kind in ("png", "svg")}
+    pictures = {f"{name}.{kind}" for name in ("phase",) for kind in ("png", "svg")}
     assert {p.name for p in sweep.out.iterdir()} == {
         *pictures, "map.csv", "map.html", "map.nc", "runs", "summary.txt"
     }  # fmt: skip
@@ -350,7 +350,6 @@ mechanism = "adhesion"
     ("mode", "range_", "rest", "count"),
     [
         ("sobol", "from = 1.0\nto = 30.0", "[sample]\npoints = 12", 12),
-        ("one-at-a-time", "values = [1.0, 5.0, 30.0]", "", 5),
     ],
 )
 def test_runs_that_do_not_lie_on_a_grid_make_a_map_of_points(tmp_path, log, mode, range_, rest, count):

@@ -111,15 +111,17 @@ class Parameter:
         return cls(name, unit, symbol, doc, low=0.0, open_low=True, **rest)
 
     @classmethod
-    def effect(cls, name: str, unit: str, symbol: str, doc: str, low: float = 0.0, **rest: Any) -> Parameter:
+    def effect(
+        cls, name: str, unit: str, symbol: str, doc: str, low: float | None = 0.0, **rest: Any
+    ) -> Parameter:
         """Make the parameter of an effect that 0, its default, switches off.
 
         Parameters
         ----------
         name, unit, symbol, doc : str
             As the attributes of the class.
-        low : float
-            The lowest value allowed, in ``unit``: 0 unless given.
+        low : float or None
+            The lowest value allowed, in ``unit``: 0 unless given, None where there is none.
         **rest : Any
             Other attributes of the class, by name.
 

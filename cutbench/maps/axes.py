@@ -23,8 +23,8 @@ _AXIS = ("name", "mechanism", "from", "to", "points", "scale", "values", "tolera
 #: More points than this are a slip of the pen.
 MAX_POINTS = 100_000
 #: How a study may spread its runs over its axes.
-GRID, SAMPLE, ONE, BOUNDARY = "grid", "sobol", "one-at-a-time", "boundary"
-MODES = (GRID, SAMPLE, ONE, BOUNDARY)
+GRID, SAMPLE, BOUNDARY = "grid", "sobol", "boundary"
+MODES = (GRID, SAMPLE, BOUNDARY)
 #: Part of an axis to which a boundary is sought unless the study says otherwise: in a plane, in a box.
 TOLERANCE = {1: 1 / 32, 2: 1 / 32, 3: 1 / 16}
 

@@ -19,19 +19,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from matplotlib.figure import Figure
 
 from cutbench.base.errors import BadInput
-from cutbench.base.figure_style import COLOURS, DOUBLE_MM, Look, new_figure, save, style
 from cutbench.case.case import Case
 from cutbench.case.physics import Physics
 from cutbench.maps.dataset import LABELS, places_of
 from cutbench.maps.map_cases import physics_by_place
-from cutbench.maps.plot_coordinates import axis_text, is_log, plain_log
 from cutbench.run.measures import ABRUPT, CLAMP, SMOOTH
 
 #: Part of the travel that counts as steady: the default of ``cutbench.run.measures.measures``.
@@ -170,57 +166,3 @@ def _middle_of_steady(case: Case | Physics) -> float:
     """The middle of the travel over which ``cutbench.run.measures.measures`` takes the steady force."""
     end = min(case.p.depth, case.p.height - CLAMP * case.p.thickness)
     return (1 - STEADY_FRACTION / 2) * (end if end > 0 else case.p.depth)
-
-
-def draw_estimates(data: xr.Dataset, compared: EstimateComparison) -> Figure:
-    """Where map and estimate agree, and the two forces against the computed ones."""
-    x, y = data.attrs["plot_x"], data.attrs["plot_y"]
-    t = compared.table
-    with style():
-        figure = new_figure(DOUBLE_MM, 66)
-        left, middle, right = figure.subplots(1, 3, width_ratios=(1.25, 1, 1))
-        up = compared.axes[y] if y else t["drop"]
-        kinds = (
-            ("both abrupt", t["abrupt"] & t["abrupt_estimate"], "o", "black", "black"),
-            ("both smooth", ~t["abrupt"] & ~t["abrupt_estimate"], "o", "white", "black"),
-            ("estimate abrupt", ~t["abrupt"] & t["abrupt_estimate"], "^", COLOURS["vermilion"], "none"),
-            ("estimate smooth", t["abrupt"] & ~t["abrupt_estimate"], "v", COLOURS["blue"], "none"),
-        )
-        for text, where, marker, face, edge in kinds:
-            if where.any():
-                left.plot(compared.axes[x][where], up[where], ls="", marker=marker, mfc=face, mec=edge,
-                          ms=4, mew=0.6, label=text)  # fmt: skip
-        for axis, name in (("x", x), ("y", y)):
-            if name and is_log(data[name]) and compared.axes[name].size:
-                plain_log(left, axis, compared.axes[name].min() / 1.3, compared.axes[name].max() * 1.3)
-        left.set_xlabel(axis_text(data[x]))
-        left.set_ylabel(axis_text(data[y]) if y else "relative force drop")
-        if t["abrupt"].size:
-            left.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, handletextpad=0.2)
-        for ax, (name, ours, theirs) in zip((middle, right), _FORCES, strict=True):
-            ok = np.isfinite(t[ours]) & (t[ours] > 0)
-            look: Look = {"ls": "", "marker": "o", "mfc": "none", "mec": COLOURS["blue"], "ms": 3, "mew": 0.7}
-            ax.plot(t[theirs][ok], t[ours][ok], **look)
-            if ok.any():
-                both = np.concatenate([t[theirs][ok], t[ours][ok]])
-                ends = [both.min() / 1.2, both.max() * 1.2]
-                ax.plot(ends, ends, "-", color="black", lw=0.8)
-                for axis in "xy":
-                    plain_log(ax, axis, *ends)
-            else:
-                ax.set(xticks=[], yticks=[])
-                ax.annotate("none computed", (0.5, 0.5), xycoords="axes fraction", ha="center")
-            ax.set_xlabel(f"estimated {name} [N]")
-            ax.set_ylabel(f"computed {name} [N]")
-    return figure
-
-
-def save_estimates(data: xr.Dataset, folder: str | Path) -> tuple[list[Path], str]:
-    """Write ``estimates.png`` into ``folder`` where a run can be compared; its path, and words."""
-    compared = compare(data)
-    if not compared.table["abrupt"].size:
-        for suffix in ("png", "svg"):
-            (Path(folder) / f"estimates.{suffix}").unlink(missing_ok=True)
-        return [], compared.text()
-    paths = save(draw_estimates(data, compared), Path(folder) / "estimates.png", also=("svg",))
-    return paths, compared.text()

@@ -34,7 +34,7 @@ from cutbench.base.figure_style import (
     sized,
     style,
 )
-from cutbench.maps.axes import BOUNDARY, ONE
+from cutbench.maps.axes import BOUNDARY
 from cutbench.maps.boundary import NORMAL_QUANTILE
 from cutbench.maps.boundary_line import draw_line, draw_strips, strip_handles
 from cutbench.maps.closed_form_estimates import estimated_margin
@@ -308,8 +308,8 @@ def _classical(ax: Axes, part: xr.Dataset, x: str, y: str) -> bool:
 
 def _profile(ax: Axes, part: xr.Dataset, x: str) -> None:
     """A map of one axis: the drop itself, with the threshold as a line."""
-    set_scale(ax, "x", part[x])
     ax.plot(part[x].values, part["drop_rel"].values, "-", color="0.3", lw=1.0)
+    set_scale(ax, "x", part[x])
     ax.axhline(part.attrs["drop_threshold"], color="black", lw=1.2, ls="--")
     ax.set_ylim(-0.04, None)
 
@@ -348,19 +348,10 @@ def draw_samples(data: xr.Dataset, size: Size | None = None) -> Figure:
             if k >= len(names):
                 ax.set_visible(False)
                 continue
-            part = data
-            if data.attrs["mode"] == ONE:
-                # The base's point, the first, and those that differ from it along this axis only.
-                moved = [n for n in names if n != names[k]]
-                same = [np.all([data[n].values[i] == data[n].values[0] for n in moved])
-                        for i in range(data.sizes["point"])]  # fmt: skip
-                part = data.isel(point=np.flatnonzero(same))
-                part = part.isel(point=np.argsort(part[names[k]].values, kind="stable"))
-                ax.plot(part[names[k]].values, part["drop_rel"].values, "-", color="0.5", lw=0.9)
-            if len(np.unique(part[names[k]].values)) > 1:
-                set_scale(ax, "x", part[names[k]].sortby(part[names[k]]))
             ax.axhline(data.attrs["drop_threshold"], color="black", lw=1.2, ls="--")
-            seen |= _points(ax, part.swap_dims(point=names[k]), names[k], "")
+            seen |= _points(ax, data.swap_dims(point=names[k]), names[k], "")
+            if len(np.unique(data[names[k]].values)) > 1:
+                set_scale(ax, "x", data[names[k]].sortby(data[names[k]]))
             ax.set_xlabel(axis_text(data[names[k]]))
             if k % columns == 0:
                 ax.set_ylabel("relative force drop")

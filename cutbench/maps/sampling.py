@@ -1,4 +1,4 @@
-"""Where the runs of a study lie: the order of a grid, a Sobol sequence, one axis at a time."""
+"""Where the runs of a study lie: the order of a grid; a Sobol sequence."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import qmc
 
-from cutbench.maps.axes import Axis, short
+from cutbench.maps.axes import Axis
 
 
 def coarse_to_fine(shape: tuple[int, ...]) -> tuple[int, ...]:
@@ -40,13 +40,3 @@ def sobol(axes: Sequence[Axis], points: int, seed: int) -> tuple[tuple[float, ..
         )
         for row in rows
     )
-
-
-def one_at_a_time(axes: Sequence[Axis], base: Sequence[float]) -> tuple[tuple[float, ...], ...]:
-    """``base``, then for each axis in turn its values with the others at the base; each point once."""
-    base = tuple(short(value) for value in base)
-    found = dict.fromkeys([base])
-    for k, axis in enumerate(axes):
-        for value in axis.values:
-            found[(*base[:k], value, *base[k + 1 :])] = None
-    return tuple(found)

@@ -29,16 +29,14 @@ from cutbench.maps.axes import (
     BOUNDARY,
     GRID,
     MODES,
-    ONE,
     SAMPLE,
     Axis,
     read_axes,
     refuse_unknown,
     switched,
-    value_on,
 )
 from cutbench.maps.marked_materials import Mark, read_mark
-from cutbench.maps.sampling import coarse_to_fine, one_at_a_time, sobol
+from cutbench.maps.sampling import coarse_to_fine, sobol
 from cutbench.maps.study_sections import (
     Doubtful,
     Plot,
@@ -86,7 +84,7 @@ class Study:
     plot : Plot
         Which axes a picture shows, and which materials it marks.
     mode : str
-        ``grid``, ``sobol`` (samples), ``one-at-a-time`` or ``boundary``.
+        ``grid``, ``sobol`` (samples) or ``boundary``.
     samples : tuple of tuple of float
         Values by axis, in the axes' units, where they do not lie on a grid.
     search : Search or None
@@ -307,10 +305,6 @@ def load_study(path: str | Path) -> Study:
     elif mode == SAMPLE:
         with located(path, text, "sample"):
             samples = sobol(axes, *read_sample(read_section(table, "sample")))
-    elif mode == ONE:
-        at = {axis.name: value_on(axis, start if axis.mechanism else base) for axis in axes}
-        with located(path, text):
-            samples = one_at_a_time(axes, _middle(at))
     places = samples or itertools.product(*_grid(axes, ends=mode == BOUNDARY))
     with located(path, text):
         cases = tuple(case_at(start, changes, axes, values) for values in places)
@@ -375,16 +369,6 @@ def _read(path: Path) -> tuple[dict, str]:
                 ) from error
             break
         raise
-
-
-def _middle(at: Mapping[str, float | None]) -> list[float]:
-    missing = [name for name, value in at.items() if value is None]
-    if missing:
-        raise BadInput(
-            key="base", value=", ".join(missing),
-            expected="a base that has a value of every axis, from which one at a time departs",
-        )  # fmt: skip
-    return [value for value in at.values() if value is not None]
 
 
 def _base(table: dict, path: Path) -> Case:

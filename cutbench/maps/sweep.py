@@ -25,7 +25,7 @@ from cutbench.base.notebook import watched
 from cutbench.base.progress import OnProgress, silent
 from cutbench.case.case import Case
 from cutbench.maps.atlas_map import expected_drops, under_way
-from cutbench.maps.closed_form_estimates import save_estimates
+from cutbench.maps.closed_form_estimates import compare
 from cutbench.maps.collapse import save_collapse
 from cutbench.maps.dataset import MapRow, build_map, path_from, row_of, save_map
 from cutbench.maps.findings import Findings, boundary_sentences, findings, save_findings
@@ -137,7 +137,7 @@ def run_study(
     """Compute the cuts of a study that are missing, and write its map and pictures.
 
     It writes ``map.nc``, ``map.csv`` and ``summary.txt`` every few seconds, ``phase.png``, ``phase.svg`` and
-    ``map.html`` from time to time, and all at the end, then also ``estimates.png``. Where the atlas says
+    ``map.html`` from time to time, and all at the end. Where the atlas says
     something of the study, pictures and page show that until there are runs, and say so; ``map.nc`` and
     ``map.csv`` have runs alone.
     Ctrl-C ends the sweep with what is done: the returned ``Sweep`` says ``interrupted``.
@@ -351,7 +351,7 @@ class _Sweep:
             if drawn and self.pictures:
                 save_phase(shown, self.out)
             if last and self.pictures:
-                words = save_estimates(data, self.out)[1], save_collapse(data, self.out)[1]
+                words = compare(data).text(), save_collapse(data, self.out)[1]
                 self.verdict = " ".join(filter(None, words))
             if last or (drawn and self.pictures):
                 save_page(shown, self.store, self.out)

@@ -64,7 +64,7 @@ def plot(
             paths += save_solid(result, source).values()
     elif grid.is_file():
         from cutbench.maps.atlas_map import under_way
-        from cutbench.maps.closed_form_estimates import save_estimates
+        from cutbench.maps.closed_form_estimates import compare
         from cutbench.maps.collapse import save_collapse
         from cutbench.maps.dataset import load_map, store_of
         from cutbench.maps.findings import boundary_sentences, findings, save_findings
@@ -76,11 +76,10 @@ def plot(
         if (data["outcome"].values[data["run_id"].values != ""] == 0).any():
             data = under_way(data, None)
         runs = store_of(data, grid.parent)
-        pictures, words = save_estimates(data, grid.parent)
         more, line = save_collapse(data, grid.parent)
-        said = [words, line] if line else [words]
+        said = [compare(data).text(), *([line] if line else [])]
         page = save_page(data, Store(runs) if runs.is_dir() else None, grid.parent)
-        paths = [*save_phase(data, grid.parent), *pictures, *more, page]
+        paths = [*save_phase(data, grid.parent), *more, page]
         paths.append(save_findings(data, grid.parent, said))
         for note in (*findings(data).lines(), *boundary_sentences(data), *said):
             typer.echo(note)

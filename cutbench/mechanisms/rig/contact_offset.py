@@ -17,9 +17,7 @@ class ContactOffset(Rig):
     approach = "displacement"
     rank = 1
     parameters = (
-        Parameter.effect(
-            "offset", "mm", "u_0", "displacement recorded at contact", low=-10.0, high=10.0, typical=0.2
-        ),
+        Parameter.effect("offset", "mm", "u_0", "displacement recorded at contact", low=None, typical=0.2),
     )
     reads = ("height",)
 

@@ -12,9 +12,7 @@ class ForceDrift(Rig):
     family = "reading"
     cause = "reading"
     rank = 2  # the machine gives under the true force
-    parameters = (
-        Parameter.effect("drift", "N/s", "D", "rate of the force's zero", low=-1e3, high=1e3, typical=5e-4),
-    )
+    parameters = (Parameter.effect("drift", "N/s", "D", "rate of the force's zero", low=None, typical=5e-4),)
     reads = ("G", "length", "height", "speed")
 
     def groups(self, p):

@@ -14,9 +14,7 @@ class ForceZero(Rig):
     approach = "force"
     rank = 3  # the machine gives under the true force
     parameters = (
-        Parameter.effect(
-            "zero", "N", "F_0", "force recorded where there is none", low=-1e3, high=1e3, typical=0.01
-        ),
+        Parameter.effect("zero", "N", "F_0", "force recorded where there is none", low=None, typical=0.01),
     )
     reads = ("G", "length")
 

@@ -10,9 +10,7 @@ class MachineCompliance(Rig):
     name = "machine_compliance"
     title = "machine compliance"
     family = "machine"
-    parameters = (
-        Parameter.effect("compliance", "mm/N", "C_m", "machine's compliance", high=1e3, typical=0.05),
-    )
+    parameters = (Parameter.effect("compliance", "mm/N", "C_m", "machine's compliance", typical=0.05),)
     reads = ("G", "length")
 
     def groups(self, p):
