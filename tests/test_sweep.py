@@ -346,6 +346,21 @@ mechanism = "adhesion"
 """
 
 
+def test_sweeps_of_two_machines_are_one_map(tmp_path, log):
+    def swept(name, seed, **how):
+        path, range_ = tmp_path / f"{name}.toml", "from = 1.0\nto = 30.0"
+        rest = f"[sample]\npoints = 6\nseed = {seed}"
+        path.write_text(SAMPLE.format(mode="sobol", range=range_, rest=rest))
+        return undrawn(load_study(path), tmp_path / name, workers=0, run=analytic_runs.fake_run, **how)
+
+    apart = [swept(f"s{seed}", seed) for seed in (1, 2)]
+    both = swept("both", [1, 2], also=[tmp_path / "s1" / "runs", tmp_path / "s2" / "runs"])
+    assert both.status.reused == both.status.total == sum(each.status.total for each in apart)
+    assert len(computed(log)) == both.status.total
+    with refused("also"):
+        swept("none", 1, also=[tmp_path / "nowhere"])
+
+
 @pytest.mark.parametrize(
     ("mode", "range_", "rest", "count"),
     [

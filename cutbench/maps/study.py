@@ -304,7 +304,8 @@ def load_study(path: str | Path) -> Study:
             search = read_search(read_section(table, "boundary"), axes)
     elif mode == SAMPLE:
         with located(path, text, "sample"):
-            samples = sobol(axes, *read_sample(read_section(table, "sample")))
+            points, seeds = read_sample(read_section(table, "sample"))
+            samples = tuple(place for seed in seeds for place in sobol(axes, points, seed))
     places = samples or itertools.product(*_grid(axes, ends=mode == BOUNDARY))
     with located(path, text):
         cases = tuple(case_at(start, changes, axes, values) for values in places)

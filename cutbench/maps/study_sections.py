@@ -91,11 +91,14 @@ def read_uncertainty(part: dict) -> Doubtful:
     return Doubtful(_whole(part, "runs", 10, 0, 1000), _whole(part, "bands", 3, 0, 1000))
 
 
-def read_sample(part: dict) -> tuple[int, int]:
+def read_sample(part: dict) -> tuple[int, list[int]]:
+    """How many points of a sequence, and the seeds of as many sequences."""
     refuse_unknown(part, ("points", "seed"))
     if "points" not in part:
         raise BadInput("sample", "(no points)", "[sample] with points = 100 or so")
-    return _whole(part, "points", 0, 1, 100_000), _whole(part, "seed", 1, 0, 2**32)
+    seeds = part.get("seed", 1)
+    several = [{"seed": seed} for seed in (seeds if isinstance(seeds, list) else [seeds])]
+    return _whole(part, "points", 0, 1, 100_000), [_whole(each, "seed", 1, 0, 2**32) for each in several]
 
 
 def _whole(part: dict, key: str, default: int, low: int, high: int) -> int:

@@ -12,7 +12,7 @@ import os
 import time
 import warnings
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,6 +36,7 @@ from cutbench.maps.study import Study, load_study
 from cutbench.maps.uncertainty import strip_sentences
 from cutbench.run.pool.pool import Done, Job, TaskPool
 from cutbench.run.pool.worker import PoolLost, Run, WorkerLost, failure, work
+from cutbench.run.result import Result
 from cutbench.run.store.runs import Store
 
 #: Part of the time that may go into writing the map while runs are computed, and how long it is at least, s,
@@ -128,6 +129,7 @@ def run_study(
     on_progress: OnProgress = silent,
     run: Run | None = None,
     store: str | os.PathLike[str] | None = None,
+    also: Sequence[str | os.PathLike[str]] = (),
     retry_failed: bool = False,
     scheduler: str | None = None,
     first_picture_s: float = 15.0,
@@ -156,6 +158,8 @@ def run_study(
         Replaces ``cutbench.run.runner.run_case``. Other processes must be able to import it.
     store : str or path, optional
         Folder that keeps the runs; ``out/runs`` unless given.
+    also : sequence of str or path
+        Other such folders, as of sweeps elsewhere, out of which runs are taken over.
     retry_failed : bool
         Whether runs that fell short are repeated.
     scheduler : str, optional
@@ -202,6 +206,12 @@ def run_study(
         raise BadInput("out", str(out), f"a folder that can be written ({error.strerror})") from error
     sweep = _Sweep(study, out, Store(store or out / "runs"), run, on_progress, retry_failed)
     sweep.pace, sweep.pictures = (first_picture_s, picture_every_s), pictures
+    for folder in map(Path, also):
+        if not folder.is_dir():
+            raise BadInput(
+                "--also", str(folder), "a folder where a sweep keeps its runs, such as maps/a/runs"
+            )
+        sweep.others.append(Store(folder))
     with folder_lock(sweep.store.root, key="--store" if store else "--out"):
         return sweep.go(TaskPool(workers, scheduler), scheduler in (None, "local"))
 
@@ -222,6 +232,7 @@ class _Sweep:
     ):
         self.study, self.out, self.store, self.run, self.on_progress = study, out, store, run, on_progress
         self.plan = plan_of(study)
+        self.others: list[Store] = []
         # Two points of a grid may be the same run (a law that ignores an axis): one id, one run.
         self.cases: dict[str, Case] = {}
         self.rows: dict[str, MapRow] = {}
@@ -305,7 +316,7 @@ class _Sweep:
             new = {id: case for id, case in asked.items() if id not in self.cases}
             self.cases |= new
             for id in new:
-                result = self.store.get(id)
+                result = self.store.get(id) or self._taken_over(id)
                 if result is not None and not (self.replace and not result.outcome.done):
                     self.rows[id] = row_of(result, self.study.regime)
                     self.reused += 1
@@ -313,6 +324,13 @@ class _Sweep:
                     self.todo.append(id)
             self._report()
         return True
+
+    def _taken_over(self, id: str) -> Result | None:
+        """A run out of another store, which is then in this one."""
+        result = next((found for other in self.others if (found := other.get(id)) is not None), None)
+        if result is not None:
+            self.store.put(result)
+        return result
 
     def ended(self, id: str) -> None:
         """Take a run that is in the store into the map."""

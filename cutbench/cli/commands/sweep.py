@@ -29,6 +29,10 @@ def sweep(
     store: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Where runs are kept and looked up; default: OUT/runs.")
     ] = None,
+    also: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="DIR", help="Take over runs kept there, too; may be repeated."),
+    ] = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Only say how many runs are to be computed, and about how long.")
     ] = False,
@@ -66,7 +70,7 @@ def sweep(
     with bar(plan.title, "runs") as on_progress:
         done = run_study(
             plan, out, workers=processes, on_progress=on_progress, retry_failed=retry_failed,
-            scheduler=scheduler, store=store,
+            scheduler=scheduler, store=store, also=also or (),
         )  # fmt: skip
     status = done.status
     typer.echo(f"{status.finished} of {status.total} runs, {status.failed} not to the end; map in {done.out}")
