@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from cutbench.base.errors import BadInput
+from cutbench.data.clock_times import between_ticks
 from cutbench.data.rows import CYCLES, SPECIMENS
 from cutbench.data.table import Table
 
@@ -27,7 +28,7 @@ def with_blocks_read(table: Table, blocks: str | None = None) -> Table:
 
     A note says what was taken. Raises BadInput where nothing decides.
     """
-    count = len(table.titles)
+    table, count = _with_times_between_ticks(table), len(table.titles)
     if count == 1:
         return table
     how, why = (blocks, "as blocks says") if blocks else _kind(table)
@@ -42,6 +43,22 @@ def with_blocks_read(table: Table, blocks: str | None = None) -> Table:
         own = [f"{a}/{b}" for a, b in zip(table.labels, own, strict=True)]
     note += f": {', '.join(dict.fromkeys(own))}"
     return replace(table, labels=tuple(own), titles=("",), notes=(*table.notes, note))
+
+
+def _with_times_between_ticks(table: Table) -> Table:
+    """Each reading of a specimen and a block at its own time, where the clock was too coarse for that."""
+    if "time" not in table.columns:
+        return table
+    recorded, times = table.columns["time"], table.columns["time"].copy()
+    labels = np.array(table.labels if table.labels is not None else [""] * times.size)
+    for label in dict.fromkeys(labels):
+        for block in range(len(table.titles)):
+            part = (labels == label) & (table.blocks == block)
+            times[part] = between_ticks(times[part])
+    if np.array_equal(recorded, times):
+        return table
+    note = f"{table.path.name}: more readings than its clock ticks; their times are even between the ticks"
+    return replace(table, columns={**table.columns, "time": times}, notes=(*table.notes, note))
 
 
 def joined_files(tables: Sequence[Table]) -> Table:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import ClassVar
@@ -27,7 +27,7 @@ from cutbench.case.values import names, resolve
 from cutbench.data import plausible
 from cutbench.data.contact import bounds_by
 from cutbench.data.experiment import SLOTS, Experiment
-from cutbench.data.read_experiment import errors_at_experiment, read_experiment
+from cutbench.data.read_experiment import errors_at_experiment, read_experiments
 from cutbench.data.repetition import note_on_single_repetition
 from cutbench.mechanisms import Volumetric, registry
 
@@ -218,7 +218,13 @@ class Campaign(Displayed):
         alone = [
             note_on_single_repetition(e.id) for e in self.experiments if e.curve and len(e.repetitions) == 1
         ]
-        return [*self.notes, *of_tests, *alone]
+        return [*self.doubts, *self.notes, *of_tests, *alone]
+
+    @cached_property
+    def doubts(self) -> list[str]:
+        """Sentences on readings that may well be otherwise, and what settles each."""
+        of_tests = [f"'{e.id}': {text}" for e in self.experiments for text in plausible.doubts(e)]
+        return of_tests + [f"'{r.name}': {text}" for r, text, _ in plausible.copies(self.experiments)]
 
 
 def cut_case(experiment: Experiment, base: Case) -> Case:
@@ -383,13 +389,18 @@ def load_campaign(path: str | Path) -> Campaign:
                 key="experiment", value="(missing)" if tables is None else "a single table",
                 expected="one or more, each opened with [[experiment]]",
             )  # fmt: skip
+    numbers: list[int] = []
     experiments: list[Experiment] = []
     for number, part in enumerate(tables):
         with errors_at_experiment(path, text, number):
-            made = read_experiment(part, path.parent)
-            if made.id in [e.id for e in experiments]:
-                raise BadInput(key="id", value=made.id, expected="each id once")
-            experiments.append(made)
+            for made in read_experiments(part, path.parent):
+                if made.id in [e.id for e in experiments]:
+                    raise BadInput(key="id", value=made.id, expected="each id once")
+                experiments.append(made)
+                numbers.append(number)
+    for r, expected, noisy in plausible.copies(experiments):
+        if noisy:
+            raise r.wrong("data", r.name, expected, 0)
     kinds = list(dict.fromkeys(e.kind for e in experiments))
     sizes = next((_sizes(e) for e in experiments if e.kind == "cut"), {})
     base, notes, material = _start(table, path, text, kinds, sizes)
@@ -397,7 +408,7 @@ def load_campaign(path: str | Path) -> Campaign:
         candidates = _candidates(table, base.model, kinds)
     with located(path, text, "fit"):
         plan = _plan(table.get("fit", {}), base.model, candidates, _bounds_by_approaches(experiments))
-    for number, made in enumerate(experiments):
+    for number, made in zip(numbers, experiments, strict=True):
         with errors_at_experiment(path, text, number):
             _check(made, base)
     cuts = (cut_case(e, base) for e in experiments if e.kind == "cut")

@@ -10,6 +10,8 @@ import numpy as np
 
 #: Seconds in a day; a clock that falls by more than half of it has passed midnight.
 DAY = 86_400.0
+#: A clock stands still where it shows one time so many times as often as any other.
+STANDS = 3
 _CLOCK = re.compile(
     r"(?:(\d[\d./-]*\d)(?:[T,]\s*|\s+))?(\d+):(\d\d)(?::(\d\d))?([.,:]\d+)?\s*([ap]\.?m\.?)?(?:Z|[+-]\d\d:\d\d)?",
     re.IGNORECASE,
@@ -51,3 +53,19 @@ def seconds(cells: Sequence[str], unit: str | None = None) -> tuple[np.ndarray, 
     if not dates:
         found += DAY * np.append(0.0, np.cumsum(np.diff(found) < -DAY / 2))
     return found, None, ""
+
+
+def between_ticks(times: np.ndarray) -> np.ndarray:
+    """Times (n,) of a clock that ticked more slowly than it was read, evenly from tick to tick; others as
+    they are, also those of a clock that stood still."""
+    starts = np.flatnonzero(np.diff(times, prepend=np.nan) != 0)
+    ticks, counts = times[starts], np.diff(starts, append=times.size)
+    *_, third, second, most = 1, 1, 1, *np.sort(counts)
+    if third == 1 or most > STANDS * second or np.diff(ticks).min() <= 0:
+        return times
+    # The first tick may have begun before the first reading, and the last one ends after the last.
+    whole = counts.copy()
+    whole[[0, -1]] = max(counts[0], counts[1]), max(counts[-1], counts[-2])
+    behind = np.arange(times.size) - np.repeat(starts, counts)
+    behind[: counts[0]] += whole[0] - counts[0]
+    return np.repeat(ticks, counts) + np.diff(ticks).min() * behind / np.repeat(whole, counts)

@@ -12,6 +12,7 @@ UNITS = {
     "displacement": "mm",
     "force": "N",
     "time": "s",
+    "speed": "mm/s",
     "stretch": "1",
     "strain": "1",
     "stress": "MPa",

@@ -85,8 +85,9 @@ def late_contact(u: np.ndarray, y: np.ndarray) -> Contact | None:
     if still < BEFORE or np.abs(rise[:still]).max() > MIN_FREE_TRAVEL * rise.max():
         return None
     found = find_contact(u, y)
-    late = isinstance(found, Contact) and found.at - COVERAGE_FACTOR * found.sd > u[0] + MIN_FREE_TRAVEL * way
-    return found if late and isinstance(found, Contact) else None
+    if isinstance(found, str) or found.at - COVERAGE_FACTOR * found.sd < u[0]:
+        return None
+    return found if found.at > u[0] + MIN_FREE_TRAVEL * way else None
 
 
 def _averaged_in_groups(values: np.ndarray, by: int) -> np.ndarray:

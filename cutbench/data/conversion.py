@@ -7,6 +7,7 @@ place to another.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -17,10 +18,12 @@ from cutbench.data.contact import BEFORE, MIN_FREE_TRAVEL, contact_at, find_cont
 from cutbench.data.contact_point import Contact
 from cutbench.data.experiment import HOMOGENEOUS, area_of
 from cutbench.data.outliers import check_steps
-from cutbench.data.repetition import JITTER, Repetition, first_return
+from cutbench.data.repetition import JITTER, SAME_SPEED, Channel, Repetition, first_return
 from cutbench.data.table import Table
 
 AUTO, RETURN = "auto", "return"
+#: An ``until`` so many times as far as the readings go is none of them.
+FAR_BEYOND = 1.5
 #: What is found and taken off, by key.
 TAKEN_OFF = {"zero": "displacement", "force_zero": "force"}
 
@@ -46,16 +49,22 @@ def repetitions_of(
             mine["time"] = mine["time"] - mine["time"][0]
         check_steps(mine, files, lines)
         specimen = sizes[title]
+        if "speed" in mine:
+            speed = _speed_in(mine.pop("speed"), files[0], lines)
+            speed /= specimen.get("length", 1.0) if kind in HOMOGENEOUS else 1.0
         own = {**written, **{key: values[title] for key, values in zeros.items()}}
         here, contact = _zeros_taken_off(mine, own, factors, title)
         x, y = _abscissa(here, kind, specimen, speed), _ordinate(here, kind, specimen)
-        if kind in HOMOGENEOUS and written.get("stress", "nominal") == "cauchy":
+        if written.get("strain") == "true":
+            x = np.exp(x - 1)
+        if written.get("stress") == "cauchy":
             y = y / np.where(x > 0, x, np.nan)
         pressure = here.get("pressure")
         if "normal_force" in here:
             pressure = here["normal_force"] / area_of(kind, specimen)
         first = contact.first if contact is not None and "zero" in written else 0
-        keep = _selected_readings(written, kind, x, first)
+        length = specimen["length"] if kind in HOMOGENEOUS and "displacement" in here else None
+        keep = _selected_readings(written, kind, x, first, length)
         x, y, lines, files = x[keep], y[keep], lines[keep], files[keep]
         time, pressure = (None if a is None else a[keep] for a in (here.get("time"), pressure))
         if time is None and speed is not None and not (kind == "cut" and first_return(x) is not None):
@@ -63,8 +72,37 @@ def repetitions_of(
             # Equal abscissas, as coarse sensors give them, need times that differ.
             time = (way + 1e-9 * way[-1] * np.arange(x.size)) / speed
         file = files[0] if len(set(files)) == 1 else tuple(files)
-        found.append(Repetition(x, y, time, title, pressure, file, lines, contact))
+        channels = _channels(table, kind, specimen, factors)
+        found.append(Repetition(x, y, time, title, pressure, file, lines, contact, channels))
     return found
+
+
+def _speed_in(speeds: np.ndarray, file: str, lines: np.ndarray) -> float:
+    """The one speed of a repetition's readings (n,), mm/s. Raises BadInput."""
+    usual = float(np.median(np.abs(speeds)))
+    odd = (np.abs(speeds) > SAME_SPEED * usual) | (SAME_SPEED * np.abs(speeds) < usual)
+    if odd.any() or usual == 0:
+        i = int(odd.argmax())
+        expected = "one speed in each repetition; a column of time says more"
+        raise BadInput(
+            file=file, line=int(lines[i]), key="speed", value=f"{speeds[i]:g} mm/s", expected=expected
+        )
+    return usual
+
+
+def _channels(
+    table: Table, kind: str, specimen: Mapping[str, float], factors: Mapping[str, float]
+) -> dict[str, Channel]:
+    """The columns as they were recorded, and what one of stretch and of stress is in them."""
+    scales = {}
+    if kind in HOMOGENEOUS:
+        scales["displacement"] = specimen.get("length", 1.0)
+    if kind != "cut":
+        scales["force"] = area_of(kind, specimen) or 1.0
+    return {
+        role: replace(channel, factor=factors.get(role), scale=scales.get(role, 1.0))
+        for role, channel in table.channels.items()
+    }
 
 
 def _abscissa(here: Mapping, kind: str, specimen: Mapping[str, float], speed: float | None) -> np.ndarray:
@@ -205,30 +243,44 @@ def _force_zero(raw: object, load: str, contact: Contact | None) -> float:
 
 
 # -- from here to there -----------------------------------------------------------------------------
-def _selected_readings(written: Mapping, kind: str, x: np.ndarray, first: int) -> np.ndarray:
+def _selected_readings(
+    written: Mapping, kind: str, x: np.ndarray, first: int, length: float | None
+) -> np.ndarray:
     """The readings (k,) that count: from contact on, on the way out that begins with reading ``first``, where
     that is known, from ``from`` up to the first beyond ``until``, which is ``return`` for the farthest.
-    Raises BadInput if none are left."""
-    rest = 1.0 if kind in HOMOGENEOUS else 0.0
+    Raises BadInput if none are left, or ``until`` is far from all."""
     way = _direction(x[first:])
-    out, unit = way * (x - rest), "1" if kind in HOMOGENEOUS else "mm"
+    rest, unit = (1.0, "") if kind in HOMOGENEOUS else (0.0, " mm")
+    out = way * (x - rest)
+    far = f"they go to {x[np.argmax(out)]:.4g}{unit}"
+    if length is not None:
+        far += f", a displacement of {length * out.max():.4g} mm"
+    far += " from contact" * ("zero" in written)
+
+    def place(key: str) -> float:
+        """How far from rest; in a test whose file has displacements these, too."""
+        with suppress(BadInput):
+            if length is not None:
+                return abs(parse_quantity(written[key], "mm", key=key)) / length
+        return way * (parse_quantity(written[key], unit.strip() or "1", key=key) - rest)
+
     keep = np.arange(x.size)
     if "until" in written:
         last = first + int(np.argmax(out[first:])) + 1
         if written["until"] != RETURN:
-            beyond = out > way * (parse_quantity(written["until"], unit, key="until") - rest)
+            if (end := place("until")) > FAR_BEYOND * out.max():
+                expected = f"a place that the readings reach; {far}"
+                raise BadInput(key="until", value=str(written["until"]), expected=expected)
+            beyond = out > end
             last = int(np.argmax(beyond)) if beyond.any() else x.size
         keep = keep[:last]
     if "from" in written:
-        reached = out[keep] >= way * (parse_quantity(written["from"], unit, key="from") - rest)
+        reached = out[keep] >= place("from")
         keep = keep[int(np.argmax(reached)) :] if reached.any() else keep[:0]
     if "zero" in written:
         keep = keep[(out[keep] >= 0) & (keep >= first)]
     for key in ("from", "until", "zero"):
         if key in written and keep.size == 0:
-            far = f"{x[np.argmax(out)]:.4g}{'' if unit == '1' else ' mm'}"
-            expected = f"a place that leaves readings; they go to {far}" + (
-                " from contact" if "zero" in written else ""
-            )
+            expected = f"a place that leaves readings; {far}"
             raise BadInput(key=key, value=str(written[key]), expected=expected)
     return keep

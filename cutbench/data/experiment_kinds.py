@@ -27,7 +27,7 @@ _EVERY = (
 )  # fmt: skip
 _EXTRA = {
     "cut": ("blade", "fields", "zero", "force_zero", "measures", "depth"),
-    **dict.fromkeys(HOMOGENEOUS, ("stress", "zero", "force_zero")),
+    **dict.fromkeys(HOMOGENEOUS, ("stress", "strain", "zero", "force_zero")),
     "sliding": ("pressure", "normal_force"),
     "separation": ("direction", "zero", "force_zero"),
 }

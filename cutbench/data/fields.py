@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import NoReturn
 
@@ -37,6 +38,8 @@ _RULE = re.compile(r"\s*(\S.*?)\s*(>=|<=|!=|>|<)\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?
 #: that it moved by more than half of what they did, and they by more than this part of the largest: at a
 #: clamp displacements go to 0, and do not fall to it.
 NEAREST, STILL = 8, 0.05
+#: Displacements above this part of the spacing show in positions after deformation.
+MOVED = 0.02
 #: Points of a field that a fit compares, at the most: neighbours say much the same.
 POINTS = 150
 
@@ -61,6 +64,8 @@ class Field:
         What the points are positions in: ``deformed`` (after deformation) or ``reference`` (before).
     notes : tuple of str
         What was left out.
+    doubt : str
+        What may well be otherwise, and what settles it.
 
     Raises
     ------
@@ -74,6 +79,7 @@ class Field:
     travel_mm: float = math.nan
     configuration: str = "deformed"
     notes: tuple[str, ...] = ()
+    doubt: str = ""
 
     def __post_init__(self) -> None:
         among("configuration", self.configuration, CONFIGURATIONS)
@@ -110,7 +116,7 @@ def read_fields(
     *,
     columns: Mapping[str, str | int] | None = None,
     units: Mapping[str, str] | None = None,
-    configuration: str = "deformed",
+    configuration: str | None = None,
     shift_mm: tuple[float, float] = (0.0, 0.0),
     y_down: bool = False,
     travel_mm: float = math.nan,
@@ -127,8 +133,8 @@ def read_fields(
         Y, U, V, and, if the file has it, travel.
     units : mapping of str to str, optional
         Units by the same names, as in a campaign.
-    configuration : str
-        What x and y are positions in, ``deformed`` or ``reference``.
+    configuration : str, optional
+        What x and y are positions in, ``deformed``, as it is taken unless said, or ``reference``.
     shift_mm : (float, float), mm
         Added to x and y, after ``y_down``.
     y_down : bool
@@ -183,8 +189,24 @@ def read_fields(
         u[:, still] = np.nan
         own = [*notes, *_left_out(path, table.lines[here][still], "both displacements are exactly 0")]
         x, y, field = _gridded(path, points, u, table.lines[here])
-        fields.append(Field(x, y, field, travel, configuration, tuple(own)))
+        fields.append(Field(x, y, field, travel, configuration or CONFIGURATIONS[0], tuple(own)))
+    if configuration is None and (note := _stays(path, fields)):
+        fields = [replace(field, doubt=note) for field in fields]
     return fields
+
+
+def _stays(path: Path, fields: Sequence[Field]) -> str:
+    """A note on points that stay where they are although they move; positions before deformation do."""
+    for a, b in pairwise(fields):
+        one, other = ({(x, y) for x, y in f.grid[:, np.isfinite(f.u[0])].T} for f in (a, b))
+        moved = max(float(np.nanmax(np.abs(f.u))) for f in (a, b))
+        if len(one & other) > 0.9 * min(len(one), len(other)) and moved > MOVED * np.diff(a.x).min():
+            return (
+                f"{path.name}: the points at {a.travel_mm:g} and {b.travel_mm:g} mm are the same, as"
+                " positions before deformation are: configuration = 'reference' (--reference) reads them so,"
+                " 'deformed' (--deformed) says that they are not"
+            )
+    return ""
 
 
 def _asked(columns: Mapping[str, str | int] | None) -> dict[str, str | int]:
@@ -301,8 +323,8 @@ def read_fields_of(table: object, folder: Path) -> tuple[tuple[Field, ...], floa
     noise = parse_quantity(table["noise"], "mm", key="fields.noise")
     if not (np.isfinite(noise) and noise > 0):
         raise _wrong("fields.noise", table["noise"], "more than 0 mm")
-    configuration = table.get("configuration", "deformed")
-    if configuration not in CONFIGURATIONS:
+    configuration = table.get("configuration")
+    if configuration not in (None, *CONFIGURATIONS):
         raise _wrong("fields.configuration", configuration, one_of(str(configuration), CONFIGURATIONS))
     if not isinstance(table.get("y_down", False), bool):
         raise _wrong("fields.y_down", table["y_down"], "true or false")

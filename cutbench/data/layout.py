@@ -54,7 +54,9 @@ class Layout:
     specimens: tuple[str, ...]
 
     def title(self, role: str, specimen: int = 0) -> str:
-        at = self.where[role][specimen]
+        return self.title_of(self.where[role][specimen])
+
+    def title_of(self, at: int) -> str:
         return (self.names[at] if at < len(self.names) else "") or f"column {at + 1}"
 
     def own(self, specimen: int) -> list[int]:
@@ -234,9 +236,14 @@ def _where(
             found[role] = at * count
         elif len(at) != count:
             expected = (
-                f"a column that stands once; it stands {_times(count)}, {asked[role]} {_times(len(at))}. Give"
-                " its number, or those of all specimens, such as force = [1, 4] and displacement = [2, 5]"
+                f"a column that stands once; it stands {_times(count)}, {asked[role]} {_times(len(at))}."
             )
+            units = {parted(names[k])[1] for k in found[many]}
+            if len(units) == count:
+                expected += f" Of several units name one: '{names[found[many][0]]}'"
+            else:
+                expected += " Give its number, or those of all specimens, such as force = [1, 4] and"
+                expected += " displacement = [2, 5]"
             raise refused(many, asked[many], expected)
     return {role: tuple(at) for role, at in found.items()}
 

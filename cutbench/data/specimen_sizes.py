@@ -93,13 +93,15 @@ def by_repetition(key: str, raw: object, names: Sequence[str]) -> dict[str, obje
     return dict.fromkeys(names, raw)
 
 
-def sizes_by_repetition(
-    sizes: Mapping[str, Size], names: Sequence[str]
-) -> tuple[dict[str, dict], dict[str, float]]:
-    """The sizes of each repetition, and their means."""
+def sizes_by_repetition(sizes: Mapping[str, Size], names: Sequence[str]) -> dict[str, dict[str, float]]:
+    """The sizes of each repetition."""
     spread = {key: by_repetition(f"specimen.{key}", raw, names) for key, raw in sizes.items()}
-    own = {name: {key: values[name] for key, values in spread.items()} for name in names}
-    return own, {key: float(np.mean([one[key] for one in own.values()])) for key in sizes}
+    return {name: {key: values[name] for key, values in spread.items()} for name in names}
+
+
+def mean_sizes(own: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """The means of the sizes of specimens."""
+    return {key: float(np.mean([one[key] for one in own])) for key in own[0]}
 
 
 def size_notes(

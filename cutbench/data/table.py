@@ -10,7 +10,7 @@ file, line, column and value.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,8 +20,9 @@ from cutbench.base.unit_spelling import meant_unit, size_of
 from cutbench.data.clock_times import is_clock, seconds
 from cutbench.data.column_titles import UNITS, bracketed, parted
 from cutbench.data.layout import LABEL, Column, Layout, find_layout
+from cutbench.data.repetition import Channel
 from cutbench.data.rows import Row, decimal_comma, rows_of
-from cutbench.data.text_cells import error_at_line, is_missing, lines_of, number_in
+from cutbench.data.text_cells import error_at_line, is_missing, lines_of, number_in, with_unit
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,7 @@ class Table:
     titles: tuple[str, ...] = ("",)
     notes: tuple[str, ...] = ()
     clock: bool = False
+    channels: Mapping[str, Channel] = field(default_factory=dict)
 
 
 def read_table(
@@ -68,11 +70,12 @@ def read_table(
     lines = lines_of(path)
     layout = find_layout(path, lines, columns, wide)
     rows, titles, notes = rows_of(path, lines, layout, skip)
+    layout = replace(layout, below={**layout.below, **_units_of_cells(path, layout, rows)})
     comma = decimal_comma(path, layout, rows)
     found: dict[str, list[float]] = {role: [] for role in columns if role != LABEL}
     labels: list[str] = []
     ordered: list[Row] = []
-    clock = False
+    clock, channels = False, dict[str, Channel]()
     for k, specimen in enumerate(layout.specimens):
         part = _of_specimen(layout, rows, k)
         for role in found:
@@ -83,7 +86,8 @@ def read_table(
                     raise error_at_line(path, part[at].line, title, cells[at], wanted)
                 clock, found[role] = True, [*found[role], *times]
                 continue
-            factor, note = _factor(path, layout, role, k, units.get(role))
+            factor, unit, note = _factor(path, layout, role, k, units.get(role))
+            channels.setdefault(role, Channel(title, unit))
             notes += [note] if note and note not in notes else []
             for text, row in zip(cells, part, strict=True):
                 blank = role in blanks and (not text or is_missing(text))
@@ -109,7 +113,26 @@ def read_table(
         tuple(titles),
         tuple(notes),
         clock,
+        channels,
     )
+
+
+def _units_of_cells(path: Path, layout: Layout, rows: list[Row]) -> dict[int, str]:
+    """By column the unit that stands in each of its cells, and is taken off. Raises BadInput for another."""
+    units = {}
+    for at in layout.read:
+        first = next((cell for row in rows if with_unit(cell := row.cells[at])), None)
+        if first is None:
+            continue
+        _, unit = with_unit(first) or ("", "")
+        for row in rows:
+            cell = row.cells[at]
+            if cell and not is_missing(cell) and not cell.endswith(unit):
+                expected = f"the unit of the others in each cell, as in '{first}'"
+                raise error_at_line(path, row.line, layout.title_of(at), cell, expected)
+            row.cells[at] = cell.removesuffix(unit).strip()
+        units[at] = unit
+    return units
 
 
 def _of_specimen(layout: Layout, rows: list[Row], specimen: int) -> list[Row]:
@@ -123,24 +146,24 @@ def _of_specimen(layout: Layout, rows: list[Row], specimen: int) -> list[Row]:
 
 def _factor(
     path: Path, layout: Layout, role: str, specimen: int, given: str | None
-) -> tuple[float, str | None]:
-    """From the file's unit of ``role`` to the internal one, and what to know of it: units of the campaign
-    overrule the file's."""
+) -> tuple[float, str | None, str | None]:
+    """From the file's unit of ``role`` to the internal one, the unit that is written, and what to know of it:
+    units of the campaign overrule the file's."""
     target, title = UNITS[role], layout.title(role, specimen)
     if not target:
-        return 1.0, None
+        return 1.0, None, None
     written = layout.below.get(layout.where[role][specimen]) or parted(title, target)[1]
     factor = size_of(written or "", target)
     if given is not None:
         if (own := size_of(given, target)) is None:
             raise BadInput(key=f"units.{role}", value=given, expected=meant_unit(given, target))
         overruled = f"{path.name}: {title} is read in '{given}', as units.{role} says, not in '{written}'"
-        return own, overruled if written is not None and factor != own else None
+        return own, given, overruled if written is not None and factor != own else None
     if factor is not None:
-        return factor, None
+        return factor, written, None
     other = written or bracketed(title)
     if target == "1" and other is None:
-        return 1.0, None
+        return 1.0, None, None
     instead = f"units = {{ {role} = '{target}' }} in the campaign says it where the file does not, or wrongly"
     line = layout.header + 1 if layout.header >= 0 else None
     raise error_at_line(

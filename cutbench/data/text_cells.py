@@ -7,11 +7,13 @@ import re
 from pathlib import Path
 
 from cutbench.base.errors import BadInput
+from cutbench.base.unit_spelling import is_unit
 from cutbench.data.clock_times import is_clock
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _COMMA_NUMBER = re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?")
 _COMMENT = re.compile(r"\s*(#(?!N/?[AV]\b|DIV|VAL)|//|%)\s*", re.IGNORECASE)
+_WITH_UNIT = re.compile(r"([+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*([^\W\d_].*|%)")
 #: What stands where nothing was measured.
 _MISSING = re.compile(
     r"[-+]?nan(\(\w+\))?|[-+]?\d\.#\w+|#?n[/.]?[av]\.?|#(div/0|value)!|null|none|-+", re.IGNORECASE
@@ -56,7 +58,13 @@ def is_empty(line: str) -> bool:
 def is_value(cell: str) -> bool:
     """Whether a cell of a table holds a number, a clock time, or a word for what was not measured."""
     number = number_in(cell, False) is not None or number_in(cell, True) is not None
-    return number or is_missing(cell) or is_clock(cell)
+    return number or is_missing(cell) or is_clock(cell) or with_unit(cell) is not None
+
+
+def with_unit(cell: str) -> tuple[str, str] | None:
+    """The number and the unit in a cell that has both; None for others."""
+    match = None if number_in(cell, "," in cell) is not None else _WITH_UNIT.fullmatch(cell.strip())
+    return (match[1], match[2]) if match and is_unit(match[2]) else None
 
 
 def is_missing(cell: str) -> bool:
