@@ -121,7 +121,7 @@ class Campaign(Displayed):
       pulled    uniaxial, 1 repetition, 30 readings, train
     """
 
-    display_module: ClassVar[str] = "cutbench.data.display"
+    display_module: ClassVar[str] = "cutbench.data.figure"
 
     title: str
     base: Case

@@ -13,14 +13,16 @@ u₀ may lie before the first reading, as in a test that was recorded from a tri
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from cutbench.data.contact_point import COVERAGE_FACTOR, Contact
 from cutbench.data.covariance import roughness
 from cutbench.data.repetition import Repetition
 from cutbench.mechanisms import registry
 
+#: Standard deviations within which a contact that was found is believed.
+COVERAGE_FACTOR = 4.0
 #: Parts of the largest rise of the force up to which readings count, the widest first.
 RISE_FRACTIONS = (0.2, 0.1, 0.05)
 #: Fewest readings before contact, and of the rise.
@@ -39,6 +41,31 @@ MIN_FREE_TRAVEL = 0.03
 MIN_FORCE_OFFSET = 2e-3
 #: With which the force begins to rise.
 CONTACT_EXPONENTS = (1.0, 1.5, 2.0)
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Contact at ``at`` mm of the recorded displacement, known to ``sd``, after so many ``readings``; before
+    it the force is ``force``, known to ``force_sd``, later ``largest`` at the most, in ``unit``.
+    ``taken_off``: which of ``displacement`` and ``force`` was found and taken off; a force that was given is
+    taken off ``force``, too. ``first``: so many readings come before the way out begins, as of a machine that
+    first drives back."""
+
+    at: float
+    sd: float
+    force: float
+    force_sd: float
+    readings: int
+    largest: float
+    unit: str = "N"
+    taken_off: tuple[str, ...] = ()
+    first: int = 0
+
+    def remaining_uncertainty(self, what: str) -> float:
+        """How far the ``displacement`` (mm) or ``force`` (N) that was found here and taken off may be wrong,
+        with room for what the rule itself may be off; infinite where it was not."""
+        sd = self.sd if what == "displacement" else self.force_sd if self.unit == "N" else np.inf
+        return COVERAGE_FACTOR * sd if what in self.taken_off and sd > 0 else np.inf
 
 
 def contact_at(u: np.ndarray, y: np.ndarray, at: float, sd: float = 0.0) -> Contact:

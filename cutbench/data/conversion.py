@@ -6,18 +6,17 @@ place to another.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from cutbench.base.errors import BadInput
 from cutbench.base.units import parse_quantity
-from cutbench.data.contact import BEFORE, MIN_FREE_TRAVEL, contact_at, find_contact, late_contact
-from cutbench.data.contact_point import Contact
+from cutbench.data.contact import BEFORE, MIN_FREE_TRAVEL, Contact, contact_at, find_contact, late_contact
 from cutbench.data.experiment import HOMOGENEOUS, area_of
-from cutbench.data.outliers import check_steps
 from cutbench.data.repetition import JITTER, SAME_SPEED, Channel, Repetition, first_return
 from cutbench.data.table import Table
 
@@ -50,8 +49,12 @@ def repetitions_of(
         check_steps(mine, files, lines)
         specimen = sizes[title]
         if "speed" in mine:
-            speed = _speed_in(mine.pop("speed"), files[0], lines)
-            speed /= specimen.get("length", 1.0) if kind in HOMOGENEOUS else 1.0
+            speeds = np.abs(mine.pop("speed"))
+            if speeds.max() > SAME_SPEED * speeds.min():
+                value, line = f"{speeds.max():g} mm/s", int(lines[speeds.argmax()])
+                expected = "one speed in each repetition; a column of time says more"
+                raise BadInput(file=files[0], line=line, key="speed", value=value, expected=expected)
+            speed = speeds.mean() / (specimen.get("length", 1.0) if kind in HOMOGENEOUS else 1.0)
         own = {**written, **{key: values[title] for key, values in zeros.items()}}
         here, contact = _zeros_taken_off(mine, own, factors, title)
         x, y = _abscissa(here, kind, specimen, speed), _ordinate(here, kind, specimen)
@@ -77,28 +80,12 @@ def repetitions_of(
     return found
 
 
-def _speed_in(speeds: np.ndarray, file: str, lines: np.ndarray) -> float:
-    """The one speed of a repetition's readings (n,), mm/s. Raises BadInput."""
-    usual = float(np.median(np.abs(speeds)))
-    odd = (np.abs(speeds) > SAME_SPEED * usual) | (SAME_SPEED * np.abs(speeds) < usual)
-    if odd.any() or usual == 0:
-        i = int(odd.argmax())
-        expected = "one speed in each repetition; a column of time says more"
-        raise BadInput(
-            file=file, line=int(lines[i]), key="speed", value=f"{speeds[i]:g} mm/s", expected=expected
-        )
-    return usual
-
-
 def _channels(
     table: Table, kind: str, specimen: Mapping[str, float], factors: Mapping[str, float]
 ) -> dict[str, Channel]:
     """The columns as they were recorded, and what one of stretch and of stress is in them."""
-    scales = {}
-    if kind in HOMOGENEOUS:
-        scales["displacement"] = specimen.get("length", 1.0)
-    if kind != "cut":
-        scales["force"] = area_of(kind, specimen) or 1.0
+    length = specimen.get("length", 1.0) if kind in HOMOGENEOUS else 1.0
+    scales = {"displacement": length, "force": (area_of(kind, specimen) or 1.0) if kind != "cut" else 1.0}
     return {
         role: replace(channel, factor=factors.get(role), scale=scales.get(role, 1.0))
         for role, channel in table.channels.items()
@@ -284,3 +271,75 @@ def _selected_readings(
             expected = f"a place that leaves readings; {far}"
             raise BadInput(key=key, value=str(written[key]), expected=expected)
     return keep
+
+
+# -- readings that no machine makes -------------------------------------------------------------------
+#: A step of so many times those before it, and those around it, is looked at.
+OUTLIER_STEPS = 15.0
+#: Readings that may lie off before the rest is back.
+OFF = 3
+#: Of readings that go one way, the steps sum up to this part of their sizes' sum.
+MONOTONE_FRACTION = 0.7
+#: Steps by which a reading may miss where it should be.
+RETURN_STEPS = 3.0
+#: By which a decimal point is lost, or a sign between thousands is taken for one.
+POWERS_OF_TEN = np.array([10.0, 100.0, 1e3, 1e4, 1e-1, 1e-2, 1e-3])
+
+
+def check_steps(read: Mapping[str, np.ndarray], files: Sequence[str], lines: np.ndarray) -> None:
+    """Raise BadInput for the first recorded travel or time of ``read`` (n,) that lies far from where those
+    before it go, as where a decimal point was lost, with its place in ``files`` and ``lines`` (n,).
+
+    A jump is a step many times as large as those before it, which go one way: what rests, as before the step
+    of a relaxation, has no pace to be measured against. It is refused where it ends a power of ten from where
+    the readings were going, at a pace so many times theirs, or where the next are back; another step that
+    stays may be the test's own.
+    """
+    for role in ("displacement", "stretch", "strain", "time"):
+        if role not in read or read[role].size < 2 * BEFORE:
+            continue
+        for at, times, goes in _jumps(read[role], read.get("time") if role != "time" else None):
+            # A time that runs back is another fault, and a last one may be late.
+            if role != "time" or (read[role][at] > goes and at < read[role].size - 1):
+                expected = (
+                    f"about {goes:.6g}, where the readings before it go: this is {times:.2g} of their steps."
+                    " Was a decimal point lost, or is a sign between thousands taken for one?"
+                )
+                value = f"{read[role][at]:.6g}"
+                raise BadInput(file=files[at], line=int(lines[at]), key=role, value=value, expected=expected)
+
+
+def _jumps(x: np.ndarray, time: np.ndarray | None) -> Iterator[tuple[int, float, float]]:
+    """Readings that jump, by how many steps, and where they should be, seen from those before or behind."""
+    steps = np.abs(np.diff(x))
+    if time is not None and np.all(np.diff(time) > 0):
+        # Where readings are farther apart in time, they are in travel too.
+        steps = np.minimum(steps, steps * np.median(np.diff(time)) / np.diff(time))
+    usual = median_filter(steps, 2 * BEFORE + 1, mode="mirror")
+    wide = (steps > OUTLIER_STEPS * usual) & (usual > 0)
+    for way in (1, -1):
+        z, size = x[::way], steps[::way]
+        for j in map(int, np.flatnonzero(wide[::way])):
+            before = np.diff(z[max(j - BEFORE, 0) : j + 1])
+            step = float(before.mean()) if before.size > 1 else 0.0
+            if (
+                abs(before.sum()) < MONOTONE_FRACTION * np.abs(before).sum()
+                or size[j] <= OUTLIER_STEPS * abs(step)
+                or step == 0
+            ):
+                continue
+            goes, near, later = z[j] + step, RETURN_STEPS * abs(step), z[j + 2 : j + 2 + OFF]
+            back = np.abs(later - z[j]) < near * np.arange(2, 2 + later.size)
+            pace = (
+                abs(z[j + 2] - z[j + 1]) / abs(step) / POWERS_OF_TEN
+                if later.size
+                else np.ones(POWERS_OF_TEN.size)
+            )
+            shifted = (
+                (np.abs(z[j + 1] / POWERS_OF_TEN - goes) < near)
+                & (pace < RETURN_STEPS)
+                & (pace > 1 / RETURN_STEPS)
+            )
+            shifted &= (abs(goes) > RETURN_STEPS * near) & (way > 0)
+            if shifted.any() or back.any():
+                yield j + 1 if way > 0 else x.size - 2 - j, size[j] / abs(step), goes

@@ -19,7 +19,7 @@ import numpy as np
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import among, written
 from cutbench.data import plausible
-from cutbench.data.covariance import roughness, scatter_covariance
+from cutbench.data.covariance import roughness, sawtooth_variance, scatter_covariance
 from cutbench.data.fields import Field
 from cutbench.data.repetition import (
     Averaged,
@@ -30,7 +30,6 @@ from cutbench.data.repetition import (
     is_monotone,
     turning_points,
 )
-from cutbench.data.sawtooth import sawtooth_variance
 
 HOMOGENEOUS = ("uniaxial", "equibiaxial", "pure_shear")
 KINDS = ("cut", *HOMOGENEOUS, "sliding", "separation")

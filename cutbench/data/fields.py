@@ -25,6 +25,15 @@ _OFF = 0.1
 #: A grid has at least this part of its places filled; scattered points have next to none.
 _FILLED = 0.2
 _KEYS = ("data", "noise", "configuration", "columns", "units", "shift", "y_down", "travel", "valid")
+#: What each of them is, where its value says no more.
+_SORTS: dict[str, tuple[type, str]] = {
+    "data": (str, "a file beside the campaign, such as 'dic.csv'"),
+    "shift": (list, "two lengths, such as ['-15 mm', '0 mm']"),
+    "y_down": (bool, "true or false"),
+    "valid": (str, "what holds of points that were measured, as in 'sigma >= 0'"),
+    "columns": (dict, "a table, such as columns = { … }"),
+    "units": (dict, "a table, such as units = { … }"),
+}
 #: Columns in which correlation programs say whether a point was found, and what they have where it was: VIC
 #: and DICe write -1 where not, others 0 or nothing.
 VALID = {
@@ -315,29 +324,25 @@ def read_fields_of(table: object, folder: Path) -> tuple[tuple[Field, ...], floa
     for key in table:
         if key not in _KEYS:
             raise _wrong(f"fields.{key}", table[key], one_of(key, _KEYS))
-    data = table.get("data")
-    if not isinstance(data, str) or not (folder / data).is_file():
-        raise _wrong("fields.data", data, f"a file that exists in {folder}, such as 'dic.csv'")
+    for key, (sort, expected) in _SORTS.items():
+        if key in table and not isinstance(table[key], sort):
+            raise _wrong(f"fields.{key}", table[key], expected)
+    data, configuration, shift = (
+        table.get("data", ""),
+        table.get("configuration"),
+        table.get("shift", ["0 mm"] * 2),
+    )
+    if not (folder / data).is_file():
+        raise _wrong("fields.data", table.get("data"), f"a file that exists in {folder}, such as 'dic.csv'")
     if "noise" not in table:
         raise _wrong("fields.noise", None, "what a displacement is known to, such as '0.01 mm'")
     noise = parse_quantity(table["noise"], "mm", key="fields.noise")
     if not (np.isfinite(noise) and noise > 0):
         raise _wrong("fields.noise", table["noise"], "more than 0 mm")
-    configuration = table.get("configuration")
     if configuration not in (None, *CONFIGURATIONS):
         raise _wrong("fields.configuration", configuration, one_of(str(configuration), CONFIGURATIONS))
-    if not isinstance(table.get("y_down", False), bool):
-        raise _wrong("fields.y_down", table["y_down"], "true or false")
-    shift = table.get("shift", ["0 mm", "0 mm"])
-    if not isinstance(shift, list) or len(shift) != 2:
-        raise _wrong("fields.shift", shift, "two lengths, such as ['-15 mm', '0 mm']")
-    if not isinstance(table.get("valid", ""), str):
-        raise _wrong(
-            "fields.valid", table["valid"], "what holds of points that were measured, as in 'sigma >= 0'"
-        )
-    for key in ("columns", "units"):
-        if not isinstance(table.get(key, {}), dict):
-            raise _wrong(f"fields.{key}", table[key], f"a table, such as {key} = {{ … }}")
+    if len(shift) != 2:
+        raise _wrong("fields.shift", shift, _SORTS["shift"][1])
     right, up = (parse_quantity(part, "mm", key="fields.shift") for part in shift)
     travel = parse_quantity(table["travel"], "mm", key="fields.travel") if "travel" in table else math.nan
     fields = read_fields(

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import combinations
+from itertools import chain, combinations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,8 +32,8 @@ NEO_HOOKE: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 }
 #: A modulus this many times that of the material, or as little of it, is not believed.
 MAX_MODULUS_RATIO = 100.0
-#: Force on a blade over G · length · travel: real cuts lie between 0.05 and 5.
-CUT_FORCE_RANGE = (0.005, 50.0)
+#: Force on a blade over G · length · travel: real cuts lie between 0.05 and 5, about this.
+CUT_FORCE = 0.5
 #: A shear or cohesive strength against the material's.
 MAX_STRENGTH_RATIO = 300.0
 #: Titles of columns that count up as a specimen is pressed, and of measures that follow its deformation.
@@ -47,8 +47,9 @@ SAME = 2e-4
 NOISY = 1e-3
 #: A first reading without load that is farther from rest than this part of the way has another zero.
 MAX_ZERO_OFFSET = 0.2
-#: A force at rest above this part of the largest, and so many times the noise, is none of rest.
-PRELOAD, PRELOAD_NOISE = 0.03, 8.0
+#: A force at rest above this part of the largest is none of rest.
+PRELOAD = 0.03
+AT_ITS_END = "the load stands at its largest value, to all digits, as at a load cell's end"
 #: Readings of one value, to all digits, that make an end of a range, and the part of the way that they take.
 AT_END, END_WAY = 5, 0.02
 #: A force below this part of the largest is none.
@@ -63,83 +64,75 @@ MAX_JUMPS = 2
 MAX_READINGS = 300
 #: Misfit, as a part of the largest force, of a law that describes a curve, and how much worse another does.
 DESCRIBED, WORSE = 0.02, 4.0
-#: Travel within this part of the way is none.
-AT_REST = 0.005
+#: Travel within this part of the first step is none.
+AT_REST = 0.1
 
 
 # -- what a column is ---------------------------------------------------------------------------------
 def refuse_misread(kind: str, repetitions: Iterable[Repetition], written: Mapping[str, object]) -> None:
     """Raise BadInput where a column cannot be what it is read as; ``written`` is what the campaign says."""
     for r in repetitions if kind in NEO_HOOKE else ():
-        _refuse_true_measure(r, written)
-        _refuse_other_measure(r)
-        _refuse_pressed(r)
+        _refuse_other_measure(r, written)
+        way, load = _roles(r)
+        far, pressed = int(np.argmax(np.abs(r.x - 1))), _named_pressed(r)
+        if pressed and way and r.channels[way].factor is None and r.x[far] > 1 and r.y[far] > 0:
+            raise r.wrong(f"columns.{way}", pressed, _pressed_or_pulled(r, way, load), far)
 
 
-def _refuse_true_measure(r: Repetition, written: Mapping[str, object]) -> None:
+def _refuse_other_measure(r: Repetition, written: Mapping[str, object]) -> None:
+    """A strain is 0 and a stretch 1 where there is no load; true ones are said to be so."""
     for role, name, other in (("stress", "cauchy", "nominal"), ("strain", "true", "engineering")):
         if role in r.channels and role not in written and _TRUE.search(r.channels[role].title):
             expected = f"{role} = '{name}' beside it, as its title says, or {role} = '{other}' if it is that"
             raise r.wrong(f"columns.{role}", r.channels[role].title, expected)
-
-
-def _refuse_other_measure(r: Repetition) -> None:
-    """A strain is 0 and a stretch 1 where there is no load."""
-    first = max(BESIDE, r.x.size // 10)
-    slope, load = np.polyfit(r.x[:first] - r.x[0], r.y[:first], 1) if np.ptp(r.x[:first]) > 0 else (0.0, 0.0)
-    unloaded = r.x[0] - load / slope if slope else r.x[0]
+    first = slice(max(BESIDE, r.x.size // 10))
+    slope, load = np.polyfit(r.x[first], r.y[first], 1) if np.ptp(r.x[first]) > 0 else (np.nan, np.nan)
     for role, other, at in (("strain", "stretch", 2.0), ("stretch", "strain", 0.0)):
-        if role in r.channels and max(abs(r.x[0] - at), abs(unloaded - at)) < MAX_ZERO_OFFSET:
+        if role in r.channels and max(abs(r.x[0] - at), abs(-load / slope - at)) < MAX_ZERO_OFFSET:
             title = r.channels[role].title
             expected = f"columns = {{ {other} = '{title}' }}: without load it is {at / 2:g}"
             raise r.wrong(f"columns.{role}", title, expected, 0)
 
 
-def _refuse_pressed(r: Repetition) -> None:
-    way, load = _roles(r)
-    named = next(
-        (c.title for role, c in r.channels.items() if role != "time" and _PRESSED.search(c.title)), None
-    )
-    far = int(np.argmax(np.abs(r.x - 1)))
-    if named and way and r.channels[way].factor is None and r.x[far] > 1 and r.y[far] > 0:
-        expected = (
-            f"{_factors(r, way, load)} for a specimen that is pressed, {way} = 1 in it for one that is pulled"
-        )
-        raise r.wrong(f"columns.{way}", named, expected, far)
+def _named_pressed(r: Repetition) -> str | None:
+    """The title that says that a specimen is pressed."""
+    return next((c.title for c in r.channels.values() if _PRESSED.search(c.title)), None)
+
+
+def _pressed_or_pulled(r: Repetition, way: str, load: str) -> str:
+    return f"{_factors(r, way, load)} if the specimen is pressed, factors = {{ {way} = 1 }} if it is pulled"
 
 
 def way_fault(kind: str, r: Repetition) -> tuple[str, str, str, int] | None:
     """What is wrong with a test whose way out, from rest to the farthest reading, gives work."""
-    rest = 1.0 if kind in NEO_HOOKE else 0.0
-    far = int(np.argmax(np.abs(r.x - rest)))
-    work = np.trapezoid(np.append(0.0, r.y[: far + 1]), np.append(rest, r.x[: far + 1]))
+    x, far = r.x - (kind in NEO_HOOKE), _far(kind, r)
+    work = np.trapezoid(np.append(0.0, r.y[: far + 1]), np.append(0.0, x[: far + 1]))
     if work >= 0:
         return None
-    i = int(np.argmin(r.y * np.sign(r.x - rest)))
     key, unit = ("force", "N") if kind == "cut" else ("stress" if kind in NEO_HOOKE else "traction", "MPa")
-    if (place := _position(kind, r)) is not None:
-        return "displacement", place.strip("'"), f"0 mm without load: zero = {place} counts from there", 0
-    if (jump := next(_jumps(kind, r), None)) is not None:
-        return key, f"{r.y[jump[0]]:.6g} {unit}", f"a {key} without a fault: {jump[1]}", jump[0]
-    expected = (
-        f"a {key} that takes work on the way out, here it gives {-work:.3g}; if a sensor counts the other"
-        f" way, write {_turned(kind, r, r.x[far] > rest)}"
-    )
-    return key, f"{r.y[i]:.6g} {unit}", expected, i
+    at, said = next(chain(_position(kind, r), _jumps(kind, r)), (int(np.argmin(r.y * np.sign(x))), ""))
+    out = f"a {key} that takes work on the way out, here it gives {-work:.3g}; "
+    way = f"if a sensor counts the other way, write {_turned(kind, r, x[far] > 0)}"
+    return key, f"{r.y[at]:.6g} {unit}", out + (said or way), at
+
+
+def _far(kind: str, r: Repetition) -> int:
+    """The reading farthest from rest."""
+    return int(np.argmax(np.abs(r.x - (kind in NEO_HOOKE))))
 
 
 def _turned(kind: str, r: Repetition, up: bool) -> str:
     """The factors of the sensor that counts the other way: one of which nobody spoke, the likelier first."""
     way, load = _roles(r)
-    open_ones = [role for role in (way, load) if role in r.channels and r.channels[role].factor is None]
-    choices = open_ones or [role for role in (way, load) if role]
+    known = [role for role in (way, load) if role in r.channels] or [load]
+    choices = [role for role in known if role in r.channels and r.channels[role].factor is None] or known
+    pressed = up and (_named_pressed(r) or _looks_pressed(kind, r.x, np.abs(r.y)))
+    first = way if pressed or (kind == "cut" and not up) else load
+    choices.sort(key=lambda role: role != first)
     if kind not in NEO_HOOKE:
-        return _factors(r, way if way in choices and not up else load if load in choices else choices[0])
-    result = {way: "pressed" if up else "pulled", load: "pulled" if up else "pressed"}
-    named = any(_PRESSED.search(c.title) for c in r.channels.values())
-    likely = "pressed" if not up or named or _looks_pressed(kind, r.x, np.abs(r.y)) else "pulled"
-    choices.sort(key=lambda role: result[role] != likely)
-    return " or ".join(f"{_factors(r, role)} for a specimen that is {result[role]}" for role in choices)
+        return _factors(r, choices[0])
+    become = {role: "pressed" if (role == way) == up else "pulled" for role in choices}
+    return ", or ".join(f"{_factors(r, role)} for a specimen that is {become[role]}" for role in choices)
 
 
 def _roles(r: Repetition) -> tuple[str, str]:
@@ -184,17 +177,19 @@ def copies(experiments: Sequence[Experiment]) -> Iterator[tuple[Repetition, str,
                 f" several units name one as it stands, as {titles}, or by its number; leave a copied file"
                 " out"
             )
-            yield b, said, float(np.median(roughness(np.arange(b.y.size), b.y))) > NOISY * np.abs(b.y).max()
+            yield b, said, _noise(b) > NOISY * np.abs(b.y).max()
 
 
 def _stands_in(a: Repetition, b: Repetition, rest: float) -> bool:
     """Whether all readings of ``a`` are among those of ``b``, one after the other."""
-    near = [SAME * np.abs(values).max() for values in (b.x - rest, b.y)]
-    starts = (np.abs(b.x - a.x[0]) < near[0]) & (np.abs(b.y - a.y[0]) < near[1])
-    parts = [slice(k, k + a.x.size) for k in np.flatnonzero(starts)[:BESIDE] if k + a.x.size <= b.x.size]
-    return any(
-        np.abs(a.x - b.x[part]).max() < near[0] and np.abs(a.y - b.y[part]).max() < near[1] for part in parts
-    )
+    pairs = [np.stack([(r.x - rest) / np.ptp(b.x), r.y / np.abs(b.y).max()]) for r in (a, b)]
+    starts = np.flatnonzero(np.abs(pairs[1] - pairs[0][:, :1]).max(axis=0) < SAME)[:BESIDE]
+    parts = [pairs[1][:, k : k + a.x.size] for k in starts if k + a.x.size <= b.x.size]
+    return any(np.abs(part - pairs[0]).max() < SAME for part in parts)
+
+
+def _noise(r: Repetition) -> float:
+    return float(np.median(roughness(np.arange(r.y.size), r.y)))
 
 
 # -- what a sensor cannot have felt -------------------------------------------------------------------
@@ -204,61 +199,46 @@ def doubts(experiment: Experiment) -> Iterator[str]:
     for r in experiment.repetitions if experiment.curve else ():
         for at, sentence in _doubts(experiment.kind, r):
             fault = r.wrong("", "", "", at)
-            place = (
-                f"{Path(fault.file).name}, line {fault.line}"
-                if fault.file
-                else f"'{r.name}', reading {at + 1}"
-            )
-            yield f"{place}: {sentence}"
+            place = f"line {fault.line}" if fault.line else f"reading {at + 1}"
+            yield f"{Path(fault.file or r.name).name}, {place}: {sentence}"
 
 
 def _doubts(kind: str, r: Repetition) -> Iterator[tuple[int, str]]:
     """Readings and what is doubtful there."""
-    rest = 1.0 if kind in NEO_HOOKE else 0.0
-    out = int(np.argmax(np.abs(r.x - rest))) + 1
-    yield from _other_zero(kind, r, rest)
-    way, _ = _roles(r)
-    if (
-        kind in NEO_HOOKE
-        and not (way and r.channels[way].factor is not None)
-        and _looks_pressed(kind, r.x, r.y)
-    ):
-        cure = f"{_factors(r, way)}, or 1 if it is pulled" if way else "stretches below 1"
-        yield 0, f"the curve is that of a specimen that is pressed, and it is read as pulled: {cure}"
+    yield from _position(kind, r)
+    yield from _preload(kind, r)
+    way, load = _roles(r)
+    if kind in NEO_HOOKE and way and r.channels[way].factor is None and _looks_pressed(kind, r.x, r.y):
+        said = "this is the curve of a specimen that is pressed, and is read as that of one that is pulled: "
+        yield 0, said + _pressed_or_pulled(r, way, load)
     if kind in ("sliding", "separation"):
         return
-    ends = [(check(r.x[:out], r.y[:out]), what) for check, what in _ENDS.items()]
+    x, y = (values[: _far(kind, r) + 1] for values in (r.x, r.y))
+    ends = [(_range_ends(x, y), AT_ITS_END), (_load_lost(x, y), "there is no load any more")]
     for at, what in ends:
         if at is not None:
-            end = _place(kind, r, r.x[at - 1 : at + 1].mean())
+            end = _place(kind, r, x[at - 1 : at + 1].mean())
             yield at, f"from here on {what}, while travel goes on: until = {end} leaves that out"
     if not any(at for at, _ in ends):
         yield from _jumps(kind, r)
     level = np.abs(r.y) > MAX_ZERO_OFFSET * np.abs(r.y).max()
-    lost = 1 + np.flatnonzero((r.y[1:-1] == 0) & level[:-2] & (level[2:] | (r.y[2:] == 0)))
-    if lost.size and level[lost[-1] :].any() and lost.size < r.y.size / 20:
-        yield (
-            int(lost[0]),
-            "the load is exactly 0 for some readings, then back: lost samples, to be left out",
-        )
+    lost = 1 + np.flatnonzero((r.y[1:] == 0) & level[:-1])
+    if lost.size and level[lost[-1] :][: 2 * BESIDE].any():
+        yield int(lost[0]), "the load is exactly 0 for some readings, then back: lost samples, to be left out"
 
 
 def _place(kind: str, r: Repetition, x: float) -> str:
     """An abscissa as ``from`` and ``until`` take it."""
     if kind not in NEO_HOOKE:
-        return f"'{x:.4g} mm'"
-    return (
-        f"'{abs(x - 1) * r.channels['displacement'].scale:.4g} mm'"
-        if "displacement" in r.channels
-        else f"{x:.4g}"
-    )
+        return f"'{x:.5g} mm'"
+    channel = r.channels.get("displacement")
+    return f"{x:.5g}" if channel is None else f"'{abs(x - 1) * channel.scale:.5g} mm'"
 
 
 def _range_ends(x: np.ndarray, y: np.ndarray) -> int | None:
     """The reading from which the load stands at its end, while the way goes on; it rose up to there."""
     at = int(np.abs(y).argmax())
-    held = np.flatnonzero(y[at:] != y[at])
-    last = at + (int(held[0]) if held.size else y.size - at) - 1
+    last = at + int(np.argmin(np.append(y[at:] == y[at], False))) - 1
     ahead = np.diff(y[max(at - max(2 * BESIDE, y.size // 20), 0) : at + 1])
     rises = ahead.size > BESIDE and abs(ahead.sum()) > np.abs(ahead).sum() / 2 and np.mean(ahead == 0) < 0.2
     return at if rises and last - at >= AT_END and abs(x[last] - x[at]) > END_WAY * np.ptp(x) else None
@@ -266,90 +246,78 @@ def _range_ends(x: np.ndarray, y: np.ndarray) -> int | None:
 
 def _load_lost(x: np.ndarray, y: np.ndarray) -> int | None:
     """The reading from which there is no load any more, while the way goes on."""
-    least = max(NO_FORCE * np.abs(y).max(), 4 * y[-BESIDE:].std())
-    at = int(np.flatnonzero(np.abs(y) >= min(least, np.abs(y).max()))[-1]) + 1
+    least = min(max(NO_FORCE * np.abs(y).max(), 4 * y[-BESIDE:].std()), np.abs(y).max())
+    at = int(np.flatnonzero(np.abs(y) >= least)[-1]) + 1
     return at if y.size - at >= AT_END and abs(x[-1] - x[at]) > END_WAY * np.ptp(x) else None
 
 
-_ENDS = {
-    _range_ends: "the load stands at its largest value, to all digits, as at a load cell's end",
-    _load_lost: "there is no load any more",
-}
-
-
-def _other_zero(kind: str, r: Repetition, rest: float) -> Iterator[tuple[int, str]]:
-    """A first reading without load that is not at rest, or one at rest that has load."""
-    x, y, load = r.x - rest, r.y, _roles(r)[1]
-    if not {"displacement", load} <= r.channels.keys():
-        return
-    part, way, top = abs(y[0]) / np.abs(y).max(), np.abs(x).max(), np.abs(y).max()
-    u, F = (c.scale / (c.factor or 1.0) for c in (r.channels["displacement"], r.channels[load]))
-    if (place := _position(kind, r)) is not None:
+def _position(kind: str, r: Repetition) -> Iterator[tuple[int, str]]:
+    """A first reading that is without load and far from rest."""
+    x, u = r.x - (kind in NEO_HOOKE), r.channels.get("displacement")
+    unloaded = abs(r.y[0]) < MAX_ZERO_OFFSET / 4 * np.abs(r.y).max()
+    if u is not None and unloaded and abs(x[0]) > MAX_ZERO_OFFSET * np.abs(x).max():
+        place = f"'{x[0] * u.recorded:.4g} mm'"
         yield 0, f"there is no load at {place}: zero = {place} counts a position, or a gap, from there"
-    begun, noise = np.abs(x) < MAX_ZERO_OFFSET * way, float(np.median(roughness(np.arange(y.size), y)))
-    at_rest = abs(x[0]) < AT_REST * way and r.contact is None
-    if at_rest and begun.sum() > BESIDE and part > max(PRELOAD, PRELOAD_NOISE * noise / top):
-        bend, slope, first = np.polyfit(x[begun], y[begun], 2)
-        turn = np.sqrt(max(1 - 4 * bend * first / slope**2, 0.0))
-        zero, unit = f"'{-2 * u * first / slope / (1 + turn):.4g} mm'", "N" if load == "force" else "MPa"
-        said = (
-            f"the {load} is not 0 where the displacement is: zero = {zero} if that was set to zero under"
-            f" load, force_zero = '{F * first:.4g} {unit}' if the load cell was off"
-        )
+
+
+def _preload(kind: str, r: Repetition) -> Iterator[tuple[int, str]]:
+    """A first reading that is at rest and has load."""
+    x, least, load = r.x - (kind in NEO_HOOKE), PRELOAD * np.abs(r.y).max(), _roles(r)[1]
+    begun = np.abs(x) < MAX_ZERO_OFFSET * np.abs(x).max()
+    at_rest = abs(x[0]) < AT_REST * abs(x[1] - x[0]) and r.contact is None and begun.sum() > BESIDE
+    if not at_rest or "displacement" not in r.channels or abs(r.y[0]) < max(least, 8 * _noise(r)):
+        return
+    bend, slope, first = np.polyfit(x[begun], r.y[begun], 2)
+    contact = -2 * first / slope / (1 + np.sqrt(max(1 - 4 * bend * first / slope**2, 0.0)))
+    zero, unit = contact * r.channels["displacement"].recorded, "N" if load == "force" else "MPa"
+    said = (
+        f"the {load} is not 0 where the displacement is: zero = '{zero:.4g} mm' if that was set to zero under"
+        f" load, force_zero = '{first * r.channels[load].recorded:.4g} {unit}' if the load cell was off"
+    )
+    if first * r.y[0] > 0 and abs(first) > least:
         yield 0, said
-
-
-def _position(kind: str, r: Repetition) -> str | None:
-    """The recorded displacement of a first reading that is without load and far from rest."""
-    x, channel = r.x - (kind in NEO_HOOKE), r.channels.get("displacement")
-    if channel is None or abs(x[0]) < MAX_ZERO_OFFSET * np.abs(x).max():
-        return None
-    place = f"'{x[0] * channel.scale / (channel.factor or 1.0):.4g} mm'"
-    return place if abs(r.y[0]) < MAX_ZERO_OFFSET / 4 * np.abs(r.y).max() else None
 
 
 def _jumps(kind: str, r: Repetition) -> Iterator[tuple[int, str]]:
     """Steps of the load, far above those around, after which it goes on as before: a sensor set to zero."""
-    every, steps = -(-r.x.size // MAX_READINGS), list[tuple[int, float]]()
+    every, steps, top = -(-r.x.size // MAX_READINGS), dict[int, float](), np.abs(r.y).max()
     for width in (every, 2 * every, 3 * every):
         for at, step in _steps(r, width):
-            if all(abs(at - other) > 2 * BESIDE * width for other, _ in steps):
-                steps.append((at, step))
-    for at, step in steps if len(steps) <= MAX_JUMPS else ():
+            if all(abs(at - other) > 2 * BESIDE * width for other in steps):
+                steps[at] = step / top
+    for at, part in steps.items() if len(steps) <= MAX_JUMPS else ():
         # A body that is cut gives way by itself, but not to no force at all.
-        if kind != "cut" or abs(r.y[at]) < MIN_JUMP * np.abs(r.y).max():
+        if part > MIN_JUMP and (kind != "cut" or abs(r.y[at]) < MIN_JUMP * top):
             until = _place(kind, r, r.x[max(at - 3 * every, 0) : at].mean())
             said = (
-                f"the load jumps by {step:.3g} of its largest within a reading, and goes on as before: was it"
+                f"the load jumps by {part:.3g} of its largest within a reading, and goes on as before: was it"
                 f" set to zero amid the test, or does it turn over? until = {until} leaves out what follows"
             )
             yield at, said
 
 
 def _steps(r: Repetition, width: int) -> Iterator[tuple[int, float]]:
-    """Jumps over ``width`` readings, the largest first: where each ends, and its part of the largest load."""
-    reach, top = BESIDE * width, np.abs(r.y).max()
-    if r.y.size < 2 * reach + width + 1:
-        return
+    """Steps over ``width`` readings, the largest first: where each ends, and its size."""
     rise, way = r.y[width:] - r.y[:-width], np.abs(r.x[width:] - r.x[:-width])
-    at = np.arange(reach, rise.size - reach)
+    at = np.arange(BESIDE * width, rise.size - BESIDE * width)
+    if at.size == 0:
+        return
     back, ahead = (np.stack([rise[at + sign * k * width] for k in range(1, BESIDE + 1)]) for sign in (-1, 1))
-    around = np.abs(np.concatenate([back, ahead])).max(axis=0)
-    went, goes = back.sum(axis=0), ahead.sum(axis=0)
-    as_before = (
-        (went * goes > 0)
-        & (np.abs(went) < AS_BEFORE * np.abs(goes))
-        & (np.abs(goes) < AS_BEFORE * np.abs(went))
-    )
-    as_before &= way[at] < AS_BEFORE * np.median(way)
+    size, around = np.abs(rise[at]), np.abs(np.concatenate([back, ahead])).max(axis=0)
+    alone = (size > JUMP * around) & (way[at] < AS_BEFORE * np.median(way))
+    alone &= _alike(back.sum(axis=0), ahead.sum(axis=0), AS_BEFORE)
     if r.time_s is not None:
-        sides = ((at - reach, at), (at + width, at + width + reach))
-        before, after = (np.abs(r.x[j] - r.x[i]) / (r.time_s[j] - r.time_s[i]) for i, j in sides)
-        as_before &= np.maximum(before, after) < SAME_SPEED * np.minimum(before, after)
-    size = np.abs(rise[at])
-    wide = np.flatnonzero(as_before & (size > JUMP * around) & (size > MIN_JUMP * top))
-    for k in wide[np.argsort(-size[wide], kind="stable")]:
-        yield int(at[k]) + width, float(size[k] / top)
+        duration = r.time_s[width:] - r.time_s[:-width]
+        alone &= _alike(
+            way[at - width] / duration[at - width], way[at + width] / duration[at + width], SAME_SPEED
+        )
+    for k in sorted(np.flatnonzero(alone), key=lambda k: -size[k]):
+        yield int(at[k]) + width, float(size[k])
+
+
+def _alike(a: np.ndarray, b: np.ndarray, factor: float) -> np.ndarray:
+    """Where ``a`` and ``b`` have one sign and differ by no more than ``factor``."""
+    return (a * b > 0) & (np.abs(a) < factor * np.abs(b)) & (np.abs(b) < factor * np.abs(a))
 
 
 # -- whether they are of this material ----------------------------------------------------------------
@@ -360,8 +328,9 @@ def refuse_implausible(experiment: Experiment, case: Case) -> None:
         travel_fits(experiment)
     for r in experiment.repetitions if experiment.curve else ():
         if experiment.kind in NEO_HOOKE:
-            _stretch(r)
-            _modulus(experiment, r, modulus_MPa)
+            _refuse_percent(experiment, r, modulus_MPa)
+            G = apparent_modulus(experiment, r)
+            _compare(r, "stress", "a shear modulus of {} kPa", 1e3 * G, 1e3 * modulus_MPa, MAX_MODULUS_RATIO)
         elif experiment.kind == "cut":
             _cut(experiment, r, modulus_MPa)
         elif experiment.kind == "sliding":
@@ -379,76 +348,66 @@ def apparent_modulus(experiment: Experiment, r: Repetition) -> float:
     return float(unit @ r.y[small] / (unit @ unit)) if unit @ unit > 0 else float("nan")
 
 
-def _ratio_text(ratio: float) -> str:
-    return f"{ratio:.2g} times" if ratio >= 1 else f"1/{1 / ratio:.2g} of"
+def _compare(r: Repetition, key: str, what: str, value: float, wanted: float, most: float) -> None:
+    """Raise BadInput if a ``value`` is ``most`` times what the material has or more, or as little of it."""
+    if wanted > 0 and value > 0 and not 1 / most < value / wanted < most:
+        times = f"{value / wanted:.2g} times" if value > wanted else f"1/{wanted / value:.2g} of"
+        expected = (
+            f"about that of the material, {what.format(f'{wanted:.3g}')}; {times} it looks like a wrong unit"
+            " of force, stress, length or area, or a wrong material"
+        )
+        raise r.wrong(key, what.format(f"{value:.3g}"), expected, int(np.argmax(np.abs(r.y))))
 
 
-def _stretch(r: Repetition) -> None:
-    i = int(np.argmax(r.x))
-    if r.x[i] > 30:
-        expected = "stretches below 30: is a displacement in another unit, or a strain in percent?"
-        if "strain" in r.channels and r.channels["strain"].unit in (None, "1"):
-            expected += " units = { strain = '%' } reads it in percent"
-        raise r.wrong("stretch", f"{r.x[i]:.4g}", expected, i)
-
-
-def _modulus(experiment: Experiment, r: Repetition, G: float) -> None:
-    apparent, strain = apparent_modulus(experiment, r), r.channels.get("strain")
-    if strain is not None and strain.unit is None and 0 < PERCENT_RATIO * apparent < G < 1e3 * apparent:
-        far = int(np.argmax(np.abs(r.x - 1)))
-        small = apparent_modulus(experiment, replace(r, x=1 + (r.x - 1) / 100))
-        if max(small / G, G / small) < min(PERCENT_RATIO, G / apparent):
+def _refuse_percent(experiment: Experiment, r: Repetition, G: float) -> None:
+    """A strain without a unit is in percent where the material is then the one that is said, and not as it
+    stands; a stretch above 30 is none."""
+    far, strain = int(np.argmax(r.x)), r.channels.get("strain")
+    percent = " units = { strain = '%' } reads it in percent" * (
+        strain is not None and strain.unit in (None, "1")
+    )
+    if r.x[far] > 30:
+        expected = "stretches below 30: is a displacement in another unit, or a strain in percent?" + percent
+        raise r.wrong("stretch", f"{r.x[far]:.4g}", expected, far)
+    if strain is not None and strain.unit is None:
+        as_read, as_percent = (
+            abs(np.log(max(apparent_modulus(experiment, replace(r, x=1 + (r.x - 1) / by)) / G, 1e-9)))
+            for by in (1, 100)
+        )
+        if as_percent < np.log(PERCENT_RATIO) < as_read:
             expected = (
-                f"its unit, which no title says: as it stands G is {_ratio_text(apparent / G)} the"
-                " material's. units = { strain = '%' } reads it in percent, units = { strain = '1' } as it is"
+                f"its unit, which no title says: as it stands this is {np.exp(as_read):.2g} times too soft."
+                f"{percent}, units = {{ strain = '1' }} as it is"
             )
             raise r.wrong("strain", f"{r.x[far] - 1:.4g}", expected, far)
-    if apparent > 0 and not 1 / MAX_MODULUS_RATIO < apparent / G < MAX_MODULUS_RATIO:
-        expected = (
-            f"about that of the material, {1e3 * G:.3g} kPa; {_ratio_text(apparent / G)} it looks like a"
-            " wrong unit of force, stress, length or area, or a wrong material"
-        )
-        raise r.wrong("stress", f"a shear modulus of {1e3 * apparent:.3g} kPa", expected, _largest(r))
-
-
-def _largest(r: Repetition) -> int:
-    return int(np.argmax(np.abs(r.y)))
 
 
 def travel_fits(experiment: Experiment) -> None:
-    """Raise BadInput if a cut goes far through its specimen, or hardly into it."""
+    """Raise BadInput if a cut goes through its specimen, or hardly into it."""
     height = experiment.specimen.get("height", np.inf)
     for r in experiment.repetitions:
-        i = int(np.argmax(r.x))
-        if r.x[i] > 1.5 * height:
-            expected = f"at most 1.5 times the specimen's height of {height:g} mm; is it in another unit?"
-            raise r.wrong("displacement", f"{r.x[i]:.4g} mm", expected, i)
-        if r.x[i] > height:
+        i, expected = int(np.argmax(r.x)), ""
+        if r.x.max() > 1.5 * height:
+            expected = f"at most the specimen's height of {height:g} mm; is it in another unit?"
+        elif r.x.max() > height:
             i = int(np.argmax(r.x > height))
             expected = (
                 f"at most {height:g} mm, the height, at which the blade meets the plate:"
                 f" until = '{0.99 * height:.4g} mm' ends the readings before it, zero says where contact was"
             )
-            raise r.wrong("displacement", f"{r.x[i]:.4g} mm", expected, i)
-        if r.x[i] < 2e-3 * height and np.isfinite(height):
+        elif r.x.max() < 2e-3 * height < np.inf:
             expected = f"a travel into the specimen of {height:g} mm; is it in another unit?"
-            raise r.wrong("displacement", f"{r.x[i]:.4g} mm at the most", expected, i)
+        if expected:
+            raise r.wrong("displacement", f"{r.x[i]:.4g} mm", expected, i)
 
 
 def _cut(experiment: Experiment, r: Repetition, G: float) -> None:
-    far = int(np.argmax(r.x)) + 1
-    x = np.append(0.0, r.x[:far])
-    work = float(np.trapezoid(np.append(0.0, r.y[:far]), x))
     if "length" not in experiment.specimen:  # made without a file: nothing to hold it against
         return
-    natural = G * experiment.specimen["length"] * x[-1] ** 2 / 2
-    ratio = work / natural
-    if not CUT_FORCE_RANGE[0] < ratio < CUT_FORCE_RANGE[1]:
-        expected = (
-            f"a force of the order of G · length · travel, {natural / x[-1]:.3g} N (the material has G ="
-            f" {1e3 * G:.3g} kPa); {_ratio_text(ratio)} it looks like a wrong unit or a wrong material"
-        )
-        raise r.wrong("force", f"{work / x[-1]:.3g} N on average", expected, _largest(r))
+    far = int(np.argmax(r.x)) + 1
+    x, y = (np.append(0.0, values[:far]) for values in (r.x, r.y))
+    usual = CUT_FORCE * G * experiment.specimen["length"] * x[-1] / 2
+    _compare(r, "force", "{} N on average", float(np.trapezoid(y, x)) / x[-1], usual, MAX_MODULUS_RATIO)
 
 
 def _sliding(experiment: Experiment, r: Repetition, case: Case) -> None:
@@ -456,28 +415,13 @@ def _sliding(experiment: Experiment, r: Repetition, case: Case) -> None:
     at = Points(touched=np.ones(1), slid=np.zeros(1), slip_rate=np.zeros(1))
     laws = [law for law in case.model.all if isinstance(law, Blade)]
     strength = sum(float(law.strength(np.array([pressure]), case.p, {}, at)[0]) for law in laws)
-    found = float(np.median(np.abs(r.y)))
-    if strength > 0 and found > 0 and not 1 / MAX_STRENGTH_RATIO < found / strength < MAX_STRENGTH_RATIO:
-        expected = (
-            f"about the strength of the material's interface, {1e3 * strength:.3g} kPa;"
-            f" {_ratio_text(found / strength)} it looks like a wrong unit of force or area"
-        )
-        raise r.wrong("traction", f"{1e3 * found:.3g} kPa (median)", expected, _largest(r))
+    median = float(np.median(np.abs(r.y)))
+    _compare(r, "traction", "{} kPa", 1e3 * median, 1e3 * strength, MAX_STRENGTH_RATIO)
 
 
 def _separation(r: Repetition, case: Case) -> None:
     parts = [law.estimate(case.p, 0.0, 0.0) for law in case.model.laws("cut")]
     strength, opening = sum(e.strength for e in parts), sum(e.opening for e in parts)
-    if not strength:
-        return
-    i = int(np.argmax(r.y))
-    for key, found, wanted, unit in (
-        ("traction", 1e3 * r.y[i], 1e3 * strength, "kPa"),
-        ("opening", r.x[i], opening, "mm"),
-    ):
-        if found > 0 and not 1 / MAX_STRENGTH_RATIO < found / wanted < MAX_STRENGTH_RATIO:
-            expected = (
-                f"about that of the material, {wanted:.3g} {unit}; {_ratio_text(found / wanted)} it looks"
-                " like"
-            )
-            raise r.wrong(key, f"{found:.3g} {unit} at the peak", expected + " a wrong unit", i)
+    at = int(np.argmax(r.y))
+    _compare(r, "traction", "{} kPa at the peak", 1e3 * r.y[at], 1e3 * strength, MAX_STRENGTH_RATIO)
+    _compare(r, "opening", "{} mm at the peak", r.x[at], opening * (strength > 0), MAX_STRENGTH_RATIO)

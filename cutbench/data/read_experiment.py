@@ -15,19 +15,15 @@ import numpy as np
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import among, in_short, located, nearest, one_of, path_hint, written
 from cutbench.base.units import parse_quantity
-from cutbench.data.blocks import BLOCKS, joined_files, with_blocks_read
-from cutbench.data.column_titles import UNITS
 from cutbench.data.contact import contact_notes
 from cutbench.data.conversion import TAKEN_OFF, repetitions_of, titles_of
 from cutbench.data.experiment import HOMOGENEOUS, ROLES, Experiment, area_of
-from cutbench.data.experiment_kinds import ABSCISSA, ORDINATE, SIZES, kind_of
-from cutbench.data.fields import read_fields_of
-from cutbench.data.layout import LABEL
-from cutbench.data.measured import MeasuredCut, read_measured
-from cutbench.data.plausible import refuse_misread, travel_fits
-from cutbench.data.repetition import by_speed
-from cutbench.data.specimen_sizes import (
+from cutbench.data.experiment_kinds import (
+    ABSCISSA,
+    ORDINATE,
+    SIZES,
     by_repetition,
+    kind_of,
     mean_sizes,
     require_sizes,
     section_of,
@@ -35,7 +31,12 @@ from cutbench.data.specimen_sizes import (
     sizes_by_repetition,
     written_sizes,
 )
-from cutbench.data.table import Table, read_table
+from cutbench.data.fields import read_fields_of
+from cutbench.data.layout import LABEL, UNITS
+from cutbench.data.measured import MeasuredCut, read_measured
+from cutbench.data.plausible import refuse_misread, travel_fits
+from cutbench.data.repetition import by_speed
+from cutbench.data.table import BLOCKS, Table, joined_files, read_table, with_blocks_read
 
 #: Other names under which a column may be given.
 _ALIASES = {"opening": "displacement", "slip": "displacement", "traction": "stress"}

@@ -7,12 +7,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from operator import attrgetter
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.case.motion import corners
-from cutbench.data.contact_point import Contact
+
+if TYPE_CHECKING:
+    from cutbench.data.contact import Contact
 
 #: A step back of more than this part of the range is no jitter but a return.
 JITTER = 0.005
@@ -29,6 +32,11 @@ class Channel:
     unit: str | None = None
     factor: float | None = None
     scale: float = 1.0
+
+    @property
+    def recorded(self) -> float:
+        """What one of the abscissa or the ordinate is in the file's column."""
+        return self.scale / (self.factor or 1.0)
 
 
 @dataclass(frozen=True, eq=False)
