@@ -170,13 +170,9 @@ def contact_notes(repetitions: Sequence[Repetition]) -> tuple[str, ...]:
     were taken off."""
     known = [(r, r.contact) for r in repetitions if r.contact is not None]
     moved, tared = (any(what in c.taken_off for _, c in known) for what in ("displacement", "force"))
-    found = [(r, c) for r, c in known if c.sd > 0]
     notes = []
-    if found:
-        places = _listed([(r.name, f"{c.at:.3f} ± {c.sd:.2g} mm") for r, c in found])
-        used = "" if moved else ". If that is contact, zero = 'auto' begins there; zero = '0 mm' if it is not"
-        said = "contact found at" if moved else "the force rises only from"
-        notes.append(f"{said} a recorded displacement of {places}{used}")
+    if places := [(r.name, f"{c.at:.3f} ± {c.sd:.2g} mm") for r, c in known if moved and c.sd > 0]:
+        notes.append(f"contact found at a recorded displacement of {_listed(places)}")
     if early := [(r.name, str(c.first)) for r, c in known if moved and c.first]:
         notes.append(
             f"readings before the lowest, with which the way out begins, are left out: {_listed(early)}"

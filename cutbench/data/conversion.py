@@ -127,7 +127,9 @@ def _zeros_taken_off(
         contact = _contact(read, written, factors, load, title)
         zeros["displacement"] = contact.at if "zero" in written else 0.0
     elif "displacement" in read and load in read and not {"from", "force_zero"} & written.keys():
-        contact = _unreported_contact(read, factors, load)
+        _, out, rise, sense, pull = _loading_path(read, factors, load)
+        late = late_contact(out, rise) if np.isfinite([out, rise]).all() else None
+        contact = None if late is None else _in_recorded_units(late, sense, pull, load)
     if "force_zero" in written:
         zeros[load] = _force_zero(written["force_zero"], load, contact)
     if contact is not None:
@@ -189,15 +191,6 @@ def _contact(
 def _in_recorded_units(found: Contact, sense: float, pull: float, load: str) -> Contact:
     unit = "N" if load == "force" else "MPa"
     return replace(found, at=sense * found.at, force=pull * found.force, unit=unit)
-
-
-def _unreported_contact(
-    read: Mapping[str, np.ndarray], factors: Mapping[str, float], load: str
-) -> Contact | None:
-    """Travel before contact that nobody spoke of."""
-    _, u, y, sense, pull = _loading_path(read, factors, load)
-    found = late_contact(u, y) if np.isfinite(u).all() and np.isfinite(y).all() else None
-    return None if found is None else _in_recorded_units(found, sense, pull, load)
 
 
 def _direction(x: np.ndarray, y: np.ndarray | None = None) -> float:

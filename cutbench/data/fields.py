@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import NoReturn
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -182,7 +181,11 @@ def read_fields(
         notes += _left_out(path, table.lines[lost], f"{rule[0]} is not {rule[1]} {rule[2]:g}")
     for role in ("x", "y", "travel"):
         if role in data and (blank := ~np.isfinite(data[role]) & ~lost).any():
-            _refuse_blank(path, role, int(table.lines[np.argmax(blank)]))
+            line, expected = (
+                int(table.lines[np.argmax(blank)]),
+                f"the {role} of every point; the cell is empty",
+            )
+            raise BadInput(file=str(path), line=line, key=role, value="", expected=expected)
     if y_down:
         data |= {"y": -data["y"], "u_y": -data["u_y"]}
     travels = data["travel"] if "travel" in data else np.full(table.lines.size, travel_mm)
@@ -232,11 +235,6 @@ def _by_travel(travels: np.ndarray, placed: np.ndarray) -> Iterator[tuple[float,
     """Each travel of the points that are ``placed`` (n,), and which these are (n,); nan is one, too."""
     for travel in np.unique(travels[placed]):
         yield float(travel), placed & (np.isnan(travels) if np.isnan(travel) else travels == travel)
-
-
-def _refuse_blank(path: Path, role: str, line: int) -> NoReturn:
-    expected = f"the {role} of every point in mm; the cell is empty"
-    raise BadInput(file=str(path), line=line, key=role, value="", expected=expected)
 
 
 def _rule(titles: Mapping[str, str], valid: str | None) -> tuple[str | int, str, float] | None:

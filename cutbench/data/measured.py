@@ -142,7 +142,7 @@ class MeasuredCut(Experiment):
         depth_mm: float,
         specimen: Mapping[str, float],
         blade: Mapping[str, float],
-        speed: float,
+        speed: float | None,
         role: str = "train",
         notes: tuple[str, ...] = (),
     ) -> MeasuredCut:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import chain, combinations
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -169,8 +169,10 @@ def copies(experiments: Sequence[Experiment]) -> Iterator[tuple[Repetition, str,
     """Repetitions whose readings stand in the campaign once more, in the same unit or another, what to know,
     and whether their noise is in both, which no two specimens have alike."""
     each = [(e, r) for e in experiments if e.curve for r in e.repetitions]
-    for (e, a), (other, b) in combinations(each, 2):
-        if e.kind == other.kind and (_stands_in(a, b, e.rest) or _stands_in(b, a, e.rest)):
+    for i, (other, b) in enumerate(each):
+        before = [(e, a) for e, a in each[:i] if e.kind == other.kind]
+        same = [(e, a) for e, a in before if _stands_in(a, b, e.rest) or _stands_in(b, a, e.rest)]
+        for e, a in same[:1]:
             titles = " and ".join(f"'{c.title}'" for c in a.channels.values())
             said = (
                 f"each specimen once: these readings are those of '{a.name}' in '{e.id}'. Of a channel in"
@@ -181,8 +183,12 @@ def copies(experiments: Sequence[Experiment]) -> Iterator[tuple[Repetition, str,
 
 
 def _stands_in(a: Repetition, b: Repetition, rest: float) -> bool:
-    """Whether all readings of ``a`` are among those of ``b``, one after the other."""
-    pairs = [np.stack([(r.x - rest) / np.ptp(b.x), r.y / np.abs(b.y).max()]) for r in (a, b)]
+    """Whether all readings of ``a``, as recorded, are among those of ``b``, one after the other."""
+    pairs = []
+    for r in (a, b):
+        factors = [r.channels[role].recorded if role in r.channels else 1.0 for role in _roles(r)]
+        pairs.append(np.stack([(r.x - rest) * factors[0], r.y * factors[1]]))
+    pairs = [pair / np.abs(pairs[1]).max(axis=1, keepdims=True) for pair in pairs]
     starts = np.flatnonzero(np.abs(pairs[1] - pairs[0][:, :1]).max(axis=0) < SAME)[:BESIDE]
     parts = [pairs[1][:, k : k + a.x.size] for k in starts if k + a.x.size <= b.x.size]
     return any(np.abs(part - pairs[0]).max() < SAME for part in parts)
@@ -207,6 +213,9 @@ def _doubts(kind: str, r: Repetition) -> Iterator[tuple[int, str]]:
     """Readings and what is doubtful there."""
     yield from _position(kind, r)
     yield from _preload(kind, r)
+    if (c := r.contact) is not None and c.sd > 0 and "displacement" not in c.taken_off:
+        place = f"{c.at:.3f} ± {c.sd:.2g} mm"
+        yield 0, f"the force rises only from {place}: zero = 'auto' if contact is there, '0 mm' if it is not"
     way, load = _roles(r)
     if kind in NEO_HOOKE and way and r.channels[way].factor is None and _looks_pressed(kind, r.x, r.y):
         said = "this is the curve of a specimen that is pressed, and is read as that of one that is pulled: "

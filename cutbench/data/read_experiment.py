@@ -177,9 +177,6 @@ def _measured(table: Mapping, folder: Path, name: str, role: str, sizes: Mapping
     require_sizes("cut", sizes, {})
     measures, depth_mm, notes = read_measured(table, folder)
     speed = _speed(table, "cut", {})
-    if speed is None:
-        expected = "the blade's speed, such as speed = '0.021 mm/s'"
-        raise BadInput(key="speed", value="(missing)", expected=expected)
     source = table.get("source", "")
     notes = ((f"source: {source}",) if source else ()) + notes
     return MeasuredCut.of(name, measures, depth_mm, sizes, _blade(table, "cut"), speed, role, notes)

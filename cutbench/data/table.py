@@ -114,9 +114,16 @@ def read_table(
             wanted = "the name of a repetition in every reading"
             raise error_at_line(path, rows[labels.index("")].line, layout.title(LABEL), "", wanted)
     beside = layout.specimens if len(layout.specimens) > 1 else ()
+    read = {role: np.array(values) for role, values in found.items()}
+    if "time" in read:
+        parts = np.split(read["time"], np.flatnonzero(np.diff(read["time"]) < 0) + 1)
+        times = np.concatenate([between_ticks(part) for part in parts])
+        if not np.array_equal(times, read["time"]):
+            notes.append(f"{path.name}: readings that share a coarse clock's time are even between its ticks")
+        read["time"] = times
     return Table(
         path,
-        {role: np.array(read) for role, read in found.items()},
+        read,
         tuple(labels) if beside or LABEL in columns else None,
         np.array([row.line for row in ordered], dtype=int),
         (str(path),) * len(ordered),
@@ -350,7 +357,7 @@ def with_blocks_read(table: Table, blocks: str | None = None) -> Table:
 
     A note says what was taken. Raises BadInput where nothing decides.
     """
-    table, count = _with_times_between_ticks(table), len(table.titles)
+    count = len(table.titles)
     if count == 1:
         return table
     how, why = (blocks, "as blocks says") if blocks else _kind(table)
@@ -365,22 +372,6 @@ def with_blocks_read(table: Table, blocks: str | None = None) -> Table:
         own = [f"{a}/{b}" for a, b in zip(table.labels, own, strict=True)]
     note += f": {', '.join(dict.fromkeys(own))}"
     return replace(table, labels=tuple(own), titles=("",), notes=(*table.notes, note))
-
-
-def _with_times_between_ticks(table: Table) -> Table:
-    """Each reading of a specimen and a block at its own time, where the clock was too coarse for that."""
-    if "time" not in table.columns:
-        return table
-    recorded, times = table.columns["time"], table.columns["time"].copy()
-    labels = np.array(table.labels if table.labels is not None else [""] * times.size)
-    for label in dict.fromkeys(labels):
-        for block in range(len(table.titles)):
-            part = (labels == label) & (table.blocks == block)
-            times[part] = between_ticks(times[part])
-    if np.array_equal(recorded, times):
-        return table
-    note = f"{table.path.name}: more readings than its clock ticks; their times are even between the ticks"
-    return replace(table, columns={**table.columns, "time": times}, notes=(*table.notes, note))
 
 
 def joined_files(tables: Sequence[Table]) -> Table:
