@@ -377,6 +377,11 @@ HONEST = {
     "linear to a strain of 0.9": (X - 1, 250 * (X - 1), STRESS),
     "a strain of 8": (np.linspace(0.1, 8, 90), stress(np.linspace(1.1, 9, 90)), STRESS),
     "a tissue that stiffens": (X - 1, stress(X, 40.0) * np.exp(0.6 * (X**2 + 2 / X - 3)), STRESS),
+    "a step and its relaxation": (
+        np.append(0, np.full(60, 0.2)),
+        np.append(0, 20 + 20 * np.exp(-np.arange(60) / 20)),
+        STRESS,
+    ),
     "a stretch": (X, stress(X), {"stretch": "Strain", "stress": "Stress"}),
 }
 

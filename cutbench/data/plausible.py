@@ -152,7 +152,7 @@ def _looks_pressed(kind: str, x: np.ndarray, y: np.ndarray) -> bool:
     """Whether ``y`` (n,) over stretches above 1 is what neo-Hooke has where it is pressed by as much, and not
     where it is pulled."""
     x, y = x[: x.argmax() + 1], y[: x.argmax() + 1]
-    if not 1.08 < x.max() < 1.9 or x.min() < 0.99:
+    if not 1.08 < x.max() < 1.9 or x.min() < 0.99 or x.size < 2 * BESIDE:
         return False
     pulled, pressed = (_misfit(basis, y) for basis in (NEO_HOOKE[kind](x), -NEO_HOOKE[kind](2 - x)))
     return pressed < DESCRIBED and pulled > WORSE * pressed
