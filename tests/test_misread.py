@@ -333,6 +333,12 @@ def test_a_blade_that_meets_the_plate_is_said_with_its_line(tmp_path):
     assert campaign is not None and not message
 
 
+def test_a_force_that_shoots_up_is_named(tmp_path):
+    force = noisy(FORCE) + 0.8 * np.maximum(np.arange(120) - 112, 0)
+    message, _ = said(cut(tmp_path, force, 12))
+    assert "plate" in message and "until = '11." in message
+
+
 def test_lost_samples_of_a_cut_are_named(tmp_path):
     force = noisy(FORCE)
     force[[50, 51, 90]] = 0

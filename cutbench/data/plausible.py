@@ -38,7 +38,7 @@ CUT_FORCE = 0.5
 MAX_STRENGTH_RATIO = 300.0
 #: Titles of columns that count up as a specimen is pressed, and of measures that follow its deformation.
 _PRESSED = re.compile(r"compress|comprim|stauch|druck", re.IGNORECASE)
-_TRUE = re.compile(r"\b(true|log|logarithmic|hencky|cauchy|wahre)", re.IGNORECASE)
+_TRUE = re.compile(r"\b(true|log|logarithmic|hencky|cauchy|wahre[rs]?)\b", re.IGNORECASE)
 #: A strain in percent without a word of it is this much softer than the material; as it should be within it.
 PERCENT_RATIO = 10.0
 #: Readings that agree to this part of the largest are the same ones, but for rounding.
@@ -71,7 +71,7 @@ AT_REST = 0.1
 # -- what a column is ---------------------------------------------------------------------------------
 def refuse_misread(kind: str, repetitions: Iterable[Repetition], written: Mapping[str, object]) -> None:
     """Raise BadInput where a column cannot be what it is read as; ``written`` is what the campaign says."""
-    for r in repetitions if kind in NEO_HOOKE else ():
+    for r in (r for r in repetitions if kind in NEO_HOOKE and np.isfinite([r.x, r.y]).all()):
         _refuse_other_measure(r, written)
         way, load = _roles(r)
         far, pressed = int(np.argmax(np.abs(r.x - 1))), _named_pressed(r)
@@ -88,7 +88,10 @@ def _refuse_other_measure(r: Repetition, written: Mapping[str, object]) -> None:
     first = slice(max(BESIDE, r.x.size // 10))
     slope, load = np.polyfit(r.x[first], r.y[first], 1) if np.ptp(r.x[first]) > 0 else (np.nan, np.nan)
     for role, other, at in (("strain", "stretch", 2.0), ("stretch", "strain", 0.0)):
-        if role in r.channels and max(abs(r.x[0] - at), abs(-load / slope - at)) < MAX_ZERO_OFFSET:
+        if (
+            role in r.channels
+            and max(abs(r.x[0] - at), abs(-load / (slope or np.nan) - at)) < MAX_ZERO_OFFSET
+        ):
             title = r.channels[role].title
             expected = f"columns = {{ {other} = '{title}' }}: without load it is {at / 2:g}"
             raise r.wrong(f"columns.{role}", title, expected, 0)
@@ -223,7 +226,11 @@ def _doubts(kind: str, r: Repetition) -> Iterator[tuple[int, str]]:
     if kind in ("sliding", "separation"):
         return
     x, y = (values[: _far(kind, r) + 1] for values in (r.x, r.y))
-    ends = [(_range_ends(x, y), AT_ITS_END), (_load_lost(x, y), "there is no load any more")]
+    ends = [
+        (_range_ends(x, y), AT_ITS_END),
+        (_load_lost(x, y), "there is no load any more"),
+        (_shoots_up(y) if kind == "cut" else None, "the load shoots up, as where the blade meets the plate"),
+    ]
     for at, what in ends:
         if at is not None:
             end = _place(kind, r, x[at - 1 : at + 1].mean())
@@ -258,6 +265,14 @@ def _load_lost(x: np.ndarray, y: np.ndarray) -> int | None:
     least = min(max(NO_FORCE * np.abs(y).max(), 4 * y[-BESIDE:].std()), np.abs(y).max())
     at = int(np.flatnonzero(np.abs(y) >= least)[-1]) + 1
     return at if y.size - at >= AT_END and abs(x[-1] - x[at]) > END_WAY * np.ptp(x) else None
+
+
+def _shoots_up(y: np.ndarray) -> int | None:
+    """The reading from which the load rises to the end by steps far above all those before."""
+    steps = np.diff(y)
+    usual = np.flatnonzero(steps <= AS_BEFORE * np.abs(steps[: -steps.size // 5]).max())
+    at = int(usual[-1]) + 1 if usual.size else 0
+    return at if steps.size > 2 * BESIDE and AT_END <= y.size - at < y.size else None
 
 
 def _position(kind: str, r: Repetition) -> Iterator[tuple[int, str]]:
