@@ -407,7 +407,9 @@ def load_campaign(path: str | Path) -> Campaign:
     with located(path, text):
         candidates = _candidates(table, base.model, kinds)
     with located(path, text, "fit"):
-        plan = _plan(table.get("fit", {}), base.model, candidates, _bounds_by_approaches(experiments))
+        felt = (e for e in experiments if "rig" in SLOTS[e.kind] and e.mounted and e.curve)
+        bounds = bounds_by([r for e in felt for r in e.repetitions])
+        plan = _plan(table.get("fit", {}), base.model, candidates, bounds)
     for number, made in zip(numbers, experiments, strict=True):
         with errors_at_experiment(path, text, number):
             _check(made, base)
@@ -467,12 +469,6 @@ def _candidates(table: Mapping, baseline: Model, kinds: list[str]) -> tuple[str,
         if listed.count(name) > 1:
             raise BadInput(key="candidates", value=name, expected="each candidate once")
     return listed
-
-
-def _bounds_by_approaches(experiments: Iterable[Experiment]) -> dict[str, tuple[float, float]]:
-    """Bounds that the approaches of the tests in which the machine is felt give."""
-    felt = (e for e in experiments if "rig" in SLOTS[e.kind] and e.mounted and e.curve)
-    return bounds_by([r for e in felt for r in e.repetitions])
 
 
 def _plan(part: Mapping, baseline: Model, candidates: tuple[str, ...], found: Mapping) -> FitPlan:

@@ -193,9 +193,8 @@ def _blade(table: Mapping, kind: str) -> dict[str, float]:
 
 def _choice(table: Mapping, key: str, known: tuple[str, ...], default: str | None = None) -> str:
     value = table.get(key, default)
-    if value not in known or not isinstance(value, str):
-        raise BadInput(key=key, value=in_short(value), expected=one_of(str(value), known))
-    return value
+    among(key, value, known, value=in_short(value))
+    return str(value)
 
 
 def _columns(table: Mapping, kind: str) -> dict[str, str | int | list[str | int]]:
