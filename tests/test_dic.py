@@ -12,10 +12,9 @@ from typer.testing import CliRunner
 
 from cutbench.case.case import load_case
 from cutbench.cli.main import app
-from cutbench.data.field_comparison import Comparison, at_travel, compare, sample
-from cutbench.data.field_figure import plot_dic
+from cutbench.data.field_comparison import Comparison, at_travel, compare, located, sample, shape, surface
 from cutbench.data.fields import Field, read_fields
-from cutbench.data.triangles import located, shape, surface
+from cutbench.data.figure import plot_dic
 from cutbench.run.result import Snapshot
 from cutbench.run.runner import run_case
 

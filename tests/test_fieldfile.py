@@ -12,9 +12,8 @@ from refusals import refused
 from cutbench.base.errors import BadInput
 from cutbench.calibration.fitting import fit
 from cutbench.case.case import load_case
-from cutbench.data.field_comparison import at_travel, sample, sampled_slopes
+from cutbench.data.field_comparison import at_travel, gradient, sample, sampled_slopes, shape
 from cutbench.data.fields import Field, read_fields_of, thinned
-from cutbench.data.triangles import gradient, shape
 from cutbench.run.runner import run_case
 
 TRAVEL_MM = 1.2

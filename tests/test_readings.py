@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from refusals import refused
 
-from cutbench.data.column_titles import parted, size_of
+from cutbench.data.layout import parted, size_of
 from cutbench.data.table import read_table
 
 U = [0.5, 1.0, 1.5, 2.25]

@@ -87,7 +87,9 @@ class BadInput(CutbenchError):
         where = "" if self.file is None else f"{self.file}: "
         if self.line is not None:
             where = f"{self.file or '<input>'}, line {self.line}: "
-        shown = f"'{self.value}'" if isinstance(self.value, str) else f"{self.value}"
+        shown = f"{self.value}"
+        if isinstance(self.value, str):
+            shown = f"'{self.value if self.value.isprintable() else repr(self.value)[1:-1]}'"
         return f"{where}{self.key} = {shown} cannot be used; expected {self.expected}"
 
 

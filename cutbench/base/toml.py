@@ -13,6 +13,13 @@ from cutbench.base.errors import BadInput
 
 #: Of more names than this the nearest are shown, so many.
 MANY, NEAREST = 20, 5
+#: How a path of Windows is written.
+BACKSLASHES = "a path stands in single quotes, as in 'C:\\data\\gel.csv', or has / for each \\"
+
+
+def path_hint(name: str) -> str:
+    """What to add to a message on a path in which a backslash made a sign of its own."""
+    return "" if name.isprintable() else f"; {BACKSLASHES}"
 
 
 def read_toml(path: str | Path) -> tuple[dict, str]:
@@ -38,9 +45,9 @@ def read_toml(path: str | Path) -> tuple[dict, str]:
     path = Path(path)
     name = str(path)
     try:
-        text = path.read_bytes().decode("utf-8")
+        text = path.read_bytes().decode("utf-8-sig")
     except FileNotFoundError as error:
-        raise BadInput("file", name, "a TOML file that exists") from error
+        raise BadInput("file", name, "a TOML file that exists" + path_hint(name)) from error
     except UnicodeDecodeError as error:
         line = path.read_bytes()[: error.start].count(b"\n") + 1
         raise BadInput(
@@ -56,6 +63,8 @@ def read_toml(path: str | Path) -> tuple[dict, str]:
         line = int(at[1]) if at else len(lines)
         shown = lines[min(line, len(lines)) - 1].strip()
         reason = re.sub(r"\s*\(at [^)]*\)", "", str(error)).rstrip(".")
+        if "\\" in shown:
+            reason += f"; {BACKSLASHES}"
         raise BadInput(
             "TOML", shown, f"readable TOML, such as 'G = \"7.5 kPa\"' ({reason})", file=name, line=line
         ) from error

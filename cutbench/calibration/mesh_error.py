@@ -16,11 +16,17 @@ from dataclasses import replace
 import numpy as np
 
 from cutbench.case.case import Case
-from cutbench.data.covariance import Block, matern, positive_definite, scatter_covariance
+from cutbench.data.covariance import (
+    Block,
+    local_mean,
+    matern,
+    positive_definite,
+    roughness_variance,
+    scatter_covariance,
+)
 from cutbench.data.experiment import Experiment
 from cutbench.data.fields import laid_out
 from cutbench.data.repetition import Averaged
-from cutbench.data.sawtooth import local_mean, roughness_variance
 
 #: Numerics of the finer computation, relative to those of the fit.
 REFINEMENT = {"h": 0.7, "step": 0.5, "step_min": 0.5, "penalty": 2.0, "stick": 2.0}

@@ -45,6 +45,8 @@ from cutbench.case.values import (
 )
 from cutbench.mechanisms.own_laws import folders_of, take_up
 
+#: A section stands for what is longer than this part of its smaller side.
+THICK = 0.5
 _TOP = ("material", "base", "mechanisms", *SECTIONS, "numerics")
 
 
@@ -195,9 +197,22 @@ class Case:
         return list(self.shown())
 
     @property
+    def _sheet(self) -> tuple[str, ...]:
+        """A doubt about a section whose length is not far above its other sizes."""
+        if self.dim == 3 or self.model.tool is None:
+            return ()
+        length, least = self.values["length"], min(self.values["width"], self.values["height"])
+        if length >= THICK * least:
+            return ()
+        return (
+            f"a section is in plane strain, as with a length far above the other sizes; {length:g} mm beside"
+            f" {least:g} mm is a sheet, nearer to plane stress: its force is computed too high",
+        )
+
+    @property
     def cautions(self) -> tuple[str, ...]:
-        """The doubts that are about elements."""
-        return doubts(self.p, self.model.tool, self.numerics, self.sizes, self._finest_mm)
+        """The doubts that are about elements, or about the section."""
+        return self._sheet + doubts(self.p, self.model.tool, self.numerics, self.sizes, self._finest_mm)
 
     @property
     def far(self) -> list[UntypicalGroup]:

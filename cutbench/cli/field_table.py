@@ -40,7 +40,7 @@ def field_table(found: Sequence[Comparison], title: str) -> Table:
 
 def write_comparisons(found: Sequence[Comparison], title: str, folder: Path) -> list[Path]:
     """``dic.csv`` (a row a point), ``dic.json`` (the numbers) and a picture for each field."""
-    from cutbench.data.field_figure import plot_dic
+    from cutbench.data.figure import plot_dic
 
     paths = [folder / "dic.csv", folder / "dic.json"]
     rows: list[list[float]] = []

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import ClassVar
@@ -28,9 +28,9 @@ from cutbench.case.values import names, resolve
 from cutbench.data import plausible
 from cutbench.data.contact import bounds_by
 from cutbench.data.experiment import SLOTS, Experiment
-from cutbench.data.read_experiment import errors_at_experiment, read_experiment
+from cutbench.data.experiment_kinds import blade_units
+from cutbench.data.read_experiment import errors_at_experiment, read_experiments
 from cutbench.data.repetition import note_on_single_repetition
-from cutbench.data.specimen_sizes import blade_units
 from cutbench.mechanisms import Tool, Volumetric, registry
 
 #: Places in time at which the way of a blade that holds or returns is read off, before it is simplified.
@@ -123,7 +123,7 @@ class Campaign(Displayed):
       pulled    uniaxial, 1 repetition, 30 readings, train
     """
 
-    display_module: ClassVar[str] = "cutbench.data.display"
+    display_module: ClassVar[str] = "cutbench.data.figure"
 
     title: str
     base: Case
@@ -220,7 +220,13 @@ class Campaign(Displayed):
         alone = [
             note_on_single_repetition(e.id) for e in self.experiments if e.curve and len(e.repetitions) == 1
         ]
-        return [*self.notes, *of_tests, *alone]
+        return [*self.doubts, *self.notes, *of_tests, *alone]
+
+    @cached_property
+    def doubts(self) -> list[str]:
+        """Sentences on readings that may well be otherwise, and what settles each."""
+        of_tests = [f"'{e.id}': {text}" for e in self.experiments for text in plausible.doubts(e)]
+        return of_tests + [f"'{r.name}': {text}" for r, text, _ in plausible.copies(self.experiments)]
 
 
 def cut_case(experiment: Experiment, base: Case) -> Case:
@@ -397,21 +403,28 @@ def load_campaign(path: str | Path) -> Campaign:
                 key="experiment", value="(missing)" if tables is None else "a single table",
                 expected="one or more, each opened with [[experiment]]",
             )  # fmt: skip
+    numbers: list[int] = []
     experiments: list[Experiment] = []
     for number, part in enumerate(tables):
         with errors_at_experiment(path, text, number):
-            made = read_experiment(part, path.parent)
-            if made.id in [e.id for e in experiments]:
-                raise BadInput(key="id", value=made.id, expected="each id once")
-            experiments.append(made)
+            for made in read_experiments(part, path.parent):
+                if made.id in [e.id for e in experiments]:
+                    raise BadInput(key="id", value=made.id, expected="each id once")
+                experiments.append(made)
+                numbers.append(number)
+    for r, expected, noisy in plausible.copies(experiments):
+        if noisy:
+            raise r.wrong("data", r.name, expected, 0)
     kinds = list(dict.fromkeys(e.kind for e in experiments))
     sizes = next((_sizes(e) for e in experiments if e.kind == "cut"), {})
     base, notes, material = _start(table, path, text, kinds, sizes)
     with located(path, text):
         candidates = _candidates(table, base.model, kinds)
     with located(path, text, "fit"):
-        plan = _plan(table.get("fit", {}), base.model, candidates, _bounds_by_approaches(experiments))
-    for number, made in enumerate(experiments):
+        felt = (e for e in experiments if "rig" in SLOTS[e.kind] and e.mounted and e.curve)
+        bounds = bounds_by([r for e in felt for r in e.repetitions])
+        plan = _plan(table.get("fit", {}), base.model, candidates, bounds)
+    for number, made in zip(numbers, experiments, strict=True):
         with errors_at_experiment(path, text, number):
             _check(made, base)
     cuts = (cut_case(e, base) for e in experiments if e.kind == "cut")
@@ -477,12 +490,6 @@ def _candidates(table: Mapping, baseline: Model, kinds: list[str]) -> tuple[str,
         if listed.count(name) > 1:
             raise BadInput(key="candidates", value=name, expected="each candidate once")
     return listed
-
-
-def _bounds_by_approaches(experiments: Iterable[Experiment]) -> dict[str, tuple[float, float]]:
-    """Bounds that the approaches of the tests in which the machine is felt give."""
-    felt = (e for e in experiments if "rig" in SLOTS[e.kind] and e.mounted and e.curve)
-    return bounds_by([r for e in felt for r in e.repetitions])
 
 
 def _plan(part: Mapping, baseline: Model, candidates: tuple[str, ...], found: Mapping) -> FitPlan:

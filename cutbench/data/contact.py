@@ -13,14 +13,16 @@ u₀ may lie before the first reading, as in a test that was recorded from a tri
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from cutbench.data.contact_point import COVERAGE_FACTOR, Contact
 from cutbench.data.covariance import roughness
 from cutbench.data.repetition import Repetition
 from cutbench.mechanisms import registry
 
+#: Standard deviations within which a contact that was found is believed.
+COVERAGE_FACTOR = 4.0
 #: Parts of the largest rise of the force up to which readings count, the widest first.
 RISE_FRACTIONS = (0.2, 0.1, 0.05)
 #: Fewest readings before contact, and of the rise.
@@ -39,6 +41,31 @@ MIN_FREE_TRAVEL = 0.03
 MIN_FORCE_OFFSET = 2e-3
 #: With which the force begins to rise.
 CONTACT_EXPONENTS = (1.0, 1.5, 2.0)
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Contact at ``at`` mm of the recorded displacement, known to ``sd``, after so many ``readings``; before
+    it the force is ``force``, known to ``force_sd``, later ``largest`` at the most, in ``unit``.
+    ``taken_off``: which of ``displacement`` and ``force`` was found and taken off; a force that was given is
+    taken off ``force``, too. ``first``: so many readings come before the way out begins, as of a machine that
+    first drives back."""
+
+    at: float
+    sd: float
+    force: float
+    force_sd: float
+    readings: int
+    largest: float
+    unit: str = "N"
+    taken_off: tuple[str, ...] = ()
+    first: int = 0
+
+    def remaining_uncertainty(self, what: str) -> float:
+        """How far the ``displacement`` (mm) or ``force`` (N) that was found here and taken off may be wrong,
+        with room for what the rule itself may be off; infinite where it was not."""
+        sd = self.sd if what == "displacement" else self.force_sd if self.unit == "N" else np.inf
+        return COVERAGE_FACTOR * sd if what in self.taken_off and sd > 0 else np.inf
 
 
 def contact_at(u: np.ndarray, y: np.ndarray, at: float, sd: float = 0.0) -> Contact:
@@ -85,8 +112,9 @@ def late_contact(u: np.ndarray, y: np.ndarray) -> Contact | None:
     if still < BEFORE or np.abs(rise[:still]).max() > MIN_FREE_TRAVEL * rise.max():
         return None
     found = find_contact(u, y)
-    late = isinstance(found, Contact) and found.at - COVERAGE_FACTOR * found.sd > u[0] + MIN_FREE_TRAVEL * way
-    return found if late and isinstance(found, Contact) else None
+    if isinstance(found, str) or found.at - COVERAGE_FACTOR * found.sd < u[0]:
+        return None
+    return found if found.at > u[0] + MIN_FREE_TRAVEL * way else None
 
 
 def _averaged_in_groups(values: np.ndarray, by: int) -> np.ndarray:
@@ -142,13 +170,9 @@ def contact_notes(repetitions: Sequence[Repetition]) -> tuple[str, ...]:
     were taken off."""
     known = [(r, r.contact) for r in repetitions if r.contact is not None]
     moved, tared = (any(what in c.taken_off for _, c in known) for what in ("displacement", "force"))
-    found = [(r, c) for r, c in known if c.sd > 0]
     notes = []
-    if found:
-        places = _listed([(r.name, f"{c.at:.3f} ± {c.sd:.2g} mm") for r, c in found])
-        used = "" if moved else ". If that is contact, zero = 'auto' begins there; zero = '0 mm' if it is not"
-        said = "contact found at" if moved else "the force rises only from"
-        notes.append(f"{said} a recorded displacement of {places}{used}")
+    if places := [(r.name, f"{c.at:.3f} ± {c.sd:.2g} mm") for r, c in known if moved and c.sd > 0]:
+        notes.append(f"contact found at a recorded displacement of {_listed(places)}")
     if early := [(r.name, str(c.first)) for r, c in known if moved and c.first]:
         notes.append(
             f"readings before the lowest, with which the way out begins, are left out: {_listed(early)}"

@@ -18,7 +18,8 @@ import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import among, written
-from cutbench.data.covariance import roughness, scatter_covariance
+from cutbench.data import plausible
+from cutbench.data.covariance import roughness, sawtooth_variance, scatter_covariance
 from cutbench.data.fields import Field
 from cutbench.data.repetition import (
     Averaged,
@@ -29,7 +30,6 @@ from cutbench.data.repetition import (
     is_monotone,
     turning_points,
 )
-from cutbench.data.sawtooth import sawtooth_variance
 
 HOMOGENEOUS = ("uniaxial", "equibiaxial", "pure_shear")
 KINDS = ("cut", *HOMOGENEOUS, "sliding", "separation")
@@ -212,14 +212,9 @@ class Experiment:
 
         It comes from the time where there is one.
         """
-        rates = []
-        for r in self.repetitions:
-            if r.time_s is None:
-                return math.nan if self.speed is None else self.speed
-            steps = np.abs(np.diff(r.x))
-            moving = steps > 0.1 * steps.mean()
-            rates.append(steps[moving].sum() / np.diff(r.time_s)[moving].sum())
-        return float(np.mean(rates))
+        if not self.timed:
+            return math.nan if self.speed is None else self.speed
+        return float(np.mean([r.speed for r in self.repetitions]))
 
     # -- checks ----------------------------------------------------------------------------------
     def _faults(self, r: Repetition) -> Iterator[tuple[str, str, str, int | None]]:
@@ -242,8 +237,6 @@ class Experiment:
         if r.time_s is not None:
             for i in np.flatnonzero(np.diff(r.time_s) <= 0)[:1] + 1:
                 before = f"a time after that of the reading before, {r.time_s[i - 1]:.10g} s"
-                if r.time_s[i] == r.time_s[i - 1]:
-                    before += "; where the clock is too coarse, a speed in place of the time"
                 yield "time", f"{r.time_s[i]:.10g} s", before, i
         if np.ptp(r.x) <= 0:
             yield self.x_name, f"{r.x[0]:g} in all readings", "a test in which it changes", None
@@ -258,18 +251,8 @@ class Experiment:
             yield "pressure", f"{r.pressure_MPa[i]:g} MPa", "a pressure of 0 or more", i
         if not np.any(r.y):
             yield self.y_name, "0 in all readings", "a test in which something was measured", None
-        # The way out must take work: ∫ y dx from rest to the farthest reading.
-        far = int(np.argmax(np.abs(r.x - self.rest)))
-        work = np.trapezoid(np.append(0.0, r.y[: far + 1]), np.append(self.rest, r.x[: far + 1]))
-        if work < 0:
-            i = int(np.argmin(r.y * np.sign(r.x - self.rest)))
-            what = "the force on the blade" if self.kind == "cut" else f"a {self.y_name}"
-            sensor = "displacement" if self.kind == "cut" and r.x[far] < 0 else "force"
-            out = (
-                f"{what} that takes work on the way out, here it gives {-work:.3g}; if the sensor counts the"
-                f" other way write factors = {{ {sensor} = -1 }}"
-            )
-            yield self.y_name, f"{r.y[i]:.6g} {self.y_unit}", out, i
+        if fault := plausible.way_fault(self.kind, r):
+            yield fault
 
     def _common_range(self) -> None:
         """Repetitions must share at least half of the shortest way of the longest."""

@@ -6,8 +6,8 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
-from typing import NoReturn
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -24,6 +24,15 @@ _OFF = 0.1
 #: A grid has at least this part of its places filled; scattered points have next to none.
 _FILLED = 0.2
 _KEYS = ("data", "noise", "configuration", "columns", "units", "shift", "y_down", "travel", "valid")
+#: What each of them is, where its value says no more.
+_SORTS: dict[str, tuple[type, str]] = {
+    "data": (str, "a file beside the campaign, such as 'dic.csv'"),
+    "shift": (list, "two lengths, such as ['-15 mm', '0 mm']"),
+    "y_down": (bool, "true or false"),
+    "valid": (str, "what holds of points that were measured, as in 'sigma >= 0'"),
+    "columns": (dict, "a table, such as columns = { … }"),
+    "units": (dict, "a table, such as units = { … }"),
+}
 #: Columns in which correlation programs say whether a point was found, and what they have where it was: VIC
 #: and DICe write -1 where not, others 0 or nothing.
 VALID = {
@@ -37,6 +46,8 @@ _RULE = re.compile(r"\s*(\S.*?)\s*(>=|<=|!=|>|<)\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?
 #: that it moved by more than half of what they did, and they by more than this part of the largest: at a
 #: clamp displacements go to 0, and do not fall to it.
 NEAREST, STILL = 8, 0.05
+#: Displacements above this part of the spacing show in positions after deformation.
+MOVED = 0.02
 #: Points of a field that a fit compares, at the most: neighbours say much the same.
 POINTS = 150
 
@@ -61,6 +72,8 @@ class Field:
         What the points are positions in: ``deformed`` (after deformation) or ``reference`` (before).
     notes : tuple of str
         What was left out.
+    doubt : str
+        What may well be otherwise, and what settles it.
 
     Raises
     ------
@@ -74,6 +87,7 @@ class Field:
     travel_mm: float = math.nan
     configuration: str = "deformed"
     notes: tuple[str, ...] = ()
+    doubt: str = ""
 
     def __post_init__(self) -> None:
         among("configuration", self.configuration, CONFIGURATIONS)
@@ -110,7 +124,7 @@ def read_fields(
     *,
     columns: Mapping[str, str | int] | None = None,
     units: Mapping[str, str] | None = None,
-    configuration: str = "deformed",
+    configuration: str | None = None,
     shift_mm: tuple[float, float] = (0.0, 0.0),
     y_down: bool = False,
     travel_mm: float = math.nan,
@@ -127,8 +141,8 @@ def read_fields(
         Y, U, V, and, if the file has it, travel.
     units : mapping of str to str, optional
         Units by the same names, as in a campaign.
-    configuration : str
-        What x and y are positions in, ``deformed`` or ``reference``.
+    configuration : str, optional
+        What x and y are positions in, ``deformed``, as it is taken unless said, or ``reference``.
     shift_mm : (float, float), mm
         Added to x and y, after ``y_down``.
     y_down : bool
@@ -167,7 +181,11 @@ def read_fields(
         notes += _left_out(path, table.lines[lost], f"{rule[0]} is not {rule[1]} {rule[2]:g}")
     for role in ("x", "y", "travel"):
         if role in data and (blank := ~np.isfinite(data[role]) & ~lost).any():
-            _refuse_blank(path, role, int(table.lines[np.argmax(blank)]))
+            line, expected = (
+                int(table.lines[np.argmax(blank)]),
+                f"the {role} of every point; the cell is empty",
+            )
+            raise BadInput(file=str(path), line=line, key=role, value="", expected=expected)
     if y_down:
         data |= {"y": -data["y"], "u_y": -data["u_y"]}
     travels = data["travel"] if "travel" in data else np.full(table.lines.size, travel_mm)
@@ -183,8 +201,24 @@ def read_fields(
         u[:, still] = np.nan
         own = [*notes, *_left_out(path, table.lines[here][still], "both displacements are exactly 0")]
         x, y, field = _gridded(path, points, u, table.lines[here])
-        fields.append(Field(x, y, field, travel, configuration, tuple(own)))
+        fields.append(Field(x, y, field, travel, configuration or CONFIGURATIONS[0], tuple(own)))
+    if configuration is None and (note := _stays(path, fields)):
+        fields = [replace(field, doubt=note) for field in fields]
     return fields
+
+
+def _stays(path: Path, fields: Sequence[Field]) -> str:
+    """A note on points that stay where they are although they move; positions before deformation do."""
+    for a, b in pairwise(fields):
+        one, other = ({(x, y) for x, y in f.grid[:, np.isfinite(f.u[0])].T} for f in (a, b))
+        moved = max(float(np.nanmax(np.abs(f.u))) for f in (a, b))
+        if len(one & other) > 0.9 * min(len(one), len(other)) and moved > MOVED * np.diff(a.x).min():
+            return (
+                f"{path.name}: the points at {a.travel_mm:g} and {b.travel_mm:g} mm are the same, as"
+                " positions before deformation are: configuration = 'reference' (--reference) reads them so,"
+                " 'deformed' (--deformed) says that they are not"
+            )
+    return ""
 
 
 def _asked(columns: Mapping[str, str | int] | None) -> dict[str, str | int]:
@@ -201,11 +235,6 @@ def _by_travel(travels: np.ndarray, placed: np.ndarray) -> Iterator[tuple[float,
     """Each travel of the points that are ``placed`` (n,), and which these are (n,); nan is one, too."""
     for travel in np.unique(travels[placed]):
         yield float(travel), placed & (np.isnan(travels) if np.isnan(travel) else travels == travel)
-
-
-def _refuse_blank(path: Path, role: str, line: int) -> NoReturn:
-    expected = f"the {role} of every point in mm; the cell is empty"
-    raise BadInput(file=str(path), line=line, key=role, value="", expected=expected)
 
 
 def _rule(titles: Mapping[str, str], valid: str | None) -> tuple[str | int, str, float] | None:
@@ -293,29 +322,25 @@ def read_fields_of(table: object, folder: Path) -> tuple[tuple[Field, ...], floa
     for key in table:
         if key not in _KEYS:
             raise _wrong(f"fields.{key}", table[key], one_of(key, _KEYS))
-    data = table.get("data")
-    if not isinstance(data, str) or not (folder / data).is_file():
-        raise _wrong("fields.data", data, f"a file that exists in {folder}, such as 'dic.csv'")
+    for key, (sort, expected) in _SORTS.items():
+        if key in table and not isinstance(table[key], sort):
+            raise _wrong(f"fields.{key}", table[key], expected)
+    data, configuration, shift = (
+        table.get("data", ""),
+        table.get("configuration"),
+        table.get("shift", ["0 mm"] * 2),
+    )
+    if not (folder / data).is_file():
+        raise _wrong("fields.data", table.get("data"), f"a file that exists in {folder}, such as 'dic.csv'")
     if "noise" not in table:
         raise _wrong("fields.noise", None, "what a displacement is known to, such as '0.01 mm'")
     noise = parse_quantity(table["noise"], "mm", key="fields.noise")
     if not (np.isfinite(noise) and noise > 0):
         raise _wrong("fields.noise", table["noise"], "more than 0 mm")
-    configuration = table.get("configuration", "deformed")
-    if configuration not in CONFIGURATIONS:
+    if configuration not in (None, *CONFIGURATIONS):
         raise _wrong("fields.configuration", configuration, one_of(str(configuration), CONFIGURATIONS))
-    if not isinstance(table.get("y_down", False), bool):
-        raise _wrong("fields.y_down", table["y_down"], "true or false")
-    shift = table.get("shift", ["0 mm", "0 mm"])
-    if not isinstance(shift, list) or len(shift) != 2:
-        raise _wrong("fields.shift", shift, "two lengths, such as ['-15 mm', '0 mm']")
-    if not isinstance(table.get("valid", ""), str):
-        raise _wrong(
-            "fields.valid", table["valid"], "what holds of points that were measured, as in 'sigma >= 0'"
-        )
-    for key in ("columns", "units"):
-        if not isinstance(table.get(key, {}), dict):
-            raise _wrong(f"fields.{key}", table[key], f"a table, such as {key} = {{ … }}")
+    if len(shift) != 2:
+        raise _wrong("fields.shift", shift, _SORTS["shift"][1])
     right, up = (parse_quantity(part, "mm", key="fields.shift") for part in shift)
     travel = parse_quantity(table["travel"], "mm", key="fields.travel") if "travel" in table else math.nan
     fields = read_fields(

@@ -14,8 +14,7 @@ from pathlib import Path
 
 from cutbench.base.errors import BadInput
 from cutbench.base.toml import nearest
-from cutbench.base.unit_spelling import size_of
-from cutbench.data.column_titles import UNITS, bracketed, parted
+from cutbench.base.unit_spelling import COMMON, exactly, is_unit, size_of
 from cutbench.data.text_cells import (
     error_at_line,
     is_empty,
@@ -25,6 +24,7 @@ from cutbench.data.text_cells import (
     split_line,
     uncommented,
 )
+from cutbench.run.read_off import READ_OFF
 
 LABEL = "repetition"
 #: One column: its name in the header, or its number from 1.
@@ -54,7 +54,9 @@ class Layout:
     specimens: tuple[str, ...]
 
     def title(self, role: str, specimen: int = 0) -> str:
-        at = self.where[role][specimen]
+        return self.title_of(self.where[role][specimen])
+
+    def title_of(self, at: int) -> str:
         return (self.names[at] if at < len(self.names) else "") or f"column {at + 1}"
 
     def own(self, specimen: int) -> list[int]:
@@ -234,9 +236,14 @@ def _where(
             found[role] = at * count
         elif len(at) != count:
             expected = (
-                f"a column that stands once; it stands {_times(count)}, {asked[role]} {_times(len(at))}. Give"
-                " its number, or those of all specimens, such as force = [1, 4] and displacement = [2, 5]"
+                f"a column that stands once; it stands {_times(count)}, {asked[role]} {_times(len(at))}."
             )
+            units = {parted(names[k])[1] for k in found[many]}
+            if len(units) == count:
+                expected += f" Of several units name one: '{names[found[many][0]]}'"
+            else:
+                expected += " Give its number, or those of all specimens, such as force = [1, 4] and"
+                expected += " displacement = [2, 5]"
             raise refused(many, asked[many], expected)
     return {role: tuple(at) for role, at in found.items()}
 
@@ -318,3 +325,56 @@ def units_row(
             found[at] = cell
             fits |= size_of(cell, UNITS.get(role, "1")) is not None
     return (line + 1, found) if fits else (body, {})
+
+
+# -- name and unit in the title of a column -----------------------------------------------------------
+#: Unit of each role inside; ``repetition`` is a label, and ``valid`` a number as it stands.
+UNITS = {
+    "displacement": "mm",
+    "force": "N",
+    "time": "s",
+    "speed": "mm/s",
+    "stretch": "1",
+    "strain": "1",
+    "stress": "MPa",
+    "pressure": "MPa",
+    "normal_force": "N",
+    **dict.fromkeys(("x", "y", "u_x", "u_y", "travel"), "mm"),
+    "valid": "",
+    **{name: unit for name, (unit, _, _) in READ_OFF.items()},
+}
+
+_BRACKETS = re.compile(r"(.*?)\s*[\[({<]\s*([^\])}>]*?)\s*[\])}>]")
+#: Without brackets only a unit of the right kind is one: F_m may be a force's name.
+_BARE = (
+    re.compile(r"(.*\S)\s+/\s+(\S+)"),
+    re.compile(r"(.*\S)\s+in\s+(\S+)"),
+    re.compile(r"(.*[^\s/])(?:/|,\s*)([\w%]+)"),
+    re.compile(r"(.*[^_])_([^_]+)"),
+)
+
+
+def parted(title: str, target: str | None = None) -> tuple[str, str | None]:
+    """Name and unit of a column's title; None where it has no unit.
+
+    ``target`` is a unit of the kind that the column should have; without it any kind that readings have.
+    """
+    title = title.strip()
+    match = _BRACKETS.fullmatch(title)
+    if match and is_unit(match[2]):
+        return match[1], match[2]
+    for pattern in _BARE:
+        match = pattern.fullmatch(title)
+        targets = set(COMMON) if target is None else {target}
+        if match and any(size_of(match[2], kind) is not None for kind in targets):
+            # F_g and F_p may be names, and not of weights.
+            exact = any(exactly(match[2], kind) is not None for kind in targets)
+            if pattern is not _BARE[-1] or exact or len(match[2]) > 1 or "s" in targets:
+                return match[1], match[2]
+    return title, None
+
+
+def bracketed(title: str) -> str | None:
+    """What a title has in brackets at its end, a unit or not."""
+    match = _BRACKETS.fullmatch(title.strip())
+    return match[2] if match else None

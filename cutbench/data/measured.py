@@ -20,8 +20,8 @@ from cutbench.base.errors import BadInput
 from cutbench.base.toml import among, in_short
 from cutbench.base.units import parse_quantity
 from cutbench.data.experiment import Experiment
+from cutbench.data.experiment_kinds import section_of
 from cutbench.data.repetition import Averaged, Repetition
-from cutbench.data.specimen_sizes import section_of
 from cutbench.data.table import read_table
 from cutbench.run.read_off import READ_OFF, ForceCurve
 
@@ -142,7 +142,7 @@ class MeasuredCut(Experiment):
         depth_mm: float,
         specimen: Mapping[str, float],
         blade: Mapping[str, float],
-        speed: float,
+        speed: float | None,
         role: str = "train",
         notes: tuple[str, ...] = (),
     ) -> MeasuredCut:

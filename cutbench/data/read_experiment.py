@@ -13,28 +13,31 @@ from pathlib import Path
 import numpy as np
 
 from cutbench.base.errors import BadInput
-from cutbench.base.toml import among, in_short, located, nearest, one_of, written
+from cutbench.base.toml import among, in_short, located, nearest, one_of, path_hint, written
 from cutbench.base.units import parse_quantity
-from cutbench.data.blocks import BLOCKS, joined_files, with_blocks_read
-from cutbench.data.column_titles import UNITS
 from cutbench.data.contact import contact_notes
 from cutbench.data.conversion import TAKEN_OFF, repetitions_of, titles_of
 from cutbench.data.experiment import HOMOGENEOUS, ROLES, Experiment, area_of
-from cutbench.data.experiment_kinds import ABSCISSA, ORDINATE, SIZES, kind_of
-from cutbench.data.fields import read_fields_of
-from cutbench.data.layout import LABEL
-from cutbench.data.measured import MeasuredCut, read_measured
-from cutbench.data.plausible import travel_fits
-from cutbench.data.specimen_sizes import (
+from cutbench.data.experiment_kinds import (
+    ABSCISSA,
+    ORDINATE,
+    SIZES,
     blade_units,
     by_repetition,
+    kind_of,
+    mean_sizes,
     require_sizes,
     section_of,
     size_notes,
     sizes_by_repetition,
     written_sizes,
 )
-from cutbench.data.table import Table, read_table
+from cutbench.data.fields import read_fields_of
+from cutbench.data.layout import LABEL, UNITS
+from cutbench.data.measured import MeasuredCut, read_measured
+from cutbench.data.plausible import refuse_misread, travel_fits
+from cutbench.data.repetition import by_speed
+from cutbench.data.table import BLOCKS, Table, joined_files, read_table, with_blocks_read
 
 #: Other names under which a column may be given.
 _ALIASES = {"opening": "displacement", "slip": "displacement", "traction": "stress"}
@@ -77,8 +80,9 @@ def _line(text: str, key: str, number: int) -> int | None:
     return (opened if found is None else found) + 1
 
 
-def read_experiment(table: Mapping[str, object], folder: Path) -> Experiment:
-    """The experiment that ``table`` describes, with its data from files beside ``folder``.
+def read_experiments(table: Mapping[str, object], folder: Path) -> list[Experiment]:
+    """The experiment that ``table`` describes, with its data from files beside ``folder``; one for each speed
+    where specimens were tested at speeds far apart.
 
     Raises BadInput; where the fault is in a data file, the error names that file and its line.
     """
@@ -88,7 +92,7 @@ def read_experiment(table: Mapping[str, object], folder: Path) -> Experiment:
     role = _choice(table, "role", ROLES, "train")
     sizes = written_sizes(table, "specimen", SIZES[kind], several=kind != "cut")
     if "measures" in table:
-        return _measured(table, folder, name, role, sizes)
+        return [_measured(table, folder, name, role, sizes)]
     columns = _columns(table, kind)
     require_sizes(kind, sizes, columns)
     blade = _blade(table, kind)
@@ -113,7 +117,8 @@ def read_experiment(table: Mapping[str, object], folder: Path) -> Experiment:
     for label, count in Counter(titles).items():
         if count > 1:
             raise BadInput(key=LABEL, value=label, expected="each repetition in one file only")
-    own, specimen = sizes_by_repetition(sizes, titles)
+    own = sizes_by_repetition(sizes, titles)
+    specimen = mean_sizes(list(own.values()))
     speed = _speed(table, kind, specimen)
     pressure = _pressure(table, columns, specimen) if kind == "sliding" else 0.0
     zeros = {key: by_repetition(key, table[key], titles) for key in TAKEN_OFF if key in table}
@@ -126,26 +131,41 @@ def read_experiment(table: Mapping[str, object], folder: Path) -> Experiment:
     if not isinstance(source, str):
         raise BadInput(key="source", value=str(source)[:60], expected="a text in quotes")
     notes: tuple[str, ...] = (f"source: {source}",) if source else ()
-    if table.get("stress") == "cauchy":
+    if _choice(table, "stress", ("nominal", "cauchy"), "nominal") == "cauchy":
         notes += ("Cauchy stress turned into nominal stress at constant volume, P = σ/λ",)
+    if _choice(table, "strain", ("engineering", "true"), "engineering") == "true":
+        notes += ("true strain turned into stretch, λ = exp(ε)",)
     for read, _ in tables:
         if len(read.specimens) > 1:
             notes += (f"{read.path.name} holds specimens side by side: {', '.join(read.specimens)}",)
         notes += read.notes
-    notes += contact_notes(repetitions)
-    notes += size_notes(kind, sizes, specimen, all(r.x.max() <= 1.01 for r in repetitions))
     if kind == "sliding" and not pressure and not {"pressure", "normal_force"} & columns.keys():
         notes += ("no pressure given: 0, so that only adhesion resists",)
     fields, noise_mm = read_fields_of(table["fields"], folder) if "fields" in table else ((), 0.0)
     notes += tuple(dict.fromkeys(note for field in fields for note in field.notes))
-    made = Experiment(
-        name, kind, tuple(repetitions), role, specimen, blade, speed, pressure,
-        _choice(table, "direction", ("opening", "sliding"), "opening") if kind == "separation" else "opening",
-        notes, fields, noise_mm,
-    )  # fmt: skip
-    if kind == "cut":
-        travel_fits(made)
-    _check_speed(made)
+    refuse_misread(kind, repetitions, table)
+    direction = _choice(table, "direction", ("opening", "sliding"), "opening")
+    groups = [repetitions] if "speed" in table else by_speed(repetitions)
+    if len(groups) > 1:
+        if fields:
+            expected = "an experiment of one speed beside it"
+            raise BadInput(key="fields", value=f"tests at {len(groups)} speeds", expected=expected)
+        notes += (f"specimens went at speeds far apart, and '{name}' is read as {len(groups)} tests",)
+    made = []
+    for group in groups:
+        sized = mean_sizes([own[r.name] for r in group])
+        its_own = contact_notes(group) + size_notes(kind, sizes, sized, all(r.x.max() <= 1.01 for r in group))
+        unit = "1/s" if kind in HOMOGENEOUS else "mm/s"
+        called = name if len(groups) == 1 else f"{name} at {group[0].speed:.3g} {unit}"
+        made.append(
+            Experiment(
+                called, kind, tuple(group), role, sized, blade, speed, pressure, direction, notes + its_own,
+                fields, noise_mm,
+            )
+        )  # fmt: skip
+        if kind == "cut":
+            travel_fits(made[-1])
+        _check_speed(made[-1])
     return made
 
 
@@ -158,9 +178,6 @@ def _measured(table: Mapping, folder: Path, name: str, role: str, sizes: Mapping
     require_sizes("cut", sizes, {})
     measures, depth_mm, notes = read_measured(table, folder)
     speed = _speed(table, "cut", {})
-    if speed is None:
-        expected = "the blade's speed, such as speed = '0.021 mm/s'"
-        raise BadInput(key="speed", value="(missing)", expected=expected)
     source = table.get("source", "")
     notes = ((f"source: {source}",) if source else ()) + notes
     return MeasuredCut.of(name, measures, depth_mm, sizes, _blade(table, "cut"), speed, role, notes)
@@ -177,14 +194,13 @@ def _blade(table: Mapping, kind: str) -> dict[str, float]:
 
 def _choice(table: Mapping, key: str, known: tuple[str, ...], default: str | None = None) -> str:
     value = table.get(key, default)
-    if value not in known or not isinstance(value, str):
-        raise BadInput(key=key, value=in_short(value), expected=one_of(str(value), known))
-    return value
+    among(key, value, known, value=in_short(value))
+    return str(value)
 
 
 def _columns(table: Mapping, kind: str) -> dict[str, str | int | list[str | int]]:
     """Column by role, or one for each specimen; without ``columns`` they are looked for by their roles."""
-    optional = ("time", LABEL) + (("pressure", "normal_force") if kind == "sliding" else ())
+    optional = ("time", "speed", LABEL) + (("pressure", "normal_force") if kind == "sliding" else ())
     known = (*ABSCISSA[kind], *ORDINATE[kind], *optional)
     given = section_of(table, "columns")
     found: dict[str, str | int | list[str | int]] = {}
@@ -335,7 +351,7 @@ def _matching(name: str, folder: Path) -> list[str]:
         guess = nearest(name, there)
         expected = (
             f"a file that exists in {folder}" + (f"; there are {shown}" if there else ", which has none")
-        ) + (f"; did you mean '{guess}'?" if guess else "")
+        ) + (path_hint(name) or f"; did you mean '{guess}'?" * bool(guess))
         raise BadInput(key="data", value=name, expected=expected)
     return sorted(found, key=lambda file: [int(p) if p.isdigit() else p for p in re.split(r"(\d+)", file)])
 

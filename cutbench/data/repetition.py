@@ -3,16 +3,40 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from operator import attrgetter
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cutbench.base.errors import BadInput
 from cutbench.case.motion import corners
-from cutbench.data.contact_point import Contact
+
+if TYPE_CHECKING:
+    from cutbench.data.contact import Contact
 
 #: A step back of more than this part of the range is no jitter but a return.
 JITTER = 0.005
+#: Specimens of one test go at speeds within this factor.
+SAME_SPEED = 1.5
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A column as it was recorded, for messages alone: its ``title``, the ``unit`` and the ``factor`` that
+    somebody wrote (None: nobody did), and how much of it one of the abscissa or the ordinate is."""
+
+    title: str
+    unit: str | None = None
+    factor: float | None = None
+    scale: float = 1.0
+
+    @property
+    def recorded(self) -> float:
+        """What one of the abscissa or the ordinate is in the file's column."""
+        return self.scale / (self.factor or 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +63,8 @@ class Repetition:
         Where in the file each reading stands, for messages alone.
     contact : Contact or None
         Where the machine met the specimen, in recorded values, where that was asked for.
+    channels : mapping of str to Channel
+        The columns by role, as they were recorded, for messages alone.
     """
 
     x: np.ndarray
@@ -49,6 +75,7 @@ class Repetition:
     file: str | tuple[str, ...] | None = None
     lines: np.ndarray | None = None
     contact: Contact | None = None
+    channels: Mapping[str, Channel] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for key in ("x", "y", "time_s", "pressure_MPa", "lines"):
@@ -57,6 +84,15 @@ class Repetition:
                 values = np.array(values, dtype=int if key == "lines" else float)
                 values.flags.writeable = False
                 object.__setattr__(self, key, values)
+
+    @property
+    def speed(self) -> float:
+        """The mean speed of what moves (mm/s, or 1/s of stretch), nan where times are not known."""
+        if self.time_s is None or not np.diff(self.time_s).min(initial=0.0) >= 0 < self.x.size - 1:
+            return math.nan
+        steps = np.abs(np.diff(self.x))
+        moving = steps > 0.1 * steps.mean()
+        return float(steps[moving].sum() / np.diff(self.time_s)[moving].sum())
 
     @property
     def duration_s(self) -> float:
@@ -212,6 +248,17 @@ def turning_points(x: np.ndarray, part: float = 0.02) -> np.ndarray:
 
 def ascending_order(r: Repetition) -> np.ndarray:
     return np.argsort(r.x if r.x[-1] > r.x[0] else -r.x, kind="stable")
+
+
+def by_speed(repetitions: Sequence[Repetition]) -> list[list[Repetition]]:
+    """The repetitions in groups whose speeds, by their times, follow one another within ``SAME_SPEED``."""
+    order = sorted(repetitions, key=attrgetter("speed"))
+    groups = [order[:1]]
+    for before, r in pairwise(order):
+        if r.speed > SAME_SPEED * before.speed:
+            groups.append([])
+        groups[-1].append(r)
+    return [[r for r in repetitions if r in group] for group in groups]
 
 
 def first_return(x: np.ndarray) -> int | None:

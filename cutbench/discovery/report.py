@@ -50,6 +50,16 @@ def verdict_sentence(d: Discovery) -> str:
     str
         A sentence or several.
     """
+    if d.campaign.doubts:
+        more = len(d.campaign.doubts) - 1
+        rest = f", and {more} more that the notes name" if more else ""
+        first = f"Readings are in doubt before any mechanism is: {d.campaign.doubts[0]}{rest}."
+        return f"{first} As they are read: {_answer(d)}"
+    return _answer(d)
+
+
+def _answer(d: Discovery) -> str:
+    """What the readings say, as they are read."""
     if d.verdict == "none":
         return "The baseline describes the tests to within their scatter: nothing needs to be added."
     if not d.steps:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from cutbench.base.errors import BadInput
-from cutbench.base.toml import among, one_of, read_toml
+from cutbench.base.toml import among, one_of, path_hint, read_toml
 
 _HERE = Path(__file__).parent
 _ABOUT = ("name", "source", "doi", "note", "corrections")
@@ -28,7 +28,9 @@ def find(source: str | Path, *, key: str = "material") -> Path:
     if path.is_dir():
         raise BadInput(key=key, value=str(source), expected="a TOML file, not a folder")
     if path.suffix == ".toml" or len(path.parts) > 1:
-        raise BadInput(key=key, value=str(source), expected="a TOML file that exists")
+        raise BadInput(
+            key=key, value=str(source), expected="a TOML file that exists" + path_hint(str(source))
+        )
     raise BadInput(key=key, value=str(source), expected=f"a TOML file, or {one_of(str(source), names())}")
 
 

@@ -52,8 +52,9 @@ def dic(
     without: Without = None,
     with_: With = None,
     reference: Annotated[
-        bool, typer.Option("--reference", help="x and y are positions before deformation, not after.")
-    ] = False,
+        bool | None,
+        typer.Option("--reference/--deformed", help="x and y are positions before deformation, or after it."),
+    ] = None,
     y_down: Annotated[bool, typer.Option("--y-down", help="y and u_y count downwards.")] = False,
     shift: Annotated[
         str, typer.Option(metavar="X,Y", help="mm added to x and y: 0, 0 is the blade's plane, the base.")
@@ -83,7 +84,7 @@ def dic(
     from cutbench.base.units import parse_quantity
     from cutbench.cli.field_table import field_table, write_comparisons
     from cutbench.data.field_comparison import at_travel, compare
-    from cutbench.data.fields import read_fields
+    from cutbench.data.fields import CONFIGURATIONS, read_fields
     from cutbench.run.runner import run_case
 
     parts = [in_mm(part.strip()) for part in shift.split(",")]
@@ -92,11 +93,12 @@ def dic(
     right, up = (parse_quantity(part, "mm", key="--shift") for part in parts)
     given = math.nan if at is None else parse_quantity(in_mm(at), "mm", key="--travel")
     measured = read_fields(
-        fields, configuration="reference" if reference else "deformed", y_down=y_down, shift_mm=(right, up),
+        fields, configuration=None if reference is None else CONFIGURATIONS[reference],
+        y_down=y_down, shift_mm=(right, up),
         travel_mm=given, columns=_named(columns), valid=valid,
         units=None if unit is None else dict.fromkeys(("x", "y", "u_x", "u_y", "travel"), unit),
     )  # fmt: skip
-    for note in dict.fromkeys(note for field in measured for note in field.notes):
+    for note in dict.fromkeys(note for field in measured for note in (*field.notes, field.doubt) if note):
         typer.echo(f"note: {note}")
     for mm in (field.travel_mm for field in measured if not field.travel_mm > 0):
         value = "(missing)" if math.isnan(mm) else f"{mm:g} mm"

@@ -7,7 +7,18 @@ from typing import Annotated
 
 import typer
 
-from cutbench.cli.options import Depth, Sets, Source, Until, With, Without, changes, in_mm, with_exit_status
+from cutbench.cli.options import (
+    Depth,
+    Sets,
+    Source,
+    Until,
+    With,
+    Without,
+    changes,
+    in_mm,
+    print_doubts,
+    with_exit_status,
+)
 
 
 @with_exit_status
@@ -28,7 +39,9 @@ def estimate(
     from cutbench.emulator.atlas import shipped
 
     given = changes(sets, {"depth": in_mm(depth), "until": until}, with_, without)
-    found = shipped().estimate(load_case(material, given))
+    case = load_case(material, given)
+    print_doubts(case)
+    found = shipped().estimate(case)
     for name, text in found.lines():
         typer.echo(f"{name:<12} {text}")
     if out is not None:
