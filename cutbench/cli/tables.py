@@ -7,7 +7,6 @@ import math
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from types import SimpleNamespace
 
 from rich.console import Group as Stack
 from rich.console import RenderableType
@@ -100,8 +99,9 @@ def mechanism(name: str) -> RenderableType:
     if m.parameters:
         parts = [_table(*heads, rows=rows, title=title)]
     # The texts of its groups are found by asking for them at some values.
-    some = {q.name: q.typical * q.factor for q in Model().with_(m.name).parameters().values()}
-    if groups := m.groups(SimpleNamespace(**some)):
+    model = Model().with_(m.name)
+    some = {q.name: q.typical * q.factor for q in model.parameters().values()}
+    if groups := m.groups(model.namespace(some)):
         parts.append(Text(f"groups: {', '.join(groups)}"))
     if m.settable:
         parts.append(Text(f"may be set: {', '.join(f'{g.name} = {g.text}' for g in m.settable)}"))

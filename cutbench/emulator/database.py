@@ -6,7 +6,6 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from types import SimpleNamespace
 
 import numpy as np
 
@@ -212,7 +211,7 @@ class CutEmulator:
                 q.off is not None and values.get(q.name, q.off_value) != q.off_value for q in law.parameters
             )
             if on:
-                values = {**values, **law.like(SimpleNamespace(**values))}
+                values = {**values, **law.like(self.model.namespace(values))}
         return values
 
     @property

@@ -18,6 +18,10 @@ from cutbench.base.units import Parameter
 #: Length of the complex step: far below rounding of the real part, so no cancellation.
 STEP = 1e-30
 
+#: What laws read as the stiffness of the bulk: a parameter where a bulk law declares it, else what the bulk
+#: laws of a model come to under slow loading at small strain.
+MODULUS = "G"
+
 State = dict[str, np.ndarray]
 Params = Any  # attribute access by parameter name: p.G, p.nu
 
@@ -137,9 +141,15 @@ class Bulk(Mechanism):
     #: True where ``stress`` is the derivative of ``energy`` and there is no state.
     conservative: ClassVar[bool] = True
 
+    @property
+    def adds_stiffness(self) -> bool:
+        """Whether it has a part in the shear modulus of slow loading; if not it may read that modulus."""
+        return self.conservative
+
     def shear_modulus(self, p: Params) -> float:
-        """Of slow loading at small strain, MPa: what stiffnesses and times of the numerics are scaled by."""
-        if not self.conservative:
+        """Of slow loading at small strain, MPa: what stiffnesses and times of the numerics are scaled by, and
+        what others read as ``p.G`` in a model where no law declares G."""
+        if not self.adds_stiffness:
             return 0.0
         F = np.eye(3)[:, :, None].copy()
         F[0, 1] = 1e-6

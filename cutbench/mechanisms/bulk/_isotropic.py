@@ -146,7 +146,7 @@ class Isochoric(Isotropic):
         raise NotImplementedError(self.name)
 
     def shear_modulus(self, p):
-        return 2 * self.dW_dI1(np.array([3.0]), p, None)[0]
+        return np.ravel(2 * self.dW_dI1(np.array([3.0]), p, None))[0]
 
     def W(self, I1, p, at):
         """Energy (N,), mJ/mm³."""
@@ -175,8 +175,7 @@ class Isochoric(Isotropic):
 class Volumetric(Isotropic):
     """Ψ = U(J). In the mixed formulation the pressure is an unknown of its own."""
 
-    def shear_modulus(self, p):
-        return 0.0
+    adds_stiffness = False
 
     def U(self, J, p):
         raise NotImplementedError(self.name)
