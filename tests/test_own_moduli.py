@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from refusals import refused
@@ -67,11 +70,16 @@ class Reader(Isochoric):
 '''
 
 
+PAGE = (Path(__file__).resolve().parents[1] / "docs" / "tutorials" / "own-law.md").read_text("utf-8")
+MOONEY = re.findall(r"^```python\n# file: my_laws/mooney_rivlin\.py\n(.*?)^```$", PAGE, re.M | re.S)[0]
+
+
 @pytest.fixture(scope="module", autouse=True)
 def laws(tmp_path_factory):
     before, folder = folders_in_use(), tmp_path_factory.mktemp("laws")
     (folder / "two.py").write_text(TWO, encoding="utf-8")
     (folder / "bare.py").write_text(BARE, encoding="utf-8")
+    (folder / "mooney_rivlin.py").write_text(MOONEY, encoding="utf-8")
     cutbench.use_mechanisms(folder)
     yield
     look_in(before)
@@ -93,6 +101,30 @@ def test_a_cut_is_that_of_neo_hooke():
     short = {"depth": "0.3 mm", "h": "1.4 mm"}
     ours, known = cutbench.run_case(two(**short)), cutbench.run2d("gelatin", **short)
     np.testing.assert_allclose(ours.force_N, known.force_N, rtol=1e-8, atol=1e-12)
+
+
+def test_two_invariants_pull_as_the_formula_says():
+    x = np.linspace(1.05, 2.5, 6)
+    case = cutbench.load_case(
+        "gelatin", {"with": "mooney_rivlin", "C10": "3 kPa", "C01": "2 kPa", "nu": 0.49999}
+    )
+    for kind, stress in (
+        ("uniaxial", 2 * (0.003 + 0.002 / x) * (x - x**-2)),
+        ("pure_shear", 2 * (0.003 + 0.002) * (x - x**-3)),
+        ("equibiaxial", 2 * (0.003 + 0.002 * x**2) * (x - x**-5)),
+    ):
+        test = Experiment("pull", kind, (Repetition(x, x),))
+        np.testing.assert_allclose(predict(test, case.model, case.p), stress, rtol=1e-3)
+
+
+@pytest.mark.parametrize("more", [{}, {"with_": ["mooney_rivlin", "mullins"], "softening": 0.3}])
+def test_in_plane_strain_both_invariants_are_one(more):
+    """At constant volume; a block is cut by the same law."""
+    short = {"depth": "0.3 mm", "h": "1.4 mm", "nu": 0.499}
+    known = {**short, **{k: ["mullins"] if k == "with_" else v for k, v in more.items()}}
+    ours = {"with_": "mooney_rivlin", "C10": "2 kPa", "C01": "1.75 kPa", **short, **more}
+    one, other = cutbench.run2d("gelatin", **ours), cutbench.run2d("gelatin", **known)
+    np.testing.assert_allclose(one.force_N, other.force_N, rtol=5e-3, atol=1e-5)
 
 
 def test_derivatives_go_through_the_modulus():

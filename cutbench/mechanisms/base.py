@@ -176,13 +176,13 @@ class Bulk(Mechanism):
 
     def tangent(self, F: np.ndarray, p: Params, state: State, at: Points, dim: int) -> np.ndarray:
         """dP/dF (dim, dim, dim, dim, N), in-plane components; by complex step unless a law knows better."""
-        A = np.empty((dim, dim, dim, dim, F.shape[-1]))
-        for k in range(dim):
-            for L in range(dim):
-                G = F.astype(complex)
-                G[k, L] += 1j * STEP
-                A[:, :, k, L] = self.stress(G, p, state, at)[0][:dim, :dim].imag / STEP
-        return A
+        by = []
+        for k, L in np.ndindex(dim, dim):
+            probe = F.astype(complex)
+            probe[k, L] += 1j * STEP
+            by.append(self.stress(probe, p, state, at)[0][:dim, :dim].imag / STEP)
+        # Stacked, so that symbols may stand for numbers.
+        return np.stack(by, axis=2).reshape(dim, dim, dim, dim, F.shape[-1])
 
 
 class Answer(NamedTuple):

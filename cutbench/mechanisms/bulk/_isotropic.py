@@ -1,4 +1,4 @@
-"""Stress and tangent of Ψ = W(Ī₁) + U(J), shared by every law of that kind.
+"""Stress and tangent of Ψ = W(Ī₁) + U(J), shared by every law of that kind, and of Ψ = W(Ī₁, Ī₂).
 
 A law gives one scalar derivative; the tensor algebra is here once. The second derivative of the
 scalar is its complex step, exact to rounding. With C = dJ/dF the cofactor of F, each such law is
@@ -37,6 +37,11 @@ def cofactor(F: np.ndarray) -> np.ndarray:
             a, b, c, d = (i + 1) % 3, (i + 2) % 3, (J + 1) % 3, (J + 2) % 3
             C[i, J] = F[a, c] * F[b, d] - F[a, d] * F[b, c]
     return C
+
+
+def product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """A B (3, 3, N)."""
+    return sum(A[:, k, None] * B[None, k] for k in range(3))
 
 
 class Kinematics:
@@ -78,6 +83,16 @@ class Kinematics:
     def I1(self) -> np.ndarray:
         """Ī₁ = J^(−2/3) tr FᵀF."""
         return self.j * self.trace
+
+    @cached_property
+    def second(self) -> np.ndarray:
+        """I₂ = |cof F|², of F in three dimensions."""
+        return (self.C * self.C).sum(axis=(0, 1))
+
+    @cached_property
+    def I2(self) -> np.ndarray:
+        """Ī₂ = J^(−4/3) I₂."""
+        return self.j**2 * self.second
 
     @cached_property
     def r(self) -> np.ndarray:
@@ -170,6 +185,39 @@ class Isochoric(Isotropic):
         by_J = s / k.J
         slope = 2 / 3 * by_J
         return bend, -k.r * bend - slope, k.r * (k.r * bend + slope), k.r * by_J, s
+
+
+class TwoInvariants(Bulk):
+    """Ψ = W(Ī₁, Ī₂), Ī₁ = J^(−2/3) tr FᵀF and Ī₂ = J^(−4/3) |cof F|²."""
+
+    def dW_dI1(self, I1, I2, p, at):
+        """∂W/∂Ī₁ (N,), MPa; must accept complex Ī₁ and Ī₂."""
+        raise NotImplementedError(self.name)
+
+    def dW_dI2(self, I1, I2, p, at):
+        """∂W/∂Ī₂ (N,), MPa, likewise."""
+        raise NotImplementedError(self.name)
+
+    def W(self, I1, I2, p, at):
+        """Energy (N,), mJ/mm³."""
+        raise NotImplementedError(self.name)
+
+    def shear_modulus(self, p):
+        rest = np.array([3.0]), np.array([3.0]), p, None
+        return np.ravel(2 * (self.dW_dI1(*rest) + self.dW_dI2(*rest)))[0]
+
+    def energy(self, F, p, state, at):
+        k = Kinematics(F)
+        return self.W(k.I1, k.I2, p, at)
+
+    def stress(self, F, p, state, at):
+        k = Kinematics(F)
+        invariants = k.I1, k.I2, p, at
+        by_I1 = 2 * k.j * self.dW_dI1(*invariants)
+        by_I2 = 2 * k.j**2 * self.dW_dI2(*invariants)
+        # dI₂/dF is 2 (I₁ F − F FᵀF).
+        bent = k.trace * F - product(F, product(F.transpose(1, 0, 2), F))
+        return by_I1 * (F - k.r * k.C) + by_I2 * (bent - 2 / 3 * k.second / k.J * k.C), {}
 
 
 class Volumetric(Isotropic):
