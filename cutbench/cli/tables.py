@@ -116,8 +116,9 @@ def findings_table(found: Iterable[Finding]) -> RenderableType:
     """What checks of laws have found, a row each."""
     made = _table("law", "check", "", "what it requires, and what is wrong")
     for each in found:
-        said = f"{each.says}: {each.wrong}" if each.wrong else each.says
-        _row(made, each.law, each.check, "FAILED" if each.wrong else "ok", said)
+        why = each.wrong or each.untested
+        state = "FAILED" if each.wrong else "not tested" if each.untested else "ok"
+        _row(made, each.law, each.check, state, f"{each.says}: {why}" if why else each.says)
     return made
 
 

@@ -36,7 +36,7 @@ def mechanisms(
         raise BadInput("--check", str(check), "a file of Python with laws, or a folder of such")
     found = [each for file in files for each in check_file(file)]
     show(findings_table(found))
-    wrong = sum(bool(each.wrong) for each in found)
-    typer.echo(f"{len(found)} checks, {wrong} failed")
+    wrong, untested = (sum(bool(getattr(each, of)) for each in found) for of in ("wrong", "untested"))
+    typer.echo(f"{len(found)} checks, {wrong} failed" + (f", {untested} not tested" if untested else ""))
     if wrong:
         raise typer.Exit(1)
