@@ -6,17 +6,21 @@ A file is found by being there; no list is kept. A package offers laws by the en
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import importlib
-import importlib.util
 import inspect
 import pkgutil
 import sys
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
+from importlib.abc import Loader, MetaPathFinder
 from importlib.metadata import entry_points
+from importlib.util import spec_from_loader
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from cutbench.base.errors import BadInput
 from cutbench.mechanisms.base import Mechanism
@@ -97,36 +101,93 @@ def laws_of(module: ModuleType) -> list[Mechanism]:
     ]
 
 
-def load_file(path: Path) -> ModuleType:
-    """The module in a file of laws. Raises BadInput."""
+def load_file(path: Path, helper: bool = False) -> ModuleType:
+    """The module in a file of laws; a ``helper`` of others need not have any. Raises BadInput."""
     try:
-        content = path.read_bytes()
+        path.read_bytes()
     except OSError as error:
         expected = f"a file ({error.strerror})"
         raise BadInput(file=str(path), key="file", value=path.name, expected=expected) from error
-    # A file that was edited is another module.
-    digest = hashlib.sha256(str(path).encode() + content).hexdigest()
-    name = f"cutbench_laws_{digest[:12]}_{path.stem}"
-    if name in sys.modules:
-        return sys.modules[name]
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise BadInput(file=str(path), key="file", value=path.name, expected="a file of Python with laws")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
     try:
-        spec.loader.exec_module(module)
+        with _neighbours(path.parent) as package:
+            module = importlib.import_module(f"{package}.{path.stem}")
     except Exception as error:
-        del sys.modules[name]
         raise BadInput(
             file=str(path), key="import", value=f"{type(error).__name__}: {error}",
             expected="a file of Python that can be imported",
         ) from error  # fmt: skip
-    if not laws_of(module):
-        del sys.modules[name]
+    if not helper and not laws_of(module):
         expected = "a class with a name, derived from Bulk, Cut, Blade, Skin, Support or Rig"
         raise BadInput(file=str(path), key="file", value=path.name, expected=expected)
     return module
+
+
+class _Beside(MetaPathFinder, Loader):
+    """Finds modules of a ``package`` by their bare ``names``, as a script finds what lies beside it."""
+
+    def __init__(self, package: str, names: set[str]):
+        self._package, self._names, self._specs = package, names, dict[str, Any]()
+
+    def find_spec(self, name, path=None, target=None):
+        return spec_from_loader(name, self) if name in self._names else None
+
+    def create_module(self, spec):
+        module = importlib.import_module(f"{self._package}.{spec.name}")
+        self._specs[spec.name] = module.__spec__
+        return module
+
+    def exec_module(self, module):
+        # It was executed under its own name, and keeps that.
+        module.__spec__ = self._specs[module.__name__.rpartition(".")[2]]
+
+
+@contextmanager
+def _neighbours(folder: Path) -> Iterator[str]:
+    """The package that the files of a folder are modules of; in the block they import one another.
+
+    It has the folder and its content in its name: a file that was edited, or one of the same name elsewhere,
+    is another module. By their bare names they are known in the block alone.
+    """
+    files = sorted(folder.glob("*.py"))
+    parts = [
+        str(folder).encode(),
+        *(part for file in files for part in (file.name.encode(), file.read_bytes())),
+    ]
+    package = f"cutbench_laws_{hashlib.sha256(b'|'.join(parts)).hexdigest()[:12]}"
+    if package not in sys.modules:
+        sys.modules[package] = ModuleType(package)
+        sys.modules[package].__path__ = [str(folder)]
+    names = {file.stem for file in files} - {__name__.partition(".")[0]} - sys.stdlib_module_names
+    hidden = {name: sys.modules.pop(name) for name in names & sys.modules.keys()}
+    finder, writes = _Beside(package, names), sys.dont_write_bytecode
+    sys.meta_path.insert(0, finder)
+    sys.dont_write_bytecode = True  # what is kept by the second would be taken for a file edited within it
+    importlib.invalidate_caches()
+    try:
+        yield package
+    finally:
+        sys.meta_path.remove(finder)
+        sys.dont_write_bytecode = writes
+        for name in names:
+            sys.modules.pop(name, None)
+        sys.modules.update(hidden)
+
+
+def files_of_laws(folder: Path) -> list[Path]:
+    """The files of a folder that have laws; others are there for those. Raises BadInput."""
+    files = sorted(folder.glob("[!_]*.py"))
+    helpers = {name for file in files for name in _imported(file)}
+    return [file for file in files if laws_of(load_file(file, helper=file.stem in helpers))]
+
+
+def _imported(file: Path) -> Iterator[str]:
+    """First parts of the names of modules that a file imports, as far as it can be read."""
+    with suppress(OSError, SyntaxError, ValueError):  # said where it is loaded
+        for node in ast.walk(ast.parse(file.read_bytes())):
+            if isinstance(node, ast.Import):
+                yield from (name.name.partition(".")[0] for name in node.names)
+            elif isinstance(node, ast.ImportFrom):
+                yield from [node.module.partition(".")[0]] if node.module else (n.name for n in node.names)
 
 
 def _modules() -> Iterator[ModuleType]:
@@ -140,8 +201,7 @@ def _modules() -> Iterator[ModuleType]:
             raise BadInput(key=f"entry point {entry.name}", value=entry.value, expected=expected) from error
         yield from _inside(module) if hasattr(module, "__path__") else (module,)
     for folder in _folders:
-        for path in sorted(folder.glob("[!_]*.py")):
-            yield load_file(path)
+        yield from map(load_file, files_of_laws(folder))
 
 
 def _inside(package: ModuleType) -> Iterator[ModuleType]:

@@ -30,8 +30,9 @@ def mechanisms(
         return
     from cutbench.base.errors import BadInput
     from cutbench.mechanisms.checks import check_file
+    from cutbench.mechanisms.law_registry import files_of_laws
 
-    files = sorted(check.glob("[!_]*.py")) if check.is_dir() else [check]
+    files = files_of_laws(check.resolve()) if check.is_dir() else [check]
     if not files:
         raise BadInput("--check", str(check), "a file of Python with laws, or a folder of such")
     found = [each for file in files for each in check_file(file)]
