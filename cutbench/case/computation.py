@@ -251,7 +251,7 @@ def own_sources(model: Model) -> dict[str, tuple[str, dict[str, Path]]]:
     kinds = {name: type(registry()[name]) for name in model.mechanisms if folders_of((name,))}
     files = {name: _sources().own(kind) for name, kind in kinds.items()}
     every = frozenset[Path]().union(*files.values())
-    places = {}
+    places: dict[Path, str] = {}
     for root in {path.parent for path in every}:
         here = [path for path in every if path.parent == root]
         folder = f"laws-{_sources().digest_of(here)}"

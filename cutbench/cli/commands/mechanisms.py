@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from cutbench.cli.options import with_exit_status
+from cutbench.cli.options import print_written, with_exit_status
 from cutbench.cli.show import show
 
 
@@ -21,10 +21,20 @@ def mechanisms(
             help="Test the laws in a file, or in all of a folder, as those of the package are tested.",
         ),
     ] = None,
+    plot: Annotated[bool, typer.Option("--plot", help="Draw what kind of law it is.")] = False,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The picture (NAME.png), in the format of its suffix.")
+    ] = None,
 ) -> None:
-    """List the known mechanisms with parameters and groups, show one with its source, or check a file."""
+    """List the known mechanisms with parameters and groups, show or draw one, or check a file."""
     from cutbench.cli.tables import findings_table, mechanism, mechanism_table
 
+    if plot:
+        from cutbench.base.figure_style import save
+        from cutbench.homogeneous.law_figure import plot_law
+
+        print_written(save(plot_law(name or ""), out or Path(f"{name}.png")))
+        return
     if check is None:
         show(mechanism_table() if name is None else mechanism(name))
         return
