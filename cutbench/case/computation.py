@@ -250,14 +250,11 @@ def own_sources(model: Model) -> dict[str, tuple[str, dict[str, Path]]]:
     that they import, by the place of their copies in a run's folder: one folder for each of the user's."""
     kinds = {name: type(registry()[name]) for name in model.mechanisms if folders_of((name,))}
     files = {name: _sources().own(kind) for name, kind in kinds.items()}
-    every = frozenset[Path]().union(*files.values())
-    places: dict[Path, str] = {}
-    for root in {path.parent for path in every}:
-        here = [path for path in every if path.parent == root]
-        folder = f"laws-{_sources().digest_of(here)}"
-        places |= {path: f"{folder}/{path.name}" for path in here}
+    every, digest = frozenset[Path]().union(*files.values()), _sources().digest_of
+    roots = {path.parent for path in every}
+    folders = {root: f"laws-{digest(path for path in every if path.parent == root)}" for root in roots}
     return {
-        name: (_sources().digest_of(own), {places[path]: path for path in sorted(own)})
+        name: (digest(own), {f"{folders[path.parent]}/{path.name}": path for path in sorted(own)})
         for name, own in files.items()
     }
 

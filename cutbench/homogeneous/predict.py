@@ -175,7 +175,8 @@ def _complex_stepped(
     for values, name in pairs:
         moved = {**vars(p), **values}
         stepped.append(model.namespace({**moved, name: moved[name] + 1j * STEP}))
-    if experiment.kind == "sliding" or (experiment.kind in HOMOGENEOUS and not _has_history(model, p)):
+    history = any(law.start(1, p) for law in model.laws("bulk"))
+    if experiment.kind == "sliding" or (experiment.kind in HOMOGENEOUS and not history):
         # Without memory all readings are solved at once, so the parameters come one by one.
         return np.stack([_read(experiment, model, one, at, 1)[:, 0] for one in stepped], axis=1)
     batch = SimpleNamespace(**vars(p))
@@ -194,10 +195,6 @@ def _read(experiment: Experiment, model: Model, p: SimpleNamespace, at: Averaged
     machine = Machine(experiment, model, p, at)
     own = machine.specimen(history)
     return machine.reading(_respond(experiment.kind, own, model, p, experiment.direction, count))
-
-
-def _has_history(model: Model, p: SimpleNamespace) -> bool:
-    return any(law.start(1, p) for law in model.laws("bulk"))
 
 
 def _respond(kind, history, model, p, direction, count) -> np.ndarray:

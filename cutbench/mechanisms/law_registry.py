@@ -15,12 +15,9 @@ import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
-from importlib.abc import Loader, MetaPathFinder
 from importlib.metadata import entry_points
-from importlib.util import spec_from_loader
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 from cutbench.base.errors import BadInput
 from cutbench.mechanisms.base import Mechanism
@@ -109,8 +106,8 @@ def load_file(path: Path, helper: bool = False) -> ModuleType:
         expected = f"a file ({error.strerror})"
         raise BadInput(file=str(path), key="file", value=path.name, expected=expected) from error
     try:
-        with _neighbours(path.parent) as package:
-            module = importlib.import_module(f"{package}.{path.stem}")
+        with _neighbours(path):
+            module = importlib.import_module(f"{_package(path.parent)}.{path.stem}")
     except Exception as error:
         raise BadInput(
             file=str(path), key="import", value=f"{type(error).__name__}: {error}",
@@ -122,55 +119,37 @@ def load_file(path: Path, helper: bool = False) -> ModuleType:
     return module
 
 
-class _Beside(MetaPathFinder, Loader):
-    """Finds modules of a ``package`` by their bare ``names``, as a script finds what lies beside it."""
+def _package(folder: Path) -> str:
+    """The package that the files of a folder are modules of.
 
-    def __init__(self, package: str, names: set[str]):
-        self._package, self._names, self._specs = package, names, dict[str, Any]()
-
-    def find_spec(self, name, path=None, target=None):
-        return spec_from_loader(name, self) if name in self._names else None
-
-    def create_module(self, spec):
-        module = importlib.import_module(f"{self._package}.{spec.name}")
-        self._specs[spec.name] = module.__spec__
-        return module
-
-    def exec_module(self, module):
-        # It was executed under its own name, and keeps that.
-        module.__spec__ = self._specs[module.__name__.rpartition(".")[2]]
+    It has the folder and its content in its name: a file that was edited, or one of the same name elsewhere,
+    is another module.
+    """
+    files = sorted(folder.glob("*.py"))
+    content = b"|".join([str(folder).encode(), *(file.name.encode() + file.read_bytes() for file in files)])
+    name = f"cutbench_laws_{hashlib.sha256(content).hexdigest()[:12]}"
+    sys.modules.setdefault(name, ModuleType(name)).__path__ = [str(folder)]
+    return name
 
 
 @contextmanager
-def _neighbours(folder: Path) -> Iterator[str]:
-    """The package that the files of a folder are modules of; in the block they import one another.
-
-    It has the folder and its content in its name: a file that was edited, or one of the same name elsewhere,
-    is another module. By their bare names they are known in the block alone.
-    """
-    files = sorted(folder.glob("*.py"))
-    parts = [
-        str(folder).encode(),
-        *(part for file in files for part in (file.name.encode(), file.read_bytes())),
-    ]
-    package = f"cutbench_laws_{hashlib.sha256(b'|'.join(parts)).hexdigest()[:12]}"
-    if package not in sys.modules:
-        sys.modules[package] = ModuleType(package)
-        sys.modules[package].__path__ = [str(folder)]
-    names = {file.stem for file in files} - {__name__.partition(".")[0]} - sys.stdlib_module_names
-    hidden = {name: sys.modules.pop(name) for name in names & sys.modules.keys()}
-    finder, writes = _Beside(package, names), sys.dont_write_bytecode
-    sys.meta_path.insert(0, finder)
+def _neighbours(path: Path) -> Iterator[None]:
+    """In which what a file imports from beside it is known by its bare name, as to a script."""
+    asked = {*_imported(path)} - {path.stem, __name__.partition(".")[0]} - sys.stdlib_module_names
+    files = {name: file for name in asked if (file := path.with_name(f"{name}.py")).is_file()}
+    beside = {name: load_file(file, helper=True) for name, file in files.items()}
+    before, writes = {name: sys.modules.get(name) for name in beside}, sys.dont_write_bytecode
+    sys.modules.update(beside)
     sys.dont_write_bytecode = True  # what is kept by the second would be taken for a file edited within it
     importlib.invalidate_caches()
     try:
-        yield package
+        yield
     finally:
-        sys.meta_path.remove(finder)
         sys.dont_write_bytecode = writes
-        for name in names:
-            sys.modules.pop(name, None)
-        sys.modules.update(hidden)
+        for name, module in before.items():
+            sys.modules.pop(name)
+            if module:
+                sys.modules[name] = module
 
 
 def files_of_laws(folder: Path) -> list[Path]:
@@ -181,7 +160,7 @@ def files_of_laws(folder: Path) -> list[Path]:
 
 
 def _imported(file: Path) -> Iterator[str]:
-    """First parts of the names of modules that a file imports, as far as it can be read."""
+    """First parts of the names of modules that a file imports, if it can be read."""
     with suppress(OSError, SyntaxError, ValueError):  # said where it is loaded
         for node in ast.walk(ast.parse(file.read_bytes())):
             if isinstance(node, ast.Import):

@@ -12,7 +12,7 @@ built from F and C in any frame of the material indices.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -85,14 +85,9 @@ class Kinematics:
         return self.j * self.trace
 
     @cached_property
-    def second(self) -> np.ndarray:
-        """I₂ = |cof F|², of F in three dimensions."""
-        return (self.C * self.C).sum(axis=(0, 1))
-
-    @cached_property
     def I2(self) -> np.ndarray:
-        """Ī₂ = J^(−4/3) I₂."""
-        return self.j**2 * self.second
+        """Ī₂ = J^(−4/3) |cof F|², of F in three dimensions."""
+        return self.j**2 * (self.C * self.C).sum(axis=(0, 1))
 
     @cached_property
     def r(self) -> np.ndarray:
@@ -133,7 +128,10 @@ def whole_tangent(factors: Sequence, k: Kinematics, dim: int) -> np.ndarray:
 
 
 class Isotropic(Bulk):
-    """A law given by the factors above."""
+    """A law given by the factors above, and its energy by ``density(k, p, at)`` (N,), of kinematics that may
+    be in the plane."""
+
+    density: Callable[..., np.ndarray]
 
     def stress_factors(self, k: Kinematics, p, at) -> tuple:
         """s and c, each (N,) or a number."""
@@ -142,6 +140,9 @@ class Isotropic(Bulk):
     def tangent_factors(self, k: Kinematics, p, at) -> tuple:
         """ff, fc, cc, swap and one, each (N,) or a number."""
         raise NotImplementedError(self.name)
+
+    def energy(self, F, p, state, at):
+        return self.density(Kinematics(F), p, at)
 
     def stress(self, F, p, state, at):
         k = Kinematics(F)
@@ -167,11 +168,7 @@ class Isochoric(Isotropic):
         """Energy (N,), mJ/mm³."""
         raise NotImplementedError(self.name)
 
-    def energy(self, F, p, state, at):
-        return self.density(Kinematics(F), p, at)
-
     def density(self, k, p, at):
-        """``energy`` from the kinematics ``k``, in the plane as well."""
         return self.W(k.I1, p, at)
 
     def stress_factors(self, k, p, at):
@@ -213,11 +210,10 @@ class TwoInvariants(Bulk):
     def stress(self, F, p, state, at):
         k = Kinematics(F)
         invariants = k.I1, k.I2, p, at
-        by_I1 = 2 * k.j * self.dW_dI1(*invariants)
-        by_I2 = 2 * k.j**2 * self.dW_dI2(*invariants)
+        by_I1, by_I2 = 2 * self.dW_dI1(*invariants), 2 * self.dW_dI2(*invariants)
         # dI₂/dF is 2 (I₁ F − F FᵀF).
-        bent = k.trace * F - product(F, product(F.transpose(1, 0, 2), F))
-        return by_I1 * (F - k.r * k.C) + by_I2 * (bent - 2 / 3 * k.second / k.J * k.C), {}
+        bent = k.j**2 * (k.trace * F - product(F, product(F.transpose(1, 0, 2), F)))
+        return by_I1 * k.j * (F - k.r * k.C) + by_I2 * (bent - 2 / 3 * k.I2 / k.J * k.C), {}
 
 
 class Volumetric(Isotropic):
@@ -231,11 +227,7 @@ class Volumetric(Isotropic):
     def dU_dJ(self, J, p):
         raise NotImplementedError(self.name)
 
-    def energy(self, F, p, state, at):
-        return self.density(Kinematics(F), p, at)
-
     def density(self, k, p, at):
-        """``energy`` from the kinematics ``k``, in the plane as well."""
         return self.U(k.J, p)
 
     def stress_factors(self, k, p, at):

@@ -13,11 +13,6 @@ from cutbench.base.units import Parameter
 from cutbench.mechanisms.base import Bulk
 
 
-def _ln_cosh(z):
-    """ln cosh z for z ≥ 0, without overflow."""
-    return z + np.log1p(np.exp(-2 * z)) - np.log(2.0)
-
-
 class Mullins(Bulk):
     """Stress softening after the first loading; 1/r of the reference is ς."""
 
@@ -58,7 +53,7 @@ class Mullins(Bulk):
         return 1 - np.tanh(z) ** 2
 
     def spent(self, z):
-        return _ln_cosh(z)
+        return z + np.log1p(np.exp(-2 * z)) - np.log(2.0)  # ln cosh z, without overflow
 
     def _sum(self, which, F, p, at, *more):
         """Of the laws whose energy counts: their ``stress``, ``tangent`` or ``energy`` together."""

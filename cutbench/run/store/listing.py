@@ -20,7 +20,6 @@ from cutbench.base.units import parse_quantity, unit_factor
 from cutbench.case.computation import computation_here
 from cutbench.case.model import Model
 from cutbench.case.model import groups as known_groups
-from cutbench.mechanisms.base import MODULUS
 from cutbench.run.measures import MEASURES, NOTED
 from cutbench.run.store.runs import Head, writer
 
@@ -65,9 +64,8 @@ def row_of(id: str, head: Head) -> dict[str, object]:
     """A run as one flat row: general columns, values in their units, groups by name, measures."""
     values = {name: float(v) for name, (v, _) in head["values"].items()}
     internal = {name: float(v) * unit_factor(unit) for name, (v, unit) in head["values"].items()}
-    if MODULUS not in internal:
-        with suppress(BadInput):  # laws that this process does not know
-            internal = vars(Model(tuple(head["mechanisms"])).namespace(internal))
+    with suppress(BadInput):  # laws that this process does not know
+        internal = vars(Model(tuple(head["mechanisms"])).namespace(internal))
     groups = {
         name: float(f"{group.value(SimpleNamespace(**internal)):.6g}")
         for name, group in known_groups().items()
