@@ -6,7 +6,9 @@ import re
 from pathlib import Path
 
 import pytest
+from refusals import refused
 
+from cutbench.mechanisms import registry, use_mechanisms
 from cutbench.mechanisms.checks import check_file
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -94,6 +96,15 @@ def test_the_laws_themselves_pass(name, tmp_path):
 def test_a_wrong_law_is_caught_or_not_tested_by_name(name, old, new, check, tmp_path):
     wrong, untested = said(name, tmp_path, (old, new))
     assert check in wrong or check in untested
+
+
+def test_a_law_whose_damage_would_mislead_a_run_is_not_taken_up(tmp_path):
+    known = set(registry())
+    text = LAWS["trapezoid"].replace("return self.left(s, p) / (1 + p.fall)", "return self.keep(s, p)")
+    (tmp_path / "trapezoid.py").write_text(text, encoding="utf-8")
+    with refused("trapezoid", file="trapezoid.py"):
+        use_mechanisms(tmp_path)
+    assert set(registry()) == known
 
 
 def test_a_modulus_that_others_would_misread_is_caught(tmp_path):

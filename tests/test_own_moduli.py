@@ -36,25 +36,29 @@ class Two(Isochoric):
 '''
 BARE = '''"""A cohesive law with constants of its own."""
 
-import numpy as np
+import math
+from types import SimpleNamespace
 
-from cutbench.mechanisms import Bulk, Cut, Estimate, Isochoric, Parameter
+from cutbench.mechanisms import Isochoric, Parameter, SmithFerrante
 
 
-class Bare(Cut):
+class Bare(SmithFerrante):
     """Nothing else reads what it declares."""
 
-    name, title, role, rank = "bare", "bare", "cohesive", -10
-    parameters = (Parameter.positive("peak", "kPa", "p", "strength", typical=5.0),)
+    name, title, reads, settable = "bare", "bare", (), ()
+    parameters = (Parameter.positive("peak", "kPa", "p", "strength at 0.1 mm", typical=5.0),)
 
-    def start(self, n, p):
-        return {"damage": np.zeros(n)}
+    def own(self, p):
+        return SimpleNamespace(G=10 * p.peak, G_c=0.1 * math.e * p.peak, delta_c=0.1, beta=1.0)
 
-    def traction(self, jump, p, state, at):
-        return p.peak * jump, {"damage": 0 * jump[0]}
+    def groups(self, p):
+        return {}
 
     def estimate(self, p, rate, width):
-        return Estimate(strength=p.peak, opening=1.0)
+        return super().estimate(self.own(p), rate, width)
+
+    def traction(self, jump, p, state, at):
+        return super().traction(jump, self.own(p), state, at)
 
 
 class Reader(Isochoric):

@@ -10,6 +10,7 @@ from cutbench.base.errors import BadInput
 from cutbench.mechanisms.base import Mechanism
 from cutbench.mechanisms.checks import every_slot, of_bulk, of_cut, of_surfaces  # noqa: F401
 from cutbench.mechanisms.checks.base import CHECKS, Check, NotTested
+from cutbench.mechanisms.checks.of_cut import damage_says_what_is_cut
 from cutbench.mechanisms.checks.trial import Trial
 from cutbench.mechanisms.law_registry import file_of, laws_of, load_file, registry
 from cutbench.mechanisms.law_validation import refuse_incomplete
@@ -50,13 +51,17 @@ def check_file(path: str | Path) -> Iterator[Finding]:
             yield finding(check, trial)
 
 
-def refuse_wrong_tool(law: Mechanism) -> None:
-    """Raises BadInput for a blade that fails a check of its slot: contact would go astray in a run."""
+def refuse_wrong(law: Mechanism) -> None:
+    """Raises BadInput for a law that a run would go astray with and say nothing: for a blade that fails a
+    check of its slot, and a cohesive law whose damage does not say what is cut."""
     trial = Trial(law)
-    for check in (check for check in checks_of(law) if check.slot):
+    decisive = [
+        each for each in checks_of(law) if each.slot == "blade" or each.run is damage_says_what_is_cut
+    ]
+    for check in decisive:
         if wrong := finding(check, trial).wrong:
             expected = (
-                f"a blade that passes 'cutbench mechanisms --check': {check.says[0].lower()}{check.says[1:]}"
+                f"a law that passes 'cutbench mechanisms --check': {check.says[0].lower()}{check.says[1:]}"
             )
             raise BadInput(file=str(file_of(law)), key=law.name, value=wrong, expected=expected)
 
