@@ -16,3 +16,10 @@ def converging(case) -> Result:
     found = {"onset_mm": 3 - h, "peak_N": 1 - h**2, "drop_rel": 0.004 * h, "steady_N": 1.0, "closure": 0.001}
     found["slope_N_per_mm"] = 0.05 if case.numerics.normal != "material" else float("nan")
     return Result(case, curve, Outcome("done", "", "", case.p.depth), {"total": 1.0}, {}, [], found)
+
+
+def uncut(case) -> Result:
+    """The same of a blade that does not get through the top."""
+    whole = converging(case)
+    whole.measures.update(dict.fromkeys(("onset_mm", "drop_rel", "steady_N"), float("nan")))
+    return whole

@@ -140,3 +140,14 @@ def test_the_studies_that_are_shipped_can_be_read_and_the_command_refuses_what_i
     assert all(refined) and not any(c.refinement for c in choices.changes)
     done = CliRunner().invoke(app, ["converge", str(tmp_path / "no.toml"), "--out", str(tmp_path / "out")])
     assert done.exit_code == 2 and "no.toml" in done.output
+
+
+def test_a_base_that_is_not_cut_accuses_no_refinement(study, tmp_path):
+    rows = compute(load_plan(study), tmp_path / "out", run=convergence_runs.uncut, workers=0)
+    assert [r.holds for r in rows if r.change == "h/2"] == [None, None]
+    said = markdown(rows)
+    assert said.lower().count("nothing was cut") == 2 and "✗" not in said
+    paths = write(load_plan(study), rows, tmp_path / "out")
+    assert all(path.is_file() for path in paths)
+    (base, *_) = json.loads((tmp_path / "out" / "convergence.json").read_text("utf-8"))["rows"]
+    assert base["change"] == "as given"

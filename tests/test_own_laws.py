@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from itertools import pairwise
@@ -270,3 +272,100 @@ def test_a_law_brings_its_group_and_its_lever(tmp_path):
         tmp_path,
     )
     assert said.split() == ["0.1", "0.3"]
+
+
+SHARED = '''
+from cutbench.mechanisms import Isochoric, NeoHookean, Parameter
+
+
+class {kind}(Isochoric):
+    """Stiffens by a part of Ī₁ − 3 that a neighbour knows."""
+
+    name, title, role = "{kind}".lower(), "{kind}", "isochoric"
+    parameters = (*NeoHookean.parameters, Parameter.effect("{kind}_k", "1", "k", "stiffening"))
+
+    def dW_dI1(self, I1, p, at):
+        return p.G / 2 * (1 + p.{kind}_k * PART * (I1 - 3))
+
+    def W(self, I1, p, at):
+        return p.G / 2 * (I1 - 3 + p.{kind}_k * PART * (I1 - 3) ** 2 / 2)
+'''
+
+
+def test_files_of_a_folder_import_one_another_and_no_other_folders(tmp_path):
+    """By their bare names or with a dot; a neighbour has laws, or helps those that do."""
+    for kind, part, line in (
+        ("One", 0.5, "from shapes import PART"),
+        ("Two", 2.0, "from .shapes import PART"),
+    ):
+        folder = tmp_path / kind
+        folder.mkdir()
+        (folder / "shapes.py").write_text(f"PART = {part}\n", encoding="utf-8")
+        (folder / f"{kind.lower()}.py").write_text(f"{line}\n{SHARED.format(kind=kind)}", encoding="utf-8")
+    (tmp_path / "One" / "three.py").write_text(
+        "import one\n\n\nclass Three(one.One):\n    'The same.'\n    name, title = 'three', 'three'\n",
+        "utf-8",
+    )
+    said = python(
+        "import pickle, sys, cutbench\nfrom pathlib import Path\n"
+        "print(*sorted(cutbench.use_mechanisms('One', 'Two')), sep='+')\n"
+        "print('shapes' in sys.modules)\n"
+        "known = cutbench.known_mechanisms()\n"
+        "print(type(known['three']).__mro__[1] is type(known['one']))\n"
+        "p = type('P', (), {'G': 2.0, 'One_k': 1.0, 'Two_k': 1.0})\n"
+        "print(*[known[name].dW_dI1(4.0, p, None) for name in ('one', 'two')])\n"
+        "case = cutbench.load_case('gelatin', {'with': 'one'})\n"
+        "pickle.dump(case, open('case.pickle', 'wb'))\n"
+        "Path('One/shapes.py').write_text('PART = 1.5\\n')\n"
+        "cutbench.use_mechanisms('One')\n"
+        "print(cutbench.known_mechanisms()['one'].dW_dI1(4.0, p, None))\n"
+        "print(cutbench.load_case('gelatin', {'with': 'one'}).id == case.id)\n"
+        "Path('One/shapes.py').write_text('PART = 0.5\\n')\n",
+        tmp_path,
+    )
+    assert said.split() == ["one+three+two", "False", "True", "1.5", "3.0", "2.5", "False"]
+    assert (
+        python("import pickle; print(pickle.load(open('case.pickle', 'rb')).mechanisms[0])\n", tmp_path)
+        == "one\n"
+    )
+    done = cli("mechanisms", "--check", "One", folder=tmp_path)
+    assert done.returncode == 1 and "three" in done.stdout and "shapes" not in done.stdout
+    assert not list(tmp_path.glob("*/__pycache__"))
+
+
+def test_a_run_keeps_the_sources_of_its_laws_and_is_computed_elsewhere_with_them(tmp_path):
+    here, there = tmp_path / "here", tmp_path / "there"
+    (here / "my").mkdir(parents=True)
+    (here / "my" / "shapes.py").write_text("PART = 0.5\n", encoding="utf-8")
+    (here / "my" / "one.py").write_text(
+        "from shapes import PART\n" + SHARED.format(kind="One"), encoding="utf-8"
+    )
+    said = python(
+        "import cutbench\nfrom cutbench.run import Store, write_run\ncutbench.use_mechanisms('my')\n"
+        "run = cutbench.run2d('gelatin', with_='one', One_k=0.2, depth='0.1 mm', h='1.4 mm')\n"
+        "write_run(run, 'out')\nstore = Store('store')\nstore.put(run)\n"
+        "print(run.id, repr(run.force_N[-1]))\n",
+        here,
+    )  # fmt: skip
+    there.mkdir()
+    (here / "out").rename(there / "out")
+    (here / "store").rename(there / "store")
+    shutil.rmtree(here)
+    record = json.loads((there / "out" / "run.json").read_text("utf-8"))
+    files = record["laws"]["one"]["files"]
+    assert record["laws"]["one"]["digest"] and {Path(name).name for name in files} == {"one.py", "shapes.py"}
+    assert all((there / "out" / name).is_file() for name in files)
+    assert "numba" in record["versions"]
+    unread = cli("plot", "out", folder=there)
+    folder = str(Path("out") / Path(files[0]).parent)
+    assert unread.returncode == 2 and f"--mechanisms {folder}" in unread.stderr, unread.stderr
+    steps = record["reproduce"]["python"].replace("run_case(read", "run = run_case(read")
+    steps = f"import os\nos.chdir('out')\n{steps}\nprint(run.id, repr(run.force_N[-1]))\n"
+    again = python(steps, there)
+    assert again == said
+    kept = (
+        "import cutbench\nfrom cutbench.run import Store\ncutbench.use_mechanisms({!r})\n"
+        "print(*[r.id for r in Store('store')])\n"
+    )
+    (place,) = {path.parent for path in (there / "store").rglob("one.py")}
+    assert python(kept.format(str(place)), there).strip() == said.split()[0]

@@ -6,7 +6,7 @@ import platform
 from functools import cache
 from importlib import metadata
 
-_PACKAGES = ("cutbench", "numpy", "scipy", "scikit-fem", "meshio", "py-mkl-pardiso")
+_PACKAGES = ("cutbench", "numpy", "scipy", "scikit-fem", "meshio", "numba", "py-mkl-pardiso")
 
 
 @cache

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from types import SimpleNamespace
 
 import numpy as np
 
@@ -119,7 +118,7 @@ class Recorder:
 
     def _shown(self, course: np.ndarray, values: Mapping[str, complex]) -> np.ndarray:
         """Readings (m,), complex, through the rig."""
-        p, (places, average) = SimpleNamespace(**values), self.places
+        p, (places, average) = self.model.namespace(values), self.places
         if self.of_time:  # at the same time the blade is elsewhere only where a rig says so
             read = _polygon(places, course[2], self.model.record(course[0], course[1], course[2], p)[1])
         else:
@@ -167,7 +166,7 @@ class MeasureRecorder(Recorder):
         assert isinstance(self.experiment, MeasuredCut), "see of"
         x, force = course[0], course[1]
         if self.model.laws("rig"):
-            shown = self.model.shown(course.astype(complex), SimpleNamespace(**values))
+            shown = self.model.shown(course.astype(complex), self.model.namespace(values))
             x, force = shown[0].real, shown[1].real
         return self.experiment.read(x, force)
 

@@ -24,7 +24,7 @@ from cutbench.case.group_ranges import UntypicalGroup, untypical_groups
 from cutbench.case.model import DEFAULT, Model
 from cutbench.case.motion import DEPTH, Polyline, checked_motion, read_motion
 from cutbench.case.numerics import ALIASES, KEYS, Numerics, Sizes, defaults, preset, unit_mm
-from cutbench.case.outline import Points, checked_outline, namespace, read_outline, with_outline
+from cutbench.case.outline import Points, checked_outline, read_outline, with_outline
 from cutbench.case.tuning import Tuning
 from cutbench.case.values import (
     SECTIONS,
@@ -137,7 +137,7 @@ class Case:
     @property
     def p(self) -> SimpleNamespace:
         """The values by attribute, in internal units, as laws read them."""
-        return namespace(self.values, self.outline)
+        return self.model.namespace(self.values, self.outline)
 
     @property
     def _lines(self) -> list[tuple[str, Points]]:

@@ -20,6 +20,8 @@ from typing import NamedTuple
 
 from cutbench.base.errors import BadInput
 from cutbench.case.model import Model
+from cutbench.mechanisms import registry
+from cutbench.mechanisms.own_laws import folders_of
 
 #: The modules that march a case to its end: a cut, and a strip in tension.
 ROOTS = ("cutbench.run.runner", "cutbench.run.tension")
@@ -125,9 +127,21 @@ class Sources:
 
     def digest(self, laws: Iterable[type]) -> str:
         """12 hex digits of the engine and these laws."""
-        files = self.engine.union(*(self.law(kind) for kind in laws))
+        # A user's files may have been edited since, and are loaded anew where they were.
+        self._known = {path: source for path, source in self._known.items() if self._ours(path)}
+        return self.digest_of(self.engine.union(*(self.law(kind) for kind in laws)))
+
+    def digest_of(self, files: Iterable[Path]) -> str:
+        """12 hex digits of files."""
         parts = sorted({self._source(file).digest for file in files})
         return hashlib.sha256("".join(parts).encode()).hexdigest()[:12]
+
+    def own(self, kind: type) -> frozenset[Path]:
+        """The files of a law that are not of this package."""
+        return frozenset(path for path in self.law(kind) if not self._ours(path))
+
+    def _ours(self, path: Path) -> bool:
+        return self._package in path.parents
 
     def _source(self, path: Path) -> Source:
         if path not in self._known:
@@ -194,7 +208,7 @@ class Sources:
             return importer.parents[dots - 1]
         if top == self._package.name:
             return self._package.parent
-        if top in sys.stdlib_module_names or self._package in importer.parents:
+        if top in sys.stdlib_module_names or self._ours(importer):
             return None
         root = importer.parent
         while (root / "__init__.py").is_file():
@@ -229,6 +243,20 @@ def computation_here(mechanisms: Iterable[str]) -> str | None:
         return computation_of(Model(tuple(mechanisms)))
     except BadInput:
         return None
+
+
+def own_sources(model: Model) -> dict[str, tuple[str, dict[str, Path]]]:
+    """Of each law of ``model`` that is from a user's folder, a digest and its files, with those beside them
+    that they import, by the place of their copies in a run's folder: one folder for each of the user's."""
+    kinds = {name: type(registry()[name]) for name in model.mechanisms if folders_of((name,))}
+    files = {name: _sources().own(kind) for name, kind in kinds.items()}
+    every, digest = frozenset[Path]().union(*files.values()), _sources().digest_of
+    roots = {path.parent for path in every}
+    folders = {root: f"laws-{digest(path for path in every if path.parent == root)}" for root in roots}
+    return {
+        name: (digest(own), {f"{folders[path.parent]}/{path.name}": path for path in sorted(own)})
+        for name, own in files.items()
+    }
 
 
 def mesh_digest(mesh: str) -> str:

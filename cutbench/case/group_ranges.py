@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from types import SimpleNamespace
 
 from cutbench.base.toml import read_toml
 from cutbench.base.units import powers_of
@@ -59,9 +58,9 @@ def untypical_groups(model: Model, values: Mapping[str, float]) -> list[Untypica
     found, ranges, known = [], _ranges(), model.parameters()
 
     def moved(group: str, name: str, to: float) -> float:
-        return model.groups(SimpleNamespace(**{**values, name: to}))[group]
+        return model.groups(model.namespace({**values, name: to}))[group]
 
-    for group, value in model.groups(SimpleNamespace(**values)).items():
+    for group, value in model.groups(model.namespace(values)).items():
         low, high = ranges.get(group, (0.0, 0.0))
         if high <= 0 or value <= 0 or low / MAX_RATIO <= value <= MAX_RATIO * high:
             continue
@@ -102,7 +101,7 @@ def _ranges() -> dict[str, tuple[float, float]]:
         table = read_toml(materials.find(name))[0]
         model = Model(tuple(table["mechanisms"])) if "mechanisms" in table else Model()
         raw = {key: value for section in SECTIONS for key, value in table.get(section, {}).items()}
-        groups = model.groups(SimpleNamespace(**resolve({}, raw, model)))
+        groups = model.groups(model.namespace(resolve({}, raw, model)))
         for group, value in groups.items():
             seen.setdefault(group, []).append(value)
     return {group: (min(values), max(values)) for group, values in seen.items()}

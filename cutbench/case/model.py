@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from graphlib import TopologicalSorter
@@ -17,7 +17,7 @@ from cutbench.base.errors import BadInput
 from cutbench.base.toml import among, one_of
 from cutbench.base.units import Parameter
 from cutbench.mechanisms import Group, Mechanism, Tool, Volumetric, registry
-from cutbench.mechanisms.base import Bulk, Rig
+from cutbench.mechanisms.base import MODULUS, Bulk, Rig
 from cutbench.mechanisms.own_laws import folders_of, take_up
 from cutbench.mechanisms.specimen_and_protocol import PROTOCOL, SPECIMEN
 
@@ -82,7 +82,8 @@ class Model:
     Raises
     ------
     BadInput
-        For an unknown name, two mechanisms of one role, or no bulk law.
+        For an unknown name, two mechanisms of one role, no bulk law, or a parameter that a mechanism reads
+        and that the one in the place of its owner does not declare.
 
     Examples
     --------
@@ -116,8 +117,28 @@ class Model:
             laws = [m.name for m in registry().values() if m.slot == "bulk" and not isinstance(m, Volumetric)]
             expected = f"a bulk law that resists shear: {', '.join(laws)}"
             raise BadInput(key="mechanisms", value=", ".join(self.mechanisms), expected=expected)
+        self._refuse_orphans(asked, roles)
         names = {m.name for m in asked}
         object.__setattr__(self, "mechanisms", tuple(name for name in registry() if name in names))
+
+    @staticmethod
+    def _refuse_orphans(asked: list[Mechanism], roles: Mapping[tuple[str, str], str]) -> None:
+        """Raise BadInput for a parameter that is read, and whose owner's place has a law without it: the
+        reader would go on with a number that nothing in the model is made of."""
+        declared = {q.name for m in asked for q in m.parameters}
+        for reader in asked:
+            for name in (name for name in reader.reads if name not in declared):
+                who = owners(name)
+                places = [(registry()[o].slot, registry()[o].role or "") for o in who]
+                there = next((roles[place] for place in places if place in roles), "")
+                if name == MODULUS:  # that of the bulk laws, which these laws add to
+                    there = reader.name if isinstance(reader, Bulk) and reader.adds_stiffness else ""
+                if there:
+                    expected = (
+                        f"a parameter that a mechanism of the model declares; {there}, in the place of"
+                        f" {' or '.join(who)}, does not: let {there} declare {name}, or leave {reader.name}"
+                    )
+                    raise BadInput(key=f"{reader.name} reads", value=name, expected=expected)
 
     def __reduce__(self):
         return _unpickled, (folders_of(self.mechanisms), self.mechanisms)
@@ -256,7 +277,8 @@ class Model:
         """Return every number the model needs, by name: of its mechanisms, the specimen and the protocol.
 
         A parameter that a law reads from a mechanism stays when that mechanism is taken out: the blade keeps
-        its thickness without contact, and a viscous term scaled by G_c keeps G_c.
+        its thickness without contact, and a viscous term scaled by G_c keeps G_c. The shear modulus alone
+        does not, since bulk laws have one without declaring it.
 
         Returns
         -------
@@ -278,13 +300,40 @@ class Model:
         found |= {q.name: q for q in SPECIMEN + PROTOCOL}
         for m in self.all:
             for name in m.reads:
-                if name in found:
+                if name in found or name == MODULUS:
                     continue
                 declared = [q for o in registry().values() for q in o.parameters if q.name == name]
                 if not declared:
                     raise ValueError(f"{m.name} reads {name}, which no mechanism declares")
                 found[name] = declared[0]
         return found
+
+    @cached_property
+    def derives_modulus(self) -> bool:
+        """Whether its shear modulus follows from its bulk laws, and is no parameter."""
+        return not any(q.name == MODULUS for m in self.all for q in m.parameters)
+
+    def namespace(
+        self, values: Mapping[str, Any], outline: Sequence[tuple[float, float]] = ()
+    ) -> SimpleNamespace:
+        """Return the parameters as laws read them.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            All values, internal units.
+        outline : sequence of (float, float)
+            A measured profile of the blade, mm.
+
+        Returns
+        -------
+        SimpleNamespace
+            Values by attribute, with the shear modulus that they come to where no law declares one.
+        """
+        p = SimpleNamespace(**values, **({"outline": np.array(outline)} if outline else {}))
+        if self.derives_modulus:
+            setattr(p, MODULUS, self.shear_modulus(p))
+        return p
 
     def groups(self, p: SimpleNamespace) -> dict[str, float]:
         """Compute all dimensionless groups of its mechanisms.
@@ -414,7 +463,8 @@ class Model:
             By the name that ``Case.set`` takes.
         """
         here = self.parameters()
-        return {n: g for n, g in groups().items() if g.parameter in here and all(q in here for q in g.needs)}
+        read = {*here, MODULUS}
+        return {n: g for n, g in groups().items() if g.parameter in here and read.issuperset(g.needs)}
 
 
 def _unpickled(folders: tuple[Path, ...], names: tuple[str, ...]) -> Model:
@@ -422,13 +472,13 @@ def _unpickled(folders: tuple[Path, ...], names: tuple[str, ...]) -> Model:
     return Model(names)
 
 
-def apply_groups(values: Mapping[str, float], asked: Mapping[str, float]) -> dict[str, float]:
+def apply_groups(values: Mapping[str, float], asked: Mapping[str, float], model: Model) -> dict[str, float]:
     """``values`` (internal units) with each group of ``asked`` solved for its parameter."""
-    p = SimpleNamespace(**values)
+    solved = dict(values)
     for name, group in groups().items():
         if name in asked:
-            setattr(p, group.parameter, group.solve(p, asked[name]))
-    return vars(p)
+            solved[group.parameter] = group.solve(model.namespace(solved), asked[name])
+    return solved
 
 
 def section_of(parameter: str) -> str:

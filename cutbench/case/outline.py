@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 
@@ -91,8 +89,3 @@ def checked_outline(outline: Points, tool: Tool | None) -> Points:
     if wrong:
         raise BadInput(key="outline", value=f"{len(points)} points", expected=wrong)
     return outline
-
-
-def namespace(values: Mapping[str, float], outline: Points) -> SimpleNamespace:
-    """What laws read: values by attribute, and the outline, if there is one."""
-    return SimpleNamespace(**values, **({"outline": np.array(outline)} if outline else {}))

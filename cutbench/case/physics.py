@@ -9,7 +9,7 @@ from types import SimpleNamespace
 from cutbench.base.errors import BadInput
 from cutbench.case.model import Model
 from cutbench.case.numerics import KEYS
-from cutbench.case.outline import Points, namespace, read_outline
+from cutbench.case.outline import Points, read_outline
 from cutbench.case.values import as_written, names, resolve
 
 
@@ -44,7 +44,7 @@ class Physics:
     @property
     def p(self) -> SimpleNamespace:
         """The values by attribute, as laws read them."""
-        return namespace(self.values, self.outline)
+        return self.model.namespace(self.values, self.outline)
 
     def groups(self) -> dict[str, float]:
         """The dimensionless groups of all its mechanisms."""

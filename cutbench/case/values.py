@@ -11,7 +11,8 @@ from cutbench.base.toml import one_of
 from cutbench.case.mesh_sizes import chosen, under_tip
 from cutbench.case.model import PROTOCOL, SPECIMEN, Model, apply_groups, groups, owners, section_of, tools
 from cutbench.case.numerics import KEYS, Numerics, Sizes, unit_mm
-from cutbench.mechanisms import Tool, registry
+from cutbench.mechanisms import Group, Tool, Volumetric, registry
+from cutbench.mechanisms.base import MODULUS
 
 #: Sharpest tip that an element resolves: its radius of curvature a²/b in element sizes.
 TIP_PER_ELEMENT = 1 / 20
@@ -71,6 +72,10 @@ def unknown(key: str, raw: object, model: Model) -> BadInput:
     target = parameter_of(key)
     if text := instead(key):
         expected = text
+    elif target == MODULUS and model.derives_modulus:
+        laws = [law for law in model.laws("bulk") if not isinstance(law, Volumetric) and law.parameters]
+        own = "; ".join(f"{', '.join(q.name for q in law.parameters)} of {law.name}" for law in laws)
+        expected = f"{own}: in this model {MODULUS} is the shear modulus at small strain that they come to"
     elif target not in model.parameters() and (who := owners(target)):
         expected = (
             f"a parameter of this model ({', '.join(model.mechanisms)}); add the mechanism"
@@ -149,10 +154,18 @@ def resolve(start: Mapping[str, float], changes: Mapping[str, object], model: Mo
     values = {n: q.default * q.factor for n, q in known.items() if q.default is not None} | values
     set_too = {parameter_of(name) for name in asked}
     for name, value in asked.items():
-        for need in groups()[name].needs:
+        for need in _needed(groups()[name], model):
             if need not in values and need not in set_too:
                 raise BadInput(key=name, value=value, expected=f"{need} beside it, from which it is solved")
-    return apply_groups(values, asked)
+    return apply_groups(values, asked, model)
+
+
+def _needed(group: Group, model: Model) -> tuple[str, ...]:
+    """Parameters that a group is solved from; in place of a modulus that follows, those of the bulk laws."""
+    if MODULUS not in group.needs or not model.derives_modulus:
+        return group.needs
+    bulk = [q.name for law in model.laws("bulk") for q in law.parameters]
+    return (*bulk, *(name for name in group.needs if name != MODULUS))
 
 
 def completed(given: Mapping[str, float], model: Model) -> dict[str, float]:
@@ -246,6 +259,10 @@ def check_fit(p: SimpleNamespace, numerics: Numerics, dim: int, model: Model) ->
     """
     for key, value, expected in _misfits(vars(p), numerics, dim, bool(model.laws("blade"))):
         raise BadInput(key=key, value=value, expected=expected)
+    if model.derives_modulus and not getattr(p, MODULUS) > 0:
+        key = next(law.name for law in model.laws("bulk") if not isinstance(law, Volumetric))
+        expected = "values with which it resists shear; a law with a state answers shear_modulus(p) itself"
+        raise BadInput(key=key, value=f"a shear modulus of {getattr(p, MODULUS):g} MPa", expected=expected)
     if p.precut and not any(law.role == "cohesive" for law in model.laws("cut")):
         expected = "0 mm in a model without a cohesive law: its cut plane never opens"
         raise BadInput(key="precut", value=f"{p.precut:g} mm", expected=expected)

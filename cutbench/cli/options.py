@@ -55,7 +55,7 @@ def with_exit_status(command: Callable) -> Callable:
             )
             raise typer.Exit(1) from error
         except KeyboardInterrupt as error:
-            typer.echo("cutbench: interrupted", err=True)
+            typer.echo("cutbench: interrupted: start the same command again to go on", err=True)
             raise typer.Exit(130) from error
 
     return wrapped

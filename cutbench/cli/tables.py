@@ -7,7 +7,6 @@ import math
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from types import SimpleNamespace
 
 from rich.console import Group as Stack
 from rich.console import RenderableType
@@ -100,8 +99,9 @@ def mechanism(name: str) -> RenderableType:
     if m.parameters:
         parts = [_table(*heads, rows=rows, title=title)]
     # The texts of its groups are found by asking for them at some values.
-    some = {q.name: q.typical * q.factor for q in Model().with_(m.name).parameters().values()}
-    if groups := m.groups(SimpleNamespace(**some)):
+    model = Model().with_(m.name)
+    some = {q.name: q.typical * q.factor for q in model.parameters().values()}
+    if groups := m.groups(model.namespace(some)):
         parts.append(Text(f"groups: {', '.join(groups)}"))
     if m.settable:
         parts.append(Text(f"may be set: {', '.join(f'{g.name} = {g.text}' for g in m.settable)}"))
@@ -116,8 +116,9 @@ def findings_table(found: Iterable[Finding]) -> RenderableType:
     """What checks of laws have found, a row each."""
     made = _table("law", "check", "", "what it requires, and what is wrong")
     for each in found:
-        said = f"{each.says}: {each.wrong}" if each.wrong else each.says
-        _row(made, each.law, each.check, "FAILED" if each.wrong else "ok", said)
+        why = each.wrong or each.untested
+        state = "FAILED" if each.wrong else "not tested" if each.untested else "ok"
+        _row(made, each.law, each.check, state, f"{each.says}: {why}" if why else each.says)
     return made
 
 

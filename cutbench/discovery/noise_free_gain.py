@@ -163,7 +163,10 @@ def gain_from_draws(evidence: Evidence, rng: np.random.Generator, draws: int = D
     ]
     gains, likely = np.zeros(draws), np.zeros(draws)
     for k in range(draws):
-        variance = {kind: _drawn_variance(f, rng) for kind, f in evidence.factors.items()}
+        # One that each factor may have, by how well it is known.
+        variance = {
+            kind: f.dof * f.variance / float(rng.chisquare(f.dof)) for kind, f in evidence.factors.items()
+        }
         which = [rng.choice(DISCREPANCY_SIZES.size, p=chance) for chance in chances]
         d = DISCREPANCY_SIZES[which]
         # What is drawn more often than it was expected beforehand counts by less.
@@ -227,8 +230,3 @@ def _root_of_fit_covariance(train: Sequence[PredictedTest], variance: dict[str, 
     J = np.vstack([*white, np.eye(white[0].shape[1])])
     values, vectors = np.linalg.eigh(information_inverse(J))
     return vectors * np.sqrt(np.clip(values, 0, None))
-
-
-def _drawn_variance(f: Factors, rng: np.random.Generator) -> float:
-    """One that the factor may have, by how well it is known."""
-    return f.dof * f.variance / float(rng.chisquare(f.dof))

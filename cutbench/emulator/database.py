@@ -6,7 +6,6 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from types import SimpleNamespace
 
 import numpy as np
 
@@ -141,7 +140,9 @@ class CutEmulator:
         others = {q.name for law in registry().values() if law not in self._equal for q in law.parameters}
         other_words = {q.name for law in self._equal for q in law.parameters} - others
         free = {*free, *(name for law in self._equal for name in law.like(first.p))}
-        ends = [_travel_at_end(c) / groups.length(c.values) for c in cases]
+        # Where each ends: its depth, or its duration times its speed.
+        ways = [c.motion[-1][0] * c.values["speed"] if c.motion else c.values["depth"] for c in cases]
+        ends = [way / groups.length(c.values) for way, c in zip(ways, cases, strict=True)]
         asked = [groups.reduced(self._with_equal_laws_replaced(c.values)) for c in cases]
         # Runs that differ in anything else, as those of other candidates do, say little of these.
         may_differ = {
@@ -212,7 +213,7 @@ class CutEmulator:
                 q.off is not None and values.get(q.name, q.off_value) != q.off_value for q in law.parameters
             )
             if on:
-                values = {**values, **law.like(SimpleNamespace(**values))}
+                values = {**values, **law.like(self.model.namespace(values))}
         return values
 
     @property
@@ -388,11 +389,6 @@ def _is_nested_in(mechanisms: tuple[str, ...], wanted: tuple[str, ...]) -> bool:
     except BadInput:
         return False
     return {*grown.mechanisms} == {*other.mechanisms}
-
-
-def _travel_at_end(case: Case) -> float:
-    """Where it ends, mm: its depth, or its duration times its speed."""
-    return case.motion[-1][0] * case.values["speed"] if case.motion else case.values["depth"]
 
 
 def _values_as_model(run: Case, wanted: Case) -> dict[str, float] | None:

@@ -13,7 +13,7 @@ from cutbench.forms.base import Form, Local, Packed, add_states, component_major
 from cutbench.forms.elements import deformed, flattened, pushed, stresses, tangents
 from cutbench.forms.space import Volume
 from cutbench.mechanisms.base import Bulk, Points
-from cutbench.mechanisms.bulk._isotropic import Isochoric, Isotropic, Kinematics, Volumetric
+from cutbench.mechanisms.bulk._isotropic import Isotropic, Kinematics
 
 
 class BulkForm(Form):
@@ -229,7 +229,7 @@ def _factors_of(k: Kinematics, laws, p, at, w, tangent: bool) -> list[np.ndarray
 
 def _by_density(law) -> bool:
     """Whether the energy of a law is that of its family, and all the work that it takes up."""
-    own = getattr(type(law), "energy", None) in (Isochoric.energy, Volumetric.energy)
+    own = getattr(type(law), "energy", None) is Isotropic.energy
     return own and law.conservative and type(law).work is Bulk.work
 
 

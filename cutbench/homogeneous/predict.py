@@ -16,7 +16,7 @@ from cutbench.homogeneous.history import LoadingHistory
 from cutbench.homogeneous.interface import separation, sliding
 from cutbench.homogeneous.rig import Machine
 from cutbench.homogeneous.stretching import nominal_stress
-from cutbench.mechanisms.base import STEP
+from cutbench.mechanisms.base import MODULUS, STEP
 
 
 def predict(
@@ -171,18 +171,18 @@ def _complex_stepped(
     at: Averaged,
 ) -> np.ndarray:
     """Readings (n, len(pairs)) with the values of each pair in ``p`` and a complex step in what it names."""
-    batch = SimpleNamespace(**vars(p))
-    if experiment.kind == "sliding" or (experiment.kind in HOMOGENEOUS and not _has_history(model, p)):
+    stepped = []
+    for values, name in pairs:
+        moved = {**vars(p), **values}
+        stepped.append(model.namespace({**moved, name: moved[name] + 1j * STEP}))
+    history = any(law.start(1, p) for law in model.laws("bulk"))
+    if experiment.kind == "sliding" or (experiment.kind in HOMOGENEOUS and not history):
         # Without memory all readings are solved at once, so the parameters come one by one.
-        parts = []
-        for values, name in pairs:
-            one = SimpleNamespace(**{**vars(p), **values})
-            setattr(one, name, getattr(one, name) + 1j * STEP)
-            parts.append(_read(experiment, model, one, at, 1)[:, 0])
-        return np.stack(parts, axis=1)
-    for key in dict.fromkeys(key for values, name in pairs for key in (*values, name)):
-        own = np.array([values.get(key, getattr(p, key)) for values, _ in pairs], dtype=complex)
-        setattr(batch, key, own + 1j * STEP * np.array([name == key for _, name in pairs]))
+        return np.stack([_read(experiment, model, one, at, 1)[:, 0] for one in stepped], axis=1)
+    batch = SimpleNamespace(**vars(p))
+    moving = dict.fromkeys(key for values, name in pairs for key in (*values, name))
+    for key in (*moving, *([MODULUS] if model.derives_modulus else [])):
+        setattr(batch, key, np.array([getattr(one, key) for one in stepped], dtype=complex))
     return _read(experiment, model, batch, at, len(pairs))
 
 
@@ -195,10 +195,6 @@ def _read(experiment: Experiment, model: Model, p: SimpleNamespace, at: Averaged
     machine = Machine(experiment, model, p, at)
     own = machine.specimen(history)
     return machine.reading(_respond(experiment.kind, own, model, p, experiment.direction, count))
-
-
-def _has_history(model: Model, p: SimpleNamespace) -> bool:
-    return any(law.start(1, p) for law in model.laws("bulk"))
 
 
 def _respond(kind, history, model, p, direction, count) -> np.ndarray:

@@ -516,7 +516,7 @@ def layers_of(data: xr.Dataset) -> dict[str, dict]:
     if list(data["label"].dims) != axes_of(data):
         return {}
     if "margin" in data:
-        part = _thinned(data)
+        part = data[["margin", "margin_sd"]].isel(_pick(data))
         return {
             "drop": _layer(part, z=between(data, "drop_rel").isel(_pick(data))),
             "chance": _layer(part, over=_over(part["margin"]), p=xr.apply_ufunc(_chance, *part.values())),
@@ -548,10 +548,6 @@ def _pick(data: xr.Dataset) -> dict[str, np.ndarray]:
     if pick:
         pick |= {name: np.arange(0, data.sizes[name], 2) for name in shown if data.sizes[name] > 2 * LEVELS}
     return pick
-
-
-def _thinned(data: xr.Dataset) -> xr.Dataset:
-    return data[["margin", "margin_sd"]].isel(_pick(data))
 
 
 def _layer(data: xr.Dataset, **arrays: xr.DataArray) -> dict:

@@ -24,7 +24,7 @@ from cutbench.case.case import Case, load_case
 from cutbench.case.model import Model, section_of
 from cutbench.case.motion import TRANSITION
 from cutbench.case.physics import Physics
-from cutbench.case.values import check_driven, parameter_of
+from cutbench.case.values import check_driven, names, parameter_of
 from cutbench.maps.axes import (
     BOUNDARY,
     GRID,
@@ -385,7 +385,16 @@ def _base(table: dict, path: Path) -> Case:
         if error.file is not None:  # in the case file itself
             raise
         raise BadInput("base", source, error.expected) from error
-    return case.set(mechanisms=table["mechanisms"]) if "mechanisms" in table else case
+    if "mechanisms" not in table:
+        return case
+    # What the laws need and the base does not have is given beside them, in a section or along an axis.
+    needed = Model(names("mechanisms", table["mechanisms"])).parameters().keys() - case.values.keys()
+    asked = [part for section in _SECTIONS if isinstance(part := table.get(section), dict)]
+    for axis in table.get("axis", []) if isinstance(table.get("axis"), list) else []:
+        if isinstance(axis, dict) and isinstance(ends := axis.get("values", [axis.get("from")]), list):
+            asked.append({str(axis.get("name")): ends[0] if ends else None})
+    given = {key: raw for part in asked for key, raw in part.items() if key in needed and raw is not None}
+    return case.set(mechanisms=table["mechanisms"], **given)
 
 
 def _changes(table: dict, path: Path, text: str, model: Model) -> dict[str, object]:

@@ -18,7 +18,7 @@ from cutbench.mechanisms.base import (
 )
 from cutbench.mechanisms.blade._profile import Profiled, flank
 from cutbench.mechanisms.blade.contact import Contact
-from cutbench.mechanisms.bulk._isotropic import Isochoric, Isotropic, Volumetric
+from cutbench.mechanisms.bulk._isotropic import Isochoric, Isotropic, TwoInvariants, Volumetric
 from cutbench.mechanisms.bulk.neo_hookean import NeoHookean
 from cutbench.mechanisms.cut.smith_ferrante import SmithFerrante
 from cutbench.mechanisms.law_registry import SLOTS, file_of, known_mechanisms, registry
@@ -45,6 +45,7 @@ __all__ = [
     "SmithFerrante",
     "Support",
     "Tool",
+    "TwoInvariants",
     "Volumetric",
     "file_of",
     "flank",

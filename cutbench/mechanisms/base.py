@@ -18,6 +18,10 @@ from cutbench.base.units import Parameter
 #: Length of the complex step: far below rounding of the real part, so no cancellation.
 STEP = 1e-30
 
+#: What laws read as the stiffness of the bulk: a parameter where a bulk law declares it, else what the bulk
+#: laws of a model come to under slow loading at small strain.
+MODULUS = "G"
+
 State = dict[str, np.ndarray]
 Params = Any  # attribute access by parameter name: p.G, p.nu
 
@@ -140,9 +144,15 @@ class Bulk(Mechanism):
     #: True where ``stress`` is the derivative of ``energy`` and there is no state.
     conservative: ClassVar[bool] = True
 
+    @property
+    def adds_stiffness(self) -> bool:
+        """Whether it has a part in the shear modulus of slow loading; if not it may read that modulus."""
+        return self.conservative
+
     def shear_modulus(self, p: Params) -> float:
-        """Of slow loading at small strain, MPa: what stiffnesses and times of the numerics are scaled by."""
-        if not self.conservative:
+        """Of slow loading at small strain, MPa: what stiffnesses and times of the numerics are scaled by, and
+        what others read as ``p.G`` in a model where no law declares G."""
+        if not self.adds_stiffness:
             return 0.0
         F = np.eye(3)[:, :, None].copy()
         F[0, 1] = 1e-6
@@ -169,13 +179,13 @@ class Bulk(Mechanism):
 
     def tangent(self, F: np.ndarray, p: Params, state: State, at: Points, dim: int) -> np.ndarray:
         """dP/dF (dim, dim, dim, dim, N), in-plane components; by complex step unless a law knows better."""
-        A = np.empty((dim, dim, dim, dim, F.shape[-1]))
-        for k in range(dim):
-            for L in range(dim):
-                G = F.astype(complex)
-                G[k, L] += 1j * STEP
-                A[:, :, k, L] = self.stress(G, p, state, at)[0][:dim, :dim].imag / STEP
-        return A
+        by = []
+        for k, L in np.ndindex(dim, dim):
+            probe = F.astype(complex)
+            probe[k, L] += 1j * STEP
+            by.append(self.stress(probe, p, state, at)[0][:dim, :dim].imag / STEP)
+        # Stacked, so that symbols may stand for numbers.
+        return np.stack(by, axis=2).reshape(dim, dim, dim, dim, F.shape[-1])
 
 
 class Answer(NamedTuple):

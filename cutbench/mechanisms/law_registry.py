@@ -6,13 +6,14 @@ A file is found by being there; no list is kept. A package offers laws by the en
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import importlib
-import importlib.util
 import inspect
 import pkgutil
 import sys
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -97,36 +98,75 @@ def laws_of(module: ModuleType) -> list[Mechanism]:
     ]
 
 
-def load_file(path: Path) -> ModuleType:
-    """The module in a file of laws. Raises BadInput."""
+def load_file(path: Path, helper: bool = False) -> ModuleType:
+    """The module in a file of laws; a ``helper`` of others need not have any. Raises BadInput."""
     try:
-        content = path.read_bytes()
+        path.read_bytes()
     except OSError as error:
         expected = f"a file ({error.strerror})"
         raise BadInput(file=str(path), key="file", value=path.name, expected=expected) from error
-    # A file that was edited is another module.
-    digest = hashlib.sha256(str(path).encode() + content).hexdigest()
-    name = f"cutbench_laws_{digest[:12]}_{path.stem}"
-    if name in sys.modules:
-        return sys.modules[name]
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise BadInput(file=str(path), key="file", value=path.name, expected="a file of Python with laws")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
     try:
-        spec.loader.exec_module(module)
+        with _neighbours(path):
+            module = importlib.import_module(f"{_package(path.parent)}.{path.stem}")
     except Exception as error:
-        del sys.modules[name]
         raise BadInput(
             file=str(path), key="import", value=f"{type(error).__name__}: {error}",
             expected="a file of Python that can be imported",
         ) from error  # fmt: skip
-    if not laws_of(module):
-        del sys.modules[name]
+    if not helper and not laws_of(module):
         expected = "a class with a name, derived from Bulk, Cut, Blade, Skin, Support or Rig"
         raise BadInput(file=str(path), key="file", value=path.name, expected=expected)
     return module
+
+
+def _package(folder: Path) -> str:
+    """The package that the files of a folder are modules of.
+
+    It has the folder and its content in its name: a file that was edited, or one of the same name elsewhere,
+    is another module.
+    """
+    files = sorted(folder.glob("*.py"))
+    content = b"|".join([str(folder).encode(), *(file.name.encode() + file.read_bytes() for file in files)])
+    name = f"cutbench_laws_{hashlib.sha256(content).hexdigest()[:12]}"
+    sys.modules.setdefault(name, ModuleType(name)).__path__ = [str(folder)]
+    return name
+
+
+@contextmanager
+def _neighbours(path: Path) -> Iterator[None]:
+    """In which what a file imports from beside it is known by its bare name, as to a script."""
+    asked = {*_imported(path)} - {path.stem, __name__.partition(".")[0]} - sys.stdlib_module_names
+    files = {name: file for name in asked if (file := path.with_name(f"{name}.py")).is_file()}
+    beside = {name: load_file(file, helper=True) for name, file in files.items()}
+    before, writes = {name: sys.modules.get(name) for name in beside}, sys.dont_write_bytecode
+    sys.modules.update(beside)
+    sys.dont_write_bytecode = True  # what is kept by the second would be taken for a file edited within it
+    importlib.invalidate_caches()
+    try:
+        yield
+    finally:
+        sys.dont_write_bytecode = writes
+        for name, module in before.items():
+            sys.modules.pop(name)
+            if module:
+                sys.modules[name] = module
+
+
+def files_of_laws(folder: Path) -> list[Path]:
+    """The files of a folder that have laws; others are there for those. Raises BadInput."""
+    files = sorted(folder.glob("[!_]*.py"))
+    helpers = {name for file in files for name in _imported(file)}
+    return [file for file in files if laws_of(load_file(file, helper=file.stem in helpers))]
+
+
+def _imported(file: Path) -> Iterator[str]:
+    """First parts of the names of modules that a file imports, if it can be read."""
+    with suppress(OSError, SyntaxError, ValueError):  # said where it is loaded
+        for node in ast.walk(ast.parse(file.read_bytes())):
+            if isinstance(node, ast.Import):
+                yield from (name.name.partition(".")[0] for name in node.names)
+            elif isinstance(node, ast.ImportFrom):
+                yield from [node.module.partition(".")[0]] if node.module else (n.name for n in node.names)
 
 
 def _modules() -> Iterator[ModuleType]:
@@ -140,8 +180,7 @@ def _modules() -> Iterator[ModuleType]:
             raise BadInput(key=f"entry point {entry.name}", value=entry.value, expected=expected) from error
         yield from _inside(module) if hasattr(module, "__path__") else (module,)
     for folder in _folders:
-        for path in sorted(folder.glob("[!_]*.py")):
-            yield load_file(path)
+        yield from map(load_file, files_of_laws(folder))
 
 
 def _inside(package: ModuleType) -> Iterator[ModuleType]:

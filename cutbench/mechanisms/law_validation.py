@@ -23,6 +23,8 @@ BASES: dict[str, tuple[type[Mechanism], tuple[str, ...]]] = {
     "support": (Support, ("compliance",)),
     "rig": (Rig, ("record",)),
 }
+#: What a law is tried with in place of 1.
+LIKE_ONE = 0.8
 #: Points of the trial evaluation.
 _N = 2
 
@@ -37,7 +39,13 @@ def typical(law: Mechanism, known: Mapping[str, Mechanism]) -> SimpleNamespace:
     """Typical values, internal units, of what the law declares and reads, and of nothing else."""
     every = declared(known)
     wanted = {name: every[name] for name in law.reads} | {q.name: q for q in law.parameters}
-    return SimpleNamespace(**{name: q.typical * q.factor for name, q in wanted.items()})
+    return SimpleNamespace(**{name: _telling(q) * q.factor for name, q in wanted.items()})
+
+
+def _telling(q: Parameter) -> float:
+    """The typical value; in place of a 1, which is its own square, another if it may be that."""
+    low, high = q.bounds
+    return LIKE_ONE if q.unit == "1" and q.typical == 1.0 and low <= LIKE_ONE <= high else q.typical
 
 
 def refuse_incomplete(law: Mechanism, known: Mapping[str, Mechanism]) -> None:

@@ -28,8 +28,9 @@ def use_mechanisms(*folders: str | Path) -> tuple[str, ...]:
     Raises
     ------
     BadInput
-        For a folder that is not there, a file that cannot be imported, a law that lacks something, and a
-        blade that fails its checks; then nothing is taken up.
+        For a folder that is not there, a file that cannot be imported, a law that lacks something, a blade
+        that fails its checks, and a cohesive law whose damage does not say what is cut; then nothing is taken
+        up.
 
     Examples
     --------
@@ -60,10 +61,10 @@ def use_mechanisms(*folders: str | Path) -> tuple[str, ...]:
     try:
         taken = [law for law in registry().values() if file_of(law).parent in new]
         for law in taken:
-            if isinstance(law, Tool):
-                from cutbench.mechanisms.checks import refuse_wrong_tool  # takes a while to load
+            if isinstance(law, Tool) or law.role == "cohesive":
+                from cutbench.mechanisms.checks import refuse_wrong  # takes a while to load
 
-                refuse_wrong_tool(law)
+                refuse_wrong(law)
         return tuple(law.name for law in taken)
     except BadInput:
         look_in(before)

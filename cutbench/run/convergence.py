@@ -36,6 +36,9 @@ TOLERANCE = 0.03
 #: A drop and a slope may be zero; they are compared against no less than these (1, N/mm over a steady N).
 MIN_DROP, MIN_SLOPE = 0.1, 0.1
 
+#: What the base is called, which has what its material and the study's [base] say.
+BASE = "as given"
+
 _TOP = ("title", "materials", "base", "change")
 _KINDS = ("refinement", "choice")
 
@@ -74,6 +77,8 @@ class ConvergenceRow:
     moved: Mapping[str, float] = field(default_factory=dict)
     seconds: float = math.nan
     closure: float = math.nan
+    #: Whether the base was cut; if not there is nothing that a refinement could leave alone.
+    cut: bool = True
 
     @property
     def worst(self) -> float:
@@ -81,8 +86,10 @@ class ConvergenceRow:
 
     @property
     def holds(self) -> bool | None:
-        """Whether a refinement leaves all measures within ``TOLERANCE``; None for a choice."""
-        return self.outcome == "done" and bool(self.worst <= TOLERANCE) if self.refinement else None
+        """Whether a refinement leaves all measures within ``TOLERANCE``; None for a choice, and where the
+        base was not cut."""
+        asked = self.refinement and self.cut
+        return self.outcome == "done" and bool(self.worst <= TOLERANCE) if asked else None
 
 
 def load_plan(path: str | Path) -> ConvergencePlan:
@@ -169,6 +176,7 @@ def compute(
     rows = []
     for material, cases in plan.cases.items():
         base = runner.results[cases[""].id]
+        cut = not math.isnan(base.measures.get("onset_mm", math.nan))
         for name, case in cases.items():
             result = runner.results[case.id]
             rows.append(
@@ -176,7 +184,7 @@ def compute(
                     material, name, refinements.get(name, False), case.id, result.outcome.kind,
                     {key: result.measures.get(key, math.nan) for key in COMPARED},
                     relative_changes(base.measures, result.measures) if name else {},
-                    result.timings.get("total", math.nan), result.measures.get("closure", math.nan),
+                    result.timings.get("total", math.nan), result.measures.get("closure", math.nan), cut,
                 )
             )  # fmt: skip
     return rows

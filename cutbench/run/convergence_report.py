@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from cutbench.base.figure_style import DOUBLE_MM, GREY, LINE_COLOURS, save, style
 from cutbench.base.files import check_writable, markdown_table, write_json, write_text
 from cutbench.base.versions import versions
-from cutbench.run.convergence import COMPARED, TOLERANCE, ConvergencePlan, ConvergenceRow
+from cutbench.run.convergence import BASE, COMPARED, TOLERANCE, ConvergencePlan, ConvergenceRow
 from cutbench.run.figures.choices import MARKERS, plot_choices
 
 #: Beyond this, at the most, a mark sits at the edge as an arrow, %.
@@ -69,7 +69,7 @@ def choices(rows: Sequence[ConvergenceRow]) -> dict[str, dict[str, Mapping[str, 
     """Measures of the base and of what is no refinement, by material and change."""
     found: dict[str, dict[str, Mapping[str, float]]] = {}
     for row in (row for row in rows if not row.refinement):
-        found.setdefault(row.material, {})[row.change or "defaults"] = row.measures
+        found.setdefault(row.material, {})[row.change or BASE] = row.measures
     return found
 
 
@@ -83,14 +83,16 @@ def markdown(rows: Sequence[ConvergenceRow]) -> str:
             left = f"{100 * row.closure:+.1f} %"
             if not row.change:
                 cells = [f"{v:.3g}" if math.isfinite(v) else "none" for v in row.measures.values()]
-                made.append(["defaults", *cells, "", left])
+                made.append([BASE, *cells, "", left])
                 continue
             mark = "" if row.holds is None else " ✓" if row.holds else " ✗"
             end = "" if row.outcome == "done" else f" ({row.outcome})"
             worst = _percent(row.worst, sign="") + mark
             made.append([row.change + end, *map(_percent, row.moved.values()), worst, left])
         table = markdown_table(["", *heads, "worst", "energy left open"], made)
-        lines += [f"**{material}**", "", *table, ""]
+        cut = all(row.cut for row in rows if row.material == material)
+        uncut = [] if cut else ["Nothing was cut: no measure of a cut is compared.", ""]
+        lines += [f"**{material}**", "", *uncut, *table, ""]
     return "\n".join(lines)
 
 
@@ -104,7 +106,7 @@ def write(plan: ConvergencePlan, rows: Sequence[ConvergenceRow], out: str | os.P
     """convergence.json, convergence.md, convergence.png in ``out``, and choices.png where there are any."""
     folder = check_writable(Path(out))
     rest = {"title": plan.title, "tolerance": TOLERANCE, "versions": versions()}
-    described = [vars(r) | {"change": r.change or "defaults", "holds": r.holds} for r in rows]
+    described = [vars(r) | {"change": r.change or BASE, "holds": r.holds} for r in rows]
     chosen = any(r.change and not r.refinement for r in rows)
     return [
         write_json({"schema": 1, **rest, "rows": described}, folder / "convergence.json"),

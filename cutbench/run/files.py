@@ -23,7 +23,7 @@ from cutbench.base.figure_style import save
 from cutbench.base.files import csv_text, file_digest, folder_lock, plain, write_json, write_text
 from cutbench.run.paraview import write_fields
 from cutbench.run.result import Result, ordered_columns
-from cutbench.run.store.runs import record_of, result_of
+from cutbench.run.store.runs import keep_laws, record_of, result_of
 
 #: How long a run waits for another process that writes into the same folder.
 WAIT_S = 60.0
@@ -70,6 +70,7 @@ def write_run(
         write_curve(result.curve, paths["curve"])
         record = describe(result, command=command) | {"curve_sha256": file_digest(paths["curve"])}
         write_json(record, paths["run"])
+        keep_laws(result, out)
         if result.sensitivities:
             paths["sensitivities"] = out / "sensitivities.csv"
             slopes = _slopes(result)
@@ -102,8 +103,13 @@ def run_id(folder: Path) -> str:
 
 def describe(result: Result, *, command: str | None = None) -> dict:
     """The content of run.json: all inputs with units, groups, outcome, measures, cost, versions, machine."""
+    record = record_of(result)
+    laws = {os.path.dirname(place) for law in record["laws"].values() for place in law["files"]}
+    taken_up = "".join(
+        f"from cutbench import use_mechanisms; use_mechanisms({place!r}); " for place in sorted(laws)
+    )
     return {
-        **record_of(result),
+        **record,
         "groups": plain(result.case.groups()),
         "said": result.sentence(),
         "platform": {
@@ -115,7 +121,7 @@ def describe(result: Result, *, command: str | None = None) -> dict:
         "reproduce": {
             "command": command or shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]),
             "folder": os.getcwd(),
-            "python": "from cutbench.run import read_run, run_case; run_case(read_run('.').case)",
+            "python": f"{taken_up}from cutbench.run import read_run, run_case; run_case(read_run('.').case)",
         },
     }
 

@@ -37,7 +37,8 @@ def follows(case: Case) -> bool:
     """Whether a case's meshes follow its front: built sections, drawn out or not, of displacements alone, and
     in a block of a solid without memory."""
     n = case.numerics
-    if n.around == 0 or (case.dim == 3 and (n.layers == 0 or _remembers(case))):
+    remembers = any(type(law).start is not Bulk.start for law in case.model.laws("bulk"))
+    if n.around == 0 or (case.dim == 3 and (n.layers == 0 or remembers)):
         return False
     stride, around = lengths(case)
     return (
@@ -47,10 +48,6 @@ def follows(case: Case) -> bool:
         and bool(case.model.laws("cut"))
         and not case.model.laws("support")
     )
-
-
-def _remembers(case: Case) -> bool:
-    return any(type(law).start is not Bulk.start for law in case.model.laws("bulk"))
 
 
 @dataclass(frozen=True)

@@ -150,8 +150,8 @@ def _forms(built: Built, case: Case) -> dict[str, Form]:
 
 def _direction(held: Case, case: Case, name: str, blades: Sequence[BladeForm]) -> Direction:
     """By ``name`` of ``case``, with the sizes of the case that is ``held``."""
-    p = case.p
-    setattr(p, name, getattr(p, name) + 1j * STEP)
+    moved_to = {**vars(case.p), name: getattr(case.p, name) + 1j * STEP}
+    p = case.model.namespace(moved_to)
     contact = contact_numerics(held, case.model, p)
     moved = blades if isinstance(contact.stiffness, complex) else ()
     forms: dict[str, Form] = {form.name: form.with_numerics(contact) for form in moved}

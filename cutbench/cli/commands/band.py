@@ -56,12 +56,8 @@ def band(
     processes = whole_number("--workers", workers)
     given.setdefault("until", case_to_transition(load_case(material, given)).until)
     case, folder = case_and_folder(material, given, out, dim=2, under="bands")
-    try:
-        with bar(case.name, "runs") as on_progress:
-            found = repeat(case, until=case.until, out=folder, workers=processes, on_progress=on_progress)
-    except KeyboardInterrupt:
-        typer.echo("interrupted: start the same command again to go on", err=True)
-        raise typer.Exit(130) from None
+    with bar(case.name, "runs") as on_progress:
+        found = repeat(case, until=case.until, out=folder, workers=processes, on_progress=on_progress)
     show(_table(found))
     for name, reason in found.refused.items():
         typer.echo(f"left out, {name}: {reason}")

@@ -29,12 +29,8 @@ def converge(
     plan, processes = load_plan(study), whole_number("--workers", workers)
     check_writable(out)
 
-    try:
-        with bar("converge", "runs") as on_progress:
-            rows = compute(plan, out, workers=processes, on_progress=on_progress)
-    except KeyboardInterrupt:
-        typer.echo("interrupted: start the same command again to go on", err=True)
-        raise typer.Exit(130) from None
+    with bar("converge", "runs") as on_progress:
+        rows = compute(plan, out, workers=processes, on_progress=on_progress)
     paths = write(plan, rows, out)
     typer.echo(markdown(rows))
     failed = [f"{row.material}, {row.change}" for row in rows if row.holds is False]

@@ -44,6 +44,8 @@ def tension(
 ) -> None:
     """Pull a strip of 12 × 30 × 3 mm between clamps: the bulk and cut laws of a cutting test, no blade."""
     from cutbench.case.case import load_case
+    from cutbench.case.model import owners
+    from cutbench.case.values import parameter_of
     from cutbench.run.figures.tension import save_tension
     from cutbench.run.tension import MEASURES, NOTCH, run_tension, strip_case
 
@@ -53,7 +55,9 @@ def tension(
     if notched or notch is not None:
         raw = f"{NOTCH.default} mm" if notch is None else in_mm(notch)
         length = NOTCH.parse(raw, key="--notch")
-    case = strip_case(load_case(material, model, dim=3), asked, notch_mm=length)
+    # What a law of ``with`` needs and the material does not have is given beside it.
+    own = {key: value for key, value in asked.items() if owners(parameter_of(key))}
+    case = strip_case(load_case(material, model | own, dim=3), asked, notch_mm=length)
     name = f"{case.name}-tension" + ("-notched" if length else "")
     folder = locked_folder(out if out is not None else Path("runs") / f"{name}-{case.id}")
     with bar(case.name, "mm") as on_progress:

@@ -14,17 +14,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from cutbench.mechanisms.bulk._isotropic import cofactor, det
+from cutbench.mechanisms.bulk._isotropic import cofactor, det, product
 
 
 def start(n: int) -> np.ndarray:
     """C_i (3, 3, n) of a material at rest."""
     return np.broadcast_to(np.eye(3)[:, :, None], (3, 3, n)).copy()
-
-
-def _times(A: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """A B (3, 3, N)."""
-    return sum(A[:, k, None] * B[None, k] for k in range(3))
 
 
 class Branch:
@@ -39,12 +34,12 @@ class Branch:
         self.f = cofactor(F) / J  # F⁻ᵀ
         self.metric, self.s, self.D = metric, 0.0 if s is None else s, np.ones_like(J)
         if s is not None:
-            A = metric + s * self.j * _times(F.transpose(1, 0, 2), F)
+            A = metric + s * self.j * product(F.transpose(1, 0, 2), F)
             self.D = det(A) ** (1 / 3)
             self.metric = A / self.D
         self.inverse = cofactor(self.metric)  # symmetric, of determinant 1
-        self.H = _times(F, self.inverse)
-        self.K = _times(self.H, F.transpose(1, 0, 2))
+        self.H = product(F, self.inverse)
+        self.K = product(self.H, F.transpose(1, 0, 2))
         self.trace = self.K[0, 0] + self.K[1, 1] + self.K[2, 2]  # C : C_i⁻¹
 
     @property
@@ -60,7 +55,7 @@ class Branch:
     def tangent(self, dim: int) -> np.ndarray:
         """dP/dF over G_v (dim, dim, dim, dim, N), C_i moving with F unless it is held."""
         j, trace = self.j, self.trace
-        L = _times(self.K, self.H)
+        L = product(self.K, self.H)
         flow = self.s * j / self.D
         by = 2 * self.H - 2 / 3 * trace * self.f  # d(J^(−2/3) C : C_i⁻¹)/dF at fixed C_i, over J^(−2/3)
         square = (self.K * self.K).sum(axis=(0, 1))

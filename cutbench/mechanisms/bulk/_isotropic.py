@@ -1,4 +1,4 @@
-"""Stress and tangent of Ψ = W(Ī₁) + U(J), shared by every law of that kind.
+"""Stress and tangent of Ψ = W(Ī₁) + U(J), shared by every law of that kind, and of Ψ = W(Ī₁, Ī₂).
 
 A law gives one scalar derivative; the tensor algebra is here once. The second derivative of the
 scalar is its complex step, exact to rounding. With C = dJ/dF the cofactor of F, each such law is
@@ -12,7 +12,7 @@ built from F and C in any frame of the material indices.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -37,6 +37,11 @@ def cofactor(F: np.ndarray) -> np.ndarray:
             a, b, c, d = (i + 1) % 3, (i + 2) % 3, (J + 1) % 3, (J + 2) % 3
             C[i, J] = F[a, c] * F[b, d] - F[a, d] * F[b, c]
     return C
+
+
+def product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """A B (3, 3, N)."""
+    return sum(A[:, k, None] * B[None, k] for k in range(3))
 
 
 class Kinematics:
@@ -80,6 +85,11 @@ class Kinematics:
         return self.j * self.trace
 
     @cached_property
+    def I2(self) -> np.ndarray:
+        """Ī₂ = J^(−4/3) |cof F|², of F in three dimensions."""
+        return self.j**2 * (self.C * self.C).sum(axis=(0, 1))
+
+    @cached_property
     def r(self) -> np.ndarray:
         """tr FᵀF/(3J): dĪ₁/dF = 2 J^(−2/3) (F − r C)."""
         return self.trace / (3 * self.J)
@@ -118,7 +128,10 @@ def whole_tangent(factors: Sequence, k: Kinematics, dim: int) -> np.ndarray:
 
 
 class Isotropic(Bulk):
-    """A law given by the factors above."""
+    """A law given by the factors above, and its energy by ``density(k, p, at)`` (N,), of kinematics that may
+    be in the plane."""
+
+    density: Callable[..., np.ndarray]
 
     def stress_factors(self, k: Kinematics, p, at) -> tuple:
         """s and c, each (N,) or a number."""
@@ -127,6 +140,9 @@ class Isotropic(Bulk):
     def tangent_factors(self, k: Kinematics, p, at) -> tuple:
         """ff, fc, cc, swap and one, each (N,) or a number."""
         raise NotImplementedError(self.name)
+
+    def energy(self, F, p, state, at):
+        return self.density(Kinematics(F), p, at)
 
     def stress(self, F, p, state, at):
         k = Kinematics(F)
@@ -146,17 +162,13 @@ class Isochoric(Isotropic):
         raise NotImplementedError(self.name)
 
     def shear_modulus(self, p):
-        return 2 * self.dW_dI1(np.array([3.0]), p, None)[0]
+        return np.ravel(2 * self.dW_dI1(np.array([3.0]), p, None))[0]
 
     def W(self, I1, p, at):
         """Energy (N,), mJ/mm³."""
         raise NotImplementedError(self.name)
 
-    def energy(self, F, p, state, at):
-        return self.density(Kinematics(F), p, at)
-
     def density(self, k, p, at):
-        """``energy`` from the kinematics ``k``, in the plane as well."""
         return self.W(k.I1, p, at)
 
     def stress_factors(self, k, p, at):
@@ -172,11 +184,42 @@ class Isochoric(Isotropic):
         return bend, -k.r * bend - slope, k.r * (k.r * bend + slope), k.r * by_J, s
 
 
+class TwoInvariants(Bulk):
+    """Ψ = W(Ī₁, Ī₂), Ī₁ = J^(−2/3) tr FᵀF and Ī₂ = J^(−4/3) |cof F|²."""
+
+    def dW_dI1(self, I1, I2, p, at):
+        """∂W/∂Ī₁ (N,), MPa; must accept complex Ī₁ and Ī₂."""
+        raise NotImplementedError(self.name)
+
+    def dW_dI2(self, I1, I2, p, at):
+        """∂W/∂Ī₂ (N,), MPa, likewise."""
+        raise NotImplementedError(self.name)
+
+    def W(self, I1, I2, p, at):
+        """Energy (N,), mJ/mm³."""
+        raise NotImplementedError(self.name)
+
+    def shear_modulus(self, p):
+        rest = np.array([3.0]), np.array([3.0]), p, None
+        return np.ravel(2 * (self.dW_dI1(*rest) + self.dW_dI2(*rest)))[0]
+
+    def energy(self, F, p, state, at):
+        k = Kinematics(F)
+        return self.W(k.I1, k.I2, p, at)
+
+    def stress(self, F, p, state, at):
+        k = Kinematics(F)
+        invariants = k.I1, k.I2, p, at
+        by_I1, by_I2 = 2 * self.dW_dI1(*invariants), 2 * self.dW_dI2(*invariants)
+        # dI₂/dF is 2 (I₁ F − F FᵀF).
+        bent = k.j**2 * (k.trace * F - product(F, product(F.transpose(1, 0, 2), F)))
+        return by_I1 * k.j * (F - k.r * k.C) + by_I2 * (bent - 2 / 3 * k.I2 / k.J * k.C), {}
+
+
 class Volumetric(Isotropic):
     """Ψ = U(J). In the mixed formulation the pressure is an unknown of its own."""
 
-    def shear_modulus(self, p):
-        return 0.0
+    adds_stiffness = False
 
     def U(self, J, p):
         raise NotImplementedError(self.name)
@@ -184,11 +227,7 @@ class Volumetric(Isotropic):
     def dU_dJ(self, J, p):
         raise NotImplementedError(self.name)
 
-    def energy(self, F, p, state, at):
-        return self.density(Kinematics(F), p, at)
-
     def density(self, k, p, at):
-        """``energy`` from the kinematics ``k``, in the plane as well."""
         return self.U(k.J, p)
 
     def stress_factors(self, k, p, at):

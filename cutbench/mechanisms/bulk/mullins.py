@@ -11,12 +11,6 @@ import numpy as np
 
 from cutbench.base.units import Parameter
 from cutbench.mechanisms.base import Bulk
-from cutbench.mechanisms.bulk._isotropic import Isochoric, Kinematics, whole_tangent
-
-
-def _ln_cosh(z):
-    """ln cosh z for z ≥ 0, without overflow."""
-    return z + np.log1p(np.exp(-2 * z)) - np.log(2.0)
 
 
 class Mullins(Bulk):
@@ -59,14 +53,16 @@ class Mullins(Bulk):
         return 1 - np.tanh(z) ** 2
 
     def spent(self, z):
-        return _ln_cosh(z)
+        return z + np.log1p(np.exp(-2 * z)) - np.log(2.0)  # ln cosh z, without overflow
 
-    def _elastic(self, at):
-        return [law for law in at.laws if isinstance(law, Isochoric)]
+    def _sum(self, which, F, p, at, *more):
+        """Of the laws whose energy counts: their ``stress``, ``tangent`` or ``energy`` together."""
+        parts = (getattr(law, which)(F, p, {}, at, *more) for law in at.laws if law.adds_stiffness)
+        return sum(part[0] if which == "stress" else part for part in parts)
 
-    def _below(self, I1, p, state, at):
+    def _below(self, F, p, state, at):
         """(W_max − W)/(m G), W_max, and where W grows beyond it."""
-        W = sum(law.W(I1, p, at) for law in self._elastic(at)) + 0 * I1
+        W = self._sum("energy", F, p, at)
         old = state["largest_energy"]
         grows = (W.real > old.real) & (not at.held)
         largest = np.where(grows, W, old)
@@ -74,35 +70,23 @@ class Mullins(Bulk):
         below = np.where(largest.real > W.real, largest - W, 0 * W)
         return below / (p.softening_energy * p.G), largest, grows
 
-    def _factors(self, which, k, p, at):
-        """Sums of the elastic laws' factors."""
-        return [
-            sum(v) for v in zip(*(getattr(law, which)(k, p, at) for law in self._elastic(at)), strict=True)
-        ]
-
     def stress(self, F, p, state, at):
-        k = Kinematics(F)
-        z, largest, _ = self._below(k.I1, p, state, at)
-        s, c = self._factors("stress_factors", k, p, at)
-        lost = -p.softening * self.lost(z)
-        return lost * (s * F + c * k.C), {"largest_energy": largest}
+        z, largest, _ = self._below(F, p, state, at)
+        return -p.softening * self.lost(z) * self._sum("stress", F, p, at), {"largest_energy": largest}
 
     def tangent(self, F, p, state, at, dim):
-        k = Kinematics(F)
-        z, _, grows = self._below(k.I1, p, state, at)
-        s, c = self._factors("stress_factors", k, p, at)
-        ff, fc, cc, swap, one = self._factors("tangent_factors", k, p, at)
-        lost = -p.softening * self.lost(z)
+        z, _, grows = self._below(F, p, state, at)
+        P = self._sum("stress", F, p, at)[:dim, :dim]
         # While W grows the largest energy grows with it and nothing is lost.
         slope = np.where(grows, 0.0, p.softening * self.fades(z) / (p.softening_energy * p.G))
-        ff, fc, cc = lost * ff + slope * s * s, lost * fc + slope * s * c, lost * cc + slope * c * c
-        return whole_tangent((ff, fc, cc, lost * swap, lost * one), k, dim)
+        lost = -p.softening * self.lost(z)
+        return lost * self._sum("tangent", F, p, at, dim) + slope * P[:, :, None, None] * P[None, None]
 
     def energy(self, F, p, state, at):
-        z, largest, _ = self._below(Kinematics(F).I1, p, state, at)
+        z, largest, _ = self._below(F, p, state, at)
         scale = p.softening_energy * p.G
         return p.softening * scale * (self.spent(z) - self.spent(largest / scale))
 
     def work(self, F, p, state, at):
-        z = self._below(Kinematics(F).I1, p, state, at)[0]
+        z = self._below(F, p, state, at)[0]
         return p.softening * p.softening_energy * p.G * self.spent(z)

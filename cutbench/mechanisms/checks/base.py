@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -12,22 +13,34 @@ from cutbench.mechanisms.checks.trial import Trial
 
 @dataclass(frozen=True)
 class Check:
-    """One requirement on the laws of a slot (any, where it is empty); ``run`` raises AssertionError."""
+    """One requirement on the laws of a slot (any, where it is empty) that it ``applies`` to; ``run`` raises
+    AssertionError, or NotTested."""
 
     name: str
     says: str
     slot: str
+    applies: Callable[[Any], bool]
     run: Callable[[Trial], None]
+
+
+class NotTested(Exception):
+    """A law does not tell what a check needs to know; the text says what."""
 
 
 CHECKS: list[Check] = []
 
+#: Relative difference of what is the same but for the order of operations, which rounds otherwise by some
+#: 1e-15; an effect that stays on where it should be off is felt far above.
+ROUNDING = 1e-12
 
-def check(slot: str = "") -> Callable[[Callable], Callable]:
+
+def check(
+    slot: str = "", applies: Callable[[Any], bool] = lambda law: True
+) -> Callable[[Callable], Callable]:
     """Put a function into the list; its docstring says what it requires."""
 
     def add(run: Callable[[Trial], None]) -> Callable:
-        CHECKS.append(Check(run.__name__, (run.__doc__ or "").strip().rstrip("."), slot, run))
+        CHECKS.append(Check(run.__name__, (run.__doc__ or "").strip().rstrip("."), slot, applies, run))
         return run
 
     return add

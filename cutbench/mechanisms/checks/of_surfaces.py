@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cutbench.mechanisms.base import STEP, Tool
-from cutbench.mechanisms.checks.base import check, close
+from cutbench.mechanisms.checks.base import ROUNDING, check, close
 from cutbench.mechanisms.checks.trial import (
     NEW_UNITS,
     PRESSURE,
@@ -53,11 +53,9 @@ def strength_has_its_dimension(t: Trial) -> None:
     )
 
 
-@check("blade")
+@check("blade", applies=lambda law: isinstance(law, Tool))
 def contact_keeps_out_and_never_pulls(t: Trial) -> None:
     """The blade's own law: the deeper, the harder, and nothing at a distance."""
-    if not isinstance(t.law, Tool):
-        return
     p, stiffness, h = t.numbers(), 3.0, 1e-8
     gap = np.linspace(-0.1, 0.1, 401) + 1e-5
     for multiplier in (0.0, 0.02):
@@ -75,11 +73,9 @@ def contact_keeps_out_and_never_pulls(t: Trial) -> None:
         close(probe.imag / STEP, slope, 1e-13, what="the pressure's slope and its complex step")
 
 
-@check("blade")
+@check("blade", applies=lambda law: isinstance(law, Tool))
 def tool_is_a_profile(t: Trial) -> None:
     """The blade's own law: signed distance to its outline, with both derivatives, in any units."""
-    if not isinstance(t.law, Tool):
-        return
     p, law, r = t.numbers(), t.law, rng()
     radius, (left, right, _) = law.edge_radius(p), law.extent(p)
     outer = np.stack([r.uniform(1.5 * left, 1.5 * right, 400), r.uniform(-0.5, 1.3, 400) * law.height(p)])
@@ -133,7 +129,7 @@ def skin_scales(t: Trial) -> None:
     p, at = t.numbers(), points()
     off = {q.name: q.off_value for q in t.law.parameters if q.off is not None}
     assert factors([t.law], p).min() > 0, "a factor is 0 or below"
-    assert np.array_equal(factors([t.law], t.numbers(**off)), np.ones((2, N))), "off its factors are not 1"
+    close(factors([t.law], t.numbers(**off)), np.ones((2, N)), ROUNDING, what="its factors where off, and 1")
     at.X, at.depth = at.X * NEW_UNITS["[length]"], at.depth * NEW_UNITS["[length]"]
     there = factors([t.law], t.rewritten(p), at)
     close(there, factors([t.law], p), 1e-12, what="factors, and those from other units")
@@ -160,7 +156,7 @@ def rig_records(t: Trial) -> None:
     """Off it records what happened, and the same in other units."""
     p = t.numbers()
     off = recorded([t.law], t.numbers(**t.switches()))
-    assert np.array_equal(off, [WAY, np.sin(WAY)]), "off it records something else than what happened"
+    close(off, [WAY, np.sin(WAY)], ROUNDING, what="what it records where it is off, and what happened")
     L, T, F = NEW_UNITS["[length]"], NEW_UNITS["[time]"], in_new_units(1.0, "N")
     here, there = recorded([t.law], p), recorded([t.law], t.rewritten(p), L, T, F)
     close(there[0], here[0] * L, 1e-12, what="recorded travels, and those from other units")

@@ -5,10 +5,11 @@ plane until that is cut, and has a free edge there then. B is 4 G t³/12, that o
 is t thick and as soft as the block.
 """
 
-from cutbench.mechanisms.base import Skin
-from cutbench.mechanisms.skin._film import stiffness, thickness
+from typing import ClassVar
 
-BENT = thickness("bent_thickness", "skin_bending", "a film on the top")
+from cutbench.base.units import Parameter
+from cutbench.mechanisms.base import Group, Skin
+from cutbench.mechanisms.skin._film import stiffness, thickness
 
 
 class BendingSkin(Skin):
@@ -17,13 +18,15 @@ class BendingSkin(Skin):
     name = "bending_skin"
     title = "film on the top"
     family = "surface"
-    surfaces = ("top",)
-    parameters = (stiffness("skin_bending", "B_s", "a film on the top"),)
+    surfaces: ClassVar[tuple[str, ...]] = ("top",)
+    parameters: ClassVar[tuple[Parameter, ...]] = (stiffness("skin_bending", "B_s", "a film on the top"),)
     reads = ("G", "thickness")
-    settable = (BENT,)
+    settable: ClassVar[tuple[Group, ...]] = (
+        thickness("bent_thickness", "skin_bending", "a film on the top"),
+    )
 
     def groups(self, p):
-        return {"bent_thickness/a": BENT.value(p) / (p.thickness / 2)}
+        return {f"{film.name}/a": film.value(p) / (p.thickness / 2) for film in self.settable}
 
     def bending(self, p):
-        return p.skin_bending
+        return sum(getattr(p, film.parameter) for film in self.settable)

@@ -5,25 +5,15 @@ a layer that fails, and this is the stiffness of that layer, on either side, cut
 ``bending_skin``.
 """
 
-from cutbench.mechanisms.base import Skin
 from cutbench.mechanisms.skin._film import stiffness, thickness
+from cutbench.mechanisms.skin.bending_skin import BendingSkin
 
-FILM = thickness("film_thickness", "film_bending", "a film on all faces")
 
-
-class Film(Skin):
+class Film(BendingSkin):
     """Bending stiffness of all faces at the blade."""
 
     name = "film"
     title = "film on all faces"
-    family = "surface"
     surfaces = ("top", "cut")
     parameters = (stiffness("film_bending", "B_f", "a film on all faces"),)
-    reads = ("G", "thickness")
-    settable = (FILM,)
-
-    def groups(self, p):
-        return {"film_thickness/a": FILM.value(p) / (p.thickness / 2)}
-
-    def bending(self, p):
-        return p.film_bending
+    settable = (thickness("film_thickness", "film_bending", "a film on all faces"),)

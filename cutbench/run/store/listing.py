@@ -7,6 +7,7 @@ import operator
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from types import SimpleNamespace
@@ -17,6 +18,7 @@ from cutbench.base.files import number
 from cutbench.base.toml import one_of
 from cutbench.base.units import parse_quantity, unit_factor
 from cutbench.case.computation import computation_here
+from cutbench.case.model import Model
 from cutbench.case.model import groups as known_groups
 from cutbench.run.measures import MEASURES, NOTED
 from cutbench.run.store.runs import Head, writer
@@ -62,6 +64,8 @@ def row_of(id: str, head: Head) -> dict[str, object]:
     """A run as one flat row: general columns, values in their units, groups by name, measures."""
     values = {name: float(v) for name, (v, _) in head["values"].items()}
     internal = {name: float(v) * unit_factor(unit) for name, (v, unit) in head["values"].items()}
+    with suppress(BadInput):  # laws that this process does not know
+        internal = vars(Model(tuple(head["mechanisms"])).namespace(internal))
     groups = {
         name: float(f"{group.value(SimpleNamespace(**internal)):.6g}")
         for name, group in known_groups().items()

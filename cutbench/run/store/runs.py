@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import shlex
 import shutil
 import tempfile
 import time
@@ -27,6 +28,7 @@ from cutbench.base.errors import BadInput
 from cutbench.base.files import number, plain
 from cutbench.base.versions import written_by
 from cutbench.case.case import Case
+from cutbench.case.computation import own_sources
 from cutbench.run.outcome import Outcome
 from cutbench.run.result import Result
 
@@ -157,9 +159,10 @@ class Store:
         try:
             with (fresh / "run.json").open("w", encoding="utf-8") as file:
                 json.dump(record_of(result), file, indent=1)
+            keep_laws(result, fresh)
             with (fresh / "curve.npz").open("wb") as file:
                 np.savez(file, **dict[str, Any](result.curve))
-            for path in fresh.iterdir():
+            for path in filter(Path.is_file, fresh.rglob("*")):
                 with path.open("rb") as file:
                     os.fsync(file.fileno())
             while True:
@@ -301,12 +304,26 @@ class Store:
                     shutil.rmtree(folder, ignore_errors=True)
 
 
+def keep_laws(result: Result, folder: Path) -> None:
+    """Copies of the files of a user's own laws in the run's ``folder``, where another computer finds them."""
+    for _, files in own_sources(result.case.model).values():
+        for place, path in files.items():
+            copy = folder / place
+            copy.parent.mkdir(exist_ok=True)
+            if not copy.exists():  # it has its content in its name
+                shutil.copyfile(path, copy)
+
+
 def record_of(result: Result) -> dict[str, Any]:
     """What run.json has of a run: inputs with units, outcome, measures, cost, computation and versions."""
     return {
         "schema": SCHEMA,
         "id": result.id,
         "computation": result.computation,
+        "laws": {
+            name: {"digest": digest, "files": list(files)}
+            for name, (digest, files) in own_sources(result.case.model).items()
+        },
         "name": result.case.name,
         "case": result.case.to_dict(),
         "outcome": plain(asdict(result.outcome)),
@@ -324,6 +341,11 @@ def result_of(record: Mapping[str, Any], file: Path, curve: dict[str, np.ndarray
         case = Case.from_dict(record["case"])
     except BadInput as error:
         expected = f"{error.expected}; {writer(record)} wrote this run and can read it"
+        if own := record.get("laws", {}).get(str(error.value)):
+            # A user's code is executed where the user asks for it, and nowhere else.
+            places = dict.fromkeys(str(file.parent / place) for place in map(os.path.dirname, own["files"]))
+            asked = " ".join(f"--mechanisms {shlex.quote(place)}" for place in places)
+            expected = f"a law that is known; its source is kept with the run and read with {asked}"
         raise BadInput(file=str(file), key=error.key, value=error.value, expected=expected) from error
     return Result(
         case=case,
