@@ -13,7 +13,25 @@ PACKAGE = Path(cutbench.__file__).parent
 
 #: Statements of each room without docstrings. Who makes a room smaller writes its number here; one grows only
 #: where another shrinks by as much.
-STATEMENTS = {}
+STATEMENTS = {
+    "base": 1306,
+    "mechanisms": 2358,
+    "case": 1567,
+    "forms": 2822,
+    "solver": 1820,
+    "models2d": 133,
+    "models3d": 225,
+    "run": 3996,
+    "emulator": 818,
+    "maps": 3516,
+    "data": 3113,
+    "homogeneous": 462,
+    "calibration": 1598,
+    "discovery": 1619,
+    "app": 1135,
+    "cli": 1167,
+    "top": 61,
+}
 
 
 def statements(room: str) -> int:
