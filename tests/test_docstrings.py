@@ -93,34 +93,51 @@ def arguments(call: Callable[..., Any]) -> list[str]:
     return [name for name in inspect.signature(call).parameters if name not in ("self", "cls")]
 
 
-@pytest.mark.parametrize("name", PUBLIC)
-def test_it_begins_with_a_sentence(name):
-    first, *rest = (inspect.getdoc(PUBLIC[name]) or "").splitlines() or [""]
-    assert first.endswith(".") and not re.search(r"[.!?] [A-Z]", first), first
-    assert not NOT_FIRST.match(first), first
-    assert not rest or not rest[0], "an empty line after the first sentence"
+def first_sentence_fault(value: Any) -> str:
+    """What is wrong with the first line."""
+    first, *rest = (inspect.getdoc(value) or "").splitlines() or [""]
+    if not first.endswith(".") or re.search(r"[.!?] [A-Z]", first):
+        return f"no single sentence: {first}"
+    if NOT_FIRST.match(first):
+        return f"a sentence that does not say what it is: {first}"
+    return "no empty line after the first sentence" if rest and rest[0] else ""
 
 
-@pytest.mark.parametrize("name", PUBLIC)
-def test_sections_are_those_of_numpydoc(name):
-    titles = [title for title in sections(inspect.getdoc(PUBLIC[name]) or "") if title]
-    assert titles == [title for title in SECTIONS if title in titles]
+def sections_fault(value: Any) -> str:
+    """Whether sections are numpydoc's, in their order."""
+    titles = [title for title in sections(inspect.getdoc(value) or "") if title]
+    wanted = [title for title in SECTIONS if title in titles]
+    return "" if titles == wanted else f"sections {titles}, not {wanted}"
 
 
-@pytest.mark.parametrize("name", CALLED)
-def test_parameters_are_those_of_the_signature(name):
-    title, wanted = asked_for(CALLED[name])
-    found = entries(sections(inspect.getdoc(CALLED[name]) or "").get(title, []))
-    if wanted or title == "Parameters":
-        assert list(found) == wanted
-    assert all(found.values()), "each has a type"
+def parameters_fault(value: Any) -> str:
+    """Whether parameters are those of the signature, each with a type."""
+    title, wanted = asked_for(value)
+    named = entries(sections(inspect.getdoc(value) or "").get(title, []))
+    if (wanted or title == "Parameters") and list(named) != wanted:
+        return f"{title} {[*named]}, not {wanted}"
+    return "" if all(named.values()) else "one without a type"
 
 
-@pytest.mark.parametrize("name", [n for n, v in CALLED.items() if not inspect.isclass(v)])
-def test_what_is_returned_is_said(name):
-    asked = inspect.signature(CALLED[name]).return_annotation
-    there = "Returns" in sections(inspect.getdoc(CALLED[name]) or "")
-    assert there == (asked not in (None, "None"))
+def returned_fault(value: Any) -> str:
+    """Whether what is returned is said, and nothing else."""
+    if inspect.isclass(value):
+        return ""
+    returns = inspect.signature(value).return_annotation not in (None, "None")
+    return "" if ("Returns" in sections(inspect.getdoc(value) or "")) == returns else "Returns"
+
+
+@pytest.mark.parametrize(
+    ("rule", "names"),
+    [
+        (first_sentence_fault, PUBLIC),
+        (sections_fault, PUBLIC),
+        (parameters_fault, CALLED),
+        (returned_fault, CALLED),
+    ],
+)
+def test_docstrings_are_those_of_numpydoc(rule, names):
+    assert not {name: fault for name, value in names.items() if (fault := rule(value))}
 
 
 @pytest.mark.parametrize(
@@ -134,21 +151,16 @@ def test_parameters_are_read(doc, names):
     assert " ".join(entries(sections(doc).get("Parameters", []))) == names
 
 
-@pytest.fixture(scope="module")
-def examples():
-    """What failed of the examples by name, tried in a process of their own: some take up laws."""
+def test_the_examples_run():
+    """In a process of their own: some take up laws."""
     script = Path(__file__).with_name("docstring_examples.py")
     done = subprocess.run(
         [sys.executable, str(script)], capture_output=True, text=True, check=True, timeout=300
     )
-    return json.loads(done.stdout.splitlines()[-1])
-
-
-@pytest.mark.parametrize("name", [n for n in cutbench.__all__ if callable(getattr(cutbench, n))])
-def test_the_examples_run(name, examples):
-    tried, failed = examples[name]
-    assert tried, "there is an example"
-    assert not failed, failed
+    examples = json.loads(done.stdout.splitlines()[-1])
+    names = [n for n in cutbench.__all__ if callable(getattr(cutbench, n))]
+    assert not {name: examples[name][1] for name in names if examples[name][1]}
+    assert not [name for name in names if not examples[name][0]], "there is an example"
 
 
 def test_run2d_names_each_parameter_of_the_default_model_with_its_unit():
