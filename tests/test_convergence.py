@@ -82,7 +82,7 @@ def test_processes_give_the_same(study):
 
 
 def test_what_neither_run_has_does_not_count():
-    nothing = relative_changes({}, {})
+    nothing = relative_changes({}, {}, 0.7)
     assert all(math.isnan(v) for v in nothing.values()) and set(nothing) == set(COMPARED)
 
 

@@ -72,7 +72,7 @@ class ComputedCut:
         """Of a run, without fields."""
         course = np.stack([result.curve[name] for name in COURSE])
         onset = result.measures.get("onset_mm", float("nan"))
-        effort = result.counts["factorization_calls"]
+        effort = result.counts.get("factorization_calls", 0)
         return cls(course, result.outcome, onset, result.sensitivities, result.by_added, effort=effort)
 
 

@@ -33,8 +33,9 @@ COMPARED = {
 }
 #: A refinement may move a measure by this part of it.
 TOLERANCE = 0.03
-#: A drop and a slope may be zero; they are compared against no less than these (1, N/mm over a steady N).
-MIN_DROP, MIN_SLOPE = 0.1, 0.1
+#: A drop and a slope may be zero; they are compared against no less than these: the slope, over a blade's
+#: thickness, against this part of the steady force.
+MIN_DROP, MIN_SLOPE = 0.1, 0.07
 
 #: What the base is called, which has what its material and the study's [base] say.
 BASE = "as given"
@@ -183,16 +184,21 @@ def compute(
                 ConvergenceRow(
                     material, name, refinements.get(name, False), case.id, result.outcome.kind,
                     {key: result.measures.get(key, math.nan) for key in COMPARED},
-                    relative_changes(base.measures, result.measures) if name else {},
+                    relative_changes(base.measures, result.measures, case.unit_mm) if name else {},
                     result.timings.get("total", math.nan), result.measures.get("closure", math.nan), cut,
                 )
             )  # fmt: skip
     return rows
 
 
-def relative_changes(base: Mapping[str, float], other: Mapping[str, float]) -> dict[str, float]:
+def relative_changes(
+    base: Mapping[str, float], other: Mapping[str, float], thickness_mm: float
+) -> dict[str, float]:
     """Relative changes by measure; nan where neither run has it, infinite where one alone has it."""
-    least = {"drop_rel": MIN_DROP, "slope_N_per_mm": MIN_SLOPE * abs(base.get("steady_N", 0.0))}
+    least = {
+        "drop_rel": MIN_DROP,
+        "slope_N_per_mm": MIN_SLOPE * abs(base.get("steady_N", 0.0)) / thickness_mm,
+    }
 
     def change(key: str) -> float:
         a, b = base.get(key, math.nan), other.get(key, math.nan)
