@@ -88,6 +88,13 @@ def test_a_campaign_cuts_with_the_blade_of_its_material(wedged):
     assert (p.angle, p.edge_radius) == pytest.approx((np.radians(30), 0.02))
 
 
+def test_all_cuts_of_a_fit_have_elements_of_one_size(wedged):
+    campaign = wedged()
+    (cut,) = campaign.experiments
+    sizes = [cut_case(cut, campaign.base.set(cohesion=c)).sizes for c in (5, 40)]
+    assert sizes[0] == sizes[1] and sizes[0].detail_mm == pytest.approx(6 * 0.04)
+
+
 def test_another_blade_than_the_material_has_is_said(wedged):
     campaign = wedged(baseline='baseline = "default"')
     assert any("wedge" in note and "edge_radius" in note for note in campaign.notes)

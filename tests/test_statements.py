@@ -24,7 +24,7 @@ STATEMENTS = {
     "run": 3996,
     "emulator": 818,
     "maps": 3516,
-    "data": 3113,
+    "data": 3112,
     "homogeneous": 462,
     "calibration": 1598,
     "discovery": 1619,

@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -427,10 +427,19 @@ def load_campaign(path: str | Path) -> Campaign:
     for number, made in zip(numbers, experiments, strict=True):
         with errors_at_experiment(path, text, number):
             _check(made, base)
-    cuts = (cut_case(e, base) for e in experiments if e.kind == "cut")
+    cuts = [cut_case(e, base) for e in experiments if e.kind == "cut"]
+    base = _with_one_detail(base, cuts)
     notes += tuple(dict.fromkeys(sentence for cut in cuts for sentence in cut.doubts))
     with located(path, text):
         return Campaign(title, base, tuple(experiments), candidates, plan, path, notes, material)
+
+
+def _with_one_detail(base: Case, cuts: Sequence[Case]) -> Case:
+    """Where an edge or a cohesive zone is finer than the blade, elements keep the size that they ask for at
+    the start, whatever values a fit tries: so what it predicts is smooth."""
+    finest = min((cut.sizes.detail_mm / cut.unit_mm for cut in cuts), default=1.0)
+    chosen = base.numerics.detail or finest > 1 - 1e-9
+    return base if chosen else base.set(detail=finest)
 
 
 def _check(experiment: Experiment, base: Case) -> None:

@@ -84,7 +84,8 @@ def find_contact(u: np.ndarray, y: np.ndarray, air: float | None = None) -> Cont
     is none. Where the force before contact is known, ``air``, contact may lie before the first reading."""
     far = int(np.argmax(u)) + 1
     all_u, all_y = u[:far], y[:far]
-    u, y = (_averaged_in_groups(values, -(-far // MAX_READINGS)) for values in (all_u, all_y))
+    by = -(-far // MAX_READINGS)  # means of so many; what is left over at the end is left out
+    u, y = (v[: v.size // by * by].reshape(-1, by).mean(axis=1) for v in (all_u, all_y))
     far = u.size
     if far < BEFORE + AFTER:
         return f"{far} readings on the way out, fewer than {BEFORE + AFTER}"
@@ -115,11 +116,6 @@ def late_contact(u: np.ndarray, y: np.ndarray) -> Contact | None:
     if isinstance(found, str) or found.at - COVERAGE_FACTOR * found.sd < u[0]:
         return None
     return found if found.at > u[0] + MIN_FREE_TRAVEL * way else None
-
-
-def _averaged_in_groups(values: np.ndarray, by: int) -> np.ndarray:
-    """Means of so many values each; what is left over at the end is left out."""
-    return values[: values.size // by * by].reshape(-1, by).mean(axis=1)
 
 
 def _rise_ends(rise: np.ndarray, top: float, noise: float) -> Iterator[int]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -194,7 +194,8 @@ def read_fields(
         expected = "points that were found; 'none' takes all for found"
         raise BadInput(file=str(path), key="valid", value=str(valid or rule), expected=expected)
     fields = []
-    for travel, here in _by_travel(travels, placed):
+    for travel in map(float, np.unique(travels[placed])):
+        here = placed & (np.isnan(travels) if np.isnan(travel) else travels == travel)
         points = np.stack([data["x"][here] + shift_mm[0], data["y"][here] + shift_mm[1]])
         u = np.stack([data["u_x"][here], data["u_y"][here]])
         still = _still(points, u)
@@ -229,12 +230,6 @@ def _asked(columns: Mapping[str, str | int] | None) -> dict[str, str | int]:
             raise BadInput(key=f"columns.{role}", value="(missing)", expected=f"the column of {role}")
         asked.setdefault(role, role)
     return asked
-
-
-def _by_travel(travels: np.ndarray, placed: np.ndarray) -> Iterator[tuple[float, np.ndarray]]:
-    """Each travel of the points that are ``placed`` (n,), and which these are (n,); nan is one, too."""
-    for travel in np.unique(travels[placed]):
-        yield float(travel), placed & (np.isnan(travels) if np.isnan(travel) else travels == travel)
 
 
 def _rule(titles: Mapping[str, str], valid: str | None) -> tuple[str | int, str, float] | None:

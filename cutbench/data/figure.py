@@ -28,7 +28,8 @@ def plot_data(campaign: Campaign, n: int = 80) -> Figure:
     """A panel for each experiment: repetitions (thin), mean (thick), band of ± two standard deviations
     between specimens. With one repetition the band is that of the estimated reading noise. Tests with
     holds or returns have a second panel over time."""
-    panels = [(e, kind) for e in campaign.experiments for kind in _panels(e)]
+    kinds = {e.id: ["x", "time"] if e.timed and not e.monotone else ["x"] for e in campaign.experiments}
+    panels = [(e, kind) for e in campaign.experiments for kind in kinds[e.id]]
     columns = min(3, len(panels))
     rows = -(-len(panels) // columns)
     with style():
@@ -43,10 +44,6 @@ def plot_data(campaign: Campaign, n: int = 80) -> Figure:
         legend_below(figure, grid.ravel(), 1 if columns == 1 else 3)
         figure.suptitle(campaign.title, x=0.02, ha="left")
     return figure
-
-
-def _panels(experiment: Experiment) -> list[str]:
-    return ["x", "time"] if experiment.timed and not experiment.monotone else ["x"]
 
 
 def _measures(axes: Axes, e: MeasuredCut) -> None:

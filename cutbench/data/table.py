@@ -253,7 +253,8 @@ def rows_of(
             if short or layout.is_text(row.cells, rows[0].cells if rows else None):
                 words.append(row)
                 continue
-            if words and not heading and not _names_a_block(words[-1]):
+            last = " ".join(filter(None, words[-1].cells)) if words else ""
+            if words and not heading and not (CYCLES.match(last) or SPECIMENS.match(last)):
                 raise _no_reading(path, layout, lines, words[0])
         if heads or (words and not heading):
             title = _title(layout, lines[words[-1].line - 1]) if words else ""
@@ -285,11 +286,6 @@ def _title(layout: Layout, line: str) -> str:
     """What a line of words above a block says, without signs around it."""
     words = split_line(line, layout.separator) if layout.separator else [line]
     return " ".join(word for word in words if word).strip(" \t#%/[]()<>:*=-")
-
-
-def _names_a_block(row: Row) -> bool:
-    text = " ".join(cell for cell in row.cells if cell)
-    return bool(CYCLES.match(text) or SPECIMENS.match(text))
 
 
 def _cells(path: Path, layout: Layout, line: str, number: int) -> list[str]:
