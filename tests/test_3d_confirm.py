@@ -237,6 +237,7 @@ def test_sections_alone_say_what_blocks_cost(data, tmp_path):
     assert calls == ["2D", "like"] * 2 and len(said) == 3 and not (tmp_path / RECORD).exists()
 
 
+@pytest.mark.slow
 def test_several_are_run_at_once_and_stand_in_the_order_of_the_points(data, tmp_path):
     points = least_certain(data, 2)
     done = confirm(data, points, tmp_path, confirm_jobs.left, source="map.nc", changes=COARSE, workers=2)

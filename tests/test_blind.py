@@ -269,6 +269,7 @@ def test_the_table_counts_what_could_be_seen():
     assert (*summary(rows).values(),)[:11] == (*seen, "1 of 2", "1 of 6")
 
 
+@pytest.mark.slow
 def test_the_command_goes_on_and_writes_the_table(tmp_path, capsys):
     asked = ["homogeneous", "--cases", "8", "--seed", "1", "--out", str(tmp_path), "--limit", "1 s"]
     assert main([*asked, "--case", "0"]) == 0 and main([*asked, "--case", "1"]) == 0

@@ -142,6 +142,7 @@ def test_with_pyvista_an_image_fills_the_axes_and_the_nearer_surface_is_seen(cut
         assert np.allclose(shown.get_extent(), [*axes.get_xlim(), *axes.get_ylim()])
 
 
+@pytest.mark.slow
 def test_both_sides_of_a_split_block_are_read_again(tmp_path):
     case = small(depth="0.2 mm", symmetry="full", precut="0.5 mm")
     snapshot = run_case(case, snapshots_mm=[0.2]).snapshots[-1]

@@ -65,6 +65,7 @@ def test_candidates_of_one_class_are_a_group_and_the_evidence_orders_them():
     assert all(c.convincing for c in step.group)
 
 
+@pytest.mark.slow
 def test_a_strength_without_an_upper_bound_is_fitted():
     d = compared("viscous_degraded", "joint", False)
     assert d.verdict == "mechanism" and family_of(d.names[0]) == family_of("viscous_degraded")
@@ -81,6 +82,7 @@ def test_one_cause_is_found_beside_another(effects, tmp_path):
     assert d.final.log_evidence > d.found[0].compared.fitted.log_evidence > d.first.log_evidence
 
 
+@pytest.mark.slow
 def test_a_search_tells_of_each_round_as_it_ends():
     baseline = fit(baseline_of(campaign("gent", "bulk", False)), workers=0).estimated
     every = list(comparisons(baseline))

@@ -307,6 +307,7 @@ def test_without_candidates_a_failing_baseline_is_undecided(gent, tmp_path):
     assert page(d).count("<svg") == 1
 
 
+@pytest.mark.slow
 def test_what_depends_on_time_is_not_asked_of_tests_without_a_clock(tmp_path):
     stretch = np.linspace(1.02, 1.5, 30)
     stress = 0.08 * (stretch - stretch**-2) * (1 + (stretch**2 + 2 / stretch - 3))

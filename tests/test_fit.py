@@ -73,6 +73,7 @@ def test_without_noise_it_is_exact():
         assert e.value == pytest.approx(truth.values[e.label], rel=1e-5)
 
 
+@pytest.mark.slow
 def test_intervals_hold_as_often_as_they_say():
     inside = []
     for seed in range(40):

@@ -13,9 +13,13 @@ from cutbench.homogeneous.law_figure import plot_law
 from cutbench.mechanisms import SLOTS, registry
 
 DRAWN = [law.name for law in registry().values() if law.slot in SLOTS[:3]]
+#: One of each kind; those that remember take long.
+QUICK = ("neo_hookean", "maxwell", "stiff_cohesion", "adhesion", "wedge")
 
 
-@pytest.mark.parametrize("name", DRAWN)
+@pytest.mark.parametrize(
+    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in DRAWN]
+)
 def test_every_law_of_bulk_cut_and_blade_is_drawn(name):
     (axes,) = plot_law(name).axes
     assert axes.get_xlabel() and axes.get_ylabel()
