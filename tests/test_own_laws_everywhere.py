@@ -80,17 +80,19 @@ def campaign(
     )
 
 
-def rubber() -> cutbench.Campaign:
-    truth, x = {"C10": 0.003, "C01": 0.002, "nu": 0.49}, np.linspace(1.05, 2.5, 25)
+def rubber(stiffer: float = 1.0) -> cutbench.Campaign:
+    truth, x = {"C10": 0.003 * stiffer, "C01": 0.002 * stiffer, "nu": 0.49}, np.linspace(1.05, 2.5, 25)
     return campaign("uniaxial", ["mooney_rivlin", "volumetric"], truth, ("C10",), x)
 
 
-def test_they_are_fitted():
-    both = replace(rubber(), plan=FitPlan(free=("C10", "C01")))
+@pytest.mark.parametrize("stiffer", [1, 100])
+def test_they_are_fitted_from_no_effect_at_all(stiffer):
+    """However much more than what is typical the constant is that begins at 0."""
+    both = replace(rubber(stiffer), plan=FitPlan(free=("C10", "C01")))
     found = cutbench.fit(both, workers=0)
-    assert found.status == "converged"
-    assert found.values["C10"] == pytest.approx(0.003, rel=0.1)
-    assert found.values["C01"] == pytest.approx(0.002, rel=0.15)
+    assert found.status == "converged" and both.base.p.C01 == 0
+    assert found.values["C10"] == pytest.approx(0.003 * stiffer, rel=0.1)
+    assert found.values["C01"] == pytest.approx(0.002 * stiffer, rel=0.15)
 
 
 def test_what_is_hidden_of_them_is_named():

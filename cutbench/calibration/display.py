@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +31,8 @@ def summary_lines(fit: Fit) -> list:
 
 def plot(fit: Fit, ax: Axes) -> None:
     """Measured and computed curves, each over its reach and as parts of its largest value."""
-    for c, colour in zip(fit.compared, _colours(len(fit.compared)), strict=True):
+    colours = itertools.cycle(colour for name, colour in COLOURS.items() if name != "yellow")
+    for c, colour in zip(fit.compared, colours, strict=False):
         top, reach = float(np.abs(c.mean).max()), float(c.x[-1] - c.experiment.rest) or 1.0
         x = (c.x - c.experiment.rest) / reach
         low, high = (c.mean - 2 * c.sd) / top, (c.mean + 2 * c.sd) / top
@@ -40,11 +42,6 @@ def plot(fit: Fit, ax: Axes) -> None:
     ax.set(xlabel="part of the way", ylabel="part of the largest value")
     ax.set_title(fit.campaign.title, loc="left")
     ax.legend(title="measured; dashes: computed", alignment="left")
-
-
-def _colours(count: int) -> list[str]:
-    known = [colour for name, colour in COLOURS.items() if name != "yellow"]
-    return [known[k % len(known)] for k in range(count)]
 
 
 def table(fit: Fit) -> dict[str, list]:

@@ -146,7 +146,7 @@ def successive_estimates(
     q = np.zeros(len(posterior.parameters)) if start is None else start
     if not cuts:
         yield from _without_runs(
-            posterior, [q] if start is not None else [q, *_further_starts(q)], on_progress
+            posterior, [q] if start is not None else [q, *_further_starts(posterior, q)], on_progress
         )
         return
     runs, count = posterior.predictions.runs, SETTINGS.first + SETTINGS.each * q.size
@@ -265,10 +265,11 @@ def estimate(
     return found
 
 
-def _further_starts(q: np.ndarray) -> list[np.ndarray]:
+def _further_starts(posterior: Posterior, q: np.ndarray) -> list[np.ndarray]:
     """Other starts of what has a formula."""
     rows = qmc.Sobol(q.size, seed=0).random(4)[1:]
-    return [q + SETTINGS.reach * (2 * row - 1) for row in rows]
+    reach = SETTINGS.reach * np.array([u.spread for u in posterior.parameters])
+    return [q + reach * (2 * row - 1) for row in rows]
 
 
 def _best_maximum(posterior: Posterior, starts: Sequence[np.ndarray]) -> Estimated:

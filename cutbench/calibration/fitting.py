@@ -46,8 +46,8 @@ GRID = 40
 REGIMES = ("indentation", "onset", "transition", "steady")
 #: A model that misses more than this part of a curve's maximum is far from the data.
 FAR = 0.05
-#: Of intervals.
-LEVEL = 0.95
+#: Of intervals, and how far in q a parameter has moved that is not where it began.
+LEVEL, MOVED = 0.95, 1e-6
 #: How a fit ends.
 CONVERGED, STOPPED, INTERRUPTED, LATE = "converged", "stopped", "interrupted", "out of time"
 UNDER_WAY = "under way"
@@ -480,7 +480,7 @@ class Fitting:
 
     def _message(self, compared: Sequence[ComparedCurve]) -> str:
         if self.status not in (CONVERGED, STOPPED):
-            moved = self.best is not None and bool(np.any(_moved(self.best.q)))
+            moved = self.best is not None and bool(np.any(np.abs(self.best.q) > MOVED))
             reached = "the best that is known" if moved else "the start's, nothing is fitted"
             return f"{self.status} after {self.runs.count} cuts, before a maximum: values are {reached}"
         off, id = max(((c.misfit, c.experiment.id) for c in compared), default=(0.0, ""))
@@ -495,7 +495,7 @@ def _estimates(
     if best is None or not done:  # where a search happens to stand is no estimate
         nan = [
             Estimate(u, u.value(x), math.nan, math.nan, math.nan, math.nan, False, moves)
-            for u, x, moves in zip(posterior.parameters, q, _moved(q).tolist(), strict=True)
+            for u, x, moves in zip(posterior.parameters, q, (np.abs(q) > MOVED).tolist(), strict=True)
         ]
         return np.full((k, k), np.nan), tuple(nan)
     covariance, found, inside = best.covariance, [], posterior.inside(q)
@@ -505,12 +505,8 @@ def _estimates(
         reach = float(stats.t.ppf((1 + LEVEL) / 2, dof[i])) * sd
         down = u.value(q[i] - reach) if u.logarithmic else u.value(max(q[i] - reach, low[i]))
         spread = down, u.value(q[i] + reach), sd * u.slope(q[i]), float(dof[i])
-        found.append(Estimate(u, u.value(q[i]), *spread, not bool(inside[i]), bool(_moved(q)[i])))
+        found.append(Estimate(u, u.value(q[i]), *spread, not bool(inside[i]), bool(abs(q[i]) > MOVED)))
     return covariance, tuple(found)
-
-
-def _moved(q: np.ndarray) -> np.ndarray:
-    return np.abs(q) > 1e-6
 
 
 def _degrees_of_freedom(best: Estimated) -> np.ndarray:
@@ -631,7 +627,10 @@ def _profiled(best: Estimated, label: str, on_progress: OnProgress) -> Profile:
             q = float(np.clip(best.q[k] + side * way, low[k], high[k]))
             on_progress(math.nan, math.nan, f"profile of {label}")
             try:
-                risen = 2 * (best.log_posterior - _constrained_log_posterior(best, k, q))
+                # The largest log posterior with this parameter held, from where the others would follow it.
+                start = best.q + best.covariance[:, k] / best.covariance[k, k] * (q - best.q[k])
+                held = replace(posterior, fixed_q={k: q}).maximum(start).log_posterior
+                risen = 2 * (best.log_posterior - held)
             except ComputationFailed:
                 break
             points.append((q, risen))
@@ -643,9 +642,3 @@ def _profiled(best: Estimated, label: str, on_progress: OnProgress) -> Profile:
     points.sort()
     values = np.array([u.value(q) for q, _ in points])
     return Profile(label, values, np.array([risen for _, risen in points]), ends[-1], ends[1])
-
-
-def _constrained_log_posterior(best: Estimated, k: int, q: float) -> float:
-    """The largest log posterior with one parameter held at ``q``."""
-    start = best.q + best.covariance[:, k] / best.covariance[k, k] * (q - best.q[k])
-    return replace(best.posterior, fixed_q={k: q}).maximum(start).log_posterior

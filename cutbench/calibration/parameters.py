@@ -60,6 +60,12 @@ class FreeParameter:
         """What one unit of q is, where q is not a logarithm."""
         return max(abs(self.start), 0.1 * abs(self.quantity.typical * self.quantity.factor)) or 1.0
 
+    @property
+    def spread(self) -> float:
+        """How far from its start it may well lie, in q: a factor of e, or so much as is typical."""
+        typical = abs(self.quantity.typical * self.quantity.factor)
+        return 1.0 if self.logarithmic else max(abs(self.start), typical) / self.scale
+
     def value(self, q: float) -> float:
         """The parameter (internal units) at q, within its bounds, and off those that are open."""
         raw = self.start * math.exp(min(q, 200.0)) if self.logarithmic else self.start + self.scale * q
@@ -103,7 +109,8 @@ def size_of_tests(campaign: Campaign) -> tuple[float, float, float]:
         way = np.abs(x - e.rest).max() if e.curve else e.reach
         row[1] = way * (e.specimen.get("length", math.nan) if e.x_name == "stretch" else 1)
         if e.curve:  # of measures it is not known which is a force
-            row[0] = np.abs(y).max() * (1 if e.y_unit == "N" else e.area_mm2 or row[1] ** 2)
+            length = TYPICAL_TESTS[1] if np.isnan(row[1]) else row[1]
+            row[0] = np.abs(y).max() * (1 if e.y_unit == "N" else e.area_mm2 or length**2)
         row[2] = duration(e) or math.nan
     known = [np.log(column[column > 0]) for column in sizes.T]
     means = [math.exp(c.mean()) if c.size else x for c, x in zip(known, TYPICAL_TESTS, strict=True)]

@@ -108,8 +108,8 @@ class Posterior:
     @classmethod
     def of(cls, predictions: Predictions, parameters: Sequence[FreeParameter]) -> Posterior:
         """Of a baseline, whose parameters may be anything beforehand."""
-        size = len(parameters)
-        return cls(predictions, tuple(parameters), np.full(size, SETTINGS.broad), np.zeros(size))
+        sds = SETTINGS.broad * np.array([u.spread for u in parameters])
+        return cls(predictions, tuple(parameters), sds, np.zeros(len(parameters)))
 
     @property
     def tests(self) -> tuple[Experiment, ...]:

@@ -12,8 +12,9 @@ class Settings:
     Attributes
     ----------
     broad : float
-        Standard deviation beforehand of a parameter of the baseline, as a logarithm or in units of its start:
-        a factor of twenty either way, so that only what the data do not tell feels it.
+        Standard deviation beforehand of a parameter of the baseline, as a logarithm or in units of its start,
+        or of what is typical in such tests where that is more: a factor of twenty either way, so that only
+        what the data do not tell feels it.
     strength, shape : float
         Of a candidate's strength in units of what is typical, and of its shape, as a logarithm: a factor of
         ten either way.

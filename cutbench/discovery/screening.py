@@ -68,7 +68,8 @@ def sensitivities(null: Estimated, chosen: Sequence[Candidate]) -> Sensitivities
             parts.update({(c.name, k, e.id): by for k, by in enumerate(_by_formula(null, e, c))})
         for k in range(len(c.grid)) if cuts else ():
             parts.update(_by_emulator(null, c, k, cuts))
-    known = {(name, k) for name, k, id in parts if post.predictions.needs_runs(_experiment(null, id))}
+    with_runs = {e.id for e in post.tests_with_runs}
+    known = {(name, k) for name, k, id in parts if id in with_runs}
     asked = [c for c in chosen if (c.name, len(c.grid) // 2) not in known]
     parts.update(_by_runs(null, asked))
     run = {c.name for c in asked if any(post.predictions.needs_runs(e) for e in post.tests if c.acts_on(e))}
@@ -81,10 +82,6 @@ def sensitivities(null: Estimated, chosen: Sequence[Candidate]) -> Sensitivities
                 columns.append(CandidateSensitivity(c, shapes, by, c.name in run))
     inside = post.inside(null.q)
     return Sensitivities(null.at.y, {id: J * inside for id, J in null.at.J.items()}, columns)
-
-
-def _experiment(null: Estimated, id: str) -> Experiment:
-    return null.posterior.predictions.campaign.experiment(id)
 
 
 def _by_formula(null: Estimated, e: Experiment, c: Candidate) -> list[np.ndarray]:

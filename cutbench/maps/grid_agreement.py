@@ -60,7 +60,9 @@ def agreement(sought: xr.Dataset, grid: xr.Dataset) -> Agreement:
     labels = grid["label"].values
     decided = np.isin(labels, [LABELS.index(ABRUPT), LABELS.index(SMOOTH)])
     far = wrong = wrong_far = points = 0
-    for level in _levels(sought, [n for n in names if n not in free]):
+    fixed = [n for n in names if n not in free]
+    for values in itertools.product(*(sought[name].values for name in fixed)):
+        level = dict(zip(fixed, values, strict=True))
         part = sought[["margin"]].sel(level).transpose(*free)
         here = decided.copy()
         for name, value in level.items():
@@ -93,8 +95,3 @@ def _points(axis: Axis, values: np.ndarray) -> int:
         return 1
     step = (axis.place(values.max()) - axis.place(values.min())) / (np.unique(values).size - 1)
     return round(1 / step) + 1
-
-
-def _levels(data: xr.Dataset, names: list[str]) -> list[dict[str, float]]:
-    values = itertools.product(*(data[name].values for name in names))
-    return [dict(zip(names, level, strict=True)) for level in values]

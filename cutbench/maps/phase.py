@@ -46,6 +46,7 @@ from cutbench.maps.plot_coordinates import (
     DROP_COLOURS,
     axis_text,
     drop_text,
+    drops_over,
     edges,
     finer,
     is_log,
@@ -309,9 +310,8 @@ def _classical(ax: Axes, part: xr.Dataset, x: str, y: str) -> bool:
 def _profile(ax: Axes, part: xr.Dataset, x: str) -> None:
     """A map of one axis: the drop itself, with the threshold as a line."""
     ax.plot(part[x].values, part["drop_rel"].values, "-", color="0.3", lw=1.0)
-    set_scale(ax, "x", part[x])
     ax.axhline(part.attrs["drop_threshold"], color="black", lw=1.2, ls="--")
-    ax.set_ylim(-0.04, None)
+    drops_over(ax, part[x])
 
 
 def _points(ax: Axes, part: xr.Dataset, x: str, y: str) -> set[str]:
@@ -350,8 +350,7 @@ def draw_samples(data: xr.Dataset, size: Size | None = None) -> Figure:
                 continue
             ax.axhline(data.attrs["drop_threshold"], color="black", lw=1.2, ls="--")
             seen |= _points(ax, data.swap_dims(point=names[k]), names[k], "")
-            if len(np.unique(data[names[k]].values)) > 1:
-                set_scale(ax, "x", data[names[k]].sortby(data[names[k]]))
+            drops_over(ax, data[names[k]])
             ax.set_xlabel(axis_text(data[names[k]]))
             if k % columns == 0:
                 ax.set_ylabel("relative force drop")

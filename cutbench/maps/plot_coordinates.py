@@ -114,8 +114,15 @@ def set_scale(ax: Axes, which: str, coordinate: xr.DataArray) -> None:
     """The axis' own scale."""
     if is_log(coordinate):
         plain_log(ax, which, float(coordinate.values[0]), float(coordinate.values[-1]))
-    elif coordinate.values.min() >= 0 > getattr(ax, f"get_{which}lim")()[0]:
-        getattr(ax, f"set_{which}lim")(0)  # no room for what cannot be
+
+
+def drops_over(ax: Axes, coordinate: xr.DataArray) -> None:
+    """The scales of drops over a coordinate, without room for what cannot be."""
+    low, high = float(coordinate.min()), float(coordinate.max())
+    margin = 0.05 * (high - low) or 0.05 * abs(high) or 1.0
+    ax.set_xlim(low - margin if low < 0 else max(low - margin, 0.0), high + margin)
+    ax.set_ylim(bottom=0.0)
+    set_scale(ax, "x", coordinate.sortby(coordinate))
 
 
 def plain_log(ax: Axes, which: str, low: float, high: float) -> None:

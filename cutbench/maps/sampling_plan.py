@@ -167,7 +167,8 @@ class BoundaryPlan(SamplingPlan):
         return asked
 
     def _case(self, level: _Level, inner: Index) -> list[Case]:
-        index = level.places[inner] = self._whole(level, inner)
+        place = dict(zip(self._free, inner, strict=True)) | level.fixed
+        index = level.places[inner] = tuple(place[k] for k in range(len(place)))
         values = [axis.values[i] for axis, i in zip(self.study.axes, index, strict=True)]
         try:
             case = self.study.case_at(values)
@@ -191,10 +192,6 @@ class BoundaryPlan(SamplingPlan):
             if row is not None:
                 found[inner] = margin_of(row, self.study)
         return found
-
-    def _whole(self, level: _Level, inner: Index) -> Index:
-        place = dict(zip(self._free, inner, strict=True)) | level.fixed
-        return tuple(place[k] for k in range(len(place)))
 
 
 def plan_of(study: Study) -> SamplingPlan:
