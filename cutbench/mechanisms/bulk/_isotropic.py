@@ -185,7 +185,7 @@ class Isochoric(Isotropic):
 
 
 class TwoInvariants(Bulk):
-    """Ψ = W(Ī₁, Ī₂), Ī₁ = J^(−2/3) tr FᵀF and Ī₂ = J^(−4/3) |cof F|²."""
+    """Ψ = W(Ī₁, Ī₂), Ī₁ = J^(−2/3) tr FᵀF and Ī₂ = J^(−4/3) tr cof(FᵀF)."""
 
     def dW_dI1(self, I1, I2, p, at):
         """∂W/∂Ī₁ (N,), MPa; must accept complex Ī₁ and Ī₂."""
